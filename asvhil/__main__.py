@@ -1,0 +1,5 @@
+"""`python -m asvhil` is the `asvhil` command."""
+
+from asvhil.cli import main
+
+main()

@@ -1,0 +1,240 @@
+"""The backseat: a pure function of recorded bytes. Decode, estimate, supervise, control, encode; no clock, no I/O."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Protocol
+
+from asvhil.config import PwmConfig
+from asvhil.controller.pwm import PulseLimiter, command_of_pulse
+from asvhil.dynamics.protocol import Dynamics
+from asvhil.estimator.ekf import Ekf
+from asvhil.estimator.wind import WindFilter
+from asvhil.geo import LocalFrame
+from asvhil.io.ardurover import ArduRoverLink
+from asvhil.io.mavlink import dialect
+from asvhil.io.nmea import NmeaCodec
+from asvhil.io.operator import OperatorLink, Request
+from asvhil.supervisor import Decision, Supervisor
+from asvhil.types import (
+    Attitude,
+    Control,
+    Estimate,
+    Frame,
+    FrontseatStatus,
+    GnssFix,
+    Health,
+    HoldCommand,
+    Inputs,
+    Measurement,
+    Outputs,
+    Phase,
+    Station,
+    Wind,
+    WindSample,
+)
+
+
+class Controller(Protocol):
+    """Keeps a station: one solution per control period."""
+
+    def step(self, estimate: Estimate, wind: Wind | None, station: Station) -> Control: ...
+
+    def reset(self) -> None: ...
+
+
+class Backseat:
+    """One boat's estimation and control. The same object live, in lockstep and in replay; `step` is its only verb."""
+
+    def __init__(
+        self,
+        *,
+        model: Dynamics,
+        link: ArduRoverLink,
+        anemometer: NmeaCodec,
+        operator: OperatorLink,
+        ekf: Ekf,
+        wind: WindFilter,
+        supervisor: Supervisor,
+        controller: Controller,
+        pwm: PwmConfig,
+        control_mode: str,
+        ticks_per_control: int,
+    ) -> None:
+        self._model = model
+        self._link = link
+        self._anemometer = anemometer
+        self._operator = operator
+        self._ekf = ekf
+        self._wind = wind
+        self._supervisor = supervisor
+        self._controller = controller
+        self._pwm = pwm
+        self._control_mode = control_mode
+        self._ticks_per_control = ticks_per_control
+        self._limiter = PulseLimiter(pwm)
+        self._status: FrontseatStatus | None = None
+        self._ticks_to_control = 0
+        self._command = (0.0, 0.0)
+        self._pulses_us: tuple[int, int] | None = None
+        self._phase = Phase.STANDBY
+        self._station: Station | None = None
+        self._decoders: dict[str, Callable[[Frame], Sequence[Measurement]]] = {"autopilot": link.decode, "anemometer": anemometer.decode}
+
+    @property
+    def frame(self) -> LocalFrame | None:
+        """The local NED frame, once the first position is known."""
+        return self._ekf.frame
+
+    def step(self, inputs: Inputs) -> Outputs:
+        """Everything that one tick does. Never raises on the content of the frames."""
+        t_ns = inputs.t_ns
+        requests = self._take_in(inputs)
+        estimate = self._ekf.estimate(t_ns)
+        wind = self._wind.wind(t_ns)
+        answers = [frame for request in requests for frame in self._answer(t_ns, request, estimate)]
+        decision = self._supervisor.step(t_ns, self._status, self._heartbeat_age_s(t_ns), estimate, self._ekf.frame)
+        if decision.station is None and self._station is not None:
+            self._controller.reset()
+        self._station = decision.station
+        control = self._control(decision, estimate, wind)
+        motor_frames = self._actuate(t_ns, decision, control)
+        self._force_model(wind)
+        frames = [*motor_frames, *answers, *self._link.poll(t_ns), *self._operator.poll(t_ns)]
+        if decision.phase is not self._phase:
+            self._phase = decision.phase
+            text = f"{decision.phase}: {decision.reason}"
+            frames.append(self._operator.tell(t_ns, dialect.MAV_SEVERITY_NOTICE, text))
+        frame = self._ekf.frame
+        return Outputs(
+            t_ns=t_ns,
+            phase=decision.phase,
+            frames=tuple(frames),
+            estimate=estimate,
+            wind=wind,
+            station=decision.station,
+            control=control,
+            pwm_us=self._pulses_us,
+            health=self._health(t_ns, decision, estimate, wind),
+            origin_deg=None if frame is None else (frame.lat_deg, frame.lon_deg),
+        )
+
+    def surrender(self, t_ns: int) -> list[Frame]:
+        """Neutral and release, for a shell that can no longer call `step`."""
+        neutral_us = self._pwm.neutral_us
+        return [self._link.override(t_ns, neutral_us, neutral_us), self._link.release(t_ns)]
+
+    # --- stages --------------------------------------------------------------------------------------------
+
+    def _take_in(self, inputs: Inputs) -> list[Request]:
+        """Decode every frame and hand each measurement to its estimator; returns the operator's requests."""
+        requests: list[Request] = []
+        for frame in inputs.frames:
+            if frame.port == "operator":
+                requests += self._operator.decode(frame)
+                continue
+            decoder = self._decoders.get(frame.port)
+            for measurement in decoder(frame) if decoder else ():
+                self._measure(measurement)
+        return requests
+
+    def _measure(self, measurement: Measurement) -> None:
+        match measurement:
+            case Attitude():
+                self._ekf.on_attitude(measurement)
+            case GnssFix():
+                self._ekf.on_gnss(measurement)
+            case FrontseatStatus():
+                self._status = measurement
+            case WindSample():
+                estimate = self._ekf.estimate(measurement.t_ns)
+                if estimate is not None:
+                    self._wind.on_sample(measurement, estimate)
+            case _:
+                pass
+
+    def _answer(self, t_ns: int, request: Request, estimate: Estimate | None) -> list[Frame]:
+        command = request.command
+        if isinstance(command, HoldCommand):
+            refusal = self._supervisor.on_hold(
+                command, self._status, self._heartbeat_age_s(t_ns), estimate, self._ekf.frame
+            )
+            if refusal is None:
+                self._ticks_to_control = 0
+            return self._operator.answer(t_ns, request, refusal)
+        self._supervisor.on_release(command)
+        return self._operator.answer(t_ns, request, None)
+
+    def _control(self, decision: Decision, estimate: Estimate | None, wind: Wind | None) -> Control | None:
+        """A new solution when one is due; otherwise None. In FAILSAFE it is tried too, and not sent: it may recover."""
+        if decision.station is None or estimate is None or not estimate.valid:
+            self._ticks_to_control = 0
+            self._command = (0.0, 0.0)
+            return None
+        if self._ticks_to_control > 0:
+            self._ticks_to_control -= 1
+            return None
+        self._ticks_to_control = self._ticks_per_control - 1
+        usable_wind = wind if wind is not None and wind.valid else None
+        control = self._controller.step(estimate, usable_wind, decision.station)
+        self._command = control.command if control.ok else (0.0, 0.0)
+        self._supervisor.note_control(control.ok)
+        return control
+
+    def _actuate(self, t_ns: int, decision: Decision, control: Control | None) -> list[Frame]:
+        """The override of this tick: resent every tick, from a command no older than one control period."""
+        failed = control is not None and not control.ok
+        if decision.drive and not failed:
+            self._pulses_us = self._limiter.step(t_ns, self._command)
+        elif decision.drive or decision.neutral:
+            self._pulses_us = self._limiter.neutral()
+        else:
+            self._limiter.reset()
+            self._pulses_us = None
+        frames: list[Frame] = []
+        if self._pulses_us is not None:
+            frames.append(self._link.override(t_ns, *self._pulses_us))
+            self._supervisor.note_sent(t_ns, self._pulses_us)
+        if decision.release:
+            frames.append(self._link.release(t_ns))
+            self._pulses_us = None
+        if decision.prepare:
+            frames += self._link.request_mode(t_ns, self._control_mode)
+            frames += self._link.request_arming(t_ns)
+        return frames
+
+    def _force_model(self, wind: Wind | None) -> None:
+        """Tell the estimator what drives the boat from now on: our pulses, or the autopilot's outputs."""
+        pulses = self._pulses_us
+        if pulses is None:
+            status = self._status
+            outputs = status.outputs_us if status is not None else ()
+            channels = (self._pwm.port_channel, self._pwm.starboard_channel)
+            port_us, starboard_us = (outputs[c - 1] if len(outputs) >= c else 0 for c in channels)
+            pulses = (port_us, starboard_us)
+        command = (command_of_pulse(self._pwm, pulses[0]), command_of_pulse(self._pwm, pulses[1]))
+        usable = wind is not None and wind.valid
+        wind_ned = (wind.vn_mps, wind.ve_mps) if wind is not None and usable else (0.0, 0.0)
+        self._ekf.set_forcing(self._model.input_of_command(command), wind_ned)
+
+    def _heartbeat_age_s(self, t_ns: int) -> float | None:
+        heard_ns = self._link.autopilot_heartbeat_ns
+        return None if heard_ns is None else (t_ns - heard_ns) * 1e-9
+
+    def _health(self, t_ns: int, decision: Decision, estimate: Estimate | None, wind: Wind | None) -> Health:
+        age_s = self._heartbeat_age_s(t_ns)
+        return Health(
+            reason=decision.reason,
+            link_ok=self._supervisor.link_ok(age_s),
+            estimate_ok=estimate is not None and estimate.valid,
+            wind_ok=wind is not None and wind.valid,
+            control_ok=self._supervisor.control_ok,
+            counters=(
+                *self._link.counters(),
+                *self._anemometer.counters(),
+                *self._operator.counters(),
+                ("ekf.rejected_gnss", self._ekf.rejected["gnss"]),
+                ("ekf.rejected_attitude", self._ekf.rejected["attitude"]),
+                ("ekf.resets", self._ekf.resets),
+            ),
+        )

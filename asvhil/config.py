@@ -1,0 +1,508 @@
+"""YAML text to a validated, frozen config. Every mistake is one line that names the file and the key."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import yaml
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from asvhil.errors import ConfigError
+
+Positive = Annotated[float, Field(gt=0.0)]
+NonNegative = Annotated[float, Field(ge=0.0)]
+Degrees = Annotated[float, Field(ge=-360.0, le=360.0)]
+Latitude = Annotated[float, Field(ge=-90.0, le=90.0)]
+Longitude = Annotated[float, Field(ge=-180.0, le=180.0)]
+Fraction = Annotated[float, Field(ge=0.0, le=1.0)]
+ServoUs = Annotated[int, Field(ge=500, le=2500)]
+MavlinkId = Annotated[int, Field(ge=1, le=255)]
+
+
+class Section(BaseModel):
+    """A part of the config: unknown keys are refused and nothing changes after loading."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+# --- the vehicle -----------------------------------------------------------------------------------------
+
+
+class VesselConfig(Section):
+    """A 3-DOF vessel with two fixed motors: Fossen (2011) parameters, each positive as a magnitude."""
+
+    mass_kg: Positive
+    added_mass_surge_kg: NonNegative
+    added_mass_sway_kg: NonNegative
+    inertia_yaw_kgm2: Positive
+    added_inertia_yaw_kgm2: NonNegative
+    surge_drag_n_per_mps: NonNegative
+    surge_drag_n_per_mps2: NonNegative
+    sway_drag_n_per_mps: NonNegative
+    sway_drag_n_per_mps2: NonNegative
+    yaw_drag_nm_per_radps: NonNegative
+    yaw_drag_nm_per_radps2: NonNegative
+    motor_arm_m: Positive
+    motor_lag_s: Positive
+    thrust_curve: tuple[tuple[float, float], ...]  # rows of (command in [-1, 1], thrust in N of one motor)
+    wind_surge_n_per_mps2: NonNegative
+    wind_sway_n_per_mps2: NonNegative
+    wind_yaw_nm_per_mps2: NonNegative
+
+    @model_validator(mode="after")
+    def _check_curve(self) -> VesselConfig:
+        commands = [row[0] for row in self.thrust_curve]
+        thrusts = [row[1] for row in self.thrust_curve]
+        if len(commands) < 2 or any(b <= a for a, b in zip(commands, commands[1:], strict=False)):
+            raise ValueError("thrust_curve needs at least 2 rows with rising commands")
+        if any(b < a for a, b in zip(thrusts, thrusts[1:], strict=False)):
+            raise ValueError("thrust_curve: thrust must not fall while the command rises")
+        if commands[0] < -1.0 or commands[-1] > 1.0 or thrusts[0] >= 0.0 or thrusts[-1] <= 0.0:
+            raise ValueError("thrust_curve must lie in commands -1..1 and reach both astern and ahead thrust")
+        return self
+
+
+class PwmConfig(Section):
+    """How a motor command becomes a pulse width, and the limits enforced last before the wire."""
+
+    port_channel: Annotated[int, Field(ge=1, le=8)] = 1
+    starboard_channel: Annotated[int, Field(ge=1, le=8)] = 3
+    astern_us: ServoUs = 1100
+    neutral_us: ServoUs = 1500
+    ahead_us: ServoUs = 1900
+    slew_us_per_s: Positive = 8000.0
+
+    @model_validator(mode="after")
+    def _check_order(self) -> PwmConfig:
+        if not self.astern_us < self.neutral_us < self.ahead_us:
+            raise ValueError("astern_us < neutral_us < ahead_us must hold")
+        if self.port_channel == self.starboard_channel:
+            raise ValueError("port_channel and starboard_channel must differ")
+        return self
+
+
+class VehicleConfig(Section):
+    """One boat: its name, its hull and motors, and its motor outputs."""
+
+    name: str
+    vessel: VesselConfig
+    pwm: PwmConfig = PwmConfig()
+
+
+# --- links -----------------------------------------------------------------------------------------------
+
+
+class AutopilotLinkConfig(Section):
+    """The MAVLink link to the frontseat: who we are on it, and what we ask of it."""
+
+    endpoint: str
+    profile: Literal["ardurover"] = "ardurover"
+    system_id: MavlinkId = 1
+    component_id: MavlinkId = 191
+    override_system_id: MavlinkId = 1  # ArduPilot obeys overrides only from SYSID_MYGCS
+    autopilot_system_id: MavlinkId = 1
+    position_source: Literal["GLOBAL_POSITION_INT", "GPS_RAW_INT"] = "GLOBAL_POSITION_INT"
+    streams_hz: dict[str, Positive] = Field(
+        default_factory=lambda: {
+            "HEARTBEAT": 5.0,
+            "ATTITUDE": 20.0,
+            "GLOBAL_POSITION_INT": 10.0,
+            "SERVO_OUTPUT_RAW": 10.0,
+            "RC_CHANNELS": 10.0,
+            "EKF_STATUS_REPORT": 2.0,
+            "GPS_RAW_INT": 1.0,
+            "SYSTEM_TIME": 1.0,
+        }
+    )
+
+
+class AnemometerLinkConfig(Section):
+    """NMEA 0183 wind sentences."""
+
+    endpoint: str
+
+
+class OperatorLinkConfig(Section):
+    """Where `asvhil hold` and ground stations send their commands, as MAVLink."""
+
+    endpoint: str = "udpin:127.0.0.1:14660"
+
+
+class LinksConfig(Section):
+    """What the daemon connects to."""
+
+    autopilot: AutopilotLinkConfig
+    anemometer: AnemometerLinkConfig | None = None
+    operator: OperatorLinkConfig = OperatorLinkConfig()
+    reconnect_first_s: Positive = 0.2
+    reconnect_max_s: Positive = 5.0
+
+
+# --- estimation and control ------------------------------------------------------------------------------
+
+
+class EkfConfig(Section):
+    """Noise of the extended Kalman filter: random walks per sqrt(s), measurement standard deviations, gates."""
+
+    velocity_walk_mps: Positive = 0.10
+    yaw_rate_walk_radps: Positive = 0.05
+    position_walk_m: Positive = 0.02
+    heading_walk_rad: Positive = 0.002
+    disturbance_walk_mps2: Positive = 0.006
+    disturbance_yaw_walk_radps2: Positive = 0.003
+    disturbance_max_mps2: Positive = 0.3
+    disturbance_yaw_max_radps2: Positive = 0.15
+    position_std_m: Positive = 0.15
+    velocity_std_mps: Positive = 0.06
+    heading_std_deg: Positive = 0.4
+    yaw_rate_std_radps: Positive = 0.01
+    gate_sigma: Positive = 5.0
+    reset_after_s: Positive = 3.0
+    stale_after_s: Positive = 1.0
+
+
+class WindFilterConfig(Section):
+    """Low-pass of the true wind and when it is too old to use."""
+
+    time_constant_s: Positive = 4.0
+    stale_after_s: Positive = 3.0
+
+
+class EstimatorConfig(Section):
+    ekf: EkfConfig = EkfConfig()
+    wind: WindFilterConfig = WindFilterConfig()
+
+
+class MpcWeights(Section):
+    """Weights of the quadratic stage cost, per second of horizon; terminal position in seconds."""
+
+    position: NonNegative = 1.0
+    heading: NonNegative = 200.0
+    velocity: NonNegative = 0.1
+    slew: NonNegative = 0.05
+    terminal_position_s: NonNegative = 60.0
+
+
+class MpcConfig(Section):
+    """The optimal control problem and how hard it is worked on. Caps are iterations, never time."""
+
+    stages: Annotated[int, Field(ge=2, le=200)] = 20
+    first_step_s: Positive = 0.2
+    last_step_s: Positive = 0.8
+    near: MpcWeights = MpcWeights()
+    far: MpcWeights = MpcWeights(heading=10.0, terminal_position_s=1.0)
+    near_radius_m: Positive = 4.0
+    far_radius_m: Positive = 10.0
+    trim_time_s: Positive = 40.0
+    trim_max_rad: NonNegative = 0.1
+    iterations: Annotated[int, Field(ge=1, le=100)] = 3
+    alternate_iterations: Annotated[int, Field(ge=0, le=200)] = 15
+    alternate_beyond_m: NonNegative = 3.0
+    wind_feedforward: bool = True
+    disturbance_feedforward: bool = True
+
+
+class ControllerConfig(Section):
+    name: Literal["sd-mpc"] = "sd-mpc"
+    vessel: VesselConfig | None = None  # the physics the model believes in; vehicle.vessel where absent
+    mpc: MpcConfig = MpcConfig()
+
+
+class StationConfig(Section):
+    lat_deg: Latitude
+    lon_deg: Longitude
+    heading_deg: Degrees
+
+
+class SupervisorConfig(Section):
+    """When the motors are taken and when they are given back."""
+
+    engage: Literal["command", "auto"] = "command"
+    station: StationConfig | None = None
+    control_mode: str = "MANUAL"
+    stick_channels: tuple[Annotated[int, Field(ge=1, le=18)], ...] = (2, 4)
+    stick_threshold_us: Annotated[int, Field(ge=10, le=500)] = 60
+    heartbeat_timeout_s: Positive = 2.5
+    override_echo_s: Positive = 1.0
+    failsafe_neutral_s: Positive = 2.0
+
+
+class DaemonConfig(Section):
+    """`control_hz` solves; `tick_hz` cuts inputs, resends the override and sees the pilot."""
+
+    control_hz: Annotated[float, Field(ge=1.0, le=20.0)] = 5.0
+    tick_hz: Annotated[float, Field(ge=10.0, le=100.0)] = 20.0
+
+    @model_validator(mode="after")
+    def _check_rates(self) -> DaemonConfig:
+        ratio = self.tick_hz / self.control_hz
+        if abs(ratio - round(ratio)) > 1e-9:
+            raise ValueError("tick_hz must be a whole multiple of control_hz")
+        return self
+
+    @property
+    def ticks_per_control(self) -> int:
+        return round(self.tick_hz / self.control_hz)
+
+
+class RecorderConfig(Section):
+    directory: str = "runs"
+    chunk_kib: Annotated[int, Field(ge=16, le=4096)] = 128
+    sync_period_s: Positive = 0.5
+
+
+# --- the simulated plant ---------------------------------------------------------------------------------
+
+
+class WindConfig(Section):
+    """Mean true wind and its gusts: two-component Ornstein-Uhlenbeck, fractions of the mean speed."""
+
+    speed_mps: NonNegative = 3.0
+    toward_deg: Degrees = 0.0
+    gust_along: NonNegative = 0.15
+    gust_across: NonNegative = 0.075
+    gust_time_s: Positive = 15.0
+
+
+class CurrentConfig(Section):
+    speed_mps: NonNegative = 0.0
+    toward_deg: Degrees = 0.0
+
+
+class WeatherConfig(Section):
+    wind: WindConfig = WindConfig()
+    current: CurrentConfig = CurrentConfig()
+
+
+class GnssSensorConfig(Section):
+    rate_hz: Positive = 5.0
+    slow_bias_m: NonNegative = 1.0
+    slow_bias_time_s: Positive = 90.0
+    white_m: NonNegative = 0.07
+    velocity_white_mps: NonNegative = 0.05
+
+
+class HeadingSensorConfig(Section):
+    white_deg: NonNegative = 0.25
+    bias_deg: float = 0.0
+
+
+class ImuSensorConfig(Section):
+    gyro_white_radps: NonNegative = 0.009
+    accel_white_mps2: NonNegative = 0.021
+    accel_bias_mps2: NonNegative = 0.05
+
+
+class AnemometerSensorConfig(Section):
+    rate_hz: Positive = 5.0
+    speed_white_mps: NonNegative = 0.1
+    directions: Annotated[int, Field(ge=4, le=360)] = 16
+    misalignment_deg: Degrees = 0.0
+
+
+class SensorsConfig(Section):
+    gnss: GnssSensorConfig = GnssSensorConfig()
+    heading: HeadingSensorConfig = HeadingSensorConfig()
+    imu: ImuSensorConfig = ImuSensorConfig()
+    anemometer: AnemometerSensorConfig = AnemometerSensorConfig()
+
+
+class FrontseatConfig(Section):
+    """The simulated autopilot; defaults follow a real ArduRover with its dead zones taken out."""
+
+    system_id: MavlinkId = 1
+    mygcs_system_id: MavlinkId = 1
+    boot_s: NonNegative = 1.0
+    ready_after_s: NonNegative = 3.0
+    rc_receiver: bool = True
+    override_timeout_s: Positive = 2.9
+    neutral_timeout_s: Positive = 0.5
+    failsafe_timeout_s: Positive = 1.9
+    loop_hz: Positive = 50.0
+    rc1_dz_us: Annotated[int, Field(ge=0, le=200)] = 0
+    rc3_dz_us: Annotated[int, Field(ge=0, le=200)] = 0
+
+
+class PlantLinksConfig(Section):
+    autopilot: str = "udpout:127.0.0.1:14560"
+    anemometer: str | None = None
+
+
+class PlantConfig(Section):
+    """The boat, weather and sensors that stand in for the real ones."""
+
+    seed: Annotated[int, Field(ge=0)] = 1
+    origin_lat_deg: Latitude = 40.4237
+    origin_lon_deg: Longitude = -86.9212
+    start_n_m: float = -14.0
+    start_e_m: float = -3.0
+    start_heading_deg: Degrees = 0.0
+    step_s: Annotated[float, Field(gt=0.0, le=0.05)] = 0.01
+    vessel: VesselConfig | None = None  # vehicle.vessel where absent
+    weather: WeatherConfig = WeatherConfig()
+    sensors: SensorsConfig = SensorsConfig()
+    frontseat: FrontseatConfig = FrontseatConfig()
+    links: PlantLinksConfig = PlantLinksConfig()
+
+
+class Config(Section):
+    """The whole of it: what every mode is built from."""
+
+    vehicle: VehicleConfig
+    links: LinksConfig
+    estimator: EstimatorConfig = EstimatorConfig()
+    controller: ControllerConfig = ControllerConfig()
+    supervisor: SupervisorConfig = SupervisorConfig()
+    daemon: DaemonConfig = DaemonConfig()
+    recorder: RecorderConfig = RecorderConfig()
+    plant: PlantConfig = PlantConfig()
+
+    @model_validator(mode="after")
+    def _check_across(self) -> Config:
+        if self.supervisor.engage == "auto" and self.supervisor.station is None:
+            raise ValueError("supervisor.station is needed where supervisor.engage is auto")
+        pwm = self.vehicle.pwm
+        for channel in (pwm.port_channel, pwm.starboard_channel):
+            if channel in self.supervisor.stick_channels:
+                raise ValueError(f"supervisor.stick_channels must not hold the motor channel {channel}")
+        return self
+
+    def content_hash(self) -> str:
+        """First 16 hex digits of the SHA-256 of the config in canonical JSON."""
+        return hashlib.sha256(self.canonical_json().encode()).hexdigest()[:16]
+
+    def canonical_json(self) -> str:
+        """The whole config as JSON with sorted keys; `from_json` reads it back to an equal config."""
+        return json.dumps(self.model_dump(mode="json"), sort_keys=True)
+
+
+def find_config(name: str) -> Path:
+    """The path of a config file: as given, else one of the shipped ones by its file name."""
+    given = Path(name)
+    if given.exists():
+        return given
+    package = Path(__file__).resolve().parent
+    for folder in (package / "shipped_config", package.parent / "config"):
+        for candidate in (folder / name, folder / f"{name}.yaml"):
+            if given.name == name and candidate.is_file():
+                return candidate
+    raise ConfigError(f"{name}: no such config file (give a path, or the name of a shipped one such as sitl)")
+
+
+def load_config(path: str | Path, overrides: tuple[str, ...] = ()) -> Config:
+    """Read a YAML config, merge it over the file its `base:` key names, apply `KEY=VALUE` overrides, validate.
+
+    Raises ConfigError with one line that names the file and the key.
+    """
+    found = find_config(str(path))
+    tree = _read_tree(found, ())
+    for override in overrides:
+        _apply_override(tree, override)
+    return _validate(tree, str(found))
+
+
+def config_from_json(text: str, source: str) -> Config:
+    """The config stored in a log. Raises ConfigError naming the source."""
+    try:
+        tree = json.loads(text)
+    except ValueError as error:
+        raise ConfigError(f"{source}: the stored config is not JSON ({error})") from None
+    return _validate(tree, source)
+
+
+def _read_tree(path: Path, seen: tuple[Path, ...]) -> dict[str, Any]:
+    if path.resolve() in seen:
+        raise ConfigError(f"{path}: key base: the chain of base files runs in a circle")
+    try:
+        tree = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
+        raise ConfigError(f"{path}: cannot be read ({reason})") from None
+    except yaml.YAMLError as error:
+        mark = getattr(error, "problem_mark", None)
+        where = f" at line {mark.line + 1}, column {mark.column + 1}" if mark else ""
+        raise ConfigError(f"{path}: not valid YAML{where} ({getattr(error, 'problem', None) or 'cannot be parsed'})") from None
+    if tree is None:
+        tree = {}
+    if not isinstance(tree, dict):
+        raise ConfigError(f"{path}: a mapping of keys is expected at the top level, not {type(tree).__name__}")
+    base = tree.pop("base", None)
+    if base is None:
+        return tree
+    if not isinstance(base, str):
+        raise ConfigError(f"{path}: key base: the name of a config file is expected, not {base!r}")
+    base_path = path.parent / base
+    if not base_path.is_file():
+        raise ConfigError(f"{path}: key base: no such file {base} beside it")
+    return _merge(_read_tree(base_path, (*seen, path.resolve())), tree)
+
+
+def _merge(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
+    merged = dict(below)
+    for key, value in above.items():
+        if isinstance(value, dict) and isinstance(merged.get(key), dict):
+            merged[key] = _merge(merged[key], value)
+        else:
+            merged[key] = value
+    return merged
+
+
+def _apply_override(tree: dict[str, Any], override: str) -> None:
+    key, sign, text = override.partition("=")
+    if not sign or not key:
+        raise ConfigError(f"--set {override}: KEY=VALUE is expected, such as plant.seed=2")
+    try:
+        value = yaml.safe_load(text)
+    except yaml.YAMLError:
+        raise ConfigError(f"--set {override}: the value is not valid YAML") from None
+    *parents, leaf = key.split(".")
+    node = tree
+    for name in parents:
+        child = node.get(name)
+        if child is None:
+            child = node[name] = {}
+        if not isinstance(child, dict):
+            raise ConfigError(f"--set {override}: {name} is a value, not a section")
+        node = child
+    node[leaf] = value
+
+
+def _validate(tree: Any, source: str) -> Config:
+    try:
+        return Config.model_validate(_sorted(tree))
+    except ValidationError as error:
+        first = error.errors()[0]
+        key = ".".join(str(part) for part in first["loc"])
+        message = first["msg"].removeprefix("Value error, ")
+        if first["type"] == "extra_forbidden":
+            message = f"unknown key{_suggest(first['loc'])}"
+        elif first["type"] == "missing":
+            message = "this key is required"
+        elif not isinstance(first["input"], dict | list):
+            message = f"{message} (got {first['input']!r})"
+        more = f" (and {error.error_count() - 1} more)" if error.error_count() > 1 else ""
+        raise ConfigError(f"{source}: {f'key {key}: ' if key else ''}{message}{more}") from None
+
+
+def _sorted(tree: Any) -> Any:
+    """Mappings in the order of their keys, so that a config read back from a log behaves alike to the last bit."""
+    if isinstance(tree, dict):
+        return {key: _sorted(tree[key]) for key in sorted(tree, key=str)}
+    return tree
+
+
+def _suggest(loc: tuple[int | str, ...]) -> str:
+    """The nearest key that exists beside an unknown one, or nothing."""
+    import difflib
+
+    section: Any = Config
+    for part in loc[:-1]:
+        field = getattr(section, "model_fields", {}).get(str(part))
+        section = field.annotation if field else None
+        options = getattr(section, "__args__", ())
+        section = next((option for option in options if hasattr(option, "model_fields")), section)
+    near = difflib.get_close_matches(str(loc[-1]), list(getattr(section, "model_fields", {})), n=1)
+    return f", did you mean {near[0]}?" if near else ""

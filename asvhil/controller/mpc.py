@@ -1,0 +1,134 @@
+"""The station keeping optimal control problem, written once for every solver: dynamics, cost, grid and bounds.
+
+In the station's frame (station at the origin, heading 0), with s = (x, y, psi, u, v, r, motors ...):
+
+    min  sum_k h_k l(s_k+1) + l_N(s_N) + w_slew sum_k |a_k - a_k-1|^2,   a_-1 the input applied last
+    l   = w_pos (x^2 + y^2) + w_psi (psi - psi_t)^2 + w_vel (u^2 + v^2 + r^2)
+    l_N = t_N (x^2 + y^2)   + w_psi (psi - psi_t)^2 + w_vel (u^2 + v^2 + r^2)
+    s_k+1 = F(s_k, a_k, h_k),  input_lower <= a_k <= input_upper
+
+It is a sum of squares, so Gauss-Newton applies. Weights are parameters: a change of them rebuilds nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Protocol
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from asvhil.config import MpcConfig, MpcWeights
+from asvhil.dynamics.integrate import advance, substeps
+from asvhil.dynamics.protocol import Dynamics
+from asvhil.types import record
+
+Array = NDArray[np.float64]
+
+POSE_AND_VELOCITY = 6  # x, y, psi, u, v, r: the states that carry a cost
+
+
+@record
+class Solution:
+    """What a solver returns: inputs (stages, 2), states (stages + 1, n_state), both finite where ok, and why not."""
+
+    inputs: Array
+    states: Array
+    cost: float
+    iterations: int
+    ok: bool
+    status: str
+
+
+class Solver(Protocol):
+    """Improves a start; capped by iterations, never by time, and without memory, so that equal calls agree."""
+
+    def solve(self, parameters: Array, start: Array, iterations: int) -> Solution:
+        """The best plan found from `start` (stages, 2) under `StationProblem.pack`ed parameters. Raises nothing."""
+
+
+class StationProblem:
+    """The problem above as CasADi functions of parameters p and inputs U = (a_0, a_1, ...).
+
+    `rollout(p, U)` gives (states, cost); `linearised(p, U)` gives (states, cost, sensitivities), where the states
+    are s_0 .. s_N in a row and the sensitivities are the row-major blocks [dF/ds | dF/da] of each stage.
+    """
+
+    def __init__(self, model: Dynamics, config: MpcConfig) -> None:
+        self.stages = config.stages
+        self.n_state = POSE_AND_VELOCITY + model.n_motor
+        self.n_motor = model.n_motor
+        # Steps grow linearly: fine where the input is about to be applied, coarse where only the trend counts.
+        self.steps_s: Array = np.linspace(config.first_step_s, config.last_step_s, config.stages)
+        self.times_s: Array = np.concatenate([[0.0], np.cumsum(self.steps_s)])
+        self.lower, self.upper = float(model.input_lower), float(model.input_upper)
+        self.n_parameters = self.n_state + 9 + POSE_AND_VELOCITY * self.stages
+        self._build(model)
+
+    def pack(
+        self,
+        state: Sequence[float],
+        wind: tuple[float, float],
+        disturbance: tuple[float, float, float],
+        heading_reference_rad: float,
+        previous_input: tuple[float, float],
+        weights: MpcWeights,
+    ) -> Array:
+        """The parameter vector; state (n_state), wind (m/s) and disturbance (m/s^2, rad/s^2) in the station's frame.
+
+        Raises ValueError where the state has the wrong length.
+        """
+        if len(state) != self.n_state:
+            raise ValueError(f"the state has {len(state)} entries, the model needs {self.n_state}")
+        head = np.array([*state, *wind, *disturbance, *previous_input, heading_reference_rad, weights.slew])
+        return np.concatenate([head, self._state_weights(weights).ravel()])
+
+    def unpack_cost(self, parameters: Array) -> tuple[Array, float, Array, float]:
+        """State weights (stages, 6), heading reference (rad), previous input (2) and slew weight of the parameters."""
+        i = self.n_state + 5
+        weights = parameters[i + 4 :].reshape(self.stages, POSE_AND_VELOCITY)
+        return weights, float(parameters[i + 2]), parameters[i : i + 2], float(parameters[i + 3])
+
+    def _state_weights(self, weights: MpcWeights) -> Array:
+        """Weight of each squared state after each stage (stages, 6): the stage's, times its step, and the terminal."""
+        heading_and_velocity = [weights.heading, *[weights.velocity] * 3]
+        q = np.outer(self.steps_s, [weights.position, weights.position, *heading_and_velocity])
+        q[-1] += [weights.terminal_position_s, weights.terminal_position_s, *heading_and_velocity]
+        return q
+
+    def _build(self, model: Dynamics) -> None:
+        n = self.n_state
+        p, inputs = ca.SX.sym("p", self.n_parameters), ca.SX.sym("U", 2 * self.stages)
+        wind, disturbance = p[n : n + 2], p[n + 2 : n + 5]
+        previous, reference, slew = p[n + 5 : n + 7], p[n + 7], p[n + 8]
+        q = p[n + 9 :]
+
+        # One substep and its Jacobian, inlined below: differentiating the whole would take a hundred times as long.
+        s, a, h = ca.SX.sym("s", n), ca.SX.sym("a", 2), ca.SX.sym("h")
+        w, d = ca.SX.sym("w", 2), ca.SX.sym("d", 3)
+        after = advance(model, s, a, w, d, h, 1)
+        jacobian = ca.jacobian(after, ca.vertcat(s, a))
+        substep = ca.Function("substep", [s, a, w, d, h], [after], {"cse": True})
+        tangent = ca.Function("tangent", [s, a, w, d, h], [after, jacobian], {"cse": True})
+
+        state = fast_state = p[:n]
+        states, fast_states, blocks, cost = [state], [state], [], ca.SX(0.0)
+        for k, step_s in enumerate(self.steps_s):
+            a_k = inputs[2 * k : 2 * k + 2]
+            count = substeps(float(step_s), model.max_step_s)
+            block = ca.horzcat(ca.SX.eye(n), ca.SX(n, 2))
+            for _ in range(count):
+                fast_state = substep(fast_state, a_k, wind, disturbance, step_s / count)
+                state, local = tangent(state, a_k, wind, disturbance, step_s / count)
+                block = local[:, :n] @ block + ca.horzcat(ca.SX(n, n), local[:, n:])
+            states.append(state)
+            fast_states.append(fast_state)
+            blocks.append(ca.vec(ca.densify(block).T))
+        for k in range(self.stages):
+            error = fast_states[k + 1][:POSE_AND_VELOCITY] - ca.vertcat(0, 0, reference, 0, 0, 0)
+            change = inputs[2 * k : 2 * k + 2] - (inputs[2 * k - 2 : 2 * k] if k else previous)
+            cost += ca.dot(q[POSE_AND_VELOCITY * k : POSE_AND_VELOCITY * (k + 1)], error**2) + slew * ca.sumsqr(change)
+        self.substep: ca.Function = substep
+        self.rollout = ca.Function("rollout", [p, inputs], [ca.vertcat(*fast_states), cost])
+        self.linearised = ca.Function("linearised", [p, inputs], [ca.vertcat(*states), ca.vertcat(*blocks)])

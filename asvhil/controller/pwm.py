@@ -1,0 +1,65 @@
+"""Motor commands to pulse widths, with the limits that are enforced last before the wire."""
+
+from __future__ import annotations
+
+import math
+
+from asvhil.config import PwmConfig
+
+
+def pulse_of_command(config: PwmConfig, command: float) -> int:
+    """Pulse width (us) of a command in [-1, 1]; anything outside, or not a number, is clamped or neutral."""
+    if not math.isfinite(command):
+        return config.neutral_us
+    span_us = config.ahead_us - config.neutral_us if command > 0.0 else config.neutral_us - config.astern_us
+    pulse = round(config.neutral_us + span_us * command)
+    return min(max(pulse, config.astern_us), config.ahead_us)
+
+
+def command_of_pulse(config: PwmConfig, pulse_us: int) -> float:
+    """Command in [-1, 1] that a pulse width means; 0 us (no signal) is neutral."""
+    if pulse_us == 0:
+        return 0.0
+    offset_us = pulse_us - config.neutral_us
+    span_us = config.ahead_us - config.neutral_us if offset_us > 0 else config.neutral_us - config.astern_us
+    return min(max(offset_us / span_us, -1.0), 1.0)
+
+
+class PulseLimiter:
+    """Bounds and slew rate of both motors. Going to neutral is never slowed down."""
+
+    def __init__(self, config: PwmConfig) -> None:
+        self._config = config
+        self._last_us = (config.neutral_us, config.neutral_us)
+        self._t_ns: int | None = None
+
+    def reset(self) -> None:
+        """The motors are no longer ours: start from neutral next time."""
+        self._last_us = (self._config.neutral_us, self._config.neutral_us)
+        self._t_ns = None
+
+    def neutral(self) -> tuple[int, int]:
+        """Both motors to neutral at once."""
+        self.reset()
+        return self._last_us
+
+    def step(self, t_ns: int, command: tuple[float, float]) -> tuple[int, int]:
+        """Pulse widths (port, starboard) for a command, moved from the last ones no faster than the slew rate."""
+        elapsed_s = 0.0 if self._t_ns is None else min((t_ns - self._t_ns) * 1e-9, 1.0)
+        reach_us = max(1, round(self._config.slew_us_per_s * elapsed_s))
+        self._t_ns = t_ns
+        port, starboard = (
+            self._approach(last_us, pulse_of_command(self._config, part), reach_us)
+            for last_us, part in zip(self._last_us, command, strict=True)
+        )
+        self._last_us = (port, starboard)
+        return self._last_us
+
+    def _approach(self, last_us: int, wanted_us: int, reach_us: int) -> int:
+        neutral_us = self._config.neutral_us
+        if (wanted_us - neutral_us) * (last_us - neutral_us) >= 0 and abs(wanted_us - neutral_us) <= abs(
+            last_us - neutral_us
+        ):
+            return wanted_us  # less thrust on the same side
+        start_us = neutral_us if (wanted_us - neutral_us) * (last_us - neutral_us) < 0 else last_us
+        return min(max(wanted_us, start_us - reach_us), start_us + reach_us)

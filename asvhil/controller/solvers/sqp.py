@@ -1,0 +1,163 @@
+"""Gauss-Newton SQP with condensing: the default solver. One box QP by daqp an iteration, then a line search."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import casadi as ca
+import daqp
+import numpy as np
+
+from asvhil.controller.mpc import POSE_AND_VELOCITY, Array, Solution, StationProblem
+
+ARMIJO = 1e-4  # least part of the decrease promised by the slope that a step must bring
+SHORTEST_STEP = 1.0 / 64.0
+TOLERANCE = 1e-4  # stop where the slope promises less than this part of the cost
+DAMPING = 1e-9  # of the Hessian's mean diagonal: keeps it definite where nothing weighs an input
+QP_SOLVED = 1  # daqp's exit flag for an optimal solution
+
+
+class Sqp:
+    """Improves a start on the true cost of a `StationProblem`; works in buffers of its own, so one per thread.
+
+    Equal calls give bit-identical results: nothing is carried from one call to the next.
+    """
+
+    def __init__(self, problem: StationProblem) -> None:
+        n, stages, width = problem.n_state, problem.stages, 2 * problem.stages
+        self._problem = problem
+        self._p, self._u = np.zeros(problem.n_parameters), np.zeros(width)
+        self._x, self._cost = np.zeros((stages + 1) * n), np.zeros(1)
+        self._x_tangent, self._blocks = np.zeros((stages + 1) * n), np.zeros(stages * n * (n + 2))
+        self._roll = _bind(problem.rollout, [self._p, self._u], [self._x, self._cost])
+        self._linearise = _bind(problem.linearised, [self._p, self._u], [self._x_tangent, self._blocks])
+        # Row block k holds d s_k / d U over d a_k / d U, so that one product with [dF/ds | dF/da] gives d s_k+1 / d U.
+        self._gains = np.zeros((stages + 1, n + 2, width))
+        for k in range(stages):
+            self._gains[k, n:, 2 * k : 2 * k + 2] = np.eye(2)
+        blocks = self._blocks.reshape(stages, n, n + 2)
+        self._chain = [(blocks[k], self._gains[k], self._gains[k + 1, :n]) for k in range(stages)]
+        self._weighted_gains = self._gains[1:, :POSE_AND_VELOCITY]
+        difference = np.eye(width) - np.eye(width, k=-2)
+        self._smoothing = difference.T @ difference
+        self._no_rows = np.zeros((0, width))
+        self._inequality = np.zeros(width, dtype=np.int32)
+
+    def solve(self, parameters: Array, start: Array, iterations: int) -> Solution:
+        """The best plan found from `start` (stages, 2), clipped into the bounds, in at most `iterations` QPs.
+
+        A QP that fails ends the work and keeps the last good plan; `ok` is False where no QP was solved at all,
+        or where anything is not finite. `status` says which.
+        """
+        problem = self._problem
+        if not (np.isfinite(parameters).all() and np.isfinite(start).all()):
+            return self._failed("the parameters or the start are not finite")
+        u = self._bounded(np.asarray(start, dtype=float).ravel())
+        self._p[:] = parameters
+        weights, reference, previous, slew = problem.unpack_cost(self._p)
+        root = np.sqrt(weights)
+        target = np.zeros(POSE_AND_VELOCITY)
+        target[2] = reference
+        smoothing = slew * self._smoothing
+        pull = np.zeros(u.size)
+        pull[:2] = slew * previous
+
+        cost = self._cost_of(u)
+        if not np.isfinite(cost):
+            return self._failed("the prediction from the start is not finite")
+        states = self._x.copy()
+        solved, status = 0, "iteration cap"
+        while solved < iterations:
+            step, slope = self._step(u, root, target, smoothing, pull)
+            if step is None:
+                status = "the QP failed"
+                break
+            solved += 1
+            if -slope <= TOLERANCE * cost:
+                status = "converged"
+                break
+            taken = self._search(u, step, slope, cost)
+            if taken is None:
+                status = "no descent along the step"
+                break
+            u, cost = taken
+            states[:] = self._x
+        return Solution(
+            inputs=u.reshape(-1, 2),
+            states=states.reshape(problem.stages + 1, problem.n_state),
+            cost=cost,
+            iterations=solved,
+            ok=solved > 0 and bool(np.isfinite(states).all()),
+            status=status,
+        )
+
+    def _cost_of(self, u: Array) -> float:
+        """Cost of the inputs; leaves their states in the buffer."""
+        self._u[:] = u
+        self._roll()
+        return float(self._cost[0])
+
+    def _step(self, u: Array, root: Array, target: Array, smoothing: Array, pull: Array) -> tuple[Array | None, float]:
+        """The Gauss-Newton step within the bounds and the cost's slope along it; (None, 0) where the QP fails."""
+        problem = self._problem
+        self._u[:] = u
+        self._linearise()
+        for block, gains, next_gains in self._chain:
+            np.dot(block, gains, out=next_gains)
+        states = self._x_tangent.reshape(-1, problem.n_state)[1:, :POSE_AND_VELOCITY]
+        residual = (root * (states - target)).ravel()
+        jacobian = (root[:, :, None] * self._weighted_gains).reshape(-1, u.size)
+        hessian = jacobian.T @ jacobian + smoothing
+        gradient = residual @ jacobian + smoothing @ u - pull
+        diagonal = hessian.ravel()[:: u.size + 1]
+        diagonal += DAMPING * diagonal.mean() + 1e-12
+        if not (np.isfinite(hessian).all() and np.isfinite(gradient).all()):
+            return None, 0.0
+        step, _, flag, _ = daqp.solve(
+            hessian, gradient, self._no_rows, problem.upper - u, problem.lower - u, self._inequality
+        )
+        if flag != QP_SOLVED or not np.isfinite(step).all():
+            return None, 0.0
+        return step, 2.0 * float(gradient @ step)
+
+    def _search(self, u: Array, step: Array, slope: float, cost: float) -> tuple[Array, float] | None:
+        """The first of the halved steps that lowers the true cost enough, and its cost."""
+        length = 1.0
+        while length >= SHORTEST_STEP:
+            trial = self._bounded(u + length * step)
+            trial_cost = self._cost_of(trial)
+            if trial_cost <= cost + ARMIJO * length * slope:  # False for NaN
+                return trial, trial_cost
+            length *= 0.5
+        return None
+
+    def _bounded(self, u: Array) -> Array:
+        bounded: Array = np.minimum(np.maximum(u, self._problem.lower), self._problem.upper)
+        return bounded
+
+    def _failed(self, status: str) -> Solution:
+        problem = self._problem
+        return Solution(
+            inputs=np.zeros((problem.stages, 2)),
+            states=np.zeros((problem.stages + 1, problem.n_state)),
+            cost=0.0,
+            iterations=0,
+            ok=False,
+            status=status,
+        )
+
+
+def _bind(function: ca.Function, arguments: list[Array], results: list[Array]) -> Callable[[], None]:
+    """A call of the function that reads and writes the given 1-D contiguous arrays in place."""
+    bound: Any = function.buffer()  # its type hints ask for a size that it does not take with a memoryview
+    buffer, call = bound
+    for i, array in enumerate(arguments):
+        buffer.set_arg(i, array.data)
+    for i, array in enumerate(results):
+        buffer.set_res(i, array.data)
+
+    def evaluate(keep_alive: tuple[object, ...] = (function, buffer, *arguments, *results)) -> None:
+        call()
+
+    return evaluate

@@ -1,0 +1,142 @@
+"""The MPC station keeper: problem, solver, warm start, weight sets and heading trim behind `Controller`."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from asvhil.config import MpcConfig
+from asvhil.controller.mpc import Array, Solution, StationProblem
+from asvhil.controller.solvers.sqp import Sqp
+from asvhil.dynamics.protocol import Dynamics
+from asvhil.geo import body_to_ned, ned_to_body, wrap_rad
+from asvhil.types import Control, Estimate, Station, Wind
+
+ALTERNATE_STARTS = (0.0, 0.7, -0.7)  # of full ahead (positive) or full astern (negative), both motors, in turn
+TRIM_WITHIN_RAD = 0.5  # larger heading errors are transients, and would only wind the trim up
+TURN_HYSTERESIS_RAD = 0.3  # how far past half a turn the chosen way round is kept
+
+
+class StationMpc:
+    """Keeps a station by receding horizon control; remembers its plan, last input, weight set and heading trim.
+
+    The caller runs `step` every `period_s` while the motors obey it, and `reset`s when they did not.
+    """
+
+    def __init__(self, model: Dynamics, config: MpcConfig, period_s: float) -> None:
+        self._model, self._config, self._period_s = model, config, period_s
+        self._problem = StationProblem(model, config)
+        self._solver = Sqp(self._problem)
+        self._shift = shift_matrix(self._problem.times_s, period_s)
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the plan, the trim and the last input, as after a time without control."""
+        self._plan: Array | None = None
+        self._input = self._neutral()
+        self._near = False
+        self._trim_rad = 0.0
+        self._psi_rad: float | None = None
+        self._station: Station | None = None
+        self._ticks = 0
+
+    def step(self, estimate: Estimate, wind: Wind | None, station: Station) -> Control:
+        """One control tick. Neutral and not ok where an input is not finite or the solver fails.
+
+        Raises ValueError where the estimate has not the model's number of motor states.
+        """
+        if len(estimate.motor) != self._model.n_motor:
+            raise ValueError(f"{len(estimate.motor)} motor states, model {self._model.name} has {self._model.n_motor}")
+        # Without a wind the model sees still air, and the disturbance carries the wind's mean load.
+        use_wind = self._config.wind_feedforward and wind is not None and wind.valid
+        air = (wind.vn_mps, wind.ve_mps) if wind is not None and use_wind else (0.0, 0.0)
+        push = estimate.disturbance if self._config.disturbance_feedforward else (0.0, 0.0, 0.0)
+        pose = (estimate.n_m, estimate.e_m, estimate.psi_rad, station.n_m, station.e_m, station.psi_rad)
+        nu = (estimate.u_mps, estimate.v_mps, estimate.r_radps)
+        if not all(map(math.isfinite, (*pose, *nu, *estimate.motor, *air, *push))):
+            return self._give_up(0)
+
+        # In the station's frame the problem does not know where the station is or where it points.
+        x, y = ned_to_body(station.psi_rad, estimate.n_m - station.n_m, estimate.e_m - station.e_m)
+        if station != self._station:
+            self._station, self._psi_rad, self._near, self._trim_rad = station, None, False, 0.0
+        psi_rad = self._heading_error_rad(estimate.psi_rad - station.psi_rad)
+        distance_m = math.hypot(x, y)
+        self._near = distance_m < (self._config.far_radius_m if self._near else self._config.near_radius_m)
+        if self._near and abs(psi_rad) < TRIM_WITHIN_RAD:
+            trim_rad = self._trim_rad - psi_rad * self._period_s / self._config.trim_time_s
+            self._trim_rad = min(max(trim_rad, -self._config.trim_max_rad), self._config.trim_max_rad)
+        parameters = self._problem.pack(
+            (x, y, psi_rad, *nu, *estimate.motor),
+            ned_to_body(station.psi_rad, *air),
+            (*ned_to_body(station.psi_rad, push[0], push[1]), push[2]),
+            self._trim_rad,
+            self._input,
+            self._config.near if self._near else self._config.far,
+        )
+        solution, iterations = self._solve(parameters, distance_m)
+        return self._control(solution, iterations, station) if solution.ok else self._give_up(iterations)
+
+    def _solve(self, parameters: Array, distance_m: float) -> tuple[Solution, int]:
+        """The cheaper of the shifted last plan and, far off or after a failure, one alternate start in turn.
+
+        A single start parks in a local minimum that does nothing about a sideways offset. Also the QPs solved.
+        """
+        lost = self._plan is None
+        start = np.zeros((self._problem.stages, 2)) if self._plan is None else self._shift @ self._plan
+        best = self._solver.solve(parameters, start, self._config.iterations)
+        iterations = best.iterations
+        self._ticks += 1
+        if self._config.alternate_iterations and (lost or not best.ok or distance_m > self._config.alternate_beyond_m):
+            share = ALTERNATE_STARTS[self._ticks % len(ALTERNATE_STARTS)]
+            level = share * (self._problem.upper if share > 0.0 else -self._problem.lower)
+            start = np.full((self._problem.stages, 2), level)
+            other = self._solver.solve(parameters, start, self._config.alternate_iterations)
+            iterations += other.iterations
+            if other.ok and (not best.ok or other.cost < best.cost):
+                best = other
+        return best, iterations
+
+    def _control(self, solution: Solution, iterations: int, station: Station) -> Control:
+        self._plan = solution.inputs
+        self._input = (float(solution.inputs[0, 0]), float(solution.inputs[0, 1]))
+        rows = []
+        for t_s, (x, y, psi_rad) in zip(self._problem.times_s.tolist(), solution.states[:, :3].tolist(), strict=True):
+            n_m, e_m = body_to_ned(station.psi_rad, x, y)
+            rows.append((t_s, station.n_m + n_m, station.e_m + e_m, wrap_rad(station.psi_rad + psi_rad)))
+        return Control(
+            command=self._model.command_of_input(self._input),
+            ok=True,
+            iterations=iterations,
+            cost=solution.cost,
+            plan=tuple(rows),
+        )
+
+    def _give_up(self, iterations: int) -> Control:
+        self._plan = None
+        self._input = self._neutral()
+        return Control(command=(0.0, 0.0), ok=False, iterations=iterations, cost=0.0)
+
+    def _neutral(self) -> tuple[float, float]:
+        return self._model.input_of_command((0.0, 0.0))
+
+    def _heading_error_rad(self, error_rad: float) -> float:
+        """The wrapped heading error, but the way round once chosen is kept: noise at half a turn must not flip it."""
+        if self._psi_rad is None:
+            self._psi_rad = wrap_rad(error_rad)
+        else:
+            self._psi_rad += wrap_rad(error_rad - self._psi_rad)
+            if abs(self._psi_rad) > math.pi + TURN_HYSTERESIS_RAD:
+                self._psi_rad = wrap_rad(self._psi_rad)
+        return self._psi_rad
+
+
+def shift_matrix(times_s: Array, elapsed_s: float) -> Array:
+    """S (stages, stages) with S @ plan = the plan seen elapsed_s later: means over the moved grid, the end held."""
+    begin, end = times_s[:-1], times_s[1:].copy()
+    end[-1] = math.inf
+    moved_begin, moved_end = times_s[:-1] + elapsed_s, times_s[1:] + elapsed_s
+    overlap = np.minimum(moved_end[:, None], end[None, :]) - np.maximum(moved_begin[:, None], begin[None, :])
+    matrix: Array = np.maximum(overlap, 0.0) / np.diff(times_s)[:, None]
+    return matrix

@@ -1,0 +1,123 @@
+"""SD: the paper's simplified 3-DOF dynamics (Fossen 2011, eq. 6.109 on the plane) with wind load and motor lag."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from asvhil.config import VesselConfig
+from asvhil.dynamics.arrays import namespace_of
+
+
+class RigidBody:
+    """M nu_dot + C(nu) nu + D(nu) nu = tau + tau_w for a body with its centre of gravity at the origin.
+
+    Works on single numbers of any kind (float, CasADi, a batch column), so plant and model share the equations.
+    """
+
+    def __init__(self, vessel: VesselConfig) -> None:
+        self._m_u = vessel.mass_kg + vessel.added_mass_surge_kg
+        self._m_v = vessel.mass_kg + vessel.added_mass_sway_kg
+        self._m_r = vessel.inertia_yaw_kgm2 + vessel.added_inertia_yaw_kgm2
+        self._d_u, self._d_uu = vessel.surge_drag_n_per_mps, vessel.surge_drag_n_per_mps2
+        self._d_v, self._d_vv = vessel.sway_drag_n_per_mps, vessel.sway_drag_n_per_mps2
+        self._d_r, self._d_rr = vessel.yaw_drag_nm_per_radps, vessel.yaw_drag_nm_per_radps2
+        self._w_u, self._w_v = vessel.wind_surge_n_per_mps2, vessel.wind_sway_n_per_mps2
+        self._w_r = vessel.wind_yaw_nm_per_mps2
+        self._arm = vessel.motor_arm_m
+
+    def motor_forces(self, port_n: Any, starboard_n: Any) -> tuple[Any, Any]:
+        """Surge force (N) and yaw moment (N m) of the two thrusts (N)."""
+        return port_n + starboard_n, self._arm * (port_n - starboard_n)
+
+    def wind_forces(self, u_air: Any, v_air: Any) -> tuple[Any, Any, Any]:
+        """Surge, sway (N) and yaw (N m) load of the air's velocity relative to the hull, body axes (m/s)."""
+        return (
+            self._w_u * u_air * abs(u_air),
+            self._w_v * v_air * abs(v_air),
+            -2.0 * self._w_r * u_air * v_air,
+        )
+
+    def acceleration(self, u: Any, v: Any, r: Any, x_n: Any, y_n: Any, n_nm: Any) -> tuple[Any, Any, Any]:
+        """nu_dot (m/s^2, m/s^2, rad/s^2) of velocities through the water under forces X, Y (N) and moment N (N m)."""
+        u_dot = (x_n + self._m_v * v * r - (self._d_u + self._d_uu * abs(u)) * u) / self._m_u
+        v_dot = (y_n - self._m_u * u * r - (self._d_v + self._d_vv * abs(v)) * v) / self._m_v
+        r_dot = (n_nm + (self._m_u - self._m_v) * u * v - (self._d_r + self._d_rr * abs(r)) * r) / self._m_r
+        return u_dot, v_dot, r_dot
+
+
+class ThrustCurve:
+    """Thrust (N) of one motor over its command, by linear interpolation, and the inverse of it."""
+
+    def __init__(self, rows: tuple[tuple[float, float], ...]) -> None:
+        self._command = np.array([row[0] for row in rows])
+        self._thrust_n = np.array([row[1] for row in rows])
+        dead = np.flatnonzero(self._thrust_n == 0.0)
+        # The inverse steps across the dead band: each side ends at its own edge of it.
+        last_below = dead[0] if dead.size else int(np.searchsorted(self._thrust_n, 0.0)) - 1
+        first_above = dead[-1] if dead.size else int(np.searchsorted(self._thrust_n, 0.0))
+        self._below = self._command[: last_below + 1], self._thrust_n[: last_below + 1]
+        self._above = self._command[first_above:], self._thrust_n[first_above:]
+        self.astern_n = float(self._thrust_n[0])
+        self.ahead_n = float(self._thrust_n[-1])
+
+    def thrust_n(self, command: float) -> float:
+        """Thrust of a command; beyond the ends of the table the end's thrust."""
+        return float(np.interp(command, self._command, self._thrust_n))
+
+    def command(self, thrust_n: float) -> float:
+        """The command that gives a thrust; zero thrust is the command 0."""
+        if thrust_n > 0.0:
+            command, thrust = self._above
+        elif thrust_n < 0.0:
+            command, thrust = self._below
+        else:
+            return 0.0
+        return float(np.interp(thrust_n, thrust, command))
+
+
+class SimplifiedDynamics:
+    """SD model: rigid body, wind load, and one first-order lag per motor.
+
+    The input and the motor states are thrust demands and thrusts over the full ahead thrust, so the known thrust
+    curve is inverted outside of the optimisation and its dead band never enters it.
+    """
+
+    name = "sd"
+    n_motor = 2
+    max_step_s = 0.45
+    euler = False
+
+    def __init__(self, vessel: VesselConfig) -> None:
+        self._body = RigidBody(vessel)
+        self._curve = ThrustCurve(vessel.thrust_curve)
+        self._scale_n = self._curve.ahead_n
+        self._lag_s = vessel.motor_lag_s
+        self.input_lower = self._curve.astern_n / self._scale_n
+        self.input_upper = 1.0
+
+    def derivative(self, x: Any, a: Any, wind: Any) -> Any:
+        """x_dot of x = (u, v, r, T_port, T_starboard) under thrust demands a and true wind in body axes."""
+        xp = namespace_of(x)
+        u, v, r, port, starboard = (xp.component(x, i) for i in range(5))
+        x_n, n_nm = self._body.motor_forces(self._scale_n * port, self._scale_n * starboard)
+        x_w, y_w, n_w = self._body.wind_forces(xp.component(wind, 0) - u, xp.component(wind, 1) - v)
+        u_dot, v_dot, r_dot = self._body.acceleration(u, v, r, x_n + x_w, y_w, n_nm + n_w)
+        return xp.stack(
+            [
+                u_dot,
+                v_dot,
+                r_dot,
+                (xp.component(a, 0) - port) / self._lag_s,
+                (xp.component(a, 1) - starboard) / self._lag_s,
+            ]
+        )
+
+    def command_of_input(self, a: tuple[float, float]) -> tuple[float, float]:
+        port, starboard = (self._curve.command(self._scale_n * part) for part in a)
+        return port, starboard
+
+    def input_of_command(self, command: tuple[float, float]) -> tuple[float, float]:
+        port, starboard = (self._curve.thrust_n(part) / self._scale_n for part in command)
+        return port, starboard

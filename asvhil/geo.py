@@ -1,0 +1,63 @@
+"""Latitude and longitude to a local NED plane and back; angles and plane rotations."""
+
+from __future__ import annotations
+
+import math
+
+from asvhil.types import record
+
+WGS84_A_M = 6378137.0
+WGS84_E2 = 6.69437999014e-3
+
+
+def wrap_rad(angle_rad: float) -> float:
+    """The same angle in [-pi, pi)."""
+    return (angle_rad + math.pi) % (2.0 * math.pi) - math.pi
+
+
+def wrap_2pi(angle_rad: float) -> float:
+    """The same angle in [0, 2 pi)."""
+    wrapped = angle_rad % (2.0 * math.pi)
+    return 0.0 if wrapped >= 2.0 * math.pi else wrapped
+
+
+def body_to_ned(psi_rad: float, x: float, y: float) -> tuple[float, float]:
+    """Rotate a plane vector from body axes (forward, starboard) to NED: R(psi) of Fossen (2011), eq. 2.65."""
+    c, s = math.cos(psi_rad), math.sin(psi_rad)
+    return c * x - s * y, s * x + c * y
+
+
+def ned_to_body(psi_rad: float, n: float, e: float) -> tuple[float, float]:
+    """Rotate a plane vector from NED to body axes: the transpose of `body_to_ned`."""
+    c, s = math.cos(psi_rad), math.sin(psi_rad)
+    return c * n + s * e, -s * n + c * e
+
+
+@record
+class LocalFrame:
+    """A plane tangent to the WGS 84 ellipsoid at an origin; within 2 km of it good to a few centimetres.
+
+    Scale factors are the radii of curvature in the meridian and the prime vertical at the origin.
+    """
+
+    lat_deg: float
+    lon_deg: float
+
+    def _metres_per_degree(self) -> tuple[float, float]:
+        s2 = math.sin(math.radians(self.lat_deg)) ** 2
+        w = math.sqrt(1.0 - WGS84_E2 * s2)
+        meridian_m = WGS84_A_M * (1.0 - WGS84_E2) / w**3
+        prime_vertical_m = WGS84_A_M / w
+        return math.radians(meridian_m), math.radians(prime_vertical_m * math.cos(math.radians(self.lat_deg)))
+
+    def to_ned(self, lat_deg: float, lon_deg: float) -> tuple[float, float]:
+        """North and east in metres of a position in degrees; the antimeridian is crossed the short way."""
+        n_per_deg, e_per_deg = self._metres_per_degree()
+        dlon_deg = (lon_deg - self.lon_deg + 180.0) % 360.0 - 180.0
+        return (lat_deg - self.lat_deg) * n_per_deg, dlon_deg * e_per_deg
+
+    def to_geodetic(self, n_m: float, e_m: float) -> tuple[float, float]:
+        """Latitude and longitude in degrees of a position in metres."""
+        n_per_deg, e_per_deg = self._metres_per_degree()
+        lon_deg = self.lon_deg + e_m / e_per_deg
+        return self.lat_deg + n_m / n_per_deg, (lon_deg + 180.0) % 360.0 - 180.0

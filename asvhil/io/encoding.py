@@ -1,0 +1,109 @@
+"""Outputs to the bytes that a log keeps and replay compares, and back.
+
+The record is JSON with the fields in the order of `asvhil.types`; bytes are base64, floats are the shortest text that
+reads back to the same double. JSON has no NaN: a non-finite float is written as the string "NaN", "Infinity" or
+"-Infinity", because the cost of a failed solve is just what a log is opened for.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import operator
+from typing import Any
+
+import msgspec
+
+from asvhil.errors import LogError
+from asvhil.types import Outputs
+
+
+def _plain(value: Any) -> Any:
+    """NumPy scalars, which msgspec does not know, as Python numbers of the same value."""
+    item = getattr(value, "item", None)
+    if item is None:
+        raise TypeError(f"a {type(value).__name__} cannot be recorded")
+    return item()
+
+
+_fields = operator.attrgetter(*(field.name for field in dataclasses.fields(Outputs)))
+_encoder = msgspec.json.Encoder(enc_hook=_plain)
+_strict = msgspec.json.Decoder(Outputs)
+_lax = msgspec.json.Decoder(Outputs, strict=False)  # reads the three strings above as floats
+
+
+def encode_outputs(outputs: Outputs) -> bytes:
+    """The record of one tick's outputs: equal outputs give equal bytes. TypeError on what JSON cannot hold."""
+    data = _encoder.encode(outputs)
+    absent = sum(value is None for value in _fields(outputs))
+    # msgspec writes null for a non-finite float. A surplus of nulls (or of that word in a text) takes the slow way,
+    # which is right for all.
+    if data.count(b"null") > absent:
+        data = _encoder.encode(_spell_non_finite(msgspec.to_builtins(outputs, enc_hook=_plain)))
+    return data
+
+
+def decode_outputs(data: bytes) -> Outputs:
+    """The outputs of a record. LogError names the field that is wrong."""
+    try:
+        return _strict.decode(data)
+    except msgspec.DecodeError:
+        pass
+    try:
+        return _lax.decode(data)
+    except msgspec.DecodeError as error:
+        raise LogError(f"outputs record: {error}") from None
+
+
+def _spell_non_finite(value: Any) -> Any:
+    if isinstance(value, float) and not math.isfinite(value):
+        return "NaN" if math.isnan(value) else "Infinity" if value > 0.0 else "-Infinity"
+    if isinstance(value, dict):
+        return {key: _spell_non_finite(part) for key, part in value.items()}
+    if isinstance(value, list | tuple):
+        return [_spell_non_finite(part) for part in value]
+    return value
+
+
+def first_difference(a: bytes, b: bytes) -> str | None:
+    """The first field in which record b (replayed) differs from record a (recorded), with both values; else None."""
+    if a == b:
+        return None
+    try:
+        recorded = msgspec.json.decode(a)
+    except msgspec.DecodeError:
+        return "the recorded bytes are not JSON"
+    try:
+        replayed = msgspec.json.decode(b)
+    except msgspec.DecodeError:
+        return "the replayed bytes are not JSON"
+    return _difference("", recorded, replayed) or "the same values in other bytes (order of keys, or spaces)"
+
+
+def _difference(path: str, a: Any, b: Any) -> str | None:
+    if isinstance(a, dict) and isinstance(b, dict):
+        for key in [*a, *(key for key in b if key not in a)]:
+            below = f"{path}.{key}" if path else key
+            if key not in b:
+                return f"{below}: {_show(a[key])} recorded, absent in the replay"
+            if key not in a:
+                return f"{below}: absent in the record, {_show(b[key])} replayed"
+            found = _difference(below, a[key], b[key])
+            if found:
+                return found
+        return None
+    if isinstance(a, list) and isinstance(b, list):
+        for i, (left, right) in enumerate(zip(a, b, strict=False)):
+            found = _difference(f"{path}[{i}]", left, right)
+            if found:
+                return found
+        return None if len(a) == len(b) else f"{path}: {len(a)} items recorded, {len(b)} replayed"
+    # By their JSON, not by ==, which cannot tell -0.0 from 0.0 nor 1 from 1.0.
+    if msgspec.json.encode(a) == msgspec.json.encode(b):
+        return None
+    return f"{path or 'record'}: {_show(a)} recorded, {_show(b)} replayed"
+
+
+def _show(value: Any) -> str:
+    text = msgspec.json.encode(value).decode()
+    return text if len(text) <= 80 else f"{text[:77]}..."

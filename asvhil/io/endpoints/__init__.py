@@ -1,0 +1,1 @@
+"""The kinds of link behind `asvhil.io.endpoint`; nobody else imports them."""

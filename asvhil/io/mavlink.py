@@ -1,0 +1,154 @@
+"""MAVLink framing, sans-IO: complete, checked frames out of arbitrary chunks of bytes, and the dialect in use.
+
+pymavlink's own parser throws away everything it has buffered when one byte is wrong; this one only moves on to the
+next magic byte, so garbage on a link costs nothing but itself.
+"""
+
+from __future__ import annotations
+
+import os
+from typing import Any
+
+from fastcrc.crc16 import mcrf4xx
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from asvhil.errors import LinkError
+
+MAGIC_V1 = 0xFE
+MAGIC_V2 = 0xFD
+SIGNED = 0x01
+SIGNATURE_LENGTH = 13
+HEADER_V1, HEADER_V2 = 6, 10
+CRC_LENGTH = 2
+
+_CRC_EXTRA = {msg_id: bytes([message.crc_extra]) for msg_id, message in dialect.mavlink_map.items()}
+
+__all__ = ["FrameSplitter", "Parser", "decode", "dialect", "message_id", "refuse_ignored_crc", "source"]
+
+
+def refuse_ignored_crc() -> None:
+    """Raise LinkError where the environment would make pymavlink accept damaged frames."""
+    if os.environ.get("MAV_IGNORE_CRC", "0") not in ("", "0"):
+        raise LinkError("MAV_IGNORE_CRC is set in the environment: damaged MAVLink frames would be accepted; unset it")
+
+
+def message_id(frame: bytes) -> int:
+    """The message id of a complete frame."""
+    return frame[5] if frame[0] == MAGIC_V1 else int.from_bytes(frame[7:10], "little")
+
+
+def source(frame: bytes) -> tuple[int, int]:
+    """(system id, component id) of the sender of a complete frame."""
+    return (frame[3], frame[4]) if frame[0] == MAGIC_V1 else (frame[5], frame[6])
+
+
+class FrameSplitter:
+    """Cuts a byte stream, or datagrams, into MAVLink frames whose checksum holds. Never raises; counts drops."""
+
+    MAX_BUFFER = 4096
+
+    def __init__(self, *, datagrams: bool = False) -> None:
+        self._buffer = b""
+        self._datagrams = datagrams  # a frame never spans two datagrams: the rest of one is garbage
+        self.frames = 0
+        self.bad_crc = 0
+        self.unknown = 0
+        self.garbage_bytes = 0
+
+    def feed(self, data: bytes) -> list[bytes]:
+        """All complete frames that `data` brings to an end, in order."""
+        buffer = self._buffer + data if self._buffer else data
+        found: list[bytes] = []
+        at = 0
+        size = len(buffer)
+        while at < size:
+            magic = buffer[at]
+            if magic == MAGIC_V2:
+                header = HEADER_V2
+            elif magic == MAGIC_V1:
+                header = HEADER_V1
+            else:
+                start = self._next_magic(buffer, at + 1)
+                self.garbage_bytes += start - at
+                at = start
+                continue
+            if size - at < header:
+                break
+            length = header + buffer[at + 1] + CRC_LENGTH
+            if magic == MAGIC_V2:
+                flags = buffer[at + 2]
+                msg_id = int.from_bytes(buffer[at + 7 : at + 10], "little")
+                signature = SIGNATURE_LENGTH if flags & SIGNED else 0
+            else:
+                flags, msg_id, signature = 0, buffer[at + 5], 0
+            extra = _CRC_EXTRA.get(msg_id)
+            if extra is None or flags & ~SIGNED:
+                # Without the message's CRC seed nothing can be checked, so its bytes are not trusted to be a frame.
+                self.unknown += extra is None
+                self.garbage_bytes += 1
+                at += 1
+                continue
+            end = at + length + signature
+            if end > size:
+                break
+            body_end = at + length - CRC_LENGTH
+            crc = mcrf4xx(buffer[at + 1 : body_end] + extra)
+            if crc != buffer[body_end] | buffer[body_end + 1] << 8:
+                self.bad_crc += 1
+                self.garbage_bytes += 1
+                at += 1
+                continue
+            found.append(buffer[at:end])
+            at = end
+        self.frames += len(found)
+        rest = buffer[at:]
+        if self._datagrams:
+            self.garbage_bytes += len(rest)
+            rest = b""
+        self._buffer = rest[-self.MAX_BUFFER :]
+        return found
+
+    @staticmethod
+    def _next_magic(buffer: bytes, at: int) -> int:
+        v2 = buffer.find(b"\xfd", at)
+        v1 = buffer.find(b"\xfe", at, v2 if v2 >= 0 else len(buffer))
+        if v1 >= 0:
+            return v1
+        return v2 if v2 >= 0 else len(buffer)
+
+
+_DECODER = dialect.MAVLink(None)
+
+
+def decode(frame: bytes) -> Any | None:
+    """The message of a complete frame, or None where pymavlink finds its content impossible."""
+    try:
+        return _DECODER.decode(bytearray(frame))
+    except (dialect.MAVError, ValueError, IndexError):
+        return None
+
+
+class Parser:
+    """Frames of one port, kept apart by peer: one splitter each, the oldest forgotten beyond 16."""
+
+    MAX_PEERS = 16
+
+    def __init__(self) -> None:
+        self._splitters: dict[str, FrameSplitter] = {}
+        self._forgotten = FrameSplitter()
+
+    def feed(self, peer: str, data: bytes) -> list[bytes]:
+        """Complete frames from one peer; an empty peer is a stream, a named one sends datagrams."""
+        splitter = self._splitters.get(peer)
+        if splitter is None:
+            if len(self._splitters) >= self.MAX_PEERS:
+                gone = self._splitters.pop(next(iter(self._splitters)))
+                for name in ("frames", "bad_crc", "unknown", "garbage_bytes"):
+                    setattr(self._forgotten, name, getattr(self._forgotten, name) + getattr(gone, name))
+            splitter = self._splitters[peer] = FrameSplitter(datagrams=bool(peer))
+        return splitter.feed(data)
+
+    def total(self, name: str) -> int:
+        """The sum of one counter (frames, bad_crc, unknown, garbage_bytes) over all peers."""
+        every = [*self._splitters.values(), self._forgotten]
+        return sum(getattr(splitter, name) for splitter in every)

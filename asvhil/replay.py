@@ -1,0 +1,77 @@
+"""Replay: the recorded inputs through the same object, its outputs compared byte by byte with the recorded ones."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from asvhil.build import build_backseat
+from asvhil.config import Config, config_from_json
+from asvhil.errors import LogError
+from asvhil.io.encoding import encode_outputs, first_difference
+from asvhil.io.logfile import LogFile
+from asvhil.types import record
+
+
+@record
+class Mismatch:
+    """The first tick whose outputs differ: its number from 0, its time, and the first field that differs."""
+
+    tick: int
+    t_ns: int
+    field: str
+
+
+@record
+class ReplayResult:
+    """What a replay found. `span_s` is recorded time, `wall_s` what the replay took."""
+
+    ticks: int
+    compared: int
+    mismatch: Mismatch | None
+    truncated: bool
+    span_s: float
+    wall_s: float
+
+
+def config_of(log: LogFile, path: Path) -> Config:
+    """The config that a log was recorded with. LogError where it has none."""
+    stored = log.metadata.get("config", {}).get("json")
+    if stored is None:
+        raise LogError(f"{path}: holds no config record; replay needs a log written by asvhil")
+    return config_from_json(stored, f"{path} (config record)")
+
+
+def replay(path: Path, on_tick: Callable[[int], None] | None = None) -> ReplayResult:
+    """Step a fresh backseat through a log up to its end or the first tick that differs."""
+    log = LogFile(path)
+    backseat = build_backseat(config_of(log, path))
+    ticks = compared = 0
+    first_ns = last_ns = None
+    mismatch = None
+    start_s = time.perf_counter()
+    for inputs, recorded in log.ticks():
+        first_ns = inputs.t_ns if first_ns is None else first_ns
+        last_ns = inputs.t_ns
+        replayed = encode_outputs(backseat.step(inputs))
+        if recorded is not None:
+            compared += 1
+            if replayed != recorded:
+                field = first_difference(recorded, replayed) or "the encoding alone"
+                mismatch = Mismatch(tick=ticks, t_ns=inputs.t_ns, field=field)
+                break
+        ticks += 1
+        if on_tick is not None:
+            on_tick(ticks)
+    if compared == 0:
+        raise LogError(f"{path}: holds no tick with outputs to compare")
+    span_s = 0.0 if first_ns is None or last_ns is None else (last_ns - first_ns) * 1e-9
+    return ReplayResult(
+        ticks=ticks,
+        compared=compared,
+        mismatch=mismatch,
+        truncated=log.truncated,
+        span_s=span_s,
+        wall_s=time.perf_counter() - start_s,
+    )

@@ -1,0 +1,68 @@
+"""Plant and backseat in one process in virtual time, still through the MAVLink and NMEA bytes. No sockets."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+
+from asvhil.backseat import Backseat
+from asvhil.build import build_backseat
+from asvhil.config import Config
+from asvhil.geo import LocalFrame
+from asvhil.io.operator import encode_release
+from asvhil.io.recorder import Recorder
+from asvhil.simplant.plant import Plant
+from asvhil.types import Frame, Inputs, Outputs
+
+EPOCH_NS = 1_700_000_000_000_000_000  # virtual time starts at a fixed instant, so that two runs are alike
+
+
+class Lockstep:
+    """A backseat and a plant on one virtual clock. `tick` advances both by one tick of the backseat."""
+
+    def __init__(self, config: Config, recorder: Recorder | None = None) -> None:
+        self.config = config
+        self.plant = Plant(config, EPOCH_NS)
+        self.backseat: Backseat = build_backseat(config)
+        self._recorder = recorder
+        self._period_ns = round(1e9 / config.daemon.tick_hz)
+        self._pending: list[Frame] = []
+        self.t_ns = EPOCH_NS
+        self.ticks = 0
+
+    def inject(self, port: str, data: bytes, peer: str = "") -> None:
+        """Bytes from elsewhere (an operator, an attacker) that arrive before the next tick."""
+        self._pending.append(Frame(t_ns=self.t_ns, port=port, data=data, peer=peer))
+
+    def tick(self) -> tuple[Inputs, Outputs]:
+        """Advance the plant to the next tick, step the backseat, hand its frames to the plant."""
+        self.t_ns += self._period_ns
+        frames = (*self._pending, *self.plant.advance(self.t_ns))
+        self._pending = []
+        inputs = Inputs(t_ns=self.t_ns, frames=frames)
+        start_ns = time.perf_counter_ns()
+        outputs = self.backseat.step(inputs)
+        step_ns = time.perf_counter_ns() - start_ns
+        for frame in outputs.frames:
+            self.plant.receive(frame)
+        if self._recorder is not None:
+            self._recorder.write_inputs(inputs)
+            origin = outputs.origin_deg
+            local = LocalFrame(lat_deg=origin[0], lon_deg=origin[1]) if origin is not None else None
+            self._recorder.write_outputs(outputs, local)
+            self._recorder.write_timing(inputs.t_ns, step_ns, overrun=False)
+        self.ticks += 1
+        return inputs, outputs
+
+    def run(self, duration_s: float, on_tick: Callable[[Outputs], None] | None = None) -> None:
+        """Tick for a span of virtual time and let go at the end, as the daemon does."""
+        for outputs in self._run(round(duration_s * self.config.daemon.tick_hz)):
+            if on_tick is not None:
+                on_tick(outputs)
+
+    def _run(self, ticks: int) -> Iterator[Outputs]:
+        for _ in range(ticks):
+            yield self.tick()[1]
+        self.inject("operator", encode_release(self.config.links.autopilot))
+        for _ in range(3):
+            yield self.tick()[1]

@@ -1,0 +1,102 @@
+"""Radio control as ArduRover sees it: the pilot's sticks, overrides by MAVLink, and the time-outs of both."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+CHANNELS = 18
+NEUTRAL_US = 1500
+TRAVEL_US = 500  # RCn_MIN and RCn_MAX of 1000 and 2000
+IGNORE = 65535
+RELEASE_HIGH = 65534  # channels above 8 take 0 as "ignore" and this as "release"
+STICKS_AT_REST = (1500, 1500, 1500, 1500, 1800, 1000, 1000, 1800)  # of the recorded vehicle: 5 to 8 are switches
+
+
+class RcInputs:
+    """The 18 channels. `radio_us` is what the vehicle acts on and reports: an override, else the sticks.
+
+    Without a receiver a channel whose override ends keeps its last value (ArduPilot's radio_in is not refreshed), so
+    safety there rests on `alive`.
+    """
+
+    def __init__(self, receiver: bool, t_ns: int) -> None:
+        self.receiver = receiver
+        self.sticks_us = [*STICKS_AT_REST, *[0] * (CHANNELS - len(STICKS_AT_REST))]
+        self.radio_us: list[int] = []
+        self._overrides_ns: dict[int, int] = {}
+        self.restart(t_ns)
+
+    def restart(self, t_ns: int) -> None:
+        """Power on: what was overridden is forgotten, the pilot's sticks are where they are."""
+        self.radio_us[:] = self.sticks_us if self.receiver else [0] * CHANNELS
+        self._overrides_ns.clear()
+        self.last_input_ns = t_ns  # of an override, of the receiver's loss, or of power-on
+        self._streak_ns: int | None = None
+
+    def set_receiver(self, t_ns: int, present: bool) -> None:
+        """The receiver comes, or is lost with its last values left standing."""
+        if self.receiver and not present:
+            self.last_input_ns = t_ns
+            self._streak_ns = None
+        self.receiver = present
+        if present:
+            for index, pulse_us in enumerate(self.sticks_us):
+                if index not in self._overrides_ns:
+                    self.radio_us[index] = pulse_us
+
+    def set_stick(self, channel: int, pulse_us: int) -> None:
+        """The pilot moves a control; channels count from 1."""
+        self.sticks_us[channel - 1] = pulse_us
+        if self.receiver and channel - 1 not in self._overrides_ns:
+            self.radio_us[channel - 1] = pulse_us
+
+    def override(self, t_ns: int, values: Sequence[int], gap_ns: int) -> None:
+        """Apply one RC_CHANNELS_OVERRIDE (18 raw values); a pause longer than `gap_ns` starts a new streak."""
+        touched = False
+        for index, value in enumerate(values):
+            if value == IGNORE or (index >= 8 and value == 0):
+                continue
+            touched = True
+            if value == 0 or (index >= 8 and value == RELEASE_HIGH):
+                self._release(index)
+            else:
+                self._overrides_ns[index] = t_ns
+                self.radio_us[index] = value
+        if touched:
+            if self._streak_ns is None or t_ns - self.last_input_ns > gap_ns:
+                self._streak_ns = t_ns
+            self.last_input_ns = t_ns
+
+    def expire(self, t_ns: int, timeout_ns: int) -> None:
+        """Give overrides older than the time-out back to the sticks."""
+        if self._overrides_ns:
+            for index in [i for i, since_ns in self._overrides_ns.items() if t_ns - since_ns >= timeout_ns]:
+                self._release(index)
+
+    def drop_overrides(self) -> None:
+        """Release every channel."""
+        for index in list(self._overrides_ns):
+            self._release(index)
+
+    def alive(self, t_ns: int, timeout_ns: int) -> bool:
+        """Whether the radio gives input: a receiver, or overrides not older than the time-out."""
+        return self.receiver or t_ns - self.last_input_ns < timeout_ns
+
+    def streamed_ns(self, t_ns: int) -> int:
+        """For how long overrides have come without a pause."""
+        return 0 if self._streak_ns is None else t_ns - self._streak_ns
+
+    def _release(self, index: int) -> None:
+        self._overrides_ns.pop(index, None)
+        if self.receiver:
+            self.radio_us[index] = self.sticks_us[index]
+
+
+def stick_fraction(pulse_us: int, dead_zone_us: int) -> float:
+    """A channel in [-1, 1] with its dead zone taken out and the rest stretched over what is left of the travel."""
+    offset_us = pulse_us - NEUTRAL_US
+    beyond_us = abs(offset_us) - dead_zone_us
+    if beyond_us <= 0:
+        return 0.0
+    fraction = min(1.0, beyond_us / (TRAVEL_US - dead_zone_us))
+    return fraction if offset_us > 0 else -fraction

@@ -1,0 +1,209 @@
+"""The vehicle inside the simulated autopilot: modes, arming rules, radio fail-safe and motor outputs of ArduRover."""
+
+from __future__ import annotations
+
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from asvhil.config import FrontseatConfig, PwmConfig
+from asvhil.simplant.parameters import Parameters
+from asvhil.simplant.rc import CHANNELS, IGNORE, NEUTRAL_US, TRAVEL_US, RcInputs, stick_fraction
+
+MODE_MANUAL = 0
+MODE_HOLD = 4
+MODE_INITIALISING = 16
+MODES = frozenset({0, 1, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 15})
+POSITION_MODES = frozenset({5, 6, 8, 9, 10, 11, 12, 15})  # refused until the position is used
+OVERRIDES_BEFORE_ARMING_NS = 2_000_000_000
+OVERRIDES_IGNORED = 2  # bit of RC_OPTIONS
+TWO_PADDLES = 1  # PILOT_STEER_TYPE: a stick for each motor
+STEERING_NOT_FLIPPED = 3  # PILOT_STEER_TYPE: steering keeps its sense when going astern
+INFO, WARNING, CRITICAL = dialect.MAV_SEVERITY_INFO, dialect.MAV_SEVERITY_WARNING, dialect.MAV_SEVERITY_CRITICAL
+
+
+class Rover:
+    """State and rules, without bytes. `texts` and `changed` collect what the link has to tell the stations.
+
+    Modes other than MANUAL are entered and reported, but leave the motors neutral: navigation is not simulated.
+    """
+
+    def __init__(self, config: FrontseatConfig, pwm: PwmConfig, t_ns: int) -> None:
+        self._config = config
+        self._port, self._starboard = pwm.port_channel - 1, pwm.starboard_channel - 1
+        self._neutral_ns = round(1e9 * config.neutral_timeout_s)
+        self._failsafe_ns = round(1e9 * config.failsafe_timeout_s)
+        self.parameters = Parameters(config, pwm)
+        self.rc = RcInputs(config.rc_receiver, t_ns)
+        self.texts: list[tuple[int, str]] = []
+        self.servo_us = [0] * 16
+        self.restart(t_ns)
+
+    def restart(self, t_ns: int) -> None:
+        """Power on: everything but the parameters and the pilot's sticks is forgotten."""
+        self.t_ns = self.power_on_ns = t_ns
+        self.boot_ns = t_ns + round(1e9 * self._config.boot_s)
+        self.ready_ns = max(self.boot_ns, t_ns + round(1e9 * self._config.ready_after_s))
+        self.rc.restart(self.boot_ns)
+        self.mode = MODE_INITIALISING
+        self.armed = False
+        self.radio_failsafe = False
+        self.changed = False
+        self.texts.clear()
+        self.servo_us[:] = [0] * 16
+        self._throttle = 0.0
+        self._position_used = False
+
+    @property
+    def outputs_us(self) -> tuple[int, int]:
+        """Pulse widths at the port and the starboard motor; 0 before the vehicle has booted."""
+        return self.servo_us[self._port], self.servo_us[self._starboard]
+
+    def ready(self, t_ns: int) -> bool:
+        """Whether the estimator uses its position."""
+        return t_ns >= self.ready_ns
+
+    def begin(self, t_ns: int) -> None:
+        """The start of a loop, before messages are handled; never before `boot_ns`."""
+        self.t_ns = t_ns
+        if self.mode == MODE_INITIALISING:
+            self.mode = MODE_MANUAL
+            self.texts.append((INFO, "ArduPilot Ready"))
+        if not self._position_used and self.ready(t_ns):
+            self._position_used = True
+            self.texts.append((INFO, "EKF3 IMU0 is using GPS"))
+
+    def end(self) -> None:
+        """The end of a loop: time-outs, then the motors."""
+        self._watch_radio()
+        self._drive()
+
+    # --- radio ---------------------------------------------------------------------------------------------
+
+    def override(self, sender_system: int, values: list[int]) -> None:
+        """Channel overrides (18 raw values); those of other stations than ours are dropped without a word."""
+        if not self._overrides_ignored() and sender_system == self.parameters["SYSID_MYGCS"]:
+            self.rc.override(self.t_ns, values, self._neutral_ns)
+
+    def manual_control(self, sender_system: int, y: int, z: int) -> None:
+        """MANUAL_CONTROL: y moves the port channel, z the starboard one; -1000..1000 to 1000..2000 us."""
+        values = [IGNORE] * CHANNELS
+        for index, axis in ((self._port, y), (self._starboard, z)):
+            if axis != 32767:
+                values[index] = NEUTRAL_US + int(max(-1000, min(1000, axis)) / 2)
+        self.override(sender_system, values)
+
+    def _overrides_ignored(self) -> bool:
+        options = int(self.parameters["RC_OPTIONS"])
+        return bool(options & OVERRIDES_IGNORED) or self.parameters["RC_OVERRIDE_TIME"] == 0.0
+
+    def _radio_lost(self, timeout_ns: int) -> bool:
+        # As in ArduPilot, FS_THR_ENABLE=0 takes away the neutral outputs as well as the change to HOLD.
+        return self.parameters["FS_THR_ENABLE"] != 0.0 and not self.rc.alive(self.t_ns, timeout_ns)
+
+    def _watch_radio(self) -> None:
+        hold_s = self.parameters["RC_OVERRIDE_TIME"]
+        if self._overrides_ignored():
+            self.rc.drop_overrides()
+        elif hold_s > 0.0:
+            self.rc.expire(self.t_ns, round(1e9 * hold_s))
+        if self.radio_failsafe:
+            if not self._radio_lost(self._neutral_ns):
+                self.radio_failsafe = False
+                self.texts.append((WARNING, "Radio Failsafe Cleared"))
+        elif self._radio_lost(self._failsafe_ns):
+            self.radio_failsafe = True
+            self.texts.append((WARNING, "Radio Failsafe"))
+            self.enter_mode(MODE_HOLD)
+
+    # --- motors --------------------------------------------------------------------------------------------
+
+    def set_servo(self, channel: int, pulse_us: int) -> bool:
+        """DO_SET_SERVO: refused on motor outputs; any other holds its value until power-off."""
+        if not 1 <= channel <= 16 or not 0 <= pulse_us <= 2500 or channel - 1 in (self._port, self._starboard):
+            return False
+        self.servo_us[channel - 1] = pulse_us
+        return True
+
+    def _drive(self) -> None:
+        if not self.armed or self.mode != MODE_MANUAL or self._radio_lost(self._neutral_ns):
+            self.servo_us[self._port] = self.servo_us[self._starboard] = NEUTRAL_US
+            self._throttle = 0.0
+            return
+        first, second = self._sticks()
+        steer_type = self.parameters["PILOT_STEER_TYPE"]
+        if steer_type == TWO_PADDLES:
+            throttle, steering = 0.5 * (first + second), 0.5 * (first - second)
+        else:
+            throttle, steering = second, first
+            if throttle < 0.0 and steer_type != STEERING_NOT_FLIPPED:
+                steering = -steering
+        slew = self.parameters["MOT_SLEWRATE"]
+        if slew > 0.0:  # percent per second, of the throttle alone
+            step = 0.01 * slew / self._config.loop_hz
+            throttle = max(self._throttle - step, min(self._throttle + step, throttle))
+        self._throttle = throttle
+        port, starboard = throttle + steering, throttle - steering
+        largest = max(1.0, abs(port), abs(starboard))
+        self.servo_us[self._port] = _pulse_us(port / largest)
+        self.servo_us[self._starboard] = _pulse_us(starboard / largest)
+
+    def _sticks(self) -> tuple[float, float]:
+        port_dz, starboard_dz = self.parameters.dead_zones_us()
+        radio_us = self.rc.radio_us
+        return stick_fraction(radio_us[self._port], port_dz), stick_fraction(radio_us[self._starboard], starboard_dz)
+
+    # --- modes and arming ----------------------------------------------------------------------------------
+
+    def enter_mode(self, number: int) -> bool:
+        """Change the mode; False, with the reason said, where the vehicle refuses."""
+        if number not in MODES:
+            self.texts.append((CRITICAL, f"No such mode {number}"))
+            return False
+        if self.mode == MODE_INITIALISING:
+            return False
+        if number in POSITION_MODES and not self.ready(self.t_ns):
+            self.texts.append((WARNING, f"Mode change to {number} failed: requires position"))
+            return False
+        self.changed |= number != self.mode
+        self.mode = number
+        return True
+
+    def arm(self, *, force: bool = False) -> bool:
+        """Arm; False, with the reason said, where the vehicle refuses."""
+        if self.armed:
+            return True
+        refusal = None if force else self._arming_refusal()
+        if refusal is not None:
+            self.texts.append((CRITICAL, f"Arm: {refusal}"))
+            return False
+        self.armed = self.changed = True
+        self.texts.append((INFO, "Throttle armed"))
+        return True
+
+    def disarm(self) -> bool:
+        """Disarm, always; the motors are neutral from the next loop."""
+        if self.armed:
+            self.armed = False
+            self.changed = True
+            self.texts.append((INFO, "Throttle disarmed"))
+        return True
+
+    def _arming_refusal(self) -> str | None:
+        if self.mode == MODE_INITIALISING:
+            return "Mode not armable"
+        if not self.ready(self.t_ns):
+            return "Need Position Estimate"
+        rc = self.rc
+        short = not rc.receiver and rc.streamed_ns(self.t_ns) < OVERRIDES_BEFORE_ARMING_NS
+        if short or not rc.alive(self.t_ns, self._neutral_ns):
+            return "Radio failsafe on"
+        first, second = self._sticks()
+        if first != 0.0:
+            return f"Roll (RC{self._port + 1}) is not neutral"
+        if second != 0.0:
+            return f"Throttle (RC{self._starboard + 1}) is not neutral"
+        return None
+
+
+def _pulse_us(fraction: float) -> int:
+    """Pulse width of a motor output in [-1, 1], cut to whole microseconds as ArduPilot does."""
+    return int(NEUTRAL_US + TRAVEL_US * fraction + 1e-6)

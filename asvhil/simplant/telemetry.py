@@ -1,0 +1,291 @@
+"""The messages that a simulated ArduRover sends, built from its sensors and its state."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from asvhil.config import GnssSensorConfig
+from asvhil.geo import LocalFrame, wrap_2pi, wrap_rad
+from asvhil.simplant.rover import MODE_HOLD, MODE_INITIALISING, Rover
+from asvhil.simplant.sensors import Navigation
+from asvhil.simplant.vessel import Vessel
+
+GRAVITY_MPS2 = 9.80665
+UNIX_EPOCH_AT_POWER_ON_US = 1_767_225_600_000_000  # 2026-01-01: a simulation has no date of its own
+EKF_UNINITIALISED = 1024  # as recorded in the first seconds of a real vehicle
+EKF_ALIGNED_NO_POSITION = 167  # as recorded from then until the position is used
+EKF_READY = 831  # as recorded afterwards: horizontal position absolute, constant position mode left
+EKF_ALIGNED_AFTER = 0.15  # share of the time to readiness after which the recorded filter was aligned
+FLIGHT_SW_VERSION = 0x040603FF  # 4.6.3, official release
+CAPABILITIES = (
+    dialect.MAV_PROTOCOL_CAPABILITY_PARAM_FLOAT
+    | dialect.MAV_PROTOCOL_CAPABILITY_COMMAND_INT
+    | dialect.MAV_PROTOCOL_CAPABILITY_MAVLINK2
+)
+PILOT_MODES = frozenset({0, 1, 3, 7, MODE_INITIALISING})  # sticks have a say: manual, acro, steering, simple
+U32 = 0xFFFFFFFF
+
+
+class Telemetry:
+    """One builder per message id; a builder gives None where the vehicle has nothing to say (yet)."""
+
+    def __init__(
+        self,
+        rover: Rover,
+        nav: Navigation,
+        truth: Vessel,
+        origin: LocalFrame,
+        gnss: GnssSensorConfig,
+    ) -> None:
+        self._rover, self._nav, self._truth, self._origin = rover, nav, truth, origin
+        self._h_acc_mm = max(1, round(1000.0 * math.hypot(gnss.slow_bias_m, gnss.white_m)))
+        self._vel_acc_mm = round(1000.0 * gnss.velocity_white_mps)
+        d = dialect
+        self.streamed: dict[int, Callable[[int], Any]] = {
+            d.MAVLINK_MSG_ID_HEARTBEAT: self.heartbeat,
+            d.MAVLINK_MSG_ID_ATTITUDE: self._attitude,
+            d.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: self._global_position,
+            d.MAVLINK_MSG_ID_VFR_HUD: self._vfr_hud,
+            d.MAVLINK_MSG_ID_SYS_STATUS: self._sys_status,
+            d.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW: self._servo_output,
+            d.MAVLINK_MSG_ID_RC_CHANNELS: self._rc_channels,
+            d.MAVLINK_MSG_ID_RAW_IMU: self._raw_imu,
+            d.MAVLINK_MSG_ID_SCALED_IMU2: self._scaled_imu2,
+            d.MAVLINK_MSG_ID_GPS_RAW_INT: self._gps_raw,
+            d.MAVLINK_MSG_ID_SYSTEM_TIME: self._system_time,
+            d.MAVLINK_MSG_ID_EKF_STATUS_REPORT: self._ekf_status,
+            d.MAVLINK_MSG_ID_LOCAL_POSITION_NED: self._local_position,
+        }
+        self.on_request: dict[int, Callable[[int], Any]] = {
+            d.MAVLINK_MSG_ID_ATTITUDE_QUATERNION: self._attitude_quaternion,
+            d.MAVLINK_MSG_ID_SCALED_IMU: self._scaled_imu,
+            d.MAVLINK_MSG_ID_HIGHRES_IMU: self._highres_imu,
+            d.MAVLINK_MSG_ID_SIM_STATE: self._sim_state,
+            d.MAVLINK_MSG_ID_AUTOPILOT_VERSION: self._autopilot_version,
+            d.MAVLINK_MSG_ID_HOME_POSITION: self._home_position,
+            d.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN: self._global_origin,
+            # Accepted by the real one too, and then not sent: it has no second receiver and no wind vane configured.
+            d.MAVLINK_MSG_ID_WIND: self._nothing,
+            d.MAVLINK_MSG_ID_GPS2_RAW: self._nothing,
+        }
+        self._builders = self.streamed | self.on_request
+
+    def build(self, msg_id: int, t_ns: int) -> Any | None:
+        """The message of an id that exists here."""
+        return self._builders[msg_id](t_ns)
+
+    def __contains__(self, msg_id: int) -> bool:
+        return msg_id in self._builders
+
+    def heartbeat(self, t_ns: int) -> Any:
+        rover = self._rover
+        base_mode = dialect.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
+        if rover.mode in PILOT_MODES:
+            base_mode |= dialect.MAV_MODE_FLAG_MANUAL_INPUT_ENABLED
+        if rover.armed:
+            base_mode |= dialect.MAV_MODE_FLAG_SAFETY_ARMED
+        if rover.radio_failsafe:
+            status = dialect.MAV_STATE_CRITICAL
+        elif rover.mode == MODE_INITIALISING:
+            status = dialect.MAV_STATE_CALIBRATING
+        else:
+            status = dialect.MAV_STATE_STANDBY if rover.mode == MODE_HOLD else dialect.MAV_STATE_ACTIVE
+        return dialect.MAVLink_heartbeat_message(
+            dialect.MAV_TYPE_SURFACE_BOAT, dialect.MAV_AUTOPILOT_ARDUPILOTMEGA, base_mode, rover.mode, status, 3
+        )
+
+    # --- clocks and positions ------------------------------------------------------------------------------
+
+    def _us(self, t_ns: int) -> int:
+        return (t_ns - self._rover.power_on_ns) // 1000
+
+    def _ms(self, t_ns: int) -> int:
+        return (t_ns - self._rover.power_on_ns) // 1_000_000 & U32
+
+    def _lat_lon(self, n_m: float, e_m: float) -> tuple[int, int]:
+        lat_deg, lon_deg = self._origin.to_geodetic(n_m, e_m)
+        return round(lat_deg * 1e7), round(lon_deg * 1e7)
+
+    def _nothing(self, t_ns: int) -> None:
+        return None
+
+    # --- navigation ----------------------------------------------------------------------------------------
+
+    def _attitude(self, t_ns: int) -> Any:
+        nav = self._nav
+        return dialect.MAVLink_attitude_message(self._ms(t_ns), 0.0, 0.0, wrap_rad(nav.psi_rad), 0.0, 0.0, nav.r_radps)
+
+    def _attitude_quaternion(self, t_ns: int) -> Any:
+        half = 0.5 * wrap_rad(self._nav.psi_rad)
+        return dialect.MAVLink_attitude_quaternion_message(
+            self._ms(t_ns), math.cos(half), 0.0, 0.0, math.sin(half), 0.0, 0.0, self._nav.r_radps
+        )
+
+    def _global_position(self, t_ns: int) -> Any:
+        nav = self._nav
+        hdg = round(math.degrees(nav.psi_rad) * 100.0) % 36000
+        if not self._rover.ready(t_ns):
+            return dialect.MAVLink_global_position_int_message(self._ms(t_ns), 0, 0, 0, 0, 0, 0, 0, hdg)
+        lat, lon = self._lat_lon(nav.n_m, nav.e_m)
+        vx, vy = round(100.0 * nav.vn_mps), round(100.0 * nav.ve_mps)
+        return dialect.MAVLink_global_position_int_message(self._ms(t_ns), lat, lon, 0, 0, vx, vy, 0, hdg)
+
+    def _local_position(self, t_ns: int) -> Any:
+        if not self._rover.ready(t_ns):
+            return None
+        nav = self._nav
+        return dialect.MAVLink_local_position_ned_message(
+            self._ms(t_ns), nav.n_m, nav.e_m, 0.0, nav.vn_mps, nav.ve_mps, 0.0
+        )
+
+    def _gps_raw(self, t_ns: int) -> Any:
+        nav = self._nav
+        if not self._rover.ready(t_ns):
+            return dialect.MAVLink_gps_raw_int_message(
+                0, dialect.GPS_FIX_TYPE_NO_FIX, 0, 0, 0, 65535, 65535, 0, 0, 0, 0, 0, 0, 0, 0, 0
+            )
+        lat, lon = self._lat_lon(nav.fix_n_m, nav.fix_e_m)
+        speed = round(100.0 * math.hypot(nav.fix_vn_mps, nav.fix_ve_mps))
+        course = round(math.degrees(wrap_2pi(math.atan2(nav.fix_ve_mps, nav.fix_vn_mps))) * 100.0) % 36000
+        return dialect.MAVLink_gps_raw_int_message(
+            self._us(nav.fix_ns) // 1000 * 1000,  # receivers date their fixes to the millisecond
+            dialect.GPS_FIX_TYPE_3D_FIX,
+            lat,
+            lon,
+            0,
+            121,
+            200,
+            speed,
+            course,
+            10,
+            0,
+            self._h_acc_mm,
+            self._h_acc_mm,
+            self._vel_acc_mm,
+            0,
+            0,
+        )
+
+    def _vfr_hud(self, t_ns: int) -> Any:
+        nav = self._nav
+        speed = math.hypot(nav.vn_mps, nav.ve_mps) if self._rover.ready(t_ns) else 0.0
+        heading = int(math.degrees(nav.psi_rad)) % 360
+        return dialect.MAVLink_vfr_hud_message(speed, speed, heading, 0, 0.0, 0.0)
+
+    def _ekf_status(self, t_ns: int) -> Any:
+        rover = self._rover
+        if rover.ready(t_ns):
+            flags = EKF_READY
+        else:
+            span_ns = rover.ready_ns - rover.power_on_ns
+            aligned = t_ns - rover.power_on_ns >= EKF_ALIGNED_AFTER * span_ns
+            flags = EKF_ALIGNED_NO_POSITION if aligned else EKF_UNINITIALISED
+        return dialect.MAVLink_ekf_status_report_message(flags, 0.003, 0.001, 0.03, 0.008, 0.0, 0.0)
+
+    def _home_position(self, t_ns: int) -> Any:
+        if not self._rover.ready(t_ns):
+            return None
+        lat, lon = self._lat_lon(0.0, 0.0)
+        attitude = [1.0, 0.0, 0.0, 0.0]
+        return dialect.MAVLink_home_position_message(
+            lat, lon, 0, 0.0, 0.0, 0.0, attitude, 0.0, 0.0, 0.0, self._us(t_ns)
+        )
+
+    def _global_origin(self, t_ns: int) -> Any:
+        if not self._rover.ready(t_ns):
+            return None
+        lat, lon = self._lat_lon(0.0, 0.0)
+        return dialect.MAVLink_gps_global_origin_message(lat, lon, 0, self._us(t_ns))
+
+    def _sim_state(self, t_ns: int) -> Any:
+        truth = self._truth
+        psi = wrap_rad(truth.psi_rad)
+        vn, ve = truth.ground_velocity_ned()
+        lat, lon = self._lat_lon(truth.n_m, truth.e_m)
+        return dialect.MAVLink_sim_state_message(
+            math.cos(0.5 * psi),
+            0.0,
+            0.0,
+            math.sin(0.5 * psi),
+            0.0,
+            0.0,
+            psi,
+            truth.ax_mps2,
+            truth.ay_mps2,
+            -GRAVITY_MPS2,
+            0.0,
+            0.0,
+            truth.r_radps,
+            lat * 1e-7,
+            lon * 1e-7,
+            0.0,
+            0.0,
+            0.0,
+            vn,
+            ve,
+            0.0,
+            lat,
+            lon,
+        )
+
+    # --- inertial sensors ----------------------------------------------------------------------------------
+
+    def _imu_fields(self) -> tuple[int, ...]:
+        """Specific force (milli-g), rates (mrad/s) and an absent compass, as the raw messages carry them."""
+        nav = self._nav
+        to_mg = 1000.0 / GRAVITY_MPS2
+        return round(nav.ax_mps2 * to_mg), round(nav.ay_mps2 * to_mg), -1000, 0, 0, round(1000.0 * nav.r_radps), 0, 0, 0
+
+    def _raw_imu(self, t_ns: int) -> Any:
+        return dialect.MAVLink_raw_imu_message(self._us(t_ns), *self._imu_fields(), 0, 2500)
+
+    def _scaled_imu(self, t_ns: int) -> Any:
+        return dialect.MAVLink_scaled_imu_message(self._ms(t_ns), *self._imu_fields(), 2500)
+
+    def _scaled_imu2(self, t_ns: int) -> Any:
+        return dialect.MAVLink_scaled_imu2_message(self._ms(t_ns), *self._imu_fields(), 2500)
+
+    def _highres_imu(self, t_ns: int) -> Any:
+        nav = self._nav
+        acceleration_and_rates = 0x3F
+        return dialect.MAVLink_highres_imu_message(
+            self._us(t_ns),
+            nav.ax_mps2,
+            nav.ay_mps2,
+            -GRAVITY_MPS2,
+            0.0,
+            0.0,
+            nav.r_radps,
+            *[0.0] * 7,
+            acceleration_and_rates,
+        )
+
+    # --- vehicle -------------------------------------------------------------------------------------------
+
+    def _sys_status(self, t_ns: int) -> Any:
+        d = dialect
+        sensors = d.MAV_SYS_STATUS_SENSOR_3D_GYRO | d.MAV_SYS_STATUS_SENSOR_3D_ACCEL | d.MAV_SYS_STATUS_SENSOR_GPS
+        healthy = sensors if self._rover.ready(t_ns) else sensors & ~d.MAV_SYS_STATUS_SENSOR_GPS
+        return d.MAVLink_sys_status_message(sensors, sensors, healthy, 0, 12600, -1, -1, 0, 0, 0, 0, 0, 0)
+
+    def _servo_output(self, t_ns: int) -> Any:
+        servo_us = self._rover.servo_us
+        return dialect.MAVLink_servo_output_raw_message(self._us(t_ns) & U32, 0, *servo_us)
+
+    def _rc_channels(self, t_ns: int) -> Any:
+        present = 8 if self._rover.rc.receiver else 0
+        return dialect.MAVLink_rc_channels_message(self._ms(t_ns), present, *self._rover.rc.radio_us, 255)
+
+    def _system_time(self, t_ns: int) -> Any:
+        unix_us = UNIX_EPOCH_AT_POWER_ON_US + self._us(t_ns) if self._rover.ready(t_ns) else 0
+        return dialect.MAVLink_system_time_message(unix_us, self._ms(t_ns))
+
+    def _autopilot_version(self, t_ns: int) -> Any:
+        none = [0] * 8
+        return dialect.MAVLink_autopilot_version_message(
+            CAPABILITIES, FLIGHT_SW_VERSION, 0, 0, 0, none, none, none, 0, 0, 0
+        )

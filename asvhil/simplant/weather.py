@@ -1,0 +1,56 @@
+"""Wind with gusts, and a constant current, over the whole (small) sea of the simulated boat."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from asvhil.config import WeatherConfig
+from asvhil.simplant.noise import NormalSource, OrnsteinUhlenbeck
+
+
+class Weather:
+    """Mean wind plus Ornstein-Uhlenbeck gusts along and across it, and the current, as NED velocities (m/s)."""
+
+    __slots__ = (
+        "_across",
+        "_along",
+        "_east",
+        "_north",
+        "_speed_mps",
+        "_still",
+        "current_e_mps",
+        "current_n_mps",
+        "wind_e_mps",
+        "wind_n_mps",
+    )
+
+    def __init__(self, config: WeatherConfig, step_s: float, seed: np.random.SeedSequence) -> None:
+        wind, current = config.wind, config.current
+        along_seed, across_seed = seed.spawn(2)
+        self._speed_mps = wind.speed_mps
+        self._north = math.cos(math.radians(wind.toward_deg))
+        self._east = math.sin(math.radians(wind.toward_deg))
+        along_std, across_std = wind.gust_along * wind.speed_mps, wind.gust_across * wind.speed_mps
+        self._along = OrnsteinUhlenbeck(along_std, wind.gust_time_s, step_s, NormalSource(along_seed))
+        self._across = OrnsteinUhlenbeck(across_std, wind.gust_time_s, step_s, NormalSource(across_seed))
+        self._still = along_std == 0.0 and across_std == 0.0
+        self.current_n_mps = current.speed_mps * math.cos(math.radians(current.toward_deg))
+        self.current_e_mps = current.speed_mps * math.sin(math.radians(current.toward_deg))
+        self.wind_n_mps = self.wind_e_mps = 0.0
+        self._compose()
+
+    def advance(self) -> None:
+        """One step of the gusts."""
+        if self._still:
+            return
+        self._along.advance()
+        self._across.advance()
+        self._compose()
+
+    def _compose(self) -> None:
+        along = self._speed_mps + self._along.value
+        across = self._across.value
+        self.wind_n_mps = self._north * along - self._east * across
+        self.wind_e_mps = self._east * along + self._north * across

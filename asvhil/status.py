@@ -1,0 +1,61 @@
+"""What a person wants to see of a running daemon, as a JSON line and as a table."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from rich.console import Group
+from rich.table import Table
+from rich.text import Text
+
+from asvhil.geo import wrap_rad
+from asvhil.types import Outputs
+
+COLOURS = {"hold": "green", "standby": "yellow", "prepare": "cyan", "failsafe": "red"}
+
+
+def status_of(outputs: Outputs, links: dict[str, str], start_ns: int, overruns: int) -> dict[str, Any]:
+    """The state of one tick in plain JSON types; parts that are not known are None."""
+    estimate, station, wind = outputs.estimate, outputs.station, outputs.wind
+    distance_m = heading_deg = None
+    if estimate is not None and station is not None:
+        distance_m = math.hypot(estimate.n_m - station.n_m, estimate.e_m - station.e_m)
+        heading_deg = math.degrees(wrap_rad(estimate.psi_rad - station.psi_rad))
+    return {
+        "t_s": round((outputs.t_ns - start_ns) * 1e-9, 2),
+        "phase": outputs.phase.value,
+        "reason": outputs.health.reason,
+        "distance_m": distance_m,
+        "heading_error_deg": heading_deg,
+        "heading_deg": math.degrees(estimate.psi_rad) % 360.0 if estimate else None,
+        "speed_mps": math.hypot(estimate.u_mps, estimate.v_mps) if estimate else None,
+        "wind_mps": math.hypot(wind.vn_mps, wind.ve_mps) if wind else None,
+        "wind_toward_deg": math.degrees(math.atan2(wind.ve_mps, wind.vn_mps)) % 360.0 if wind else None,
+        "pwm_us": list(outputs.pwm_us) if outputs.pwm_us else None,
+        "links": links,
+        "overruns": overruns,
+    }
+
+
+def render(status: dict[str, Any], title: str) -> Group:
+    """A status as a table for the terminal."""
+    table = Table(title=title, show_header=False, title_justify="left", min_width=64)
+    table.add_column(style="dim")
+    table.add_column()
+    phase = str(status["phase"])
+    table.add_row("time", f"{status['t_s']:.0f} s")
+    table.add_row("phase", Text(f"{phase}: {status['reason']}", style=COLOURS.get(phase, "")))
+    table.add_row("to the station", f"{_show(status['distance_m'], 'm')}, {_show(status['heading_error_deg'], 'deg', 1)}")
+    table.add_row("heading, speed", f"{_show(status['heading_deg'], 'deg', 1)}, {_show(status['speed_mps'], 'm/s')}")
+    wind = f"{_show(status['wind_mps'], 'm/s')} toward {_show(status['wind_toward_deg'], 'deg', 0)}"
+    table.add_row("true wind", wind)
+    pwm = status["pwm_us"]
+    table.add_row("port, starboard", f"{pwm[0]}, {pwm[1]} us" if pwm else "released")
+    table.add_row("links", ", ".join(f"{port} {state}" for port, state in status["links"].items()))
+    table.add_row("overruns", str(status["overruns"]))
+    return Group(table)
+
+
+def _show(value: float | None, unit: str, digits: int = 2) -> str:
+    return "-" if value is None else f"{value:.{digits}f} {unit}"

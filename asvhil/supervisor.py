@@ -1,0 +1,260 @@
+"""When the motors are taken and when they are given back: engagement, the pilot's precedence, and the fail-safes."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+
+from asvhil.config import PwmConfig, SupervisorConfig
+from asvhil.geo import LocalFrame
+from asvhil.types import (
+    Estimate,
+    FrontseatStatus,
+    HoldCommand,
+    Phase,
+    ReleaseCommand,
+    Station,
+    record,
+)
+
+MAX_STATION_DISTANCE_M = 2000.0  # the local plane is good to a few centimetres within it
+ECHO_TOLERANCE_US = 40  # dead zones of an autopilot bend small commands by up to 30 us
+RELEASE_REPEATS = 3  # datagrams get lost
+
+
+@record
+class Decision:
+    """What this tick may do with the motors.
+
+    `drive`: the controller's command. `neutral`: neutral pulses. `release`: give the channels back, after the
+    neutral pulses where both are set. With none of them say nothing. `prepare` asks for mode and arming (simulation
+    only).
+    """
+
+    phase: Phase
+    station: Station | None
+    reason: str
+    drive: bool = False
+    neutral: bool = False
+    release: bool = False
+    prepare: bool = False
+
+
+class Supervisor:
+    """The state machine of engagement. Whoever is in doubt lets go: only a new command takes the motors again."""
+
+    def __init__(self, config: SupervisorConfig, pwm: PwmConfig) -> None:
+        self._config = config
+        self._motor_channels = (pwm.port_channel, pwm.starboard_channel)
+        self._phase = Phase.STANDBY
+        self._reason = "waiting for a hold command"
+        self._station: Station | None = None
+        self._auto_pending = config.engage == "auto"
+        self._engaged_ns = 0
+        self._failing_since_ns: int | None = None
+        self._failure = ""
+        self._stick_baseline: dict[int, int] = {}
+        self._sent: deque[tuple[int, tuple[int, int]]] = deque()
+        self._release_left = 0
+        self._neutral_first = False
+        self._control_failed = False
+
+    @property
+    def control_ok(self) -> bool:
+        """Whether the controller's latest solution was usable."""
+        return not self._control_failed
+
+    def link_ok(self, heartbeat_age_s: float | None) -> bool:
+        """Whether the autopilot's heartbeat is recent."""
+        return heartbeat_age_s is not None and heartbeat_age_s <= self._config.heartbeat_timeout_s
+
+    # --- commands ------------------------------------------------------------------------------------------
+
+    def on_hold(
+        self,
+        command: HoldCommand,
+        status: FrontseatStatus | None,
+        heartbeat_age_s: float | None,
+        estimate: Estimate | None,
+        frame: LocalFrame | None,
+    ) -> str | None:
+        """Take up a station. Returns None, or the reason why not."""
+        refusal = self._why_not(status, heartbeat_age_s, estimate)
+        if refusal is not None:
+            return refusal
+        assert status is not None and estimate is not None and frame is not None
+        station = self._station_of(command, estimate, frame)
+        if isinstance(station, str):
+            return station
+        self._engage(command.t_ns, station, status)
+        return None
+
+    def on_release(self, command: ReleaseCommand) -> None:
+        """Let go; always granted."""
+        self._auto_pending = False
+        if self._phase is not Phase.STANDBY:
+            self._let_go(command.reason, neutral_first=True)
+
+    def note_sent(self, t_ns: int, pulses_us: tuple[int, int]) -> None:
+        """Remember what was sent, to tell the echo of our override from the pilot's sticks."""
+        self._sent.append((t_ns, pulses_us))
+        horizon_ns = t_ns - round(self._config.override_echo_s * 1e9)
+        while self._sent and self._sent[0][0] < horizon_ns:
+            self._sent.popleft()
+
+    def note_control(self, ok: bool) -> None:
+        """Whether the controller's latest solution can be used."""
+        self._control_failed = not ok
+
+    # --- each tick -----------------------------------------------------------------------------------------
+
+    def step(
+        self,
+        t_ns: int,
+        status: FrontseatStatus | None,
+        heartbeat_age_s: float | None,
+        estimate: Estimate | None,
+        frame: LocalFrame | None,
+    ) -> Decision:
+        """The decision of this tick from what is known now."""
+        if self._phase in (Phase.STANDBY, Phase.PREPARE) and self._auto_pending:
+            self._prepare(t_ns, status, heartbeat_age_s, estimate, frame)
+        if self._phase in (Phase.HOLD, Phase.FAILSAFE):
+            self._watch(t_ns, status, heartbeat_age_s, estimate)
+        releasing = self._phase is Phase.STANDBY and self._release_left > 0
+        self._release_left -= releasing
+        return Decision(
+            phase=self._phase,
+            station=self._station if self._phase in (Phase.HOLD, Phase.FAILSAFE) else None,
+            reason=self._reason,
+            drive=self._phase is Phase.HOLD,
+            neutral=self._phase in (Phase.PREPARE, Phase.FAILSAFE) or (releasing and self._neutral_first),
+            release=releasing,
+            prepare=self._phase is Phase.PREPARE,
+        )
+
+    def _prepare(
+        self,
+        t_ns: int,
+        status: FrontseatStatus | None,
+        heartbeat_age_s: float | None,
+        estimate: Estimate | None,
+        frame: LocalFrame | None,
+    ) -> None:
+        """engage: auto. Wait for readiness, ask for mode and arming with neutral sticks, then hold, once."""
+        linked = self.link_ok(heartbeat_age_s)
+        if status is None or not linked or not status.ready or estimate is None or not estimate.valid or frame is None:
+            if self._phase is Phase.PREPARE:
+                self._release_left = RELEASE_REPEATS
+            self._phase, self._reason = Phase.STANDBY, "waiting for the autopilot to be ready"
+            return
+        if not status.armed or status.mode != self._config.control_mode:
+            self._phase, self._reason = Phase.PREPARE, f"asking for {self._config.control_mode} and arming"
+            return
+        at = self._config.station
+        assert at is not None  # held by the config's validation
+        n_m, e_m = frame.to_ned(at.lat_deg, at.lon_deg)
+        station = Station(n_m=n_m, e_m=e_m, psi_rad=math.radians(at.heading_deg))
+        self._engage(t_ns, station, status)
+
+    def _watch(
+        self, t_ns: int, status: FrontseatStatus | None, heartbeat_age_s: float | None, estimate: Estimate | None
+    ) -> None:
+        pilot = self._pilot_acts(t_ns, status)
+        if pilot is not None:
+            self._let_go(pilot)
+            return
+        failure = self._failing(heartbeat_age_s, estimate)
+        if failure is None:
+            if self._phase is Phase.FAILSAFE:
+                self._phase, self._reason = Phase.HOLD, "holding"
+            self._failing_since_ns = None
+            return
+        if self._failing_since_ns is None:
+            self._failing_since_ns = t_ns
+        if (t_ns - self._failing_since_ns) * 1e-9 >= self._config.failsafe_neutral_s:
+            self._let_go(f"{failure}: released", neutral_first=True)
+            return
+        self._phase, self._reason = Phase.FAILSAFE, failure
+
+    def _pilot_acts(self, t_ns: int, status: FrontseatStatus | None) -> str | None:
+        """Why the pilot, or somebody else, has the boat now; None while nobody does."""
+        if status is None:
+            return None
+        if not status.armed:
+            return "disarmed"
+        if status.mode != self._config.control_mode:
+            return f"mode changed to {status.mode}"
+        for channel, baseline_us in self._stick_baseline.items():
+            now_us = _channel(status, channel)
+            if now_us and abs(now_us - baseline_us) > self._config.stick_threshold_us:
+                return f"stick of channel {channel} moved"
+        if (t_ns - self._engaged_ns) * 1e-9 < self._config.override_echo_s:
+            return None  # the echo of the first overrides may still be on its way
+        for motor, channel in enumerate(self._motor_channels):
+            now_us = _channel(status, channel)
+            if not now_us or not self._sent:
+                continue
+            sent_us = [pulses[motor] for _, pulses in self._sent]
+            slack_us = ECHO_TOLERANCE_US
+            if now_us < min(sent_us) - slack_us or now_us > max(sent_us) + slack_us:
+                return f"channel {channel} does not follow the override"
+        return None
+
+    def _failing(self, heartbeat_age_s: float | None, estimate: Estimate | None) -> str | None:
+        if not self.link_ok(heartbeat_age_s):
+            return "autopilot heartbeat lost"
+        if estimate is None or not estimate.valid:
+            return "position or heading is stale"
+        if self._control_failed:
+            return "the controller found no solution"
+        return None
+
+    def _why_not(
+        self, status: FrontseatStatus | None, heartbeat_age_s: float | None, estimate: Estimate | None
+    ) -> str | None:
+        if status is None or not self.link_ok(heartbeat_age_s):
+            return "no heartbeat from the autopilot"
+        if not status.armed:
+            return "vehicle is not armed"
+        if status.mode != self._config.control_mode:
+            return f"mode is {status.mode}, {self._config.control_mode} is needed"
+        if estimate is None or not estimate.valid:
+            return "no valid position and heading yet"
+        return None
+
+    def _station_of(self, command: HoldCommand, estimate: Estimate, frame: LocalFrame) -> Station | str:
+        n_m, e_m = estimate.n_m, estimate.e_m
+        if command.lat_deg is not None and command.lon_deg is not None:
+            n_m, e_m = frame.to_ned(command.lat_deg, command.lon_deg)
+        distance_m = ((n_m - estimate.n_m) ** 2 + (e_m - estimate.e_m) ** 2) ** 0.5
+        if not distance_m <= MAX_STATION_DISTANCE_M:
+            return f"station is {distance_m / 1000.0:.1f} km away, 2 km at most"
+        psi_rad = estimate.psi_rad if command.psi_rad is None else command.psi_rad
+        return Station(n_m=n_m, e_m=e_m, psi_rad=psi_rad)
+
+    def _engage(self, t_ns: int, station: Station, status: FrontseatStatus) -> None:
+        self._phase, self._reason = Phase.HOLD, "holding"
+        self._station = station
+        self._auto_pending = False
+        self._engaged_ns = t_ns
+        self._failing_since_ns = None
+        self._control_failed = False
+        self._release_left = 0
+        self._sent.clear()
+        baseline = {channel: _channel(status, channel) for channel in self._config.stick_channels}
+        self._stick_baseline = {channel: value for channel, value in baseline.items() if value}
+
+    def _let_go(self, reason: str, *, neutral_first: bool = False) -> None:
+        """Stand by and give the motors back; a pilot who takes them gets them without a word of ours in between."""
+        self._phase, self._reason = Phase.STANDBY, reason
+        self._station = None
+        self._auto_pending = False
+        self._failing_since_ns = None
+        self._release_left = RELEASE_REPEATS
+        self._neutral_first = neutral_first
+
+
+def _channel(status: FrontseatStatus, channel: int) -> int:
+    """RC value of a channel in us, 0 where unknown."""
+    return status.rc_us[channel - 1] if len(status.rc_us) >= channel else 0

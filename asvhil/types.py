@@ -1,0 +1,212 @@
+"""Every record that crosses a stage: frozen, slotted, keyword-only. SI units and radians; units are name suffixes."""
+
+from __future__ import annotations
+
+import dataclasses
+import enum
+from typing import Any, dataclass_transform
+
+
+@dataclass_transform(frozen_default=True, kw_only_default=True)
+def record(cls: type[Any]) -> Any:
+    """Class decorator: a frozen, slotted, keyword-only dataclass."""
+    return dataclasses.dataclass(frozen=True, slots=True, kw_only=True)(cls)
+
+
+@record
+class Frame:
+    """Bytes that crossed the boundary, either way: a datagram, or a chunk of a stream.
+
+    `t_ns` is stamped once, at the boundary. `port` is the link's name in the config (autopilot, anemometer,
+    operator). `peer` is the remote address on links that have many, so that one peer's garbage never mixes
+    with another's stream and answers go back to the asker; empty elsewhere.
+    """
+
+    t_ns: int
+    port: str
+    data: bytes
+    peer: str = ""
+
+
+@record
+class Inputs:
+    """All that the backseat is given for one tick: the time of the cut and the frames received since the last."""
+
+    t_ns: int
+    frames: tuple[Frame, ...]
+
+
+# --- measurements: what codecs make of frames -------------------------------------------------------------
+
+
+@record
+class GnssFix:
+    """Position over ground, and velocity over ground in NED where the source has it."""
+
+    t_ns: int
+    lat_deg: float
+    lon_deg: float
+    vn_mps: float
+    ve_mps: float
+    h_acc_m: float
+
+
+@record
+class Attitude:
+    """True heading (clockwise from north) and yaw rate (clockwise from above)."""
+
+    t_ns: int
+    psi_rad: float
+    r_radps: float
+
+
+@record
+class Imu:
+    """Specific force along body x and y, and yaw rate."""
+
+    t_ns: int
+    ax_mps2: float
+    ay_mps2: float
+    r_radps: float
+
+
+@record
+class WindSample:
+    """Apparent wind: speed, and the direction it comes FROM, clockwise from the bow."""
+
+    t_ns: int
+    speed_mps: float
+    from_rad: float
+
+
+@record
+class FrontseatStatus:
+    """What the autopilot says of itself. Servo and RC values in microseconds, index 0 is channel 1; 0: no value."""
+
+    t_ns: int
+    armed: bool
+    mode: str
+    ready: bool
+    rc_us: tuple[int, ...]
+    outputs_us: tuple[int, ...]
+
+
+@record
+class HoldCommand:
+    """The operator asks to keep a station. A missing field means: as the boat is now."""
+
+    t_ns: int
+    lat_deg: float | None = None
+    lon_deg: float | None = None
+    psi_rad: float | None = None
+
+
+@record
+class ReleaseCommand:
+    """The operator, or the shell at shutdown, asks to let go of the motors."""
+
+    t_ns: int
+    reason: str
+
+
+Measurement = GnssFix | Attitude | Imu | WindSample | FrontseatStatus | HoldCommand | ReleaseCommand
+
+
+# --- what the core computes ------------------------------------------------------------------------------
+
+
+@record
+class Estimate:
+    """The vessel's state in the local NED frame; velocities are over ground in body axes (Fossen's eta and nu).
+
+    `motor` is the propagated motor state of the model (port, starboard; unit of the model's input). `std` are the
+    standard deviations of (n, e, psi, u, v, r). `disturbance` is the unmodelled acceleration: north, east (m/s^2),
+    yaw (rad/s^2).
+    """
+
+    t_ns: int
+    n_m: float
+    e_m: float
+    psi_rad: float
+    u_mps: float
+    v_mps: float
+    r_radps: float
+    motor: tuple[float, ...]
+    std: tuple[float, ...]
+    disturbance: tuple[float, float, float]
+    valid: bool
+
+
+@record
+class Wind:
+    """True wind: the velocity of the air over ground, NED. `std_mps` is its spread about the mean (gusts)."""
+
+    t_ns: int
+    vn_mps: float
+    ve_mps: float
+    std_mps: float
+    valid: bool
+
+
+@record
+class Station:
+    """The pose to keep, in the local NED frame."""
+
+    n_m: float
+    e_m: float
+    psi_rad: float
+
+
+@record
+class Control:
+    """One solution. `command` is (port, starboard) in [-1, 1], the paper's PWM signal.
+
+    `plan` is the predicted path as rows (t_s ahead, n_m, e_m, psi_rad); empty where a controller predicts nothing.
+    """
+
+    command: tuple[float, float]
+    ok: bool
+    iterations: int
+    cost: float
+    plan: tuple[tuple[float, float, float, float], ...] = ()
+
+
+class Phase(enum.StrEnum):
+    """Where the station keeping procedure is. Only HOLD moves the motors."""
+
+    STANDBY = "standby"  # not asked to hold
+    PREPARE = "prepare"  # engage: auto asked for; mode and arming are being requested with neutral sticks
+    HOLD = "hold"  # the controller has the motors
+    FAILSAFE = "failsafe"  # asked to hold, but an input is stale or the solver fails: neutral, then released
+
+
+@record
+class Health:
+    """Diagnostics of one tick. `reason` says in words why the phase is not HOLD; counters are cumulative."""
+
+    reason: str
+    link_ok: bool
+    estimate_ok: bool
+    wind_ok: bool
+    control_ok: bool
+    counters: tuple[tuple[str, int], ...]
+
+
+@record
+class Outputs:
+    """All that one tick produced.
+
+    `pwm_us` is (port, starboard), or None when the motors are released. `origin_deg` is the latitude and longitude of
+    the local NED frame, once there is one.
+    """
+
+    t_ns: int
+    phase: Phase
+    frames: tuple[Frame, ...]
+    estimate: Estimate | None
+    wind: Wind | None
+    station: Station | None
+    control: Control | None
+    pwm_us: tuple[int, int] | None
+    health: Health
+    origin_deg: tuple[float, float] | None = None

@@ -1,0 +1,109 @@
+"""Configs: the shipped ones load, mistakes are one line that names the file and the key."""
+
+from pathlib import Path
+
+import pytest
+
+from asvhil.config import Config, config_from_json, find_config, load_config
+from asvhil.errors import ConfigError
+
+
+@pytest.mark.parametrize("name", ["sitl", "field", "sitl.yaml"])
+def test_shipped_configs_load(name: str) -> None:
+    assert load_config(name).vehicle.name == "wamv16"
+
+
+@pytest.mark.parametrize(
+    ("override", "words"),
+    [
+        ("plant.sead=1", "key plant.sead: unknown key, did you mean seed?"),
+        ("plant.seed=-1", "key plant.seed: Input should be greater than or equal to 0 (got -1)"),
+        ("vehicle.vessel.mass_kg=-2", "key vehicle.vessel.mass_kg"),
+        ("vehicle.vessel.mass_kg=.nan", "key vehicle.vessel.mass_kg"),
+        ("daemon.tick_hz=12", "key daemon: tick_hz must be a whole multiple of control_hz"),
+        ("vehicle.pwm.port_channel=3", "port_channel and starboard_channel must differ"),
+        ("vehicle.pwm.port_channel=2", "must not hold the motor channel 2"),
+        ("supervisor.station=null", "supervisor.station is needed"),
+        ("vehicle.vessel.thrust_curve=[[0, 1], [0, 2]]", "rising commands"),
+        ("vehicle.name=[1]", "key vehicle.name"),
+        ("plant.seed.deeper=1", "seed is a value, not a section"),
+        ("plant.seed", "KEY=VALUE is expected"),
+        ("plant.seed=[", "not valid YAML"),
+    ],
+)
+def test_wrong_overrides_name_the_key(override: str, words: str) -> None:
+    with pytest.raises(ConfigError) as caught:
+        load_config("sitl", (override,))
+    assert words in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("a: [1", "not valid YAML at line"),
+        ("- 1", "mapping of keys is expected at the top level, not list"),
+        ("base: nowhere.yaml", "key base: no such file nowhere.yaml"),
+        ("base: [1]", "key base: the name of a config file"),
+        ("base: self.yaml", "runs in a circle"),
+        ("", "this key is required"),
+        ("\x00", "not valid YAML"),
+    ],
+)
+def test_wrong_files_name_the_file(tmp_path: Path, text: str, words: str) -> None:
+    path = tmp_path / "self.yaml"
+    path.write_text(text)
+    with pytest.raises(ConfigError) as caught:
+        load_config(path)
+    assert str(path) in str(caught.value) and words in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_binary_and_missing_files(tmp_path: Path) -> None:
+    path = tmp_path / "binary.yaml"
+    path.write_bytes(b"\xff\xfe\x00\x80")
+    with pytest.raises(ConfigError, match="not UTF-8 text"):
+        load_config(path)
+    with pytest.raises(ConfigError, match="no such config file"):
+        load_config("nowhere")
+
+
+def test_a_file_is_merged_over_its_base(tmp_path: Path) -> None:
+    (tmp_path / "base.yaml").write_text(find_config("wamv16").read_text())
+    (tmp_path / "top.yaml").write_text(
+        "base: base.yaml\nlinks: {autopilot: {endpoint: 'udpin:127.0.0.1:1'}}\nvehicle: {vessel: {mass_kg: 300.0}}\n"
+    )
+    config = load_config(tmp_path / "top.yaml")
+    assert config.vehicle.vessel.mass_kg == 300.0
+    assert config.vehicle.vessel.motor_arm_m == 1.027
+
+
+def test_hash_follows_content_and_json_round_trips() -> None:
+    config = load_config("sitl")
+    again = config_from_json(config.canonical_json(), "memory")
+    assert again == config and again.content_hash() == config.content_hash()
+    # The order of keys is what makes a config read back from a log behave alike.
+    assert list(again.links.autopilot.streams_hz) == list(config.links.autopilot.streams_hz)
+    assert load_config("sitl", ("plant.seed=2",)).content_hash() != config.content_hash()
+    with pytest.raises(ConfigError, match=r"memory: the stored config is not JSON"):
+        config_from_json("{", "memory")
+
+
+def test_nothing_changes_after_loading() -> None:
+    config: Config = load_config("sitl")
+    with pytest.raises(ValueError):
+        config.plant.seed = 3  # type: ignore[misc]
+
+
+def test_every_vehicle_parameter_has_a_source() -> None:
+    lines = find_config("wamv16").read_text().splitlines()
+    start = lines.index("  vessel:")
+    parameters = []
+    for line in lines[start + 1 :]:
+        if line.startswith("  pwm:"):
+            break
+        if line.strip() and not line.strip().startswith(("-", "#", "thrust_curve")):
+            parameters.append(line)
+    assert len(parameters) == 16
+    for line in parameters:
+        assert "#" in line, f"no source: {line}"
