@@ -79,7 +79,10 @@ class Backseat:
         self._pulses_us: tuple[int, int] | None = None
         self._phase = Phase.STANDBY
         self._station: Station | None = None
-        self._decoders: dict[str, Callable[[Frame], Sequence[Measurement]]] = {"autopilot": link.decode, "anemometer": anemometer.decode}
+        self._decoders: dict[str, Callable[[Frame], Sequence[Measurement]]] = {
+            "autopilot": link.decode,
+            "anemometer": anemometer.decode,
+        }
 
     @property
     def frame(self) -> LocalFrame | None:

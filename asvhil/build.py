@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from asvhil.backseat import Backseat
+from asvhil.backseat import Backseat, Controller
 from asvhil.config import Config
+from asvhil.controller.manoeuvres import Manoeuvres
 from asvhil.controller.station_mpc import StationMpc
 from asvhil.dynamics.protocol import Dynamics
 from asvhil.dynamics.rigid_body import SimplifiedDynamics
@@ -20,6 +21,14 @@ def build_model(config: Config) -> Dynamics:
     return SimplifiedDynamics(config.controller.vessel or config.vehicle.vessel)
 
 
+def build_controller(config: Config, model: Dynamics) -> Controller:
+    """The controller that `controller.name` asks for."""
+    keeper = StationMpc(model, config.controller.mpc, 1.0 / config.daemon.control_hz)
+    if config.controller.name == "manoeuvres":
+        return Manoeuvres(config.controller.manoeuvres, keeper)
+    return keeper
+
+
 def build_backseat(config: Config) -> Backseat:
     """A backseat that is ready for its first `step`."""
     model = build_model(config)
@@ -32,7 +41,7 @@ def build_backseat(config: Config) -> Backseat:
         ekf=Ekf(config.estimator.ekf, model),
         wind=WindFilter(config.estimator.wind),
         supervisor=Supervisor(config.supervisor, pwm),
-        controller=StationMpc(model, config.controller.mpc, 1.0 / config.daemon.control_hz),
+        controller=build_controller(config, model),
         pwm=pwm,
         control_mode=config.supervisor.control_mode,
         ticks_per_control=config.daemon.ticks_per_control,

@@ -49,7 +49,9 @@ def run(
     config: ConfigArgument,
     set_: SetOption = [],  # noqa: B006 - typer copies its defaults
     log: Annotated[Path | None, typer.Option(help="The MCAP log to write; a new run folder by default.")] = None,
-    duration: Annotated[float | None, typer.Option(min=0.1, help="Seconds to run; until interrupted by default.")] = None,
+    duration: Annotated[
+        float | None, typer.Option(min=0.1, help="Seconds to run; until interrupted by default.")
+    ] = None,
     status_json: Annotated[bool, typer.Option(help="Print a JSON status line twice a second, no table.")] = False,
 ) -> None:
     """Run the daemon on the vehicle's companion computer. It holds only after `asvhil hold`."""
@@ -77,7 +79,9 @@ def run(
 def plant(
     config: ConfigArgument = "sitl",
     set_: SetOption = [],  # noqa: B006
-    duration: Annotated[float | None, typer.Option(min=0.1, help="Seconds to run; until interrupted by default.")] = None,
+    duration: Annotated[
+        float | None, typer.Option(min=0.1, help="Seconds to run; until interrupted by default.")
+    ] = None,
     quiet: Annotated[bool, typer.Option(help="No status line.")] = False,
 ) -> None:
     """Run the simulated boat as a vehicle on the network."""
@@ -212,10 +216,14 @@ def replay(
     speed = f"{result.span_s:.1f} s in {result.wall_s:.2f} s, {result.span_s / result.wall_s:.0f} times real time"
     if result.mismatch is not None:
         m = result.mismatch
-        console.print(f"{log}: tick {m.tick} at {m.t_ns} ns differs: {m.field}", markup=False, highlight=False, soft_wrap=True)
+        console.print(
+            f"{log}: tick {m.tick} at {m.t_ns} ns differs: {m.field}", markup=False, highlight=False, soft_wrap=True
+        )
         raise typer.Exit(1)
     tail = ", the log's end is cut off" if result.truncated else ""
-    console.print(f"{log}: {result.compared} ticks bit-exact ({speed}){tail}", markup=False, highlight=False, soft_wrap=True)
+    console.print(
+        f"{log}: {result.compared} ticks bit-exact ({speed}){tail}", markup=False, highlight=False, soft_wrap=True
+    )
 
 
 @app.command()
@@ -278,7 +286,9 @@ class _LiveView:
         self._title = title
         self._as_json = as_json
         self._console = Console()
-        self._live = Live(console=self._console, auto_refresh=False) if self._console.is_terminal and not as_json else None
+        self._live = (
+            Live(console=self._console, auto_refresh=False) if self._console.is_terminal and not as_json else None
+        )
         self._every_ticks = max(1, round(config.daemon.tick_hz / 2.0))
         self._ticks = 0
         self._start_ns: int | None = None
@@ -326,7 +336,11 @@ def _progress(console: Any, *, spinner: bool = False) -> Any:
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
     if spinner:
-        columns: list[Any] = [SpinnerColumn(), TextColumn("{task.description} {task.completed} ticks"), TimeElapsedColumn()]
+        columns: list[Any] = [
+            SpinnerColumn(),
+            TextColumn("{task.description} {task.completed} ticks"),
+            TimeElapsedColumn(),
+        ]
     else:
         columns = [TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn()]
     return Progress(*columns, console=console, transient=True)
@@ -364,7 +378,10 @@ def _print_summary(console: Any, figures: dict[str, Any]) -> None:
             continue
         distance, heading = part["distance_m"], part["heading_deg"]
         table.add_row(
-            f"distance, {name} (m)", f"{distance['mean']:.3f}", f"{distance['std']:.3f}", f"{distance['max_settled']:.3f}"
+            f"distance, {name} (m)",
+            f"{distance['mean']:.3f}",
+            f"{distance['std']:.3f}",
+            f"{distance['max_settled']:.3f}",
         )
         table.add_row(f"heading error, {name} (deg)", f"{heading['mean']:.2f}", f"{heading['std']:.2f}", "")
         table.add_row(f"penalty score, {name}", f"{part['penalty_score']:.2f}", "", "")
@@ -377,12 +394,12 @@ def _print_summary(console: Any, figures: dict[str, Any]) -> None:
     timing = f"step p50 {steps['p50']:.2f} ms, p99 {steps['p99']:.2f} ms, max {steps['max']:.1f} ms; " if steps else ""
     factor = figures["realtime_factor"]
     speed_text = f"; {factor:.0f} times real time" if factor else ""
-    console.print(f"{figures['ticks']} ticks, {figures['overruns']} overruns; {timing}{phases}{speed_text}", highlight=False)
+    console.print(
+        f"{figures['ticks']} ticks, {figures['overruns']} overruns; {timing}{phases}{speed_text}", highlight=False
+    )
 
 
-def _replay_tlog(
-    console: Any, tlog: Path, config: str, overrides: tuple[str, ...], json_file: Path | None
-) -> None:
+def _replay_tlog(console: Any, tlog: Path, config: str, overrides: tuple[str, ...], json_file: Path | None) -> None:
     from asvhil.config import load_config
     from asvhil.study.tlog_check import check_tlog
 
@@ -392,7 +409,10 @@ def _replay_tlog(
         figures = check_tlog(settings, tlog, lambda ticks: bar.update(task, completed=ticks))
     _write_json(json_file, figures)
     counts = figures["messages"]
-    console.print(f"{tlog}: {sum(counts.values())} messages of {len(counts)} kinds, {figures['undecoded']} undecoded", soft_wrap=True)
+    console.print(
+        f"{tlog}: {sum(counts.values())} messages of {len(counts)} kinds, {figures['undecoded']} undecoded",
+        soft_wrap=True,
+    )
     against = figures["against_autopilot"]
     if against is None:
         console.print("the estimator never started: no position with heading in this log")
@@ -421,7 +441,9 @@ def _wind_overrides(text: str, config: Config) -> list[str]:
     except ValueError:
         speed_mps = toward_deg = math.nan
     if not (math.isfinite(speed_mps) and math.isfinite(toward_deg) and speed_mps >= 0.0):
-        raise ConfigError(f"--wind {text}: SPEED@DEG is expected, such as 3@90 (m/s, toward, from the station's heading)")
+        raise ConfigError(
+            f"--wind {text}: SPEED@DEG is expected, such as 3@90 (m/s, toward, from the station's heading)"
+        )
     station = config.supervisor.station
     absolute_deg = (toward_deg + (station.heading_deg if station else 0.0)) % 360.0
     return [f"plant.weather.wind.speed_mps={speed_mps}", f"plant.weather.wind.toward_deg={absolute_deg}"]

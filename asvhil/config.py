@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import hashlib
 import json
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import yaml
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from asvhil.errors import ConfigError
+from asvhil.io.endpoints.spec import parse_spec
 
 Positive = Annotated[float, Field(gt=0.0)]
 NonNegative = Annotated[float, Field(ge=0.0)]
@@ -19,6 +21,17 @@ Latitude = Annotated[float, Field(ge=-90.0, le=90.0)]
 Longitude = Annotated[float, Field(ge=-180.0, le=180.0)]
 Fraction = Annotated[float, Field(ge=0.0, le=1.0)]
 ServoUs = Annotated[int, Field(ge=500, le=2500)]
+
+
+def _checked_link(spec: str) -> str:
+    try:
+        parse_spec(spec)
+    except ConfigError as error:
+        raise ValueError(str(error)) from None
+    return spec
+
+
+LinkSpecText = Annotated[str, AfterValidator(_checked_link)]
 MavlinkId = Annotated[int, Field(ge=1, le=255)]
 
 
@@ -56,9 +69,9 @@ class VesselConfig(Section):
     def _check_curve(self) -> VesselConfig:
         commands = [row[0] for row in self.thrust_curve]
         thrusts = [row[1] for row in self.thrust_curve]
-        if len(commands) < 2 or any(b <= a for a, b in zip(commands, commands[1:], strict=False)):
+        if len(commands) < 2 or any(b <= a for a, b in pairwise(commands)):
             raise ValueError("thrust_curve needs at least 2 rows with rising commands")
-        if any(b < a for a, b in zip(thrusts, thrusts[1:], strict=False)):
+        if any(b < a for a, b in pairwise(thrusts)):
             raise ValueError("thrust_curve: thrust must not fall while the command rises")
         if commands[0] < -1.0 or commands[-1] > 1.0 or thrusts[0] >= 0.0 or thrusts[-1] <= 0.0:
             raise ValueError("thrust_curve must lie in commands -1..1 and reach both astern and ahead thrust")
@@ -98,7 +111,7 @@ class VehicleConfig(Section):
 class AutopilotLinkConfig(Section):
     """The MAVLink link to the frontseat: who we are on it, and what we ask of it."""
 
-    endpoint: str
+    endpoint: LinkSpecText
     profile: Literal["ardurover"] = "ardurover"
     system_id: MavlinkId = 1
     component_id: MavlinkId = 191
@@ -122,13 +135,13 @@ class AutopilotLinkConfig(Section):
 class AnemometerLinkConfig(Section):
     """NMEA 0183 wind sentences."""
 
-    endpoint: str
+    endpoint: LinkSpecText
 
 
 class OperatorLinkConfig(Section):
     """Where `asvhil hold` and ground stations send their commands, as MAVLink."""
 
-    endpoint: str = "udpin:127.0.0.1:14660"
+    endpoint: LinkSpecText = "udpin:127.0.0.1:14660"
 
 
 class LinksConfig(Section):
@@ -205,10 +218,24 @@ class MpcConfig(Section):
     disturbance_feedforward: bool = True
 
 
+class ManoeuvresConfig(Section):
+    """The programme of data collection around the station, and its fence."""
+
+    duration_s: Positive = 600.0  # returns from the fence included
+    seed: Annotated[int, Field(ge=0)] = 1
+    geofence_radius_m: Positive = 60.0
+    return_fraction: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.4  # of the radius: the return ends within it
+    return_timeout_s: Positive = 120.0
+    reaction_s: NonNegative = 0.4  # of the human-like hand
+    max_command: Annotated[float, Field(gt=0.0, le=1.0)] = 1.0
+    note: str = ""  # weather and place in the operator's words, for the log
+
+
 class ControllerConfig(Section):
-    name: Literal["sd-mpc"] = "sd-mpc"
+    name: Literal["sd-mpc", "manoeuvres"] = "sd-mpc"
     vessel: VesselConfig | None = None  # the physics the model believes in; vehicle.vessel where absent
     mpc: MpcConfig = MpcConfig()
+    manoeuvres: ManoeuvresConfig = ManoeuvresConfig()
 
 
 class StationConfig(Section):
@@ -327,8 +354,8 @@ class FrontseatConfig(Section):
 
 
 class PlantLinksConfig(Section):
-    autopilot: str = "udpout:127.0.0.1:14560"
-    anemometer: str | None = None
+    autopilot: LinkSpecText = "udpout:127.0.0.1:14560"
+    anemometer: LinkSpecText | None = None
 
 
 class PlantConfig(Section):
@@ -424,7 +451,9 @@ def _read_tree(path: Path, seen: tuple[Path, ...]) -> dict[str, Any]:
     except yaml.YAMLError as error:
         mark = getattr(error, "problem_mark", None)
         where = f" at line {mark.line + 1}, column {mark.column + 1}" if mark else ""
-        raise ConfigError(f"{path}: not valid YAML{where} ({getattr(error, 'problem', None) or 'cannot be parsed'})") from None
+        raise ConfigError(
+            f"{path}: not valid YAML{where} ({getattr(error, 'problem', None) or 'cannot be parsed'})"
+        ) from None
     if tree is None:
         tree = {}
     if not isinstance(tree, dict):

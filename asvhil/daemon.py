@@ -16,7 +16,6 @@ from asvhil.build import build_backseat
 from asvhil.clock import Clock
 from asvhil.config import Config
 from asvhil.errors import AsvhilError, LinkError
-from asvhil.geo import LocalFrame
 from asvhil.io.endpoint import Endpoint, open_endpoint
 from asvhil.io.mavlink import refuse_ignored_crc
 from asvhil.io.operator import encode_release
@@ -170,9 +169,7 @@ class Daemon:
         outputs, step_ns = await loop.run_in_executor(worker, self._timed_step, inputs)
         for frame in outputs.frames:
             await self._links[frame.port].send(frame)
-        origin = outputs.origin_deg
-        local = LocalFrame(lat_deg=origin[0], lon_deg=origin[1]) if origin is not None else None
-        self._recorder.write_outputs(outputs, local)
+        self._recorder.write_outputs(outputs)
         self._recorder.write_timing(inputs.t_ns, step_ns, overrun)
         self.ticks += 1
         self._speak(outputs)

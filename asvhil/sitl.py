@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import platform
 import signal
 import socket
@@ -48,7 +47,12 @@ def log_metadata(config: Config, mode: str) -> dict[str, dict[str, str]]:
     versions = {name: version(name) for name in PACKAGES}
     return {
         "config": {"json": config.canonical_json(), "hash": config.content_hash()},
-        "versions": {"asvhil": __version__, "python": platform.python_version(), "machine": platform.machine(), **versions},
+        "versions": {
+            "asvhil": __version__,
+            "python": platform.python_version(),
+            "machine": platform.machine(),
+            **versions,
+        },
         "run": {"mode": mode, "seed": str(config.plant.seed), "vehicle": config.vehicle.name},
     }
 
@@ -88,26 +92,26 @@ def run_realtime(
     effective = folder / "config.json"
     effective.write_text(_with_own_ports(config, folder).canonical_json(), encoding="utf-8")
     base = [sys.executable, "-m", "asvhil"]
-    plant_errors = folder / "plant.log"
-    environment = {**os.environ, "PYTHONUNBUFFERED": "1"}
-    with plant_errors.open("w", encoding="utf-8") as plant_output:
-        plant = subprocess.Popen(
+    words = {name: folder / f"{name}.log" for name in ("plant", "daemon")}
+    with (
+        words["plant"].open("w", encoding="utf-8") as plant_words,
+        words["daemon"].open("w", encoding="utf-8") as daemon_words,
+        subprocess.Popen(
             [*base, "plant", str(effective), "--quiet"],
             stdin=subprocess.DEVNULL,
-            stdout=plant_output,
+            stdout=plant_words,
             stderr=subprocess.STDOUT,
-            env=environment,
-        )
-        daemon = subprocess.Popen(
+        ) as plant,
+        subprocess.Popen(
             [*base, "run", str(effective), "--log", str(log), "--duration", str(duration_s), "--status-json"],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
+            stderr=daemon_words,
             text=True,
-            env=environment,
-        )
+        ) as daemon,
+    ):
         try:
-            assert daemon.stdout is not None and daemon.stderr is not None
+            assert daemon.stdout is not None
             for line in daemon.stdout:
                 on_status(json.loads(line))
                 if plant.poll() is not None:
@@ -116,11 +120,10 @@ def run_realtime(
         finally:
             for process in (daemon, plant):
                 _end(process)
-        words = daemon.stderr.read().strip()
     if plant_died:
-        raise AsvhilError(f"the plant ended early: {_last_line(plant_errors.read_text(encoding='utf-8'))}")
+        raise AsvhilError(f"the plant ended early: {_last_line(words['plant'])}")
     if daemon.returncode != 0:
-        raise AsvhilError(f"the daemon ended with status {daemon.returncode}: {_last_line(words)}")
+        raise AsvhilError(f"the daemon ended with status {daemon.returncode}: {_last_line(words['daemon'])}")
 
 
 def _end(process: subprocess.Popen[Any]) -> None:
@@ -168,6 +171,7 @@ def _is_free(endpoint: str) -> bool:
     return True
 
 
-def _last_line(text: str) -> str:
-    lines = [line for line in text.splitlines() if line.strip()]
+def _last_line(words: Path) -> str:
+    """The last thing a child said, for an error message of one line."""
+    lines = [line for line in words.read_text(encoding="utf-8").splitlines() if line.strip()]
     return lines[-1] if lines else "it said nothing"

@@ -46,7 +46,9 @@ def render(status: dict[str, Any], title: str) -> Group:
     phase = str(status["phase"])
     table.add_row("time", f"{status['t_s']:.0f} s")
     table.add_row("phase", Text(f"{phase}: {status['reason']}", style=COLOURS.get(phase, "")))
-    table.add_row("to the station", f"{_show(status['distance_m'], 'm')}, {_show(status['heading_error_deg'], 'deg', 1)}")
+    table.add_row(
+        "to the station", f"{_show(status['distance_m'], 'm')}, {_show(status['heading_error_deg'], 'deg', 1)}"
+    )
     table.add_row("heading, speed", f"{_show(status['heading_deg'], 'deg', 1)}, {_show(status['speed_mps'], 'm/s')}")
     wind = f"{_show(status['wind_mps'], 'm/s')} toward {_show(status['wind_toward_deg'], 'deg', 0)}"
     table.add_row("true wind", wind)

@@ -52,9 +52,9 @@ class _Prediction:
         self.after = np.zeros(size)
         self._jacobian = np.zeros(SIZE * SIZE)
         for i, array in enumerate((self.state, self.input, self.wind, self._dt)):
-            self._buffer.set_arg(i, memoryview(array))
-        self._buffer.set_res(0, memoryview(self.after))
-        self._buffer.set_res(1, memoryview(self._jacobian))
+            self._buffer.set_arg(i, array.data)
+        self._buffer.set_res(0, self.after.data)
+        self._buffer.set_res(1, self._jacobian.data)
         self.jacobian = self._jacobian.reshape(SIZE, SIZE, order="F")
 
     def __call__(self, dt_s: float) -> None:

@@ -10,7 +10,7 @@ from asvhil.types import Estimate, Wind, WindSample
 
 
 def true_wind(sample: WindSample, estimate: Estimate) -> tuple[float, float]:
-    """Velocity of the air over ground (m/s, NED): the apparent wind turned by the heading plus the boat's own motion."""
+    """Velocity of the air over ground (m/s, NED): apparent wind by heading, plus the boat's motion."""
     u_air = -sample.speed_mps * math.cos(sample.from_rad) + estimate.u_mps
     v_air = -sample.speed_mps * math.sin(sample.from_rad) + estimate.v_mps
     return body_to_ned(estimate.psi_rad, u_air, v_air)

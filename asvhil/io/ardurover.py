@@ -213,7 +213,7 @@ class ArduRoverLink:
     # --- out -----------------------------------------------------------------------------------------------
 
     def poll(self, t_ns: int) -> list[Frame]:
-        """What is due by the clock: heartbeat and time sync each second, stream requests once the autopilot is heard."""
+        """What is due: heartbeat and time sync each second, stream requests once the autopilot is heard."""
         due: list[Any] = []
         if self._heartbeat_ns is None or t_ns - self._heartbeat_ns >= HEARTBEAT_NS:
             self._heartbeat_ns = t_ns

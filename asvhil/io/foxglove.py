@@ -148,12 +148,14 @@ TOPIC_SCHEMAS: dict[str, str] = {
 # --- conversion ------------------------------------------------------------------------------------------
 
 
-def convert_outputs(outputs: Outputs, frame: LocalFrame | None) -> list[tuple[str, bytes]]:
+def convert_outputs(outputs: Outputs) -> list[tuple[str, bytes]]:
     """(topic, JSON) of all that can be drawn of one tick; the fix needs the origin of the local frame."""
     messages: list[tuple[str, bytes]] = []
     estimate = outputs.estimate
     if estimate is not None and _drawable(estimate):
-        if frame is not None:
+        if outputs.origin_deg is not None:
+            lat_deg, lon_deg = outputs.origin_deg
+            frame = LocalFrame(lat_deg=lat_deg, lon_deg=lon_deg)
             messages.append((FIX_TOPIC, _json(location_fix(estimate, frame))))
         messages.append((POSE_TOPIC, _json(pose_in_frame(estimate))))
         messages.append((TRANSFORM_TOPIC, _json(frame_transform(estimate))))

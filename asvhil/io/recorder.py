@@ -30,7 +30,6 @@ from mcap.writer import CompressionType, Writer
 
 from asvhil import __version__
 from asvhil.errors import LogError
-from asvhil.geo import LocalFrame
 from asvhil.io.encoding import encode_outputs
 from asvhil.io.foxglove import LOG_TOPIC, SCHEMAS, TOPIC_SCHEMAS, convert_outputs, log_message
 from asvhil.types import Frame, Inputs, Outputs
@@ -106,13 +105,13 @@ class Recorder:
             gap, self._gap = self._gap, 0
             self.write_log(inputs.t_ns, "error", f"recorder: {gap} ticks before this one were dropped")
 
-    def write_outputs(self, outputs: Outputs, frame: LocalFrame | None) -> None:
-        """The record of a tick, its outbound frames, and what viewers draw of it; `frame` is the local origin."""
+    def write_outputs(self, outputs: Outputs) -> None:
+        """The record of a tick, its outbound frames, and what viewers draw of it."""
         if self._gap:  # never an outcome without its inputs
             self._refused += 1
             return
         size = _OUTPUTS_BYTES + sum(len(sent.data) + _RECORD_BYTES for sent in outputs.frames)
-        self._submit(size, self._file.write_outputs, outputs, frame, always=True)
+        self._submit(size, self._file.write_outputs, outputs, always=True)
 
     def write_timing(self, t_ns: int, step_ns: int, overrun: bool) -> None:
         """How long the step of a tick took; a diagnostic, never compared."""
@@ -220,14 +219,14 @@ class _LogWriter:
             self._add_frame(frame, "in")
         self._add(self._inputs, inputs.t_ns, _json({"t_ns": inputs.t_ns, "frames": len(inputs.frames)}), tick)
 
-    def write_outputs(self, outputs: Outputs, frame: LocalFrame | None) -> None:
+    def write_outputs(self, outputs: Outputs) -> None:
         self._add(self._outputs, outputs.t_ns, encode_outputs(outputs))
         for sent in outputs.frames:
             self._add_frame(sent, "out")
         fresh = self._viewed_ns is not None and outputs.t_ns - self._viewed_ns < _VIEW_PERIOD_NS
         if outputs.control is not None or not fresh:
             self._viewed_ns = outputs.t_ns
-            for topic, data in convert_outputs(outputs, frame):
+            for topic, data in convert_outputs(outputs):
                 self._add(self._views[topic], outputs.t_ns, data)
 
     def write_timing(self, t_ns: int, step_ns: int, overrun: bool) -> None:

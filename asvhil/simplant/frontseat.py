@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections import deque
 from typing import Any
 
@@ -302,5 +301,5 @@ class SimulatedArduRover:
 
 
 def _whole(value: float) -> int | None:
-    """A float parameter as an integer; None for what is not a number or cannot be one."""
-    return int(value) if math.isfinite(value) and abs(value) < 2.0**31 else None
+    """A float parameter as an integer; None where it is not a number (which compares false) or too large."""
+    return int(value) if abs(value) < 2.0**31 else None

@@ -8,7 +8,6 @@ from collections.abc import Callable, Iterator
 from asvhil.backseat import Backseat
 from asvhil.build import build_backseat
 from asvhil.config import Config
-from asvhil.geo import LocalFrame
 from asvhil.io.operator import encode_release
 from asvhil.io.recorder import Recorder
 from asvhil.simplant.plant import Plant
@@ -40,16 +39,15 @@ class Lockstep:
         frames = (*self._pending, *self.plant.advance(self.t_ns))
         self._pending = []
         inputs = Inputs(t_ns=self.t_ns, frames=frames)
+        if self._recorder is not None:
+            self._recorder.write_inputs(inputs)
         start_ns = time.perf_counter_ns()
         outputs = self.backseat.step(inputs)
         step_ns = time.perf_counter_ns() - start_ns
         for frame in outputs.frames:
             self.plant.receive(frame)
         if self._recorder is not None:
-            self._recorder.write_inputs(inputs)
-            origin = outputs.origin_deg
-            local = LocalFrame(lat_deg=origin[0], lon_deg=origin[1]) if origin is not None else None
-            self._recorder.write_outputs(outputs, local)
+            self._recorder.write_outputs(outputs)
             self._recorder.write_timing(inputs.t_ns, step_ns, overrun=False)
         self.ticks += 1
         return inputs, outputs

@@ -14,33 +14,36 @@ _INT16 = dialect.MAV_PARAM_TYPE_INT16
 _REAL32 = dialect.MAV_PARAM_TYPE_REAL32
 
 
+FIXED = None  # not modelled: the value stands whatever is asked
+
+
 class Parameters:
-    """Values by name. Those that the simulation acts on can be set; the rest keep their value, whatever is asked."""
+    """Values by name. Those that the simulation acts on can be set, within ArduPilot's range; the rest cannot."""
 
     def __init__(self, config: FrontseatConfig, pwm: PwmConfig) -> None:
         port, starboard = pwm.port_channel, pwm.starboard_channel
-        self._rows: dict[str, tuple[int, bool]] = {}
+        self._rows: dict[str, tuple[int, tuple[float, float] | None]] = {}
         self._values: dict[str, float] = {}
-        for name, value, kind, settable in (
-            ("SYSID_THISMAV", config.system_id, _INT16, False),
-            ("SYSID_MYGCS", config.mygcs_system_id, _INT16, True),
-            ("PILOT_STEER_TYPE", 1, _INT8, True),
-            (f"RC{port}_DZ", config.rc1_dz_us, _INT16, True),
-            (f"RC{starboard}_DZ", config.rc3_dz_us, _INT16, True),
-            ("RC_OVERRIDE_TIME", config.override_timeout_s, _REAL32, True),
-            ("RC_OPTIONS", 32, _INT16, True),
-            ("MOT_SLEWRATE", 0, _INT16, True),
-            ("FS_THR_ENABLE", 1, _INT8, True),
-            ("FS_TIMEOUT", 1.5, _REAL32, False),
-            ("RCMAP_ROLL", port, _INT8, False),
-            ("RCMAP_THROTTLE", starboard, _INT8, False),
-            (f"SERVO{port}_FUNCTION", 73, _INT16, False),
-            (f"SERVO{starboard}_FUNCTION", 74, _INT16, False),
-            ("FRAME_CLASS", 2, _INT8, False),
-            ("INITIAL_MODE", 0, _INT8, False),
-            ("SCHED_LOOP_RATE", config.loop_hz, _INT16, False),
+        for name, value, kind, limits in (
+            ("SYSID_THISMAV", config.system_id, _INT16, FIXED),
+            ("SYSID_MYGCS", config.mygcs_system_id, _INT16, (1.0, 255.0)),
+            ("PILOT_STEER_TYPE", 1, _INT8, (0.0, 3.0)),
+            (f"RC{port}_DZ", config.rc1_dz_us, _INT16, (0.0, 200.0)),
+            (f"RC{starboard}_DZ", config.rc3_dz_us, _INT16, (0.0, 200.0)),
+            ("RC_OVERRIDE_TIME", config.override_timeout_s, _REAL32, (-1.0, 120.0)),
+            ("RC_OPTIONS", 32, _INT16, (0.0, 32767.0)),
+            ("MOT_SLEWRATE", 0, _INT16, (0.0, 1000.0)),
+            ("FS_THR_ENABLE", 1, _INT8, (0.0, 2.0)),
+            ("FS_TIMEOUT", 1.5, _REAL32, FIXED),
+            ("RCMAP_ROLL", port, _INT8, FIXED),
+            ("RCMAP_THROTTLE", starboard, _INT8, FIXED),
+            (f"SERVO{port}_FUNCTION", 73, _INT16, FIXED),
+            (f"SERVO{starboard}_FUNCTION", 74, _INT16, FIXED),
+            ("FRAME_CLASS", 2, _INT8, FIXED),
+            ("INITIAL_MODE", 0, _INT8, FIXED),
+            ("SCHED_LOOP_RATE", config.loop_hz, _INT16, FIXED),
         ):
-            self._rows[name] = kind, settable
+            self._rows[name] = kind, limits
             self._values[name] = float(value)
         self.names = tuple(self._rows)
         self._dead_zones = f"RC{port}_DZ", f"RC{starboard}_DZ"
@@ -63,10 +66,11 @@ class Parameters:
         row = self._rows.get(name)
         if row is None:
             return False
-        kind, settable = row
-        if settable and math.isfinite(value):
-            limit = {_INT8: 127.0, _INT16: 32767.0}.get(kind)
-            self._values[name] = value if limit is None else float(round(min(limit, max(-limit, value))))
+        kind, limits = row
+        if limits is not None and math.isfinite(value):
+            low, high = limits
+            inside = min(high, max(low, value))
+            self._values[name] = inside if kind == _REAL32 else float(round(inside))
         return True
 
     def message(self, name: str) -> Any:

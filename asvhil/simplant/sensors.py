@@ -11,6 +11,8 @@ from asvhil.config import AnemometerSensorConfig, SensorsConfig
 from asvhil.geo import ned_to_body, wrap_2pi
 from asvhil.simplant.noise import NormalSource, OrnsteinUhlenbeck
 
+VANE_STALL_MPS = 0.01  # without wind nothing turns the vane: it stays where it was
+
 
 class Motion(Protocol):
     """The truth that sensors look at."""
@@ -124,15 +126,18 @@ class Anemometer:
         self._positions = config.directions
         self._misalignment_rad = math.radians(config.misalignment_deg)
         self._source = NormalSource(seed)
+        self._position = 0
 
     def sample(self, truth: Motion, wind_n_mps: float, wind_e_mps: float) -> tuple[float, float]:
         """Speed (m/s) and direction (degrees FROM, clockwise from the bow, [0, 360)) of the apparent wind."""
         vn, ve = truth.ground_velocity_ned()
         ahead, abeam = ned_to_body(truth.psi_rad, wind_n_mps - vn, wind_e_mps - ve)
-        from_rad = math.atan2(-abeam, -ahead) - self._misalignment_rad
-        position = round(from_rad * self._positions / math.tau) % self._positions
-        speed_mps = max(0.0, math.hypot(ahead, abeam) + self._speed_std * self._source.next())
-        return speed_mps, position * 360.0 / self._positions
+        apparent_mps = math.hypot(ahead, abeam)
+        if apparent_mps > VANE_STALL_MPS:
+            from_rad = math.atan2(-abeam, -ahead) - self._misalignment_rad
+            self._position = round(from_rad * self._positions / math.tau) % self._positions
+        speed_mps = max(0.0, apparent_mps + self._speed_std * self._source.next())
+        return speed_mps, self._position * 360.0 / self._positions
 
 
 def mwv_sentence(speed_mps: float, from_deg: float) -> bytes:

@@ -178,7 +178,7 @@ def _truth(frames: list[tuple[int, Any]], start_ns: int, origin_deg: tuple[float
     if not frames or origin_deg is None:
         return None
     local = LocalFrame(lat_deg=origin_deg[0], lon_deg=origin_deg[1])
-    rows = [
+    rows: list[tuple[float, ...]] = [
         ((t_ns - start_ns) * 1e-9, *local.to_ned(m.lat_int * 1e-7, m.lon_int * 1e-7), m.yaw)
         for t_ns, m in frames
         if m is not None

@@ -88,7 +88,9 @@ def check_tlog(config: Config, path: Path, on_tick: Callable[[int], None] | None
     }
 
 
-def _compare(estimate: Any, local: Any, theirs: dict[str, Any], position_m: list[float], heading_deg: list[float]) -> None:
+def _compare(
+    estimate: Any, local: Any, theirs: dict[str, Any], position_m: list[float], heading_deg: list[float]
+) -> None:
     """Append the errors to what the autopilot last said of itself."""
     position, attitude = theirs.get("GLOBAL_POSITION_INT"), theirs.get("ATTITUDE")
     if position is None or attitude is None:

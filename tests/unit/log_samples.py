@@ -67,6 +67,7 @@ def sample_outputs(tick: int, control: bool = True, sent: int = 1) -> Outputs:
             control_ok=True,
             counters=(("autopilot_bad", 0), ("autopilot_lost", 2)),
         ),
+        origin_deg=(ORIGIN.lat_deg, ORIGIN.lon_deg),
     )
 
 
@@ -78,7 +79,7 @@ def make_recorder(path: Path, threaded: bool = False, chunk_kib: int = 16, **opt
 def record_ticks(recorder: Recorder, ticks: range) -> None:
     for tick in ticks:
         recorder.write_inputs(sample_inputs(tick, frames=tick % 4))
-        recorder.write_outputs(sample_outputs(tick, control=tick % 4 == 0), ORIGIN)
+        recorder.write_outputs(sample_outputs(tick, control=tick % 4 == 0))
         recorder.write_timing(START_NS + tick * TICK_NS, 1000 + tick, tick == 3)
 
 

@@ -27,6 +27,7 @@ def test_shipped_configs_load(name: str) -> None:
         ("vehicle.vessel.thrust_curve=[[0, 1], [0, 2]]", "rising commands"),
         ("vehicle.name=[1]", "key vehicle.name"),
         ("plant.seed.deeper=1", "seed is a value, not a section"),
+        ("links.autopilot.endpoint=udpim:127.0.0.1:1", "udpin:HOST:PORT"),
         ("plant.seed", "KEY=VALUE is expected"),
         ("plant.seed=[", "not valid YAML"),
     ],

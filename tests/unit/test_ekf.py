@@ -48,7 +48,9 @@ def test_nothing_before_position_and_heading() -> None:
     assert now(ekf, S // 10).psi_rad == pytest.approx(1.0) and ekf.started
 
 
-def drive(ekf: Ekf, seconds: float, rng: np.random.Generator, *, speed: float, psi: float, start_s: float = 0.0) -> None:
+def drive(
+    ekf: Ekf, seconds: float, rng: np.random.Generator, *, speed: float, psi: float, start_s: float = 0.0
+) -> None:
     """A straight line at constant speed with sensor noise: attitude at 20 Hz, fixes at 10 Hz."""
     for tick in range(1, round(seconds * 20) + 1):
         t_s = start_s + tick / 20

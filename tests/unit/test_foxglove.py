@@ -93,7 +93,7 @@ def test_plan_is_a_line_strip_and_station_an_arrow() -> None:
 
 
 def test_messages_fit_their_schemas() -> None:
-    messages = convert_outputs(sample_outputs(0), ORIGIN)
+    messages = convert_outputs(sample_outputs(0))
     messages.append(("/asvhil/log", log_message(START_NS, "warning", "wind is stale")))
     assert [topic for topic, _ in messages] == list(TOPIC_SCHEMAS)
     for topic, data in messages:
@@ -101,14 +101,15 @@ def test_messages_fit_their_schemas() -> None:
 
 
 def test_no_fix_without_an_origin() -> None:
-    assert [topic for topic, _ in convert_outputs(sample_outputs(0), None)] == ["/asvhil/pose", "/tf", "/asvhil/plan"]
+    outputs = dataclasses.replace(sample_outputs(0), origin_deg=None)
+    assert [topic for topic, _ in convert_outputs(outputs)] == ["/asvhil/pose", "/tf", "/asvhil/plan"]
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, 1e300])
 def test_no_json_without_finite_numbers(value: float) -> None:
     for changes in ({"n_m": value}, {"psi_rad": value}, {"std": (0.1, value)}, {"v_mps": value}):
         outputs = with_estimate(sample_outputs(0), **changes)
-        assert [topic for topic, _ in convert_outputs(outputs, ORIGIN)] == ["/asvhil/plan"]
+        assert [topic for topic, _ in convert_outputs(outputs)] == ["/asvhil/plan"]
     outputs = sample_outputs(0)
     plan = ((0.0, value, 0.0, 0.0),)
     broken = dataclasses.replace(outputs, control=dataclasses.replace(outputs.control, plan=plan))
@@ -117,8 +118,8 @@ def test_no_json_without_finite_numbers(value: float) -> None:
 
 def test_invalid_or_absent_estimates_are_not_drawn() -> None:
     bare = sample_outputs(0, control=False)
-    assert convert_outputs(with_estimate(bare, valid=False), ORIGIN) == []
-    assert convert_outputs(dataclasses.replace(bare, estimate=None), ORIGIN) == []
+    assert convert_outputs(with_estimate(bare, valid=False)) == []
+    assert convert_outputs(dataclasses.replace(bare, estimate=None)) == []
 
 
 @pytest.mark.parametrize(("name", "level"), [("debug", 1), ("INFO", 2), ("warning", 3), ("error", 4), ("other", 0)])

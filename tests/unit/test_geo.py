@@ -10,15 +10,16 @@ from hypothesis import strategies as st
 from asvhil.geo import LocalFrame, body_to_ned, ned_to_body, wrap_2pi, wrap_rad
 
 
-@given(
-    lat=st.floats(-70, 70), lon=st.floats(-180, 180), distance=st.floats(0.1, 2000), bearing=st.floats(-180, 180)
-)
+@given(lat=st.floats(-70, 70), lon=st.floats(-180, 180), distance=st.floats(0.1, 2000), bearing=st.floats(-180, 180))
 def test_local_plane_agrees_with_the_geodesic(lat: float, lon: float, distance: float, bearing: float) -> None:
     there = Geodesic.WGS84.Direct(lat, lon, bearing, distance)
     n, e = LocalFrame(lat_deg=lat, lon_deg=lon).to_ned(there["lat2"], there["lon2"])
     # The plane ignores the convergence of meridians: distance^2 tan(lat) / 2R, 0.9 m at 2 km and 70 degrees.
     allowed = 0.002 + 0.6 * distance**2 * (1 + abs(math.tan(math.radians(lat)))) / 6.37e6
-    assert math.hypot(n - distance * math.cos(math.radians(bearing)), e - distance * math.sin(math.radians(bearing))) < allowed
+    assert (
+        math.hypot(n - distance * math.cos(math.radians(bearing)), e - distance * math.sin(math.radians(bearing)))
+        < allowed
+    )
 
 
 @given(lat=st.floats(-80, 80), lon=st.floats(-180, 179.999), n=st.floats(-5000, 5000), e=st.floats(-5000, 5000))

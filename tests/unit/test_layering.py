@@ -12,7 +12,7 @@ PACKAGE = Path(__file__).resolve().parents[2] / "asvhil"
 # Lower layers may import higher ones of this list, never the other way round.
 CORE = [
     ["types", "errors"],
-    ["geo"],
+    ["geo", "io.endpoints.spec"],
     ["config"],
     ["dynamics"],
     ["io.mavlink", "io.nmea"],
@@ -27,7 +27,7 @@ CORE = [
 SHELL = [
     ["clock", "io.endpoint", "io.endpoints", "io.encoding", "io.foxglove", "io.recorder", "io.logfile", "io.tlog"],
     ["replay", "operator_client", "status"],
-    ["simplant"],
+    ["simplant", "train"],
     ["study"],
     ["daemon"],
     ["sitl"],

@@ -12,7 +12,7 @@ from asvhil.io.streams import StreamKeeper
 from asvhil.types import Attitude, Frame, FrontseatStatus, GnssFix, HoldCommand, Imu, Measurement, ReleaseCommand
 
 MS, S = 1_000_000, 1_000_000_000
-CONFIG = AutopilotLinkConfig(endpoint="memory", streams_hz={"ATTITUDE": 20.0, "GLOBAL_POSITION_INT": 10.0})
+CONFIG = AutopilotLinkConfig(endpoint="udpin:127.0.0.1:0", streams_hz={"ATTITUDE": 20.0, "GLOBAL_POSITION_INT": 10.0})
 AUTOPILOT = dialect.MAVLink(None, srcSystem=1, srcComponent=1)
 
 
@@ -184,9 +184,15 @@ def test_answers_go_to_the_asker() -> None:
     [
         (dialect.MAVLink_command_long_message(1, 191, 400, 0, 1, 0, 0, 0, 0, 0, 0), dialect.MAV_RESULT_UNSUPPORTED),
         (dialect.MAVLink_command_long_message(1, 191, 92, 0, 1, 0, 0, 0, 0, 0, 0), dialect.MAV_RESULT_DENIED),
-        (dialect.MAVLink_command_long_message(1, 191, 192, 0, 0, 0, 0, 0, 0, 0, 0), dialect.MAV_RESULT_COMMAND_INT_ONLY),
+        (
+            dialect.MAVLink_command_long_message(1, 191, 192, 0, 0, 0, 0, 0, 0, 0, 0),
+            dialect.MAV_RESULT_COMMAND_INT_ONLY,
+        ),
         (dialect.MAVLink_command_int_message(1, 191, 0, 192, 0, 0, 0, 0, 0, 0, 0, 0, 0), dialect.MAV_RESULT_DENIED),
-        (dialect.MAVLink_command_int_message(1, 191, 0, 192, 0, 0, 0, 0, 0, 0, 950000000, 1, 0), dialect.MAV_RESULT_DENIED),
+        (
+            dialect.MAVLink_command_int_message(1, 191, 0, 192, 0, 0, 0, 0, 0, 0, 950000000, 1, 0),
+            dialect.MAV_RESULT_DENIED,
+        ),
     ],
 )
 def test_what_is_not_understood_is_refused_in_words_of_the_protocol(message: object, result: int) -> None:

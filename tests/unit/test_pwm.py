@@ -15,7 +15,16 @@ MS = 1_000_000
 
 @pytest.mark.parametrize(
     ("command", "pulse"),
-    [(0.0, 1500), (1.0, 1900), (-1.0, 1100), (0.5, 1700), (7.0, 1900), (-7.0, 1100), (math.nan, 1500), (math.inf, 1500)],
+    [
+        (0.0, 1500),
+        (1.0, 1900),
+        (-1.0, 1100),
+        (0.5, 1700),
+        (7.0, 1900),
+        (-7.0, 1100),
+        (math.nan, 1500),
+        (math.inf, 1500),
+    ],
 )
 def test_pulse_of_command(command: float, pulse: int) -> None:
     assert pulse_of_command(PWM, command) == pulse

@@ -75,7 +75,7 @@ def test_odd_frames_keep_their_bytes_peers_and_order(tmp_path: Path) -> None:
     inputs = [Inputs(t_ns=START_NS, frames=frames), Inputs(t_ns=START_NS, frames=()), sample_inputs(3)]
     for tick, one in enumerate(inputs):
         recorder.write_inputs(one)
-        recorder.write_outputs(sample_outputs(tick), None)
+        recorder.write_outputs(sample_outputs(tick))
     recorder.close()
     assert recorder.error is None
     assert [read for read, _ in LogFile(tmp_path / "run.mcap").ticks()] == inputs
@@ -139,7 +139,7 @@ def test_views_come_at_5_hz_without_a_control(tmp_path: Path) -> None:
     recorder = make_recorder(tmp_path / "run.mcap")
     for tick in range(40):
         recorder.write_inputs(sample_inputs(tick))
-        recorder.write_outputs(sample_outputs(tick, control=False), None)
+        recorder.write_outputs(sample_outputs(tick, control=False))
     recorder.close()
     with (tmp_path / "run.mcap").open("rb") as file:
         times = [message.log_time for _, _, message in make_reader(file).iter_messages("/asvhil/pose")]
@@ -272,7 +272,7 @@ def test_outputs_that_cannot_be_encoded_stop_the_recording_only(tmp_path: Path) 
     record_ticks(recorder, range(2))
     outputs = dataclasses.replace(sample_outputs(2), pwm_us=object())
     recorder.write_inputs(sample_inputs(2))
-    recorder.write_outputs(outputs, None)
+    recorder.write_outputs(outputs)
     recorder.close()
     assert "recording stopped: TypeError: a object cannot be recorded" in str(recorder.error)
 

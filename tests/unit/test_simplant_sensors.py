@@ -37,6 +37,8 @@ def test_white_noise_of_each_sensor() -> None:
     seen = record(nav, truth(90.0), 20_000, "psi_rad", "r_radps", "fix_n_m", "fix_e_m", "fix_vn_mps", "fix_ve_mps")
     assert seen.mean(axis=0) == pytest.approx([math.pi / 2, 0.0, 10.0, -20.0, 0.0, 0.0], abs=0.01)
     assert seen.std(axis=0) == pytest.approx([math.radians(0.25), 0.009, 0.07, 0.07, 0.05, 0.05], rel=0.08)
+    between = np.corrcoef(seen[::10].T) - np.eye(6)  # one row a fix
+    assert np.abs(between).max() < 0.1
 
 
 def test_slow_bias_has_its_spread_and_correlation_time() -> None:
@@ -148,8 +150,14 @@ def test_anemometer_speed_noise_never_makes_the_speed_negative() -> None:
     assert min(calm) == 0.0
 
 
+def test_the_vane_stays_where_it_was_when_the_wind_dies() -> None:
+    sensor = Anemometer(AnemometerSensorConfig(speed_white_mps=0.0), np.random.SeedSequence(1))
+    assert sensor.sample(truth(), 0.0, -3.0) == (3.0, 90.0)
+    assert sensor.sample(truth(), 0.0, 0.0) == (0.0, 90.0)
+
+
 def test_sentence() -> None:
-    assert mwv_sentence(4.2426, 45.0) == b"$WIMWV,45.0,R,4.24,M,A*19\r\n"
+    assert mwv_sentence(4.2426, 45.0) == b"$WIMWV,45.0,R,4.24,M,A*23\r\n"
     parsed = NMEAReader.parse(mwv_sentence(0.0, 337.5))
     assert (parsed.talker, parsed.msgID, parsed.angle, parsed.reference) == ("WI", "MWV", 337.5, "R")
     assert (parsed.speed, parsed.speedu, parsed.status) == (0.0, "M", "A")

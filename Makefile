@@ -1,0 +1,53 @@
+# `make sitl` and `make test` do all the set-up on a fresh Debian machine with Python 3.11.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+PIP := $(BIN)/python -m pip --disable-pip-version-check
+INSTALL := $(PIP) install -qq -c constraints.txt
+STAMPS := $(VENV)/.stamps
+
+.DEFAULT_GOAL := help
+.PHONY: help sitl test lint unit check-aarch64 clean
+
+help:
+	@echo "make sitl   keep a station for 60 s with the simulated boat"
+	@echo "make test   lint, types and all tests"
+	@echo "make check-aarch64  download the daemon's packages as wheels for 64-bit ARM"
+	@echo "make clean  remove the virtual environment and caches"
+
+# The daemon's own packages: no torch.
+$(STAMPS)/base: pyproject.toml constraints.txt
+	@echo "setting up $(VENV) ..."
+	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
+	@$(INSTALL) -e .
+	@mkdir -p $(STAMPS) && touch $@
+
+$(STAMPS)/test: $(STAMPS)/base
+	@echo "adding what the tests need ..."
+	@$(INSTALL) -e '.[train,dev]'
+	@touch $@
+
+sitl: $(STAMPS)/base
+	@$(BIN)/asvhil sitl
+
+test: lint unit
+
+lint: $(STAMPS)/test
+	@$(BIN)/ruff check .
+	@$(BIN)/ruff format --check .
+	@$(BIN)/mypy
+
+unit: $(STAMPS)/test
+	@$(BIN)/pytest -q
+
+# Every package of the daemon must come as a ready wheel for a Jetson or a Raspberry Pi (64 bit) too.
+check-aarch64: $(STAMPS)/base
+	@rm -rf $(VENV)/aarch64
+	@$(BIN)/python -c "import tomllib; print(*tomllib.load(open('pyproject.toml', 'rb'))['project']['dependencies'], sep='\n')" > $(VENV)/runtime.txt
+	@$(PIP) download -qq -c constraints.txt -r $(VENV)/runtime.txt -d $(VENV)/aarch64 --only-binary :all: \
+		--python-version 3.11 --implementation cp --abi cp311 --abi abi3 --abi none \
+		--platform manylinux_2_28_aarch64 --platform manylinux_2_17_aarch64 --platform manylinux2014_aarch64
+	@ls $(VENV)/aarch64
+
+clean:
+	rm -rf $(VENV) .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -1,0 +1,66 @@
+"""NNSEM: the paper's network of the acceleration, nu_dot = N_f(nu, u, w), trained under forward Euler steps."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from asvhil.dynamics.arrays import namespace_of
+from asvhil.types import record
+
+Array = NDArray[np.float64]
+
+
+@record
+class Scaling:
+    """The training set's centre and half width of each component: (z - centre) / half lies in [-1, 1]."""
+
+    centre: Array
+    half: Array
+
+
+class TanhNetwork:
+    """y = W2 tanh(W1 z + b1) + b2: one hidden layer, for NumPy, CasADi and torch arrays alike."""
+
+    def __init__(self, w1: Any, b1: Any, w2: Any, b2: Any) -> None:
+        self._w1, self._b1, self._w2, self._b2 = w1, b1, w2, b2
+
+    @classmethod
+    def in_units(cls, w1: Array, b1: Array, w2: Array, b2: Array, scaling: Scaling) -> TanhNetwork:
+        """The network of scaled inputs and outputs as one of inputs in their units and nu_dot (m/s^2, rad/s^2).
+
+        The scaling goes into the weights: the outputs are rates of the scaled (u, v, r), the first three inputs.
+        """
+        folded = w1 / scaling.half
+        half_nu = scaling.half[:3]
+        return cls(folded, b1 - folded @ scaling.centre, half_nu[:, None] * w2, half_nu * b2)
+
+    def __call__(self, z: Any) -> Any:
+        xp = namespace_of(z)
+        return xp.affine(self._w2, self._b2, xp.tanh(xp.affine(self._w1, self._b1, z)))
+
+
+class Nnsem:
+    """nu_dot of (u, v, r, port, starboard, w_u, w_v); driven by the command itself and without motor states."""
+
+    name = "nnsem"
+    n_motor = 0
+    input_lower = -1.0
+    input_upper = 1.0
+    euler = True
+
+    def __init__(self, network: TanhNetwork, dt_s: float) -> None:
+        self._network = network
+        self.max_step_s = dt_s
+
+    def derivative(self, x: Any, a: Any, wind: Any) -> Any:
+        """nu_dot of x = (u, v, r) under command a and true wind in body axes."""
+        return self._network(namespace_of(x).concat([x, a, wind]))
+
+    def command_of_input(self, a: tuple[float, float]) -> tuple[float, float]:
+        return a
+
+    def input_of_command(self, command: tuple[float, float]) -> tuple[float, float]:
+        return command

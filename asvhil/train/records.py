@@ -1,0 +1,107 @@
+"""Aligned training data: segments at a constant step, their split by time, and the ranges for scaling. No torch."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from asvhil.errors import LogError
+from asvhil.types import record
+
+Array = NDArray[np.float64]
+
+
+@record
+class Segment:
+    """One uninterrupted stretch at constant dt; row k of every array belongs to t_s[k]."""
+
+    t_s: Array  # (T,) since the start of the file it came from
+    nu: Array  # (T, 3) u, v (m/s over ground, body axes), r (rad/s)
+    command: Array  # (T, 2) port, starboard in [-1, 1], held over [t, t + dt)
+    wind: Array  # (T, 2) true wind in body axes (m/s): velocity of the air over ground, rotated by the heading
+    psi: Array  # (T,) rad, continuous; NaN where unknown
+
+
+@record
+class Dataset:
+    """All segments of some files at one step. `source_hash` is the SHA-256 of the files, in the order given."""
+
+    dt_s: float
+    segments: tuple[Segment, ...]
+    source_hash: str
+
+    @property
+    def duration_s(self) -> float:
+        """The length of all segments together (s)."""
+        return self.dt_s * sum(len(segment.t_s) for segment in self.segments)
+
+
+@record
+class Ranges:
+    """Extremes of a training set, for the scaling to [-1, 1]: (low, high) per component."""
+
+    nu: Array  # (3, 2)
+    command: Array  # (2, 2)
+    wind: Array  # (2, 2)
+
+
+def slice_segment(segment: Segment, start: int, stop: int) -> Segment:
+    """Rows start to stop of a segment."""
+    part = slice(start, stop)
+    return Segment(
+        t_s=segment.t_s[part],
+        nu=segment.nu[part],
+        command=segment.command[part],
+        wind=segment.wind[part],
+        psi=segment.psi[part],
+    )
+
+
+def split(dataset: Dataset, test_fraction: float) -> tuple[Dataset, Dataset]:
+    """(training, test): the last test_fraction of each segment's time is the test set. LogError where one is empty."""
+    if not 0.0 < test_fraction < 1.0:
+        raise ValueError(f"test_fraction must lie between 0 and 1, not {test_fraction}")
+    train, test = [], []
+    for segment in dataset.segments:
+        cut = round(len(segment.t_s) * (1.0 - test_fraction))
+        for part, into in ((slice_segment(segment, 0, cut), train), (slice_segment(segment, cut, len(segment.t_s)), test)):
+            if len(part.t_s) >= 2:
+                into.append(part)
+    if not train or not test:
+        raise LogError(f"{dataset.duration_s:.1f} s of data are too short to be split at {test_fraction:.0%}")
+
+    def of(segments: Sequence[Segment]) -> Dataset:
+        return Dataset(dt_s=dataset.dt_s, segments=tuple(segments), source_hash=dataset.source_hash)
+
+    return of(train), of(test)
+
+
+def ranges(dataset: Dataset) -> Ranges:
+    """Extremes of a set over all its segments; call it with the training set only, and store it with the model."""
+
+    def extremes(rows: list[Array]) -> Array:
+        every = np.concatenate(rows)
+        return np.stack([every.min(axis=0), every.max(axis=0)], axis=-1)
+
+    return Ranges(
+        nu=extremes([segment.nu for segment in dataset.segments]),
+        command=extremes([segment.command for segment in dataset.segments]),
+        wind=extremes([segment.wind for segment in dataset.segments]),
+    )
+
+
+def source_hash(paths: Sequence[Path]) -> str:
+    """SHA-256 of the contents of files, in their order. LogError where one cannot be read."""
+    digest = hashlib.sha256()
+    for path in paths:
+        try:
+            with path.open("rb") as file:
+                while block := file.read(1 << 20):
+                    digest.update(block)
+        except OSError as error:
+            raise LogError(f"{path}: cannot be read ({error.strerror})") from None
+    return digest.hexdigest()

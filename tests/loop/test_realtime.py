@@ -1,0 +1,86 @@
+"""Two processes, real UDP, a real serial line: engagement, noise on every link, kill -9, and the log afterwards."""
+
+import random
+import signal
+import socket
+import time
+from pathlib import Path
+
+from processes import bench, listen
+
+from asvhil.config import load_config
+from asvhil.io.logfile import LogFile
+from asvhil.replay import replay
+from asvhil.sitl import run_realtime
+from asvhil.study.runlog import read_run, summarise
+
+
+def test_hold_by_command_through_noise_and_a_clean_end(tmp_path: Path) -> None:
+    noise = random.Random(3)
+    with bench(tmp_path, "supervisor.engage=command") as at, at.plant(), at.daemon() as daemon:
+        daemon.wait_for(lambda s: s["heading_deg"] is not None, 15.0)
+        refused = at.command("hold")
+        assert refused.returncode == 2 and "vehicle is not armed" in refused.stderr
+        assert daemon.wait_for(lambda s: True, 5.0)["phase"] == "standby"
+        daemon.end()
+    with bench(tmp_path / "second", "supervisor.engage=auto") as at:
+        (tmp_path / "second").mkdir()
+        with at.plant(), at.daemon() as daemon:
+            daemon.wait_for(lambda s: s["phase"] == "hold", 15.0)
+            released = at.command("release")
+            assert (released.returncode, released.stdout) == (0, "released\n"), released.stderr
+            daemon.wait_for(lambda s: s["phase"] == "standby" and s["pwm_us"] is None, 5.0)
+            held = at.command("hold", "--heading", "10")
+            assert (held.returncode, held.stdout) == (0, "holding\n"), held.stderr
+            daemon.wait_for(lambda s: s["phase"] == "hold", 5.0)
+            with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as attacker:
+                for _ in range(256):  # a megabyte into each link, in a few seconds
+                    data = noise.randbytes(4096)
+                    attacker.sendto(data, ("127.0.0.1", at.autopilot_port))
+                    attacker.sendto(data, ("127.0.0.1", at.operator_port))
+                    at.line.write(data)
+                    time.sleep(0.005)
+            status = daemon.wait_for(lambda s: s["wind_mps"] is not None, 5.0)
+            assert status["phase"] == "hold", status
+            time.sleep(2.0)
+            assert daemon.wait_for(lambda s: True, 5.0)["phase"] == "hold"
+            code, words = daemon.end(signal.SIGTERM)
+        assert (code, words) == (0, "")
+        run = read_run(at.log)
+        assert run.counters["autopilot.garbage_bytes"] > 500_000
+        assert run.counters["operator.garbage_bytes"] > 500_000
+        assert run.counters["anemometer.bad"] > 500
+        result = replay(at.log)
+        assert result.mismatch is None and not result.truncated and result.compared > 100
+
+
+def test_kill_9_leaves_neutral_motors_and_a_readable_log(tmp_path: Path) -> None:
+    with bench(tmp_path) as at, at.plant():
+        with at.daemon() as daemon:
+            daemon.wait_for(lambda s: s["phase"] == "hold", 15.0)
+            time.sleep(3.0)
+            last_t_s = daemon.wait_for(lambda s: True, 3.0)["t_s"]
+            daemon.end(signal.SIGKILL)
+        heard = listen(at.autopilot_port, 5.0)
+        outputs = [(t_s, m.servo1_raw, m.servo3_raw) for t_s, m in heard if m.get_type() == "SERVO_OUTPUT_RAW"]
+        assert outputs and outputs[0][1:] != (1500, 1500), "the motors were running when the daemon died"
+        late = [pulses for t_s, *pulses in outputs if t_s > 3.2]  # the override time-out is 2.9 s
+        assert late and all(pulses == [1500, 1500] for pulses in late)
+        log = LogFile(at.log)
+        ticks = list(log.ticks())
+        span_s = (ticks[-1][0].t_ns - ticks[0][0].t_ns) * 1e-9
+        assert log.truncated and span_s > last_t_s - 0.6
+        assert replay(at.log).mismatch is None
+
+
+def test_real_time_over_udp_keeps_the_station(tmp_path: Path) -> None:
+    config = load_config("sitl", ("plant.sensors.gnss.slow_bias_m=0", "plant.start_n_m=-5.0"))
+    statuses: list[dict[str, object]] = []
+    run_realtime(config, tmp_path, tmp_path / "log.mcap", 40.0, statuses.append)
+    figures = summarise(read_run(tmp_path / "log.mcap"))
+    assert figures["truth"]["distance_m"]["mean"] <= 0.8
+    assert abs(figures["truth"]["heading_deg"]["mean"]) <= 2.0
+    assert figures["phases"]["hold"] > 30.0
+    assert len(statuses) > 60
+    assert figures["overruns"] <= 0.05 * figures["ticks"]
+    assert replay(tmp_path / "log.mcap").mismatch is None
