@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asvhil.config import EkfConfig
+from asvhil.dynamics.buffers import bind
 from asvhil.dynamics.protocol import Dynamics
 from asvhil.geo import LocalFrame, wrap_rad
 from asvhil.types import Attitude, Estimate, GnssFix
@@ -44,18 +45,14 @@ class _Prediction:
         after = s + dt * rate(s + 0.5 * dt * rate(s))
         jacobian = ca.jacobian(after[:SIZE], s[:SIZE])
         function = ca.Function("ekf_prediction", [s, a, wind, dt], [after, ca.densify(jacobian)], {"cse": True})
-        self._buffer, self._run = function.buffer()
         self.state = np.zeros(size)
         self.input = np.zeros(2)
         self.wind = np.zeros(2)
         self._dt = np.zeros(1)
         self.after = np.zeros(size)
-        self._jacobian = np.zeros(SIZE * SIZE)
-        for i, array in enumerate((self.state, self.input, self.wind, self._dt)):
-            self._buffer.set_arg(i, array.data)
-        self._buffer.set_res(0, self.after.data)
-        self._buffer.set_res(1, self._jacobian.data)
-        self.jacobian = self._jacobian.reshape(SIZE, SIZE, order="F")
+        jacobian_columns = np.zeros(SIZE * SIZE)
+        self._run = bind(function, [self.state, self.input, self.wind, self._dt], [self.after, jacobian_columns])
+        self.jacobian = jacobian_columns.reshape(SIZE, SIZE, order="F")
 
     def __call__(self, dt_s: float) -> None:
         self._dt[0] = dt_s

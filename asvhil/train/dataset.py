@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from asvhil.train.log_data import dataset_from_logs, truth_from_log
 from asvhil.train.records import Array, Dataset, Ranges, Segment, ranges, split
 
-__all__ = ["Array", "Dataset", "Ranges", "Segment", "ranges", "split"]
+__all__ = ["Array", "Dataset", "Ranges", "Segment", "dataset_from_logs", "ranges", "split", "truth_from_log"]

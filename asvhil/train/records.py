@@ -33,6 +33,7 @@ class Dataset:
     dt_s: float
     segments: tuple[Segment, ...]
     source_hash: str
+    outliers: int = 0  # samples that were left out because no boat jumps like that
 
     @property
     def duration_s(self) -> float:
@@ -75,7 +76,7 @@ def split(dataset: Dataset, test_fraction: float) -> tuple[Dataset, Dataset]:
         raise LogError(f"{dataset.duration_s:.1f} s of data are too short to be split at {test_fraction:.0%}")
 
     def of(segments: Sequence[Segment]) -> Dataset:
-        return Dataset(dt_s=dataset.dt_s, segments=tuple(segments), source_hash=dataset.source_hash)
+        return Dataset(dt_s=dataset.dt_s, segments=tuple(segments), source_hash=dataset.source_hash, outliers=dataset.outliers)
 
     return of(train), of(test)
 

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
-
-import casadi as ca
 import daqp
 import numpy as np
 
 from asvhil.controller.mpc import POSE_AND_VELOCITY, Array, Solution, StationProblem
+from asvhil.dynamics.buffers import bind
 
 ARMIJO = 1e-4  # least part of the decrease promised by the slope that a step must bring
 SHORTEST_STEP = 1.0 / 64.0
@@ -30,8 +27,8 @@ class Sqp:
         self._p, self._u = np.zeros(problem.n_parameters), np.zeros(width)
         self._x, self._cost = np.zeros((stages + 1) * n), np.zeros(1)
         self._x_tangent, self._blocks = np.zeros((stages + 1) * n), np.zeros(stages * n * (n + 2))
-        self._roll = _bind(problem.rollout, [self._p, self._u], [self._x, self._cost])
-        self._linearise = _bind(problem.linearised, [self._p, self._u], [self._x_tangent, self._blocks])
+        self._roll = bind(problem.rollout, [self._p, self._u], [self._x, self._cost])
+        self._linearise = bind(problem.linearised, [self._p, self._u], [self._x_tangent, self._blocks])
         # Row block k holds d s_k / d U over d a_k / d U, so that one product with [dF/ds | dF/da] gives d s_k+1 / d U.
         self._gains = np.zeros((stages + 1, n + 2, width))
         for k in range(stages):
@@ -146,18 +143,3 @@ class Sqp:
             ok=False,
             status=status,
         )
-
-
-def _bind(function: ca.Function, arguments: list[Array], results: list[Array]) -> Callable[[], None]:
-    """A call of the function that reads and writes the given 1-D contiguous arrays in place."""
-    bound: Any = function.buffer()  # its type hints ask for a size that it does not take with a memoryview
-    buffer, call = bound
-    for i, array in enumerate(arguments):
-        buffer.set_arg(i, array.data)
-    for i, array in enumerate(results):
-        buffer.set_res(i, array.data)
-
-    def evaluate(keep_alive: tuple[object, ...] = (function, buffer, *arguments, *results)) -> None:
-        call()
-
-    return evaluate

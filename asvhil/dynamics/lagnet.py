@@ -1,0 +1,115 @@
+"""LagNet: a learned thrust map, then a learned motor lag, then a network beside skip terms. The improved NNSEM.
+
+One monotone map, shared by both motors, turns the command into thrust over full ahead thrust. Each motor follows it
+with a first-order lag, and the acceleration is what a small tanh network and a few products of the scaled velocities,
+thrusts and winds say. The map's output is the model's input, so its dead band stays out of the optimisation.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from asvhil.dynamics.arrays import namespace_of
+from asvhil.dynamics.nnsem import Array, TanhNetwork
+
+MAP_POINTS = 4001
+STATE_LIMIT = 2.0  # of the training range: beyond it the products of velocities stay what they are there
+
+
+class ThrustMap:
+    """T(c) = (g(c) - g(0)) / (g(1) - g(0)), g(c) = sum_i gain_i tanh(slope_i (c - centre_i)), all gains and slopes > 0.
+
+    It rises everywhere, with T(0) = 0 and T(1) = 1; the inverse is read off a fine table.
+    """
+
+    def __init__(self, gain: Array, slope: Array, centre: Array) -> None:
+        self._command = np.linspace(-1.0, 1.0, MAP_POINTS)
+        g = np.tanh(slope * (self._command[:, None] - centre)) @ gain
+        middle = g[MAP_POINTS // 2]
+        self._thrust: Array = (g - middle) / (g[-1] - middle)
+        self.astern = float(self._thrust[0])
+
+    def thrust(self, command: float) -> float:
+        """Thrust of one motor over its full ahead thrust."""
+        return float(np.interp(command, self._command, self._thrust))
+
+    def command(self, thrust: float) -> float:
+        """The command that gives a thrust; no thrust is the command 0, and the ends are held."""
+        return float(np.interp(thrust, self._thrust, self._command))
+
+
+class LagNet:
+    """x = (u, v, r, port, starboard thrust); input a = (port, starboard) thrust demands, 1 being full ahead.
+
+    `skip` (3, 16) weighs the products listed in `skip_terms`; `half` (7) scales (u, v, r, port, starboard, w_u, w_v);
+    `direct` in [0, 1] is the part of a change of demand that acts within the Euler step that it comes in.
+    """
+
+    name = "lagnet"
+    n_motor = 2
+    input_upper = 1.0
+    euler = True
+
+    def __init__(
+        self,
+        thrust_map: ThrustMap,
+        lag_s: float,
+        direct: float,
+        network: TanhNetwork,
+        skip: Array,
+        half: Array,
+        dt_s: float,
+    ) -> None:
+        self._map, self._lag_s, self._direct = thrust_map, lag_s, direct
+        self._network, self._skip, self._half = network, skip, half
+        self._no_bias = np.zeros(3)
+        self.input_lower = thrust_map.astern
+        self.max_step_s = dt_s
+
+    def derivative(self, x: Any, a: Any, wind: Any) -> Any:
+        """x_dot of x under thrust demands a and true wind in body axes."""
+        xp = namespace_of(x)
+        u, v, r, port, starboard = (xp.component(x, i) for i in range(5))
+        to_port, to_starboard = xp.component(a, 0) - port, xp.component(a, 1) - starboard
+        z = xp.stack(
+            [
+                u,
+                v,
+                r,
+                port + self._direct * to_port,
+                starboard + self._direct * to_starboard,
+                xp.component(wind, 0),
+                xp.component(wind, 1),
+            ]
+        )
+        nu_dot = self._network(z) + xp.affine(self._skip, self._no_bias, skip_terms(xp, z, self._half))
+        motors = [to_port / self._lag_s, to_starboard / self._lag_s]
+        return xp.concat([nu_dot, xp.stack(motors)])
+
+    def command_of_input(self, a: tuple[float, float]) -> tuple[float, float]:
+        return self._map.command(a[0]), self._map.command(a[1])
+
+    def input_of_command(self, command: tuple[float, float]) -> tuple[float, float]:
+        return self._map.thrust(command[0]), self._map.thrust(command[1])
+
+
+def skip_terms(xp: Any, z: Any, half: Array) -> Any:
+    """The 16 skip terms of z = (u, v, r, port, starboard, w_u, w_v), each scaled by its half width.
+
+    (u, v, r), their x |x|, (u v, v r, r u), the two thrusts, (w_u, w_v), their w |w|, and w_u w_v.
+    """
+    u, v, r = (clip(xp.component(z, i) / half[i], STATE_LIMIT) for i in range(3))
+    port, starboard, w_u, w_v = (xp.component(z, i) / half[i] for i in range(3, 7))
+    return xp.stack(
+        [
+            *(u, v, r, u * abs(u), v * abs(v), r * abs(r), u * v, v * r, r * u),
+            *(port, starboard, w_u, w_v, w_u * abs(w_u), w_v * abs(w_v), w_u * w_v),
+        ]
+    )
+
+
+def clip(x: Any, limit: float) -> Any:
+    """x within +- limit, spelt with the one nonlinearity that all three array kinds share."""
+    return 0.5 * (abs(x + limit) - abs(x - limit))

@@ -1,0 +1,136 @@
+"""Samples that come when they come, to rows at a constant step: outliers, gaps, interpolation, smoothing, holds."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from asvhil.train.records import Array
+from asvhil.types import record
+
+WINDOW = 7  # samples of the running median that a sample is held against
+
+
+@record
+class Series:
+    """Samples of one source: t_s (N,) rising, values (N, K)."""
+
+    t_s: Array
+    values: Array
+
+
+def series(rows: list[tuple[float, ...]] | Array, width: int) -> Series:
+    """Rows of (t_s, values...) as a series; rows that are not finite and all but the last of one time are left out."""
+    table = np.asarray(rows, dtype=float).reshape(-1, width + 1)
+    table = table[np.isfinite(table).all(axis=1)]
+    table = table[np.argsort(table[:, 0], kind="stable")]
+    last = np.append(np.diff(table[:, 0]) > 0.0, True)[: len(table)]
+    return Series(t_s=table[last, 0], values=table[last, 1:])
+
+
+def without_outliers(source: Series, offset: float, rate_per_s: float, bound: float) -> tuple[Series, int]:
+    """The series without jumps, and how many samples went.
+
+    A sample is a jump where it lies off the median of its neighbours by more than `offset` plus what `rate_per_s`
+    allows over half the window, or beyond `bound`; what a boat does within a window is far less.
+    """
+    t_s, values = source.t_s, source.values
+    if len(t_s) < WINDOW:
+        good = (np.abs(values) <= bound).all(axis=1)
+    else:
+        half = WINDOW // 2
+        padded = np.concatenate([values[:WINDOW][half:0:-1], values, values[-WINDOW:][-2 : -half - 2 : -1]])
+        median = np.median(np.lib.stride_tricks.sliding_window_view(padded, WINDOW, axis=0), axis=-1)
+        limit = offset + rate_per_s * half * float(np.median(np.diff(t_s)))
+        good = ((np.abs(values - median) <= limit) & (np.abs(values) <= bound)).all(axis=1)
+    return Series(t_s=t_s[good], values=values[good]), int((~good).sum())
+
+
+def spans(t_s: Array, max_gap_s: float) -> list[tuple[float, float]]:
+    """(begin, end) of each stretch of time without a gap between samples beyond max_gap_s."""
+    if len(t_s) == 0:
+        return []
+    breaks = np.flatnonzero(np.diff(t_s) > max_gap_s)
+    begins, ends = np.append(0, breaks + 1), np.append(breaks, len(t_s) - 1)
+    return [(float(t_s[a]), float(t_s[b])) for a, b in zip(begins, ends, strict=True)]
+
+
+def common(a: list[tuple[float, float]], b: list[tuple[float, float]]) -> list[tuple[float, float]]:
+    """The stretches that two rising lists of stretches share."""
+    both = [(max(p[0], q[0]), min(p[1], q[1])) for p in a for q in b]
+    return sorted(span for span in both if span[1] > span[0])
+
+
+def interpolate(source: Series, t_s: Array) -> Array:
+    """(T, K): linear between the samples, the first and last held outside."""
+    return np.stack([np.interp(t_s, source.t_s, column) for column in source.values.T], axis=-1)
+
+
+def smooth(source: Series, t_s: Array, half_width_s: float) -> Array:
+    """(T, K): the local quadratic fit at each time, tricube weights over +- half_width_s. Looks ahead: not causal.
+
+    Where fewer than 4 samples are that near, the samples are interpolated instead.
+    """
+    result = interpolate(source, t_s)
+    first = np.searchsorted(source.t_s, t_s - half_width_s)
+    last = np.searchsorted(source.t_s, t_s + half_width_s, side="right")
+    for k in np.flatnonzero(last - first >= 4):
+        part = slice(first[k], last[k])
+        x = (source.t_s[part] - t_s[k]) / half_width_s
+        weight = np.sqrt((1.0 - np.minimum(np.abs(x), 1.0) ** 3) ** 3)
+        basis = np.stack([weight, weight * x, weight * x * x], axis=-1)
+        result[k] = np.linalg.lstsq(basis, weight[:, None] * source.values[part], rcond=1e-8)[0][0]
+    return result
+
+
+def low_pass(source: Series, t_s: Array, time_constant_s: float) -> Array:
+    """(T, K): a causal first-order low-pass of the samples, its latest value held."""
+    states = np.empty_like(source.values)
+    for k, value in enumerate(source.values):
+        if k == 0:
+            states[0] = value
+            continue
+        gain = 1.0 - np.exp(-(source.t_s[k] - source.t_s[k - 1]) / time_constant_s)
+        states[k] = states[k - 1] + gain * (value - states[k - 1])
+    at = np.clip(np.searchsorted(source.t_s, t_s, side="right") - 1, 0, None)
+    held: Array = states[at]
+    return held
+
+
+def smooth_mean(source: Series, t_s: Array, half_width_s: float) -> Array:
+    """(T, K): the mean over +- half_width_s with tricube weights. Looks ahead: not causal."""
+    result = interpolate(source, t_s)
+    first = np.searchsorted(source.t_s, t_s - half_width_s)
+    last = np.searchsorted(source.t_s, t_s + half_width_s, side="right")
+    for k in np.flatnonzero(last > first):
+        part = slice(first[k], last[k])
+        x = np.abs(source.t_s[part] - t_s[k]) / half_width_s
+        weight = (1.0 - np.minimum(x, 1.0) ** 3) ** 3 + 1e-9
+        result[k] = weight @ source.values[part] / weight.sum()
+    return result
+
+
+def hold_mean(source: Series, t_s: Array, dt_s: float) -> Array:
+    """(T, K): the mean over [t, t + dt) of samples that are held until the next one; the last is held on."""
+    steps = np.diff(source.t_s, append=max(source.t_s[-1], t_s[-1] + dt_s) + dt_s)
+    integral = np.vstack([np.zeros(source.values.shape[1]), np.cumsum(steps[:, None] * source.values, axis=0)])
+    over = Series(t_s=np.append(source.t_s, source.t_s[-1] + steps[-1]), values=integral)
+    return (interpolate(over, t_s + dt_s) - interpolate(over, t_s)) / dt_s
+
+
+def change_phase_s(source: Series, dt_s: float) -> float:
+    """When within a step of dt the values change, as the circular mean weighted by how much they do; 0 if never."""
+    if len(source.t_s) < 2:
+        return 0.0
+    jumps = np.abs(np.diff(source.values, axis=0)).sum(axis=1)
+    total = (jumps * np.exp(2j * np.pi * source.t_s[1:] / dt_s)).sum()
+    if abs(total) < 1e-12:
+        return 0.0
+    return float(np.angle(total) / (2.0 * np.pi) * dt_s % dt_s)
+
+
+def grid(span: tuple[float, float], dt_s: float, phase_s: float) -> Array:
+    """Times at phase + k dt whose steps [t, t + dt] lie within a span."""
+    slack = 1e-6 * dt_s
+    first = int(np.ceil((span[0] - phase_s - slack) / dt_s))
+    last = int(np.floor((span[1] - phase_s + slack) / dt_s)) - 1
+    return phase_s + dt_s * np.arange(first, last + 1)
