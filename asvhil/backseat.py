@@ -9,6 +9,7 @@ from asvhil.config import PwmConfig
 from asvhil.controller.pwm import PulseLimiter, command_of_pulse
 from asvhil.dynamics.protocol import Dynamics
 from asvhil.estimator.ekf import Ekf
+from asvhil.estimator.monitor import ModelMonitor
 from asvhil.estimator.wind import WindFilter
 from asvhil.geo import LocalFrame
 from asvhil.io.ardurover import ArduRoverLink
@@ -55,6 +56,7 @@ class Backseat:
         operator: OperatorLink,
         ekf: Ekf,
         wind: WindFilter,
+        monitor: ModelMonitor,
         supervisor: Supervisor,
         controller: Controller,
         pwm: PwmConfig,
@@ -67,6 +69,8 @@ class Backseat:
         self._operator = operator
         self._ekf = ekf
         self._wind = wind
+        self._monitor = monitor
+        self._model_ok = True
         self._supervisor = supervisor
         self._controller = controller
         self._pwm = pwm
@@ -100,9 +104,15 @@ class Backseat:
         if decision.station is None and self._station is not None:
             self._controller.reset()
         self._station = decision.station
-        control = self._control(decision, estimate, wind)
+        usable_wind = wind if wind is not None and wind.valid else None
+        control = self._control(decision, estimate, usable_wind)
         motor_frames = self._actuate(t_ns, decision, control)
-        self._force_model(wind)
+        model_input = self._model_input()
+        self._ekf.set_forcing(model_input, (usable_wind.vn_mps, usable_wind.ve_mps) if usable_wind else (0.0, 0.0))
+        model_error = None
+        if control is not None and estimate is not None:
+            model_error = self._monitor.step(estimate, model_input, usable_wind)
+            self._model_ok = model_error is None or model_error.ok
         frames = [*motor_frames, *answers, *self._link.poll(t_ns), *self._operator.poll(t_ns)]
         if decision.phase is not self._phase:
             self._phase = decision.phase
@@ -120,6 +130,7 @@ class Backseat:
             pwm_us=self._pulses_us,
             health=self._health(t_ns, decision, estimate, wind),
             origin_deg=None if frame is None else (frame.lat_deg, frame.lon_deg),
+            model_error=model_error,
         )
 
     def surrender(self, t_ns: int) -> list[Frame]:
@@ -178,8 +189,7 @@ class Backseat:
             self._ticks_to_control -= 1
             return None
         self._ticks_to_control = self._ticks_per_control - 1
-        usable_wind = wind if wind is not None and wind.valid else None
-        control = self._controller.step(estimate, usable_wind, decision.station)
+        control = self._controller.step(estimate, wind, decision.station)
         self._command = control.command if control.ok else (0.0, 0.0)
         self._supervisor.note_control(control.ok)
         return control
@@ -206,8 +216,8 @@ class Backseat:
             frames += self._link.request_arming(t_ns)
         return frames
 
-    def _force_model(self, wind: Wind | None) -> None:
-        """Tell the estimator what drives the boat from now on: our pulses, or the autopilot's outputs."""
+    def _model_input(self) -> tuple[float, float]:
+        """The model's input under what drives the boat from now on: our pulses, or else the autopilot's outputs."""
         pulses = self._pulses_us
         if pulses is None:
             status = self._status
@@ -216,9 +226,7 @@ class Backseat:
             port_us, starboard_us = (outputs[c - 1] if len(outputs) >= c else 0 for c in channels)
             pulses = (port_us, starboard_us)
         command = (command_of_pulse(self._pwm, pulses[0]), command_of_pulse(self._pwm, pulses[1]))
-        usable = wind is not None and wind.valid
-        wind_ned = (wind.vn_mps, wind.ve_mps) if wind is not None and usable else (0.0, 0.0)
-        self._ekf.set_forcing(self._model.input_of_command(command), wind_ned)
+        return self._model.input_of_command(command)
 
     def _heartbeat_age_s(self, t_ns: int) -> float | None:
         heard_ns = self._link.autopilot_heartbeat_ns
@@ -232,6 +240,7 @@ class Backseat:
             estimate_ok=estimate is not None and estimate.valid,
             wind_ok=wind is not None and wind.valid,
             control_ok=self._supervisor.control_ok,
+            model_ok=self._model_ok,
             counters=(
                 *self._link.counters(),
                 *self._anemometer.counters(),

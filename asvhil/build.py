@@ -9,6 +9,7 @@ from asvhil.controller.station_mpc import StationMpc
 from asvhil.dynamics.protocol import Dynamics
 from asvhil.dynamics.rigid_body import SimplifiedDynamics
 from asvhil.estimator.ekf import Ekf
+from asvhil.estimator.monitor import ModelMonitor
 from asvhil.estimator.wind import WindFilter
 from asvhil.io.ardurover import ArduRoverLink
 from asvhil.io.nmea import NmeaCodec
@@ -40,6 +41,7 @@ def build_backseat(config: Config) -> Backseat:
         operator=OperatorLink(config.links.autopilot),
         ekf=Ekf(config.estimator.ekf, model),
         wind=WindFilter(config.estimator.wind),
+        monitor=ModelMonitor(config.estimator.monitor, model, 1.0 / config.daemon.control_hz),
         supervisor=Supervisor(config.supervisor, pwm),
         controller=build_controller(config, model),
         pwm=pwm,

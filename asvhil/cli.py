@@ -151,13 +151,12 @@ def sitl(
     if lockstep:
         with _progress(console) as bar:
             task = bar.add_task("lockstep", total=round(duration * settings.daemon.tick_hz))
-            wall_s: float | None = run_lockstep(settings, path, duration, lambda _: bar.advance(task))
+            wall_s = run_lockstep(settings, path, duration, lambda _: bar.advance(task))
     else:
-        wall_s = None
         title = f"asvhil sitl: {settings.vehicle.name}, {settings.controller.name}, {duration:.0f} s"
         view = _LiveView(settings, title)
         with view:
-            run_realtime(settings, folder, path, duration, view.show_status)
+            wall_s = run_realtime(settings, folder, path, duration, view.show_status)
     _report(path, json_, path.with_suffix(".png") if picture else None, console, wall_s)
 
 
@@ -393,7 +392,7 @@ def _print_summary(console: Any, figures: dict[str, Any]) -> None:
     phases = ", ".join(f"{phase} {seconds:.1f} s" for phase, seconds in figures["phases"].items())
     timing = f"step p50 {steps['p50']:.2f} ms, p99 {steps['p99']:.2f} ms, max {steps['max']:.1f} ms; " if steps else ""
     factor = figures["realtime_factor"]
-    speed_text = f"; {factor:.0f} times real time" if factor else ""
+    speed_text = f"; {factor:.{0 if factor > 2 else 2}f} times real time" if factor else ""
     console.print(
         f"{figures['ticks']} ticks, {figures['overruns']} overruns; {timing}{phases}{speed_text}", highlight=False
     )

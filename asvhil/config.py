@@ -184,9 +184,20 @@ class WindFilterConfig(Section):
     stale_after_s: Positive = 3.0
 
 
+class MonitorConfig(Section):
+    """When the boat no longer behaves as the model says: limits of the RMS error after a horizon, over a window."""
+
+    horizon_s: Positive = 4.0
+    window_s: Positive = 20.0
+    max_u_mps: Positive = 0.35
+    max_v_mps: Positive = 0.25
+    max_r_radps: Positive = 0.12
+
+
 class EstimatorConfig(Section):
     ekf: EkfConfig = EkfConfig()
     wind: WindFilterConfig = WindFilterConfig()
+    monitor: MonitorConfig = MonitorConfig()
 
 
 class MpcWeights(Section):

@@ -87,8 +87,12 @@ def run_lockstep(
 
 def run_realtime(
     config: Config, folder: Path, log: Path, duration_s: float, on_status: Callable[[dict[str, Any]], None]
-) -> None:
-    """A run of two processes over UDP and a pty. Raises AsvhilError with the words of the one that failed."""
+) -> float:
+    """A run of two processes over UDP and a pty; returns the seconds it took, start-up and end included.
+
+    Raises AsvhilError with the words of the process that failed.
+    """
+    start_s = time.perf_counter()
     effective = folder / "config.json"
     effective.write_text(_with_own_ports(config, folder).canonical_json(), encoding="utf-8")
     base = [sys.executable, "-m", "asvhil"]
@@ -124,6 +128,7 @@ def run_realtime(
         raise AsvhilError(f"the plant ended early: {_last_line(words['plant'])}")
     if daemon.returncode != 0:
         raise AsvhilError(f"the daemon ended with status {daemon.returncode}: {_last_line(words['daemon'])}")
+    return time.perf_counter() - start_s
 
 
 def _end(process: subprocess.Popen[Any]) -> None:

@@ -181,6 +181,19 @@ class Phase(enum.StrEnum):
 
 
 @record
+class ModelError:
+    """Root mean square errors of the model in use for (u, v, r), one step and a horizon ahead, over a sliding window.
+
+    `ok` is False once the boat no longer behaves as the model says.
+    """
+
+    one_step: tuple[float, float, float]
+    horizon: tuple[float, float, float]
+    horizon_s: float
+    ok: bool
+
+
+@record
 class Health:
     """Diagnostics of one tick. `reason` says in words why the phase is not HOLD; counters are cumulative."""
 
@@ -189,6 +202,7 @@ class Health:
     estimate_ok: bool
     wind_ok: bool
     control_ok: bool
+    model_ok: bool
     counters: tuple[tuple[str, int], ...]
 
 
@@ -197,7 +211,7 @@ class Outputs:
     """All that one tick produced.
 
     `pwm_us` is (port, starboard), or None when the motors are released. `origin_deg` is the latitude and longitude of
-    the local NED frame, once there is one.
+    the local NED frame, once there is one. `model_error` comes with a control, once the monitor's horizon is filled.
     """
 
     t_ns: int
@@ -210,3 +224,4 @@ class Outputs:
     pwm_us: tuple[int, int] | None
     health: Health
     origin_deg: tuple[float, float] | None = None
+    model_error: ModelError | None = None

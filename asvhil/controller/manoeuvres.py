@@ -172,12 +172,11 @@ class Manoeuvres:
 
 def _pieces(block: Block, at_s: float, estimate: Estimate, station: Station) -> tuple[float, float]:
     """The piece at a time of its block."""
-    port = starboard = 0.0
     for duration_s, port, starboard in block.pieces:
         if at_s < duration_s - 1e-6:
-            break
+            return port, starboard
         at_s -= duration_s
-    return port, starboard
+    return block.pieces[-1][1:]
 
 
 def _near(rng: np.random.Generator, level: float) -> float:

@@ -53,12 +53,14 @@ class ThrustCurve:
     def __init__(self, rows: tuple[tuple[float, float], ...]) -> None:
         self._command = np.array([row[0] for row in rows])
         self._thrust_n = np.array([row[1] for row in rows])
-        dead = np.flatnonzero(self._thrust_n == 0.0)
+        dead = self._command[self._thrust_n == 0.0]
+        if not dead.size:  # the curve crosses zero between two rows
+            dead = np.interp([0.0], self._thrust_n, self._command)
         # The inverse steps across the dead band: each side ends at its own edge of it.
-        last_below = dead[0] if dead.size else int(np.searchsorted(self._thrust_n, 0.0)) - 1
-        first_above = dead[-1] if dead.size else int(np.searchsorted(self._thrust_n, 0.0))
-        self._below = self._command[: last_below + 1], self._thrust_n[: last_below + 1]
-        self._above = self._command[first_above:], self._thrust_n[first_above:]
+        below, above = self._thrust_n < 0.0, self._thrust_n > 0.0
+        self._below = np.append(self._command[below], dead[0]), np.append(self._thrust_n[below], 0.0)
+        self._above = np.append(dead[-1], self._command[above]), np.append(0.0, self._thrust_n[above])
+        self._idle = float(np.clip(0.0, dead[0], dead[-1]))
         self.astern_n = float(self._thrust_n[0])
         self.ahead_n = float(self._thrust_n[-1])
 
@@ -67,13 +69,13 @@ class ThrustCurve:
         return float(np.interp(command, self._command, self._thrust_n))
 
     def command(self, thrust_n: float) -> float:
-        """The command that gives a thrust; zero thrust is the command 0."""
+        """The command that gives a thrust; for zero thrust the one nearest to 0."""
         if thrust_n > 0.0:
             command, thrust = self._above
         elif thrust_n < 0.0:
             command, thrust = self._below
         else:
-            return 0.0
+            return self._idle
         return float(np.interp(thrust_n, thrust, command))
 
 

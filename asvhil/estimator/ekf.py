@@ -7,7 +7,6 @@ d_n, d_e (m/s^2, NED) and d_r (rad/s^2), a random walk. The model's motor states
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -15,6 +14,7 @@ from numpy.typing import NDArray
 
 from asvhil.config import EkfConfig
 from asvhil.dynamics.buffers import bind
+from asvhil.dynamics.integrate import integrate, motion_derivative
 from asvhil.dynamics.protocol import Dynamics
 from asvhil.geo import LocalFrame, wrap_rad
 from asvhil.types import Attitude, Estimate, GnssFix
@@ -34,15 +34,9 @@ class _Prediction:
         size = SIZE + model.n_motor
         s, a, wind, dt = ca.SX.sym("s", size), ca.SX.sym("a", 2), ca.SX.sym("wind", 2), ca.SX.sym("dt")
 
-        def rate(y: Any) -> Any:
-            c, sn = ca.cos(y[PSI]), ca.sin(y[PSI])
-            wind_body = ca.vertcat(c * wind[0] + sn * wind[1], -sn * wind[0] + c * wind[1])
-            nu_dot = model.derivative(ca.vertcat(y[U], y[V], y[R], y[SIZE:]), a, wind_body)
-            push = ca.vertcat(c * y[D_N] + sn * y[D_E], -sn * y[D_N] + c * y[D_E], y[D_R])
-            pose_dot = ca.vertcat(c * y[U] - sn * y[V], sn * y[U] + c * y[V], y[R])
-            return ca.vertcat(pose_dot, nu_dot[:3] + push, ca.SX.zeros(3), nu_dot[3:])
-
-        after = s + dt * rate(s + 0.5 * dt * rate(s))
+        moving = ca.vertcat(s[:D_N], s[SIZE:])
+        moved = integrate(lambda x: motion_derivative(model, x, a, wind, s[D_N:SIZE]), moving, dt, 1, euler=False)
+        after = ca.vertcat(moved[:D_N], s[D_N:SIZE], moved[D_N:])
         jacobian = ca.jacobian(after[:SIZE], s[:SIZE])
         function = ca.Function("ekf_prediction", [s, a, wind, dt], [after, ca.densify(jacobian)], {"cse": True})
         self.state = np.zeros(size)

@@ -14,8 +14,10 @@ from matplotlib.figure import Figure
 
 from asvhil.study.metrics import settled_from_s
 from asvhil.study.runlog import RunLog
+from asvhil.types import Station
 
-PORT_COLOUR, STARBOARD_COLOUR, TRUTH_COLOUR, ESTIMATE_COLOUR = "tab:red", "tab:green", "black", "tab:blue"
+PORT_COLOUR, STARBOARD_COLOUR = "tab:red", "tab:green"
+TRUTH_COLOUR, ESTIMATE_COLOUR, WIND_COLOUR = "black", "tab:blue", "tab:purple"
 
 
 def draw_run(run: RunLog, path: Path, title: str) -> None:
@@ -33,38 +35,37 @@ def draw_run(run: RunLog, path: Path, title: str) -> None:
 
 
 def _draw_track(axes: Axes, run: RunLog) -> None:
+    """The track about the station, north up; about the local origin where nothing was held."""
+    station = run.station or Station(n_m=0.0, e_m=0.0, psi_rad=0.0)
     for _, plan in run.plans:
-        axes.plot(plan[:, 2], plan[:, 1], color="tab:orange", linewidth=0.8, alpha=0.7)
+        axes.plot(plan[:, 2] - station.e_m, plan[:, 1] - station.n_m, color="tab:orange", linewidth=0.8, alpha=0.7)
     if run.plans:
         axes.plot([], [], color="tab:orange", label="predicted path, every 10 s")
-    if run.truth is not None:
-        axes.plot(run.truth.rows[:, 2], run.truth.rows[:, 1], color=TRUTH_COLOUR, linewidth=1.0, label="truth")
-    rows = run.measured.rows
-    axes.plot(rows[:, 2], rows[:, 1], color=ESTIMATE_COLOUR, linewidth=0.8, alpha=0.8, label="estimate")
-    if len(rows):
-        axes.plot(rows[0, 2], rows[0, 1], "o", color=ESTIMATE_COLOUR, label="start")
+    tracks = (("truth", run.truth, TRUTH_COLOUR), ("estimate", run.measured, ESTIMATE_COLOUR))
+    for name, track, colour in tracks:
+        if track is None or not len(track.rows):
+            continue
+        east_m, north_m = track.rows[:, 2] - station.e_m, track.rows[:, 1] - station.n_m
+        axes.plot(east_m, north_m, color=colour, linewidth=0.9, label=name)
+        axes.plot(east_m[0], north_m[0], "o", color=colour, markersize=4)
     if run.station is not None:
-        station = run.station
-        axes.plot(station.e_m, station.n_m, "x", color="tab:red", markersize=10, label="station")
+        axes.plot(0.0, 0.0, "x", color="tab:red", markersize=10, label="station")
+        tip = 2.0 * np.sin(station.psi_rad), 2.0 * np.cos(station.psi_rad)
+        axes.annotate("", xy=tip, xytext=(0.0, 0.0), arrowprops={"arrowstyle": "->", "color": "tab:red"})
+    if len(run.wind):
+        toward_rad = np.angle(np.exp(1j * run.wind[:, 2]).mean())
+        dx, dy = 0.05 * np.sin(toward_rad), 0.05 * np.cos(toward_rad)
         axes.annotate(
             "",
-            xy=(station.e_m + 2.0 * np.sin(station.psi_rad), station.n_m + 2.0 * np.cos(station.psi_rad)),
-            xytext=(station.e_m, station.n_m),
-            arrowprops={"arrowstyle": "->", "color": "tab:red"},
-        )
-    if len(run.wind):
-        toward = np.angle(np.exp(1j * run.wind[:, 2]).mean())
-        x, y = 0.08, 0.92
-        axes.annotate(
-            f"wind {run.wind[:, 1].mean():.1f} m/s",
-            xy=(x + 0.06 * np.sin(toward), y + 0.06 * np.cos(toward)),
-            xytext=(x - 0.02 * np.sin(toward), y - 0.02 * np.cos(toward)),
+            xy=(0.1 + dx, 0.9 + dy),
+            xytext=(0.1 - dx, 0.9 - dy),
             xycoords="axes fraction",
-            arrowprops={"arrowstyle": "->", "color": "tab:purple"},
-            color="tab:purple",
+            arrowprops={"arrowstyle": "-|>", "color": WIND_COLOUR, "linewidth": 2.0},
         )
-    axes.set_xlabel("east (m)")
-    axes.set_ylabel("north (m)")
+        text = f"wind {run.wind[:, 1].mean():.1f} m/s"
+        axes.text(0.1, 0.82, text, transform=axes.transAxes, ha="center", color=WIND_COLOUR)
+    axes.set_xlabel("east of the station (m)")
+    axes.set_ylabel("north of the station (m)")
     axes.set_aspect("equal", adjustable="datalim")
     axes.grid(alpha=0.3)
     axes.legend(loc="lower right", fontsize="small")
@@ -90,12 +91,12 @@ def _draw_errors(distance: Axes, heading: Axes, run: RunLog) -> None:
 
 def _draw_wind(axes: Axes, run: RunLog) -> None:
     if len(run.wind):
-        axes.plot(run.wind[:, 0], run.wind[:, 1], color="tab:purple", linewidth=0.9)
+        axes.plot(run.wind[:, 0], run.wind[:, 1], color=WIND_COLOUR, linewidth=0.9)
         twin = axes.twinx()
         toward_deg = np.degrees(np.unwrap(run.wind[:, 2]))
         twin.plot(run.wind[:, 0], toward_deg, color="tab:brown", linewidth=0.7, alpha=0.7)
         twin.set_ylabel("toward (deg)", color="tab:brown")
-    axes.set_ylabel("wind (m/s)", color="tab:purple")
+    axes.set_ylabel("wind (m/s)", color=WIND_COLOUR)
     axes.set_ylim(bottom=0.0)
     axes.grid(alpha=0.3)
 

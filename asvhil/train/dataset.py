@@ -2,7 +2,20 @@
 
 from __future__ import annotations
 
+from asvhil.train.columns import find_columns
+from asvhil.train.csv_data import dataset_from_csv
 from asvhil.train.log_data import dataset_from_logs, truth_from_log
 from asvhil.train.records import Array, Dataset, Ranges, Segment, ranges, split
 
-__all__ = ["Array", "Dataset", "Ranges", "Segment", "dataset_from_logs", "ranges", "split", "truth_from_log"]
+__all__ = [
+    "Array",
+    "Dataset",
+    "Ranges",
+    "Segment",
+    "dataset_from_csv",
+    "dataset_from_logs",
+    "find_columns",
+    "ranges",
+    "split",
+    "truth_from_log",
+]

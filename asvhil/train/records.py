@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import hashlib
 from collections.abc import Sequence
 from pathlib import Path
@@ -66,19 +67,16 @@ def split(dataset: Dataset, test_fraction: float) -> tuple[Dataset, Dataset]:
     """(training, test): the last test_fraction of each segment's time is the test set. LogError where one is empty."""
     if not 0.0 < test_fraction < 1.0:
         raise ValueError(f"test_fraction must lie between 0 and 1, not {test_fraction}")
-    train, test = [], []
+    train: list[Segment] = []
+    test: list[Segment] = []
     for segment in dataset.segments:
-        cut = round(len(segment.t_s) * (1.0 - test_fraction))
-        for part, into in ((slice_segment(segment, 0, cut), train), (slice_segment(segment, cut, len(segment.t_s)), test)):
-            if len(part.t_s) >= 2:
-                into.append(part)
+        rows = len(segment.t_s)
+        cut = round(rows * (1.0 - test_fraction))
+        train += [slice_segment(segment, 0, cut)] if cut >= 2 else []
+        test += [slice_segment(segment, cut, rows)] if rows - cut >= 2 else []
     if not train or not test:
         raise LogError(f"{dataset.duration_s:.1f} s of data are too short to be split at {test_fraction:.0%}")
-
-    def of(segments: Sequence[Segment]) -> Dataset:
-        return Dataset(dt_s=dataset.dt_s, segments=tuple(segments), source_hash=dataset.source_hash, outliers=dataset.outliers)
-
-    return of(train), of(test)
+    return dataclasses.replace(dataset, segments=tuple(train)), dataclasses.replace(dataset, segments=tuple(test))
 
 
 def ranges(dataset: Dataset) -> Ranges:

@@ -9,6 +9,10 @@ from asvhil.types import record
 
 WINDOW = 7  # samples of the running median that a sample is held against
 
+# Widths of the smoothing, chosen against the simulated truth: see `dataset_from_logs`.
+VELOCITY_HALF_WIDTH_S = 1.2
+YAW_HALF_WIDTH_S = 0.7
+
 
 @record
 class Series:
@@ -114,7 +118,8 @@ def hold_mean(source: Series, t_s: Array, dt_s: float) -> Array:
     steps = np.diff(source.t_s, append=max(source.t_s[-1], t_s[-1] + dt_s) + dt_s)
     integral = np.vstack([np.zeros(source.values.shape[1]), np.cumsum(steps[:, None] * source.values, axis=0)])
     over = Series(t_s=np.append(source.t_s, source.t_s[-1] + steps[-1]), values=integral)
-    return (interpolate(over, t_s + dt_s) - interpolate(over, t_s)) / dt_s
+    mean: Array = (interpolate(over, t_s + dt_s) - interpolate(over, t_s)) / dt_s
+    return mean
 
 
 def change_phase_s(source: Series, dt_s: float) -> float:
@@ -133,4 +138,11 @@ def grid(span: tuple[float, float], dt_s: float, phase_s: float) -> Array:
     slack = 1e-6 * dt_s
     first = int(np.ceil((span[0] - phase_s - slack) / dt_s))
     last = int(np.floor((span[1] - phase_s + slack) / dt_s)) - 1
-    return phase_s + dt_s * np.arange(first, last + 1)
+    times: Array = phase_s + dt_s * np.arange(first, last + 1, dtype=float)
+    return times
+
+
+def rotate(angle: Array, vectors: Array) -> Array:
+    """(T, 2) vectors turned by angles (T,): from body axes to NED by psi, and back by -psi."""
+    c, s = np.cos(angle), np.sin(angle)
+    return np.stack([c * vectors[:, 0] - s * vectors[:, 1], s * vectors[:, 0] + c * vectors[:, 1]], axis=-1)

@@ -65,6 +65,7 @@ def sample_outputs(tick: int, control: bool = True, sent: int = 1) -> Outputs:
             estimate_ok=True,
             wind_ok=True,
             control_ok=True,
+            model_ok=True,
             counters=(("autopilot_bad", 0), ("autopilot_lost", 2)),
         ),
         origin_deg=(ORIGIN.lat_deg, ORIGIN.lon_deg),

@@ -31,6 +31,7 @@ SHELL = [
     ["study"],
     ["daemon"],
     ["sitl"],
+    ["collect"],
     ["cli"],
     ["__main__"],
 ]

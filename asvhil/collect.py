@@ -1,0 +1,252 @@
+"""Data collection: the predefined manoeuvres on the vehicle, or the simulated boat in real time or in lockstep."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import math
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, Literal
+
+from asvhil.clock import Clock
+from asvhil.config import Config, config_from_json
+from asvhil.daemon import Daemon
+from asvhil.errors import AsvhilError, ConfigError
+from asvhil.simplant.lockstep import Lockstep
+from asvhil.sitl import make_run_folder, open_recorder, run_realtime
+from asvhil.status import status_of
+from asvhil.types import Outputs, Phase, record
+
+Mode = Literal["lockstep", "realtime", "vehicle"]
+Status = dict[str, Any]
+
+ENGAGE_S = 60.0  # simulated: within this time the boat is armed and engaged, or something is wrong
+START_S = 12.0  # what a simulated boat takes to boot and engage, in real time
+SETTLE_S = 0.5  # the motors are ours a little longer than the programme lasts
+STATUS_HZ = 2.0
+
+
+@record
+class WindSector:
+    """Mean wind of one condition: speed (m/s), and where it blows toward from the station's heading (degrees)."""
+
+    speed_mps: float
+    toward_deg: float
+
+    def __str__(self) -> str:
+        return f"{self.speed_mps:g}@{self.toward_deg:g}"
+
+
+@record
+class Collected:
+    """One log and how it went. `complete`: the programme was driven to its end; `reason` says why where it was not."""
+
+    log: Path
+    note: str
+    held_s: float
+    complete: bool
+    reason: str
+    wall_s: float
+
+
+def parse_wind(text: str) -> WindSector:
+    """SPEED@DEG, such as 6@90. ConfigError where it is none."""
+    speed, sign, toward = text.partition("@")
+    try:
+        speed_mps, toward_deg = float(speed), float(toward) if sign else 0.0
+    except ValueError:
+        speed_mps = toward_deg = math.nan
+    if not (math.isfinite(speed_mps) and math.isfinite(toward_deg) and speed_mps >= 0.0):
+        raise ConfigError(
+            f"--wind {text}: SPEED@DEG is expected, such as 3@90 (m/s, toward, from the station's heading)"
+        )
+    return WindSector(speed_mps=speed_mps, toward_deg=toward_deg)
+
+
+def with_manoeuvres(
+    config: Config, duration_s: float, wind: WindSector | None = None, note: str = "", run: int = 0
+) -> Config:
+    """The config of one condition: manoeuvres for a time, its weather, and a note of it that the log keeps.
+
+    The seeds of programme, weather and sensors move on with the number of the run, so that no two are alike.
+    """
+    tree = config.model_dump(mode="json")
+    manoeuvres, weather = tree["controller"]["manoeuvres"], tree["plant"]["weather"]["wind"]
+    tree["controller"]["name"] = "manoeuvres"
+    manoeuvres["duration_s"] = duration_s
+    manoeuvres["seed"] += run
+    tree["plant"]["seed"] += run
+    if wind is not None:
+        station = config.supervisor.station
+        weather["speed_mps"] = wind.speed_mps
+        weather["toward_deg"] = (wind.toward_deg + (station.heading_deg if station else 0.0)) % 360.0
+    manoeuvres["note"] = note or manoeuvres["note"]
+    if wind is not None:
+        sector = f"wind {wind.speed_mps:g} m/s toward {wind.toward_deg:g} deg from the station's heading"
+        manoeuvres["note"] = "; ".join(part for part in (sector, manoeuvres["note"]) if part)
+    return config_from_json(json.dumps(tree), "collect")
+
+
+def log_paths(output: Path | None, folder: Path, winds: Sequence[WindSector | None]) -> list[Path]:
+    """A log for each wind: the output as it is where there is one, else its name with the wind in it."""
+    base = output if output is not None else folder / "log.mcap"
+    if len(winds) < 2:
+        return [base]
+    names = ["" if wind is None else f"-{wind.speed_mps:g}mps-{wind.toward_deg:g}deg" for wind in winds]
+    twice = len(set(names)) < len(names)
+    return [base.with_name(f"{base.stem}{name}{f'-{i + 1}' if twice else ''}.mcap") for i, name in enumerate(names)]
+
+
+def collect(
+    config: Config,
+    mode: Mode,
+    duration_s: float = 600.0,
+    winds: Sequence[WindSector] = (),
+    output: Path | None = None,
+    note: str = "",
+    on_status: Callable[[int, Status], None] = lambda run, status: None,
+    on_start: Callable[[int, Path, str], None] = lambda run, log, note: None,
+) -> list[Collected]:
+    """Drive the manoeuvres once for each wind and leave a log each; `on_status` comes twice a second of boat time.
+
+    Ends at the first run that was not complete. Raises ConfigError where the mode cannot work with the config, and
+    AsvhilError where a simulated boat never engaged.
+    """
+    if mode == "vehicle":
+        if winds:
+            raise ConfigError("--wind: nobody makes the wind for a real vehicle; say what it was with --note")
+        if config.supervisor.engage != "command":
+            raise ConfigError(
+                "key supervisor.engage: a real vehicle needs command (the pilot arms, `asvhil hold` engages)"
+            )
+    elif config.supervisor.engage != "auto":
+        raise ConfigError("key supervisor.engage: a simulated boat needs auto (nobody is there to say hold)")
+    sectors: list[WindSector | None] = list(winds) or [None]
+    folder = make_run_folder(config, "collect") if output is None or mode == "realtime" else output.parent
+    results: list[Collected] = []
+    for run, (wind, log) in enumerate(zip(sectors, log_paths(output, folder, sectors), strict=True)):
+        settings = with_manoeuvres(config, duration_s, wind, note, run)
+        watch = _Watch(settings, duration_s, lambda status, run=run: on_status(run, status))  # type: ignore[misc]
+        on_start(run, log, settings.controller.manoeuvres.note)
+        start_s = time.perf_counter()
+        if mode == "lockstep":
+            _lockstep(settings, log, watch)
+        elif mode == "realtime":
+            run_realtime(settings, _subfolder(folder, run, len(sectors)), log, START_S + duration_s, watch.see_status)
+        else:
+            _vehicle(settings, log, watch)
+        results.append(watch.result(log, time.perf_counter() - start_s))
+        if not results[-1].complete:
+            break
+    return results
+
+
+class _Watch:
+    """Follows one run by its ticks or by its status: since when it holds, and how it ended."""
+
+    def __init__(self, config: Config, duration_s: float, on_status: Callable[[Status], None]) -> None:
+        self._note = config.controller.manoeuvres.note
+        self._duration_s = duration_s
+        self._on_status = on_status
+        self._every = max(1, round(config.daemon.tick_hz / STATUS_HZ))
+        self._ticks = 0
+        self._start_ns: int | None = None
+        self._held_from_s: float | None = None
+        self.held_s = 0.0
+        self.over = False  # the programme is at its end, or the motors were given back before it
+        self._reason = "never engaged"
+
+    def see(self, outputs: Outputs, links: dict[str, str] | None = None) -> None:
+        """One tick of a backseat in this process."""
+        self._start_ns = outputs.t_ns if self._start_ns is None else self._start_ns
+        t_s = (outputs.t_ns - self._start_ns) * 1e-9
+        self._note_phase(t_s, outputs.phase, outputs.health.reason)
+        self._ticks += 1
+        if self._ticks % self._every == 0:
+            self._tell(status_of(outputs, links or {}, self._start_ns, 0))
+
+    def see_status(self, status: Status) -> None:
+        """One status line of a daemon in another process."""
+        self._note_phase(float(status["t_s"]), str(status["phase"]), str(status["reason"]))
+        self._tell(status)
+
+    @property
+    def holding(self) -> bool:
+        """Whether the motors have been taken."""
+        return self._held_from_s is not None
+
+    @property
+    def complete(self) -> bool:
+        """Whether the motors were held for the whole programme; a status line comes only twice a second."""
+        return self.held_s >= self._duration_s - 1.5 / STATUS_HZ
+
+    def result(self, log: Path, wall_s: float) -> Collected:
+        return Collected(
+            log=log,
+            note=self._note,
+            held_s=min(self.held_s, self._duration_s),
+            complete=self.complete,
+            reason="" if self.complete else self._reason,
+            wall_s=wall_s,
+        )
+
+    def _note_phase(self, t_s: float, phase: str, reason: str) -> None:
+        if self.over:
+            return
+        if phase in (Phase.HOLD, Phase.FAILSAFE):
+            self._held_from_s = t_s if self._held_from_s is None else self._held_from_s
+            self.held_s = t_s - self._held_from_s
+            self.over = self.held_s >= self._duration_s + SETTLE_S
+        elif self.holding:
+            self._reason, self.over = reason, True
+        if not self.over and reason:
+            self._reason = reason
+
+    def _tell(self, status: Status) -> None:
+        self._on_status({**status, "held_s": self.held_s, "duration_s": self._duration_s})
+
+
+def _lockstep(config: Config, log: Path, watch: _Watch) -> None:
+    recorder = open_recorder(config, log, "lockstep", threaded=False)  # virtual time waits for the disk
+    try:
+        loop = Lockstep(config, recorder)
+        while not watch.over:
+            _, outputs = loop.tick()
+            watch.see(outputs)
+            if not watch.holding and loop.ticks > ENGAGE_S * config.daemon.tick_hz:
+                raise AsvhilError(f"the simulated boat did not engage in {ENGAGE_S:.0f} s: {outputs.health.reason}")
+        loop.run(0.0, watch.see)  # let go
+    finally:
+        recorder.close()
+    if recorder.error is not None:
+        raise recorder.error
+
+
+def _vehicle(config: Config, log: Path, watch: _Watch) -> None:
+    """The daemon itself, as `asvhil run` does: waits for `asvhil hold`, and lets go at the end of the programme."""
+    recorder = open_recorder(config, log, "live")
+    try:
+        daemon: Daemon
+
+        def see(outputs: Outputs, links: dict[str, str]) -> None:
+            watch.see(outputs, links)
+            if watch.over:
+                daemon.stop()
+
+        daemon = Daemon(config, recorder, Clock(), on_tick=see)
+        asyncio.run(daemon.run())
+    finally:
+        recorder.close()
+    if recorder.error is not None:
+        raise recorder.error
+
+
+def _subfolder(folder: Path, run: int, runs: int) -> Path:
+    """Where a run of two processes keeps its own files."""
+    if runs < 2:
+        return folder
+    own = folder / f"run-{run + 1}"
+    own.mkdir(exist_ok=True)
+    return own

@@ -1,0 +1,90 @@
+"""Does the boat still behave as the model says? One-step and horizon errors of the model in use, live."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+
+import casadi as ca
+import numpy as np
+
+from asvhil.config import MonitorConfig
+from asvhil.dynamics.buffers import bind
+from asvhil.dynamics.integrate import advance, substeps
+from asvhil.dynamics.protocol import Dynamics
+from asvhil.types import Estimate, ModelError, Wind
+
+NU = slice(3, 6)
+
+
+class ModelMonitor:
+    """Runs the model open loop from where the boat was, under what was really sent, to where it is now.
+
+    The disturbance estimate stays out of it: what is asked is how well the model stands alone. Errors are root mean
+    squares over a sliding window, so a single bad estimate raises no flag.
+    """
+
+    def __init__(self, config: MonitorConfig, model: Dynamics, period_s: float) -> None:
+        self._config = config
+        size = 6 + model.n_motor
+        s, a, wind = ca.SX.sym("s", size), ca.SX.sym("a", 2), ca.SX.sym("wind", 2)
+        count = substeps(period_s, model.max_step_s)
+        after = advance(model, s, a, wind, ca.SX.zeros(3), period_s, count)
+        self._state, self._a, self._w, self._after = np.zeros(size), np.zeros(2), np.zeros(2), np.zeros(size)
+        function = ca.Function("monitor", [s, a, wind], [after], {"cse": True})
+        self._advance = bind(function, [self._state, self._a, self._w], [self._after])
+        self._steps = max(1, round(config.horizon_s / period_s))
+        self._max_gap_ns = round(1.5e9 * period_s)
+        self._past: deque[tuple[Estimate, tuple[float, float], tuple[float, float]]] = deque(maxlen=self._steps)
+        window = max(1, round(config.window_s / period_s))
+        self._one_step: deque[tuple[float, float, float]] = deque(maxlen=window)
+        self._horizon: deque[tuple[float, float, float]] = deque(maxlen=window)
+
+    def reset(self) -> None:
+        """The boat was not ours for a while: what was sent to it is not known."""
+        self._past.clear()
+
+    def step(self, estimate: Estimate, model_input: tuple[float, float], wind: Wind | None) -> ModelError | None:
+        """Take in the state of a control tick and the model's input from it on; errors once the horizon is filled."""
+        if self._past and estimate.t_ns - self._past[-1][0].t_ns > self._max_gap_ns:
+            self.reset()
+        wind_ned = (wind.vn_mps, wind.ve_mps) if wind is not None else (0.0, 0.0)
+        past = list(self._past)
+        self._past.append((estimate, model_input, wind_ned))
+        if len(past) < self._steps:
+            return None
+        self._one_step.append(self._miss(past[-1:], estimate))
+        self._horizon.append(self._miss(past[-self._steps :], estimate))
+        one_step, horizon = _rms(self._one_step), _rms(self._horizon)
+        limits = (self._config.max_u_mps, self._config.max_v_mps, self._config.max_r_radps)
+        full = len(self._horizon) == self._horizon.maxlen
+        # NaN compares false, so a model that runs away is not ok.
+        ok = not full or all(error <= limit for error, limit in zip(horizon, limits, strict=True))
+        return ModelError(one_step=one_step, horizon=horizon, horizon_s=self._config.horizon_s, ok=ok)
+
+    def _miss(
+        self, rows: list[tuple[Estimate, tuple[float, float], tuple[float, float]]], now: Estimate
+    ) -> tuple[float, float, float]:
+        """Predicted less estimated (u, v, r) after rolling the model over rows of (state, input, wind)."""
+        start = rows[0][0]
+        self._after[:] = (
+            start.n_m,
+            start.e_m,
+            start.psi_rad,
+            start.u_mps,
+            start.v_mps,
+            start.r_radps,
+            *start.motor,
+        )
+        for _, model_input, wind_ned in rows:
+            self._state[:] = self._after
+            self._a[:] = model_input
+            self._w[:] = wind_ned
+            self._advance()
+        u, v, r = self._after[NU].tolist()
+        return u - now.u_mps, v - now.v_mps, r - now.r_radps
+
+
+def _rms(rows: deque[tuple[float, float, float]]) -> tuple[float, float, float]:
+    u, v, r = (math.sqrt(sum(row[i] * row[i] for row in rows) / len(rows)) for i in range(3))
+    return u, v, r

@@ -1,0 +1,211 @@
+"""Aligned training data out of CSV files of any boat, by a column map. Every mistake names file, row and column."""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from asvhil.errors import LogError
+from asvhil.train.columns import ColumnMap, MotorColumn, load_columns
+from asvhil.train.records import Array, Dataset, Segment, source_hash
+from asvhil.train.series import (
+    VELOCITY_HALF_WIDTH_S,
+    YAW_HALF_WIDTH_S,
+    Series,
+    grid,
+    hold_mean,
+    interpolate,
+    rotate,
+    series,
+    smooth,
+    spans,
+    without_outliers,
+)
+
+MIN_DATA_S = 30.0
+MIN_SEGMENT_S = 2.0
+NAN_SHARE = 0.05  # more missing values than this is no gap but a broken file
+COMMAND_SLACK = 1.05  # commands a little beyond 1 are rounding; more is a wrong unit
+PULSE_US = (500.0, 2500.0)
+
+
+def dataset_from_csv(
+    paths: Sequence[Path], column_map: Path, dt_s: float, *, smoothed: bool = False, max_gap_s: float = 1.0
+) -> Dataset:
+    """All files as one dataset; `smoothed` looks ahead, so it is for training data only.
+
+    Rows with an empty field or NaN are gaps. ConfigError on the column map; LogError on a file that lacks a column,
+    has text where a number should be, more than 5 % NaN, time that does not rise, or less than 30 s.
+    """
+    columns = load_columns(column_map)
+    segments: list[Segment] = []
+    outliers = 0
+    for path in paths:
+        found, removed = _segments(path, columns, dt_s, smoothed, max_gap_s)
+        segments += found
+        outliers += removed
+    return Dataset(dt_s=dt_s, segments=tuple(segments), source_hash=source_hash(paths), outliers=outliers)
+
+
+def _segments(
+    path: Path, columns: ColumnMap, dt_s: float, smoothed: bool, max_gap_s: float
+) -> tuple[list[Segment], int]:
+    table = _read(path, columns)
+    t_s = table["time"]
+    velocity, jumps_v = without_outliers(_series(t_s, table["u"], table["v"]), 1.0, 3.0, 30.0)
+    rate, jumps_r = without_outliers(_series(t_s, table["r"]), 0.5, 2.0, 10.0)
+    command = _series(t_s, table["port"], table["starboard"])
+    psi = _series(t_s, np.unwrap(table["psi"])) if columns.psi is not None else None
+    wind = _body_wind(columns, table)
+    segments = []
+    for span in spans(t_s, max_gap_s):
+        times = grid(span, dt_s, span[0] % dt_s)
+        if len(times) * dt_s < MIN_SEGMENT_S:
+            continue
+        if smoothed:
+            nu = [smooth(velocity, times, VELOCITY_HALF_WIDTH_S), smooth(rate, times, YAW_HALF_WIDTH_S)]
+        else:
+            nu = [interpolate(velocity, times), interpolate(rate, times)]
+        segments.append(
+            Segment(
+                t_s=times,
+                nu=np.column_stack(nu),
+                command=hold_mean(command, times, dt_s),
+                wind=interpolate(wind, times),
+                psi=interpolate(psi, times)[:, 0] if psi is not None else np.full(len(times), np.nan),
+            )
+        )
+    total_s = dt_s * sum(len(segment.t_s) for segment in segments)
+    if total_s < MIN_DATA_S:
+        raise LogError(f"{path}: {total_s:.1f} s of usable data, at least {MIN_DATA_S:.0f} s are needed")
+    return segments, jumps_v + jumps_r
+
+
+def _series(t_s: Array, *columns: Array) -> Series:
+    return series(np.column_stack([t_s, *columns]), len(columns))
+
+
+def _body_wind(columns: ColumnMap, table: dict[str, Array]) -> Series:
+    """The velocity of the air over ground in body axes; zero where the file has no wind."""
+    t_s = table["time"]
+    if columns.wind_u is not None:
+        return _series(t_s, table["wind_u"], table["wind_v"])
+    if columns.wind_n is not None:
+        body = rotate(-table["psi"], np.column_stack([table["wind_n"], table["wind_e"]]))
+    elif columns.wind_speed is not None:
+        speed, origin = table["wind_speed"], table["wind_from"]
+        body = np.column_stack([table["u"] - speed * np.cos(origin), table["v"] - speed * np.sin(origin)])
+    else:
+        body = np.zeros((len(t_s), 2))
+    return _series(t_s, body[:, 0], body[:, 1])
+
+
+# --- reading ---------------------------------------------------------------------------------------------------
+
+
+def _read(path: Path, columns: ColumnMap) -> dict[str, Array]:
+    """Quantities in SI units and commands in [-1, 1], one entry per row without NaN; time from the first row (s)."""
+    wanted = {
+        name: column for name in ColumnMap.model_fields if name != "delimiter" and (column := getattr(columns, name))
+    }
+    raw, rows = _numbers(path, columns.delimiter, {name: column.column for name, column in wanted.items()})
+    _check_nan(path, {name: column.column for name, column in wanted.items()}, raw, rows)
+    keep = np.isfinite(np.column_stack(list(raw.values()))).all(axis=1)
+    raw, rows = {name: values[keep] for name, values in raw.items()}, rows[keep]
+    _check_time(path, columns.time.column, raw["time"], rows)
+    table: dict[str, Array] = {}
+    for name, column in wanted.items():
+        if isinstance(column, MotorColumn):
+            table[name] = _command(path, column, raw[name], rows)
+        elif name == "time":
+            table[name] = (raw[name] - raw[name][0]) * column.factor
+        else:
+            table[name] = raw[name] * column.factor
+    return table
+
+
+def _numbers(path: Path, delimiter: str, names: dict[str, str]) -> tuple[dict[str, Array], Array]:
+    """The columns as numbers, NaN where a field is empty, and the row of the file (from 1) that each comes from."""
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as file:
+            reader = csv.reader(file, delimiter=delimiter)
+            header = [name.strip() for name in next(reader, [])]
+            missing = [f"{column!r} (for {name})" for name, column in names.items() if column not in header]
+            if missing:
+                there = ", ".join(repr(name) for name in header) or "nothing"
+                raise LogError(f"{path}: row 1: no column {', '.join(missing)}; the header has {there}")
+            places = {name: header.index(column) for name, column in names.items()}
+            values: list[list[float]] = []
+            rows: list[int] = []
+            for fields in reader:
+                if not fields:
+                    continue
+                if len(fields) < len(header):
+                    raise LogError(f"{path}: row {reader.line_num}: {len(fields)} of {len(header)} fields")
+                rows.append(reader.line_num)
+                values.append([_number(path, reader.line_num, header[at], fields[at]) for at in places.values()])
+    except OSError as error:
+        raise LogError(f"{path}: cannot be read ({error.strerror})") from None
+    except UnicodeDecodeError:
+        raise LogError(f"{path}: not UTF-8 text, so no CSV file") from None
+    except csv.Error as error:
+        raise LogError(f"{path}: row {reader.line_num}: not valid CSV ({error})") from None
+    if not values:
+        raise LogError(f"{path}: holds no row of data")
+    table = np.array(values)
+    return {name: table[:, i] for i, name in enumerate(places)}, np.array(rows)
+
+
+def _number(path: Path, row: int, column: str, text: str) -> float:
+    try:
+        value = float(text) if text.strip() else math.nan
+    except ValueError:
+        raise LogError(f"{path}: row {row}, column {column!r}: a number is expected, not {text!r}") from None
+    return value if math.isfinite(value) else math.nan
+
+
+def _check_nan(path: Path, names: dict[str, str], raw: dict[str, Array], rows: Array) -> None:
+    for name, values in raw.items():
+        bad = np.isnan(values)
+        if bad.sum() > NAN_SHARE * len(values):
+            raise LogError(
+                f"{path}: column {names[name]!r}: {bad.sum()} of {len(values)} values are NaN or empty, the first in "
+                f"row {rows[bad][0]}; up to {NAN_SHARE:.0%} are taken as gaps"
+            )
+
+
+def _check_time(path: Path, column: str, time: Array, rows: Array) -> None:
+    back = np.flatnonzero(np.diff(time) <= 0.0)
+    if len(back):
+        at = back[0] + 1
+        raise LogError(
+            f"{path}: row {rows[at]}, column {column!r}: time does not rise ({time[at]:.10g} after {time[at - 1]:.10g})"
+        )
+
+
+def _command(path: Path, column: MotorColumn, values: Array, rows: Array) -> Array:
+    """Commands in [-1, 1] of raw values in their unit."""
+    if column.unit == "us":
+        assert column.astern_us is not None and column.neutral_us is not None and column.ahead_us is not None
+        low, high = PULSE_US
+        silent = values == 0.0  # no signal: the motor stands
+        _check_range(path, column.column, values, rows, ((values >= low) & (values <= high)) | silent, "no pulse width")
+        offset = np.where(silent, 0.0, values - column.neutral_us)
+        span = np.where(offset > 0.0, column.ahead_us - column.neutral_us, column.neutral_us - column.astern_us)
+        command = offset / span
+    else:
+        command = values / (100.0 if column.unit == "%" else 1.0)
+        what = "beyond -100..100 %" if column.unit == "%" else "beyond -1..1"
+        _check_range(path, column.column, values, rows, np.abs(command) <= COMMAND_SLACK, what)
+    return column.sign * np.clip(command, -1.0, 1.0)
+
+
+def _check_range(path: Path, column: str, values: Array, rows: Array, good: NDArray[np.bool_], what: str) -> None:
+    if not good.all():
+        at = np.flatnonzero(~good)[0]
+        raise LogError(f"{path}: row {rows[at]}, column {column!r}: {values[at]:g} is {what}")

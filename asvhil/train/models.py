@@ -1,0 +1,190 @@
+"""The trainable form of each model: N of them at once, in scaled units, on torch tensors (float64).
+
+Each has `parameters` by name, predicts the scaled velocities of a batch of windows, and exports model number i as the
+arrays that `asvhil.dynamics.weights` builds the run-time model from.
+"""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from asvhil.dynamics.nnsem import Scaling
+from asvhil.train.records import Array
+from asvhil.train.rollout import N_PRODUCTS, N_STATE, euler_rollout
+from asvhil.types import record
+
+N_INPUT = 7  # u, v, r, port, starboard, w_u, w_v
+MAP_UNITS = 8
+MAP_CELLS = 400  # of the table that the map is read from in training
+N_SKIP_STATE, N_SKIP = N_PRODUCTS, 16
+
+
+@record
+class Batch:
+    """Windows of N models, time first, scaled. Commands begin `history` rows before the initial state."""
+
+    x0: Tensor  # (N, B, 3)
+    command: Tensor  # (history + m, N, B, 2)
+    wind: Tensor  # (m, N, B, 2)
+    target: Tensor  # (m, N, B, 3)
+
+
+class Trainee(Protocol):
+    """N models under training."""
+
+    parameters: dict[str, Tensor]
+    history: int
+
+    def predict(self, batch: Batch) -> Tensor:
+        """Scaled velocities (m, N, B, 3) after each step."""
+
+    def export(self, number: int) -> dict[str, Array]:
+        """Weights of one model, scaling excepted."""
+
+
+def parameter(values: Array) -> Tensor:
+    """A leaf tensor that gradients are wanted of."""
+    return torch.tensor(values, dtype=torch.float64, requires_grad=True)
+
+
+def initial_network(rngs: list[np.random.Generator], inputs: int, hidden: int, outputs: int) -> dict[str, Tensor]:
+    """Glorot's uniform law for the first layer, a tenth of it for the second, one generator a model."""
+    first, second = np.sqrt(6.0 / (inputs + hidden)), 0.1 * np.sqrt(6.0 / (hidden + outputs))
+    return {
+        "w1": parameter(np.stack([rng.uniform(-first, first, (inputs, hidden)) for rng in rngs])),
+        "b1": parameter(np.stack([rng.uniform(-0.5, 0.5, (1, hidden)) for rng in rngs])),
+        "w2": parameter(np.stack([rng.uniform(-second, second, (hidden, outputs)) for rng in rngs])),
+        "b2": parameter(np.zeros((len(rngs), 1, outputs))),
+    }
+
+
+def exported_network(parameters: dict[str, Tensor], number: int) -> dict[str, Array]:
+    """(w1 (hidden, inputs), b1, w2 (outputs, hidden), b2) of one model."""
+    with torch.no_grad():
+        return {
+            "w1": parameters["w1"][number].T.numpy().copy(),
+            "b1": parameters["b1"][number, 0].numpy().copy(),
+            "w2": parameters["w2"][number].T.numpy().copy(),
+            "b2": parameters["b2"][number, 0].numpy().copy(),
+        }
+
+
+class NnsemTrainee:
+    """The paper's network: 7-12-3, tanh, forward Euler."""
+
+    history = 0
+
+    def __init__(self, rngs: list[np.random.Generator], hidden: int, dt_s: float) -> None:
+        self._dt_s = dt_s
+        self.parameters = initial_network(rngs, N_INPUT, hidden, N_STATE)
+
+    def predict(self, batch: Batch) -> Tensor:
+        w1, b1, w2, b2 = (self.parameters[name] for name in ("w1", "b1", "w2", "b2"))
+        p = torch.cat([batch.command, batch.wind], -1) @ w1[:, N_STATE:] + b1
+        q = (self._dt_s * b2).expand(batch.target.shape)
+        return euler_rollout(batch.x0, p, q, w1[:, :N_STATE], self._dt_s * w2, None)
+
+    def export(self, number: int) -> dict[str, Array]:
+        return exported_network(self.parameters, number)
+
+
+class LagNetTrainee:
+    """Thrust map, motor lag, network and skip terms; `members` networks in a row share one map and one lag."""
+
+    def __init__(
+        self, rngs: list[np.random.Generator], hidden: int, dt_s: float, history: int, members: int, scaling: Scaling
+    ) -> None:
+        groups = len(rngs) // members
+        self.history, self._dt_s, self._members = history, dt_s, members
+        heads = rngs[::members]
+        self.parameters = initial_network(rngs, N_INPUT, hidden, N_STATE)
+        self.parameters |= {
+            "skip": parameter(np.zeros((len(rngs), N_SKIP, N_STATE))),
+            "map_gain": parameter(np.zeros((groups, 1, MAP_UNITS))),
+            "map_slope": parameter(np.full((groups, 1, MAP_UNITS), 2.0)),
+            "map_centre": parameter(np.stack([_spread(rng) for rng in heads])),
+            "lag": parameter(np.zeros((groups, 1, 1))),
+            "direct": parameter(np.full((groups, 1, 1, 1), -1.0)),
+        }
+
+    def predict(self, batch: Batch) -> Tensor:
+        value = self.parameters
+        steps = len(batch.target)
+        motor, change = self._motors(batch.command, steps)
+        direct = torch.sigmoid(value["direct"]).repeat_interleave(self._members, 0).transpose(0, 1)
+        driven = torch.cat([motor + direct * change, batch.wind], -1)
+        w1, skip = value["w1"], value["skip"]
+        p = driven @ w1[:, N_STATE:] + value["b1"]
+        w_u, w_v = batch.wind[..., :1], batch.wind[..., 1:]
+        terms = torch.cat([driven, batch.wind * batch.wind.abs(), w_u * w_v], -1)
+        q = self._dt_s * (terms @ skip[:, N_SKIP_STATE:] + value["b2"])
+        return euler_rollout(
+            batch.x0, p, q, w1[:, :N_STATE], self._dt_s * value["w2"], self._dt_s * skip[:, :N_SKIP_STATE]
+        )
+
+    def lag_factor(self) -> Tensor:
+        """dt / lag (groups, 1, 1): the part of the way to its demand that a motor makes in one Euler step."""
+        return torch.sigmoid(self.parameters["lag"])
+
+    def _thrust(self, command: Tensor) -> Tensor:
+        """The map of commands (N, K), each model by the map of its group; linear between the rows of a table."""
+        value = self.parameters
+        gain = torch.nn.functional.softplus(value["map_gain"]).mT
+        slope, centre = torch.nn.functional.softplus(value["map_slope"]), value["map_centre"]
+        grid = torch.linspace(-1.0, 1.0, MAP_CELLS + 1, dtype=torch.float64)[:, None]
+        table = torch.tanh(slope * (grid - centre)) @ gain  # (groups, MAP_CELLS + 1, 1)
+        low, high = table[:, MAP_CELLS // 2, None], table[:, -1, None]
+        flat = ((table - low) / (high - low)).flatten()
+        with torch.no_grad():
+            at = (command + 1.0) * (MAP_CELLS / 2)
+            cell = at.floor().clamp(0, MAP_CELLS - 1)
+            part = (at - cell).flatten()
+            first = (MAP_CELLS + 1) * (torch.arange(len(command)) // self._members)
+            row = (cell.long() + first[:, None]).flatten()
+        below = flat.index_select(0, row)
+        thrust: Tensor = below + part * (flat.index_select(0, row + 1) - below)
+        return thrust.view(command.shape)
+
+    def _motors(self, command: Tensor, steps: int) -> tuple[Tensor, Tensor]:
+        """Motor states (m, N, B, 2) at the start of each step, and what their demands then differ by."""
+        rows, models, batch, _ = command.shape
+        columns = command.permute(1, 0, 2, 3)
+        demand = self._thrust(columns.reshape(models, -1)).view(models, rows, 2 * batch)
+        # The lag is linear: the states are a weighted sum of the demands so far, the first taken as held for ever.
+        step_at = torch.arange(self.history, rows)[:, None]
+        age = (step_at - 1 - torch.arange(rows)[None, :]).to(torch.float64)
+        factor = self.lag_factor()
+        weight = torch.where(age >= 0.0, (1.0 - factor) ** age.clamp(min=0.0), torch.zeros(()).double())
+        weight = torch.cat([weight[..., :1], factor * weight[..., 1:]], -1).repeat_interleave(self._members, 0)
+        motor = (weight @ demand).view(models, steps, batch, 2)
+        change = demand[:, self.history :].view(models, steps, batch, 2) - motor
+        return motor.transpose(0, 1), change.transpose(0, 1)
+
+    def export(self, number: int) -> dict[str, Array]:
+        """Group `number`; the mean of its members is one network with all their hidden units side by side."""
+        first = number * self._members
+        parts = [exported_network(self.parameters, first + i) for i in range(self._members)]
+        with torch.no_grad():
+            value = self.parameters
+            softplus = torch.nn.functional.softplus
+            return {
+                "w1": np.concatenate([part["w1"] for part in parts]),
+                "b1": np.concatenate([part["b1"] for part in parts]),
+                "w2": np.concatenate([part["w2"] for part in parts], axis=1) / self._members,
+                "b2": np.mean([part["b2"] for part in parts], axis=0),
+                "skip": value["skip"][first : first + self._members].mean(0).T.numpy().copy(),
+                "map_gain": softplus(value["map_gain"][number, 0]).numpy().copy(),
+                "map_slope": softplus(value["map_slope"][number, 0]).numpy().copy(),
+                "map_centre": value["map_centre"][number, 0].numpy().copy(),
+                "lag_s": np.array(self._dt_s / self.lag_factor()[number].item()),
+                "direct": np.array(torch.sigmoid(value["direct"][number]).item()),
+            }
+
+
+def _spread(rng: np.random.Generator) -> Array:
+    """Centres of the map's units, spread over the commands with a little chance (1, MAP_UNITS)."""
+    return (np.linspace(-0.9, 0.9, MAP_UNITS) + rng.uniform(-0.05, 0.05, MAP_UNITS))[None]

@@ -1,0 +1,111 @@
+"""From a dataset to what training wants: scaled, optionally smoothed and mirrored, and cut into windows. No torch."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from asvhil.dynamics.nnsem import Scaling
+from asvhil.errors import ModelError
+from asvhil.train.records import Array, Dataset, Segment, ranges
+
+SHORTEST_S = 60.0  # less data than this teaches nothing
+STILL_MPS, STILL_RADPS = 0.1, 0.02  # ranges of u and r below these are a boat at rest
+SMOOTHING_HALF_WIDTH = 3  # samples to each side, fitted by a parabola
+MIRROR_NU = np.array([1.0, -1.0, -1.0])
+MIRROR_WIND = np.array([1.0, -1.0])
+
+
+def check(dataset: Dataset) -> None:
+    """ModelError, in one line, where the data cannot train a model: not finite, too short, or without motion."""
+    if not dataset.segments:
+        raise ModelError("the training data hold no usable segment")
+    for number, segment in enumerate(dataset.segments):
+        for name in ("nu", "command", "wind"):
+            bad = ~np.isfinite(getattr(segment, name)).all(axis=1)
+            if bad.any():
+                at_s = segment.t_s[int(np.argmax(bad))]
+                raise ModelError(
+                    f"training data, segment {number}: {name} is not finite in {int(bad.sum())} rows, first at {at_s:.1f} s"
+                )
+    duration_s = dataset.dt_s * sum(len(segment.t_s) for segment in dataset.segments)
+    if duration_s < SHORTEST_S:
+        raise ModelError(f"the training data last {duration_s:.1f} s: at least {SHORTEST_S:.0f} s are needed")
+    spread = np.ptp(np.concatenate([segment.nu for segment in dataset.segments]), axis=0)
+    if spread[0] < STILL_MPS or spread[2] < STILL_RADPS:
+        raise ModelError(
+            f"the training data hold no motion: u spans {spread[0]:.3f} m/s and r {spread[2]:.4f} rad/s"
+            f" (at least {STILL_MPS} and {STILL_RADPS} are needed)"
+        )
+    if not np.ptp(np.concatenate([segment.command for segment in dataset.segments]), axis=0).all():
+        raise ModelError("the training data hold no motion of the motors: a command never changes")
+
+
+def scaling_of(dataset: Dataset, *, symmetric: bool) -> Scaling:
+    """Centres and half widths of (u, v, r, port, starboard, w_u, w_v); symmetric: about 0, alike for both motors.
+
+    A wind that never changes is not scaled.
+    """
+    extremes = ranges(dataset)
+    bounds = np.concatenate([extremes.nu, extremes.command, extremes.wind])
+    if symmetric:
+        reach = np.abs(bounds).max(axis=1)
+        reach[3:5] = 1.0
+        bounds = np.stack([-reach, reach], axis=1)
+    half = 0.5 * (bounds[:, 1] - bounds[:, 0])
+    still = half <= 0.0
+    return Scaling(centre=np.where(still, 0.0, bounds.mean(axis=1)), half=np.where(still, 1.0, half))
+
+
+def smoothed(segment: Segment) -> Segment:
+    """The segment with its velocities replaced by local parabolas over 2 * SMOOTHING_HALF_WIDTH + 1 samples.
+
+    Not causal, so for training data only. Segments shorter than that are left alone.
+    """
+    width = 2 * SMOOTHING_HALF_WIDTH + 1
+    count = len(segment.t_s)
+    if count < width:
+        return segment
+    offsets = np.arange(width, dtype=float)
+    design = np.stack([np.ones(width), offsets, offsets**2], axis=1)
+    hat = design @ np.linalg.pinv(design)  # row i: the weights that give the parabola's value at sample i
+    nu = np.empty_like(segment.nu)
+    windows = np.lib.stride_tricks.sliding_window_view(segment.nu, width, axis=0)
+    nu[SMOOTHING_HALF_WIDTH : count - SMOOTHING_HALF_WIDTH] = windows @ hat[SMOOTHING_HALF_WIDTH]
+    nu[:SMOOTHING_HALF_WIDTH] = hat[:SMOOTHING_HALF_WIDTH] @ segment.nu[:width]
+    nu[-SMOOTHING_HALF_WIDTH:] = hat[-SMOOTHING_HALF_WIDTH:] @ segment.nu[-width:]
+    return Segment(t_s=segment.t_s, nu=nu, command=segment.command, wind=segment.wind, psi=segment.psi)
+
+
+def mirrored(segment: Segment) -> Segment:
+    """The segment as a boat would have done it in a mirror: port for starboard."""
+    return Segment(
+        t_s=segment.t_s,
+        nu=segment.nu * MIRROR_NU,
+        command=segment.command[:, ::-1],
+        wind=segment.wind * MIRROR_WIND,
+        psi=-segment.psi,
+    )
+
+
+class Windows:
+    """All windows of the segments as indices into flat, scaled arrays.
+
+    A window is `history` rows, whose commands alone are used, then `steps` + 1 rows from the initial state on.
+    """
+
+    def __init__(self, segments: tuple[Segment, ...], scaling: Scaling, steps: int, history: int) -> None:
+        self.nu: Array = np.concatenate([(part.nu - scaling.centre[:3]) / scaling.half[:3] for part in segments])
+        self.command: Array = np.concatenate(
+            [(part.command - scaling.centre[3:5]) / scaling.half[3:5] for part in segments]
+        )
+        self.wind: Array = np.concatenate([(part.wind - scaling.centre[5:]) / scaling.half[5:] for part in segments])
+        starts, offset = [], 0
+        for part in segments:
+            count = len(part.t_s)
+            starts.append(np.arange(offset + history, offset + max(history, count - steps)))
+            offset += count
+        self.starts: NDArray[np.int64] = np.concatenate(starts)
+        self.steps, self.history = steps, history
+        if not len(self.starts):
+            raise ModelError(f"the training data have no stretch of {steps + history + 1} samples without a gap")

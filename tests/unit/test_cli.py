@@ -1,0 +1,72 @@
+"""The command line: bad input is one line on stderr and a non-zero exit, never a traceback."""
+
+import json
+import math
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+
+def asvhil(*arguments: str, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "asvhil", *arguments], capture_output=True, text=True, check=False, timeout=60, cwd=cwd
+    )
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["run", "nowhere.yaml"], "nowhere.yaml: no such config file"),
+        (["run", "sitl", "--set", "plant.sead=1"], "did you mean seed?"),
+        (["run", "sitl", "--set", "links.operator.endpoint=udp:1"], "links.operator.endpoint"),
+        (["sitl", "--wind", "fast"], "SPEED@DEG is expected"),
+        (["sitl", "--wind", "nan@0"], "SPEED@DEG is expected"),
+        (["sitl", "--controller", "pid"], "controller.name"),
+        (["sitl", "field", "--lockstep"], "supervisor.engage: sitl needs auto"),
+        (["hold", "--at", "here"], "LAT,LON in degrees is expected"),
+        (["hold", "--at", "91,0"], "LAT,LON in degrees is expected"),
+        (["hold", "--set", "links.operator.endpoint=udpin:127.0.0.1:9"], "no answer; is `asvhil run` up"),
+        (["replay"], "give either an MCAP log or --tlog FILE"),
+        (["replay", "nowhere.mcap"], "nowhere.mcap: cannot be read"),
+        (["replay", "--tlog", "nowhere.tlog"], "nowhere.tlog: cannot be read"),
+        (["report", "nowhere.mcap"], "nowhere.mcap: cannot be read"),
+        (["run", "sitl", "--log", "no/such/folder/log.mcap", "--duration", "1"], "log.mcap"),
+    ],
+)
+def test_bad_input_is_one_line(arguments: list[str], words: str, tmp_path: Path) -> None:
+    done = asvhil(*arguments, cwd=tmp_path)
+    assert done.returncode == 2
+    assert words in done.stderr and done.stderr.count("\n") == 1 and "Traceback" not in done.stderr
+
+
+def test_usage_errors_and_help() -> None:
+    assert asvhil("--help").returncode == 0
+    assert asvhil("--version").stdout.startswith("asvhil ")
+    unknown = asvhil("sail")
+    assert unknown.returncode == 2 and "Traceback" not in unknown.stderr
+
+
+def test_lockstep_leaves_a_log_a_picture_and_figures_and_replays(tmp_path: Path) -> None:
+    done = asvhil("sitl", "--lockstep", "--duration", "20", "--wind", "3@90", "--json", "out.json", cwd=tmp_path)
+    assert (done.returncode, done.stderr) == (0, "")
+    figures = json.loads((tmp_path / "out.json").read_text())
+    assert figures["wind"]["configured_toward_deg"] == 90.0
+    assert math.isfinite(figures["truth"]["penalty_score"])
+    (log,) = tmp_path.glob("runs/*-lockstep/log.mcap")
+    assert (log.parent / "log.png").read_bytes().startswith(b"\x89PNG")
+    exact = asvhil("replay", str(log), "--json", str(tmp_path / "replay.json"))
+    assert exact.returncode == 0 and "403 ticks bit-exact" in exact.stdout
+    assert json.loads((tmp_path / "replay.json").read_text())["exact"] is True
+    report = asvhil("report", str(log), "--picture", str(tmp_path / "run.svg"))
+    assert report.returncode == 0 and (tmp_path / "run.svg").exists()
+    again = asvhil("sitl", "--lockstep", "--duration", "5", "--log", str(log), cwd=tmp_path)
+    assert again.returncode == 2 and again.stderr.count("\n") == 1  # a log is never overwritten
+
+
+def test_the_wind_turns_with_the_stations_heading(tmp_path: Path) -> None:
+    arguments = ["--lockstep", "--duration", "2", "--wind", "3@90", "--set", "supervisor.station.heading_deg=100"]
+    asvhil("sitl", *arguments, "--no-picture", "--json", "out.json", cwd=tmp_path)
+    figures = json.loads((tmp_path / "out.json").read_text())
+    assert figures["wind"]["configured_toward_deg"] == 190.0
