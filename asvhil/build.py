@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from asvhil.backseat import Backseat, Controller
-from asvhil.config import Config
+from asvhil.config import LEARNED, Config, find_shipped
+from asvhil.controller.backstepping import Backstepping
+from asvhil.controller.loiter import Loiter
 from asvhil.controller.manoeuvres import Manoeuvres
+from asvhil.controller.sliding_mode import SlidingMode
 from asvhil.controller.station_mpc import StationMpc
 from asvhil.dynamics.protocol import Dynamics
 from asvhil.dynamics.rigid_body import SimplifiedDynamics
+from asvhil.dynamics.weights import load_model
+from asvhil.errors import ModelError
 from asvhil.estimator.ekf import Ekf
 from asvhil.estimator.monitor import ModelMonitor
 from asvhil.estimator.wind import WindFilter
@@ -17,22 +24,49 @@ from asvhil.io.operator import OperatorLink
 from asvhil.supervisor import Supervisor
 
 
-def build_model(config: Config) -> Dynamics:
-    """The vessel model that the estimator and the controller share."""
-    return SimplifiedDynamics(config.controller.vessel or config.vehicle.vessel)
+def model_file(config: Config) -> Path | None:
+    """The file of the learned model that the controller needs, None for one that needs none. ConfigError if missing."""
+    kind = LEARNED.get(config.controller.name)
+    if kind is None:
+        return None
+    name = config.controller.model or f"{config.vehicle.name}-{kind}"
+    return find_shipped(name, "models", (".npz",), f"model file (controller.model; {config.controller.name} needs one)")
+
+
+def build_model(config: Config, file: Path | None = None) -> Dynamics:
+    """The vessel model that the estimator and the controller share; `file` instead of the config's, as in replay.
+
+    Raises ModelError where the file is damaged, of another kind, vehicle or step than the config asks for.
+    """
+    file = file or model_file(config)
+    if file is None:
+        return SimplifiedDynamics(config.controller.vessel or config.vehicle.vessel)
+    kind = LEARNED[config.controller.name]
+    model = load_model(file, vehicle=config.vehicle.name, dt_s=config.controller.mpc.first_step_s)
+    if model.name != kind:
+        raise ModelError(f"{file}: holds a model of kind {model.name}, but {config.controller.name} needs {kind}")
+    return model
 
 
 def build_controller(config: Config, model: Dynamics) -> Controller:
     """The controller that `controller.name` asks for."""
+    section, vessel = config.controller, config.controller.vessel or config.vehicle.vessel
+    match section.name:
+        case "backstepping":
+            return Backstepping(vessel, section.backstepping)
+        case "sliding-mode":
+            return SlidingMode(vessel, section.sliding_mode)
+        case "loiter":
+            return Loiter(section.loiter)
     keeper = StationMpc(model, config.controller.mpc, 1.0 / config.daemon.control_hz)
     if config.controller.name == "manoeuvres":
         return Manoeuvres(config.controller.manoeuvres, keeper)
     return keeper
 
 
-def build_backseat(config: Config) -> Backseat:
-    """A backseat that is ready for its first `step`."""
-    model = build_model(config)
+def build_backseat(config: Config, file: Path | None = None) -> Backseat:
+    """A backseat that is ready for its first `step`; `file` is a model file to use instead of the config's."""
+    model = build_model(config, file)
     pwm = config.vehicle.pwm
     return Backseat(
         model=model,

@@ -242,11 +242,126 @@ class ManoeuvresConfig(Section):
     note: str = ""  # weather and place in the operator's words, for the log
 
 
+class ProcedureConfig(Section):
+    """The paper's way to a station and back to it: Dubins path and ILOS beyond the radii, the keeper within them.
+
+    `r_s_m`: the keeper takes over inside; `r_d_m`: start over outside; `r_h_m`: with `r_h_rule`, inside it heading and
+    forward distance are kept, outside it position alone.
+    """
+
+    enabled: bool = True
+    r_s_m: Positive = 15.0
+    r_d_m: Positive = 20.0
+    r_h_m: Positive = 5.0
+    r_h_rule: bool = False
+    r_h_back: Fraction = 0.7  # of r_h_m: back inside it the heading counts again
+    dwell_s: NonNegative = 10.0  # least time in a stage
+    turn_radius_m: Positive = 8.0
+    speed_mps: Positive = 1.5
+    handover_speed_mps: Positive = 0.8
+    slow_down_mps2: Positive = 0.05
+    lookahead_m: Positive = 8.0
+    integral_gain: NonNegative = 0.5  # sigma of the ILOS law (m/s)
+    integral_max_m: NonNegative = 6.0  # of the cross-track error that the integral may stand for
+    replan_beyond_m: Positive = 6.0
+    surge_time_s: Positive = 2.0  # time constants of the closed loops: speed, heading, yaw rate
+    heading_time_s: Positive = 2.5
+    yaw_rate_time_s: Positive = 0.8
+    yaw_rate_max_radps: Positive = 0.3
+
+    @model_validator(mode="after")
+    def _check_radii(self) -> ProcedureConfig:
+        if not self.r_h_m < self.r_s_m < self.r_d_m:
+            raise ValueError("r_h_m < r_s_m < r_d_m must hold")
+        return self
+
+
+class SteeringConfig(Section):
+    """How a classical law without side force steers: see `controller/classical.py`."""
+
+    radius_m: Positive = 5.0
+    lean_max_deg: Annotated[float, Field(ge=0.0, le=60.0)] = 10.0
+    lean_fade_n: Positive = 15.0
+
+
+Gains3 = tuple[NonNegative, NonNegative, NonNegative]  # along, across, heading
+Widths3 = tuple[Positive, Positive, Positive]
+
+
+class BacksteppingConfig(Section):
+    """Diagonals of the paper's gain matrices."""
+
+    lambda_per_s: Gains3 = (0.3, 0.3, 0.5)
+    kd: Gains3 = (150.0, 150.0, 500.0)  # N s/m, N s/m, N m s/rad
+    kp: Gains3 = (10.0, 10.0, 100.0)  # N/m, N/m, N m/rad
+    wind_feedforward: bool = True
+    steering: SteeringConfig = SteeringConfig()
+
+
+class SlidingModeConfig(Section):
+    """Diagonals of the paper's gain matrices: Lambda, U (bound) and E (thickness of the boundary layer)."""
+
+    lambda_per_s: Gains3 = (0.2, 0.2, 0.4)
+    bound: Gains3 = (80.0, 80.0, 200.0)  # N, N, N m
+    layer: Widths3 = (0.4, 0.4, 0.3)  # m/s, m/s, rad/s
+    integral_max: Gains3 = (10.0, 10.0, 1.0)  # m s, m s, rad s
+    wind_feedforward: bool = True
+    steering: SteeringConfig = SteeringConfig()
+
+
+class LoiterConfig(Section):
+    """The autopilot's LOITER: the names of its own parameters stand beside."""
+
+    radius_m: Positive = 2.0  # LOIT_RADIUS
+    speed_gain_per_s: Positive = 0.5  # LOIT_SPEED_GAIN
+    speed_max_mps: Positive = 1.5  # WP_SPEED
+    throttle_ff_per_mps: NonNegative = 0.25  # CRUISE_THROTTLE over CRUISE_SPEED
+    throttle_p_per_mps: NonNegative = 0.2  # ATC_SPEED_P
+    throttle_i_per_m: NonNegative = 0.05  # ATC_SPEED_I
+    throttle_min: Annotated[float, Field(ge=0.0, lt=1.0)] = 0.1  # MOT_THR_MIN
+    angle_p_per_s: NonNegative = 1.0  # ATC_STR_ANG_P
+    rate_max_degps: Positive = 30.0  # ATC_STR_RAT_MAX
+    rate_ff_s: NonNegative = 0.4  # ATC_STR_RAT_FF
+    rate_p_s: NonNegative = 0.4  # ATC_STR_RAT_P
+
+
+# Controllers that predict with a learned model, and the kind of model file each needs.
+LEARNED = {
+    "nnsem-mpc": "nnsem",
+    "lagnet-mpc": "lagnet",
+    "fitted-sd-mpc": "sd",
+    "node-mpc": "node",
+    "knode-mpc": "knode",
+}
+
+
 class ControllerConfig(Section):
-    name: Literal["sd-mpc", "manoeuvres"] = "sd-mpc"
-    vessel: VesselConfig | None = None  # the physics the model believes in; vehicle.vessel where absent
+    """Which controller, and what it predicts with.
+
+    `model` is the file of a learned model: a path, or the name of a shipped one; where absent, the one shipped for
+    this vehicle. `vessel` is the physics that sd-mpc believes in; vehicle.vessel where absent.
+    """
+
+    name: Literal[
+        "nnsem-mpc",
+        "lagnet-mpc",
+        "fitted-sd-mpc",
+        "node-mpc",
+        "knode-mpc",
+        "sd-mpc",
+        "manoeuvres",
+        "backstepping",
+        "sliding-mode",
+        "loiter",
+    ] = "sd-mpc"
+    model: str | None = None
+    vessel: VesselConfig | None = None
     mpc: MpcConfig = MpcConfig()
     manoeuvres: ManoeuvresConfig = ManoeuvresConfig()
+    procedure: ProcedureConfig = ProcedureConfig()
+    backstepping: BacksteppingConfig = BacksteppingConfig()
+    sliding_mode: SlidingModeConfig = SlidingModeConfig()
+    loiter: LoiterConfig = LoiterConfig()
 
 
 class StationConfig(Section):
@@ -419,15 +534,24 @@ class Config(Section):
 
 def find_config(name: str) -> Path:
     """The path of a config file: as given, else one of the shipped ones by its file name."""
+    return find_shipped(name, "", (".yaml",), "config file (give a path, or the name of a shipped one such as sitl)")
+
+
+def find_shipped(name: str, folder: str, endings: tuple[str, ...], what: str) -> Path:
+    """A file as given, else one shipped under config/`folder` by its name, with or without one of the endings.
+
+    Raises ConfigError saying that there is no such `what`.
+    """
     given = Path(name)
-    if given.exists():
+    if given.is_file():
         return given
     package = Path(__file__).resolve().parent
-    for folder in (package / "shipped_config", package.parent / "config"):
-        for candidate in (folder / name, folder / f"{name}.yaml"):
+    for root in (package / "shipped_config", package.parent / "config"):
+        for ending in ("", *endings):
+            candidate = root / folder / f"{name}{ending}"
             if given.name == name and candidate.is_file():
                 return candidate
-    raise ConfigError(f"{name}: no such config file (give a path, or the name of a shipped one such as sitl)")
+    raise ConfigError(f"{name}: no such {what}")
 
 
 def load_config(path: str | Path, overrides: tuple[str, ...] = ()) -> Config:

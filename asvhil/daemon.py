@@ -76,9 +76,16 @@ class Link:
             self.unsent += 1
             self.state = str(error)
 
+    @property
+    def losses(self) -> str:
+        """What was not sent or not read, in words; empty where nothing was."""
+        return f"{self.unsent} sends and {self.overflowed} frames dropped" if self.unsent or self.overflowed else ""
+
     async def _close(self) -> None:
         endpoint, self._endpoint = self._endpoint, None
         if endpoint is not None:
+            self.unsent += endpoint.unsent
+            self.overflowed += endpoint.dropped
             with contextlib.suppress(LinkError):
                 await endpoint.close()
 
@@ -132,6 +139,9 @@ class Daemon:
             for reader in readers:
                 reader.cancel()
             await asyncio.gather(*readers, return_exceptions=True)
+            for port, link in self._links.items():
+                if link.losses:
+                    self._recorder.write_log(self._clock.now_ns(), "warning", f"link {port}: {link.losses}")
             for number in (signal.SIGINT, signal.SIGTERM):
                 loop.remove_signal_handler(number)
 

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import hashlib
+import tempfile
 import time
+from base64 import b64decode
 from collections.abc import Callable
 from pathlib import Path
 
+from asvhil.backseat import Backseat
 from asvhil.build import build_backseat
 from asvhil.config import Config, config_from_json
 from asvhil.errors import LogError
@@ -43,10 +47,29 @@ def config_of(log: LogFile, path: Path) -> Config:
     return config_from_json(stored, f"{path} (config record)")
 
 
+def build_recorded(log: LogFile, path: Path) -> Backseat:
+    """A fresh backseat as the one that wrote a log: its config, and the learned model that the log holds."""
+    config = config_of(log, path)
+    stored = log.metadata.get("model")
+    if stored is None:
+        return build_backseat(config)
+    try:
+        data = b64decode(stored["base64"], validate=True)
+        intact = hashlib.sha256(data).hexdigest() == stored["sha256"]
+    except (KeyError, ValueError):
+        intact = False
+    if not intact:
+        raise LogError(f"{path}: the model record is damaged; replay needs the model that the run was made with")
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "model.npz"
+        file.write_bytes(data)
+        return build_backseat(config, file)
+
+
 def replay(path: Path, on_tick: Callable[[int], None] | None = None) -> ReplayResult:
     """Step a fresh backseat through a log up to its end or the first tick that differs."""
     log = LogFile(path)
-    backseat = build_backseat(config_of(log, path))
+    backseat = build_recorded(log, path)
     ticks = compared = 0
     first_ns = last_ns = None
     mismatch = None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import platform
 import signal
@@ -9,6 +10,7 @@ import socket
 import subprocess
 import sys
 import time
+from base64 import b64encode
 from collections.abc import Callable
 from datetime import UTC, datetime
 from importlib.metadata import version
@@ -16,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from asvhil import __version__
+from asvhil.build import model_file
 from asvhil.config import Config
 from asvhil.errors import AsvhilError
 from asvhil.io.recorder import Recorder
@@ -44,6 +47,14 @@ def make_run_folder(config: Config, name: str) -> Path:
 
 def log_metadata(config: Config, mode: str) -> dict[str, dict[str, str]]:
     """The metadata records that make a log replayable: the whole config, versions, seed and mode."""
+    model = model_file(config)
+    data = model.read_bytes() if model is not None else b""
+    # The model itself goes into the log: a replay must not depend on a file that training may write again.
+    stored = (
+        {"model": {"file": model.name, "sha256": hashlib.sha256(data).hexdigest(), "base64": b64encode(data).decode()}}
+        if model is not None
+        else {}
+    )
     versions = {name: version(name) for name in PACKAGES}
     return {
         "config": {"json": config.canonical_json(), "hash": config.content_hash()},
@@ -54,6 +65,7 @@ def log_metadata(config: Config, mode: str) -> dict[str, dict[str, str]]:
             **versions,
         },
         "run": {"mode": mode, "seed": str(config.plant.seed), "vehicle": config.vehicle.name},
+        **stored,
     }
 
 

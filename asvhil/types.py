@@ -162,6 +162,7 @@ class Control:
     """One solution. `command` is (port, starboard) in [-1, 1], the paper's PWM signal.
 
     `plan` is the predicted path as rows (t_s ahead, n_m, e_m, psi_rad); empty where a controller predicts nothing.
+    `stage` is where the station keeping procedure is; empty for a controller that has no stages.
     """
 
     command: tuple[float, float]
@@ -169,6 +170,7 @@ class Control:
     iterations: int
     cost: float
     plan: tuple[tuple[float, float, float, float], ...] = ()
+    stage: str = ""
 
 
 class Phase(enum.StrEnum):

@@ -56,12 +56,14 @@ class StationProblem:
     """
 
     def __init__(self, model: Dynamics, config: MpcConfig) -> None:
+        self.model = model
         self.stages = config.stages
         self.n_state = POSE_AND_VELOCITY + model.n_motor
         self.n_motor = model.n_motor
         # Steps grow linearly: fine where the input is about to be applied, coarse where only the trend counts.
         self.steps_s: Array = np.linspace(config.first_step_s, config.last_step_s, config.stages)
         self.times_s: Array = np.concatenate([[0.0], np.cumsum(self.steps_s)])
+        self.substep_counts = [substeps(float(step_s), model.max_step_s) for step_s in self.steps_s]
         self.lower, self.upper = float(model.input_lower), float(model.input_upper)
         self.n_parameters = self.n_state + 9 + POSE_AND_VELOCITY * self.stages
         self._build(model)
@@ -114,9 +116,8 @@ class StationProblem:
 
         state = fast_state = p[:n]
         states, fast_states, blocks, cost = [state], [state], [], ca.SX(0.0)
-        for k, step_s in enumerate(self.steps_s):
+        for k, (step_s, count) in enumerate(zip(self.steps_s, self.substep_counts, strict=True)):
             a_k = inputs[2 * k : 2 * k + 2]
-            count = substeps(float(step_s), model.max_step_s)
             block = ca.horzcat(ca.SX.eye(n), ca.SX(n, 2))
             for _ in range(count):
                 fast_state = substep(fast_state, a_k, wind, disturbance, step_s / count)

@@ -166,14 +166,14 @@ def _psi_at(raw: _Raw, t_s: Array) -> Array:
 class _Reader:
     """Decodes the frames of one log anew, as the backseat did, and keeps the measurements with their times."""
 
-    def __init__(self, config: Config) -> None:
+    def __init__(self, config: Config, start_ns: int) -> None:
+        self._start_ns = start_ns
         self._pwm = config.vehicle.pwm
         self._link = ArduRoverLink(config.links.autopilot, self._pwm)
         self._anemometer = NmeaCodec("anemometer")
         self._truth_parser, self._sent_parser = Parser(), Parser()
         self._outputs_us: tuple[int, ...] = ()
         self._held_us: tuple[int, int] | None = None
-        self.start_ns: int | None = None
         self.attitude: list[tuple[float, ...]] = []
         self.velocity: list[tuple[float, ...]] = []
         self.wind: list[tuple[float, ...]] = []
@@ -236,19 +236,21 @@ class _Reader:
         return self._outputs_us[channel - 1] if len(self._outputs_us) >= channel else None
 
     def _t_s(self, t_ns: int) -> float:
-        if self.start_ns is None:
-            self.start_ns = t_ns
-        return (t_ns - self.start_ns) * 1e-9
+        return (t_ns - self._start_ns) * 1e-9
 
 
 def _read(path: Path) -> _Raw:
     log = LogFile(path)
-    reader = _Reader(config_of(log, path))
+    config = config_of(log, path)
+    reader: _Reader | None = None
     for inputs, recorded in log.ticks():
+        reader = _Reader(config, inputs.t_ns) if reader is None else reader
         for frame in inputs.frames:
             reader.take_in(frame)
         if recorded is not None:
             reader.take_out(inputs.t_ns, recorded)
+    if reader is None:
+        raise LogError(f"{path}: holds no tick")
     attitude, jumps_psi = without_outliers(_unwrapped(series(reader.attitude, 2), 0), 0.5, 2.0, np.inf)
     velocity, jumps_v = without_outliers(series(reader.velocity, 2), 1.0, 3.0, 30.0)
     return _Raw(

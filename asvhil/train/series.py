@@ -123,14 +123,19 @@ def hold_mean(source: Series, t_s: Array, dt_s: float) -> Array:
 
 
 def change_phase_s(source: Series, dt_s: float) -> float:
-    """When within a step of dt the values change, as the circular mean weighted by how much they do; 0 if never."""
+    """When within a step of dt the values change; 0 if never. The circular mean, weighted by how much they change.
+
+    It is taken twice, the second time of the changes near the first mean, so that stray ones do not shift it.
+    """
     if len(source.t_s) < 2:
         return 0.0
     jumps = np.abs(np.diff(source.values, axis=0)).sum(axis=1)
-    total = (jumps * np.exp(2j * np.pi * source.t_s[1:] / dt_s)).sum()
-    if abs(total) < 1e-12:
+    turns = np.exp(2j * np.pi * source.t_s[1:] / dt_s)
+    mean = (jumps * turns).sum()
+    if abs(mean) < 1e-12:
         return 0.0
-    return float(np.angle(total) / (2.0 * np.pi) * dt_s % dt_s)
+    near = (turns * np.conj(mean)).real > 0.5 * abs(mean)
+    return float(np.angle((jumps * turns)[near].sum()) / (2.0 * np.pi) * dt_s % dt_s)
 
 
 def grid(span: tuple[float, float], dt_s: float, phase_s: float) -> Array:

@@ -1,0 +1,26 @@
+"""IPOPT through CasADi by multiple shooting: the paper's second solver, its way. Exact Hessians, expanded to SX."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import casadi as ca
+
+from asvhil.controller.mpc import StationProblem
+from asvhil.controller.solvers.nlp import NlpSolver
+
+CONVERGED = frozenset({"Solve_Succeeded", "Solved_To_Acceptable_Level"})
+CAPPED = frozenset({"Maximum_Iterations_Exceeded"})
+
+
+class Ipopt(NlpSolver):
+    """IPOPT with its own defaults; a dual warm start was slower than none, so the start is a plan alone."""
+
+    def __init__(self, problem: StationProblem, caps: Sequence[int] = ()) -> None:
+        super().__init__(problem, False, _make, caps, CONVERGED, CAPPED)
+
+
+def _make(symbols: dict[str, Any], cap: int) -> ca.Function:
+    options = {"print_time": False, "ipopt": {"print_level": 0, "sb": "yes", "max_iter": cap}}
+    return ca.nlpsol("ipopt", "ipopt", symbols, options)

@@ -1,0 +1,129 @@
+"""A StationProblem by multiple shooting, as a sparse nonlinear programme for the solvers that CasADi brings along.
+
+The variables stand stage by stage, (s_0, a_0, s_1, a_1, ... s_N). With `carry_input` each state also holds the input
+before it, which makes the cost of a change of input one of its stage alone, as stagewise solvers need it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from asvhil.controller.mpc import POSE_AND_VELOCITY, Array, Solution, StationProblem
+from asvhil.controller.solvers.outcome import bounded, failure, rolled_out
+from asvhil.types import record
+
+
+@record
+class Programme:
+    """min f(x, p) under g(x, p) = 0, and where in x the states (N + 1, n), carried (N + 1, 2) and inputs (N, 2) are."""
+
+    symbols: Mapping[str, Any]
+    state_at: Any
+    carried_at: Any
+    input_at: Any
+
+
+def transcribe(problem: StationProblem, carry_input: bool) -> Programme:
+    """The programme of a problem; its constraints are gap 0, the initial state, then gaps 1 .. N - 1."""
+    n, stages = problem.n_state, problem.stages
+    carry = 2 if carry_input else 0
+    width = n + carry + 2
+    first = width * np.arange(stages + 1)[:, None]
+    state_at, carried_at = first + np.arange(n), first + n + np.arange(carry)
+    input_at = first[:-1] + n + carry + np.arange(2)
+    x, p = ca.SX.sym("x", stages * width + n + carry), ca.SX.sym("p", problem.n_parameters)
+    wind, push, previous, reference, slew = p[n : n + 2], p[n + 2 : n + 5], p[n + 5 : n + 7], p[n + 7], p[n + 8]
+    target = ca.vertcat(0, 0, reference, 0, 0, 0)
+
+    def part(at: Any) -> Any:
+        return x[int(at[0]) : int(at[-1]) + 1]
+
+    start = ca.vertcat(p[:n], previous) if carry_input else p[:n]
+    initial = x[: n + carry] - start
+    cost, constraints = ca.SX(0.0), []
+    for k, (step_s, count) in enumerate(zip(problem.steps_s, problem.substep_counts, strict=True)):
+        state, a = part(state_at[k]), part(input_at[k])
+        for _ in range(count):
+            state = problem.substep(state, a, wind, push, float(step_s) / count)
+        gap = part(state_at[k + 1]) - state
+        constraints.append(ca.vertcat(gap, part(carried_at[k + 1]) - a) if carry_input else gap)
+        if k == 0:
+            constraints.append(initial)
+        if carry_input:
+            before = part(carried_at[k])
+        else:
+            before = part(input_at[k - 1]) if k else previous
+        q = p[n + 9 + POSE_AND_VELOCITY * k :][:POSE_AND_VELOCITY]
+        error = part(state_at[k + 1])[:POSE_AND_VELOCITY] - target
+        cost += ca.dot(q, error**2) + slew * ca.sumsqr(a - before)
+    symbols = {"x": x, "p": p, "f": cost, "g": ca.vertcat(*constraints)}
+    return Programme(symbols=symbols, state_at=state_at, carried_at=carried_at, input_at=input_at)
+
+
+class NlpSolver:
+    """Solves a `StationProblem` by a solver of CasADi's, from a start that is rolled out first; no memory, no duals.
+
+    `make(symbols, cap)` builds the solver for an iteration cap; `caps` are built at once, others when first asked for.
+    `good` are the return statuses of a usable end: converged, or stopped at the cap.
+    """
+
+    def __init__(
+        self,
+        problem: StationProblem,
+        carry_input: bool,
+        make: Callable[[dict[str, Any], int], ca.Function],
+        caps: Sequence[int],
+        converged: frozenset[str],
+        capped: frozenset[str],
+    ) -> None:
+        self._problem, self._make = problem, make
+        self._programme = programme = transcribe(problem, carry_input)
+        self._converged, self._capped = converged, capped
+        self._solvers = {cap: make(dict(programme.symbols), cap) for cap in caps}
+        size = programme.symbols["x"].numel()
+        self._lower, self._upper = np.full(size, -np.inf), np.full(size, np.inf)
+        self._lower[programme.input_at] = problem.lower
+        self._upper[programme.input_at] = problem.upper
+
+    def solve(self, parameters: Array, start: Array, iterations: int) -> Solution:
+        """The plan found from `start` (stages, 2), clipped into the bounds; never dearer than the start.
+
+        `ok` is False where the solver ends with an error or anything is not finite. `status` says which.
+        """
+        problem, programme = self._problem, self._programme
+        if not (np.isfinite(parameters).all() and np.isfinite(start).all()):
+            return failure(problem, "the parameters or the start are not finite")
+        inputs = bounded(problem, np.asarray(start, dtype=float).reshape(-1, 2))
+        states, cost = rolled_out(problem, parameters, inputs)
+        if not (np.isfinite(cost) and np.isfinite(states).all()):
+            return failure(problem, "the prediction from the start is not finite")
+        solver = self._solvers.get(iterations)
+        if solver is None:
+            solver = self._solvers[iterations] = self._make(dict(programme.symbols), iterations)
+        x0 = np.zeros(self._lower.size)
+        x0[programme.state_at] = states
+        x0[programme.input_at] = inputs
+        if programme.carried_at.size:
+            x0[programme.carried_at[0]] = problem.unpack_cost(parameters)[2]
+            x0[programme.carried_at[1:]] = inputs
+        found = solver(x0=x0, p=parameters, lbx=self._lower, ubx=self._upper, lbg=0.0, ubg=0.0)
+        stats = solver.stats()
+        status, count = str(stats["return_status"]), int(stats["iter_count"])
+        if status not in self._converged | self._capped:
+            return failure(problem, status)
+        found_inputs = bounded(problem, np.array(found["x"]).ravel()[programme.input_at])
+        found_states, found_cost = rolled_out(problem, parameters, found_inputs)
+        if found_cost <= cost and np.isfinite(found_states).all():  # False for NaN
+            inputs, states, cost = found_inputs, found_states, found_cost
+        return Solution(
+            inputs=inputs,
+            states=states,
+            cost=cost,
+            iterations=count,
+            ok=True,
+            status="converged" if status in self._converged else "iteration cap",
+        )

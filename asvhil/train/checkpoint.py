@@ -1,0 +1,51 @@
+"""An interrupted training as an npz file, from which it goes on to the same weights. No torch, no pickle."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from asvhil.dynamics.weights import read_arrays
+from asvhil.errors import ModelError
+from asvhil.train.records import Array
+from asvhil.types import record
+
+
+@record
+class Checkpoint:
+    """`key` tells trainings apart; `curve` has rows of (iteration, loss, validation)."""
+
+    key: str
+    iteration: int
+    curve: list[list[float]]
+    arrays: Mapping[str, Array]
+
+
+def write_checkpoint(path: Path, checkpoint: Checkpoint) -> None:
+    """All or nothing. ModelError where it cannot be written."""
+    partial = path.with_name(f".{path.name}.partial")
+    head = json.dumps({"key": checkpoint.key, "iteration": checkpoint.iteration, "curve": checkpoint.curve})
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with partial.open("wb") as file:
+            np.savez(file, head=np.array(head), **checkpoint.arrays)
+        os.replace(partial, path)
+    except OSError as error:
+        raise ModelError(f"{path}: cannot be written ({error.strerror})") from None
+
+
+def read_checkpoint(path: Path, key: str) -> Checkpoint:
+    """ModelError where the file is damaged, or belongs to a training with other data, options or seeds."""
+    arrays = dict(read_arrays(path))
+    try:
+        head = json.loads(str(arrays.pop("head")))
+        found = Checkpoint(key=head["key"], iteration=int(head["iteration"]), curve=head["curve"], arrays=arrays)
+    except (KeyError, TypeError, ValueError):
+        raise ModelError(f"{path}: not the checkpoint of a training") from None
+    if found.key != key:
+        raise ModelError(f"{path}: belongs to a training with other data, options or seed; remove it to start anew")
+    return found

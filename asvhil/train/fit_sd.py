@@ -1,0 +1,86 @@
+"""Fits the parameters of the simplified dynamics by their simulation error: bounded Levenberg-Marquardt. No torch."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import casadi as ca
+import numpy as np
+
+from asvhil.dynamics.fitted_sd import PARAMETERS, FittedSd
+from asvhil.dynamics.integrate import integrate
+from asvhil.train.records import Array, Dataset
+from asvhil.train.windows import Windows, check, scaling_of
+
+LARGEST_SET = 600  # windows: more of them change the fit less than the noise does
+LOWER = np.array([1e-4, 1e-4, 0.2, 0.0, *[0.0] * 9])
+UPPER = np.array([10.0, 10.0, 20.0, 10.0, *[20.0] * 6, 0.5, 0.5, 0.5])
+START = np.array([0.3, 0.2, 1.5, 0.2, 0.2, 0.2, 0.3, 0.3, 0.5, 0.5, 1e-3, 1e-3, 1e-3])
+TOLERANCE = 1e-7
+
+
+def fit_sd(
+    dataset: Dataset, *, window: int = 20, iterations: int = 60, progress: Callable[[int, float], None] | None = None
+) -> tuple[Array, list[float]]:
+    """Parameters (13) that lessen the squared error of `window`-step simulations in scaled velocities; costs so far.
+
+    ModelError where the data will not do.
+    """
+    check(dataset)
+    scaling = scaling_of(dataset, symmetric=True)
+    windows = Windows(dataset.segments, scaling, window, 0)
+    half = scaling.half
+    starts = windows.starts[:: max(1, len(windows.starts) // LARGEST_SET)]
+    rows = starts[:, None] + np.arange(window + 1)[None, :]
+    nu, command, wind = (part[rows] for part in (windows.nu, windows.command, windows.wind))
+    residuals = _residuals(half, window, dataset.dt_s).map(len(starts))
+    columns = [part.reshape(len(starts), -1).T for part in (nu, command * half[3:5], wind * half[5:])]
+
+    def evaluate(parameters: Array) -> tuple[Array, Array]:
+        error, jacobian = residuals(np.tile(parameters[:, None], len(starts)), *columns)
+        return np.asarray(error).T.ravel(), np.asarray(jacobian).T.reshape(-1, len(PARAMETERS))
+
+    parameters, damping = START.copy(), 1e-2
+    error, jacobian = evaluate(parameters)
+    costs = [float(error @ error) / error.size]
+    for iteration in range(iterations):
+        normal, slope = jacobian.T @ jacobian, jacobian.T @ error
+        # A parameter held by its bound takes no part in the step.
+        free = ~(((parameters <= LOWER) & (slope > 0.0)) | ((parameters >= UPPER) & (slope < 0.0)))
+        scale = np.diag(np.maximum(np.diag(normal), 1e-9 * np.diag(normal).max()))
+        step = np.zeros(len(parameters))
+        part = np.ix_(free, free)
+        step[free] = -np.linalg.solve(normal[part] + damping * scale[part], slope[free])
+        trial = np.clip(parameters + step, LOWER, UPPER)
+        trial_error, trial_jacobian = evaluate(trial)
+        cost = float(trial_error @ trial_error) / error.size
+        if np.isfinite(cost) and cost < costs[-1]:
+            done = costs[-1] - cost < TOLERANCE * costs[-1]
+            parameters, error, jacobian, damping = trial, trial_error, trial_jacobian, 0.3 * damping
+            costs.append(cost)
+        else:
+            done, damping = damping > 1e8, 10.0 * damping
+        if progress is not None:
+            progress(iteration + 1, costs[-1])
+        if done:
+            break
+    return parameters, costs
+
+
+def _residuals(half: Array, window: int, dt_s: float) -> ca.Function:
+    """(parameters, nu, commands, winds of one window) to its errors (3 window) and their Jacobian, row by row."""
+    p = ca.SX.sym("p", len(PARAMETERS))
+    nu, command = ca.SX.sym("nu", 3 * (window + 1)), ca.SX.sym("a", 2 * (window + 1))
+    wind = ca.SX.sym("w", 2 * (window + 1))
+    model = FittedSd(p, dt_s)
+    scale = ca.DM(half[:3])
+    y, a, w = ca.SX.sym("y", 3), ca.SX.sym("c", 2), ca.SX.sym("air", 2)
+    after = integrate(lambda x: model.derivative(x, a, w), y * scale, dt_s, 1, model.euler) / scale
+    tangent = ca.Function("tangent", [y, p, a, w], [after, ca.jacobian(after, y), ca.jacobian(after, p)], {"cse": True})
+    x, sensitivity, errors, blocks = nu[:3], ca.SX(3, len(PARAMETERS)), [], []
+    for k in range(window):
+        x, dx, dp = tangent(x, p, command[2 * k : 2 * k + 2], wind[2 * k : 2 * k + 2])
+        sensitivity = dx @ sensitivity + dp
+        errors.append(x - nu[3 * k + 3 : 3 * k + 6])
+        blocks.append(ca.vec(ca.densify(sensitivity).T))
+    return ca.Function("residuals", [p, nu, command, wind], [ca.vertcat(*errors), ca.vertcat(*blocks)], {"cse": True})

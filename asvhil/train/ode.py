@@ -1,0 +1,111 @@
+"""NODE and KNODE under training: an ODE solver forwards, its adjoint backwards (Chen et al. 2018)."""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+from torch import Tensor
+from torchdiffeq import odeint_adjoint
+
+from asvhil.dynamics.fitted_sd import FittedSd
+from asvhil.dynamics.nnsem import Scaling, TanhNetwork
+from asvhil.train.models import N_INPUT, N_STATE, Batch, exported_network, initial_network
+from asvhil.train.records import Array
+
+IDENTITY_SLOPE = 0.3  # of the coupling's first units, which start as the sum of prior and network
+
+
+class _Field(torch.nn.Module):
+    """The rate of the scaled velocities over samples (not seconds), under held commands and winds."""
+
+    def __init__(self, trainee: NodeTrainee, batch: Batch) -> None:
+        super().__init__()
+        self._trainee = trainee
+        self._held = torch.cat([batch.command, batch.wind], -1)
+
+    def forward(self, t: Tensor, x: Tensor) -> Tensor:
+        # The solver is told to evaluate just inside of a step's ends, so the floor is the step that t lies in.
+        k = min(max(int(t.item() // 1), 0), len(self._held) - 1)
+        return self._trainee.rate(x, self._held[k])
+
+
+class NodeTrainee:
+    """The network of NNSEM under the explicit midpoint rule, as at run time, trained by the adjoint method."""
+
+    history = 0
+
+    def __init__(self, rngs: list[np.random.Generator], hidden: int, dt_s: float) -> None:
+        self._dt_s = dt_s
+        self.parameters = initial_network(rngs, N_INPUT, hidden, N_STATE)
+
+    def rate(self, x: Tensor, held: Tensor) -> Tensor:
+        """Scaled nu_dot times dt, of scaled velocities (N, B, 3) under scaled commands and winds (N, B, 4)."""
+        return self._dt_s * self._network("")(torch.cat([x, held], -1))
+
+    def predict(self, batch: Batch) -> Tensor:
+        times = torch.arange(len(batch.target) + 1, dtype=torch.float64)
+        states: Tensor = odeint_adjoint(
+            _Field(self, batch),
+            batch.x0,
+            times,
+            method="midpoint",
+            options={"perturb": True},
+            adjoint_params=tuple(self.parameters.values()),
+        )
+        return states[1:]
+
+    def export(self, number: int) -> dict[str, Array]:
+        return exported_network(self.parameters, number)
+
+    def _network(self, prefix: str) -> TanhNetwork:
+        w1, b1, w2, b2 = (self.parameters[prefix + name] for name in ("w1", "b1", "w2", "b2"))
+        return TanhNetwork(w1.mT, b1, w2.mT, b2)
+
+
+class KnodeTrainee(NodeTrainee):
+    """A prior model and a network, coupled by a second network that is trained along."""
+
+    def __init__(
+        self,
+        rngs: list[np.random.Generator],
+        hidden: int,
+        dt_s: float,
+        scaling: Scaling,
+        prior: Array,
+        prior_scale: Array,
+    ) -> None:
+        super().__init__(rngs, hidden, dt_s)
+        self._prior = prior
+        self._prior_scale = prior_scale
+        self._model = FittedSd(prior.tolist(), dt_s)
+        self._centre, self._half = torch.from_numpy(scaling.centre), torch.from_numpy(scaling.half)
+        self._rate_scale = torch.from_numpy(prior_scale)
+        coupling = initial_network(rngs, 2 * N_STATE, hidden, N_STATE)
+        with torch.no_grad():
+            self._start_as_sum(coupling, prior_scale / scaling.half[:3])
+        self.parameters |= {f"g_{name}": value for name, value in coupling.items()}
+
+    def rate(self, x: Tensor, held: Tensor) -> Tensor:
+        z = torch.cat([x, held], -1)
+        units = z * self._half + self._centre
+        prior = self._model.derivative(units[..., :3], units[..., 3:5], units[..., 5:]) / self._rate_scale
+        return self._dt_s * self._network("g_")(torch.cat([prior, self._network("")(z)], -1))
+
+    def export(self, number: int) -> dict[str, Array]:
+        coupling = {name: self.parameters[f"g_{name}"] for name in ("w1", "b1", "w2", "b2")}
+        return (
+            exported_network(self.parameters, number)
+            | {f"g_{name}": value for name, value in exported_network(coupling, number).items()}
+            | {"prior": self._prior, "prior_scale": self._prior_scale}
+        )
+
+    @staticmethod
+    def _start_as_sum(coupling: dict[str, Tensor], gain: Array) -> None:
+        """One nearly linear unit for each rate of the prior and of the network, which add up; the rest as drawn."""
+        units = 2 * N_STATE
+        coupling["w1"][:, :, :units] = IDENTITY_SLOPE * torch.eye(units, dtype=torch.float64)
+        coupling["b1"][:, :, :units] = 0.0
+        coupling["w2"][:, :units] = 0.0
+        for i in range(N_STATE):
+            coupling["w2"][:, i, i] = float(gain[i]) / IDENTITY_SLOPE
+            coupling["w2"][:, N_STATE + i, i] = 1.0 / IDENTITY_SLOPE

@@ -1,0 +1,126 @@
+"""The shell in one process: a step that raises, links that come and go, an inbox that floods."""
+
+import asyncio
+import contextlib
+import socket
+from collections import deque
+from pathlib import Path
+
+import pytest
+
+from asvhil.clock import Clock
+from asvhil.config import Config, load_config
+from asvhil.daemon import INBOX_FRAMES, Daemon, Link
+from asvhil.errors import AsvhilError
+from asvhil.io.endpoint import open_endpoint
+from asvhil.io.logfile import LogFile
+from asvhil.io.mavlink import FrameSplitter, decode
+from asvhil.io.recorder import Recorder
+from asvhil.sitl import open_recorder
+from asvhil.types import Frame, Inputs, Outputs
+
+
+def config(*overrides: str) -> Config:
+    return load_config("sitl", ("links.anemometer=null", "links.operator.endpoint=udpin:127.0.0.1:0", *overrides))
+
+
+@contextlib.contextmanager
+def recorder_at(settings: Config, path: Path):  # type: ignore[no-untyped-def]
+    recorder: Recorder = open_recorder(settings, path, "live")
+    try:
+        yield recorder
+    finally:
+        recorder.close()
+
+
+async def test_a_step_that_raises_ends_in_neutral_and_release(tmp_path: Path) -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as autopilot:
+        autopilot.bind(("127.0.0.1", 0))
+        autopilot.setblocking(False)
+        settings = config(f"links.autopilot.endpoint=udpout:127.0.0.1:{autopilot.getsockname()[1]}")
+        with recorder_at(settings, tmp_path / "log.mcap") as recorder:
+            daemon = Daemon(settings, recorder, Clock())
+            honest = daemon._backseat.step
+
+            def broken(inputs: Inputs) -> Outputs:
+                if daemon.ticks == 10:
+                    raise ZeroDivisionError("a bug")
+                return honest(inputs)
+
+            daemon._backseat.step = broken  # type: ignore[method-assign]
+            with pytest.raises(AsvhilError, match=r"motors released: ZeroDivisionError: a bug"):
+                await daemon.run(5.0)
+        received = []
+        with contextlib.suppress(BlockingIOError):
+            while True:
+                received += [decode(data) for data in FrameSplitter().feed(autopilot.recv(4096))]
+    overrides = [(m.chan1_raw, m.chan3_raw) for m in received if m and m.get_type() == "RC_CHANNELS_OVERRIDE"]
+    assert overrides == [(1500, 1500), (0, 0)]
+    assert not LogFile(tmp_path / "log.mcap").truncated
+
+
+async def wait_until(condition, seconds: float = 5.0) -> None:  # type: ignore[no-untyped-def]
+    for _ in range(round(seconds / 0.02)):
+        if condition():
+            return
+        await asyncio.sleep(0.02)
+    raise AssertionError("did not come true in time")
+
+
+async def test_a_serial_line_is_unplugged_and_plugged_in_again(tmp_path: Path) -> None:
+    clock, inbox, path = Clock(), deque[Frame](), tmp_path / "line"
+    link = Link("anemometer", f"serial:{path}:115200", config(), clock, inbox)
+    reader = asyncio.create_task(link.run())
+    try:
+        for round_ in range(2):
+            await wait_until(lambda: link.state not in ("connecting", "up"))  # says why it is not there
+            plug = await open_endpoint(f"pty:{path}", "plug", clock.now_ns)
+            await wait_until(lambda: link.state == "up")
+            data = b"hello %d" % round_
+
+            async def arrived(plug=plug, data=data) -> bool:  # type: ignore[no-untyped-def]
+                await plug.send(data)
+                return any(data in frame.data for frame in inbox)
+
+            for _ in range(100):
+                if await arrived():
+                    break
+                await asyncio.sleep(0.02)
+            else:
+                raise AssertionError("nothing arrived")
+            await plug.close()
+    finally:
+        reader.cancel()
+        await asyncio.gather(reader, return_exceptions=True)
+
+
+async def test_a_flooded_inbox_drops_the_oldest_and_counts() -> None:
+    clock, inbox = Clock(), deque[Frame]()
+    inbox.extend(Frame(t_ns=0, port="operator", data=b"old") for _ in range(INBOX_FRAMES))
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    link = Link("operator", f"udpin:127.0.0.1:{port}", config(), clock, inbox)
+    reader = asyncio.create_task(link.run())
+    try:
+        await wait_until(lambda: link.state == "up")
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+            sender.sendto(b"new", ("127.0.0.1", port))
+            await wait_until(lambda: inbox[-1].data == b"new")
+        assert len(inbox) == INBOX_FRAMES and link.overflowed == 1
+    finally:
+        reader.cancel()
+        await asyncio.gather(reader, return_exceptions=True)
+
+
+async def test_commands_to_a_link_that_is_down_are_dropped_and_counted() -> None:
+    link = Link("autopilot", "tcp:127.0.0.1:1", config(), Clock(), deque())
+    await link.send(Frame(t_ns=0, port="autopilot", data=b"x"))
+    assert link.unsent == 1
+
+
+def test_ignored_checksums_stop_the_daemon(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("MAV_IGNORE_CRC", "1")
+    settings = config()
+    with recorder_at(settings, tmp_path / "log.mcap") as recorder, pytest.raises(AsvhilError, match="MAV_IGNORE_CRC"):
+        Daemon(settings, recorder, Clock())
