@@ -9,7 +9,9 @@ from asvhil.config import LEARNED, Config, find_shipped
 from asvhil.controller.backstepping import Backstepping
 from asvhil.controller.loiter import Loiter
 from asvhil.controller.manoeuvres import Manoeuvres
+from asvhil.controller.procedure import Procedure
 from asvhil.controller.sliding_mode import SlidingMode
+from asvhil.controller.solvers.choice import choose_solver
 from asvhil.controller.station_mpc import StationMpc
 from asvhil.dynamics.protocol import Dynamics
 from asvhil.dynamics.rigid_body import SimplifiedDynamics
@@ -49,24 +51,35 @@ def build_model(config: Config, file: Path | None = None) -> Dynamics:
 
 
 def build_controller(config: Config, model: Dynamics) -> Controller:
-    """The controller that `controller.name` asks for."""
+    """The controller that `controller.name` asks for, within the station keeping procedure where that is enabled."""
     section, vessel = config.controller, config.controller.vessel or config.vehicle.vessel
+    keeper: Controller
     match section.name:
         case "backstepping":
-            return Backstepping(vessel, section.backstepping)
+            keeper = Backstepping(vessel, section.backstepping)
         case "sliding-mode":
-            return SlidingMode(vessel, section.sliding_mode)
+            keeper = SlidingMode(vessel, section.sliding_mode)
         case "loiter":
-            return Loiter(section.loiter)
-    keeper = StationMpc(model, config.controller.mpc, 1.0 / config.daemon.control_hz)
-    if config.controller.name == "manoeuvres":
-        return Manoeuvres(config.controller.manoeuvres, keeper)
+            keeper = Loiter(section.loiter)
+        case _:
+            mpc, make_solver = choose_solver(section)
+            keeper = StationMpc(model, mpc, 1.0 / config.daemon.control_hz, make_solver)
+    if section.name == "manoeuvres":
+        return Manoeuvres(section.manoeuvres, keeper)
+    if section.procedure.enabled:
+        focus = keeper.favour_position if isinstance(keeper, StationMpc) else None
+        return Procedure(section.procedure, vessel, keeper, focus)
     return keeper
 
 
-def build_backseat(config: Config, file: Path | None = None) -> Backseat:
-    """A backseat that is ready for its first `step`; `file` is a model file to use instead of the config's."""
-    model = build_model(config, file)
+def build_backseat(
+    config: Config, file: Path | None = None, *, model: Dynamics | None = None, controller: Controller | None = None
+) -> Backseat:
+    """A backseat that is ready for its first `step`; `file` is a model file to use instead of the config's.
+
+    A `model` or `controller` that is given, as by a study, is used as it is.
+    """
+    model = model or build_model(config, file)
     pwm = config.vehicle.pwm
     return Backseat(
         model=model,
@@ -77,7 +90,7 @@ def build_backseat(config: Config, file: Path | None = None) -> Backseat:
         wind=WindFilter(config.estimator.wind),
         monitor=ModelMonitor(config.estimator.monitor, model, 1.0 / config.daemon.control_hz),
         supervisor=Supervisor(config.supervisor, pwm),
-        controller=build_controller(config, model),
+        controller=controller or build_controller(config, model),
         pwm=pwm,
         control_mode=config.supervisor.control_mode,
         ticks_per_control=config.daemon.ticks_per_control,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import json
 import math
 import sys
 from pathlib import Path
@@ -12,6 +11,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from asvhil import __version__
+from asvhil.commands import learn
+from asvhil.commands.options import ConfigArgument, JsonOption, SetOption
+from asvhil.commands.views import LiveView, progress, report_run, write_json
 from asvhil.errors import AsvhilError, ConfigError
 
 if TYPE_CHECKING:
@@ -24,9 +26,8 @@ app = typer.Typer(
     help="Station keeping of small autonomous surface vehicles over MAVLink.",
 )
 
-ConfigArgument = Annotated[str, typer.Argument(help="A YAML config file, or the name of a shipped one.")]
-SetOption = Annotated[list[str], typer.Option("--set", metavar="KEY=VALUE", help="Override a config key; repeatable.")]
-JsonOption = Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Write the figures as JSON.")]
+for command in learn.COMMANDS:
+    app.command()(command)
 
 
 def _version(value: bool) -> None:
@@ -65,7 +66,7 @@ def run(
     clock = Clock()
     recorder = open_recorder(settings, path, "live")
     try:
-        view = _LiveView(settings, f"asvhil {settings.vehicle.name}, log {path}", as_json=status_json)
+        view = LiveView(settings, f"asvhil {settings.vehicle.name}, log {path}", as_json=status_json)
         with view:
             daemon = Daemon(settings, recorder, clock, on_tick=lambda o, links: view.show(o, links, daemon.overruns))
             asyncio.run(daemon.run(duration))
@@ -149,15 +150,15 @@ def sitl(
     path = log or folder / "log.mcap"
     console = Console()
     if lockstep:
-        with _progress(console) as bar:
+        with progress(console) as bar:
             task = bar.add_task("lockstep", total=round(duration * settings.daemon.tick_hz))
             wall_s = run_lockstep(settings, path, duration, lambda _: bar.advance(task))
     else:
         title = f"asvhil sitl: {settings.vehicle.name}, {settings.controller.name}, {duration:.0f} s"
-        view = _LiveView(settings, title)
+        view = LiveView(settings, title)
         with view:
             wall_s = run_realtime(settings, folder, path, duration, view.show_status)
-    _report(path, json_, path.with_suffix(".png") if picture else None, console, wall_s)
+    report_run(path, json_, path.with_suffix(".png") if picture else None, console, wall_s)
 
 
 @app.command()
@@ -169,7 +170,7 @@ def report(
     """Summarise a log: errors to the station, wind, timing; and draw it."""
     from rich.console import Console
 
-    _report(log, json_, picture, Console(), None)
+    report_run(log, json_, picture, Console(), None)
 
 
 @app.command()
@@ -196,7 +197,7 @@ def replay(
         raise ConfigError("replay: --set goes with --tlog only; an MCAP log is replayed with the config it holds")
     from asvhil.replay import replay as replay_log
 
-    with _progress(console, spinner=True) as bar:
+    with progress(console, spinner=True) as bar:
         task = bar.add_task("replay", total=None)
         result = replay_log(log, lambda ticks: bar.update(task, completed=ticks) if ticks % 50 == 0 else None)
     figures = {
@@ -211,7 +212,7 @@ def replay(
         "wall_s": result.wall_s,
         "realtime_factor": result.span_s / result.wall_s if result.wall_s else None,
     }
-    _write_json(json_, figures)
+    write_json(json_, figures)
     speed = f"{result.span_s:.1f} s in {result.wall_s:.2f} s, {result.span_s / result.wall_s:.0f} times real time"
     if result.mismatch is not None:
         m = result.mismatch
@@ -272,141 +273,15 @@ def main() -> None:
         sys.exit(1)
 
 
-# --- helpers -------------------------------------------------------------------------------------------------
-
-
-class _LiveView:
-    """The live table on a terminal; on a pipe a line each 10 s and at each change of phase, or JSON lines."""
-
-    def __init__(self, config: Config, title: str, *, as_json: bool = False) -> None:
-        from rich.console import Console
-        from rich.live import Live
-
-        self._title = title
-        self._as_json = as_json
-        self._console = Console()
-        self._live = (
-            Live(console=self._console, auto_refresh=False) if self._console.is_terminal and not as_json else None
-        )
-        self._every_ticks = max(1, round(config.daemon.tick_hz / 2.0))
-        self._ticks = 0
-        self._start_ns: int | None = None
-        self._said = ("", -1)
-
-    def __enter__(self) -> _LiveView:
-        if self._live is not None:
-            self._live.start()
-        elif not self._as_json:
-            self._console.print(self._title, markup=False, highlight=False, soft_wrap=True)
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        if self._live is not None:
-            self._live.stop()
-
-    def show(self, outputs: Any, links: dict[str, str], overruns: int) -> None:
-        """One tick of a daemon in this process."""
-        from asvhil.status import status_of
-
-        self._start_ns = outputs.t_ns if self._start_ns is None else self._start_ns
-        self._ticks += 1
-        if self._ticks % self._every_ticks == 0:
-            self.show_status(status_of(outputs, links, self._start_ns, overruns))
-
-    def show_status(self, status: dict[str, Any]) -> None:
-        """One status, however it came."""
-        from asvhil.status import render
-
-        if self._as_json:
-            print(json.dumps(status), flush=True)
-        elif self._live is not None:
-            self._live.update(render(status, self._title), refresh=True)
-        else:
-            key = (str(status["phase"]), int(status["t_s"] // 10))
-            if key != self._said:
-                self._said = key
-                distance = status["distance_m"]
-                where = "" if distance is None else f", {distance:.2f} m, {status['heading_error_deg']:.1f} deg off"
-                text = f"{status['t_s']:6.1f} s  {status['phase']}: {status['reason']}{where}"
-                self._console.print(text, markup=False, highlight=False, soft_wrap=True)
-
-
-def _progress(console: Any, *, spinner: bool = False) -> Any:
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
-
-    if spinner:
-        columns: list[Any] = [
-            SpinnerColumn(),
-            TextColumn("{task.description} {task.completed} ticks"),
-            TimeElapsedColumn(),
-        ]
-    else:
-        columns = [TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn()]
-    return Progress(*columns, console=console, transient=True)
-
-
-def _report(log: Path, json_file: Path | None, picture: Path | None, console: Any, wall_s: float | None) -> None:
-    from asvhil.study.runlog import read_run, summarise
-
-    run_log = read_run(log)
-    figures = summarise(run_log, wall_s)
-    _write_json(json_file, figures)
-    _print_summary(console, figures)
-    if picture is not None:
-        from asvhil.study.figures import draw_run
-
-        wind = figures["wind"]
-        title = (
-            f"{run_log.config.vehicle.name}, {figures['controller']}, wind {wind['configured_speed_mps']:g} m/s "
-            f"toward {wind['configured_toward_deg']:g} deg, seed {figures['seed']}"
-        )
-        draw_run(run_log, picture, title)
-        console.print(f"picture {picture}", markup=False, highlight=False, soft_wrap=True)
-    console.print(f"log     {log}", markup=False, highlight=False, soft_wrap=True)
-
-
-def _print_summary(console: Any, figures: dict[str, Any]) -> None:
-    from rich.table import Table
-
-    table = Table(title=f"from {figures['settled_from_s']:.0f} s on", title_justify="left")
-    for heading in ("", "mean", "std", "max"):
-        table.add_column(heading, justify="left" if not heading else "right")
-    for name in ("truth", "measured"):
-        part = figures[name]
-        if part is None or part["penalty_score"] is None:
-            continue
-        distance, heading = part["distance_m"], part["heading_deg"]
-        table.add_row(
-            f"distance, {name} (m)",
-            f"{distance['mean']:.3f}",
-            f"{distance['std']:.3f}",
-            f"{distance['max_settled']:.3f}",
-        )
-        table.add_row(f"heading error, {name} (deg)", f"{heading['mean']:.2f}", f"{heading['std']:.2f}", "")
-        table.add_row(f"penalty score, {name}", f"{part['penalty_score']:.2f}", "", "")
-    speed = figures["wind"]["estimated_speed_mps"]
-    if speed is not None:
-        table.add_row("wind, estimated (m/s)", f"{speed['mean']:.2f}", f"{speed['std']:.2f}", "")
-    console.print(table)
-    steps = figures["step_ms"]
-    phases = ", ".join(f"{phase} {seconds:.1f} s" for phase, seconds in figures["phases"].items())
-    timing = f"step p50 {steps['p50']:.2f} ms, p99 {steps['p99']:.2f} ms, max {steps['max']:.1f} ms; " if steps else ""
-    factor = figures["realtime_factor"]
-    speed_text = f"; {factor:.{0 if factor > 2 else 2}f} times real time" if factor else ""
-    console.print(
-        f"{figures['ticks']} ticks, {figures['overruns']} overruns; {timing}{phases}{speed_text}", highlight=False
-    )
-
-
 def _replay_tlog(console: Any, tlog: Path, config: str, overrides: tuple[str, ...], json_file: Path | None) -> None:
     from asvhil.config import load_config
     from asvhil.study.tlog_check import check_tlog
 
-    with _progress(console, spinner=True) as bar:
+    with progress(console, spinner=True) as bar:
         task = bar.add_task("replay", total=None)
         settings = load_config(config, overrides)
         figures = check_tlog(settings, tlog, lambda ticks: bar.update(task, completed=ticks))
-    _write_json(json_file, figures)
+    write_json(json_file, figures)
     counts = figures["messages"]
     console.print(
         f"{tlog}: {sum(counts.values())} messages of {len(counts)} kinds, {figures['undecoded']} undecoded",
@@ -434,18 +309,11 @@ def _command(config: Config, data: bytes, mav_cmd: int, done: str) -> None:
 
 
 def _wind_overrides(text: str, config: Config) -> list[str]:
-    speed, sign, toward = text.partition("@")
-    try:
-        speed_mps, toward_deg = float(speed), float(toward) if sign else 0.0
-    except ValueError:
-        speed_mps = toward_deg = math.nan
-    if not (math.isfinite(speed_mps) and math.isfinite(toward_deg) and speed_mps >= 0.0):
-        raise ConfigError(
-            f"--wind {text}: SPEED@DEG is expected, such as 3@90 (m/s, toward, from the station's heading)"
-        )
-    station = config.supervisor.station
-    absolute_deg = (toward_deg + (station.heading_deg if station else 0.0)) % 360.0
-    return [f"plant.weather.wind.speed_mps={speed_mps}", f"plant.weather.wind.toward_deg={absolute_deg}"]
+    from asvhil.collect import parse_wind
+
+    wind, station = parse_wind(text), config.supervisor.station
+    absolute_deg = (wind.toward_deg + (station.heading_deg if station else 0.0)) % 360.0
+    return [f"plant.weather.wind.speed_mps={wind.speed_mps}", f"plant.weather.wind.toward_deg={absolute_deg}"]
 
 
 def _lat_lon(text: str) -> tuple[float, float]:
@@ -457,12 +325,3 @@ def _lat_lon(text: str) -> tuple[float, float]:
     if not (abs(lat_deg) <= 90.0 and abs(lon_deg) <= 180.0):
         raise ConfigError(f"--at {text}: LAT,LON in degrees is expected, such as 40.4237,-86.9212")
     return lat_deg, lon_deg
-
-
-def _write_json(path: Path | None, figures: dict[str, Any]) -> None:
-    if path is None:
-        return
-    try:
-        path.write_text(json.dumps(figures, indent=2) + "\n", encoding="utf-8")
-    except OSError as error:
-        raise AsvhilError(f"--json {path}: cannot be written ({error.strerror})") from None

@@ -201,9 +201,13 @@ class EstimatorConfig(Section):
 
 
 class MpcWeights(Section):
-    """Weights of the quadratic stage cost, per second of horizon; terminal position in seconds."""
+    """Weights of the quadratic stage cost, per second of horizon; terminal position in seconds.
+
+    `sideways` is the part of both position weights that offsets across the station's heading get.
+    """
 
     position: NonNegative = 1.0
+    sideways: Fraction = 1.0
     heading: NonNegative = 200.0
     velocity: NonNegative = 0.1
     slew: NonNegative = 0.05
@@ -218,6 +222,7 @@ class MpcConfig(Section):
     last_step_s: Positive = 0.8
     near: MpcWeights = MpcWeights()
     far: MpcWeights = MpcWeights(heading=10.0, terminal_position_s=1.0)
+    position_only: MpcWeights = MpcWeights(heading=0.0)  # outside of the procedure's r_h, with its rule
     near_radius_m: Positive = 4.0
     far_radius_m: Positive = 10.0
     trim_time_s: Positive = 40.0
@@ -249,7 +254,7 @@ class ProcedureConfig(Section):
     forward distance are kept, outside it position alone.
     """
 
-    enabled: bool = True
+    enabled: bool = False
     r_s_m: Positive = 15.0
     r_d_m: Positive = 20.0
     r_h_m: Positive = 5.0
@@ -335,6 +340,16 @@ LEARNED = {
 }
 
 
+class SolverCaps(Section):
+    """Iterations of a solver other than the default: from the shifted last plan, and from an alternate start (0: none).
+
+    The default solver's are those of the MPC section.
+    """
+
+    iterations: Annotated[int, Field(ge=1, le=1000)]
+    alternate_iterations: Annotated[int, Field(ge=0, le=1000)] = 0
+
+
 class ControllerConfig(Section):
     """Which controller, and what it predicts with.
 
@@ -357,6 +372,10 @@ class ControllerConfig(Section):
     model: str | None = None
     vessel: VesselConfig | None = None
     mpc: MpcConfig = MpcConfig()
+    solver: Literal["sqp", "ipopt", "fatrop", "torch-lqr"] = "sqp"  # of every *-mpc
+    ipopt: SolverCaps = SolverCaps(iterations=100)
+    fatrop: SolverCaps = SolverCaps(iterations=100)
+    torch_lqr: SolverCaps = SolverCaps(iterations=2)  # LQR iterations, as in the paper
     manoeuvres: ManoeuvresConfig = ManoeuvresConfig()
     procedure: ProcedureConfig = ProcedureConfig()
     backstepping: BacksteppingConfig = BacksteppingConfig()

@@ -164,7 +164,7 @@ class FeedbackLoop:
         load = self._wind_load(estimate, wind)
         seen = motion(reference_rad)
         surge_n, sway_n, yaw_nm = law(seen)
-        lean_rad = self.steering.lean_rad(psi_rad, surge_n - load[0], sway_n - load[1])
+        lean_rad = self.steering.lean_rad(psi_rad, surge_n, sway_n - load[1])
         if lean_rad != 0.0:
             seen = motion(reference_rad + lean_rad)
             surge_n, sway_n, yaw_nm = law(seen)

@@ -149,10 +149,8 @@ def _csc(begin: Pose, end: Pose, radius_m: float, first: float, last: float) -> 
     across_m = (first - last) * radius_m
     if distance_m < abs(across_m):
         return []
-    if distance_m < FULL_TURN_RAD * radius_m:  # one circle: no straight, and any heading is its tangent's
-        heading_rad = begin[2]
-    else:
-        heading_rad = bearing_rad + math.asin(across_m / distance_m)
+    one_circle = distance_m < FULL_TURN_RAD * radius_m  # then there is no straight, and any heading is a tangent's
+    heading_rad = begin[2] if one_circle else bearing_rad + math.asin(across_m / distance_m)
     straight_m = math.sqrt(distance_m**2 - across_m**2)
     in_m, out_m = _turn(first, begin[2], heading_rad), _turn(last, heading_rad, end[2])
     return [(radius_m * in_m, straight_m, radius_m * out_m)]
@@ -165,7 +163,7 @@ def _ccc(begin: Pose, end: Pose, radius_m: float, first: float) -> list[tuple[fl
         return []
     found = []
     for side in (1.0, -1.0):
-        # Directions from the first and from the last centre to the middle one; the path crosses at right angles to them.
+        # Directions from the first and from the last centre to the middle one; the path crosses both at right angles.
         out_rad = bearing_rad + side * math.acos(distance_m / (4.0 * radius_m))
         back_rad = 2.0 * bearing_rad + math.pi - out_rad
         enter_rad = out_rad + first * math.pi / 2.0

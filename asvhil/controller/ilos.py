@@ -6,7 +6,8 @@ to starboard of the path, gamma the path's heading, D the look-ahead and s the i
     psi_d  = gamma - atan((y + s z) / D) - beta
     z_dot  = D y / ((y + s z)^2 + D^2)
 
-so that z hardly grows while the boat is far off. beta is the measured drift angle; what it misses is left to z.
+so that z (s; the gain in m/s) hardly grows while the boat is far off. beta is the drift angle as estimated; what it
+misses is left to z.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from __future__ import annotations
 import math
 
 from asvhil.config import ProcedureConfig, VesselConfig
+from asvhil.controller.allocation import Allocator
 from asvhil.controller.dubins import Dubins
 from asvhil.dynamics.rigid_body import RigidBody, ThrustCurve
 from asvhil.geo import ned_to_body, wrap_rad
@@ -43,10 +45,10 @@ class Ilos:
         self._config = config
         self.begin()
 
-    def begin(self, integral_m: float = 0.0) -> None:
-        """Start on a new path, from its beginning, with an integral state (m s per m of gain) from before."""
+    def begin(self) -> None:
+        """Start on a new path, from its beginning; the integral starts anew, for the wind now comes from elsewhere."""
         self._along_m = 0.0
-        self.integral = integral_m
+        self.integral_s = 0.0
 
     def step(self, path: Dubins, estimate: Estimate, elapsed_s: float) -> Guidance:
         """Guidance for an estimate `elapsed_s` after the last one."""
@@ -57,7 +59,7 @@ class Ilos:
         ahead_m, gain = self._config.lookahead_m, self._config.integral_gain
         speed_mps = max(estimate.u_mps, LEAST_SPEED_MPS)
         beta_rad = min(max(math.atan2(estimate.v_mps, speed_mps), -DRIFT_MAX_RAD), DRIFT_MAX_RAD)
-        course_rad = gamma_rad - math.atan2(cross_m + gain * self.integral, ahead_m)
+        course_rad = gamma_rad - math.atan2(cross_m + gain * self.integral_s, ahead_m)
         psi_rad = wrap_rad(course_rad - beta_rad)
         if abs(wrap_rad(psi_rad - estimate.psi_rad)) < ON_COURSE_RAD:
             self._integrate(cross_m, elapsed_s)
@@ -69,9 +71,9 @@ class Ilos:
 
     def _integrate(self, cross_m: float, elapsed_s: float) -> None:
         ahead_m, gain = self._config.lookahead_m, self._config.integral_gain
-        rate = ahead_m * cross_m / ((cross_m + gain * self.integral) ** 2 + ahead_m**2)
+        rate = ahead_m * cross_m / ((cross_m + gain * self.integral_s) ** 2 + ahead_m**2)
         bound = self._config.integral_max_m / gain if gain > 0.0 else 0.0
-        self.integral = min(max(self.integral + rate * elapsed_s, -bound), bound)
+        self.integral_s = min(max(self.integral_s + rate * elapsed_s, -bound), bound)
 
 
 def approach_speed(config: ProcedureConfig, distance_m: float, heading_error_rad: float) -> float:
@@ -95,10 +97,10 @@ class Helm:
 
     def __init__(self, config: ProcedureConfig, vessel: VesselConfig) -> None:
         self._config = config
-        self._body, self._curve = RigidBody(vessel), ThrustCurve(vessel.thrust_curve)
+        self._body = RigidBody(vessel)
+        self._allocator = Allocator(ThrustCurve(vessel.thrust_curve), vessel.motor_arm_m)
         self._m_u_kg = vessel.mass_kg + vessel.added_mass_surge_kg
         self._m_r_kgm2 = vessel.inertia_yaw_kgm2 + vessel.added_inertia_yaw_kgm2
-        self._arm_m = vessel.motor_arm_m
 
     def command(self, estimate: Estimate, wind: Wind | None, guidance: Guidance, u_mps: float) -> tuple[float, float]:
         """(port, starboard) in [-1, 1] toward the guidance's heading and a surge speed; None as wind is still air."""
@@ -112,13 +114,4 @@ class Helm:
         r_wanted = min(max(turn, -config.yaw_rate_max_radps), config.yaw_rate_max_radps)
         x_n = self._m_u_kg * ((u_mps - u) / config.surge_time_s - u_dot - push_u)
         n_nm = self._m_r_kgm2 * ((r_wanted - r) / config.yaw_rate_time_s - r_dot - estimate.disturbance[2])
-        port_n, starboard_n = self._thrusts(x_n, n_nm)
-        return self._curve.command(port_n), self._curve.command(starboard_n)
-
-    def _thrusts(self, x_n: float, n_nm: float) -> tuple[float, float]:
-        """Thrusts within the motors' range; where both cannot be had, the turn comes before the speed."""
-        low_n, high_n = self._curve.astern_n, self._curve.ahead_n
-        reach_n = 0.5 * (high_n - low_n)
-        half_n = min(max(0.5 * n_nm / self._arm_m, -reach_n), reach_n)
-        mean_n = min(max(0.5 * x_n, low_n + abs(half_n)), high_n - abs(half_n))
-        return mean_n + half_n, mean_n - half_n
+        return self._allocator.allocate(x_n, n_nm).command

@@ -18,7 +18,7 @@ LONGEST_STEP_S = 1.0  # a longer time between two steps is a pause, in which not
 
 
 class Loiter:
-    """Speed and heading loops of the autopilot around its LOITER rule; the skid steering mix gives steering priority."""
+    """The autopilot's speed and heading loops around its LOITER rule; the skid steering mix gives steering priority."""
 
     def __init__(self, config: LoiterConfig) -> None:
         self._config = config

@@ -95,8 +95,9 @@ class StationProblem:
     def _state_weights(self, weights: MpcWeights) -> Array:
         """Weight of each squared state after each stage (stages, 6): the stage's, times its step, and the terminal."""
         heading_and_velocity = [weights.heading, *[weights.velocity] * 3]
-        q = np.outer(self.steps_s, [weights.position, weights.position, *heading_and_velocity])
-        q[-1] += [weights.terminal_position_s, weights.terminal_position_s, *heading_and_velocity]
+        axes = np.array([1.0, weights.sideways])
+        q = np.outer(self.steps_s, [*(weights.position * axes), *heading_and_velocity])
+        q[-1] += [*(weights.terminal_position_s * axes), *heading_and_velocity]
         return q
 
     def _build(self, model: Dynamics) -> None:

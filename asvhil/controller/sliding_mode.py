@@ -12,7 +12,8 @@ LONGEST_STEP_S = 1.0  # a longer time between two steps is a pause, in which not
 class SlidingMode:
     """Keeps a station (eta_s constant) by the paper's sliding mode law, less the wind load:
 
-        s = eta_e_dot + 2 Lambda eta_e + Lambda^2 int eta_e,  eta_r_dot = eta_s_dot - 2 Lambda eta_e - Lambda^2 int eta_e
+        s = eta_e_dot + 2 Lambda eta_e + Lambda^2 int eta_e
+        eta_r_dot = eta_s_dot - 2 Lambda eta_e - Lambda^2 int eta_e
         tau = M1 [R^T eta_r_ddot + Rdot^T eta_r_dot] + C1(nu) R^T eta_r_dot + D1 R^T eta_r_dot
               - R^T U sat(E^-1 s) - tau_w
 

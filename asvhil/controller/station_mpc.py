@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 
-from asvhil.config import MpcConfig
-from asvhil.controller.mpc import Array, Solution, StationProblem
+from asvhil.config import MpcConfig, MpcWeights
+from asvhil.controller.mpc import Array, Solution, Solver, StationProblem
 from asvhil.controller.solvers.sqp import Sqp
 from asvhil.dynamics.protocol import Dynamics
 from asvhil.geo import body_to_ned, ned_to_body, wrap_rad
@@ -24,10 +25,16 @@ class StationMpc:
     The caller runs `step` every `period_s` while the motors obey it, and `reset`s when they did not.
     """
 
-    def __init__(self, model: Dynamics, config: MpcConfig, period_s: float) -> None:
+    def __init__(
+        self,
+        model: Dynamics,
+        config: MpcConfig,
+        period_s: float,
+        make_solver: Callable[[StationProblem], Solver] = Sqp,
+    ) -> None:
         self._model, self._config, self._period_s = model, config, period_s
         self._problem = StationProblem(model, config)
-        self._solver = Sqp(self._problem)
+        self._solver = make_solver(self._problem)
         self._shift = shift_matrix(self._problem.times_s, period_s)
         self.reset()
 
@@ -35,11 +42,15 @@ class StationMpc:
         """Forget the plan, the trim and the last input, as after a time without control."""
         self._plan: Array | None = None
         self._input = self._neutral()
-        self._near = False
+        self._near = self._position_only = False
         self._trim_rad = 0.0
         self._psi_rad: float | None = None
         self._station: Station | None = None
         self._ticks = 0
+
+    def favour_position(self, on: bool) -> None:
+        """Keep position at any heading (True), or heading too (False), from the next step on and until `reset`."""
+        self._position_only = on
 
     def step(self, estimate: Estimate, wind: Wind | None, station: Station) -> Control:
         """One control tick. Neutral and not ok where an input is not finite or the solver fails.
@@ -64,7 +75,7 @@ class StationMpc:
         psi_rad = self._heading_error_rad(estimate.psi_rad - station.psi_rad)
         distance_m = math.hypot(x, y)
         self._near = distance_m < (self._config.far_radius_m if self._near else self._config.near_radius_m)
-        if self._near and abs(psi_rad) < TRIM_WITHIN_RAD:
+        if self._near and not self._position_only and abs(psi_rad) < TRIM_WITHIN_RAD:
             trim_rad = self._trim_rad - psi_rad * self._period_s / self._config.trim_time_s
             self._trim_rad = min(max(trim_rad, -self._config.trim_max_rad), self._config.trim_max_rad)
         parameters = self._problem.pack(
@@ -73,10 +84,15 @@ class StationMpc:
             (*ned_to_body(station.psi_rad, push[0], push[1]), push[2]),
             self._trim_rad,
             self._input,
-            self._config.near if self._near else self._config.far,
+            self._weights(),
         )
         solution, iterations = self._solve(parameters, distance_m)
         return self._control(solution, iterations, station) if solution.ok else self._give_up(iterations)
+
+    def _weights(self) -> MpcWeights:
+        if self._position_only:
+            return self._config.position_only
+        return self._config.near if self._near else self._config.far
 
     def _solve(self, parameters: Array, distance_m: float) -> tuple[Solution, int]:
         """The cheaper of the shifted last plan and, far off or after a failure, one alternate start in turn.

@@ -32,6 +32,7 @@ SHELL = [
     ["daemon"],
     ["sitl"],
     ["collect"],
+    ["commands"],
     ["cli"],
     ["__main__"],
 ]

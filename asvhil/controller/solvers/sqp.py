@@ -6,6 +6,7 @@ import daqp
 import numpy as np
 
 from asvhil.controller.mpc import POSE_AND_VELOCITY, Array, Solution, StationProblem
+from asvhil.controller.solvers.outcome import bounded, failure
 from asvhil.dynamics.buffers import bind
 
 ARMIJO = 1e-4  # least part of the decrease promised by the slope that a step must bring
@@ -49,8 +50,8 @@ class Sqp:
         """
         problem = self._problem
         if not (np.isfinite(parameters).all() and np.isfinite(start).all()):
-            return self._failed("the parameters or the start are not finite")
-        u = self._bounded(np.asarray(start, dtype=float).ravel())
+            return failure(problem, "the parameters or the start are not finite")
+        u = bounded(problem, np.asarray(start, dtype=float).ravel())
         self._p[:] = parameters
         weights, reference, previous, slew = problem.unpack_cost(self._p)
         root = np.sqrt(weights)
@@ -62,7 +63,7 @@ class Sqp:
 
         cost = self._cost_of(u)
         if not np.isfinite(cost):
-            return self._failed("the prediction from the start is not finite")
+            return failure(problem, "the prediction from the start is not finite")
         states = self._x.copy()
         solved, status = 0, "iteration cap"
         while solved < iterations:
@@ -122,24 +123,9 @@ class Sqp:
         """The first of the halved steps that lowers the true cost enough, and its cost."""
         length = 1.0
         while length >= SHORTEST_STEP:
-            trial = self._bounded(u + length * step)
+            trial = bounded(self._problem, u + length * step)
             trial_cost = self._cost_of(trial)
             if trial_cost <= cost + ARMIJO * length * slope:  # False for NaN
                 return trial, trial_cost
             length *= 0.5
         return None
-
-    def _bounded(self, u: Array) -> Array:
-        bounded: Array = np.minimum(np.maximum(u, self._problem.lower), self._problem.upper)
-        return bounded
-
-    def _failed(self, status: str) -> Solution:
-        problem = self._problem
-        return Solution(
-            inputs=np.zeros((problem.stages, 2)),
-            states=np.zeros((problem.stages + 1, problem.n_state)),
-            cost=0.0,
-            iterations=0,
-            ok=False,
-            status=status,
-        )

@@ -1,0 +1,144 @@
+"""What the commands show: the live table, progress bars, the summary of a run, and figures as JSON."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from asvhil.errors import AsvhilError
+
+if TYPE_CHECKING:
+    from asvhil.config import Config
+
+
+class LiveView:
+    """The live table on a terminal; on a pipe a line each 10 s and at each change of phase, or JSON lines."""
+
+    def __init__(self, config: Config, title: str, *, as_json: bool = False) -> None:
+        from rich.console import Console
+        from rich.live import Live
+
+        self._title = title
+        self._as_json = as_json
+        self._console = Console()
+        self._live = (
+            Live(console=self._console, auto_refresh=False) if self._console.is_terminal and not as_json else None
+        )
+        self._every_ticks = max(1, round(config.daemon.tick_hz / 2.0))
+        self._ticks = 0
+        self._start_ns: int | None = None
+        self._said = ("", -1)
+
+    def __enter__(self) -> LiveView:
+        if self._live is not None:
+            self._live.start()
+        elif not self._as_json:
+            self._console.print(self._title, markup=False, highlight=False, soft_wrap=True)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._live is not None:
+            self._live.stop()
+
+    def show(self, outputs: Any, links: dict[str, str], overruns: int) -> None:
+        """One tick of a daemon in this process."""
+        from asvhil.status import status_of
+
+        self._start_ns = outputs.t_ns if self._start_ns is None else self._start_ns
+        self._ticks += 1
+        if self._ticks % self._every_ticks == 0:
+            self.show_status(status_of(outputs, links, self._start_ns, overruns))
+
+    def show_status(self, status: dict[str, Any]) -> None:
+        """One status, however it came."""
+        from asvhil.status import render
+
+        if self._as_json:
+            print(json.dumps(status), flush=True)
+        elif self._live is not None:
+            self._live.update(render(status, self._title), refresh=True)
+        else:
+            key = (str(status["phase"]), int(status["t_s"] // 10))
+            if key != self._said:
+                self._said = key
+                distance = status["distance_m"]
+                where = "" if distance is None else f", {distance:.2f} m, {status['heading_error_deg']:.1f} deg off"
+                text = f"{status['t_s']:6.1f} s  {status['phase']}: {status['reason']}{where}"
+                self._console.print(text, markup=False, highlight=False, soft_wrap=True)
+
+
+def progress(console: Any, *, spinner: bool = False) -> Any:
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+    if spinner:
+        columns: list[Any] = [
+            SpinnerColumn(),
+            TextColumn("{task.description} {task.completed} ticks"),
+            TimeElapsedColumn(),
+        ]
+    else:
+        columns = [TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn()]
+    return Progress(*columns, console=console, transient=True)
+
+
+def report_run(log: Path, json_file: Path | None, picture: Path | None, console: Any, wall_s: float | None) -> None:
+    from asvhil.study.runlog import read_run, summarise
+
+    run_log = read_run(log)
+    figures = summarise(run_log, wall_s)
+    write_json(json_file, figures)
+    print_summary(console, figures)
+    if picture is not None:
+        from asvhil.study.figures import draw_run
+
+        wind = figures["wind"]
+        title = (
+            f"{run_log.config.vehicle.name}, {figures['controller']}, wind {wind['configured_speed_mps']:g} m/s "
+            f"toward {wind['configured_toward_deg']:g} deg, seed {figures['seed']}"
+        )
+        draw_run(run_log, picture, title)
+        console.print(f"picture {picture}", markup=False, highlight=False, soft_wrap=True)
+    console.print(f"log     {log}", markup=False, highlight=False, soft_wrap=True)
+
+
+def print_summary(console: Any, figures: dict[str, Any]) -> None:
+    from rich.table import Table
+
+    table = Table(title=f"from {figures['settled_from_s']:.0f} s on", title_justify="left")
+    for heading in ("", "mean", "std", "max"):
+        table.add_column(heading, justify="left" if not heading else "right")
+    for name in ("truth", "measured"):
+        part = figures[name]
+        if part is None or part["penalty_score"] is None:
+            continue
+        distance, heading = part["distance_m"], part["heading_deg"]
+        table.add_row(
+            f"distance, {name} (m)",
+            f"{distance['mean']:.3f}",
+            f"{distance['std']:.3f}",
+            f"{distance['max_settled']:.3f}",
+        )
+        table.add_row(f"heading error, {name} (deg)", f"{heading['mean']:.2f}", f"{heading['std']:.2f}", "")
+        table.add_row(f"penalty score, {name}", f"{part['penalty_score']:.2f}", "", "")
+    speed = figures["wind"]["estimated_speed_mps"]
+    if speed is not None:
+        table.add_row("wind, estimated (m/s)", f"{speed['mean']:.2f}", f"{speed['std']:.2f}", "")
+    console.print(table)
+    steps = figures["step_ms"]
+    phases = ", ".join(f"{phase} {seconds:.1f} s" for phase, seconds in figures["phases"].items())
+    timing = f"step p50 {steps['p50']:.2f} ms, p99 {steps['p99']:.2f} ms, max {steps['max']:.1f} ms; " if steps else ""
+    factor = figures["realtime_factor"]
+    speed_text = f"; {factor:.{0 if factor > 2 else 2}f} times real time" if factor else ""
+    console.print(
+        f"{figures['ticks']} ticks, {figures['overruns']} overruns; {timing}{phases}{speed_text}", highlight=False
+    )
+
+
+def write_json(path: Path | None, figures: dict[str, Any]) -> None:
+    if path is None:
+        return
+    try:
+        path.write_text(json.dumps(figures, indent=2) + "\n", encoding="utf-8")
+    except OSError as error:
+        raise AsvhilError(f"--json {path}: cannot be written ({error.strerror})") from None

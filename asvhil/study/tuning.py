@@ -1,0 +1,255 @@
+"""Tunes a controller in lockstep: a seeded search with the same budget for each, on winds that are not in the tests.
+
+`python -m asvhil.study.tuning NAME` writes docs/results/tuning/NAME.json; interrupted and started again it goes on.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import multiprocessing
+import os
+from collections.abc import Callable, Mapping
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from asvhil.config import Config, load_config
+from asvhil.geo import LocalFrame, wrap_rad
+from asvhil.simplant.lockstep import Lockstep
+from asvhil.study.metrics import PoseErrors, score
+from asvhil.types import record
+
+WINDS = ((4.0, 30.0), (4.0, 150.0), (4.0, 60.0), (5.0, 20.0), (5.0, 120.0))  # m/s, blowing toward degrees
+FIXED = ("plant.sensors.gnss.slow_bias_m=0",)  # a floor that no controller removes
+PLANT_SEED = 101
+FROM_S, TO_S = 60.0, 180.0
+BATCH = 4  # candidates that are drawn from the same best: a constant, so that workers do not change the search
+WIDE_SHARE = 0.25  # of the budget: draws all over the ranges; the rest steps off the best so far
+FIRST_STEP, LAST_STEP = 0.25, 0.08  # standard deviation of such a step, in shares of the range
+MOVE_SHARE = 0.4  # of the coordinates, in one step
+
+
+@record
+class Parameter:
+    """One number to tune: its place (a config key, `[i]` for one part of a tuple), start, and range as a factor.
+
+    It is searched on a logarithmic scale between start / factor and start * factor.
+    """
+
+    key: str
+    start: float
+    factor: float = 5.0
+
+    def value(self, share: float) -> float:
+        """The value at a share of the range in [0, 1], to 4 digits; the start is at a half."""
+        return float(f"{self.start * self.factor ** (2.0 * share - 1.0):.4g}")
+
+    def share(self, value: float) -> float:
+        return 0.5 + 0.5 * math.log(value / self.start) / math.log(self.factor)
+
+
+def _triple(key: str, starts: tuple[float, float, float]) -> tuple[Parameter, ...]:
+    return tuple(Parameter(key=f"{key}[{i}]", start=start) for i, start in enumerate(starts))
+
+
+def _steering(section: str) -> tuple[Parameter, ...]:
+    return (
+        Parameter(key=f"{section}.steering.radius_m", start=5.0, factor=4.0),
+        Parameter(key=f"{section}.steering.lean_max_deg", start=10.0, factor=4.0),
+        Parameter(key=f"{section}.steering.lean_fade_n", start=15.0),
+    )
+
+
+SPACES: dict[str, tuple[Parameter, ...]] = {
+    "backstepping": (
+        *_triple("controller.backstepping.lambda_per_s", (0.3, 0.3, 0.5)),
+        *_triple("controller.backstepping.kd", (150.0, 150.0, 500.0)),
+        *_triple("controller.backstepping.kp", (10.0, 10.0, 100.0)),
+        *_steering("controller.backstepping"),
+    ),
+    "sliding-mode": (
+        *_triple("controller.sliding_mode.lambda_per_s", (0.2, 0.2, 0.4)),
+        *_triple("controller.sliding_mode.bound", (80.0, 80.0, 200.0)),
+        *_triple("controller.sliding_mode.layer", (0.4, 0.4, 0.3)),
+        *_steering("controller.sliding_mode"),
+    ),
+    "loiter": (
+        Parameter(key="controller.loiter.radius_m", start=1.0, factor=4.0),
+        Parameter(key="controller.loiter.speed_gain_per_s", start=0.5, factor=4.0),
+        Parameter(key="controller.loiter.throttle_ff_per_mps", start=0.25, factor=4.0),
+        Parameter(key="controller.loiter.throttle_p_per_mps", start=0.2),
+        Parameter(key="controller.loiter.throttle_i_per_m", start=0.05),
+        Parameter(key="controller.loiter.throttle_min", start=0.15, factor=2.0),
+        Parameter(key="controller.loiter.angle_p_per_s", start=1.0, factor=4.0),
+        Parameter(key="controller.loiter.rate_ff_s", start=0.4, factor=4.0),
+        Parameter(key="controller.loiter.rate_p_s", start=0.4, factor=4.0),
+    ),
+}
+
+
+def overrides_of(name: str, values: Mapping[str, float]) -> tuple[str, ...]:
+    """The `KEY=VALUE` overrides of a config that set a controller and its tuned values."""
+    plain: dict[str, Any] = {}
+    for key, value in values.items():
+        base, bracket, index = key.partition("[")
+        if bracket:
+            plain.setdefault(base, {})[int(index.rstrip("]"))] = value
+        else:
+            plain[key] = value
+    return (
+        f"controller.name={name}",
+        *(
+            f"{key}={[value[i] for i in sorted(value)] if isinstance(value, dict) else value}"
+            for key, value in plain.items()
+        ),
+    )
+
+
+def settled_score(config: Config, from_s: float = FROM_S, to_s: float = TO_S) -> dict[str, Any]:
+    """`metrics.score` of the truth in one lockstep run, over [from_s, to_s] since its first tick."""
+    loop = Lockstep(config)
+    at = config.supervisor.station
+    assert at is not None  # the configs of simulations have one
+    origin = LocalFrame(lat_deg=config.plant.origin_lat_deg, lon_deg=config.plant.origin_lon_deg)
+    n_m, e_m = origin.to_ned(at.lat_deg, at.lon_deg)
+    psi_rad = math.radians(at.heading_deg)
+    rows = []
+    for tick in range(1, round(to_s * config.daemon.tick_hz) + 1):
+        loop.tick()
+        truth = loop.plant.truth
+        distance_m = math.hypot(truth.n_m - n_m, truth.e_m - e_m)
+        rows.append((tick / config.daemon.tick_hz, distance_m, math.degrees(wrap_rad(truth.psi_rad - psi_rad))))
+    t_s, distance, heading = np.array(rows).T
+    return score(PoseErrors(t_s=t_s, distance_m=distance, heading_deg=heading), from_s)
+
+
+def evaluate(job: tuple[str, tuple[str, ...], tuple[float, float], tuple[float, float]]) -> float:
+    """ps of one run: (config, overrides, wind as m/s and degrees toward, scoring window)."""
+    base, overrides, (speed_mps, toward_deg), window = job
+    wind = (f"plant.weather.wind.speed_mps={speed_mps}", f"plant.weather.wind.toward_deg={toward_deg}")
+    return float(settled_score(load_config(base, (*overrides, *wind)), *window)["penalty_score"])
+
+
+def tune(
+    name: str,
+    budget: int = 40,
+    seed: int = 1,
+    progress: Callable[[str], None] | None = None,
+    *,
+    path: Path | None = None,
+    workers: int = 2,
+    winds: tuple[tuple[float, float], ...] = WINDS,
+    window_s: tuple[float, float] = (FROM_S, TO_S),
+    base: str = "sitl",
+) -> dict[str, Any]:
+    """Search the values of `SPACES[name]` with the lowest mean ps over the winds; `budget` counts candidates.
+
+    With a path every batch is saved there, and a search that was begun there with the same settings is taken up.
+    The result does not depend on the workers or on interruptions. KeyError where the controller has no space.
+    """
+    space = SPACES[name]
+    result: dict[str, Any] = {
+        "controller": name,
+        "command": f"python -m asvhil.study.tuning {name} --budget {budget} --seed {seed}",
+        "settings": {
+            "budget": budget,
+            "seed": seed,
+            "plant_seed": PLANT_SEED,
+            "winds_mps_toward_deg": [list(wind) for wind in winds],
+            "window_s": list(window_s),
+            "base": base,
+            "fixed": list(FIXED),
+            "ranges": {p.key: [p.value(0.0), p.value(1.0)] for p in space},
+        },
+        "evaluations": _stored(path, budget, name),
+        "best": None,
+    }
+    if path is not None and result["evaluations"] and _read(path)["settings"] != result["settings"]:
+        result["evaluations"] = []
+    done: list[dict[str, Any]] = result["evaluations"]
+    del done[len(done) - len(done) % BATCH if len(done) < budget else budget :]
+    with ProcessPoolExecutor(workers, multiprocessing.get_context("spawn")) as pool:
+        while len(done) < budget:
+            batch = candidates(space, budget, seed, done)
+            jobs = [
+                (base, (*FIXED, f"plant.seed={PLANT_SEED}", *overrides_of(name, values)), wind, window_s)
+                for values in batch
+                for wind in winds
+            ]
+            scores = [round(ps, 4) for ps in pool.map(evaluate, jobs)]
+            for i, values in enumerate(batch):
+                own = scores[i * len(winds) : (i + 1) * len(winds)]
+                done.append({"values": values, "ps": own, "mean_ps": round(float(np.mean(own)), 4)})
+            result["best"] = min(done, key=_mean_ps)
+            if path is not None:
+                _save(path, result)
+            if progress is not None:
+                progress(f"{name}: {len(done)} of {budget}, best mean ps {result['best']['mean_ps']:.2f}")
+    result["best"] = min(done, key=_mean_ps)
+    return result
+
+
+def candidates(
+    space: tuple[Parameter, ...], budget: int, seed: int, done: list[dict[str, Any]]
+) -> list[dict[str, float]]:
+    """The next batch, from the seed and what has been evaluated alone: the start, wide draws, then steps off the best."""
+    rng = np.random.default_rng((seed, len(done)))
+    batch = []
+    for index in range(len(done), min(len(done) + BATCH, budget)):
+        if index == 0:
+            shares = np.full(len(space), 0.5)
+        elif index < WIDE_SHARE * budget:
+            shares = rng.uniform(0.0, 1.0, len(space))
+        else:
+            best = min(done, key=_mean_ps)["values"] if done else {}
+            shares = np.array([p.share(best.get(p.key, p.start)) for p in space])
+            moved = rng.random(len(space)) < MOVE_SHARE
+            moved[rng.integers(len(space))] = True
+            step = FIRST_STEP * (LAST_STEP / FIRST_STEP) ** (index / budget)
+            shares = np.clip(shares + moved * rng.normal(0.0, step, len(space)), 0.0, 1.0)
+        batch.append({p.key: p.value(float(share)) for p, share in zip(space, shares, strict=True)})
+    return batch
+
+
+def _mean_ps(evaluation: dict[str, Any]) -> float:
+    return float(evaluation["mean_ps"])
+
+
+def _read(path: Path) -> dict[str, Any]:
+    loaded: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    return loaded
+
+
+def _stored(path: Path | None, budget: int, name: str) -> list[dict[str, Any]]:
+    """The evaluations of a search that was begun; none where the file is missing or is not this controller's."""
+    if path is None or not path.exists():
+        return []
+    stored = _read(path)
+    return list(stored["evaluations"][:budget]) if stored.get("controller") == name else []
+
+
+def _save(path: Path, result: dict[str, Any]) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    beside = path.with_suffix(".part")
+    beside.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
+    os.replace(beside, path)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description="Tune a controller on winds that are not in the six tests.")
+    parser.add_argument("name", choices=sorted(SPACES))
+    parser.add_argument("--budget", type=int, default=40)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--workers", type=int, default=2)
+    given = parser.parse_args()
+    path = Path("docs/results/tuning") / f"{given.name}.json"
+    result = tune(given.name, given.budget, given.seed, print, path=path, workers=given.workers)
+    print(json.dumps(result["best"], indent=1))
+
+
+if __name__ == "__main__":
+    main()
