@@ -284,8 +284,10 @@ class ProcedureConfig(Section):
 class SteeringConfig(Section):
     """How a classical law without side force steers: see `controller/classical.py`."""
 
+    error_max_m: Positive = 4.0
     radius_m: Positive = 5.0
     lean_max_deg: Annotated[float, Field(ge=0.0, le=60.0)] = 10.0
+    lean_from_m: Positive = 0.5
     lean_fade_n: Positive = 15.0
 
 

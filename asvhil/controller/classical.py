@@ -81,8 +81,9 @@ class Steering:
     """The heading reference of a boat that makes no side force (its motors are fixed): the field's usual way round.
 
     Beyond `radius_m` the bow or the stern, whichever is nearer, points at the station, until within half of the
-    radius. Near, the heading leans off the station's by up to `lean_max_deg`, so that thrust ahead or astern carries
-    part of the wanted side force: the angle of the wanted force to the station's axis, faded out where thrust is weak.
+    radius. Near, once the boat is abeam by `lean_from_m` and fully at twice that, the heading leans off the station's
+    by up to `lean_max_deg`, so that surge force carries part of the wanted side force: the angle of the wanted force
+    to the station's axis, faded out where the surge force is weak.
     """
 
     def __init__(self, config: SteeringConfig) -> None:
@@ -109,13 +110,14 @@ class Steering:
             self._astern = not self._astern
         return bearing_rad + math.pi if self._astern else bearing_rad
 
-    def lean_rad(self, psi_rad: float, surge_n: float, sway_n: float) -> float:
-        """How far to lean for a wanted force in body axes; 0 while the boat is away."""
-        limit_rad = math.radians(self._config.lean_max_deg)
+    def lean_rad(self, y_m: float, psi_rad: float, surge_n: float, sway_n: float) -> float:
+        """How far to lean at an offset abeam for a wanted force in body axes; 0 while the boat is away."""
+        share = min(max(abs(y_m) / self._config.lean_from_m - 1.0, 0.0), 1.0)
+        limit_rad = share * math.radians(self._config.lean_max_deg)
         if self.away or limit_rad == 0.0:
             return 0.0
         along_n, across_n = body_to_ned(psi_rad, surge_n, sway_n)
-        # tan of the force's angle, for thrust ahead and astern alike; `lean_fade_n` keeps it finite without thrust.
+        # tan of the force's angle, for surge ahead and astern alike; `lean_fade_n` keeps it finite without any.
         lean_rad = math.atan(along_n * across_n / (along_n**2 + self._config.lean_fade_n**2))
         return min(max(lean_rad, -limit_rad), limit_rad)
 
@@ -124,13 +126,16 @@ class FeedbackLoop:
     """From what is seen to motor commands around a law tau = f(motion) that knows of neither wind nor motors.
 
     The law's sway force Y cannot be produced; it only decides the lean. `law` is called twice in a step, so it must
-    not change anything; what it integrates is advanced afterwards, from what `step` returns.
+    not change anything; what it integrates is advanced afterwards, from what `step` returns. The position error that
+    the law sees is shortened to `error_max_m`: the laws are proportional, and from afar the reference velocity, and
+    with it C1 R^T eta_r_dot, would outgrow what the motors can do.
     """
 
     def __init__(self, vessel: VesselConfig, steering: SteeringConfig, wind_feedforward: bool) -> None:
         self._body = RigidBody(vessel)
         self._allocator = Allocator(ThrustCurve(vessel.thrust_curve), vessel.motor_arm_m)
         self._wind_feedforward = wind_feedforward
+        self._error_max_m = steering.error_max_m
         self._station: Station | None = None
         self.steering = Steering(steering)
 
@@ -156,15 +161,17 @@ class FeedbackLoop:
         psi_rad = wrap_rad(psi_rad)
         reference_rad = self.steering.reference_rad(x_m, y_m, psi_rad)
         x_dot, y_dot = body_to_ned(psi_rad, nu[0], nu[1])
+        short = min(1.0, self._error_max_m / max(math.hypot(x_m, y_m), 1e-9))
 
         def motion(psi_r_rad: float) -> Motion:
-            error = (x_m, y_m, wrap_rad(psi_rad - psi_r_rad))
+            error = (short * x_m, short * y_m, wrap_rad(psi_rad - psi_r_rad))
             return Motion(t_ns=estimate.t_ns, error=error, rate=(x_dot, y_dot, nu[2]), nu=nu, psi_rad=psi_rad)
 
         load = self._wind_load(estimate, wind)
         seen = motion(reference_rad)
         surge_n, sway_n, yaw_nm = law(seen)
-        lean_rad = self.steering.lean_rad(psi_rad, surge_n, sway_n - load[1])
+        # The wind's surge load is met by thrust: what is left over, and carries sideways, is the law's own surge force.
+        lean_rad = self.steering.lean_rad(y_m, psi_rad, surge_n, sway_n - load[1])
         if lean_rad != 0.0:
             seen = motion(reference_rad + lean_rad)
             surge_n, sway_n, yaw_nm = law(seen)

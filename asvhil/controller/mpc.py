@@ -3,8 +3,8 @@
 In the station's frame (station at the origin, heading 0), with s = (x, y, psi, u, v, r, motors ...):
 
     min  sum_k h_k l(s_k+1) + l_N(s_N) + w_slew sum_k |a_k - a_k-1|^2,   a_-1 the input applied last
-    l   = w_pos (x^2 + y^2) + w_psi (psi - psi_t)^2 + w_vel (u^2 + v^2 + r^2)
-    l_N = t_N (x^2 + y^2)   + w_psi (psi - psi_t)^2 + w_vel (u^2 + v^2 + r^2)
+    l   = w_pos (x^2 + w_y y^2) + w_psi (psi - psi_t)^2 + w_vel (u^2 + v^2 + r^2)
+    l_N = t_N (x^2 + w_y y^2)   + w_psi (psi - psi_t)^2 + w_vel (u^2 + v^2 + r^2)
     s_k+1 = F(s_k, a_k, h_k),  input_lower <= a_k <= input_upper
 
 It is a sum of squares, so Gauss-Newton applies. Weights are parameters: a change of them rebuilds nothing.

@@ -8,6 +8,7 @@ A stage lasts at least `dwell_s`, whatever happens: letting go in an emergency i
 
 from __future__ import annotations
 
+import dataclasses
 import enum
 import math
 from collections.abc import Callable
@@ -82,7 +83,7 @@ class Procedure:
         self._last_ns = estimate.t_ns
         if stage in APPROACHING:
             return self._approach(stage, estimate, wind, station, distance_m, elapsed_s)
-        return with_stage(self._keeper.step(estimate, wind, station), stage)
+        return dataclasses.replace(self._keeper.step(estimate, wind, station), stage=stage)
 
     def _next(self, t_ns: int, distance_m: float) -> Stage:
         """The stage that a distance asks for, once the present one has lasted long enough."""
@@ -151,18 +152,6 @@ class Procedure:
         self._planned_ns = estimate.t_ns
         self._ilos.begin()
         return path, self._ilos.step(path, estimate, 0.0)
-
-
-def with_stage(control: Control, stage: Stage) -> Control:
-    """The same solution, labelled."""
-    return Control(
-        command=control.command,
-        ok=control.ok,
-        iterations=control.iterations,
-        cost=control.cost,
-        plan=control.plan,
-        stage=stage,
-    )
 
 
 def _plan(path: Dubins, along_m: float, u_mps: float) -> tuple[tuple[float, float, float, float], ...]:

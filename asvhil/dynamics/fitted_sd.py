@@ -30,7 +30,7 @@ class FittedSd:
     `parameters` (13) are in the order of PARAMETERS: numbers, or CasADi symbols while they are being fitted.
     """
 
-    name = "sd-fitted"
+    name = "sd"
     n_motor = 0
     input_lower = -1.0
     input_upper = 1.0

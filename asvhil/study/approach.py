@@ -128,15 +128,16 @@ def study_approach(
     progress: Callable[[int, int], None] | None = None,
     *,
     overrides: tuple[str, ...] = (),
+    duration_s: float = DURATION_S,
     workers: int = 2,
 ) -> dict[str, Any]:
     """Figures of `runs` random starts as a JSON-ready tree; `progress(done, runs)` after each."""
     outcomes = []
-    for outcome in _each(draw_starts(runs, seed), overrides, workers):
+    for outcome in _each(draw_starts(runs, seed), overrides, duration_s, workers):
         outcomes.append(outcome)
         if progress is not None:
             progress(len(outcomes), runs)
-    return summarise_approach(outcomes)
+    return {"seed": seed, "duration_s": duration_s, "overrides": list(overrides), **summarise_approach(outcomes)}
 
 
 def summarise_approach(outcomes: list[Outcome]) -> dict[str, Any]:
@@ -145,7 +146,6 @@ def summarise_approach(outcomes: list[Outcome]) -> dict[str, Any]:
         "runs": len(outcomes),
         "start_m": START_M,
         "wind_mps": WIND_MPS,
-        "duration_s": DURATION_S,
         "lost": sum(outcome.lost for outcome in outcomes),
         "started_over": sum(any(stage == "recover" for _, stage in outcome.changes) for outcome in outcomes),
         "changes_too_soon": sum(outcome.chatters for outcome in outcomes),
@@ -161,14 +161,14 @@ def summarise_approach(outcomes: list[Outcome]) -> dict[str, Any]:
     }
 
 
-def _each(starts: list[Start], overrides: tuple[str, ...], workers: int) -> Iterator[Outcome]:
+def _each(starts: list[Start], overrides: tuple[str, ...], duration_s: float, workers: int) -> Iterator[Outcome]:
     """Outcomes in the order of the starts."""
     if workers == 1:
-        yield from (run_start(start, overrides) for start in starts)
+        yield from (run_start(start, overrides, duration_s) for start in starts)
         return
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(workers, mp_context=context) as pool:
-        yield from pool.map(run_start, starts, [overrides] * len(starts))
+        yield from pool.map(run_start, starts, [overrides] * len(starts), [duration_s] * len(starts))
 
 
 def _station(config: Config) -> tuple[float, float, float]:

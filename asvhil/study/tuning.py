@@ -10,8 +10,9 @@ import json
 import math
 import multiprocessing
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -23,10 +24,12 @@ from asvhil.simplant.lockstep import Lockstep
 from asvhil.study.metrics import PoseErrors, score
 from asvhil.types import record
 
-WINDS = ((4.0, 30.0), (4.0, 150.0), (4.0, 60.0), (5.0, 20.0), (5.0, 120.0))  # m/s, blowing toward degrees
+WINDS = ((4.0, 10.0), (5.0, 170.0), (4.0, 30.0), (5.0, 60.0), (4.0, 105.0))  # m/s, blowing toward degrees
 FIXED = ("plant.sensors.gnss.slow_bias_m=0",)  # a floor that no controller removes
 PLANT_SEED = 101
 FROM_S, TO_S = 60.0, 180.0
+BUDGET = 40  # candidates, the same for every controller
+RESULTS = Path(__file__).resolve().parents[2] / "docs" / "results" / "tuning"
 BATCH = 4  # candidates that are drawn from the same best: a constant, so that workers do not change the search
 WIDE_SHARE = 0.25  # of the budget: draws all over the ranges; the rest steps off the best so far
 FIRST_STEP, LAST_STEP = 0.25, 0.08  # standard deviation of such a step, in shares of the range
@@ -35,7 +38,7 @@ MOVE_SHARE = 0.4  # of the coordinates, in one step
 
 @record
 class Parameter:
-    """One number to tune: its place (a config key, `[i]` for one part of a tuple), start, and range as a factor.
+    """One number to tune: its place (a config key, with `[i]` or `[i,j]` for parts of a tuple), start, and range.
 
     It is searched on a logarithmic scale between start / factor and start * factor.
     """
@@ -52,29 +55,32 @@ class Parameter:
         return 0.5 + 0.5 * math.log(value / self.start) / math.log(self.factor)
 
 
-def _triple(key: str, starts: tuple[float, float, float]) -> tuple[Parameter, ...]:
-    return tuple(Parameter(key=f"{key}[{i}]", start=start) for i, start in enumerate(starts))
+def _gains(key: str, position: float, heading: float) -> tuple[Parameter, ...]:
+    """One gain along and across, so that the pull is towards the station from anywhere, and one for the heading."""
+    return Parameter(key=f"{key}[0,1]", start=position), Parameter(key=f"{key}[2]", start=heading)
 
 
 def _steering(section: str) -> tuple[Parameter, ...]:
     return (
+        Parameter(key=f"{section}.steering.error_max_m", start=4.0, factor=4.0),
         Parameter(key=f"{section}.steering.radius_m", start=5.0, factor=4.0),
         Parameter(key=f"{section}.steering.lean_max_deg", start=10.0, factor=4.0),
+        Parameter(key=f"{section}.steering.lean_from_m", start=0.5),
         Parameter(key=f"{section}.steering.lean_fade_n", start=15.0),
     )
 
 
 SPACES: dict[str, tuple[Parameter, ...]] = {
     "backstepping": (
-        *_triple("controller.backstepping.lambda_per_s", (0.3, 0.3, 0.5)),
-        *_triple("controller.backstepping.kd", (150.0, 150.0, 500.0)),
-        *_triple("controller.backstepping.kp", (10.0, 10.0, 100.0)),
+        *_gains("controller.backstepping.lambda_per_s", 0.3, 0.5),
+        *_gains("controller.backstepping.kd", 150.0, 500.0),
+        *_gains("controller.backstepping.kp", 10.0, 100.0),
         *_steering("controller.backstepping"),
     ),
     "sliding-mode": (
-        *_triple("controller.sliding_mode.lambda_per_s", (0.2, 0.2, 0.4)),
-        *_triple("controller.sliding_mode.bound", (80.0, 80.0, 200.0)),
-        *_triple("controller.sliding_mode.layer", (0.4, 0.4, 0.3)),
+        *_gains("controller.sliding_mode.lambda_per_s", 0.2, 0.4),
+        *_gains("controller.sliding_mode.bound", 80.0, 200.0),
+        *_gains("controller.sliding_mode.layer", 0.4, 0.3),
         *_steering("controller.sliding_mode"),
     ),
     "loiter": (
@@ -97,7 +103,8 @@ def overrides_of(name: str, values: Mapping[str, float]) -> tuple[str, ...]:
     for key, value in values.items():
         base, bracket, index = key.partition("[")
         if bracket:
-            plain.setdefault(base, {})[int(index.rstrip("]"))] = value
+            for part in index.rstrip("]").split(","):
+                plain.setdefault(base, {})[int(part)] = value
         else:
             plain[key] = value
     return (
@@ -127,16 +134,24 @@ def settled_score(config: Config, from_s: float = FROM_S, to_s: float = TO_S) ->
     return score(PoseErrors(t_s=t_s, distance_m=distance, heading_deg=heading), from_s)
 
 
-def evaluate(job: tuple[str, tuple[str, ...], tuple[float, float], tuple[float, float]]) -> float:
+Job = tuple[str, tuple[str, ...], tuple[float, float], tuple[float, float]]
+
+
+def evaluate(job: Job) -> float:
     """ps of one run: (config, overrides, wind as m/s and degrees toward, scoring window)."""
     base, overrides, (speed_mps, toward_deg), window = job
     wind = (f"plant.weather.wind.speed_mps={speed_mps}", f"plant.weather.wind.toward_deg={toward_deg}")
     return float(settled_score(load_config(base, (*overrides, *wind)), *window)["penalty_score"])
 
 
+def typical(scores: Sequence[float]) -> float:
+    """The geometric mean of 1 + ps, less 1: a wind that is hard for every controller must not outvote the others."""
+    return math.expm1(float(np.mean(np.log1p(scores))))
+
+
 def tune(
     name: str,
-    budget: int = 40,
+    budget: int = BUDGET,
     seed: int = 1,
     progress: Callable[[str], None] | None = None,
     *,
@@ -146,10 +161,11 @@ def tune(
     window_s: tuple[float, float] = (FROM_S, TO_S),
     base: str = "sitl",
 ) -> dict[str, Any]:
-    """Search the values of `SPACES[name]` with the lowest mean ps over the winds; `budget` counts candidates.
+    """Search the values of `SPACES[name]` with the lowest typical ps over the winds; `budget` counts candidates.
 
     With a path every batch is saved there, and a search that was begun there with the same settings is taken up.
-    The result does not depend on the workers or on interruptions. KeyError where the controller has no space.
+    The result depends on neither workers (0: none but this process) nor interruptions. KeyError where the controller
+    has no space.
     """
     space = SPACES[name]
     result: dict[str, Any] = {
@@ -165,14 +181,15 @@ def tune(
             "fixed": list(FIXED),
             "ranges": {p.key: [p.value(0.0), p.value(1.0)] for p in space},
         },
-        "evaluations": _stored(path, budget, name),
+        "evaluations": [],
         "best": None,
     }
-    if path is not None and result["evaluations"] and _read(path)["settings"] != result["settings"]:
-        result["evaluations"] = []
     done: list[dict[str, Any]] = result["evaluations"]
-    del done[len(done) - len(done) % BATCH if len(done) < budget else budget :]
-    with ProcessPoolExecutor(workers, multiprocessing.get_context("spawn")) as pool:
+    if path is not None and path.exists():
+        stored = json.loads(path.read_text(encoding="utf-8"))
+        if (stored["controller"], stored["settings"]) == (name, result["settings"]):
+            done += stored["evaluations"]
+    with _mapper(workers) as run:
         while len(done) < budget:
             batch = candidates(space, budget, seed, done)
             jobs = [
@@ -180,23 +197,23 @@ def tune(
                 for values in batch
                 for wind in winds
             ]
-            scores = [round(ps, 4) for ps in pool.map(evaluate, jobs)]
+            scores = [round(ps, 4) for ps in run(evaluate, jobs)]
             for i, values in enumerate(batch):
                 own = scores[i * len(winds) : (i + 1) * len(winds)]
-                done.append({"values": values, "ps": own, "mean_ps": round(float(np.mean(own)), 4)})
-            result["best"] = min(done, key=_mean_ps)
+                done.append({"values": values, "ps": own, "typical_ps": round(typical(own), 4)})
+            result["best"] = min(done, key=_typical_ps)
             if path is not None:
                 _save(path, result)
             if progress is not None:
-                progress(f"{name}: {len(done)} of {budget}, best mean ps {result['best']['mean_ps']:.2f}")
-    result["best"] = min(done, key=_mean_ps)
+                progress(f"{name}: {len(done)} of {budget}, best typical ps {result['best']['typical_ps']:.2f}")
+    result["best"] = min(done, key=_typical_ps)
     return result
 
 
 def candidates(
     space: tuple[Parameter, ...], budget: int, seed: int, done: list[dict[str, Any]]
 ) -> list[dict[str, float]]:
-    """The next batch, from the seed and what has been evaluated alone: the start, wide draws, then steps off the best."""
+    """The next batch, from the seed and what has been evaluated: the start, wide draws, then steps off the best."""
     rng = np.random.default_rng((seed, len(done)))
     batch = []
     for index in range(len(done), min(len(done) + BATCH, budget)):
@@ -205,7 +222,7 @@ def candidates(
         elif index < WIDE_SHARE * budget:
             shares = rng.uniform(0.0, 1.0, len(space))
         else:
-            best = min(done, key=_mean_ps)["values"] if done else {}
+            best = min(done, key=_typical_ps)["values"] if done else {}
             shares = np.array([p.share(best.get(p.key, p.start)) for p in space])
             moved = rng.random(len(space)) < MOVE_SHARE
             moved[rng.integers(len(space))] = True
@@ -215,21 +232,18 @@ def candidates(
     return batch
 
 
-def _mean_ps(evaluation: dict[str, Any]) -> float:
-    return float(evaluation["mean_ps"])
+def _typical_ps(evaluation: dict[str, Any]) -> float:
+    return float(evaluation["typical_ps"])
 
 
-def _read(path: Path) -> dict[str, Any]:
-    loaded: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-    return loaded
-
-
-def _stored(path: Path | None, budget: int, name: str) -> list[dict[str, Any]]:
-    """The evaluations of a search that was begun; none where the file is missing or is not this controller's."""
-    if path is None or not path.exists():
-        return []
-    stored = _read(path)
-    return list(stored["evaluations"][:budget]) if stored.get("controller") == name else []
+@contextmanager
+def _mapper(workers: int) -> Iterator[Callable[[Callable[[Job], float], Sequence[Job]], Iterable[float]]]:
+    """`map` over processes, in the order of the jobs; in this process where there are no workers."""
+    if workers == 0:
+        yield map
+        return
+    with ProcessPoolExecutor(workers, multiprocessing.get_context("spawn")) as pool:
+        yield pool.map
 
 
 def _save(path: Path, result: dict[str, Any]) -> None:
@@ -242,11 +256,11 @@ def _save(path: Path, result: dict[str, Any]) -> None:
 def main() -> None:
     parser = argparse.ArgumentParser(description="Tune a controller on winds that are not in the six tests.")
     parser.add_argument("name", choices=sorted(SPACES))
-    parser.add_argument("--budget", type=int, default=40)
+    parser.add_argument("--budget", type=int, default=BUDGET)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--workers", type=int, default=2)
     given = parser.parse_args()
-    path = Path("docs/results/tuning") / f"{given.name}.json"
+    path = RESULTS / f"{given.name}.json"
     result = tune(given.name, given.budget, given.seed, print, path=path, workers=given.workers)
     print(json.dumps(result["best"], indent=1))
 

@@ -21,15 +21,15 @@ from asvhil.dynamics.nnsem import Scaling
 from asvhil.dynamics.weights import KINDS, TrainedModel
 from asvhil.errors import ModelError
 from asvhil.train.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
-from asvhil.train.fit_sd import fit_sd
+from asvhil.train.fit_sd import SD_ITERATIONS, fit_sd
 from asvhil.train.models import Batch, LagNetTrainee, NnsemTrainee, Trainee
 from asvhil.train.openloop import measured, open_loop, spaced_starts
 from asvhil.train.records import Array, Dataset, Segment, split
-from asvhil.train.windows import Windows, check, mirrored, scaling_of, smoothed
+from asvhil.train.windows import Windows, check, mirrored, scaling_of
 from asvhil.types import record
 
-VALIDATION_S = 50.0
-VALIDATION_EVERY_S = 5.0
+VALIDATION_S = 15.0
+VALIDATION_EVERY_S = 2.5
 BLOCK = 500  # iterations between validations; also what the random numbers are drawn in
 
 
@@ -45,9 +45,9 @@ class FitOptions:
     hidden: int = 12
     history_s: float = 0.0  # of commands before a window, from which the motor states start
     mirror: bool = False
-    smooth: bool = False
     symmetric: bool = False  # scaling about zero, the same for both motors
     members: int = 1  # networks that are averaged in one model
+    frozen: tuple[str, ...] = ()  # parts that stay as they start, to measure what they bring: skip, map (a straight line)
     validation_fraction: float = 0.1
     patience: int = 10000  # iterations without a better validation that end the training
 
@@ -58,19 +58,23 @@ OPTIONS: dict[str, FitOptions] = {
     "node": FitOptions(),
     "knode": FitOptions(),
     "lagnet": FitOptions(
-        rate=3e-3, last_rate=3e-5, history_s=2.0, mirror=True, smooth=True, symmetric=True, members=3
+        rate=3e-3, last_rate=3e-5, history_s=2.0, mirror=True, symmetric=True, members=3
     ),
 }
 
 
 @record
 class Progress:
-    """Where a training stands. `validation` is the best so far (mean error over half the range), averaged over seeds."""
+    """Where a training stands. `validation` is the best so far (mean error over half the range), averaged over seeds.
+
+    `models()` are the best models so far.
+    """
 
     iteration: int
     iterations: int
     loss: float
     validation: float
+    models: Callable[[], list[TrainedModel]]
 
 
 ProgressCallback = Callable[[Progress], None]
@@ -136,33 +140,43 @@ def fit_many(
     threads = torch.get_num_threads()
     torch.set_num_threads(1)  # nothing here is large enough to share, and sharing would change the last bits
     try:
-        training = _Training(kind, dataset, tuple(seeds), chosen, checkpoint)
+        training = _Training(kind, dataset, tuple(seeds), chosen, origin, checkpoint)
         training.run(progress)
     finally:
         torch.set_num_threads(threads)
-    return training.models(origin)
+    return training.models()
 
 
 class _Training:
     """The state of a training between blocks of iterations."""
 
     def __init__(
-        self, kind: str, dataset: Dataset, seeds: tuple[int, ...], options: FitOptions, checkpoint: Path | None
+        self,
+        kind: str,
+        dataset: Dataset,
+        seeds: tuple[int, ...],
+        options: FitOptions,
+        origin: dict[str, Any],
+        checkpoint: Path | None,
     ) -> None:
         self._kind, self._seeds, self._options, self._path = kind, seeds, options, checkpoint
+        self._origin = origin
         self._dt_s = dataset.dt_s
         train, self._validation = _held_out(dataset, options.validation_fraction)
         self._scaling = scaling_of(train, symmetric=options.symmetric)
         self._key = _key(kind, dataset, seeds, options)
         segments = train.segments
-        if options.smooth:
-            segments = tuple(smoothed(segment) for segment in segments)
         if options.mirror:
             segments += tuple(mirrored(segment) for segment in segments)
         history = round(options.history_s / dataset.dt_s)
         self._windows = Windows(segments, self._scaling, options.window, history)
         self._trainee = _trainee(kind, train, seeds, options, history, self._scaling)
-        self._optimizer = torch.optim.Adam(self._trainee.parameters.values(), lr=options.rate, fused=True)
+        self._learned = {
+            name: value
+            for name, value in self._trainee.parameters.items()
+            if not any(name.startswith(part) for part in options.frozen)
+        }
+        self._optimizer = torch.optim.Adam(self._learned.values(), lr=options.rate, fused=True)
         self._iteration = 0
         self._curve: list[list[float]] = []  # rows of (iteration, training loss, validation), means over the seeds
         self._best = [(math.inf, 0, self._trainee.export(i)) for i in range(len(seeds))]
@@ -188,38 +202,41 @@ class _Training:
             if progress is not None:
                 best = float(np.mean([value for value, _, _ in self._best]))
                 progress(
-                    Progress(iteration=self._iteration, iterations=options.iterations, loss=loss, validation=best)
+                    Progress(
+                        iteration=self._iteration,
+                        iterations=options.iterations,
+                        loss=loss,
+                        validation=best,
+                        models=self.models,
+                    )
                 )
         if self._path is not None:
             self._path.unlink(missing_ok=True)
 
-    def models(self, origin: dict[str, Any]) -> list[TrainedModel]:
-        """The best model of each seed."""
+    def models(self) -> list[TrainedModel]:
+        """The best model of each seed so far."""
+        common = {
+            "options": dataclasses.asdict(self._options),
+            "iterations_run": self._iteration,
+            "curve": [list(row) for row in self._curve],
+        }
         return [
-            TrainedModel(
-                kind=self._kind,
-                scaling=self._scaling,
-                weights=weights,
-                seed=seed,
-                figures={
-                    "options": dataclasses.asdict(self._options),
-                    "iterations_run": self._iteration,
-                    "best_iteration": at,
-                    "best_validation": value,
-                    "curve": self._curve,
-                },
-                **origin,
-            )
+            self._model(weights, seed, common | {"best_iteration": at, "best_validation": value})
             for seed, (value, at, weights) in zip(self._seeds, self._best, strict=True)
         ]
+
+    def _model(self, weights: dict[str, Array], seed: int, figures: dict[str, Any]) -> TrainedModel:
+        return TrainedModel(
+            kind=self._kind, scaling=self._scaling, weights=weights, seed=seed, figures=figures, **self._origin
+        )
 
     def _block(self, count: int, arrays: list[torch.Tensor]) -> float:
         """`count` iterations; their mean loss per model."""
         options = self._options
         nu, command, wind = arrays
         starts = torch.from_numpy(self._windows.starts)
-        past = torch.arange(-self._windows.history, options.window)[:, None, None]
-        ahead = torch.arange(options.window)[:, None, None]
+        past = torch.arange(-self._windows.history, options.window)[:, None]
+        ahead = torch.arange(options.window)[:, None]
         picks = np.stack(
             [
                 np.random.default_rng([seed, member, self._iteration]).integers(len(starts), size=(count, options.batch))
@@ -233,15 +250,16 @@ class _Training:
             share = 0.5 * (1.0 + math.cos(math.pi * (self._iteration + i) / options.iterations))
             self._optimizer.param_groups[0]["lr"] = options.last_rate + (options.rate - options.last_rate) * share
             begin = starts[torch.from_numpy(picks[i])]
+            rows = begin[:, None, :]
             batch = Batch(
                 x0=nu[begin],
-                command=command[begin + past],
-                wind=wind[begin + ahead],
-                target=nu[begin + ahead + 1],
+                command=command[rows + past],
+                wind=wind[rows + ahead],
+                target=nu[rows + ahead + 1],
             )
             error = self._trainee.predict(batch) - batch.target
             # Summed over the models, which have no weight in common but a map that members of one model share.
-            loss = (error * error).mean((0, 2, 3)).sum()
+            loss = (error * error).mean((1, 2, 3)).sum()
             self._optimizer.zero_grad()
             loss.backward()  # type: ignore[no-untyped-call]
             self._optimizer.step()
@@ -261,17 +279,7 @@ class _Training:
 
     def _validation_error(self, weights: dict[str, Array]) -> float:
         """Mean absolute error of long rollouts over half the range; infinite where it is not finite."""
-        model = TrainedModel(
-            kind=self._kind,
-            vehicle="",
-            dt_s=self._dt_s,
-            scaling=self._scaling,
-            weights=weights,
-            data_hash="",
-            config_hash="",
-            seed=0,
-            figures={},
-        ).dynamics()
+        model = self._model(weights, 0, {}).dynamics()
         total, count = 0.0, 0
         every = max(1, round(VALIDATION_EVERY_S / self._dt_s))
         for segment in self._validation:
@@ -285,8 +293,8 @@ class _Training:
         return value if math.isfinite(value) else math.inf
 
     def _snapshot(self) -> Checkpoint:
-        arrays = {f"p.{name}": value.detach().numpy() for name, value in self._trainee.parameters.items()}
-        for name, value in self._trainee.parameters.items():
+        arrays = {f"p.{name}": value.detach().numpy() for name, value in self._learned.items()}
+        for name, value in self._learned.items():
             state = self._optimizer.state[value]
             arrays |= {f"m.{name}": state["exp_avg"].numpy(), f"v.{name}": state["exp_avg_sq"].numpy()}
         for i, (value, at, weights) in enumerate(self._best):
@@ -296,7 +304,7 @@ class _Training:
 
     def _restore(self, saved: Checkpoint) -> None:
         self._iteration, self._curve = saved.iteration, saved.curve
-        for name, value in self._trainee.parameters.items():
+        for name, value in self._learned.items():
             with torch.no_grad():
                 value.copy_(torch.from_numpy(saved.arrays[f"p.{name}"]))
             self._optimizer.state[value] = {
@@ -314,7 +322,7 @@ def _trainee(
 ) -> Trainee:
     rngs = [np.random.default_rng([seed, member]) for seed in seeds for member in range(options.members)]
     if kind == "lagnet":
-        return LagNetTrainee(rngs, options.hidden, train.dt_s, history, options.members, scaling)
+        return LagNetTrainee(rngs, options.hidden, train.dt_s, history, options.members, "map" in options.frozen)
     if options.members != 1:
         raise ModelError(f"only lagnet averages networks, not {kind}")
     if kind == "nnsem":
@@ -348,7 +356,11 @@ def _fitted_sd(
 
     def tell(iteration: int, cost: float) -> None:
         if progress is not None:
-            progress(Progress(iteration=iteration, iterations=60, loss=cost, validation=math.nan))
+            progress(
+                Progress(
+                    iteration=iteration, iterations=SD_ITERATIONS, loss=cost, validation=cost, models=lambda: []
+                )
+            )
 
     train, _ = _held_out(dataset, options.validation_fraction)
     parameters, costs = fit_sd(train, window=options.window, progress=tell)

@@ -17,10 +17,11 @@ LOWER = np.array([1e-4, 1e-4, 0.2, 0.0, *[0.0] * 9])
 UPPER = np.array([10.0, 10.0, 20.0, 10.0, *[20.0] * 6, 0.5, 0.5, 0.5])
 START = np.array([0.3, 0.2, 1.5, 0.2, 0.2, 0.2, 0.3, 0.3, 0.5, 0.5, 1e-3, 1e-3, 1e-3])
 TOLERANCE = 1e-7
+SD_ITERATIONS = 60  # at most; a dozen usually do
 
 
 def fit_sd(
-    dataset: Dataset, *, window: int = 20, iterations: int = 60, progress: Callable[[int, float], None] | None = None
+    dataset: Dataset, *, window: int = 20, iterations: int = SD_ITERATIONS, progress: Callable[[int, float], None] | None = None
 ) -> tuple[Array, list[float]]:
     """Parameters (13) that lessen the squared error of `window`-step simulations in scaled velocities; costs so far.
 

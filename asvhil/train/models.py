@@ -12,25 +12,25 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from asvhil.dynamics.nnsem import Scaling
 from asvhil.train.records import Array
 from asvhil.train.rollout import N_PRODUCTS, N_STATE, euler_rollout
 from asvhil.types import record
 
 N_INPUT = 7  # u, v, r, port, starboard, w_u, w_v
 MAP_UNITS = 8
+STRAIGHT, BENT = -4.0, 2.0  # of the slope before softplus
 MAP_CELLS = 400  # of the table that the map is read from in training
 N_SKIP_STATE, N_SKIP = N_PRODUCTS, 16
 
 
 @record
 class Batch:
-    """Windows of N models, time first, scaled. Commands begin `history` rows before the initial state."""
+    """Scaled windows of N models, B each. Commands begin `history` rows before the initial state."""
 
     x0: Tensor  # (N, B, 3)
-    command: Tensor  # (history + m, N, B, 2)
-    wind: Tensor  # (m, N, B, 2)
-    target: Tensor  # (m, N, B, 3)
+    command: Tensor  # (N, history + m, B, 2)
+    wind: Tensor  # (N, m, B, 2)
+    target: Tensor  # (N, m, B, 3)
 
 
 class Trainee(Protocol):
@@ -40,7 +40,7 @@ class Trainee(Protocol):
     history: int
 
     def predict(self, batch: Batch) -> Tensor:
-        """Scaled velocities (m, N, B, 3) after each step."""
+        """Scaled velocities (N, m, B, 3) after each step."""
 
     def export(self, number: int) -> dict[str, Array]:
         """Weights of one model, scaling excepted."""
@@ -84,8 +84,8 @@ class NnsemTrainee:
 
     def predict(self, batch: Batch) -> Tensor:
         w1, b1, w2, b2 = (self.parameters[name] for name in ("w1", "b1", "w2", "b2"))
-        p = torch.cat([batch.command, batch.wind], -1) @ w1[:, N_STATE:] + b1
-        q = (self._dt_s * b2).expand(batch.target.shape)
+        p = _affine(torch.cat([batch.command, batch.wind], -1), w1[:, N_STATE:], b1)
+        q = (self._dt_s * b2)[:, None].expand(batch.target.shape)
         return euler_rollout(batch.x0, p, q, w1[:, :N_STATE], self._dt_s * w2, None)
 
     def export(self, number: int) -> dict[str, Array]:
@@ -93,10 +93,19 @@ class NnsemTrainee:
 
 
 class LagNetTrainee:
-    """Thrust map, motor lag, network and skip terms; `members` networks in a row share one map and one lag."""
+    """Thrust map, motor lag, network and skip terms; `members` networks in a row share one map and one lag.
+
+    The map starts bent, or as good as straight where it is to be no map at all.
+    """
 
     def __init__(
-        self, rngs: list[np.random.Generator], hidden: int, dt_s: float, history: int, members: int, scaling: Scaling
+        self,
+        rngs: list[np.random.Generator],
+        hidden: int,
+        dt_s: float,
+        history: int,
+        members: int,
+        straight: bool = False,
     ) -> None:
         groups = len(rngs) // members
         self.history, self._dt_s, self._members = history, dt_s, members
@@ -105,7 +114,7 @@ class LagNetTrainee:
         self.parameters |= {
             "skip": parameter(np.zeros((len(rngs), N_SKIP, N_STATE))),
             "map_gain": parameter(np.zeros((groups, 1, MAP_UNITS))),
-            "map_slope": parameter(np.full((groups, 1, MAP_UNITS), 2.0)),
+            "map_slope": parameter(np.full((groups, 1, MAP_UNITS), STRAIGHT if straight else BENT)),
             "map_centre": parameter(np.stack([_spread(rng) for rng in heads])),
             "lag": parameter(np.zeros((groups, 1, 1))),
             "direct": parameter(np.full((groups, 1, 1, 1), -1.0)),
@@ -113,15 +122,14 @@ class LagNetTrainee:
 
     def predict(self, batch: Batch) -> Tensor:
         value = self.parameters
-        steps = len(batch.target)
-        motor, change = self._motors(batch.command, steps)
-        direct = torch.sigmoid(value["direct"]).repeat_interleave(self._members, 0).transpose(0, 1)
+        motor, change = self._motors(batch.command, batch.target.shape[1])
+        direct = torch.sigmoid(value["direct"]).repeat_interleave(self._members, 0)
         driven = torch.cat([motor + direct * change, batch.wind], -1)
         w1, skip = value["w1"], value["skip"]
-        p = driven @ w1[:, N_STATE:] + value["b1"]
+        p = _affine(driven, w1[:, N_STATE:], value["b1"])
         w_u, w_v = batch.wind[..., :1], batch.wind[..., 1:]
         terms = torch.cat([driven, batch.wind * batch.wind.abs(), w_u * w_v], -1)
-        q = self._dt_s * (terms @ skip[:, N_SKIP_STATE:] + value["b2"])
+        q = _affine(terms, self._dt_s * skip[:, N_SKIP_STATE:], self._dt_s * value["b2"])
         return euler_rollout(
             batch.x0, p, q, w1[:, :N_STATE], self._dt_s * value["w2"], self._dt_s * skip[:, :N_SKIP_STATE]
         )
@@ -150,19 +158,18 @@ class LagNetTrainee:
         return thrust.view(command.shape)
 
     def _motors(self, command: Tensor, steps: int) -> tuple[Tensor, Tensor]:
-        """Motor states (m, N, B, 2) at the start of each step, and what their demands then differ by."""
-        rows, models, batch, _ = command.shape
-        columns = command.permute(1, 0, 2, 3)
-        demand = self._thrust(columns.reshape(models, -1)).view(models, rows, 2 * batch)
+        """Motor states (N, m, B, 2) at the start of each step, and what their demands then differ by."""
+        models, rows, batch, _ = command.shape
+        demand = self._thrust(command.reshape(models, -1)).view(models, rows, 2 * batch)
         # The lag is linear: the states are a weighted sum of the demands so far, the first taken as held for ever.
         step_at = torch.arange(self.history, rows)[:, None]
         age = (step_at - 1 - torch.arange(rows)[None, :]).to(torch.float64)
         factor = self.lag_factor()
         weight = torch.where(age >= 0.0, (1.0 - factor) ** age.clamp(min=0.0), torch.zeros(()).double())
         weight = torch.cat([weight[..., :1], factor * weight[..., 1:]], -1).repeat_interleave(self._members, 0)
-        motor = (weight @ demand).view(models, steps, batch, 2)
-        change = demand[:, self.history :].view(models, steps, batch, 2) - motor
-        return motor.transpose(0, 1), change.transpose(0, 1)
+        motor = weight @ demand
+        change = demand[:, self.history :] - motor
+        return motor.view(models, steps, batch, 2), change.view(models, steps, batch, 2)
 
     def export(self, number: int) -> dict[str, Array]:
         """Group `number`; the mean of its members is one network with all their hidden units side by side."""
@@ -183,6 +190,12 @@ class LagNetTrainee:
                 "lag_s": np.array(self._dt_s / self.lag_factor()[number].item()),
                 "direct": np.array(torch.sigmoid(value["direct"][number]).item()),
             }
+
+
+def _affine(rows: Tensor, weight: Tensor, bias: Tensor) -> Tensor:
+    """rows (N, m, B, I) through weight (N, I, J) and bias (N, 1, J): one product a model."""
+    models, steps, batch, inputs = rows.shape
+    return torch.baddbmm(bias, rows.reshape(models, -1, inputs), weight).view(models, steps, batch, -1)
 
 
 def _spread(rng: np.random.Generator) -> Array:

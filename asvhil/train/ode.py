@@ -25,8 +25,8 @@ class _Field(torch.nn.Module):
 
     def forward(self, t: Tensor, x: Tensor) -> Tensor:
         # The solver is told to evaluate just inside of a step's ends, so the floor is the step that t lies in.
-        k = min(max(int(t.item() // 1), 0), len(self._held) - 1)
-        return self._trainee.rate(x, self._held[k])
+        k = min(max(int(t.item() // 1), 0), self._held.shape[1] - 1)
+        return self._trainee.rate(x, self._held[:, k])
 
 
 class NodeTrainee:
@@ -43,7 +43,7 @@ class NodeTrainee:
         return self._dt_s * self._network("")(torch.cat([x, held], -1))
 
     def predict(self, batch: Batch) -> Tensor:
-        times = torch.arange(len(batch.target) + 1, dtype=torch.float64)
+        times = torch.arange(batch.target.shape[1] + 1, dtype=torch.float64)
         states: Tensor = odeint_adjoint(
             _Field(self, batch),
             batch.x0,
@@ -52,7 +52,7 @@ class NodeTrainee:
             options={"perturb": True},
             adjoint_params=tuple(self.parameters.values()),
         )
-        return states[1:]
+        return states[1:].transpose(0, 1)
 
     def export(self, number: int) -> dict[str, Array]:
         return exported_network(self.parameters, number)

@@ -24,9 +24,9 @@ AFTER, BEFORE = [1, 2, 0], [2, 0, 1]
 
 
 class EulerRollout(torch.autograd.Function):
-    """x_1 .. x_m (m, N, B, 3) of N models over B windows each, float64.
+    """x_1 .. x_m (N, m, B, 3) of N models over B windows each, float64.
 
-    x0 (N, B, 3), p (m, N, B, H), q (m, N, B, 3), Wx (N, 3, H), Wh (N, H, 3), Ws (N, 9, 3) or None for no products.
+    x0 (N, B, 3), p (N, m, B, H), q (N, m, B, 3), Wx (N, 3, H), Wh (N, H, 3), Ws (N, 9, 3) or None for no products.
     No gradient flows into x0.
     """
 
@@ -35,40 +35,38 @@ class EulerRollout(torch.autograd.Function):
         weights = [None if part is None else part.detach().numpy() for part in (wx, wh, ws)]
         states, h, s = _forward(x0.detach().numpy(), p.detach().numpy(), q.detach().numpy(), *weights)
         ctx.saved = states, h, s, weights
-        return torch.from_numpy(states[1:])
+        return torch.from_numpy(states[:, 1:])
 
     @staticmethod
     def backward(ctx: Any, *grads: Tensor) -> tuple[Tensor | None, ...]:
         states, h, s, weights = ctx.saved
-        parts = _backward(grads[0].contiguous().numpy(), states, h, s, *weights)
+        parts = _backward(grads[0].numpy(), states, h, s, *weights)
         return None, *(None if part is None else torch.from_numpy(part) for part in parts)
 
 
 def _forward(
     x0: Array, p: Array, q: Array, wx: Array, wh: Array, ws: Array | None
 ) -> tuple[Array, Array, Array | None]:
-    """States (m + 1, N, B, 3), hidden values (m, N, B, H) and products (m, N, B, 9)."""
-    steps, models, batch, _ = p.shape
-    states = np.empty((steps + 1, models, batch, N_STATE))
+    """States (N, m + 1, B, 3), hidden values (N, m, B, H) and products (N, m, B, 9)."""
+    models, steps, batch, _ = p.shape
+    states = np.empty((models, steps + 1, batch, N_STATE))
     h = np.empty(p.shape)
-    s = None if ws is None else np.empty((steps, models, batch, N_PRODUCTS))
-    push = np.empty((models, batch, N_STATE))
-    states[0] = x0
+    s = None if ws is None else np.empty((models, steps, batch, N_PRODUCTS))
+    states[:, 0] = x0
     for k in range(steps):
-        x, after, row = states[k], states[k + 1], h[k]
+        x, after, row = states[:, k], states[:, k + 1], h[:, k]
         np.matmul(x, wx, out=row)
-        row += p[k]
+        row += p[:, k]
         np.tanh(row, out=row)
         np.matmul(row, wh, out=after)
         after += x
-        after += q[k]
+        after += q[:, k]
         if s is not None:
-            products = s[k]
+            products = s[:, k]
             products[..., :3] = x
             np.multiply(x, np.abs(x), out=products[..., 3:6])
             np.multiply(x, x[..., AFTER], out=products[..., 6:])
-            np.matmul(products, ws, out=push)
-            after += push
+            after += products @ ws
     return states, h, s
 
 
@@ -76,44 +74,39 @@ def _backward(
     grad: Array, states: Array, h: Array, s: Array | None, wx: Array, wh: Array, ws: Array | None
 ) -> tuple[Array, Array, Array, Array, Array | None]:
     """Gradients of p, q, Wx, Wh and Ws, given that of the states x_1 .. x_m."""
-    steps = len(grad)
+    steps = grad.shape[1]
     dz = np.multiply(h, h)
-    np.subtract(1.0, dz, out=dz)
+    np.subtract(1.0, dz, out=dz)  # the slope of tanh, until it is multiplied by what comes back
     dx = np.empty(grad.shape)
+    begin = states[:, :-1]
     wxt, wht = np.ascontiguousarray(wx.swapaxes(1, 2)), np.ascontiguousarray(wh.swapaxes(1, 2))
     wst = None if ws is None else np.ascontiguousarray(ws.swapaxes(1, 2))
-    magnitude = None if ws is None else 2.0 * np.abs(states[:-1])
-    shifted = None if ws is None else states[:-1][..., AFTER]
-    back = np.empty(h.shape[1:])
-    dx[-1] = grad[-1]
+    magnitude = None if ws is None else 2.0 * np.abs(begin)
+    shifted = None if ws is None else begin[..., AFTER]
+    dx[:, -1] = grad[:, -1]
     for k in range(steps - 1, -1, -1):
-        g, slope = dx[k], dz[k]
-        np.matmul(g, wht, out=back)
-        slope *= back
+        g, slope = dx[:, k], dz[:, k]
+        slope *= g @ wht
         if k == 0:
             break
-        before = dx[k - 1]
+        before = dx[:, k - 1]
         np.matmul(slope, wxt, out=before)
         before += g
-        before += grad[k - 1]
+        before += grad[:, k - 1]
         if wst is not None and magnitude is not None and shifted is not None:
             into = g @ wst
             before += into[..., :3]
-            before += into[..., 3:6] * magnitude[k]
-            before += into[..., 6:] * shifted[k]
-            before += (into[..., 6:] * states[k])[..., BEFORE]
-    # A weight's gradient over all steps at once: what came in, times what goes back.
-    d_wx = _products(states[:-1], dz)
-    d_wh = _products(h, dx)
-    return dz, dx, d_wx, d_wh, None if s is None else _products(s, dx)
+            before += into[..., 3:6] * magnitude[:, k]
+            before += into[..., 6:] * shifted[:, k]
+            before += (into[..., 6:] * begin[:, k])[..., BEFORE]
+    return dz, dx, _products(begin, dz), _products(h, dx), None if s is None else _products(s, dx)
 
 
 def _products(left: Array, right: Array) -> Array:
-    """sum over steps and windows of left^T right: (m, N, B, I), (m, N, B, J) to (N, I, J)."""
-    models = left.shape[1]
-    a = left.transpose(1, 3, 0, 2).reshape(models, left.shape[-1], -1)
-    b = right.transpose(1, 0, 2, 3).reshape(models, -1, right.shape[-1])
-    return a @ b
+    """What came in times what goes back, summed over steps and windows: (N, m, B, I), (N, m, B, J) to (N, I, J)."""
+    a = left.reshape(len(left), -1, left.shape[-1])
+    b = right.reshape(len(right), -1, right.shape[-1])
+    return a.swapaxes(1, 2) @ b
 
 
 def euler_rollout(x0: Tensor, p: Tensor, q: Tensor, wx: Tensor, wh: Tensor, ws: Tensor | None) -> Tensor:

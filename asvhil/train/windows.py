@@ -1,4 +1,4 @@
-"""From a dataset to what training wants: scaled, optionally smoothed and mirrored, and cut into windows. No torch."""
+"""From a dataset to what training wants: checked, scaled, mirrored where asked for, cut into windows. No torch."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ from asvhil.train.records import Array, Dataset, Segment, ranges
 
 SHORTEST_S = 60.0  # less data than this teaches nothing
 STILL_MPS, STILL_RADPS = 0.1, 0.02  # ranges of u and r below these are a boat at rest
-SMOOTHING_HALF_WIDTH = 3  # samples to each side, fitted by a parabola
 MIRROR_NU = np.array([1.0, -1.0, -1.0])
 MIRROR_WIND = np.array([1.0, -1.0])
 
@@ -55,26 +54,6 @@ def scaling_of(dataset: Dataset, *, symmetric: bool) -> Scaling:
     half = 0.5 * (bounds[:, 1] - bounds[:, 0])
     still = half <= 0.0
     return Scaling(centre=np.where(still, 0.0, bounds.mean(axis=1)), half=np.where(still, 1.0, half))
-
-
-def smoothed(segment: Segment) -> Segment:
-    """The segment with its velocities replaced by local parabolas over 2 * SMOOTHING_HALF_WIDTH + 1 samples.
-
-    Not causal, so for training data only. Segments shorter than that are left alone.
-    """
-    width = 2 * SMOOTHING_HALF_WIDTH + 1
-    count = len(segment.t_s)
-    if count < width:
-        return segment
-    offsets = np.arange(width, dtype=float)
-    design = np.stack([np.ones(width), offsets, offsets**2], axis=1)
-    hat = design @ np.linalg.pinv(design)  # row i: the weights that give the parabola's value at sample i
-    nu = np.empty_like(segment.nu)
-    windows = np.lib.stride_tricks.sliding_window_view(segment.nu, width, axis=0)
-    nu[SMOOTHING_HALF_WIDTH : count - SMOOTHING_HALF_WIDTH] = windows @ hat[SMOOTHING_HALF_WIDTH]
-    nu[:SMOOTHING_HALF_WIDTH] = hat[:SMOOTHING_HALF_WIDTH] @ segment.nu[:width]
-    nu[-SMOOTHING_HALF_WIDTH:] = hat[-SMOOTHING_HALF_WIDTH:] @ segment.nu[-width:]
-    return Segment(t_s=segment.t_s, nu=nu, command=segment.command, wind=segment.wind, psi=segment.psi)
 
 
 def mirrored(segment: Segment) -> Segment:

@@ -33,7 +33,7 @@ def available() -> bool:
 
 
 def _make(symbols: dict[str, Any], cap: int) -> ca.Function:
-    options = {
+    options: dict[str, Any] = {
         "print_time": False,
         "structure_detection": "auto",
         "equality": [True] * symbols["g"].numel(),

@@ -22,5 +22,5 @@ class Ipopt(NlpSolver):
 
 
 def _make(symbols: dict[str, Any], cap: int) -> ca.Function:
-    options = {"print_time": False, "ipopt": {"print_level": 0, "sb": "yes", "max_iter": cap}}
+    options: dict[str, Any] = {"print_time": False, "ipopt": {"print_level": 0, "sb": "yes", "max_iter": cap}}
     return ca.nlpsol("ipopt", "ipopt", symbols, options)

@@ -53,10 +53,8 @@ def transcribe(problem: StationProblem, carry_input: bool) -> Programme:
         constraints.append(ca.vertcat(gap, part(carried_at[k + 1]) - a) if carry_input else gap)
         if k == 0:
             constraints.append(initial)
-        if carry_input:
-            before = part(carried_at[k])
-        else:
-            before = part(input_at[k - 1]) if k else previous
+        before_at = carried_at[k] if carry_input else input_at[k - 1]
+        before = part(before_at) if carry_input or k else previous
         q = p[n + 9 + POSE_AND_VELOCITY * k :][:POSE_AND_VELOCITY]
         error = part(state_at[k + 1])[:POSE_AND_VELOCITY] - target
         cost += ca.dot(q, error**2) + slew * ca.sumsqr(a - before)

@@ -66,9 +66,7 @@ class TorchLqr:
             push=torch.tensor(parameters[n + 2 : n + 5], dtype=torch.float64),
         )
         inputs = bounded(problem, np.asarray(start, dtype=float).reshape(-1, 2))
-        no_gains = np.zeros((problem.stages, 2, n + 2))
-        states = np.tile(parameters[:n], (problem.stages + 1, 1))
-        states, inputs, cost = self._forward(terms, states, inputs, 0.0 * inputs, no_gains)
+        states, cost = rolled_out(problem, parameters, inputs)
         if not (np.isfinite(cost) and np.isfinite(states).all()):
             return failure(problem, "the prediction from the start is not finite")
         done, status = 0, "iteration cap"
@@ -168,7 +166,7 @@ class TorchLqr:
         new_states, new_inputs = np.empty_like(states), np.empty_like(inputs)
         new_states[0] = states[0]
         off = np.zeros(n + 2)
-        with torch.no_grad():
+        with torch.no_grad(), np.errstate(over="ignore", invalid="ignore"):  # a path that runs away is turned down
             for k in range(problem.stages):
                 off[:n] = new_states[k] - states[k]
                 new_inputs[k] = bounded(problem, inputs[k] + moves[k] + gains[k] @ off)

@@ -1,0 +1,197 @@
+"""What `asvhil train` and `asvhil evaluate` do: read the data, train or score, write the files, return the figures."""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from asvhil.dynamics.protocol import Dynamics
+from asvhil.dynamics.weights import TrainedModel, read_model, save_model
+from asvhil.errors import ConfigError, ModelError
+from asvhil.io.logfile import LogFile
+from asvhil.replay import config_of
+from asvhil.train.dataset import (
+    Dataset,
+    dataset_from_csv,
+    dataset_from_logs,
+    find_columns,
+    truth_from_log,
+)
+from asvhil.train.evaluate import Case, evaluate, predict, windows_of
+
+DT_S = 0.2
+
+
+def is_csv(paths: Sequence[Path]) -> bool:
+    """Whether the files are CSV rather than MCAP logs. ConfigError for none, a mixture, or others."""
+    kinds = {path.suffix.lower() for path in paths}
+    if kinds not in ({".csv"}, {".mcap"}):
+        raise ConfigError(f"data: MCAP logs or CSV files are expected, all of one kind, not {_list(paths)}")
+    return kinds == {".csv"}
+
+
+def training_data(paths: Sequence[Path], columns: str | None, dt_s: float) -> Dataset:
+    """Data for training, smoothed; CSV files need the name or path of a column map."""
+    if is_csv(paths):
+        return dataset_from_csv(paths, find_columns(_required(columns)), dt_s, smoothed=True)
+    return dataset_from_logs(paths, dt_s)
+
+
+def test_cases(paths: Sequence[Path], columns: str | None, dt_s: float, *, truth: bool) -> list[Case]:
+    """Stretches to predict, measured as a boat would; scored against the truth that a simulated log holds, if asked."""
+    cases = []
+    for path in paths:
+        if is_csv([path]):
+            seen = dataset_from_csv([path], find_columns(_required(columns)), dt_s)
+            reference = seen
+        else:
+            seen = dataset_from_logs([path], dt_s, "measured")
+            reference = truth_from_log(path, dt_s) if truth else seen
+        for number, (given, wanted) in enumerate(zip(seen.segments, reference.segments, strict=True)):
+            name = path.name if len(seen.segments) == 1 else f"{path.name} part {number + 1}"
+            cases.append(Case(name=name, seen=given, reference=wanted))
+    return cases
+
+
+def origin_of(paths: Sequence[Path]) -> tuple[str, str]:
+    """Vehicle name and config hash of MCAP logs; ConfigError where they come from two vehicles."""
+    configs = [config_of(LogFile(path), path) for path in paths]
+    names = {config.vehicle.name for config in configs}
+    if len(names) > 1:
+        raise ConfigError(f"data: logs of different vehicles ({', '.join(sorted(names))})")
+    return configs[0].vehicle.name, configs[0].content_hash()
+
+
+def train_command(
+    kind: str,
+    data: Sequence[Path],
+    output: Path,
+    *,
+    columns: str | None = None,
+    vehicle: str | None = None,
+    seed: int = 1,
+    iterations: int | None = None,
+    members: int | None = None,
+    dt_s: float = DT_S,
+    resume: bool = False,
+    progress: Any = None,
+) -> dict[str, Any]:
+    """Train a model on logs or CSV files and write it, with its curve as a picture beside it; the figures.
+
+    An interrupted training leaves OUTPUT.checkpoint; `resume` goes on from there. `progress` is called with a
+    `Progress`. Raises ConfigError, LogError or ModelError in one line.
+    """
+    from asvhil.train.fit import OPTIONS, fit  # torch, only once it is needed
+
+    if kind not in OPTIONS:
+        raise ModelError(f"unknown model kind {kind!r} (known: {', '.join(OPTIONS)})")
+    if is_csv(data):
+        if vehicle is None:
+            raise ConfigError("train: CSV files do not say which vehicle they come from: give its name")
+        name, config_hash = vehicle, ""
+    else:
+        name, config_hash = origin_of(data)
+        if vehicle is not None and vehicle != name:
+            raise ConfigError(f"train: the logs come from vehicle {name!r}, not from {vehicle!r}")
+    checkpoint = output.with_name(f"{output.name}.checkpoint")
+    if not resume:
+        checkpoint.unlink(missing_ok=True)
+    dataset = training_data(data, columns, dt_s)
+    options = OPTIONS[kind] if members is None else dataclasses.replace(OPTIONS[kind], members=members)
+    start_s = time.perf_counter()
+    model = fit(
+        kind,
+        dataset,
+        seed=seed,
+        iterations=iterations,
+        options=options,
+        vehicle=name,
+        config_hash=config_hash,
+        progress=progress,
+        checkpoint=checkpoint,
+    )
+    wall_s = time.perf_counter() - start_s
+    save_model(output, model)
+    from asvhil.train.pictures import draw_curve
+
+    picture = output.with_suffix(".curve.png")
+    draw_curve(model.figures, f"{kind}, {name}", picture)
+    return {
+        "kind": kind,
+        "vehicle": name,
+        "model": str(output),
+        "picture": str(picture),
+        "data": [str(path) for path in data],
+        "data_s": round(dataset.duration_s, 1),
+        "outliers": dataset.outliers,
+        "data_hash": dataset.source_hash,
+        "seed": seed,
+        "wall_s": round(wall_s, 2),
+        **{name: value for name, value in model.figures.items() if name != "curve"},
+    }
+
+
+def evaluate_command(
+    models: Sequence[Path],
+    data: Sequence[Path],
+    *,
+    columns: str | None = None,
+    horizon_s: float = 50.0,
+    every_s: float = 10.0,
+    truth: bool = False,
+    figure: Path | None = None,
+) -> dict[str, Any]:
+    """Open-loop errors of model files on logs or CSV files; with a figure, the first window in motion is drawn.
+
+    Raises ConfigError, LogError or ModelError in one line: among others where a model has another step than the
+    first one, or belongs to another vehicle than the logs.
+    """
+    if not models:
+        raise ConfigError("evaluate: no model is given")
+    loaded = {path: read_model(path) for path in models}
+    dt_s = loaded[models[0]].dt_s
+    vehicle = None if is_csv(data) else origin_of(data)[0]
+    for path, model in loaded.items():
+        _check(path, model, dt_s, vehicle)
+    cases = test_cases(data, columns, dt_s, truth=truth)
+    dynamics: dict[str, Dynamics] = {}
+    for path, model in loaded.items():
+        name = model.kind if model.kind not in dynamics else f"{model.kind} {path.name}"
+        dynamics[name] = model.dynamics()
+    rows = evaluate(dynamics, cases, dt_s, horizon_s, every_s)
+    if figure is not None:
+        from asvhil.train.pictures import draw_identification
+
+        windows = windows_of(cases, horizon_s, every_s, dt_s)
+        window = next((window for window in windows if window.moving), windows[0])
+        steps = round(horizon_s / dt_s)
+        paths = {name: predict(model, cases, [window], steps, dt_s)[0] for name, model in dynamics.items()}
+        draw_identification(cases[window.case], window.start, paths, dt_s, figure)
+    return {
+        "horizon_s": horizon_s,
+        "every_s": every_s,
+        "reference": "truth" if truth else "measured",
+        "data": [str(path) for path in data],
+        "models": [str(path) for path in models],
+        "rows": rows,
+    }
+
+
+def _check(path: Path, model: TrainedModel, dt_s: float, vehicle: str | None) -> None:
+    if model.dt_s != dt_s:
+        raise ModelError(f"{path}: this model has steps of {model.dt_s:g} s, the first one {dt_s:g} s")
+    if vehicle is not None and model.vehicle != vehicle:
+        raise ModelError(f"{path}: this model was trained for vehicle {model.vehicle!r}, the logs are of {vehicle!r}")
+
+
+def _required(columns: str | None) -> str:
+    if columns is None:
+        raise ConfigError("data: CSV files need a column map (--columns)")
+    return columns
+
+
+def _list(paths: Sequence[Path]) -> str:
+    return ", ".join(path.name for path in paths) or "nothing"

@@ -1,0 +1,61 @@
+"""From far off to the station in a strong wind, in lockstep with sensors and gusts on; and back after a push."""
+
+import math
+
+import pytest
+
+from asvhil.config import load_config
+from asvhil.simplant.lockstep import Lockstep
+from asvhil.study.approach import CHATTER_S, Start, draw_starts, run_start, start_overrides, study_approach
+
+
+@pytest.mark.parametrize(
+    ("bearing_deg", "heading_deg", "toward_deg"),
+    [(180.0, 0.0, 90.0), (20.0, 100.0, 200.0), (-70.0, -120.0, -45.0)],
+)
+def test_from_sixty_metres_off_the_station_is_reached_and_kept(bearing_deg, heading_deg, toward_deg):
+    start = Start(
+        seed=7,
+        bearing_rad=math.radians(bearing_deg),
+        psi_rad=math.radians(heading_deg),
+        toward_rad=math.radians(toward_deg),
+    )
+    outcome = run_start(start, duration_s=110.0)
+    assert [stage for _, stage in outcome.changes] == ["approach", "keep_heading"]
+    assert outcome.handover_s is not None and 20.0 < outcome.handover_s < 75.0
+    assert not outcome.lost and outcome.chatters == 0
+
+
+def test_a_boat_that_a_squall_drives_beyond_r_d_starts_over():
+    """35 m/s for 25 s are more than the motors can meet; after it the boat takes a path again, and comes back."""
+    start = Start(seed=3, bearing_rad=math.pi, psi_rad=0.0, toward_rad=math.pi / 2)
+    near = ("plant.start_n_m=-5", "plant.start_e_m=0", "plant.weather.wind.speed_mps=3")
+    loop = Lockstep(load_config("sitl", (*start_overrides(start), *near)))
+    stages, times_s = [], []
+    for tick in range(100 * 20):
+        loop.plant._weather._speed_mps = 35.0 if 15 * 20 <= tick < 40 * 20 else 3.0
+        control = loop.tick()[1].control
+        if control is not None and (not stages or control.stage != stages[-1]):
+            stages.append(control.stage)
+            times_s.append(tick / 20)
+    assert stages == ["keep_heading", "recover", "keep_heading"]
+    assert times_s[2] - times_s[1] >= CHATTER_S
+    truth = loop.plant.truth
+    assert math.hypot(truth.n_m, truth.e_m) < 4.0
+
+
+def test_starts_are_the_same_for_the_same_seed():
+    assert draw_starts(3, 5) == draw_starts(3, 5) != draw_starts(3, 6)
+    assert draw_starts(2, 5) == draw_starts(3, 5)[:2]
+
+
+def test_the_study_counts_what_was_lost():
+    """Two runs whose motors are too weak to get anywhere are lost, and told one by one."""
+    seen = []
+    weak = "vehicle.vessel.thrust_curve=[[-1.0, -1.0], [0.0, 0.0], [1.0, 1.0]]"
+    figures = study_approach(
+        2, 1, lambda done, runs: seen.append((done, runs)), overrides=(weak,), duration_s=20.0, workers=1
+    )
+    assert seen == [(1, 2), (2, 2)]
+    assert figures["runs"] == 2 and figures["lost"] == 2 and len(figures["bad"]) == 2
+    assert figures["handover_s"] is None and figures["end_m"]["min"] > 15.0

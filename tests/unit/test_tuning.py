@@ -1,0 +1,99 @@
+"""The tuner: its search, its memory, and that its spaces fit the config."""
+
+import json
+
+import numpy as np
+import pytest
+
+from asvhil.config import load_config
+from asvhil.study import tuning
+from asvhil.study.tuning import SPACES, Parameter, candidates, overrides_of, tune, typical
+
+SHORT = {"workers": 0, "winds": ((4.0, 30.0),), "window_s": (6.0, 7.0)}
+
+
+@pytest.mark.parametrize("name", sorted(SPACES))
+def test_every_key_of_a_space_reaches_the_config_at_both_ends_of_its_range(name):
+    for share in (0.0, 1.0):
+        values = {parameter.key: parameter.value(share) for parameter in SPACES[name]}
+        config = load_config("sitl", overrides_of(name, values))
+        assert config.controller.name == name
+        for key, value in values.items():
+            node = config
+            for part in key.partition("[")[0].split("."):
+                node = getattr(node, part)
+            if "[" in key:
+                assert {node[int(i)] for i in key.partition("[")[2].rstrip("]").split(",")} == {value}
+            else:
+                assert node == value
+
+
+@pytest.mark.parametrize("name", sorted(SPACES))
+def test_the_shipped_gains_are_the_best_of_the_search(name):
+    stored = json.loads((tuning.RESULTS / f"{name}.json").read_text(encoding="utf-8"))
+    assert len(stored["evaluations"]) == stored["settings"]["budget"] == tuning.BUDGET
+    best = min(stored["evaluations"], key=lambda evaluation: evaluation["typical_ps"])
+    assert stored["best"] == best
+    shipped = load_config("sitl", (f"controller.name={name}",))
+    assert load_config("sitl", overrides_of(name, best["values"])) == shipped
+
+
+def test_values_span_the_range_on_a_logarithmic_scale():
+    parameter = Parameter(key="x", start=2.0, factor=4.0)
+    assert [parameter.value(share) for share in (0.0, 0.25, 0.5, 1.0)] == [0.5, 1.0, 2.0, 8.0]
+    assert parameter.share(1.0) == pytest.approx(0.25)
+
+
+def test_the_search_begins_with_the_start_draws_wide_and_then_stays_near_the_best():
+    space = tuple(Parameter(key=f"x{i}", start=1.0, factor=10.0) for i in range(6))
+    first = candidates(space, 40, 1, [])
+    assert len(first) == 4 and first[0] == {f"x{i}": 1.0 for i in range(6)}
+    assert first == candidates(space, 40, 1, []) != candidates(space, 40, 2, [])
+    done = [{"values": values, "typical_ps": 9.0 - i} for i, values in enumerate(first * 9)]
+    last = candidates(space, 40, 1, done)
+    best = done[-1]["values"]
+    for values in last:
+        moved = [key for key in values if values[key] != best[key]]
+        assert 1 <= len(moved) <= 6
+        # Four standard deviations of a late step, in shares of the range of 100.
+        assert all(abs(np.log(values[key] / best[key])) < 4 * 0.12 * np.log(100.0) for key in moved)
+
+
+def test_a_search_without_a_peak_to_miss_finds_it():
+    space = tuple(Parameter(key=f"x{i}", start=1.0, factor=10.0) for i in range(4))
+    goal = np.log([3.0, 0.4, 1.5, 6.0])
+    done = []
+    while len(done) < 40:
+        for values in candidates(space, 40, 1, done):
+            off = float(np.sum((np.log(list(values.values())) - goal) ** 2))
+            done.append({"values": values, "typical_ps": off})
+    found = min(evaluation["typical_ps"] for evaluation in done)
+    assert found < 0.35 * done[0]["typical_ps"]
+
+
+def test_one_bad_wind_does_not_outvote_the_others():
+    assert typical([3.0, 3.0]) == pytest.approx(3.0)
+    assert typical([1.0, 1.0, 1.0, 99.0]) < typical([2.5, 2.5, 2.5, 50.0])
+
+
+def test_an_interrupted_search_goes_on_where_it_was_and_ends_alike(tmp_path):
+    path = tmp_path / "loiter.json"
+    said = []
+    whole = tune("loiter", 6, 3, said.append, path=path, **SHORT)
+    assert [line.split(",")[0] for line in said] == ["loiter: 4 of 6", "loiter: 6 of 6"]
+    assert json.loads(path.read_text()) == whole
+    cut = {**whole, "evaluations": whole["evaluations"][:4]}
+    path.write_text(json.dumps(cut))
+    said.clear()
+    assert tune("loiter", 6, 3, said.append, path=path, **SHORT) == whole
+    assert len(said) == 1  # only the second batch was run
+    # A finished one runs nothing; another seed begins anew.
+    said.clear()
+    assert tune("loiter", 6, 3, said.append, path=path, **SHORT) == whole and not said
+    other = tune("loiter", 1, 4, None, path=path, **SHORT)
+    assert len(other["evaluations"]) == 1 and len(json.loads(path.read_text())["evaluations"]) == 1
+
+
+def test_a_controller_without_a_space_is_an_error():
+    with pytest.raises(KeyError):
+        tune("manoeuvres", 1, 1)
