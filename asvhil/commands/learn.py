@@ -59,10 +59,101 @@ def collect(
         raise AsvhilError(f"{runs[-1].log}: not complete after {runs[-1].held_s:.0f} s: {runs[-1].reason}")
 
 
+def train(
+    kind: Annotated[str, typer.Argument(help="nnsem, lagnet, sd, node or knode.")],
+    data: Annotated[list[Path], typer.Argument(help="MCAP logs, or CSV files with --columns.")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="The model file (npz) to write.")],
+    columns: Annotated[
+        str | None, typer.Option(help="Column map of CSV files: a path, or the name of a shipped one.")
+    ] = None,
+    vehicle: Annotated[str | None, typer.Option(help="The vehicle's name, which CSV files do not say.")] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the first weights and of the batches.")] = 1,
+    iterations: Annotated[int | None, typer.Option(min=1, help="As the kind has it by default.")] = None,
+    members: Annotated[int | None, typer.Option(min=1, help="Networks of an ensemble (lagnet).")] = None,
+    dt: Annotated[float, typer.Option(min=0.02, max=2.0, help="Step of the model in seconds.")] = 0.2,
+    resume: Annotated[bool, typer.Option("--resume", help="Go on with an interrupted training.")] = False,
+    json_: JsonOption = None,
+) -> None:
+    """Train a vessel model on logs; leaves the model file and a picture of its loss."""
+    from rich.console import Console
+
+    from asvhil.commands.views import progress
+
+    _need_torch()
+    from asvhil.train.jobs import train_command
+
+    console = Console()
+    with progress(console) as bar:
+        task = bar.add_task(f"{kind}", total=iterations)
+
+        def show(state: Any) -> None:
+            words = f"{kind}, best validation error {state.validation:.4f}"
+            bar.update(task, completed=state.iteration, total=state.iterations, description=words)
+
+        figures = train_command(
+            kind,
+            data,
+            output,
+            columns=columns,
+            vehicle=vehicle,
+            seed=seed,
+            iterations=iterations,
+            members=members,
+            dt_s=dt,
+            resume=resume,
+            progress=show,
+        )
+    write_json(json_, figures)
+    words = f"{output}: {kind} for {figures['vehicle']}, {figures['data_s']:.0f} s of data, {figures['wall_s']:.1f} s"
+    console.print(words, markup=False, highlight=False, soft_wrap=True)
+
+
+def evaluate(
+    models: Annotated[list[Path], typer.Argument(help="Model files to compare.")],
+    data: Annotated[list[Path], typer.Option("--data", help="MCAP logs or CSV files; repeatable.")],
+    columns: Annotated[
+        str | None, typer.Option(help="Column map of CSV files: a path, or the name of a shipped one.")
+    ] = None,
+    horizon: Annotated[float, typer.Option(min=0.2, help="Seconds of each open-loop rollout.")] = 50.0,
+    every: Annotated[float, typer.Option(min=0.2, help="Seconds from one start to the next.")] = 10.0,
+    truth: Annotated[bool, typer.Option("--truth", help="Score against the truth that a simulated log holds.")] = False,
+    picture: Annotated[Path | None, typer.Option(help="Draw one rollout into this PNG or SVG file.")] = None,
+    json_: JsonOption = None,
+) -> None:
+    """Roll models out in open loop over data and score u, v, r."""
+    from rich.console import Console
+    from rich.table import Table
+
+    from asvhil.train.jobs import evaluate_command
+
+    console = Console()
+    with console.status("rolling out"):
+        figures = evaluate_command(
+            models, data, columns=columns, horizon_s=horizon, every_s=every, truth=truth, figure=picture
+        )
+    write_json(json_, figures)
+    table = Table(title=f"mean absolute error over {horizon:g} s, {figures['reference']}", title_justify="left")
+    for heading in ("model", "windows", "u (m/s)", "v (m/s)", "r (rad/s)", "count"):
+        table.add_column(heading, justify="left" if heading in ("model", "windows") else "right")
+    for name, parts in figures["rows"].items():
+        for windows, row in parts.items():
+            if row["windows"]:
+                table.add_row(name, windows, *(f"{row[f'mae_{axis}']:.4f}" for axis in "uvr"), str(row["windows"]))
+    console.print(table)
+
+
+def _need_torch() -> None:
+    """One clear line where the training extra is not installed."""
+    from importlib.util import find_spec
+
+    if find_spec("torch") is None:
+        raise AsvhilError("training needs torch: install the extra, as in pip install 'asvhil[train]'")
+
+
 def _plain(record: Any) -> dict[str, Any]:
     import dataclasses
 
     return dataclasses.asdict(record)
 
 
-COMMANDS = (collect,)
+COMMANDS = (collect, train, evaluate)

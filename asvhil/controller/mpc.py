@@ -13,7 +13,7 @@ It is a sum of squares, so Gauss-Newton applies. Weights are parameters: a chang
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Protocol
+from typing import Any, Protocol
 
 import casadi as ca
 import numpy as np
@@ -114,15 +114,22 @@ class StationProblem:
         jacobian = ca.jacobian(after, ca.vertcat(s, a))
         substep = ca.Function("substep", [s, a, w, d, h], [after], {"cse": True})
         tangent = ca.Function("tangent", [s, a, w, d, h], [after, jacobian], {"cse": True})
+        adjoint = ca.SX.sym("adjoint", n)
+        second = ca.hessian(ca.dot(adjoint, after), ca.vertcat(s, a))[0]
+        curvature = ca.Function("curvature", [s, a, w, d, h, adjoint], [second], {"cse": True})
 
         state = fast_state = p[:n]
         states, fast_states, blocks, cost = [state], [state], [], ca.SX(0.0)
+        pieces: list[list[tuple[Any, Any, Any]]] = []  # of each stage's substeps: state, own Jacobian, that up to it
         for k, (step_s, count) in enumerate(zip(self.steps_s, self.substep_counts, strict=True)):
             a_k = inputs[2 * k : 2 * k + 2]
             block = ca.horzcat(ca.SX.eye(n), ca.SX(n, 2))
+            pieces.append([])
             for _ in range(count):
                 fast_state = substep(fast_state, a_k, wind, disturbance, step_s / count)
+                before = state
                 state, local = tangent(state, a_k, wind, disturbance, step_s / count)
+                pieces[-1].append((before, local, block))
                 block = local[:, :n] @ block + ca.horzcat(ca.SX(n, n), local[:, n:])
             states.append(state)
             fast_states.append(fast_state)
@@ -134,3 +141,17 @@ class StationProblem:
         self.substep: ca.Function = substep
         self.rollout = ca.Function("rollout", [p, inputs], [ca.vertcat(*fast_states), cost])
         self.linearised = ca.Function("linearised", [p, inputs], [ca.vertcat(*states), ca.vertcat(*blocks)])
+        # Backwards with the adjoint of half the cost: what Gauss-Newton leaves out of the Hessian.
+        back, curved = ca.SX(n, 1), []
+        for k in reversed(range(self.stages)):
+            error = states[k + 1][:POSE_AND_VELOCITY] - ca.vertcat(0, 0, reference, 0, 0, 0)
+            back[:POSE_AND_VELOCITY] += q[POSE_AND_VELOCITY * k : POSE_AND_VELOCITY * (k + 1)] * error
+            a_k, step_s = inputs[2 * k : 2 * k + 2], self.steps_s[k] / self.substep_counts[k]
+            total = ca.SX(n + 2, n + 2)
+            for at, local, block in reversed(pieces[k]):
+                reach = ca.vertcat(block, ca.horzcat(ca.SX(2, n), ca.SX.eye(2)))
+                total += reach.T @ curvature(at, a_k, wind, disturbance, step_s, back) @ reach
+                back = local[:, :n].T @ back
+            curved.append(ca.vec(ca.densify(total)))
+        outputs = [ca.vertcat(*states), ca.vertcat(*blocks), ca.vertcat(*reversed(curved))]
+        self.curved = ca.Function("curved", [p, inputs], outputs)

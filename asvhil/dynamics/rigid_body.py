@@ -88,7 +88,6 @@ class SimplifiedDynamics:
 
     name = "sd"
     n_motor = 2
-    max_step_s = 0.45
     euler = False
 
     def __init__(self, vessel: VesselConfig) -> None:
@@ -96,6 +95,7 @@ class SimplifiedDynamics:
         self._curve = ThrustCurve(vessel.thrust_curve)
         self._scale_n = self._curve.ahead_n
         self._lag_s = vessel.motor_lag_s
+        self.max_step_s = min(0.45, 1.5 * vessel.motor_lag_s)  # the midpoint rule is stable to twice the lag
         self.input_lower = self._curve.astern_n / self._scale_n
         self.input_upper = 1.0
 

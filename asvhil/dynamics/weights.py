@@ -108,7 +108,7 @@ def read_arrays(path: Path) -> dict[str, Array]:
     """All arrays of an npz file. ModelError where it is missing, damaged, or holds pickled objects."""
     try:
         with path.open("rb") as file:
-            if file.read(2) != b"PK":
+            if file.read(4) != b"PK\x03\x04":
                 raise ModelError(f"{path}: not a model file (npz), or damaged from its first byte on")
             file.seek(0)
             with np.load(file, allow_pickle=False) as archive:
@@ -145,9 +145,7 @@ def _checked(arrays: Mapping[str, Array], path: Path) -> TrainedModel:
     if not 0.0 < dt_s <= 2.0:
         raise ModelError(f"{path}: dt_s is {dt_s:g}, a step within 0 to 2 s is needed")
     lengths: dict[str, int] = {}
-    weights = {
-        name: _numbers(arrays, f"weights.{name}", shape, lengths, path) for name, shape in _SHAPES[kind].items()
-    }
+    weights = {name: _numbers(arrays, f"weights.{name}", shape, lengths, path) for name, shape in _SHAPES[kind].items()}
     centre, half = (_numbers(arrays, name, shape, lengths, path) for name, shape in _SCALING.items())
     for name, value in (("half", half), *((n, weights[n]) for n in weights if n in _POSITIVE)):
         if not (value > 0.0).all():

@@ -45,7 +45,7 @@ class Parameter:
 
     key: str
     start: float
-    factor: float = 5.0
+    factor: float = 4.0
 
     def value(self, share: float) -> float:
         """The value at a share of the range in [0, 1], to 4 digits; the start is at a half."""
@@ -62,37 +62,38 @@ def _gains(key: str, position: float, heading: float) -> tuple[Parameter, ...]:
 
 def _steering(section: str) -> tuple[Parameter, ...]:
     return (
-        Parameter(key=f"{section}.steering.error_max_m", start=4.0, factor=4.0),
-        Parameter(key=f"{section}.steering.radius_m", start=5.0, factor=4.0),
-        Parameter(key=f"{section}.steering.lean_max_deg", start=10.0, factor=4.0),
-        Parameter(key=f"{section}.steering.lean_from_m", start=0.5),
-        Parameter(key=f"{section}.steering.lean_fade_n", start=15.0),
+        Parameter(key=f"{section}.steering.error_max_m", start=2.0),
+        Parameter(key=f"{section}.steering.radius_m", start=15.0),
+        Parameter(key=f"{section}.steering.lean_max_deg", start=12.0),
+        Parameter(key=f"{section}.steering.lean_from_m", start=0.4),
+        Parameter(key=f"{section}.steering.lean_fade_n", start=8.0),
     )
 
 
+# Starts: the best of a pilot search of the same size for each (its steering radius and lean had stuck at poor values).
 SPACES: dict[str, tuple[Parameter, ...]] = {
     "backstepping": (
-        *_gains("controller.backstepping.lambda_per_s", 0.3, 0.5),
-        *_gains("controller.backstepping.kd", 150.0, 500.0),
-        *_gains("controller.backstepping.kp", 10.0, 100.0),
+        *_gains("controller.backstepping.lambda_per_s", 0.1, 1.5),
+        *_gains("controller.backstepping.kd", 600.0, 350.0),
+        *_gains("controller.backstepping.kp", 40.0, 350.0),
         *_steering("controller.backstepping"),
     ),
     "sliding-mode": (
-        *_gains("controller.sliding_mode.lambda_per_s", 0.2, 0.4),
-        *_gains("controller.sliding_mode.bound", 80.0, 200.0),
-        *_gains("controller.sliding_mode.layer", 0.4, 0.3),
+        *_gains("controller.sliding_mode.lambda_per_s", 0.3, 1.2),
+        *_gains("controller.sliding_mode.bound", 300.0, 300.0),
+        *_gains("controller.sliding_mode.layer", 1.2, 1.5),
         *_steering("controller.sliding_mode"),
     ),
     "loiter": (
-        Parameter(key="controller.loiter.radius_m", start=1.0, factor=4.0),
-        Parameter(key="controller.loiter.speed_gain_per_s", start=0.5, factor=4.0),
-        Parameter(key="controller.loiter.throttle_ff_per_mps", start=0.25, factor=4.0),
-        Parameter(key="controller.loiter.throttle_p_per_mps", start=0.2),
-        Parameter(key="controller.loiter.throttle_i_per_m", start=0.05),
-        Parameter(key="controller.loiter.throttle_min", start=0.15, factor=2.0),
-        Parameter(key="controller.loiter.angle_p_per_s", start=1.0, factor=4.0),
-        Parameter(key="controller.loiter.rate_ff_s", start=0.4, factor=4.0),
-        Parameter(key="controller.loiter.rate_p_s", start=0.4, factor=4.0),
+        Parameter(key="controller.loiter.radius_m", start=1.0),
+        Parameter(key="controller.loiter.speed_gain_per_s", start=1.2),
+        Parameter(key="controller.loiter.throttle_ff_per_mps", start=0.7),
+        Parameter(key="controller.loiter.throttle_p_per_mps", start=0.15),
+        Parameter(key="controller.loiter.throttle_i_per_m", start=0.04),
+        Parameter(key="controller.loiter.throttle_min", start=0.12),
+        Parameter(key="controller.loiter.angle_p_per_s", start=2.3),
+        Parameter(key="controller.loiter.rate_ff_s", start=1.2),
+        Parameter(key="controller.loiter.rate_p_s", start=1.1),
     ),
 }
 

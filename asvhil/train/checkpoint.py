@@ -6,6 +6,7 @@ import json
 import os
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -32,7 +33,8 @@ def write_checkpoint(path: Path, checkpoint: Checkpoint) -> None:
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with partial.open("wb") as file:
-            np.savez(file, head=np.array(head), **checkpoint.arrays)
+            arrays: dict[str, Any] = dict(checkpoint.arrays)
+            np.savez(file, head=np.array(head), **arrays)
         os.replace(partial, path)
     except OSError as error:
         raise ModelError(f"{path}: cannot be written ({error.strerror})") from None

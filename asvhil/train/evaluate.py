@@ -48,8 +48,8 @@ def windows_of(cases: Sequence[Case], horizon_s: float, every_s: float, dt_s: fl
     if not found:
         longest_s = max((dt_s * len(case.seen.t_s) for case in cases), default=0.0)
         raise LogError(
-            f"the data hold no stretch for a rollout of {horizon_s:g} s after {MOTOR_WARM_UP_S:g} s of lead-in: the longest"
-            f" has {longest_s:.1f} s"
+            f"the data hold no stretch for a rollout of {horizon_s:g} s after {MOTOR_WARM_UP_S:g} s of lead-in:"
+            f" the longest has {longest_s:.1f} s"
         )
     return found
 

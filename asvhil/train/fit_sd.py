@@ -21,7 +21,11 @@ SD_ITERATIONS = 60  # at most; a dozen usually do
 
 
 def fit_sd(
-    dataset: Dataset, *, window: int = 20, iterations: int = SD_ITERATIONS, progress: Callable[[int, float], None] | None = None
+    dataset: Dataset,
+    *,
+    window: int = 20,
+    iterations: int = SD_ITERATIONS,
+    progress: Callable[[int, float], None] | None = None,
 ) -> tuple[Array, list[float]]:
     """Parameters (13) that lessen the squared error of `window`-step simulations in scaled velocities; costs so far.
 

@@ -21,6 +21,7 @@ from asvhil.train.dataset import (
     truth_from_log,
 )
 from asvhil.train.evaluate import Case, evaluate, predict, windows_of
+from asvhil.train.options import OPTIONS
 
 DT_S = 0.2
 
@@ -84,7 +85,7 @@ def train_command(
     An interrupted training leaves OUTPUT.checkpoint; `resume` goes on from there. `progress` is called with a
     `Progress`. Raises ConfigError, LogError or ModelError in one line.
     """
-    from asvhil.train.fit import OPTIONS, fit  # torch, only once it is needed
+    from asvhil.train.fit import fit  # torch, only once it is needed
 
     if kind not in OPTIONS:
         raise ModelError(f"unknown model kind {kind!r} (known: {', '.join(OPTIONS)})")

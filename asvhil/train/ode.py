@@ -9,8 +9,9 @@ from torchdiffeq import odeint_adjoint
 
 from asvhil.dynamics.fitted_sd import FittedSd
 from asvhil.dynamics.nnsem import Scaling, TanhNetwork
-from asvhil.train.models import N_INPUT, N_STATE, Batch, exported_network, initial_network
+from asvhil.train.models import N_INPUT, Batch, exported_network, initial_network
 from asvhil.train.records import Array
+from asvhil.train.rollout import N_STATE
 
 IDENTITY_SLOPE = 0.3  # of the coupling's first units, which start as the sum of prior and network
 
@@ -40,7 +41,8 @@ class NodeTrainee:
 
     def rate(self, x: Tensor, held: Tensor) -> Tensor:
         """Scaled nu_dot times dt, of scaled velocities (N, B, 3) under scaled commands and winds (N, B, 4)."""
-        return self._dt_s * self._network("")(torch.cat([x, held], -1))
+        rate: Tensor = self._dt_s * self._network("")(torch.cat([x, held], -1))
+        return rate
 
     def predict(self, batch: Batch) -> Tensor:
         times = torch.arange(batch.target.shape[1] + 1, dtype=torch.float64)
@@ -89,7 +91,8 @@ class KnodeTrainee(NodeTrainee):
         z = torch.cat([x, held], -1)
         units = z * self._half + self._centre
         prior = self._model.derivative(units[..., :3], units[..., 3:5], units[..., 5:]) / self._rate_scale
-        return self._dt_s * self._network("g_")(torch.cat([prior, self._network("")(z)], -1))
+        rate: Tensor = self._dt_s * self._network("g_")(torch.cat([prior, self._network("")(z)], -1))
+        return rate
 
     def export(self, number: int) -> dict[str, Array]:
         coupling = {name: self.parameters[f"g_{name}"] for name in ("w1", "b1", "w2", "b2")}

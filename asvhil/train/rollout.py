@@ -32,15 +32,15 @@ class EulerRollout(torch.autograd.Function):
 
     @staticmethod
     def forward(ctx: Any, x0: Tensor, p: Tensor, q: Tensor, wx: Tensor, wh: Tensor, ws: Tensor | None) -> Tensor:
-        weights = [None if part is None else part.detach().numpy() for part in (wx, wh, ws)]
-        states, h, s = _forward(x0.detach().numpy(), p.detach().numpy(), q.detach().numpy(), *weights)
-        ctx.saved = states, h, s, weights
+        start, to_hidden, to_state, x_in, h_out = (part.detach().numpy() for part in (x0, p, q, wx, wh))
+        s_out = None if ws is None else ws.detach().numpy()
+        states, h, s = _forward(start, to_hidden, to_state, x_in, h_out, s_out)
+        ctx.saved = states, h, s, x_in, h_out, s_out
         return torch.from_numpy(states[:, 1:])
 
     @staticmethod
     def backward(ctx: Any, *grads: Tensor) -> tuple[Tensor | None, ...]:
-        states, h, s, weights = ctx.saved
-        parts = _backward(grads[0].numpy(), states, h, s, *weights)
+        parts = _backward(grads[0].numpy(), *ctx.saved)
         return None, *(None if part is None else torch.from_numpy(part) for part in parts)
 
 
@@ -61,7 +61,7 @@ def _forward(
         np.matmul(row, wh, out=after)
         after += x
         after += q[:, k]
-        if s is not None:
+        if s is not None and ws is not None:
             products = s[:, k]
             products[..., :3] = x
             np.multiply(x, np.abs(x), out=products[..., 3:6])

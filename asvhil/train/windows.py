@@ -23,10 +23,8 @@ def check(dataset: Dataset) -> None:
         for name in ("nu", "command", "wind"):
             bad = ~np.isfinite(getattr(segment, name)).all(axis=1)
             if bad.any():
-                at_s = segment.t_s[int(np.argmax(bad))]
-                raise ModelError(
-                    f"training data, segment {number}: {name} is not finite in {int(bad.sum())} rows, first at {at_s:.1f} s"
-                )
+                where = f"in {int(bad.sum())} rows, first at {segment.t_s[int(np.argmax(bad))]:.1f} s"
+                raise ModelError(f"training data, segment {number}: {name} is not finite {where}")
     duration_s = dataset.dt_s * sum(len(segment.t_s) for segment in dataset.segments)
     if duration_s < SHORTEST_S:
         raise ModelError(f"the training data last {duration_s:.1f} s: at least {SHORTEST_S:.0f} s are needed")

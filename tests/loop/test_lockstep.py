@@ -105,3 +105,10 @@ def test_a_run_ends_with_neutral_and_release() -> None:
     assert last[-1].phase is Phase.STANDBY and last[-1].pwm_us is None
     loop.plant.advance(loop.t_ns + 200_000_000)
     assert loop.plant.truth.outputs_us == (1500, 1500)
+
+
+def test_the_small_boat_with_fast_motors_keeps_its_station_too() -> None:
+    # Its motor lag is shorter than the steps of the prediction: a rule for the step that ignores that parks the boat.
+    loop = Lockstep(load_config("sitl-bream", (NO_BIAS, "plant.sensors.heading.bias_deg=0")))
+    distance_m, heading_mean_deg, _ = settled(loop, 90.0, 45.0)
+    assert distance_m <= 1.2 and abs(heading_mean_deg) <= 4.0

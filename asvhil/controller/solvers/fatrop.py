@@ -11,9 +11,6 @@ from asvhil.controller.mpc import StationProblem
 from asvhil.controller.solvers.nlp import NlpSolver
 from asvhil.errors import ConfigError
 
-CONVERGED = frozenset({"Solve_Succeeded", "0"})
-CAPPED = frozenset({"Maximum_Iterations_Exceeded"})
-
 
 class Fatrop(NlpSolver):
     """fatrop with its structure detected from the order of variables and constraints.
@@ -24,7 +21,7 @@ class Fatrop(NlpSolver):
     def __init__(self, problem: StationProblem, caps: Sequence[int] = ()) -> None:
         if not available():
             raise ConfigError("controller.solver fatrop: this build of CasADi comes without fatrop; use sqp or ipopt")
-        super().__init__(problem, True, _make, caps, CONVERGED, CAPPED)
+        super().__init__(problem, True, _make, caps)
 
 
 def available() -> bool:

@@ -10,15 +10,12 @@ import casadi as ca
 from asvhil.controller.mpc import StationProblem
 from asvhil.controller.solvers.nlp import NlpSolver
 
-CONVERGED = frozenset({"Solve_Succeeded", "Solved_To_Acceptable_Level"})
-CAPPED = frozenset({"Maximum_Iterations_Exceeded"})
-
 
 class Ipopt(NlpSolver):
     """IPOPT with its own defaults; a dual warm start was slower than none, so the start is a plan alone."""
 
     def __init__(self, problem: StationProblem, caps: Sequence[int] = ()) -> None:
-        super().__init__(problem, False, _make, caps, CONVERGED, CAPPED)
+        super().__init__(problem, False, _make, caps)
 
 
 def _make(symbols: dict[str, Any], cap: int) -> ca.Function:

@@ -66,7 +66,6 @@ class NlpSolver:
     """Solves a `StationProblem` by a solver of CasADi's, from a start that is rolled out first; no memory, no duals.
 
     `make(symbols, cap)` builds the solver for an iteration cap; `caps` are built at once, others when first asked for.
-    `good` are the return statuses of a usable end: converged, or stopped at the cap.
     """
 
     def __init__(
@@ -75,12 +74,9 @@ class NlpSolver:
         carry_input: bool,
         make: Callable[[dict[str, Any], int], ca.Function],
         caps: Sequence[int],
-        converged: frozenset[str],
-        capped: frozenset[str],
     ) -> None:
         self._problem, self._make = problem, make
         self._programme = programme = transcribe(problem, carry_input)
-        self._converged, self._capped = converged, capped
         self._solvers = {cap: make(dict(programme.symbols), cap) for cap in caps}
         size = programme.symbols["x"].numel()
         self._lower, self._upper = np.full(size, -np.inf), np.full(size, np.inf)
@@ -110,10 +106,12 @@ class NlpSolver:
             x0[programme.carried_at[1:]] = inputs
         found = solver(x0=x0, p=parameters, lbx=self._lower, ubx=self._upper, lbg=0.0, ubg=0.0)
         stats = solver.stats()
-        status, count = str(stats["return_status"]), int(stats["iter_count"])
-        if status not in self._converged | self._capped:
-            return failure(problem, status)
+        converged, count = bool(stats["success"]), min(int(stats["iter_count"]), iterations)
+        if not converged and count < iterations:
+            return failure(problem, f"ended with {stats['return_status']}")
         found_inputs = bounded(problem, np.array(found["x"]).ravel()[programme.input_at])
+        if not np.isfinite(found_inputs).all():
+            return failure(problem, "the solution is not finite")
         found_states, found_cost = rolled_out(problem, parameters, found_inputs)
         if found_cost <= cost and np.isfinite(found_states).all():  # False for NaN
             inputs, states, cost = found_inputs, found_states, found_cost
@@ -123,5 +121,5 @@ class NlpSolver:
             cost=cost,
             iterations=count,
             ok=True,
-            status="converged" if status in self._converged else "iteration cap",
+            status="converged" if converged else "iteration cap",
         )

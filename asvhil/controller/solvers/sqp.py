@@ -13,6 +13,8 @@ ARMIJO = 1e-4  # least part of the decrease promised by the slope that a step mu
 SHORTEST_STEP = 1.0 / 64.0
 TOLERANCE = 1e-4  # stop where the slope promises less than this part of the cost
 DAMPING = 1e-9  # of the Hessian's mean diagonal: keeps it definite where nothing weighs an input
+GAUSS_NEWTON = 2  # first steps, without the curvature of the dynamics: cheap, and robust while the plan is far off
+FLATTEST = 1e-8  # least eigenvalue of a Hessian, over its largest
 QP_SOLVED = 1  # daqp's exit flag for an optimal solution
 
 
@@ -29,7 +31,9 @@ class Sqp:
         self._x, self._cost = np.zeros((stages + 1) * n), np.zeros(1)
         self._x_tangent, self._blocks = np.zeros((stages + 1) * n), np.zeros(stages * n * (n + 2))
         self._roll = bind(problem.rollout, [self._p, self._u], [self._x, self._cost])
+        self._curved = np.zeros(stages * (n + 2) ** 2)
         self._linearise = bind(problem.linearised, [self._p, self._u], [self._x_tangent, self._blocks])
+        self._curve = bind(problem.curved, [self._p, self._u], [self._x_tangent, self._blocks, self._curved])
         # Row block k holds d s_k / d U over d a_k / d U, so that one product with [dF/ds | dF/da] gives d s_k+1 / d U.
         self._gains = np.zeros((stages + 1, n + 2, width))
         for k in range(stages):
@@ -67,7 +71,7 @@ class Sqp:
         states = self._x.copy()
         solved, status = 0, "iteration cap"
         while solved < iterations:
-            step, slope = self._step(u, root, target, smoothing, pull)
+            step, slope = self._step(u, root, target, smoothing, pull, solved)
             if step is None:
                 status = "the QP failed"
                 break
@@ -96,17 +100,24 @@ class Sqp:
         self._roll()
         return float(self._cost[0])
 
-    def _step(self, u: Array, root: Array, target: Array, smoothing: Array, pull: Array) -> tuple[Array | None, float]:
-        """The Gauss-Newton step within the bounds and the cost's slope along it; (None, 0) where the QP fails."""
+    def _step(
+        self, u: Array, root: Array, target: Array, smoothing: Array, pull: Array, solved: int
+    ) -> tuple[Array | None, float]:
+        """The step of a QP within the bounds and the cost's slope along it; (None, 0) where the QP fails."""
         problem = self._problem
         self._u[:] = u
-        self._linearise()
+        if solved < GAUSS_NEWTON:
+            self._linearise()
+        else:
+            self._curve()
         for block, gains, next_gains in self._chain:
             np.dot(block, gains, out=next_gains)
         states = self._x_tangent.reshape(-1, problem.n_state)[1:, :POSE_AND_VELOCITY]
         residual = (root * (states - target)).ravel()
         jacobian = (root[:, :, None] * self._weighted_gains).reshape(-1, u.size)
         hessian = jacobian.T @ jacobian + smoothing
+        if solved >= GAUSS_NEWTON:
+            hessian = self._with_curvature(hessian)
         gradient = residual @ jacobian + smoothing @ u - pull
         diagonal = hessian.ravel()[:: u.size + 1]
         diagonal += DAMPING * diagonal.mean() + 1e-12
@@ -118,6 +129,23 @@ class Sqp:
         if flag != QP_SOLVED or not np.isfinite(step).all():
             return None, 0.0
         return step, 2.0 * float(gradient @ step)
+
+    def _with_curvature(self, gauss_newton: Array) -> Array:
+        """The Hessian with the curvature of the dynamics, made positive definite by its eigenvalues."""
+        size, width = self._gains.shape[1], gauss_newton.shape[0]
+        gains = self._gains[:-1]
+        curved = self._curved.reshape(-1, size, size)
+        curvature = gains.reshape(-1, width).T @ (curved @ gains).reshape(-1, width)
+        if not np.isfinite(curvature).all():
+            return gauss_newton
+        hessian = gauss_newton + curvature
+        try:
+            np.linalg.cholesky(hessian)
+            return hessian
+        except np.linalg.LinAlgError:
+            values, vectors = np.linalg.eigh(hessian)
+        # Along a direction of negative curvature the step is as long as along one as positive, and goes downhill.
+        return (vectors * np.maximum(np.abs(values), FLATTEST * values[-1])) @ vectors.T
 
     def _search(self, u: Array, step: Array, slope: float, cost: float) -> tuple[Array, float] | None:
         """The first of the halved steps that lowers the true cost enough, and its cost."""

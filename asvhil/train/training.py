@@ -1,0 +1,240 @@
+"""One training of the networks: its blocks of iterations, validations, checkpoints, and the best models so far."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from asvhil.dynamics.fitted_sd import FittedSd
+from asvhil.dynamics.nnsem import Scaling
+from asvhil.dynamics.weights import TrainedModel
+from asvhil.errors import ModelError
+from asvhil.train.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
+from asvhil.train.fit_sd import fit_sd
+from asvhil.train.models import Batch, LagNetTrainee, NnsemTrainee, Trainee
+from asvhil.train.openloop import measured, open_loop, spaced_starts
+from asvhil.train.options import FitOptions, Progress, ProgressCallback
+from asvhil.train.records import Array, Dataset, Segment, split
+from asvhil.train.windows import Windows, mirrored, scaling_of
+
+VALIDATION_S = 15.0
+VALIDATION_EVERY_S = 2.5
+
+
+class Training:
+    """The state of a training between blocks of iterations."""
+
+    def __init__(
+        self,
+        kind: str,
+        dataset: Dataset,
+        seeds: tuple[int, ...],
+        options: FitOptions,
+        origin: dict[str, Any],
+        checkpoint: Path | None,
+    ) -> None:
+        self._kind, self._seeds, self._options, self._path = kind, seeds, options, checkpoint
+        self._origin = origin
+        self._dt_s = dataset.dt_s
+        train, self._validation = held_out(dataset, options.validation_fraction)
+        self.scaling = scaling_of(train, symmetric=options.symmetric)
+        self._key = _key(kind, dataset, seeds, options)
+        segments = train.segments
+        if options.mirror:
+            segments += tuple(mirrored(segment) for segment in segments)
+        history = round(options.history_s / dataset.dt_s)
+        self.windows = Windows(segments, self.scaling, options.window, history)
+        self.trainee = _trainee(kind, train, seeds, options, history, self.scaling)
+        self._learned = {
+            name: value
+            for name, value in self.trainee.parameters.items()
+            if not any(name.startswith(part) for part in options.frozen)
+        }
+        self._optimizer = torch.optim.Adam(self._learned.values(), lr=options.rate, fused=True)
+        self._iteration = 0
+        self._curve: list[list[float]] = []  # rows of (iteration, training loss, validation), means over the seeds
+        self._best = [(math.inf, 0, self.trainee.export(i)) for i in range(len(seeds))]
+        if checkpoint is not None and checkpoint.exists():
+            self._restore(read_checkpoint(checkpoint, self._key))
+
+    def run(self, progress: ProgressCallback | None) -> None:
+        """Train to the end, or until no validation has become better for long."""
+        options = self._options
+        arrays = [torch.from_numpy(part) for part in (self.windows.nu, self.windows.command, self.windows.wind)]
+        while self._iteration < options.iterations:
+            if self._iteration - max(at for _, at, _ in self._best) >= options.patience:
+                break
+            count = min(options.block, options.iterations - self._iteration)
+            loss = self._block(count, arrays)
+            self._iteration += count
+            validation = self._validate()
+            self._curve.append([float(self._iteration), loss, validation])
+            if not math.isfinite(loss):
+                raise ModelError(f"training of {self._kind} ran away at iteration {self._iteration}: lower the rate")
+            if self._path is not None:
+                write_checkpoint(self._path, self._snapshot())
+            if progress is not None:
+                best = float(np.mean([value for value, _, _ in self._best]))
+                progress(
+                    Progress(
+                        iteration=self._iteration,
+                        iterations=options.iterations,
+                        loss=loss,
+                        validation=best,
+                        models=self.models,
+                    )
+                )
+        if self._path is not None:
+            self._path.unlink(missing_ok=True)
+
+    def models(self) -> list[TrainedModel]:
+        """The best model of each seed so far."""
+        common = {
+            "options": dataclasses.asdict(self._options),
+            "iterations_run": self._iteration,
+            "curve": [list(row) for row in self._curve],
+        }
+        return [
+            self._model(weights, seed, common | {"best_iteration": at, "best_validation": value})
+            for seed, (value, at, weights) in zip(self._seeds, self._best, strict=True)
+        ]
+
+    def models_now(self) -> list[TrainedModel]:
+        """The models as they are, good or bad."""
+        return [self._model(self.trainee.export(i), seed, {}) for i, seed in enumerate(self._seeds)]
+
+    def _model(self, weights: dict[str, Array], seed: int, figures: dict[str, Any]) -> TrainedModel:
+        return TrainedModel(
+            kind=self._kind, scaling=self.scaling, weights=weights, seed=seed, figures=figures, **self._origin
+        )
+
+    def _block(self, count: int, arrays: list[torch.Tensor]) -> float:
+        """`count` iterations; their mean loss per model."""
+        options = self._options
+        nu, command, wind = arrays
+        starts = torch.from_numpy(self.windows.starts)
+        past = torch.arange(-self.windows.history, options.window)[:, None]
+        ahead = torch.arange(options.window)[:, None]
+        drawn = []
+        for seed in self._seeds:
+            for member in range(options.members):
+                rng = np.random.default_rng([seed, member, self._iteration])
+                drawn.append(rng.integers(len(starts), size=(count, options.batch)))
+        picks = np.stack(drawn, axis=1)
+        total = 0.0
+        for i in range(count):
+            share = 0.5 * (1.0 + math.cos(math.pi * (self._iteration + i) / options.iterations))
+            for group in self._optimizer.param_groups:
+                group.update(lr=options.last_rate + (options.rate - options.last_rate) * share)
+            begin = starts[torch.from_numpy(picks[i])]
+            rows = begin[:, None, :]
+            batch = Batch(
+                x0=nu[begin],
+                command=command[rows + past],
+                wind=wind[rows + ahead],
+                target=nu[rows + ahead + 1],
+            )
+            error = self.trainee.predict(batch) - batch.target
+            # Summed over the models, which have no weight in common but a map that members of one model share.
+            loss = (error * error).mean((1, 2, 3)).sum()
+            self._optimizer.zero_grad()
+            loss.backward()  # type: ignore[no-untyped-call]
+            self._optimizer.step()
+            total += loss.item()
+        return total / (count * len(self._seeds) * options.members)
+
+    def _validate(self) -> float:
+        """Keep each model that is better than before; the mean of the present errors."""
+        values = []
+        for i in range(len(self._seeds)):
+            weights = self.trainee.export(i)
+            value = self._validation_error(weights)
+            values.append(value)
+            if value < self._best[i][0]:
+                self._best[i] = (value, self._iteration, weights)
+        return float(np.mean(values))
+
+    def _validation_error(self, weights: dict[str, Array]) -> float:
+        """Mean absolute error of long rollouts over half the range; infinite where it is not finite."""
+        model = self._model(weights, 0, {}).dynamics()
+        total, count = 0.0, 0
+        every = max(1, round(VALIDATION_EVERY_S / self._dt_s))
+        for segment in self._validation:
+            steps = min(len(segment.t_s) - 1, round(VALIDATION_S / self._dt_s))
+            starts = spaced_starts(segment, steps, every)
+            path = open_loop(model, segment, starts, steps, self._dt_s)
+            error = np.abs(path - measured(segment, starts, steps))[:, 1:] / self.scaling.half[:3]
+            total += float(error.sum())
+            count += error.size
+        value = total / count
+        return value if math.isfinite(value) else math.inf
+
+    def _snapshot(self) -> Checkpoint:
+        arrays = {f"p.{name}": value.detach().numpy() for name, value in self._learned.items()}
+        for name, value in self._learned.items():
+            state = self._optimizer.state[value]
+            arrays |= {f"m.{name}": state["exp_avg"].numpy(), f"v.{name}": state["exp_avg_sq"].numpy()}
+        for i, (error, at, weights) in enumerate(self._best):
+            arrays[f"best.{i}"] = np.array([error, at])
+            arrays |= {f"best.{i}.{name}": weight for name, weight in weights.items()}
+        return Checkpoint(key=self._key, iteration=self._iteration, curve=self._curve, arrays=arrays)
+
+    def _restore(self, saved: Checkpoint) -> None:
+        self._iteration, self._curve = saved.iteration, saved.curve
+        for name, value in self._learned.items():
+            with torch.no_grad():
+                value.copy_(torch.from_numpy(saved.arrays[f"p.{name}"]))
+            self._optimizer.state[value] = {
+                "step": torch.tensor(float(saved.iteration)),
+                "exp_avg": torch.from_numpy(saved.arrays[f"m.{name}"].copy()),
+                "exp_avg_sq": torch.from_numpy(saved.arrays[f"v.{name}"].copy()),
+            }
+        for i, (_, _, weights) in enumerate(self._best):
+            error, at = saved.arrays[f"best.{i}"].tolist()
+            self._best[i] = (error, int(at), {name: saved.arrays[f"best.{i}.{name}"] for name in weights})
+
+
+def _trainee(
+    kind: str, train: Dataset, seeds: Sequence[int], options: FitOptions, history: int, scaling: Scaling
+) -> Trainee:
+    rngs = [np.random.default_rng([seed, member]) for seed in seeds for member in range(options.members)]
+    if kind == "lagnet":
+        return LagNetTrainee(rngs, options.hidden, train.dt_s, history, options.members, "map" in options.frozen)
+    if options.members != 1:
+        raise ModelError(f"only lagnet averages networks, not {kind}")
+    if kind == "nnsem":
+        return NnsemTrainee(rngs, options.hidden, train.dt_s)
+    from asvhil.train.ode import KnodeTrainee, NodeTrainee  # torchdiffeq is not needed by the others
+
+    if kind == "node":
+        return NodeTrainee(rngs, options.hidden, train.dt_s)
+    prior, _ = fit_sd(train, window=options.window)
+    rates = FittedSd(prior.tolist(), train.dt_s)
+    each = [rates.derivative(part.nu, part.command, part.wind) for part in train.segments]
+    return KnodeTrainee(rngs, options.hidden, train.dt_s, scaling, prior, np.concatenate(each).std(axis=0) + 1e-9)
+
+
+def held_out(dataset: Dataset, fraction: float) -> tuple[Dataset, tuple[Segment, ...]]:
+    """The training part, and the segments for validation: the end of each; the training part itself for no fraction."""
+    if fraction <= 0.0:
+        return dataset, dataset.segments
+    train, validation = split(dataset, fraction)
+    return train, validation.segments
+
+
+def _key(kind: str, dataset: Dataset, seeds: Sequence[int], options: FitOptions) -> str:
+    """What a checkpoint must have in common with a training: the data themselves, the options, the seeds."""
+    digest = hashlib.sha256()
+    digest.update(json.dumps([kind, list(seeds), dataclasses.asdict(options), dataset.dt_s]).encode())
+    for segment in dataset.segments:
+        for array in (segment.nu, segment.command, segment.wind):
+            digest.update(np.ascontiguousarray(array).tobytes())
+    return digest.hexdigest()
