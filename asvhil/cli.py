@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from asvhil import __version__
-from asvhil.commands import learn
+from asvhil.commands import learn, study
 from asvhil.commands.options import ConfigArgument, JsonOption, SetOption
 from asvhil.commands.views import LiveView, progress, report_run, write_json
 from asvhil.errors import AsvhilError, ConfigError
@@ -28,6 +28,7 @@ app = typer.Typer(
 
 for command in learn.COMMANDS:
     app.command()(command)
+app.add_typer(study.app, name="study")
 
 
 def _version(value: bool) -> None:

@@ -228,7 +228,7 @@ class MpcConfig(Section):
     trim_time_s: Positive = 40.0
     trim_max_rad: NonNegative = 0.1
     iterations: Annotated[int, Field(ge=1, le=100)] = 3
-    alternate_iterations: Annotated[int, Field(ge=0, le=200)] = 15
+    alternate_iterations: Annotated[int, Field(ge=0, le=200)] = 8
     alternate_beyond_m: NonNegative = 3.0
     wind_feedforward: bool = True
     disturbance_feedforward: bool = True

@@ -51,8 +51,9 @@ class Solver(Protocol):
 class StationProblem:
     """The problem above as CasADi functions of parameters p and inputs U = (a_0, a_1, ...).
 
-    `rollout(p, U)` gives (states, cost); `linearised(p, U)` gives (states, cost, sensitivities), where the states
-    are s_0 .. s_N in a row and the sensitivities are the row-major blocks [dF/ds | dF/da] of each stage.
+    `rollout(p, U)` gives (states, cost); `linearised(p, U)` gives (states, sensitivities), where the states are
+    s_0 .. s_N in a row and the sensitivities are the row-major blocks [dF/ds | dF/da] of each stage. `curved(p, U)`
+    adds the blocks of second derivatives of each stage by (s, a), weighted with the adjoint of half the cost.
     """
 
     def __init__(self, model: Dynamics, config: MpcConfig) -> None:
@@ -154,4 +155,4 @@ class StationProblem:
                 back = local[:, :n].T @ back
             curved.append(ca.vec(ca.densify(total)))
         outputs = [ca.vertcat(*states), ca.vertcat(*blocks), ca.vertcat(*reversed(curved))]
-        self.curved = ca.Function("curved", [p, inputs], outputs)
+        self.curved = ca.Function("curved", [p, inputs], outputs, {"cse": True})

@@ -79,7 +79,8 @@ def _problem(model: Dynamics, wind_mps: float, toward_rad: float) -> tuple[ca.Fu
     objective = _mean(distance) + _deviation(distance) + ca.sqrt(_mean(heading_deg) ** 2 + SMOOTH)
     objective += _deviation(heading_deg)
     variables = ca.vertcat(ca.vec(states), ca.vec(inputs), period)
-    options: dict[str, Any] = {"ipopt": {"max_iter": 800, "tol": 1e-6, "print_level": 0, "sb": "yes"}, "print_time": False}
+    ipopt = {"max_iter": 800, "tol": 1e-6, "print_level": 0, "sb": "yes"}
+    options: dict[str, Any] = {"ipopt": ipopt, "print_time": False}
     solver = ca.nlpsol("bound", "ipopt", {"x": variables, "f": objective, "g": gaps}, options)
     lower = np.full(variables.shape[0], -np.inf)
     upper = np.full(variables.shape[0], np.inf)

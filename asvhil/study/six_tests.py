@@ -135,6 +135,27 @@ def tabulate(results: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     return {"rows": table, "best": best}
 
 
+def markdown(table: Mapping[str, Any]) -> str:
+    """ps with its 95 % interval, e_d and |e_h| of each controller in each row; the best of a row in bold."""
+    rows: Mapping[str, Mapping[str, Any]] = table["rows"]
+    names = list(dict.fromkeys(name for line in rows.values() for name in line))
+    lines = ["| test | " + " | ".join(names) + " |", "| --- |" + " --- |" * len(names)]
+    for row, line in rows.items():
+        cells = []
+        for name in names:
+            cell = line.get(name)
+            if cell is None:
+                cells.append("")
+                continue
+            ps, interval = cell["penalty_score"]["mean"], cell["penalty_score"]["ci95"]
+            text = f"{ps:.2f}" + (f" ± {interval:.2f}" if interval is not None else "")
+            text = f"**{text}**" if table["best"][row] == name else text
+            cells.append(f"{text} ({cell['e_d_m']:.2f} m, {abs(cell['e_h_deg']):.2f}°)")
+        speed_mps, toward_deg = ROWS[row]
+        lines.append(f"| {row} ({speed_mps:g} m/s toward {toward_deg:g}°) | " + " | ".join(cells) + " |")
+    return "\n".join(lines) + "\n"
+
+
 def _cell(runs: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     truth = [run["truth"] for run in runs]
     scores = np.array([part["penalty_score"] for part in truth])

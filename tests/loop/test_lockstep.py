@@ -78,7 +78,7 @@ def test_the_summary_of_a_log_has_every_figure(tmp_path: Path) -> None:
     wall_s = run_lockstep(config(), tmp_path / "log.mcap", 130.0)
     run = read_run(tmp_path / "log.mcap")
     figures = summarise(run, wall_s)
-    assert figures["controller"] == "sd-mpc" and figures["seed"] == 1
+    assert figures["controller"] == "nnsem-mpc" and figures["seed"] == 1
     assert figures["config_hash"] == config().content_hash()
     assert figures["settled_from_s"] == 60.0
     for name in ("truth", "measured"):

@@ -1,6 +1,6 @@
 """Problems solved by the PyPI package `mpc` (mpc.torch, Amos et al. 2018), to hold torch_lqr against.
 
-Run in an environment of its own, because the package wants an old NumPy, with this repository on PYTHONPATH:
+Run in an environment of its own, because the package wants an old NumPy:
 
     python mpc_torch_peer.py problems.npz
 
@@ -12,10 +12,13 @@ The grid must be uniform: the package's dynamics do not know the time.
 import json
 import sys
 import time
+from pathlib import Path
 
 import numpy as np
 import torch
 from mpc import mpc
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from asvhil.config import config_from_json
 from asvhil.controller.mpc import StationProblem

@@ -309,7 +309,7 @@ def test_nothing_that_is_not_finite_leaves(field, value):
 
 
 def test_after_a_failure_it_starts_afresh_with_an_alternate_even_near():
-    controller = StationMpc(MODEL, MpcConfig(), 0.2)
+    controller = StationMpc(MODEL, MpcConfig(iterations=3), 0.2)
     near = estimate((-0.5, 0.1, 0.05, 0, 0, 0, 0, 0))
     settled = [controller.step(near, None, ORIGIN).iterations for _ in range(4)]
     assert settled[-1] <= 3

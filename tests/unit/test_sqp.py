@@ -216,3 +216,56 @@ def test_a_failing_qp_keeps_the_last_good_plan(monkeypatch, good, ok):
     if good:
         monkeypatch.undo()
         assert np.array_equal(found.inputs, SOLVER.solve(p, starts()[0], good).inputs)
+
+
+def later_hessian(monkeypatch, p, start):
+    """Hessian of the third QP, and the inputs that it is about."""
+    seen, at = [], []
+
+    def spy(hessian, gradient, rows, upper, lower, sense):
+        seen.append(hessian.copy())
+        at.append(PROBLEM.upper - upper)
+        return daqp.solve(hessian, gradient, rows, upper, lower, sense)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(sqp_module, "daqp", Spy(spy))
+        SOLVER.solve(p, start, 3)
+    return seen[2], at[2]
+
+
+def exact_hessian(p, u):
+    """Half the second derivatives of the true cost, by central differences."""
+    step, pairs = 1e-4, np.eye(40)
+
+    def at(d):
+        return cost_of(p, u + d)
+
+    plus, minus = ([at(sign * step * e) for e in pairs] for sign in (1.0, -1.0))
+    hessian = np.zeros((40, 40))
+    for i in range(40):
+        for j in range(i + 1):
+            both = at(step * (pairs[i] + pairs[j])) + at(-step * (pairs[i] + pairs[j]))
+            hessian[i, j] = hessian[j, i] = (
+                both + 2.0 * at(0.0 * pairs[0]) - plus[i] - plus[j] - minus[i] - minus[j]
+            ) / (4.0 * step**2)
+    return hessian
+
+
+@pytest.mark.parametrize("name", ["on station", "turned and moving"])
+def test_later_steps_use_the_whole_hessian_with_its_negative_curvature_turned_over(monkeypatch, name):
+    p = pack(STATES[name], CONFIG.near)
+    hessian, u = later_hessian(monkeypatch, p, starts()[0])
+    values, vectors = np.linalg.eigh(exact_hessian(p, u))
+    expected = (vectors * np.abs(values)) @ vectors.T
+    assert hessian == pytest.approx(expected, abs=2e-3 * np.abs(expected).max())
+    assert np.linalg.eigvalsh(hessian)[0] > 0.0
+
+
+def test_it_converges_in_fewer_qps_than_gauss_newton(monkeypatch):
+    p = pack(STATES["turned and moving"], CONFIG.near)
+    with_curvature = SOLVER.solve(p, starts()[0], 100)
+    monkeypatch.setattr(sqp_module, "GAUSS_NEWTON", 1000)
+    without = SOLVER.solve(p, starts()[0], 100)
+    assert with_curvature.status == without.status == "converged"
+    assert with_curvature.cost == pytest.approx(without.cost, rel=1e-3)
+    assert 2 * with_curvature.iterations < without.iterations

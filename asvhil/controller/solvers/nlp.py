@@ -104,7 +104,10 @@ class NlpSolver:
         if programme.carried_at.size:
             x0[programme.carried_at[0]] = problem.unpack_cost(parameters)[2]
             x0[programme.carried_at[1:]] = inputs
-        found = solver(x0=x0, p=parameters, lbx=self._lower, ubx=self._upper, lbg=0.0, ubg=0.0)
+        try:
+            found = solver(x0=x0, p=parameters, lbx=self._lower, ubx=self._upper, lbg=0.0, ubg=0.0)
+        except RuntimeError:
+            return failure(problem, "CasADi refused the problem")
         stats = solver.stats()
         converged, count = bool(stats["success"]), min(int(stats["iter_count"]), iterations)
         if not converged and count < iterations:

@@ -1,4 +1,8 @@
-"""Gauss-Newton SQP with condensing: the default solver. One box QP by daqp an iteration, then a line search."""
+"""SQP with condensing: the default solver. One box QP by daqp an iteration, then a line search on the true cost.
+
+The first steps are Gauss-Newton's. The later ones take the whole Hessian, the curvature of the dynamics included,
+because Gauss-Newton alone comes near the optimum slowly where the cost there is large.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +15,7 @@ from asvhil.dynamics.buffers import bind
 
 ARMIJO = 1e-4  # least part of the decrease promised by the slope that a step must bring
 SHORTEST_STEP = 1.0 / 64.0
-TOLERANCE = 1e-4  # stop where the slope promises less than this part of the cost
+TOLERANCE = 3e-4  # stop where the slope promises less than this part of the cost
 DAMPING = 1e-9  # of the Hessian's mean diagonal: keeps it definite where nothing weighs an input
 GAUSS_NEWTON = 2  # first steps, without the curvature of the dynamics: cheap, and robust while the plan is far off
 FLATTEST = 1e-8  # least eigenvalue of a Hessian, over its largest
@@ -136,16 +140,17 @@ class Sqp:
         gains = self._gains[:-1]
         curved = self._curved.reshape(-1, size, size)
         curvature = gains.reshape(-1, width).T @ (curved @ gains).reshape(-1, width)
-        if not np.isfinite(curvature).all():
-            return gauss_newton
         hessian = gauss_newton + curvature
+        if not np.isfinite(hessian).all():
+            return gauss_newton
         try:
             np.linalg.cholesky(hessian)
             return hessian
         except np.linalg.LinAlgError:
             values, vectors = np.linalg.eigh(hessian)
         # Along a direction of negative curvature the step is as long as along one as positive, and goes downhill.
-        return (vectors * np.maximum(np.abs(values), FLATTEST * values[-1])) @ vectors.T
+        turned: Array = (vectors * np.maximum(np.abs(values), FLATTEST * np.abs(values).max())) @ vectors.T
+        return turned
 
     def _search(self, u: Array, step: Array, slope: float, cost: float) -> tuple[Array, float] | None:
         """The first of the halved steps that lowers the true cost enough, and its cost."""
