@@ -27,6 +27,13 @@ $(STAMPS)/test: $(STAMPS)/base
 	@$(INSTALL) -e '.[train,dev]'
 	@touch $@
 
+# The package that the paper's first solver came from pins an old NumPy: a peer in an environment of its own.
+$(STAMPS)/peer: $(STAMPS)/base constraints-peer.txt
+	@echo "adding the peer of the torch solver ..."
+	@test -x .venv-mpc/bin/python || $(PYTHON) -m venv .venv-mpc
+	@.venv-mpc/bin/python -m pip --disable-pip-version-check install -qq -r constraints-peer.txt
+	@touch $@
+
 sitl: $(STAMPS)/base
 	@$(BIN)/asvhil sitl
 
@@ -37,7 +44,7 @@ lint: $(STAMPS)/test
 	@$(BIN)/ruff format --check .
 	@$(BIN)/mypy
 
-unit: $(STAMPS)/test
+unit: $(STAMPS)/test $(STAMPS)/peer
 	@$(BIN)/pytest -q
 
 # Every package of the daemon must come as a ready wheel for a Jetson or a Raspberry Pi (64 bit) too.
@@ -50,4 +57,4 @@ check-aarch64: $(STAMPS)/base
 	@ls $(VENV)/aarch64
 
 clean:
-	rm -rf $(VENV) .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) .venv-mpc .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -50,8 +50,8 @@ class Outcome:
 
     @property
     def lost(self) -> bool:
-        """Never near the station, or not there at the end."""
-        return self.reached_s is None or self.end_m > LOST_M
+        """Never near the station, or on the mean not there over the last seconds."""
+        return self.reached_s is None or self.settled_m > LOST_M
 
     @property
     def chatters(self) -> int:

@@ -70,7 +70,7 @@ def draw_solvers(study: dict[str, Any], path: Path) -> None:
     axes.annotate("control period", (200.0, 1.0), xycoords=("data", "axes fraction"), rotation=90, va="top", ha="right")
     axes.set_xscale("log")
     axes.set_yscale("symlog", linthresh=0.01)
-    axes.set_ylim(bottom=0.0)
+    axes.set_ylim(0.0, 3.0 * axes.get_ylim()[1])
     axes.set_xlabel("time of a step, median to 99th percentile (ms)")
     axes.set_ylabel("mean cost above the optimum (%)")
     axes.grid(alpha=0.3)

@@ -12,7 +12,7 @@ import pytest
 from asvhil.clock import Clock
 from asvhil.collect import WindSector, collect, log_paths, parse_wind, with_manoeuvres
 from asvhil.config import Config, load_config
-from asvhil.errors import ConfigError
+from asvhil.errors import ConfigError, LinkError
 from asvhil.io.encoding import decode_outputs
 from asvhil.io.logfile import LogFile
 from asvhil.io.mavlink import dialect
@@ -141,10 +141,13 @@ def test_on_the_vehicle_it_waits_for_hold_and_the_pilot_ends_it(tmp_path: Path, 
     answers: list[int] = []
 
     def hold() -> None:
-        end_s = time.monotonic() + 15.0
+        end_s = time.monotonic() + 60.0
         while time.monotonic() < end_s and answers[-1:] != [dialect.MAV_RESULT_ACCEPTED]:
             data = encode_hold(config.links.autopilot, None, None, None)
-            result, _ = send_and_wait(data, config.links.operator.endpoint, dialect.MAV_CMD_DO_REPOSITION)
+            try:
+                result, _ = send_and_wait(data, config.links.operator.endpoint, dialect.MAV_CMD_DO_REPOSITION)
+            except LinkError:
+                continue  # the daemon is still starting
             answers.append(result)
             time.sleep(0.2)
 

@@ -14,7 +14,7 @@ from asvhil.controller.station_mpc import StationMpc
 from asvhil.simplant.lockstep import Lockstep
 from asvhil.types import Control, Estimate, Phase, Station
 
-CONFIG = load_config("sitl")
+CONFIG = load_config("sitl", ("controller.name=sd-mpc",))
 MODEL = build_model(CONFIG)
 STATION = Station(n_m=5.0, e_m=-5.0, psi_rad=0.0)
 MPC = StationMpc(MODEL, CONFIG.controller.mpc, 0.2)

@@ -59,7 +59,8 @@ def test_the_casadi_jacobian_is_that_of_the_numpy_values(kind: str) -> None:
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_torch_agrees_with_casadi(kind: str) -> None:
-    torch = pytest.importorskip("torch")
+    import torch
+
     model, function = sample(kind).dynamics(), casadi_function(kind)
     x, a, wind = points(kind, COUNT, seed=3)
     tensors = [torch.tensor(part, requires_grad=True) for part in (x, a, wind)]

@@ -5,22 +5,21 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 from model_data import drive, training_set
 
-torch = pytest.importorskip("torch")
-
-from asvhil.dynamics.weights import KINDS  # noqa: E402
-from asvhil.errors import ModelError  # noqa: E402
-from asvhil.train.evaluate import HOLD, Case, evaluate  # noqa: E402
-from asvhil.train.fit import fit, fit_many  # noqa: E402
-from asvhil.train.models import Batch, LagNetTrainee, NnsemTrainee  # noqa: E402
-from asvhil.train.ode import KnodeTrainee, NodeTrainee  # noqa: E402
-from asvhil.train.openloop import open_loop  # noqa: E402
-from asvhil.train.options import OPTIONS, Progress  # noqa: E402
-from asvhil.train.records import Dataset, Segment  # noqa: E402
-from asvhil.train.rollout import euler_rollout  # noqa: E402
-from asvhil.train.training import Training  # noqa: E402
-from asvhil.train.windows import Windows, mirrored, scaling_of  # noqa: E402
+from asvhil.dynamics.weights import KINDS
+from asvhil.errors import ModelError
+from asvhil.train.evaluate import HOLD, Case, evaluate
+from asvhil.train.fit import fit, fit_many
+from asvhil.train.models import Batch, LagNetTrainee, NnsemTrainee
+from asvhil.train.ode import KnodeTrainee, NodeTrainee
+from asvhil.train.openloop import open_loop
+from asvhil.train.options import OPTIONS, Progress
+from asvhil.train.records import Dataset, Segment
+from asvhil.train.rollout import euler_rollout
+from asvhil.train.training import Training
+from asvhil.train.windows import Windows, mirrored, scaling_of
 
 DATA = training_set(1, duration_s=120.0, winds_mps=(3.0, 6.0))
 
