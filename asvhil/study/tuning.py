@@ -70,7 +70,8 @@ def _steering(section: str) -> tuple[Parameter, ...]:
     )
 
 
-# Starts: the best of a pilot search of the same size for each (its steering radius and lean had stuck at poor values).
+# Starts: the best of a pilot search of 40 candidates for each, rounded. Only the steering's were set by hand, as the
+# pilot had stuck at a small radius: from runs that included two of the test winds (3 and 6 m/s toward 90 degrees).
 SPACES: dict[str, tuple[Parameter, ...]] = {
     "backstepping": (
         *_gains("controller.backstepping.lambda_per_s", 0.1, 1.5),
