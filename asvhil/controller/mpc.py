@@ -67,7 +67,8 @@ class StationProblem:
         self.substep_counts = [substeps(float(step_s), model.max_step_s) for step_s in self.steps_s]
         self.lower, self.upper = float(model.input_lower), float(model.input_upper)
         self.n_parameters = self.n_state + 9 + POSE_AND_VELOCITY * self.stages
-        self._build(model)
+        self.curved: ca.Function | None = None
+        self._build(model, config.second_order)
 
     def pack(
         self,
@@ -101,7 +102,7 @@ class StationProblem:
         q[-1] += [*(weights.terminal_position_s * axes), *heading_and_velocity]
         return q
 
-    def _build(self, model: Dynamics) -> None:
+    def _build(self, model: Dynamics, second_order: bool) -> None:
         n = self.n_state
         p, inputs = ca.SX.sym("p", self.n_parameters), ca.SX.sym("U", 2 * self.stages)
         wind, disturbance = p[n : n + 2], p[n + 2 : n + 5]
@@ -142,6 +143,8 @@ class StationProblem:
         self.substep: ca.Function = substep
         self.rollout = ca.Function("rollout", [p, inputs], [ca.vertcat(*fast_states), cost])
         self.linearised = ca.Function("linearised", [p, inputs], [ca.vertcat(*states), ca.vertcat(*blocks)])
+        if not second_order:
+            return
         # Backwards with the adjoint of half the cost: what Gauss-Newton leaves out of the Hessian.
         back, curved = ca.SX(n, 1), []
         for k in reversed(range(self.stages)):

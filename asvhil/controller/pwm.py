@@ -12,7 +12,8 @@ def pulse_of_command(config: PwmConfig, command: float) -> int:
     if not math.isfinite(command):
         return config.neutral_us
     span_us = config.ahead_us - config.neutral_us if command > 0.0 else config.neutral_us - config.astern_us
-    pulse = round(config.neutral_us + span_us * command)
+    # Clamped before the product: a huge command overflows to infinity, which has no integer.
+    pulse = round(config.neutral_us + span_us * min(max(command, -1.0), 1.0))
     return min(max(pulse, config.astern_us), config.ahead_us)
 
 

@@ -163,7 +163,7 @@ def _at_horizon(config: Config, horizon_s: float) -> Config:
     """The config with a uniform grid, and without the slow bias of GNSS that no controller can see."""
     mpc = config.controller.mpc
     stages = round(horizon_s / mpc.first_step_s)
-    mpc = mpc.model_copy(update={"stages": stages, "last_step_s": mpc.first_step_s})
+    mpc = mpc.model_copy(update={"stages": stages, "last_step_s": mpc.first_step_s, "second_order": True})
     gnss = config.plant.sensors.gnss.model_copy(update={"slow_bias_m": 0.0})
     sensors = config.plant.sensors.model_copy(update={"gnss": gnss})
     return config.model_copy(

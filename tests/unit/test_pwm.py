@@ -24,6 +24,8 @@ MS = 1_000_000
         (-7.0, 1100),
         (math.nan, 1500),
         (math.inf, 1500),
+        (4.5e305, 1900),
+        (-4.5e305, 1100),
     ],
 )
 def test_pulse_of_command(command: float, pulse: int) -> None:

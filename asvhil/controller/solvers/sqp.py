@@ -37,7 +37,11 @@ class Sqp:
         self._roll = bind(problem.rollout, [self._p, self._u], [self._x, self._cost])
         self._curved = np.zeros(stages * (n + 2) ** 2)
         self._linearise = bind(problem.linearised, [self._p, self._u], [self._x_tangent, self._blocks])
-        self._curve = bind(problem.curved, [self._p, self._u], [self._x_tangent, self._blocks, self._curved])
+        self._curve = (
+            bind(problem.curved, [self._p, self._u], [self._x_tangent, self._blocks, self._curved])
+            if problem.curved is not None
+            else None
+        )
         # Row block k holds d s_k / d U over d a_k / d U, so that one product with [dF/ds | dF/da] gives d s_k+1 / d U.
         self._gains = np.zeros((stages + 1, n + 2, width))
         for k in range(stages):
@@ -110,17 +114,18 @@ class Sqp:
         """The step of a QP within the bounds and the cost's slope along it; (None, 0) where the QP fails."""
         problem = self._problem
         self._u[:] = u
-        if solved < GAUSS_NEWTON:
+        curve = self._curve if solved >= GAUSS_NEWTON else None
+        if curve is None:
             self._linearise()
         else:
-            self._curve()
+            curve()
         for block, gains, next_gains in self._chain:
             np.dot(block, gains, out=next_gains)
         states = self._x_tangent.reshape(-1, problem.n_state)[1:, :POSE_AND_VELOCITY]
         residual = (root * (states - target)).ravel()
         jacobian = (root[:, :, None] * self._weighted_gains).reshape(-1, u.size)
         hessian = jacobian.T @ jacobian + smoothing
-        if solved >= GAUSS_NEWTON:
+        if curve is not None:
             hessian = self._with_curvature(hessian)
         gradient = residual @ jacobian + smoothing @ u - pull
         diagonal = hessian.ravel()[:: u.size + 1]
