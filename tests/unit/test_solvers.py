@@ -224,7 +224,7 @@ def test_the_box_qp_finds_the_corner_the_edge_and_the_inside():
     assert x == pytest.approx([1.0, -1.0]) and free.tolist() == [False, False]
 
 
-@pytest.mark.skipif(not PEER_PYTHON.exists(), reason="no environment with the package mpc: make peer-mpc")
+@pytest.mark.skipif(not PEER_PYTHON.exists(), reason="no environment with the package mpc: make test sets it up")
 def test_it_takes_the_steps_of_the_package_mpc(tmp_path):
     config = load_config("sitl", ("controller.mpc.last_step_s=0.2",))
     cases = [pack(state, w) for state in list(STATES.values())[1:] for w in (CONFIG.far, CONFIG.near)]
