@@ -19,9 +19,7 @@ from typing import Any
 import numpy as np
 
 from asvhil.config import Config, load_config
-from asvhil.geo import LocalFrame, wrap_rad
-from asvhil.simplant.lockstep import Lockstep
-from asvhil.study.metrics import PoseErrors, score
+from asvhil.study.trial import run_trial
 from asvhil.types import record
 
 WINDS = ((4.0, 10.0), (5.0, 170.0), (4.0, 30.0), (5.0, 60.0), (4.0, 105.0))  # m/s, blowing toward degrees
@@ -120,20 +118,8 @@ def overrides_of(name: str, values: Mapping[str, float]) -> tuple[str, ...]:
 
 def settled_score(config: Config, from_s: float = FROM_S, to_s: float = TO_S) -> dict[str, Any]:
     """`metrics.score` of the truth in one lockstep run, over [from_s, to_s] since its first tick."""
-    loop = Lockstep(config)
-    at = config.supervisor.station
-    assert at is not None  # the configs of simulations have one
-    origin = LocalFrame(lat_deg=config.plant.origin_lat_deg, lon_deg=config.plant.origin_lon_deg)
-    n_m, e_m = origin.to_ned(at.lat_deg, at.lon_deg)
-    psi_rad = math.radians(at.heading_deg)
-    rows = []
-    for tick in range(1, round(to_s * config.daemon.tick_hz) + 1):
-        loop.tick()
-        truth = loop.plant.truth
-        distance_m = math.hypot(truth.n_m - n_m, truth.e_m - e_m)
-        rows.append((tick / config.daemon.tick_hz, distance_m, math.degrees(wrap_rad(truth.psi_rad - psi_rad))))
-    t_s, distance, heading = np.array(rows).T
-    return score(PoseErrors(t_s=t_s, distance_m=distance, heading_deg=heading), from_s)
+    truth: dict[str, Any] = run_trial(config, from_s, to_s)["truth"]
+    return truth
 
 
 Job = tuple[str, tuple[str, ...], tuple[float, float], tuple[float, float]]
