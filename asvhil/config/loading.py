@@ -1,0 +1,153 @@
+"""YAML text to a validated, frozen config. Every mistake is one line that names the file and the key."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import yaml
+from pydantic import ValidationError
+
+from asvhil.config.root import Config
+from asvhil.errors import ConfigError
+
+
+def find_config(name: str) -> Path:
+    """The path of a config file: as given, else one of the shipped ones by its file name."""
+    return find_shipped(name, "", (".yaml",), "config file (give a path, or the name of a shipped one such as sitl)")
+
+
+def find_shipped(name: str, folder: str, endings: tuple[str, ...], what: str) -> Path:
+    """A file as given, else one shipped under config/`folder` by its name, with or without one of the endings.
+
+    Raises ConfigError saying that there is no such `what`.
+    """
+    given = Path(name)
+    if given.is_file():
+        return given
+    package = Path(__file__).resolve().parents[1]
+    for root in (package / "shipped_config", package.parent / "config"):
+        for ending in ("", *endings):
+            candidate = root / folder / f"{name}{ending}"
+            if given.name == name and candidate.is_file():
+                return candidate
+    raise ConfigError(f"{name}: no such {what}")
+
+
+def load_config(path: str | Path, overrides: tuple[str, ...] = ()) -> Config:
+    """Read a YAML config, merge it over the file its `base:` key names, apply `KEY=VALUE` overrides, validate.
+
+    Raises ConfigError with one line that names the file and the key.
+    """
+    found = find_config(str(path))
+    tree = _read_tree(found, ())
+    for override in overrides:
+        _apply_override(tree, override)
+    return _validate(tree, str(found))
+
+
+def config_from_json(text: str, source: str) -> Config:
+    """The config stored in a log. Raises ConfigError naming the source."""
+    try:
+        tree = json.loads(text)
+    except ValueError as error:
+        raise ConfigError(f"{source}: the stored config is not JSON ({error})") from None
+    return _validate(tree, source)
+
+
+def _read_tree(path: Path, seen: tuple[Path, ...]) -> dict[str, Any]:
+    if path.resolve() in seen:
+        raise ConfigError(f"{path}: key base: the chain of base files runs in a circle")
+    try:
+        tree = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
+        raise ConfigError(f"{path}: cannot be read ({reason})") from None
+    except yaml.YAMLError as error:
+        mark = getattr(error, "problem_mark", None)
+        where = f" at line {mark.line + 1}, column {mark.column + 1}" if mark else ""
+        raise ConfigError(
+            f"{path}: not valid YAML{where} ({getattr(error, 'problem', None) or 'cannot be parsed'})"
+        ) from None
+    if tree is None:
+        tree = {}
+    if not isinstance(tree, dict):
+        raise ConfigError(f"{path}: a mapping of keys is expected at the top level, not {type(tree).__name__}")
+    base = tree.pop("base", None)
+    if base is None:
+        return tree
+    if not isinstance(base, str):
+        raise ConfigError(f"{path}: key base: the name of a config file is expected, not {base!r}")
+    base_path = path.parent / base
+    if not base_path.is_file():
+        raise ConfigError(f"{path}: key base: no such file {base} beside it")
+    return _merge(_read_tree(base_path, (*seen, path.resolve())), tree)
+
+
+def _merge(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
+    merged = dict(below)
+    for key, value in above.items():
+        if isinstance(value, dict) and isinstance(merged.get(key), dict):
+            merged[key] = _merge(merged[key], value)
+        else:
+            merged[key] = value
+    return merged
+
+
+def _apply_override(tree: dict[str, Any], override: str) -> None:
+    key, sign, text = override.partition("=")
+    if not sign or not key:
+        raise ConfigError(f"--set {override}: KEY=VALUE is expected, such as plant.seed=2")
+    try:
+        value = yaml.safe_load(text)
+    except yaml.YAMLError:
+        raise ConfigError(f"--set {override}: the value is not valid YAML") from None
+    *parents, leaf = key.split(".")
+    node = tree
+    for name in parents:
+        child = node.get(name)
+        if child is None:
+            child = node[name] = {}
+        if not isinstance(child, dict):
+            raise ConfigError(f"--set {override}: {name} is a value, not a section")
+        node = child
+    node[leaf] = value
+
+
+def _validate(tree: Any, source: str) -> Config:
+    try:
+        return Config.model_validate(_sorted(tree))
+    except ValidationError as error:
+        first = error.errors()[0]
+        key = ".".join(str(part) for part in first["loc"])
+        message = first["msg"].removeprefix("Value error, ")
+        if first["type"] == "extra_forbidden":
+            message = f"unknown key{_suggest(first['loc'])}"
+        elif first["type"] == "missing":
+            message = "this key is required"
+        elif not isinstance(first["input"], dict | list):
+            message = f"{message} (got {first['input']!r})"
+        more = f" (and {error.error_count() - 1} more)" if error.error_count() > 1 else ""
+        raise ConfigError(f"{source}: {f'key {key}: ' if key else ''}{message}{more}") from None
+
+
+def _sorted(tree: Any) -> Any:
+    """Mappings in the order of their keys, so that a config read back from a log behaves alike to the last bit."""
+    if isinstance(tree, dict):
+        return {key: _sorted(tree[key]) for key in sorted(tree, key=str)}
+    return tree
+
+
+def _suggest(loc: tuple[int | str, ...]) -> str:
+    """The nearest key that exists beside an unknown one, or nothing."""
+    import difflib
+
+    section: Any = Config
+    for part in loc[:-1]:
+        field = getattr(section, "model_fields", {}).get(str(part))
+        section = field.annotation if field else None
+        options = getattr(section, "__args__", ())
+        section = next((option for option in options if hasattr(option, "model_fields")), section)
+    near = difflib.get_close_matches(str(loc[-1]), list(getattr(section, "model_fields", {})), n=1)
+    return f", did you mean {near[0]}?" if near else ""

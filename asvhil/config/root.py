@@ -1,0 +1,47 @@
+"""The whole config."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+
+from pydantic import model_validator
+
+from asvhil.config.base import Section
+from asvhil.config.controller import ControllerConfig
+from asvhil.config.estimator import EstimatorConfig
+from asvhil.config.links import LinksConfig
+from asvhil.config.plant import PlantConfig
+from asvhil.config.shell import DaemonConfig, RecorderConfig, SupervisorConfig
+from asvhil.config.vehicle import VehicleConfig
+
+
+class Config(Section):
+    """The whole of it: what every mode is built from."""
+
+    vehicle: VehicleConfig
+    links: LinksConfig
+    estimator: EstimatorConfig = EstimatorConfig()
+    controller: ControllerConfig = ControllerConfig()
+    supervisor: SupervisorConfig = SupervisorConfig()
+    daemon: DaemonConfig = DaemonConfig()
+    recorder: RecorderConfig = RecorderConfig()
+    plant: PlantConfig = PlantConfig()
+
+    @model_validator(mode="after")
+    def _check_across(self) -> Config:
+        if self.supervisor.engage == "auto" and self.supervisor.station is None:
+            raise ValueError("supervisor.station is needed where supervisor.engage is auto")
+        pwm = self.vehicle.pwm
+        for channel in (pwm.port_channel, pwm.starboard_channel):
+            if channel in self.supervisor.stick_channels:
+                raise ValueError(f"supervisor.stick_channels must not hold the motor channel {channel}")
+        return self
+
+    def content_hash(self) -> str:
+        """First 16 hex digits of the SHA-256 of the config in canonical JSON."""
+        return hashlib.sha256(self.canonical_json().encode()).hexdigest()[:16]
+
+    def canonical_json(self) -> str:
+        """The whole config as JSON with sorted keys; `from_json` reads it back to an equal config."""
+        return json.dumps(self.model_dump(mode="json"), sort_keys=True)

@@ -1,0 +1,52 @@
+"""The station, when motors are taken and given back, rates, and where logs go."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from asvhil.config.base import Degrees, Latitude, Longitude, Positive, Section
+
+
+class StationConfig(Section):
+    lat_deg: Latitude
+    lon_deg: Longitude
+    heading_deg: Degrees
+
+
+class SupervisorConfig(Section):
+    """When the motors are taken and when they are given back."""
+
+    engage: Literal["command", "auto"] = "command"
+    station: StationConfig | None = None
+    control_mode: str = "MANUAL"
+    stick_channels: tuple[Annotated[int, Field(ge=1, le=18)], ...] = (2, 4)
+    stick_threshold_us: Annotated[int, Field(ge=10, le=500)] = 60
+    heartbeat_timeout_s: Positive = 2.5
+    override_echo_s: Positive = 1.0
+    failsafe_neutral_s: Positive = 2.0
+
+
+class DaemonConfig(Section):
+    """`control_hz` solves; `tick_hz` cuts inputs, resends the override and sees the pilot."""
+
+    control_hz: Annotated[float, Field(ge=1.0, le=20.0)] = 5.0
+    tick_hz: Annotated[float, Field(ge=10.0, le=100.0)] = 20.0
+
+    @model_validator(mode="after")
+    def _check_rates(self) -> DaemonConfig:
+        ratio = self.tick_hz / self.control_hz
+        if abs(ratio - round(ratio)) > 1e-9:
+            raise ValueError("tick_hz must be a whole multiple of control_hz")
+        return self
+
+    @property
+    def ticks_per_control(self) -> int:
+        return round(self.tick_hz / self.control_hz)
+
+
+class RecorderConfig(Section):
+    directory: str = "runs"
+    chunk_kib: Annotated[int, Field(ge=16, le=4096)] = 128
+    sync_period_s: Positive = 0.5
