@@ -7,11 +7,13 @@ INSTALL := $(PIP) install -qq -c constraints.txt
 STAMPS := $(VENV)/.stamps
 
 .DEFAULT_GOAL := help
-.PHONY: help sitl test lint unit check-aarch64 clean
+.PHONY: help sitl test lint unit firmware firmware-sim check-aarch64 clean
 
 help:
 	@echo "make sitl   keep a station for 60 s with the simulated boat"
 	@echo "make test   lint, types and all tests"
+	@echo "make firmware  build the anemometer's firmware for Arduino Uno and Nano"
+	@echo "make firmware-sim  the same, and a simulated Arduino to run it on"
 	@echo "make check-aarch64  download the daemon's packages as wheels for 64-bit ARM"
 	@echo "make clean  remove the virtual environment and caches"
 
@@ -44,7 +46,18 @@ lint: $(STAMPS)/test
 	@$(BIN)/ruff format --check .
 	@$(BIN)/mypy
 
+# Debian's compiler and Arduino core are installed first where this user may.
+firmware:
+	@firmware/install-tools.sh
+	@$(MAKE) -s -C firmware/arduino_anemometer
+
+firmware-sim: firmware
+	@$(MAKE) -s -C tests/firmware/harness
+	@$(MAKE) -s -C tests/firmware/host
+
+# Without the firmware's tools its tests are skipped, and say so; where CI is set they fail instead.
 unit: $(STAMPS)/test $(STAMPS)/peer
+	@$(MAKE) -s firmware-sim || test -z "$$CI"
 	@$(BIN)/pytest -q
 
 # Every package of the daemon must come as a ready wheel for a Jetson or a Raspberry Pi (64 bit) too.
@@ -57,4 +70,5 @@ check-aarch64: $(STAMPS)/base
 	@ls $(VENV)/aarch64
 
 clean:
+	rm -rf firmware/arduino_anemometer/build tests/firmware/build
 	rm -rf $(VENV) .venv-mpc .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -2,23 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Protocol
 
+from asvhil.cadence import Cadence
 from asvhil.config import PwmConfig
 from asvhil.controller.pwm import PulseLimiter, command_of_pulse
 from asvhil.dynamics.protocol import Dynamics
 from asvhil.estimator.ekf import Ekf
 from asvhil.estimator.monitor import ModelMonitor
+from asvhil.estimator.sources import SourceSelector
 from asvhil.estimator.wind import WindFilter
 from asvhil.geo import LocalFrame
 from asvhil.io.ardurover import ArduRoverLink
+from asvhil.io.firmware import FirmwareWatch
 from asvhil.io.mavlink import dialect
-from asvhil.io.nmea import NmeaCodec
 from asvhil.io.operator import OperatorLink, Request
 from asvhil.supervisor import Decision, Supervisor
 from asvhil.types import (
     Attitude,
+    BowWind,
     Control,
     Estimate,
     Frame,
@@ -28,9 +31,11 @@ from asvhil.types import (
     HoldCommand,
     Inputs,
     Measurement,
+    Note,
     Outputs,
     Phase,
     Station,
+    TrueWind,
     Wind,
     WindSample,
 )
@@ -44,6 +49,14 @@ class Controller(Protocol):
     def reset(self) -> None: ...
 
 
+class SensorCodec(Protocol):
+    """What turns the bytes of a sensor's port into measurements, each with the name of the message it came in."""
+
+    def read(self, frame: Frame) -> Sequence[tuple[str, Measurement]]: ...
+
+    def counters(self) -> tuple[tuple[str, int], ...]: ...
+
+
 class Backseat:
     """One boat's estimation and control. The same object live, in lockstep and in replay; `step` is its only verb."""
 
@@ -52,7 +65,9 @@ class Backseat:
         *,
         model: Dynamics,
         link: ArduRoverLink,
-        anemometer: NmeaCodec,
+        sensors: Mapping[str, SensorCodec],
+        firmware: FirmwareWatch,
+        selector: SourceSelector,
         operator: OperatorLink,
         ekf: Ekf,
         wind: WindFilter,
@@ -61,11 +76,14 @@ class Backseat:
         controller: Controller,
         pwm: PwmConfig,
         control_mode: str,
-        ticks_per_control: int,
+        cadence: Cadence,
     ) -> None:
         self._model = model
         self._link = link
-        self._anemometer = anemometer
+        self._sensors = sensors
+        self._firmware = firmware
+        self._notes: tuple[Note, ...] = ()
+        self._selector = selector
         self._operator = operator
         self._ekf = ekf
         self._wind = wind
@@ -75,17 +93,16 @@ class Backseat:
         self._controller = controller
         self._pwm = pwm
         self._control_mode = control_mode
-        self._ticks_per_control = ticks_per_control
+        self._cadence = cadence
         self._limiter = PulseLimiter(pwm)
         self._status: FrontseatStatus | None = None
-        self._ticks_to_control = 0
         self._command = (0.0, 0.0)
         self._pulses_us: tuple[int, int] | None = None
         self._phase = Phase.STANDBY
         self._station: Station | None = None
-        self._decoders: dict[str, Callable[[Frame], Sequence[Measurement]]] = {
-            "autopilot": link.decode,
-            "anemometer": anemometer.decode,
+        self._readers: dict[str, Callable[[Frame], Sequence[tuple[str, Measurement]]]] = {
+            "autopilot": link.read,
+            **{port: codec.read for port, codec in sensors.items()},
         }
 
     @property
@@ -105,7 +122,7 @@ class Backseat:
             self._controller.reset()
         self._station = decision.station
         usable_wind = wind if wind is not None and wind.valid else None
-        control = self._control(decision, estimate, usable_wind)
+        control = self._control(t_ns, decision, estimate, usable_wind)
         motor_frames = self._actuate(t_ns, decision, control)
         model_input = self._model_input()
         self._ekf.set_forcing(model_input, (usable_wind.vn_mps, usable_wind.ve_mps) if usable_wind else (0.0, 0.0))
@@ -113,11 +130,21 @@ class Backseat:
         if control is not None and estimate is not None:
             model_error = self._monitor.step(estimate, model_input, usable_wind)
             self._model_ok = model_error is None or model_error.ok
-        frames = [*motor_frames, *answers, *self._link.poll(t_ns), *self._operator.poll(t_ns)]
+        polled = (*self._link.poll(t_ns), *self._operator.poll(t_ns), *self._firmware.poll(t_ns))
+        frames = [*motor_frames, *answers, *polled]
         if decision.phase is not self._phase:
             self._phase = decision.phase
             text = f"{decision.phase}: {decision.reason}"
             frames.append(self._operator.tell(t_ns, dialect.MAV_SEVERITY_NOTICE, text))
+        for switch in self._selector.switches(t_ns):
+            level = dialect.MAV_SEVERITY_NOTICE if switch.after else dialect.MAV_SEVERITY_WARNING
+            text = f"{switch.quantity} from {switch.after or 'nowhere'}"
+            frames.append(self._operator.tell(t_ns, level, text))
+        firmware = self._firmware.note()
+        if firmware is not None and not firmware.ok and firmware not in self._notes:
+            text = f"{firmware.subject}: {firmware.text}"
+            frames.append(self._operator.tell(t_ns, dialect.MAV_SEVERITY_WARNING, text))
+        self._notes = () if firmware is None else (firmware,)
         frame = self._ekf.frame
         return Outputs(
             t_ns=t_ns,
@@ -131,6 +158,7 @@ class Backseat:
             health=self._health(t_ns, decision, estimate, wind),
             origin_deg=None if frame is None else (frame.lat_deg, frame.lon_deg),
             model_error=model_error,
+            autopilot_clock=self._link.clock,
         )
 
     def surrender(self, t_ns: int) -> list[Frame]:
@@ -147,9 +175,12 @@ class Backseat:
             if frame.port == "operator":
                 requests += self._operator.decode(frame)
                 continue
-            decoder = self._decoders.get(frame.port)
-            for measurement in decoder(frame) if decoder else ():
-                self._measure(measurement)
+            if frame.port == self._firmware.port:
+                self._firmware.read(frame)
+            reader = self._readers.get(frame.port)
+            for message, measurement in reader(frame) if reader else ():
+                for chosen in self._selector.select(frame.port, message, measurement):
+                    self._measure(chosen)
         return requests
 
     def _measure(self, measurement: Measurement) -> None:
@@ -164,6 +195,12 @@ class Backseat:
                 estimate = self._ekf.estimate(measurement.t_ns)
                 if estimate is not None:
                     self._wind.on_sample(measurement, estimate)
+            case BowWind():
+                estimate = self._ekf.estimate(measurement.t_ns)
+                if estimate is not None:
+                    self._wind.on_bow_wind(measurement, estimate)
+            case TrueWind():
+                self._wind.on_true_wind(measurement)
             case _:
                 pass
 
@@ -174,21 +211,19 @@ class Backseat:
                 command, self._status, self._heartbeat_age_s(t_ns), estimate, self._ekf.frame
             )
             if refusal is None:
-                self._ticks_to_control = 0
+                self._cadence.restart()
             return self._operator.answer(t_ns, request, refusal)
         self._supervisor.on_release(command)
         return self._operator.answer(t_ns, request, None)
 
-    def _control(self, decision: Decision, estimate: Estimate | None, wind: Wind | None) -> Control | None:
+    def _control(self, t_ns: int, decision: Decision, estimate: Estimate | None, wind: Wind | None) -> Control | None:
         """A new solution when one is due; otherwise None. In FAILSAFE it is tried too, and not sent: it may recover."""
         if decision.station is None or estimate is None or not estimate.valid:
-            self._ticks_to_control = 0
+            self._cadence.restart()
             self._command = (0.0, 0.0)
             return None
-        if self._ticks_to_control > 0:
-            self._ticks_to_control -= 1
+        if not self._cadence.due(t_ns):
             return None
-        self._ticks_to_control = self._ticks_per_control - 1
         control = self._controller.step(estimate, wind, decision.station)
         self._command = control.command if control.ok else (0.0, 0.0)
         self._supervisor.note_control(control.ok)
@@ -243,10 +278,12 @@ class Backseat:
             model_ok=self._model_ok,
             counters=(
                 *self._link.counters(),
-                *self._anemometer.counters(),
+                *(counter for codec in self._sensors.values() for counter in codec.counters()),
                 *self._operator.counters(),
-                ("ekf.rejected_gnss", self._ekf.rejected["gnss"]),
-                ("ekf.rejected_attitude", self._ekf.rejected["attitude"]),
+                ("ekf.rejected_gnss", self._ekf.rejected["gnss"] + self._ekf.rejected["velocity"]),
+                ("ekf.rejected_attitude", self._ekf.rejected["attitude"] + self._ekf.rejected["yaw_rate"]),
                 ("ekf.resets", self._ekf.resets),
             ),
+            sources=self._selector.current(t_ns),
+            notes=self._notes,
         )

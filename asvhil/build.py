@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
-from asvhil.backseat import Backseat, Controller
+from asvhil.backseat import Backseat, Controller, SensorCodec
+from asvhil.cadence import Cadence, EveryPeriod, EveryTicks
 from asvhil.config import LEARNED, Config, find_shipped
 from asvhil.controller.backstepping import Backstepping
 from asvhil.controller.loiter import Loiter
@@ -19,10 +21,13 @@ from asvhil.dynamics.weights import load_model
 from asvhil.errors import ModelError
 from asvhil.estimator.ekf import Ekf
 from asvhil.estimator.monitor import ModelMonitor
+from asvhil.estimator.sources import SourceSelector
 from asvhil.estimator.wind import WindFilter
 from asvhil.io.ardurover import ArduRoverLink
+from asvhil.io.firmware import FirmwareWatch
 from asvhil.io.nmea import NmeaCodec
 from asvhil.io.operator import OperatorLink
+from asvhil.io.vectornav.codec import VectorNavCodec
 from asvhil.supervisor import Supervisor
 
 
@@ -72,6 +77,38 @@ def build_controller(config: Config, model: Dynamics) -> Controller:
     return keeper
 
 
+def build_cadence(config: Config) -> Cadence:
+    """When controls are due: by count where a timer cuts the ticks, by time where arrivals do."""
+    daemon = config.daemon
+    if daemon.cut_on == "timer":
+        return EveryTicks(daemon.ticks_per_control)
+    return EveryPeriod(round(1e9 / daemon.control_hz), round(0.5e9 / daemon.tick_hz))
+
+
+def build_sensors(config: Config) -> dict[str, SensorCodec]:
+    """A codec for each sensor link by its port; an NMEA line is read for what the sources name of it."""
+    wanted: dict[str, set[str]] = {"anemometer": {"RMC", "HDG"}, "gnss": {"RMC", "HDG"}}  # they tell the variation
+    for sources in config.sources.resolved(config.links).values():
+        for source in sources:
+            wanted.setdefault(source.link, set()).add(source.message)
+    links = config.links
+    codecs: dict[str, SensorCodec] = {}
+    for port, link in (("anemometer", links.anemometer), ("gnss", links.gnss)):
+        declination_deg = link.declination_deg if link is not None else None
+        if link is not None or port == "anemometer":
+            declination_rad = None if declination_deg is None else math.radians(declination_deg)
+            codecs[port] = NmeaCodec(port, wanted[port], declination_rad)
+    if links.ins is not None:
+        codecs["ins"] = VectorNavCodec("ins")
+    return codecs
+
+
+def build_firmware_watch(config: Config) -> FirmwareWatch:
+    """What minds the version of the anemometer's firmware."""
+    link = config.links.anemometer
+    return FirmwareWatch("anemometer", link.firmware if link is not None else None)
+
+
 def build_backseat(
     config: Config, file: Path | None = None, *, model: Dynamics | None = None, controller: Controller | None = None
 ) -> Backseat:
@@ -84,7 +121,9 @@ def build_backseat(
     return Backseat(
         model=model,
         link=ArduRoverLink(config.links.autopilot, pwm),
-        anemometer=NmeaCodec("anemometer"),
+        sensors=build_sensors(config),
+        firmware=build_firmware_watch(config),
+        selector=SourceSelector(config.sources.resolved(config.links), config.sources.return_after_s),
         operator=OperatorLink(config.links.autopilot),
         ekf=Ekf(config.estimator.ekf, model),
         wind=WindFilter(config.estimator.wind),
@@ -93,5 +132,5 @@ def build_backseat(
         controller=controller or build_controller(config, model),
         pwm=pwm,
         control_mode=config.supervisor.control_mode,
-        ticks_per_control=config.daemon.ticks_per_control,
+        cadence=build_cadence(config),
     )

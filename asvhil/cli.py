@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import math
 import sys
 from pathlib import Path
@@ -11,13 +12,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from asvhil import __version__
-from asvhil.commands import learn, study
+from asvhil.commands import learn, plant, study
 from asvhil.commands.options import ConfigArgument, JsonOption, SetOption
 from asvhil.commands.views import LiveView, progress, report_run, write_json
 from asvhil.errors import AsvhilError, ConfigError
 
 if TYPE_CHECKING:
     from asvhil.config import Config
+    from asvhil.simplant.arduino import SimulatedArduino
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -28,6 +30,7 @@ app = typer.Typer(
 
 for command in learn.COMMANDS:
     app.command()(command)
+app.command()(plant.plant)
 app.add_typer(study.app, name="study")
 
 
@@ -78,45 +81,6 @@ def run(
 
 
 @app.command()
-def plant(
-    config: ConfigArgument = "sitl",
-    set_: SetOption = [],  # noqa: B006
-    duration: Annotated[
-        float | None, typer.Option(min=0.1, help="Seconds to run; until interrupted by default.")
-    ] = None,
-    quiet: Annotated[bool, typer.Option(help="No status line.")] = False,
-) -> None:
-    """Run the simulated boat as a vehicle on the network."""
-    from rich.console import Console
-
-    from asvhil.clock import Clock
-    from asvhil.config import load_config
-    from asvhil.simplant.plant import Truth
-    from asvhil.simplant.server import PlantServer
-
-    settings = load_config(config, tuple(set_))
-    clock = Clock()
-    console = Console()
-    title = f"{settings.vehicle.name} on {settings.plant.links.autopilot}"
-    if quiet or not console.is_terminal:
-        if not quiet:
-            console.print(title, markup=False)
-        asyncio.run(PlantServer(settings, clock).run(duration))
-        return
-    with console.status(title) as status:
-        last_ns = 0
-
-        def show(truth: Truth) -> None:
-            nonlocal last_ns
-            if truth.t_ns - last_ns >= 200_000_000:
-                last_ns = truth.t_ns
-                degrees = math.degrees(truth.psi_rad) % 360.0
-                status.update(f"{title}: {truth.n_m:.2f} m N, {truth.e_m:.2f} m E, {degrees:.1f} deg")
-
-        asyncio.run(PlantServer(settings, clock, show).run(duration))
-
-
-@app.command()
 def sitl(
     config: ConfigArgument = "sitl",
     set_: SetOption = [],  # noqa: B006
@@ -130,6 +94,12 @@ def sitl(
     log: Annotated[Path | None, typer.Option(help="The MCAP log to write; in a new run folder by default.")] = None,
     json_: JsonOption = None,
     picture: Annotated[bool, typer.Option(help="Draw the run beside its log.")] = True,
+    anemometer: Annotated[
+        str, typer.Option(metavar="KIND", help="simulated, or firmware: the real one on a simulated Arduino.")
+    ] = "simulated",
+    arduino: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Where `make firmware-sim` has put the simulated Arduino.")
+    ] = None,
 ) -> None:
     """Keep a station with the simulated boat; leaves a log, a summary and a picture."""
     from rich.console import Console
@@ -147,6 +117,7 @@ def sitl(
     settings = load_config(config, tuple(overrides))
     if settings.supervisor.engage != "auto":
         raise ConfigError(f"{config}: key supervisor.engage: sitl needs auto (nobody is there to say hold)")
+    board = _simulated_arduino(settings, anemometer, arduino, lockstep)
     folder = make_run_folder(settings, "lockstep" if lockstep else "sitl")
     path = log or folder / "log.mcap"
     console = Console()
@@ -157,8 +128,8 @@ def sitl(
     else:
         title = f"asvhil sitl: {settings.vehicle.name}, {settings.controller.name}, {duration:.0f} s"
         view = LiveView(settings, title)
-        with view:
-            wall_s = run_realtime(settings, folder, path, duration, view.show_status)
+        with board or contextlib.nullcontext(), view:
+            wall_s = run_realtime(settings, folder, path, duration, view.show_status, board)
     report_run(path, json_, path.with_suffix(".png") if picture else None, console, wall_s)
 
 
@@ -303,10 +274,32 @@ def _replay_tlog(console: Any, tlog: Path, config: str, overrides: tuple[str, ..
 def _command(config: Config, data: bytes, mav_cmd: int, done: str) -> None:
     from asvhil.operator_client import send_and_wait
 
-    result, words = send_and_wait(data, config.links.operator.endpoint, mav_cmd)
+    link = config.links.operator
+    result, words = send_and_wait(data, link.endpoint, mav_cmd, signing=link.signing)
     if result != 0:
         raise AsvhilError(f"the daemon refused: {words or f'MAV_RESULT {result}'}")
     typer.echo(done)
+
+
+def _simulated_arduino(
+    settings: Config, anemometer: str, folder: Path | None, lockstep: bool
+) -> SimulatedArduino | None:
+    """What `sitl --anemometer firmware` needs, None for the simulated sensor. ConfigError where options disagree."""
+    if anemometer not in ("simulated", "firmware"):
+        raise ConfigError(f"--anemometer {anemometer}: simulated or firmware is expected")
+    if anemometer == "simulated":
+        if folder is not None:
+            raise ConfigError("--arduino: goes with --anemometer firmware only")
+        return None
+    if lockstep:
+        raise ConfigError("--anemometer firmware: runs in real time only; leave out --lockstep")
+    if settings.links.anemometer is None:
+        raise ConfigError("--anemometer firmware: key links.anemometer: is null, so nobody would read it")
+    from asvhil.simplant.arduino import SimulatedArduino
+
+    board = SimulatedArduino(folder)
+    board.check()
+    return board
 
 
 def _wind_overrides(text: str, config: Config) -> list[str]:

@@ -6,36 +6,52 @@ import asyncio
 import contextlib
 import gc
 import signal
+import sys
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
 from asvhil.backseat import Backseat
 from asvhil.build import build_backseat
+from asvhil.cadence import Allowance
 from asvhil.clock import Clock
 from asvhil.config import Config
-from asvhil.errors import AsvhilError, LinkError
+from asvhil.errors import AsvhilError, ConfigError, LinkError
+from asvhil.hub import GROUND, OPERATOR, Hub, save_states
 from asvhil.io.endpoint import Endpoint, open_endpoint
 from asvhil.io.mavlink import refuse_ignored_crc
 from asvhil.io.operator import encode_release
 from asvhil.io.recorder import Recorder
+from asvhil.io.signing import SigningState
 from asvhil.types import Frame, Inputs, Outputs
 
 INBOX_FRAMES = 20_000  # four seconds of a flooded link; beyond it the oldest are dropped and counted
 FINAL_TICKS = 3
+SWITCH_S = 0.0005
+ARRIVALS_AT_ONCE = 20
 
 
 class Link:
     """One configured port: opens its endpoint, reads it, and opens it again with bounded back-off when it is gone."""
 
-    def __init__(self, port: str, spec: str, config: Config, clock: Clock, inbox: deque[Frame]) -> None:
+    def __init__(
+        self,
+        port: str,
+        spec: str,
+        config: Config,
+        clock: Clock,
+        inbox: deque[Frame],
+        take: Callable[[Frame], Awaitable[list[Frame]]] | None = None,
+    ) -> None:
         self.port = port
         self._spec = spec
         self._first_s = config.links.reconnect_first_s
         self._max_s = config.links.reconnect_max_s
         self._clock = clock
         self._inbox = inbox
+        self._take = take
         self._endpoint: Endpoint | None = None
         self.state = "connecting"
         self.unsent = 0
@@ -52,10 +68,11 @@ class Link:
                     while True:
                         frame = await self._endpoint.recv()
                         wait_s = self._first_s
-                        if len(self._inbox) >= INBOX_FRAMES:
-                            self._inbox.popleft()
-                            self.overflowed += 1
-                        self._inbox.append(frame)
+                        for taken in (frame,) if self._take is None else await self._take(frame):
+                            if len(self._inbox) >= INBOX_FRAMES:
+                                self._inbox.popleft()
+                                self.overflowed += 1
+                            self._inbox.append(taken)
                 except LinkError as error:
                     self.state = str(error)
                 await self._close()
@@ -75,6 +92,17 @@ class Link:
         except LinkError as error:
             self.unsent += 1
             self.state = str(error)
+
+    async def forward(self, data: bytes) -> bool:
+        """Pass on a frame of others where the link has room for it: ours must not wait behind theirs."""
+        endpoint = self._endpoint
+        if endpoint is None or endpoint.congested:
+            return False
+        unsent = endpoint.unsent
+        with contextlib.suppress(LinkError):
+            await endpoint.send(data)
+            return endpoint.unsent == unsent
+        return False
 
     @property
     def losses(self) -> str:
@@ -99,26 +127,40 @@ class Daemon:
         recorder: Recorder,
         clock: Clock,
         on_tick: Callable[[Outputs, dict[str, str]], None] | None = None,
+        backseat: Backseat | None = None,
     ) -> None:
+        """`backseat`: one that is given is used as it is, as by a benchmark."""
         refuse_ignored_crc()
         self._config = config
         self._recorder = recorder
         self._clock = clock
         self._on_tick = on_tick
-        self._backseat: Backseat = build_backseat(config)
+        self._backseat: Backseat = backseat or build_backseat(config)
         self._inbox: deque[Frame] = deque()
         self._stop = asyncio.Event()
+        self._wake = asyncio.Event()  # a tick is asked for before its time
+        self._on_arrival = config.daemon.cut_on == "arrival"
+        self._allowance = Allowance(config.daemon.arrival_hz_max, ARRIVALS_AT_ONCE)
+        self._hub = Hub(
+            config.links, start_ns=clock.now_ns(), unix_ns=time.time_ns, on_forward=recorder.write_forwarded
+        )
+        self._saving: asyncio.Task[None] | None = None
         self._spoken: dict[str, str] = {}
         specs = {"autopilot": config.links.autopilot.endpoint, "operator": config.links.operator.endpoint}
-        if config.links.anemometer is not None:
-            specs["anemometer"] = config.links.anemometer.endpoint
-        self._links = {port: Link(port, spec, config, clock, self._inbox) for port, spec in specs.items()}
+        sensors = {"anemometer": config.links.anemometer, "ins": config.links.ins, "gnss": config.links.gnss}
+        specs |= {port: sensor.endpoint for port, sensor in sensors.items() if sensor is not None}
+        specs |= self._hub.ground_specs
+        self._links = {
+            port: Link(port, spec, config, clock, self._inbox, self._receive) for port, spec in specs.items()
+        }
+        self._hub.attach(self._links)
         self.ticks = 0
         self.overruns = 0
 
     def stop(self) -> None:
         """Ask for neutral, release and the end; safe from a signal handler on the loop."""
         self._stop.set()
+        self._wake.set()
 
     async def run(self, duration_s: float | None = None) -> None:
         """Tick until stopped, or for a time. Raises AsvhilError when the backseat failed; motors are released first."""
@@ -126,6 +168,10 @@ class Daemon:
         for number in (signal.SIGINT, signal.SIGTERM):
             loop.add_signal_handler(number, self.stop)
         readers = [asyncio.create_task(link.run(), name=port) for port, link in self._links.items()]
+        for text in self._hub.warnings:
+            self._recorder.write_log(self._clock.now_ns(), "warning", text)
+        # The recorder's thread would else keep the interpreter for up to 5 ms while an answer waits to be sent.
+        sys.setswitchinterval(SWITCH_S)
         gc.collect()
         gc.freeze()  # what start-up built lives as long as the process: keep the collector's pauses short
         try:
@@ -142,8 +188,30 @@ class Daemon:
             for port, link in self._links.items():
                 if link.losses:
                     self._recorder.write_log(self._clock.now_ns(), "warning", f"link {port}: {link.losses}")
+            for text in self._hub.all_news():
+                self._recorder.write_log(self._clock.now_ns(), "warning", text)
+            if self._saving is not None:
+                await self._saving
+            await self._save(self._hub.states())
             for number in (signal.SIGINT, signal.SIGTERM):
                 loop.remove_signal_handler(number)
+
+    async def _receive(self, frame: Frame) -> list[Frame]:
+        """What the backseat gets of a received frame."""
+        if self._on_arrival and frame.port != OPERATOR and not frame.port.startswith(GROUND):
+            self._wake.set()
+        return await self._hub.receive(frame)
+
+    async def _send(self, frame: Frame) -> None:
+        for leaving in self._hub.outgoing(frame):
+            await self._links[leaving.port].send(leaving)
+
+    async def _save(self, states: dict[Path, SigningState]) -> None:
+        """Signing timestamps to the disk, on a thread: it may take its time."""
+        try:
+            await asyncio.to_thread(save_states, states)
+        except ConfigError as error:
+            self._recorder.write_log(self._clock.now_ns(), "warning", str(error))
 
     async def _tick_until_stopped(
         self, loop: asyncio.AbstractEventLoop, worker: ThreadPoolExecutor, duration_s: float | None
@@ -162,7 +230,9 @@ class Daemon:
             if end_s is not None and due_s >= end_s:
                 return
             with contextlib.suppress(TimeoutError):
-                await asyncio.wait_for(self._stop.wait(), max(due_s - loop.time(), 0.0))
+                await asyncio.wait_for(self._wake.wait(), max(due_s - loop.time(), 0.0))
+                await asyncio.sleep(self._allowance.wait_s(loop.time()))
+                due_s = min(due_s, loop.time())
 
     async def _let_go(self, loop: asyncio.AbstractEventLoop, worker: ThreadPoolExecutor) -> None:
         """The shutdown is an operator's release, so that replay sees it too."""
@@ -174,33 +244,51 @@ class Daemon:
     async def _tick(self, loop: asyncio.AbstractEventLoop, worker: ThreadPoolExecutor, *, overrun: bool) -> None:
         frames = tuple(self._inbox)
         self._inbox.clear()
+        self._wake.clear()
         inputs = Inputs(t_ns=self._clock.now_ns(), frames=frames)
         self._recorder.write_inputs(inputs)
         outputs, step_ns = await loop.run_in_executor(worker, self._timed_step, inputs)
         for frame in outputs.frames:
-            await self._links[frame.port].send(frame)
+            await self._send(frame)
         self._recorder.write_outputs(outputs)
         self._recorder.write_timing(inputs.t_ns, step_ns, overrun)
         self.ticks += 1
         self._speak(outputs)
+        self._keep_house(outputs.t_ns)
         if self._on_tick is not None:
-            self._on_tick(outputs, {port: link.state for port, link in self._links.items()})
+            self._on_tick(outputs, {port: self._state(port) for port in self._links})
 
     def _timed_step(self, inputs: Inputs) -> tuple[Outputs, int]:
         start_ns = time.perf_counter_ns()
         outputs = self._backseat.step(inputs)
         return outputs, time.perf_counter_ns() - start_ns
 
+    def _state(self, port: str) -> str:
+        remarks = self._hub.remarks(port)
+        return f"{self._links[port].state}; {remarks}" if remarks else self._links[port].state
+
+    def _keep_house(self, t_ns: int) -> None:
+        """What the hub has to say, and what it wants kept."""
+        for text in self._hub.news(t_ns):
+            self._recorder.write_log(t_ns, "warning", text)
+        if self._hub.save_due(t_ns) and (self._saving is None or self._saving.done()):
+            self._saving = asyncio.create_task(self._save(self._hub.states()))
+
     def _speak(self, outputs: Outputs) -> None:
         """Log what changed: phase and reason, and the state of each link."""
         now = {f"link {port}": link.state for port, link in self._links.items()}
         now["phase"] = f"{outputs.phase}: {outputs.health.reason}"
+        now |= {f"source of {quantity}:": name or "none" for quantity, name in outputs.health.sources}
+        now |= {f"{note.subject}:": note.text for note in outputs.health.notes}
+        fine = {f"{note.subject}:" for note in outputs.health.notes if note.ok}
         for key, text in now.items():
             if self._spoken.get(key) != text:
-                level = "info" if text == "up" or key == "phase" or text == "connecting" else "warning"
+                chosen = key.startswith("source") and (text != "none" or key not in self._spoken)
+                good = chosen or key == "phase" or key in fine or text in ("up", "connecting")
+                level = "info" if good else "warning"
                 self._recorder.write_log(outputs.t_ns, level, f"{key} {text}")
         self._spoken = now
 
     async def _surrender(self) -> None:
         for frame in self._backseat.surrender(self._clock.now_ns()):
-            await self._links[frame.port].send(frame)
+            await self._send(frame)

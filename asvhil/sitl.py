@@ -18,15 +18,18 @@ from pathlib import Path
 from typing import Any
 
 from asvhil import __version__
-from asvhil.build import model_file
+from asvhil.build import build_model, model_file
 from asvhil.config import Config
 from asvhil.errors import AsvhilError
+from asvhil.io.firmware import FIRMWARE
 from asvhil.io.recorder import Recorder
+from asvhil.simplant.arduino import SimulatedArduino
 from asvhil.simplant.lockstep import Lockstep
 from asvhil.types import Outputs
 
 PACKAGES = ("numpy", "casadi", "daqp", "pymavlink", "mcap", "msgspec")
 STOP_S = 10.0
+WEATHER_HZ = 20.0  # how often the wind on a simulated Arduino changes
 
 
 def make_run_folder(config: Config, name: str) -> Path:
@@ -48,6 +51,8 @@ def make_run_folder(config: Config, name: str) -> Path:
 def log_metadata(config: Config, mode: str) -> dict[str, dict[str, str]]:
     """The metadata records that make a log replayable: the whole config, versions, seed and mode."""
     model = model_file(config)
+    if model is not None:
+        build_model(config, model)  # one that will not do is told before there is a log
     data = model.read_bytes() if model is not None else b""
     # The model itself goes into the log: a replay must not depend on a file that training may write again.
     stored = (
@@ -98,15 +103,24 @@ def run_lockstep(
 
 
 def run_realtime(
-    config: Config, folder: Path, log: Path, duration_s: float, on_status: Callable[[dict[str, Any]], None]
+    config: Config,
+    folder: Path,
+    log: Path,
+    duration_s: float,
+    on_status: Callable[[dict[str, Any]], None],
+    arduino: SimulatedArduino | None = None,
 ) -> float:
     """A run of two processes over UDP and a pty; returns the seconds it took, start-up and end included.
 
+    With an `arduino`, running, the weather blows on it, and the daemon reads its serial port.
     Raises AsvhilError with the words of the process that failed.
     """
     start_s = time.perf_counter()
     effective = folder / "config.json"
-    effective.write_text(_with_own_ports(config, folder).canonical_json(), encoding="utf-8")
+    settings = _with_own_ports(config, folder)
+    if arduino is not None:
+        settings = with_firmware(settings, arduino.pty, arduino.udp_port)
+    effective.write_text(settings.canonical_json(), encoding="utf-8")
     base = [sys.executable, "-m", "asvhil"]
     words = {name: folder / f"{name}.log" for name in ("plant", "daemon")}
     with (
@@ -130,12 +144,15 @@ def run_realtime(
             assert daemon.stdout is not None
             for line in daemon.stdout:
                 on_status(json.loads(line))
-                if plant.poll() is not None:
+                if plant.poll() is not None or (arduino is not None and arduino.failure is not None):
                     break
+            board_died = arduino.failure if arduino is not None else None
             plant_died = plant.poll() is not None
         finally:
             for process in (daemon, plant):
                 _end(process)
+    if board_died is not None:
+        raise AsvhilError(board_died)
     if plant_died:
         raise AsvhilError(f"the plant ended early: {_last_line(words['plant'])}")
     if daemon.returncode != 0:
@@ -160,12 +177,25 @@ def _with_own_ports(config: Config, folder: Path) -> Config:
     autopilot = _free_udp_port()
     tree["links"]["autopilot"]["endpoint"] = f"udpin:127.0.0.1:{autopilot}"
     tree["plant"]["links"]["autopilot"] = f"udpout:127.0.0.1:{autopilot}"
-    if config.links.anemometer is not None:
-        pty = folder.resolve() / "anemometer"
-        tree["plant"]["links"]["anemometer"] = f"pty:{pty}"
-        tree["links"]["anemometer"]["endpoint"] = f"serial:{pty}:115200"
+    for port in ("anemometer", "ins", "gnss"):
+        if tree["links"][port] is not None:
+            pty = folder.resolve() / port
+            tree["plant"]["links"][port] = f"pty:{pty}"
+            tree["links"][port]["endpoint"] = f"serial:{pty}:115200"
     if not _is_free(tree["links"]["operator"]["endpoint"]):
         tree["links"]["operator"]["endpoint"] = f"udpin:127.0.0.1:{_free_udp_port()}"
+    return Config.model_validate(tree)
+
+
+def with_firmware(config: Config, pty: str, udp_port: int) -> Config:
+    """The config with the anemometer's firmware between plant and daemon. It must have links.anemometer.
+
+    The plant's own sensor becomes the bare apparent wind: what quantises and averages it is the firmware.
+    """
+    tree = config.model_dump(mode="json")
+    tree["links"]["anemometer"] |= {"endpoint": f"serial:{pty}:115200", "firmware": FIRMWARE}
+    tree["plant"]["links"]["anemometer"] = f"udpout:127.0.0.1:{udp_port}"
+    tree["plant"]["sensors"]["anemometer"] |= {"rate_hz": WEATHER_HZ, "speed_white_mps": 0.0, "directions": 360}
     return Config.model_validate(tree)
 
 

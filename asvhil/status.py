@@ -33,6 +33,10 @@ def status_of(outputs: Outputs, links: dict[str, str], start_ns: int, overruns: 
         "wind_mps": math.hypot(wind.vn_mps, wind.ve_mps) if wind else None,
         "wind_toward_deg": math.degrees(math.atan2(wind.ve_mps, wind.vn_mps)) % 360.0 if wind else None,
         "pwm_us": list(outputs.pwm_us) if outputs.pwm_us else None,
+        "autopilot_clock_s": outputs.autopilot_clock.offset_ns * 1e-9 if outputs.autopilot_clock else None,
+        "round_trip_ms": outputs.autopilot_clock.round_trip_ns * 1e-6 if outputs.autopilot_clock else None,
+        "sources": dict(outputs.health.sources),
+        "notes": {note.subject: note.text for note in outputs.health.notes},
         "links": links,
         "overruns": overruns,
     }
@@ -54,6 +58,12 @@ def render(status: dict[str, Any], title: str) -> Group:
     table.add_row("true wind", wind)
     pwm = status["pwm_us"]
     table.add_row("port, starboard", f"{pwm[0]}, {pwm[1]} us" if pwm else "released")
+    clock = f"{_show(status['autopilot_clock_s'], 's', 4)}, round trip {_show(status['round_trip_ms'], 'ms', 1)}"
+    table.add_row("autopilot's clock", clock)
+    sources = {quantity: name for quantity, name in status["sources"].items() if name}
+    table.add_row("sources", ", ".join(f"{quantity} {name}" for quantity, name in sources.items()) or "-")
+    for subject, text in status["notes"].items():
+        table.add_row(subject, text)
     table.add_row("links", ", ".join(f"{port} {state}" for port, state in status["links"].items()))
     table.add_row("overruns", str(status["overruns"]))
     return Group(table)

@@ -41,7 +41,10 @@ class Inputs:
 
 @record
 class GnssFix:
-    """Position over ground, and velocity over ground in NED where the source has it."""
+    """Position over ground, and velocity over ground in NED; what the source does not have is NaN.
+
+    `h_acc_m` is the receiver's own estimate; 0 or NaN where it gives none.
+    """
 
     t_ns: int
     lat_deg: float
@@ -53,7 +56,7 @@ class GnssFix:
 
 @record
 class Attitude:
-    """True heading (clockwise from north) and yaw rate (clockwise from above)."""
+    """True heading (clockwise from north) and yaw rate (clockwise from above); what the source does not have is NaN."""
 
     t_ns: int
     psi_rad: float
@@ -62,7 +65,7 @@ class Attitude:
 
 @record
 class Imu:
-    """Specific force along body x and y, and yaw rate."""
+    """Specific force along body x and y, and yaw rate, NaN where the source does not have it."""
 
     t_ns: int
     ax_mps2: float
@@ -77,6 +80,32 @@ class WindSample:
     t_ns: int
     speed_mps: float
     from_rad: float
+
+
+@record
+class BowWind:
+    """True wind told from the boat: its speed over ground, and the direction it comes FROM, clockwise from the bow."""
+
+    t_ns: int
+    speed_mps: float
+    from_rad: float
+
+
+@record
+class TrueWind:
+    """True wind told from the earth: the velocity of the air over ground, NED."""
+
+    t_ns: int
+    vn_mps: float
+    ve_mps: float
+
+
+@record
+class UtcTime:
+    """What a receiver says that the time is: nanoseconds since 1970, UTC."""
+
+    t_ns: int
+    utc_ns: int
 
 
 @record
@@ -109,7 +138,18 @@ class ReleaseCommand:
     reason: str
 
 
-Measurement = GnssFix | Attitude | Imu | WindSample | FrontseatStatus | HoldCommand | ReleaseCommand
+Measurement = (
+    GnssFix
+    | Attitude
+    | Imu
+    | WindSample
+    | BowWind
+    | TrueWind
+    | UtcTime
+    | FrontseatStatus
+    | HoldCommand
+    | ReleaseCommand
+)
 
 
 # --- what the core computes ------------------------------------------------------------------------------
@@ -196,8 +236,29 @@ class ModelError:
 
 
 @record
+class TimeOffset:
+    """The autopilot's clock less ours, by the exchange with the shortest round trip; half of that bounds its error."""
+
+    offset_ns: int
+    round_trip_ns: int
+    exchanges: int  # good ones so far
+
+
+@record
+class Note:
+    """What is worth a line of words whenever it changes, such as an instrument's firmware; `ok`: as it should be."""
+
+    subject: str
+    text: str
+    ok: bool
+
+
+@record
 class Health:
-    """Diagnostics of one tick. `reason` says in words why the phase is not HOLD; counters are cumulative."""
+    """Diagnostics of one tick. `reason` says in words why the phase is not HOLD; counters are cumulative.
+
+    `sources` names the source in use for each quantity (position, velocity, heading, ...); empty text: none is heard.
+    """
 
     reason: str
     link_ok: bool
@@ -206,6 +267,8 @@ class Health:
     control_ok: bool
     model_ok: bool
     counters: tuple[tuple[str, int], ...]
+    sources: tuple[tuple[str, str], ...] = ()
+    notes: tuple[Note, ...] = ()
 
 
 @record
@@ -214,6 +277,7 @@ class Outputs:
 
     `pwm_us` is (port, starboard), or None when the motors are released. `origin_deg` is the latitude and longitude of
     the local NED frame, once there is one. `model_error` comes with a control, once the monitor's horizon is filled.
+    `autopilot_clock` is None until the autopilot has answered a TIMESYNC.
     """
 
     t_ns: int
@@ -227,3 +291,4 @@ class Outputs:
     health: Health
     origin_deg: tuple[float, float] | None = None
     model_error: ModelError | None = None
+    autopilot_clock: TimeOffset | None = None

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from asvhil.commands.options import ConfigArgument, JsonOption, SetOption
 from asvhil.commands.views import write_json
 from asvhil.errors import AsvhilError, ConfigError
+
+if TYPE_CHECKING:
+    from asvhil.train.options import Progress
 
 
 def collect(
@@ -69,7 +72,27 @@ def train(
     vehicle: Annotated[str | None, typer.Option(help="The vehicle's name, which CSV files do not say.")] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the first weights and of the batches.")] = 1,
     iterations: Annotated[int | None, typer.Option(min=1, help="As the kind has it by default.")] = None,
-    members: Annotated[int | None, typer.Option(min=1, help="Networks of an ensemble (lagnet).")] = None,
+    members: Annotated[int | None, typer.Option(min=1, max=20, help="Networks of an ensemble (lagnet).")] = None,
+    width: Annotated[int | None, typer.Option(min=1, max=200, help="Hidden neurons of a network; 12.")] = None,
+    horizon: Annotated[
+        float | None, typer.Option(min=0.04, help="Seconds that are simulated in each training window; 20 steps.")
+    ] = None,
+    batch: Annotated[int | None, typer.Option(min=1, max=4096, help="Windows of each training step; 64.")] = None,
+    moving_share: Annotated[
+        float | None,
+        typer.Option(min=0.0, max=1.0, help="Part of each batch from windows in motion only, for idle records; 0."),
+    ] = None,
+    mirror: Annotated[
+        bool | None,
+        typer.Option("--mirror/--no-mirror", help="Train on the mirrored data as well (lagnet does by default)."),
+    ] = None,
+    validation_share: Annotated[
+        float | None,
+        typer.Option(
+            min=0.0, max=0.9, help="Part held back to choose the best weights by; 0.1. With 0 the last ones are kept."
+        ),
+    ] = None,
+    smoothing: Annotated[bool, typer.Option(help="Smooth the training data over time.")] = True,
     dt: Annotated[float, typer.Option(min=0.02, max=2.0, help="Step of the model in seconds.")] = 0.2,
     resume: Annotated[bool, typer.Option("--resume", help="Go on with an interrupted training.")] = False,
     json_: JsonOption = None,
@@ -80,31 +103,53 @@ def train(
     from asvhil.commands.views import progress
 
     _need_torch()
-    from asvhil.train.jobs import train_command
+    from asvhil.train.jobs import checkpoint_of, train_command
+    from asvhil.train.options import chosen_options
 
     console = Console()
-    with progress(console) as bar:
-        task = bar.add_task(f"{kind}", total=iterations)
+    options = chosen_options(
+        kind,
+        dt,
+        iterations=iterations,
+        members=members,
+        width=width,
+        horizon_s=horizon,
+        batch=batch,
+        moving_share=moving_share,
+        mirror=mirror,
+        validation_share=validation_share,
+    )
+    try:
+        with progress(console) as bar:
+            task = bar.add_task(kind, total=options.iterations)
 
-        def show(state: Any) -> None:
-            words = f"{kind}, best validation error {state.validation:.4f}"
-            bar.update(task, completed=state.iteration, total=state.iterations, description=words)
+            def show(state: Progress) -> None:
+                words = f"{kind}, best validation error {state.validation:.4f}"
+                bar.update(task, completed=state.iteration, total=state.iterations, description=words)
 
-        figures = train_command(
-            kind,
-            data,
-            output,
-            columns=columns,
-            vehicle=vehicle,
-            seed=seed,
-            iterations=iterations,
-            members=members,
-            dt_s=dt,
-            resume=resume,
-            progress=show,
-        )
+            figures = train_command(
+                kind,
+                data,
+                output,
+                columns=columns,
+                vehicle=vehicle,
+                seed=seed,
+                options=options,
+                dt_s=dt,
+                smoothed=smoothing,
+                resume=resume,
+                progress=show,
+            )
+    except KeyboardInterrupt:
+        if checkpoint_of(output).exists():
+            typer.echo(
+                f"asvhil: interrupted; the same command with --resume goes on from {checkpoint_of(output)}", err=True
+            )
+        raise
     write_json(json_, figures)
     words = f"{output}: {kind} for {figures['vehicle']}, {figures['data_s']:.0f} s of data, {figures['wall_s']:.1f} s"
+    if figures["missing_rows"] or figures["outliers"]:
+        words += f"; left out: {figures['missing_rows']} rows with a missing value, {figures['outliers']} jumps"
     console.print(words, markup=False, highlight=False, soft_wrap=True)
 
 

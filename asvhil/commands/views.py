@@ -29,6 +29,7 @@ class LiveView:
         self._ticks = 0
         self._start_ns: int | None = None
         self._said = ("", -1)
+        self._noted: dict[str, str] = {}
 
     def __enter__(self) -> LiveView:
         if self._live is not None:
@@ -59,6 +60,10 @@ class LiveView:
         elif self._live is not None:
             self._live.update(render(status, self._title), refresh=True)
         else:
+            for subject, text in status["notes"].items():
+                if self._noted.get(subject) != text:
+                    self._console.print(f"{subject}: {text}", markup=False, highlight=False, soft_wrap=True)
+            self._noted = dict(status["notes"])
             key = (str(status["phase"]), int(status["t_s"] // 10))
             if key != self._said:
                 self._said = key
@@ -133,6 +138,8 @@ def print_summary(console: Any, figures: dict[str, Any]) -> None:
     console.print(
         f"{figures['ticks']} ticks, {figures['overruns']} overruns; {timing}{phases}{speed_text}", highlight=False
     )
+    for subject, text in figures["notes"].items():
+        console.print(f"{subject}: {text}", markup=False, highlight=False, soft_wrap=True)
 
 
 def write_json(path: Path | None, figures: dict[str, Any]) -> None:

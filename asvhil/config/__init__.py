@@ -14,23 +14,32 @@ from asvhil.config.controller import (
     SteeringConfig,
 )
 from asvhil.config.estimator import EkfConfig, MonitorConfig, WindFilterConfig
-from asvhil.config.links import AutopilotLinkConfig
+from asvhil.config.links import AutopilotLinkConfig, InsLinkConfig, NmeaLinkConfig
 from asvhil.config.loading import config_from_json, find_config, find_shipped, load_config
 from asvhil.config.plant import (
     AnemometerSensorConfig,
     CurrentConfig,
+    FaultConfig,
     FrontseatConfig,
     GnssSensorConfig,
+    HilConfig,
+    InsDeviceConfig,
+    NmeaDeviceConfig,
+    PlantConfig,
+    Px4HilConfig,
     SensorsConfig,
+    WavesConfig,
     WeatherConfig,
     WindConfig,
 )
 from asvhil.config.root import Config
 from asvhil.config.shell import StationConfig, SupervisorConfig
+from asvhil.config.sources import QUANTITIES, Quantity, SourceConfig, SourcesConfig
 from asvhil.config.vehicle import PwmConfig, VesselConfig
 
 __all__ = [
     "LEARNED",
+    "QUANTITIES",
     "AnemometerSensorConfig",
     "AutopilotLinkConfig",
     "BacksteppingConfig",
@@ -38,22 +47,34 @@ __all__ = [
     "ControllerConfig",
     "CurrentConfig",
     "EkfConfig",
+    "FaultConfig",
     "FrontseatConfig",
     "GnssSensorConfig",
+    "HilConfig",
+    "InsDeviceConfig",
+    "InsLinkConfig",
     "LoiterConfig",
     "ManoeuvresConfig",
     "MonitorConfig",
     "MpcConfig",
     "MpcWeights",
+    "NmeaDeviceConfig",
+    "NmeaLinkConfig",
+    "PlantConfig",
     "ProcedureConfig",
     "PwmConfig",
+    "Px4HilConfig",
+    "Quantity",
     "Section",
     "SensorsConfig",
     "SlidingModeConfig",
+    "SourceConfig",
+    "SourcesConfig",
     "StationConfig",
     "SteeringConfig",
     "SupervisorConfig",
     "VesselConfig",
+    "WavesConfig",
     "WeatherConfig",
     "WindConfig",
     "WindFilterConfig",

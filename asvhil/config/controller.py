@@ -30,9 +30,12 @@ class MpcConfig(Section):
     stages: Annotated[int, Field(ge=2, le=200)] = 20
     first_step_s: Positive = 0.2
     last_step_s: Positive = 0.8
-    near: MpcWeights = MpcWeights()
+    near: MpcWeights = MpcWeights(sideways=0.7)
+    along: MpcWeights = MpcWeights(heading=700.0, slew=2.0)  # near too, but with no load across the heading to carry
     far: MpcWeights = MpcWeights(heading=10.0, terminal_position_s=1.0)
     position_only: MpcWeights = MpcWeights(heading=0.0)  # outside of the procedure's r_h, with its rule
+    side_load_mps2: tuple[NonNegative, Positive] = (0.004, 0.016)  # `along` up to the first, `near` from the second
+    side_load_time_s: Positive = 10.0
     near_radius_m: Positive = 4.0
     far_radius_m: Positive = 10.0
     trim_time_s: Positive = 40.0
@@ -45,6 +48,12 @@ class MpcConfig(Section):
     )
     wind_feedforward: bool = True
     disturbance_feedforward: bool = True
+
+    @model_validator(mode="after")
+    def _check_side_load(self) -> MpcConfig:
+        if not self.side_load_mps2[0] < self.side_load_mps2[1]:
+            raise ValueError("side_load_mps2 needs two rising values")
+        return self
 
 
 class ManoeuvresConfig(Section):

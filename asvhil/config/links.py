@@ -6,10 +6,11 @@ from typing import Literal
 
 from pydantic import Field
 
-from asvhil.config.base import LinkSpecText, MavlinkId, Positive, Section
+from asvhil.config.base import Degrees, LinkSpecText, MavlinkId, Positive, Section
+from asvhil.config.mavlink import GroundStationLinkConfig, LinkName, MavlinkLinkConfig, RoutingConfig
 
 
-class AutopilotLinkConfig(Section):
+class AutopilotLinkConfig(MavlinkLinkConfig):
     """The MAVLink link to the frontseat: who we are on it, and what we ask of it."""
 
     endpoint: LinkSpecText
@@ -33,13 +34,30 @@ class AutopilotLinkConfig(Section):
     )
 
 
-class AnemometerLinkConfig(Section):
-    """NMEA 0183 wind sentences."""
+class NmeaLinkConfig(Section):
+    """NMEA 0183 sentences: wind, GNSS, heading, each from any line.
+
+    `declination_deg` (east positive) turns magnetic directions into true ones; where absent, the variation that RMC
+    or HDG on the same line tell is used, and magnetic directions before one was heard are not.
+    """
+
+    endpoint: LinkSpecText
+    declination_deg: Degrees | None = None
+
+
+class AnemometerLinkConfig(NmeaLinkConfig):
+    """A wind sensor. `firmware` names the firmware that it must run: then its version is asked for and checked."""
+
+    firmware: Literal["arduino_anemometer"] | None = None
+
+
+class InsLinkConfig(Section):
+    """A VectorNav INS (VN-300): binary output messages and ASCII sentences."""
 
     endpoint: LinkSpecText
 
 
-class OperatorLinkConfig(Section):
+class OperatorLinkConfig(MavlinkLinkConfig):
     """Where `asvhil hold` and ground stations send their commands, as MAVLink."""
 
     endpoint: LinkSpecText = "udpin:127.0.0.1:14660"
@@ -50,6 +68,10 @@ class LinksConfig(Section):
 
     autopilot: AutopilotLinkConfig
     anemometer: AnemometerLinkConfig | None = None
+    ins: InsLinkConfig | None = None
+    gnss: NmeaLinkConfig | None = None
     operator: OperatorLinkConfig = OperatorLinkConfig()
+    ground_stations: dict[LinkName, GroundStationLinkConfig] = Field(default_factory=dict)
+    routing: RoutingConfig = RoutingConfig()
     reconnect_first_s: Positive = 0.2
     reconnect_max_s: Positive = 5.0

@@ -2,11 +2,23 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+import math
+from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
-from asvhil.config.base import Degrees, Latitude, LinkSpecText, Longitude, MavlinkId, NonNegative, Positive, Section
+from asvhil.config.base import (
+    Degrees,
+    Fraction,
+    Latitude,
+    LinkSpecText,
+    Longitude,
+    MavlinkId,
+    NonNegative,
+    Positive,
+    Section,
+    ServoUs,
+)
 from asvhil.config.vehicle import VesselConfig
 
 
@@ -25,9 +37,26 @@ class CurrentConfig(Section):
     toward_deg: Degrees = 0.0
 
 
+class WavesConfig(Section):
+    """First-order motion of the boat in the waves; off where both standard deviations are 0.
+
+    `orbital_std_mps` is that of the velocity along the waves' way, `spreading` times as much across it (the square root
+    of 1/3 for a cosine-squared spreading, 0 for long-crested waves, 1 for a confused sea). 0.07 and 0.02 make a light
+    chop for a boat of 5 m. `damping` is that of each of two filters in series.
+    """
+
+    orbital_std_mps: Annotated[float, Field(ge=0.0, le=5.0)] = 0.0
+    yaw_std_radps: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
+    peak_hz: Annotated[float, Field(ge=0.02, le=5.0)] = 0.3
+    damping: Annotated[float, Field(ge=0.01, lt=1.0)] = 0.15
+    spreading: Fraction = 0.58
+    toward_deg: Degrees | None = None  # with the wind where absent
+
+
 class WeatherConfig(Section):
     wind: WindConfig = WindConfig()
     current: CurrentConfig = CurrentConfig()
+    waves: WavesConfig = WavesConfig()
 
 
 class GnssSensorConfig(Section):
@@ -56,11 +85,35 @@ class AnemometerSensorConfig(Section):
     misalignment_deg: Degrees = 0.0
 
 
+class DeviceConfig(Section):
+    """A navigation sensor beside the autopilot; a section of errors that is absent is that of the autopilot's own."""
+
+    gnss: GnssSensorConfig | None = None
+    heading: HeadingSensorConfig | None = None
+    imu: ImuSensorConfig | None = None
+
+
+class InsDeviceConfig(DeviceConfig):
+    """The simulated VN-300: the rate of its binary output message, and how long it takes to align."""
+
+    rate_hz: Annotated[float, Field(ge=1.0, le=200.0)] = 20.0
+    align_s: NonNegative = 2.0
+
+
+class NmeaDeviceConfig(DeviceConfig):
+    """The simulated NMEA receiver, which sends at the rate of its fixes, and the magnetic compass on the same line."""
+
+    compass_hz: Annotated[float, Field(ge=0.1, le=50.0)] = 10.0
+    declination_deg: Degrees = 0.0  # of the earth's field, east positive: the variation field of RMC and HDG
+
+
 class SensorsConfig(Section):
     gnss: GnssSensorConfig = GnssSensorConfig()
     heading: HeadingSensorConfig = HeadingSensorConfig()
     imu: ImuSensorConfig = ImuSensorConfig()
     anemometer: AnemometerSensorConfig = AnemometerSensorConfig()
+    ins: InsDeviceConfig = InsDeviceConfig()
+    nmea: NmeaDeviceConfig = NmeaDeviceConfig()
 
 
 class FrontseatConfig(Section):
@@ -79,9 +132,78 @@ class FrontseatConfig(Section):
     rc3_dz_us: Annotated[int, Field(ge=0, le=200)] = 0
 
 
+class FaultConfig(Section):
+    """Something that breaks, from a time after power-on until another, or for good.
+
+    `port-motor`, `starboard-motor`: no thrust. `gnss`: no new fix of the autopilot's receiver. `anemometer`: silent.
+    `vane`: stuck where it is. `ins`, `nmea`: the VN-300, or the receiver and compass on the NMEA line, silent.
+    `ins-gnss`: the VN-300 has lost its satellites and says so.
+    """
+
+    kind: Literal["port-motor", "starboard-motor", "gnss", "anemometer", "vane", "ins", "ins-gnss", "nmea"]
+    from_s: NonNegative = 0.0
+    until_s: Positive | None = None
+
+    @property
+    def to_s(self) -> float:
+        """The end of the span; infinity where it has none."""
+        return math.inf if self.until_s is None else self.until_s
+
+    @model_validator(mode="after")
+    def _check_span(self) -> FaultConfig:
+        if self.to_s <= self.from_s:
+            raise ValueError("from_s < until_s must hold")
+        return self
+
+
+class ArduPilotJsonConfig(Section):
+    """ArduPilot's JSON physics interface: where it listens, and the parts of the reply that are optional there."""
+
+    endpoint: LinkSpecText = "udpin:127.0.0.1:9002"
+    windvane: bool = True
+    rc_us: Annotated[tuple[ServoUs, ...], Field(max_length=12)] = ()  # a transmitter's sticks; none where empty
+    battery_v: Positive | None = None
+
+
+class Px4HilConfig(Section):
+    """PX4's simulator interface. A control in [-1, 1] (from 1, of HIL_ACTUATOR_CONTROLS) drives each motor."""
+
+    endpoint: LinkSpecText = "tcpin:127.0.0.1:4560"
+    port_control: Annotated[int, Field(ge=1, le=16)] = 1
+    starboard_control: Annotated[int, Field(ge=1, le=16)] = 2
+    sensor_hz: Annotated[float, Field(ge=50.0, le=1000.0)] = 250.0
+    slow_sensor_hz: Annotated[float, Field(ge=1.0, le=100.0)] = 50.0  # compass and barometer
+    speed: NonNegative = 1.0  # times real time; 0: as fast as PX4 answers
+    answer_timeout_s: Positive = 0.01  # in lockstep, then the next sample goes out all the same
+    altitude_m: float = 0.0
+    mag_white_gauss: NonNegative = 0.001
+    baro_white_pa: NonNegative = 1.0
+
+    @model_validator(mode="after")
+    def _check_controls(self) -> Px4HilConfig:
+        if self.port_control == self.starboard_control:
+            raise ValueError("port_control and starboard_control must differ")
+        return self
+
+
+class HilConfig(Section):
+    """The plant as the physics of an autopilot in the loop.
+
+    An autopilot may drive its outputs anywhere while it boots, so the boat is moored until both have been within
+    `neutral_band_us` of neutral for `neutral_first_s` of its time on end; 0: never moored.
+    """
+
+    neutral_first_s: NonNegative = 5.0
+    neutral_band_us: Annotated[int, Field(ge=0, le=200)] = 20
+    ardupilot: ArduPilotJsonConfig = ArduPilotJsonConfig()
+    px4: Px4HilConfig = Px4HilConfig()
+
+
 class PlantLinksConfig(Section):
     autopilot: LinkSpecText = "udpout:127.0.0.1:14560"
     anemometer: LinkSpecText | None = None
+    ins: LinkSpecText | None = None
+    gnss: LinkSpecText | None = None
 
 
 class PlantConfig(Section):
@@ -99,3 +221,5 @@ class PlantConfig(Section):
     sensors: SensorsConfig = SensorsConfig()
     frontseat: FrontseatConfig = FrontseatConfig()
     links: PlantLinksConfig = PlantLinksConfig()
+    faults: tuple[FaultConfig, ...] = ()
+    hil: HilConfig = HilConfig()

@@ -13,6 +13,7 @@ from asvhil.config.estimator import EstimatorConfig
 from asvhil.config.links import LinksConfig
 from asvhil.config.plant import PlantConfig
 from asvhil.config.shell import DaemonConfig, RecorderConfig, SupervisorConfig
+from asvhil.config.sources import SourcesConfig, check_sources
 from asvhil.config.vehicle import VehicleConfig
 
 
@@ -21,6 +22,7 @@ class Config(Section):
 
     vehicle: VehicleConfig
     links: LinksConfig
+    sources: SourcesConfig = SourcesConfig()
     estimator: EstimatorConfig = EstimatorConfig()
     controller: ControllerConfig = ControllerConfig()
     supervisor: SupervisorConfig = SupervisorConfig()
@@ -36,6 +38,7 @@ class Config(Section):
         for channel in (pwm.port_channel, pwm.starboard_channel):
             if channel in self.supervisor.stick_channels:
                 raise ValueError(f"supervisor.stick_channels must not hold the motor channel {channel}")
+        check_sources(self.sources, self.links)
         return self
 
     def content_hash(self) -> str:

@@ -29,10 +29,16 @@ class SupervisorConfig(Section):
 
 
 class DaemonConfig(Section):
-    """`control_hz` solves; `tick_hz` cuts inputs, resends the override and sees the pilot."""
+    """`control_hz` solves; `tick_hz` cuts inputs, resends the override and sees the pilot.
 
-    control_hz: Annotated[float, Field(ge=1.0, le=20.0)] = 5.0
+    `cut_on: arrival` cuts besides when the autopilot or a sensor is heard, at most at `arrival_hz_max`, and solves in
+    the first such tick that is due: a controller that needs no time of its own then answers at once.
+    """
+
+    control_hz: Annotated[float, Field(ge=1.0, le=100.0)] = 5.0
     tick_hz: Annotated[float, Field(ge=10.0, le=100.0)] = 20.0
+    cut_on: Literal["timer", "arrival"] = "timer"
+    arrival_hz_max: Annotated[float, Field(ge=10.0, le=1000.0)] = 200.0
 
     @model_validator(mode="after")
     def _check_rates(self) -> DaemonConfig:

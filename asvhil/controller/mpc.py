@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asvhil.config import MpcConfig, MpcWeights
-from asvhil.dynamics.integrate import advance, substeps
+from asvhil.dynamics.integrate import advance, motion_derivative, substeps
 from asvhil.dynamics.protocol import Dynamics
 from asvhil.types import record
 
@@ -87,6 +87,13 @@ class StationProblem:
             raise ValueError(f"the state has {len(state)} entries, the model needs {self.n_state}")
         head = np.array([*state, *wind, *disturbance, *previous_input, heading_reference_rad, weights.slew])
         return np.concatenate([head, self._state_weights(weights).ravel()])
+
+    def side_acceleration(self, wind: tuple[float, float], disturbance: tuple[float, float, float]) -> float:
+        """v_dot (m/s^2) of the boat at rest at the station, its motors neutral, wind and disturbance as in `pack`."""
+        rest, neutral = np.zeros(self.n_state), self.model.input_of_command((0.0, 0.0))
+        wind_, disturbance_ = np.array(wind), np.array(disturbance)
+        s_dot = motion_derivative(self.model, rest, np.array(neutral), wind_, disturbance_)
+        return float(s_dot[4])
 
     def unpack_cost(self, parameters: Array) -> tuple[Array, float, Array, float]:
         """State weights (stages, 6), heading reference (rad), previous input (2) and slew weight of the parameters."""

@@ -44,6 +44,7 @@ class StationMpc:
         self._input = self._neutral()
         self._near = self._position_only = False
         self._trim_rad = 0.0
+        self._side_load_mps2: float | None = None
         self._psi_rad: float | None = None
         self._station: Station | None = None
         self._ticks = 0
@@ -78,21 +79,43 @@ class StationMpc:
         if self._near and not self._position_only and abs(psi_rad) < TRIM_WITHIN_RAD:
             trim_rad = self._trim_rad - psi_rad * self._period_s / self._config.trim_time_s
             self._trim_rad = min(max(trim_rad, -self._config.trim_max_rad), self._config.trim_max_rad)
-        parameters = self._problem.pack(
-            (x, y, psi_rad, *nu, *estimate.motor),
-            ned_to_body(station.psi_rad, *air),
-            (*ned_to_body(station.psi_rad, push[0], push[1]), push[2]),
-            self._trim_rad,
-            self._input,
-            self._weights(),
-        )
+        state = (x, y, psi_rad, *nu, *estimate.motor)
+        wind_here = ned_to_body(station.psi_rad, *air)
+        push_here = (*ned_to_body(station.psi_rad, push[0], push[1]), push[2])
+        parameters = self._parameters(state, wind_here, push_here)
         solution, iterations = self._solve(parameters, distance_m)
         return self._control(solution, iterations, station) if solution.ok else self._give_up(iterations)
 
-    def _weights(self) -> MpcWeights:
+    def _parameters(
+        self, state: tuple[float, ...], wind: tuple[float, float], disturbance: tuple[float, float, float]
+    ) -> Array:
+        """The problem's parameters, all in the station's frame, with the weights that hold now."""
+
+        def packed(weights: MpcWeights) -> Array:
+            return self._problem.pack(state, wind, disturbance, self._trim_rad, self._input, weights)
+
+        config = self._config
+        share = self._side_load_share(wind, disturbance)
         if self._position_only:
-            return self._config.position_only
-        return self._config.near if self._near else self._config.far
+            return packed(config.position_only)
+        if not self._near:
+            return packed(config.far)
+        # The cost is linear in its weights, so a mean of the two is a problem of the same kind.
+        return share * packed(config.near) + (1.0 - share) * packed(config.along)
+
+    def _side_load_share(self, wind: tuple[float, float], disturbance: tuple[float, float, float]) -> float:
+        """0 where nothing pushes the boat sideways at the station's heading, 1 where it has a side load to carry.
+
+        Two fixed motors carry a side load by swings of the heading alone, and these a heavy heading weight would
+        forbid. Without one there is no reason to swing, and a light weight would only follow noise.
+        """
+        mps2 = abs(self._problem.side_acceleration(wind, disturbance))
+        if self._side_load_mps2 is None:
+            self._side_load_mps2 = mps2
+        gain = min(self._period_s / self._config.side_load_time_s, 1.0)
+        self._side_load_mps2 += gain * (mps2 - self._side_load_mps2)
+        low, high = self._config.side_load_mps2
+        return min(max((self._side_load_mps2 - low) / (high - low), 0.0), 1.0)
 
     def _solve(self, parameters: Array, distance_m: float) -> tuple[Solution, int]:
         """The cheaper of the shifted last plan and, far off or after a failure, one alternate start in turn.

@@ -67,11 +67,11 @@ class Ekf:
         self._gnss_ns: int | None = None
         self._attitude_ns: int | None = None
         self._first_attitude: Attitude | None = None
-        self._rejected_since_ns: dict[str, int | None] = {"gnss": None, "attitude": None}
+        self.rejected = dict.fromkeys(("gnss", "velocity", "attitude", "yaw_rate"), 0)
+        self._rejected_since_ns: dict[str, int | None] = dict.fromkeys(self.rejected)
         self._wind = (0.0, 0.0)
         self._input = (0.0, 0.0)
         self.frame: LocalFrame | None = None
-        self.rejected = {"gnss": 0, "attitude": 0}
         self.resets = 0
         walks = np.array(
             [config.position_walk_m] * 2
@@ -102,39 +102,47 @@ class Ekf:
         self._wind = wind_ned
 
     def on_attitude(self, m: Attitude) -> None:
-        """Correct heading and yaw rate."""
-        if not (math.isfinite(m.psi_rad) and math.isfinite(m.r_radps)):
+        """Correct heading and yaw rate, or the one of them that the source has."""
+        has_heading, has_rate = math.isfinite(m.psi_rad), math.isfinite(m.r_radps)
+        if not (has_heading or has_rate):
             return
         if self.frame is None:
-            self._first_attitude = m
+            self._first_attitude = m if has_heading else self._first_attitude
             return
         self.predict(m.t_ns)
         innovation = np.array([wrap_rad(m.psi_rad - self._x[PSI]), m.r_radps - self._x[R]])
-        if self._correct("attitude", m.t_ns, innovation, self._attitude_h, self._attitude_noise):
+        rows = slice(0 if has_heading else 1, 2 if has_rate else 1)
+        h, noise = self._attitude_h[rows], self._attitude_noise[rows, rows]
+        # A yaw rate of another source has a gate of its own: it must neither keep up nor cast out the heading.
+        sensor = "attitude" if has_heading else "yaw_rate"
+        if self._correct(sensor, m.t_ns, innovation[rows], h, noise) and has_heading:
             self._attitude_ns = m.t_ns
 
     def on_gnss(self, m: GnssFix) -> None:
-        """Correct position, and velocity where the fix has one."""
-        if not (math.isfinite(m.lat_deg) and math.isfinite(m.lon_deg)):
-            return
+        """Correct position and velocity, or the one of them that the fix has."""
+        has_position = math.isfinite(m.lat_deg) and math.isfinite(m.lon_deg)
         has_velocity = math.isfinite(m.vn_mps) and math.isfinite(m.ve_mps)
         if self.frame is None:
-            self._start(m, has_velocity)
+            if has_position:
+                self._start(m, has_velocity)
+            return
+        if not (has_position or has_velocity):
             return
         self.predict(m.t_ns)
         x = self._x
         n_m, e_m = self.frame.to_ned(m.lat_deg, m.lon_deg)
         c, s = math.cos(x[PSI]), math.sin(x[PSI])
-        rows = 4 if has_velocity else 2
-        h = np.zeros((rows, SIZE))
+        rows = slice(0 if has_position else 2, 4 if has_velocity else 2)
+        h = np.zeros((4, SIZE))
         h[0, N] = h[1, E] = 1.0
-        innovation = np.array([n_m - x[N], e_m - x[E], 0.0, 0.0][:rows])
+        innovation = np.array([n_m - x[N], e_m - x[E], 0.0, 0.0])
         if has_velocity:
             vn, ve = c * x[U] - s * x[V], s * x[U] + c * x[V]
             innovation[2:] = m.vn_mps - vn, m.ve_mps - ve
             h[2, PSI], h[2, U], h[2, V] = -ve, c, -s
             h[3, PSI], h[3, U], h[3, V] = vn, s, c
-        if self._correct("gnss", m.t_ns, innovation, h, self._gnss_noise[:rows, :rows]):
+        sensor = "gnss" if has_position else "velocity"
+        if self._correct(sensor, m.t_ns, innovation[rows], h[rows], self._gnss_noise[rows, rows]) and has_position:
             self._gnss_ns = m.t_ns
 
     def predict(self, t_ns: int) -> None:
@@ -193,7 +201,8 @@ class Ekf:
         c, s = math.cos(attitude.psi_rad), math.sin(attitude.psi_rad)
         vn, ve = (m.vn_mps, m.ve_mps) if has_velocity else (0.0, 0.0)
         self._x[:] = 0.0
-        self._x[PSI], self._x[R] = attitude.psi_rad, attitude.r_radps
+        self._x[PSI] = attitude.psi_rad
+        self._x[R] = attitude.r_radps if math.isfinite(attitude.r_radps) else 0.0
         self._x[U], self._x[V] = c * vn + s * ve, -s * vn + c * ve
         self._p = np.diag([1.0, 1.0, 0.05, 0.25, 0.25, 0.01, 1e-3, 1e-3, 1e-4])
 

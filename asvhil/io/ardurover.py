@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 from asvhil.config import AutopilotLinkConfig, PwmConfig
 from asvhil.io.mavlink import Parser, decode, dialect, message_id, source
+from asvhil.io.mavlink_sensors import MavlinkSensors, raw_fix, scaled_imu
 from asvhil.io.streams import StreamKeeper
-from asvhil.types import Attitude, Frame, FrontseatStatus, GnssFix, Imu, Measurement
+from asvhil.io.timesync import TimeSync
+from asvhil.types import Attitude, Frame, FrontseatStatus, GnssFix, Measurement, TimeOffset
 
 PORT = "autopilot"
-GRAVITY_MPS2 = 9.80665
 RELEASE_CHANNEL = 0
 IGNORE_CHANNEL = 65535
 HEARTBEAT_NS = 1_000_000_000
@@ -49,7 +49,8 @@ class ArduRoverLink:
         self._overrider = dialect.MAVLink(None, srcSystem=config.override_system_id, srcComponent=config.component_id)
         self._streams = StreamKeeper(config.streams_hz)
         self._heartbeat_ns: int | None = None
-        self._timesync_ns: int | None = None
+        self._timesync = TimeSync()
+        self._autopilot_component_id: int | None = None
         self._request_ns: dict[str, int] = {}
         self._boot_ms = -1
         self._gnss_time_us = -1
@@ -60,7 +61,6 @@ class ArduRoverLink:
         self._rc_us: tuple[int, ...] = ()
         self._outputs_us: tuple[int, ...] = ()
         self.autopilot_heartbeat_ns: int | None = None
-        self.round_trip_ns: int | None = None
         self.impossible = 0
         self.reboots = 0
         self._handlers = {
@@ -71,17 +71,24 @@ class ArduRoverLink:
             dialect.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: self._on_global_position,
             dialect.MAVLINK_MSG_ID_GPS_RAW_INT: self._on_gps_raw,
             dialect.MAVLINK_MSG_ID_ATTITUDE: self._on_attitude,
-            dialect.MAVLINK_MSG_ID_RAW_IMU: self._on_raw_imu,
+            dialect.MAVLINK_MSG_ID_RAW_IMU: scaled_imu,
             dialect.MAVLINK_MSG_ID_SYSTEM_TIME: self._on_system_time,
             dialect.MAVLINK_MSG_ID_COMMAND_ACK: self._on_command_ack,
             dialect.MAVLINK_MSG_ID_TIMESYNC: self._on_timesync,
+            **MavlinkSensors(lambda: self._ready).handlers,
         }
+        other = {"GLOBAL_POSITION_INT", "GPS_RAW_INT"} - {config.position_source}
+        self._not_the_position = other.pop()
 
     # --- in ------------------------------------------------------------------------------------------------
 
     def decode(self, frame: Frame) -> list[Measurement]:
-        """Measurements in one frame of the autopilot's port; other systems' messages and bad bytes give none."""
-        found: list[Measurement] = []
+        """As `read`, with positions of the configured source alone, and without names."""
+        return [measurement for name, measurement in self.read(frame) if name != self._not_the_position]
+
+    def read(self, frame: Frame) -> list[tuple[str, Measurement]]:
+        """(message name, measurement) of all in one frame of the autopilot's port; others and bad bytes give none."""
+        found: list[tuple[str, Measurement]] = []
         for data in self._parser.feed(frame.peer, frame.data):
             system_id, component_id = source(data)
             if system_id != self._config.autopilot_system_id or component_id == self._config.component_id:
@@ -97,8 +104,13 @@ class ArduRoverLink:
                 continue
             measurement = handler(frame.t_ns, message)
             if measurement is not None:
-                found.append(measurement)
+                found.append((message.msgname, measurement))
         return found
+
+    @property
+    def clock(self) -> TimeOffset | None:
+        """How far the autopilot's clock is from ours."""
+        return self._timesync.offset
 
     def counters(self) -> tuple[tuple[str, int], ...]:
         """Cumulative counts of what came in and what was dropped."""
@@ -109,6 +121,8 @@ class ArduRoverLink:
             ("autopilot.unknown", self._parser.total("unknown")),
             ("autopilot.impossible", self.impossible),
             ("autopilot.reboots", self.reboots),
+            ("autopilot.timesync_rejected", self._timesync.rejected),
+            ("autopilot.timesync_steps", self._timesync.steps),
             ("autopilot.stream_requests", self._streams.requests),
             ("autopilot.streams_denied", len(self._streams.denied)),
         )
@@ -127,6 +141,7 @@ class ArduRoverLink:
         if m.autopilot == dialect.MAV_AUTOPILOT_INVALID:
             return None  # another component of the vehicle, not its autopilot
         self.autopilot_heartbeat_ns = t_ns
+        self._autopilot_component_id = m.get_srcComponent()
         self._armed = bool(m.base_mode & dialect.MAV_MODE_FLAG_SAFETY_ARMED)
         self._mode = _MODE_NAMES.get(m.custom_mode, f"MODE_{m.custom_mode}")
         return self._status(t_ns)
@@ -147,7 +162,7 @@ class ArduRoverLink:
         return self._status(t_ns)
 
     def _on_global_position(self, t_ns: int, m: Any) -> Measurement | None:
-        if self._config.position_source != "GLOBAL_POSITION_INT" or not self._ready:
+        if not self._ready:
             return None
         return GnssFix(
             t_ns=t_ns,
@@ -160,36 +175,18 @@ class ArduRoverLink:
 
     def _on_gps_raw(self, t_ns: int, m: Any) -> Measurement | None:
         self._h_acc_m = m.h_acc * 1e-3
-        if self._config.position_source != "GPS_RAW_INT" or m.fix_type < dialect.GPS_FIX_TYPE_3D_FIX:
+        if m.fix_type < dialect.GPS_FIX_TYPE_3D_FIX:
             return None
         if m.time_usec == self._gnss_time_us:
             return None  # the same fix, streamed again
         self._gnss_time_us = m.time_usec
-        course_rad = math.radians(m.cog * 0.01)
-        speed_mps = m.vel * 0.01
-        known = m.vel != 65535 and m.cog != 65535
-        return GnssFix(
-            t_ns=t_ns,
-            lat_deg=m.lat * 1e-7,
-            lon_deg=m.lon * 1e-7,
-            vn_mps=speed_mps * math.cos(course_rad) if known else math.nan,
-            ve_mps=speed_mps * math.sin(course_rad) if known else math.nan,
-            h_acc_m=self._h_acc_m,
-        )
+        return raw_fix(t_ns, m)
 
     def _on_attitude(self, t_ns: int, m: Any) -> Measurement | None:
         self._note_boot_time(m.time_boot_ms)
         if not self._ready:
             return None
         return Attitude(t_ns=t_ns, psi_rad=m.yaw, r_radps=m.yawspeed)
-
-    def _on_raw_imu(self, t_ns: int, m: Any) -> Measurement:
-        return Imu(
-            t_ns=t_ns,
-            ax_mps2=m.xacc * 1e-3 * GRAVITY_MPS2,
-            ay_mps2=m.yacc * 1e-3 * GRAVITY_MPS2,
-            r_radps=m.zgyro * 1e-3,
-        )
 
     def _on_system_time(self, t_ns: int, m: Any) -> None:
         self._note_boot_time(m.time_boot_ms)
@@ -199,8 +196,9 @@ class ArduRoverLink:
             self._streams.acknowledged(m.result)
 
     def _on_timesync(self, t_ns: int, m: Any) -> None:
-        if m.tc1 != 0 and m.ts1 == self._timesync_ns:
-            self.round_trip_ns = t_ns - m.ts1
+        # Other components answer our broadcast as well, by clocks of their own.
+        if m.tc1 == 0 or m.get_srcComponent() == self._autopilot_component_id:
+            self._timesync.receive(t_ns, m.tc1, m.ts1)
 
     def _note_boot_time(self, boot_ms: int) -> None:
         """A boot clock that runs back by a second or more is a reboot: rates and readiness are gone."""
@@ -208,6 +206,7 @@ class ArduRoverLink:
             self.reboots += 1
             self._ready = False
             self._streams.restart()
+            self._timesync.restart()
         self._boot_ms = boot_ms
 
     # --- out -----------------------------------------------------------------------------------------------
@@ -228,8 +227,8 @@ class ArduRoverLink:
                 )
             )
             if self.autopilot_heartbeat_ns is not None:
-                self._timesync_ns = t_ns
-                due.append(dialect.MAVLink_timesync_message(0, t_ns))
+                due.append(dialect.MAVLink_timesync_message(*self._timesync.request(t_ns)))
+        due += [dialect.MAVLink_timesync_message(*answer) for answer in self._timesync.answers(t_ns)]
         if self.autopilot_heartbeat_ns is not None:
             request = self._streams.next_request(t_ns)
             if request is not None:

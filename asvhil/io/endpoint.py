@@ -47,6 +47,11 @@ class Endpoint(Protocol):
         """Sends that did not go out: no peer yet, or a reader too slow."""
         ...
 
+    @property
+    def congested(self) -> bool:
+        """Whether sends wait behind others: then only what matters should be sent."""
+        ...
+
 
 _OPENERS: dict[str, Callable[[LinkSpec, str, Callable[[], int]], Awaitable[Endpoint]]] = {
     "udpin": open_udp,

@@ -6,13 +6,16 @@ next magic byte, so garbage on a link costs nothing but itself.
 
 from __future__ import annotations
 
+import difflib
 import os
+import re
+import struct
 from typing import Any
 
 from fastcrc.crc16 import mcrf4xx
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from asvhil.errors import LinkError
+from asvhil.errors import ConfigError, LinkError
 
 MAGIC_V1 = 0xFE
 MAGIC_V2 = 0xFD
@@ -23,7 +26,18 @@ CRC_LENGTH = 2
 
 _CRC_EXTRA = {msg_id: bytes([message.crc_extra]) for msg_id, message in dialect.mavlink_map.items()}
 
-__all__ = ["FrameSplitter", "Parser", "decode", "dialect", "message_id", "refuse_ignored_crc", "source"]
+__all__ = [
+    "FrameSplitter",
+    "Parser",
+    "checksum",
+    "decode",
+    "dialect",
+    "message_id",
+    "message_number",
+    "refuse_ignored_crc",
+    "source",
+    "target",
+]
 
 
 def refuse_ignored_crc() -> None:
@@ -40,6 +54,53 @@ def message_id(frame: bytes) -> int:
 def source(frame: bytes) -> tuple[int, int]:
     """(system id, component id) of the sender of a complete frame."""
     return (frame[3], frame[4]) if frame[0] == MAGIC_V1 else (frame[5], frame[6])
+
+
+def checksum(body: bytes) -> bytes:
+    """The two bytes that follow a MAVLink 2 header and payload of a message in the dialect."""
+    extra = _CRC_EXTRA[int.from_bytes(body[7:10], "little")]
+    return int(mcrf4xx(body[1:] + extra)).to_bytes(CRC_LENGTH, "little")
+
+
+def message_number(name: str) -> int:
+    """The id of a message by its name. Raises ConfigError with the nearest name that exists."""
+    number = getattr(dialect, f"MAVLINK_MSG_ID_{name}", None)
+    if isinstance(number, int) and number in dialect.mavlink_map:
+        return number
+    known = [message.msgname for message in dialect.mavlink_map.values()]
+    near = difflib.get_close_matches(name.upper(), known, n=1)
+    raise ConfigError(f"no MAVLink message is named {name!r}{f', did you mean {near[0]}?' if near else ''}")
+
+
+def _target_offsets() -> dict[int, tuple[int, int | None]]:
+    """Where in the payload target_system and target_component stand, for the messages that have them."""
+    found = {}
+    for msg_id, message in dialect.mavlink_map.items():
+        at = 0
+        places = {}
+        codes = re.findall(r"\d*[a-zA-Z]", message.unpacker.format)  # one for each field, arrays with their count
+        for name, code in zip(message.ordered_fieldnames, codes, strict=True):
+            places[name] = at
+            at += struct.calcsize(f"<{code}")
+        if "target_system" in places:
+            found[msg_id] = (places["target_system"], places.get("target_component"))
+    return found
+
+
+_TARGETS = _target_offsets()
+
+
+def target(frame: bytes) -> tuple[int, int]:
+    """(system id, component id) that a complete frame is addressed to; 0 for everybody, and where none is named."""
+    places = _TARGETS.get(message_id(frame))
+    if places is None:
+        return 0, 0
+    header = HEADER_V1 if frame[0] == MAGIC_V1 else HEADER_V2
+    length = frame[1]  # MAVLink 2 leaves out zeros at the end of the payload
+    system_at, component_at = places
+    system_id = frame[header + system_at] if system_at < length else 0
+    component_id = frame[header + component_at] if component_at is not None and component_at < length else 0
+    return system_id, component_id
 
 
 class FrameSplitter:

@@ -1,41 +1,61 @@
-"""NMEA 0183 sentences to measurements, sans-IO; parsing is pynmeagps's."""
+"""NMEA 0183 on a serial line to measurements, sans-IO: framing and counting here, parsing is pynmeagps's.
+
+Any talker id is taken. What the sentences mean, and what is checked of them, is in `nmea_sentences.py`.
+"""
 
 from __future__ import annotations
 
-import math
+from collections.abc import Collection
 
 from pynmeagps import NMEAMessage, NMEAReader
 
-from asvhil.types import Frame, WindSample
+from asvhil.io.nmea_sentences import DECODERS, EVERYTHING, KNOTS_TO_MPS, TO_MPS, VARIATION, Compass, variation_of
+from asvhil.types import Frame, Measurement, WindSample
+
+__all__ = ["APPARENT_WIND", "EVERYTHING", "KNOTS_TO_MPS", "MAX_LINE", "TO_MPS", "NmeaCodec"]
 
 MAX_LINE = 256  # three times the longest legal sentence: beyond it the line end was lost
-KNOTS_TO_MPS = 1852.0 / 3600.0
-TO_MPS = {"M": 1.0, "N": KNOTS_TO_MPS, "K": 1.0 / 3.6, "S": 0.44704}
+APPARENT_WIND = frozenset({"MWV"})
 
 
 class NmeaCodec:
-    """Wind from `$--MWV` sentences with reference R (apparent). Bad bytes are dropped and counted."""
+    """Sentences of one port to (source, measurement); the source is the sentence, MWV_T for MWV with reference T.
 
-    def __init__(self, port: str) -> None:
+    `wanted` are the sentences to understand, others are counted as ignored. `declination_rad` (east positive) turns
+    magnetic directions into true ones; where None, the variation that RMC or HDG on the same line told last. Bad
+    bytes are dropped and counted.
+    """
+
+    def __init__(
+        self, port: str, wanted: Collection[str] = APPARENT_WIND, declination_rad: float | None = None
+    ) -> None:
         self._port = port
+        self._wanted = frozenset(wanted)
+        self._listens_for_variation = declination_rad is None
+        self._compass = Compass(declination_rad=declination_rad)
         self._buffer = b""
         self.sentences = 0
         self.bad = 0
         self.invalid = 0
         self.ignored = 0
 
-    def decode(self, frame: Frame) -> list[WindSample]:
-        """Samples in one chunk of the stream."""
+    def read(self, frame: Frame) -> list[tuple[str, Measurement]]:
+        """Measurements in one chunk of the stream, each with the name of its source."""
         lines = (self._buffer + frame.data).split(b"\n")
         rest = lines.pop()
         if len(rest) > MAX_LINE:
             self.bad += 1
             rest = b""
         self._buffer = rest
-        samples = (self._sample(frame.t_ns, line) for line in lines)
-        return [sample for sample in samples if sample is not None]
+        found = (self._sentence(frame.t_ns, line) for line in lines)
+        return [pair for pair in found if pair is not None]
+
+    def decode(self, frame: Frame) -> list[WindSample]:
+        """The apparent wind alone."""
+        return [measurement for _, measurement in self.read(frame) if isinstance(measurement, WindSample)]
 
     def counters(self) -> tuple[tuple[str, int], ...]:
+        """Cumulative counts of what came in and what was dropped."""
         return (
             (f"{self._port}.sentences", self.sentences),
             (f"{self._port}.bad", self.bad),
@@ -43,28 +63,41 @@ class NmeaCodec:
             (f"{self._port}.ignored", self.ignored),
         )
 
-    def _sample(self, t_ns: int, line: bytes) -> WindSample | None:
+    def _sentence(self, t_ns: int, line: bytes) -> tuple[str, Measurement] | None:
         start = line.rfind(b"$")
         if start < 0 or len(line) - start > MAX_LINE:
             self.bad += bool(line.strip())
             return None
         try:
             message = NMEAReader.parse(line[start:].rstrip() + b"\r\n")
-            if not isinstance(message, NMEAMessage) or message.msgID != "MWV" or message.reference != "R":
+            source = _source(message)
+            if source is None or source not in self._wanted:
                 self.sentences += 1
                 self.ignored += 1
                 return None
-            scale = TO_MPS.get(str(message.speedu))
-            valid = message.status == "A"
-            angle_deg, speed = (float(message.angle), float(message.speed)) if valid else (math.nan, math.nan)
+            if self._listens_for_variation and source in VARIATION:
+                self._listen(message)
+            measurement = DECODERS[source](t_ns, message, self._compass)
         except Exception:  # the parser's many errors on hostile bytes all mean one thing: a bad line
             self.bad += 1
             return None
         self.sentences += 1
-        if not valid or scale is None:
+        if measurement is None:
             self.invalid += 1
             return None
-        if not (math.isfinite(angle_deg) and math.isfinite(speed)) or speed < 0.0:
-            self.invalid += 1
-            return None
-        return WindSample(t_ns=t_ns, speed_mps=speed * scale, from_rad=math.radians(angle_deg % 360.0))
+        return source, measurement
+
+    def _listen(self, message: NMEAMessage) -> None:
+        variation_rad = variation_of(message)
+        if variation_rad is not None:
+            self._compass = Compass(declination_rad=variation_rad)
+
+
+def _source(message: object) -> str | None:
+    """The name of a sentence as a source, None for what is none."""
+    if not isinstance(message, NMEAMessage):
+        return None
+    name = str(message.msgID)
+    if name == "MWV":
+        return {"R": "MWV", "T": "MWV_T"}.get(message.reference)
+    return name

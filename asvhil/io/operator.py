@@ -7,6 +7,7 @@ from typing import Any
 
 from asvhil.config import AutopilotLinkConfig
 from asvhil.io.mavlink import Parser, decode, dialect, message_id, source
+from asvhil.io.timesync import TimeSync
 from asvhil.types import Frame, HoldCommand, ReleaseCommand, record
 
 PORT = "operator"
@@ -38,6 +39,7 @@ class OperatorLink:
         self._own = dialect.MAVLink(None, srcSystem=config.system_id, srcComponent=config.component_id)
         self._heartbeat_ns: int | None = None
         self._refused: list[tuple[Any, str]] = []
+        self._clocks: dict[str, TimeSync] = {}
         self._heard = False
 
     def decode(self, frame: Frame) -> list[Request]:
@@ -45,6 +47,8 @@ class OperatorLink:
         found: list[Request] = []
         for data in self._parser.feed(frame.peer, frame.data):
             self._heard = True
+            if message_id(data) == dialect.MAVLINK_MSG_ID_TIMESYNC:
+                self._on_timesync(frame, data)
             if message_id(data) not in (dialect.MAVLINK_MSG_ID_COMMAND_INT, dialect.MAVLINK_MSG_ID_COMMAND_LONG):
                 continue
             message = decode(data)
@@ -81,6 +85,9 @@ class OperatorLink:
         """Refusals that are due, and a heartbeat each second once somebody has spoken on this port."""
         frames = [self._pack(t_ns, message, peer) for message, peer in self._refused]
         self._refused = []
+        for peer, clock in self._clocks.items():
+            frames += [self._pack(t_ns, dialect.MAVLink_timesync_message(*a), peer) for a in clock.answers(t_ns)]
+        self._clocks.clear()
         if self._heard and (self._heartbeat_ns is None or t_ns - self._heartbeat_ns >= HEARTBEAT_NS):
             self._heartbeat_ns = t_ns
             heartbeat = dialect.MAVLink_heartbeat_message(
@@ -95,6 +102,12 @@ class OperatorLink:
             ("operator.bad_crc", self._parser.total("bad_crc")),
             ("operator.garbage_bytes", self._parser.total("garbage_bytes")),
         )
+
+    def _on_timesync(self, frame: Frame, data: bytes) -> None:
+        """A ground station asks for our time; its own is of no use to us."""
+        message = decode(data)
+        if message is not None and message.tc1 == 0 and len(self._clocks) < Parser.MAX_PEERS:
+            self._clocks.setdefault(frame.peer, TimeSync()).receive(frame.t_ns, message.tc1, message.ts1)
 
     def _addressed(self, message: Any) -> bool:
         return message.target_system == self._config.system_id and message.target_component in (

@@ -4,7 +4,9 @@ Layout, version 1 (profile "asvhil"):
 - Metadata records stand at the start of the file, synced before the first tick: what the caller gives (config,
   versions, seed, ...), then the record `asvhil` with the layout's version and the number of the others.
 - `/frames/<port>/in` and `/frames/<port>/out`: raw frames, one channel per (port, direction, peer), with these three
-  in the channel's metadata. log_time is the frame's t_ns. Message encodings are mavlink, nmea, or octets.
+  in the channel's metadata. log_time is the frame's t_ns. Message encodings are mavlink, nmea, vectornav, or octets.
+- `/frames/<port>/forwarded`: frames of others that the daemon passed on to that port, the link that they came by as
+  peer. No part of inputs or outputs; what is passed on to ground stations is not kept, it stands where it came in.
 - `/asvhil/inputs`: the cut of a tick, JSON {"t_ns", "frames"}. An Inputs is this marker and the last `frames` inbound
   frames before it in FILE order. The sequence number counts ticks from 1; a step of more than 1 means that ticks were
   dropped because the disk stalled.
@@ -40,7 +42,13 @@ LAYOUT_RECORD = "asvhil"  # the name of the metadata record that closes the othe
 INPUTS_TOPIC = "/asvhil/inputs"
 OUTPUTS_TOPIC = "/asvhil/outputs"
 TIMING_TOPIC = "/asvhil/timing"
-ENCODINGS: Mapping[str, str] = {"autopilot": "mavlink", "operator": "mavlink", "anemometer": "nmea"}
+ENCODINGS: Mapping[str, str] = {
+    "autopilot": "mavlink",
+    "operator": "mavlink",
+    "anemometer": "nmea",
+    "gnss": "nmea",
+    "ins": "vectornav",
+}
 
 _VIEW_PERIOD_NS = 200_000_000
 _CLOSE_TIMEOUT_S = 10.0
@@ -116,6 +124,10 @@ class Recorder:
     def write_timing(self, t_ns: int, step_ns: int, overrun: bool) -> None:
         """How long the step of a tick took; a diagnostic, never compared."""
         self._submit(_RECORD_BYTES, self._file.write_timing, t_ns, step_ns, overrun)
+
+    def write_forwarded(self, frame: Frame) -> None:
+        """A frame of others that was passed on."""
+        self._submit(_RECORD_BYTES + len(frame.data), self._file.write_forwarded, frame)
 
     def write_log(self, t_ns: int, level: str, text: str) -> None:
         """A line of text at a level of `logging` (debug, info, warning, error, critical)."""
@@ -231,6 +243,9 @@ class _LogWriter:
 
     def write_timing(self, t_ns: int, step_ns: int, overrun: bool) -> None:
         self._add(self._timing, t_ns, _json({"t_ns": t_ns, "step_ns": step_ns, "overrun": overrun}))
+
+    def write_forwarded(self, frame: Frame) -> None:
+        self._add_frame(frame, "forwarded")
 
     def write_log(self, t_ns: int, level: str, text: str) -> None:
         self._add(self._views[LOG_TOPIC], t_ns, log_message(t_ns, level, text))

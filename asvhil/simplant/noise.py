@@ -35,13 +35,18 @@ class OrnsteinUhlenbeck:
     Exact discretisation: x' = a x + std sqrt(1 - a^2) z with a = exp(-step / time), started from its stationary law.
     """
 
-    __slots__ = ("_a", "_kick", "_source", "value")
+    __slots__ = ("_a", "_kick", "_source", "_std", "_time_s", "value")
 
     def __init__(self, std: float, time_s: float, step_s: float, source: NormalSource) -> None:
-        self._a = math.exp(-step_s / time_s)
-        self._kick = std * math.sqrt(-math.expm1(-2.0 * step_s / time_s))
+        self._std, self._time_s = std, time_s
         self._source = source
+        self.set_step(step_s)
         self.value = std * source.next()
+
+    def set_step(self, step_s: float) -> None:
+        """Sample at another interval from now on."""
+        self._a = math.exp(-step_s / self._time_s)
+        self._kick = self._std * math.sqrt(-math.expm1(-2.0 * step_s / self._time_s))
 
     def advance(self) -> float:
         """One step on; the new value."""

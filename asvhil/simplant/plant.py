@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from typing import Protocol
+
 import numpy as np
 
 from asvhil.config import Config
 from asvhil.geo import LocalFrame, wrap_rad
+from asvhil.simplant.devices import SimulatedNmea, SimulatedVn300
+from asvhil.simplant.faults import Faults, motor_signals_us
 from asvhil.simplant.frontseat import PORT as AUTOPILOT_PORT
 from asvhil.simplant.frontseat import SimulatedArduRover
-from asvhil.simplant.sensors import Anemometer, Navigation, mwv_sentence
+from asvhil.simplant.sensors import Anemometer, Motion, Navigation, mwv_sentence
 from asvhil.simplant.vessel import Vessel
 from asvhil.simplant.weather import Weather
 from asvhil.types import Frame, record
@@ -33,18 +37,43 @@ class Truth:
     outputs_us: tuple[int, int]
 
 
+class Autopilot(Protocol):
+    """What drives the motors: bytes in by `receive`, one main loop by `loop`, bytes out."""
+
+    @property
+    def outputs_us(self) -> tuple[int, int]: ...
+
+    def receive(self, frame: Frame) -> None: ...
+
+    def loop(self, t_ns: int) -> list[Frame]: ...
+
+
+class Moored:
+    """A boat at a standstill as its sensors see it: the pose of one that would be adrift, and no motion."""
+
+    r_radps = ax_mps2 = ay_mps2 = 0.0
+
+    def __init__(self, vessel: Vessel) -> None:
+        self.n_m, self.e_m, self.psi_rad = vessel.n_m, vessel.e_m, vessel.psi_rad
+
+    def ground_velocity_ned(self) -> tuple[float, float]:
+        return 0.0, 0.0
+
+
 class Plant:
     """Built whole at power-on; `receive` bytes, `advance` time, and take the bytes it has sent.
 
     Same config and same inputs give the same bytes: all randomness comes from `plant.seed`, one stream for each
-    sensor and gust component, none of which depends on what the companion asks for.
+    sensor, gust component and the waves, none of which depends on what the companion asks for.
     """
 
-    def __init__(self, config: Config, t_ns: int) -> None:
+    def __init__(self, config: Config, t_ns: int, autopilot: Autopilot | None = None) -> None:
+        """`autopilot` drives the motors in the place of the simulated one, `frontseat`, which is then never powered."""
         plant = config.plant
         vessel = plant.vessel or config.vehicle.vessel
         pwm = config.vehicle.pwm
-        weather_seed, navigation_seed, anemometer_seed = np.random.SeedSequence(plant.seed).spawn(3)
+        seeds = np.random.SeedSequence(plant.seed).spawn(5)
+        weather_seed, navigation_seed, anemometer_seed, ins_seed, nmea_seed = seeds
         self._step_ns = round(1e9 * plant.step_s)
         self._t_ns = self._start_ns = t_ns
         self._loop_hz = plant.frontseat.loop_hz
@@ -58,6 +87,7 @@ class Plant:
             plant.step_s,
             (plant.start_n_m, plant.start_e_m, np.radians(plant.start_heading_deg).item()),
             (self._weather.current_n_mps, self._weather.current_e_mps),
+            self._weather.waves,
         )
         self._navigation = Navigation(plant.sensors, self._loop_hz, t_ns, navigation_seed)
         self._anemometer = Anemometer(plant.sensors.anemometer, anemometer_seed)
@@ -66,11 +96,58 @@ class Plant:
             plant.frontseat, pwm, plant.sensors.gnss, self.origin, self._navigation, self._vessel, t_ns
         )
 
+        self._autopilot: Autopilot = autopilot or self.frontseat
+        self._faults = Faults(plant.faults, t_ns)
+        # A boat has the sensors that either end of their lines is configured for.
+        self._devices: list[SimulatedVn300 | SimulatedNmea] = []
+        if config.links.ins is not None or plant.links.ins is not None:
+            self._devices.append(SimulatedVn300(plant.sensors, self.origin, t_ns, ins_seed))
+        if config.links.gnss is not None or plant.links.gnss is not None:
+            self._devices.append(SimulatedNmea(plant.sensors, self.origin, t_ns, nmea_seed))
+        self._moored: Moored | None = None
+
+    @property
+    def motion(self) -> Motion:
+        """The boat as its sensors see it after the last step, without their errors."""
+        return self._moored or self._vessel
+
+    @property
+    def t_ns(self) -> int:
+        """The time of the last step."""
+        return self._t_ns
+
+    @property
+    def navigation(self) -> Navigation:
+        """The GNSS/INS, with what it measured last."""
+        return self._navigation
+
+    @property
+    def faults(self) -> frozenset[str]:
+        """What is broken now."""
+        return self._faults.at(self._t_ns)
+
+    def moor(self, on: bool) -> None:
+        """Keep the boat where it is while time and weather go on, or let it go: at rest in the water, as at the start.
+
+        To be moored before the first step.
+        """
+        self._moored = Moored(self._vessel) if on else None
+
+    def set_step(self, step_s: float, loop_hz: float | None = None) -> None:
+        """Steps of another length from now on, and another rate at which the autopilot reads its sensors."""
+        self._step_ns = round(1e9 * step_s)
+        if loop_hz is not None:
+            self._loop_hz = loop_hz
+            past = int((self._t_ns - self._start_ns) * 1e-9 * loop_hz)
+            self._loops, self._loop_due_ns = self._next(past, loop_hz)
+        self._vessel.set_step(step_s)
+        self._weather.set_step(step_s)
+
     @property
     def truth(self) -> Truth:
         """The state after the last step."""
         vessel, weather = self._vessel, self._weather
-        u_mps, v_mps = vessel.ground_velocity_body()
+        u_mps, v_mps = (0.0, 0.0) if self._moored else vessel.ground_velocity_body()
         return Truth(
             t_ns=self._t_ns,
             n_m=vessel.n_m,
@@ -78,7 +155,7 @@ class Plant:
             psi_rad=wrap_rad(vessel.psi_rad),
             u_mps=u_mps,
             v_mps=v_mps,
-            r_radps=vessel.r_radps,
+            r_radps=self.motion.r_radps,
             wind_n_mps=weather.wind_n_mps,
             wind_e_mps=weather.wind_e_mps,
             thrust_n=(vessel.thrust_port_n, vessel.thrust_starboard_n),
@@ -88,7 +165,12 @@ class Plant:
     def receive(self, frame: Frame) -> None:
         """Bytes from the companion; only the autopilot listens."""
         if frame.port == AUTOPILOT_PORT:
-            self.frontseat.receive(frame)
+            self._autopilot.receive(frame)
+
+    def step(self) -> list[Frame]:
+        """One step, with the motors as the autopilot drives them when it begins; what was sent on the way."""
+        self._vessel.drive(motor_signals_us(self._autopilot.outputs_us, self._faults.at(self._t_ns)))
+        return self.advance(self._t_ns + self._step_ns)
 
     def advance(self, t_ns: int) -> list[Frame]:
         """Step up to, never beyond, a time; what was sent on the way, in time order."""
@@ -96,18 +178,25 @@ class Plant:
         vessel, weather = self._vessel, self._weather
         while self._t_ns + self._step_ns <= t_ns:
             self._t_ns += self._step_ns
-            vessel.step(weather.wind_n_mps, weather.wind_e_mps)
+            faults = self._faults.at(self._t_ns)
+            if self._moored is None:
+                vessel.step(weather.wind_n_mps, weather.wind_e_mps)
             weather.advance()
             if self._t_ns >= self._loop_due_ns:
                 self._loops, self._loop_due_ns = self._next(self._loops, self._loop_hz)
-                self._navigation.sample(self._t_ns, vessel)
-                sent += self.frontseat.loop(self._t_ns)
-                vessel.drive(self.frontseat.outputs_us)
+                self._navigation.sample(self._t_ns, self.motion, fixes="gnss" not in faults)
+                sent += self._autopilot.loop(self._t_ns)
+                vessel.drive(motor_signals_us(self._autopilot.outputs_us, faults))
             if self._t_ns >= self._sentence_due_ns:
                 self._sentences, self._sentence_due_ns = self._next(self._sentences, self._anemometer_hz)
-                speed_mps, from_deg = self._anemometer.sample(vessel, weather.wind_n_mps, weather.wind_e_mps)
-                data = mwv_sentence(speed_mps, from_deg)
-                sent.append(Frame(t_ns=self._t_ns, port=ANEMOMETER_PORT, data=data))
+                speed_mps, from_deg = self._anemometer.sample(
+                    self.motion, weather.wind_n_mps, weather.wind_e_mps, stuck="vane" in faults
+                )
+                if "anemometer" not in faults:
+                    data = mwv_sentence(speed_mps, from_deg)
+                    sent.append(Frame(t_ns=self._t_ns, port=ANEMOMETER_PORT, data=data))
+            for device in self._devices:
+                sent += device.advance(self._t_ns, self.motion, faults)
         return sent
 
     def _next(self, count: int, rate_hz: float) -> tuple[int, int]:

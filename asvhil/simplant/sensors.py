@@ -89,12 +89,14 @@ class Navigation:
         self.n_m = self.e_m = self.vn_mps = self.ve_mps = 0.0
         self.psi_rad = self.r_radps = self.ax_mps2 = self.ay_mps2 = 0.0
 
-    def sample(self, t_ns: int, truth: Motion) -> None:
-        """Measure the truth at a loop of the autopilot; psi in [0, 2 pi)."""
+    def sample(self, t_ns: int, truth: Motion, *, fixes: bool = True) -> None:
+        """Measure the truth at a loop of the autopilot; psi in [0, 2 pi). Without fixes, what came of them stays."""
         white, velocity, heading, gyro, accel = self._sources
         vn, ve = truth.ground_velocity_ned()
-        if t_ns >= self._fix_due_ns:
+        due = t_ns >= self._fix_due_ns
+        if due:
             self._fix_due_ns += self._period_ns
+        if due and fixes:
             if self.fixes:
                 self._bias_n.advance()
                 self._bias_e.advance()
@@ -106,8 +108,9 @@ class Navigation:
             self.fix_ns = t_ns
             self.fix_n_m, self.fix_e_m = truth.n_m + self._err_n, truth.e_m + self._err_e
             self.fix_vn_mps, self.fix_ve_mps = vn + self._err_vn, ve + self._err_ve
-        self.n_m, self.e_m = truth.n_m + self._err_n, truth.e_m + self._err_e
-        self.vn_mps, self.ve_mps = vn + self._err_vn, ve + self._err_ve
+        if fixes:
+            self.n_m, self.e_m = truth.n_m + self._err_n, truth.e_m + self._err_e
+            self.vn_mps, self.ve_mps = vn + self._err_vn, ve + self._err_ve
         self.psi_rad = wrap_2pi(truth.psi_rad + self._heading_bias + self._heading_std * heading.next())
         self.r_radps = truth.r_radps + self._gyro_std * gyro.next()
         self.ax_mps2 = truth.ax_mps2 + self._accel_bias[0] + self._accel_std * accel.next()
@@ -128,12 +131,14 @@ class Anemometer:
         self._source = NormalSource(seed)
         self._position = 0
 
-    def sample(self, truth: Motion, wind_n_mps: float, wind_e_mps: float) -> tuple[float, float]:
+    def sample(
+        self, truth: Motion, wind_n_mps: float, wind_e_mps: float, *, stuck: bool = False
+    ) -> tuple[float, float]:
         """Speed (m/s) and direction (degrees FROM, clockwise from the bow, [0, 360)) of the apparent wind."""
         vn, ve = truth.ground_velocity_ned()
         ahead, abeam = ned_to_body(truth.psi_rad, wind_n_mps - vn, wind_e_mps - ve)
         apparent_mps = math.hypot(ahead, abeam)
-        if apparent_mps > VANE_STALL_MPS:
+        if apparent_mps > VANE_STALL_MPS and not stuck:
             from_rad = math.atan2(-abeam, -ahead) - self._misalignment_rad
             self._position = round(from_rad * self._positions / math.tau) % self._positions
         speed_mps = max(0.0, apparent_mps + self._speed_std * self._source.next())

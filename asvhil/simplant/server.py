@@ -40,8 +40,10 @@ class PlantServer:
         for number in (signal.SIGINT, signal.SIGTERM):
             loop.add_signal_handler(number, self.stop)
         specs = {"autopilot": self._config.plant.links.autopilot}
-        if self._config.plant.links.anemometer is not None:
-            specs["anemometer"] = self._config.plant.links.anemometer
+        for port in ("anemometer", "ins", "gnss"):
+            spec = getattr(self._config.plant.links, port)
+            if spec is not None:
+                specs[port] = spec
         endpoints: dict[str, Endpoint] = {}
         readers: list[asyncio.Task[None]] = []
         try:
@@ -80,7 +82,8 @@ class PlantServer:
                 behind_ns += lag_ns
                 t_ns -= lag_ns
             for frame in plant.advance(t_ns):
-                await endpoints[frame.port].send(frame.data)
+                if frame.port in endpoints:  # a sensor without a line speaks to nobody
+                    await endpoints[frame.port].send(frame.data)
             if self._on_truth is not None:
                 self._on_truth(plant.truth)
             if duration_s is not None and t_ns - start_ns >= duration_s * 1e9:

@@ -1,4 +1,4 @@
-"""The true motion of the simulated boat: 3-DOF rigid body in wind and a constant current, two lagging motors."""
+"""The true motion of the simulated boat: 3-DOF rigid body in wind, waves and a current, two lagging motors."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from bisect import bisect_right
 
 from asvhil.config import PwmConfig, VesselConfig
 from asvhil.dynamics.rigid_body import RigidBody
+from asvhil.simplant.waves import Waves
 
 NO_SIGNAL_US = 0
 
@@ -44,7 +45,8 @@ class Vessel:
     """Truth: pose in NED, velocity through the water in body axes, thrusts; integrated by Heun's method in fixed steps.
 
     The state moves with the water, so a constant current is exact: the Coriolis terms see only the relative velocity
-    (Fossen 2011, property 8.1). Plain attributes and floats, because `step` is the hot path of every simulation.
+    (Fossen 2011, property 8.1). Waves carry the whole of it: their motion is added to what is integrated, and every
+    attribute shows the sum. Plain attributes and floats, because `step` is the hot path of every simulation.
     """
 
     __slots__ = (
@@ -54,8 +56,11 @@ class Vessel:
         "_demand_port_n",
         "_demand_starboard_n",
         "_lag_gain",
+        "_motor_lag_s",
         "_motors",
         "_step_s",
+        "_still",
+        "_waves",
         "ax_mps2",
         "ay_mps2",
         "e_m",
@@ -76,19 +81,29 @@ class Vessel:
         step_s: float,
         pose: tuple[float, float, float],
         current_mps: tuple[float, float] = (0.0, 0.0),
+        waves: Waves | None = None,
     ) -> None:
         self._body = RigidBody(vessel)
         self._motors = MotorTable(vessel, pwm)
-        self._step_s = step_s
-        self._lag_gain = -math.expm1(-step_s / vessel.motor_lag_s)
+        self._motor_lag_s = vessel.motor_lag_s
+        self.set_step(step_s)
         self._current_n, self._current_e = current_mps
         self._demand_port_n = self._demand_starboard_n = 0.0
         self.outputs_us: tuple[int, int] = (NO_SIGNAL_US, NO_SIGNAL_US)
+        self._still: tuple[float, ...] = ()
         self.n_m, self.e_m, self.psi_rad = pose
         self.thrust_port_n = self.thrust_starboard_n = 0.0
         self.ax_mps2 = self.ay_mps2 = 0.0  # acceleration over ground in body axes, at the end of the last step
         # A boat left alone before the start drifts with the water: at rest relative to it.
         self.u_mps = self.v_mps = self.r_radps = 0.0
+        self._waves = waves
+        if waves is not None:
+            self._ride(waves)
+
+    def set_step(self, step_s: float) -> None:
+        """Steps of another length from now on."""
+        self._step_s = step_s
+        self._lag_gain = -math.expm1(-step_s / self._motor_lag_s)
 
     def drive(self, outputs_us: tuple[int, int]) -> None:
         """Set the pulse widths (port, starboard) that the motors see from now on."""
@@ -115,6 +130,8 @@ class Vessel:
 
     def step(self, wind_n_mps: float, wind_e_mps: float) -> None:
         """One step under a true wind that is held over it; the motor lag is exact, the rest second order."""
+        if self._waves is not None:
+            self.n_m, self.e_m, self.psi_rad, self.u_mps, self.v_mps, self.r_radps = self._still
         dt = self._step_s
         air_n, air_e = wind_n_mps - self._current_n, wind_e_mps - self._current_e
         n, e, psi = self.n_m, self.e_m, self.psi_rad
@@ -138,6 +155,25 @@ class Vessel:
         # Inertial acceleration in body axes, nu_dot + S(r) nu: what an accelerometer at the origin feels.
         self.ax_mps2 = u2 - r * v
         self.ay_mps2 = v2 + r * u
+        if self._waves is not None:
+            self._waves.advance()
+            self._ride(self._waves)
+
+    def _ride(self, waves: Waves) -> None:
+        """Keep the motion as it is without waves for the next step, and show the sum: pose, velocity, acceleration."""
+        psi, u, v, ax, ay = self.psi_rad, self.u_mps, self.v_mps, self.ax_mps2, self.ay_mps2
+        self._still = self.n_m, self.e_m, psi, u, v, self.r_radps
+        c, s = math.cos(psi), math.sin(psi)
+        vn, ve = c * u - s * v + waves.vn_mps, s * u + c * v + waves.ve_mps
+        an, ae = c * ax - s * ay + waves.an_mps2, s * ax + c * ay + waves.ae_mps2
+        psi += waves.psi_rad
+        c, s = math.cos(psi), math.sin(psi)
+        self.n_m += waves.n_m
+        self.e_m += waves.e_m
+        self.psi_rad = psi
+        self.r_radps += waves.r_radps
+        self.u_mps, self.v_mps = c * vn + s * ve, c * ve - s * vn
+        self.ax_mps2, self.ay_mps2 = c * an + s * ae, c * ae - s * an
 
     def _rates(
         self,

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import dataclasses
+import json
 import math
-import multiprocessing
-from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Callable, Iterable
 from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,8 @@ import numpy as np
 from asvhil.config import Config, load_config
 from asvhil.geo import LocalFrame, wrap_rad
 from asvhil.simplant.lockstep import Lockstep
+from asvhil.study.runner import Job, Progress, Result, run_jobs
+from asvhil.study.trial import run_key
 from asvhil.types import record
 
 START_M = 60.0
@@ -23,6 +26,7 @@ SETTLED_S = 60.0  # the last of the run: the boat is to be at the station
 LOST_M = 5.0
 CHATTER_S = 10.0  # no more than one change of stage in any span of this length
 KEEPING = ("keep_heading", "keep_position")
+TRACK_S = 1.0  # from one point of a track to the next
 
 
 @record
@@ -47,6 +51,7 @@ class Outcome:
     settled_max_m: float
     settled_heading_deg: float  # mean absolute heading error over the same
     changes: tuple[tuple[float, str], ...]  # (time, stage entered), the first stage among them
+    track_m: tuple[tuple[float, float], ...]  # north and east of the station, TRACK_S apart
 
     @property
     def lost(self) -> bool:
@@ -91,12 +96,16 @@ def run_start(start: Start, overrides: tuple[str, ...] = (), duration_s: float =
     stage, changes = "", []
     handover_s = reached_s = None
     tail: list[tuple[float, float]] = []
+    track: list[tuple[float, float]] = []
     distance_m = math.inf
     ticks = round(duration_s * config.daemon.tick_hz)
     for tick in range(ticks):
         _, outputs = loop.tick()
         truth = loop.plant.truth
-        distance_m = math.hypot(truth.n_m - station_n_m, truth.e_m - station_e_m)
+        offset_m = (truth.n_m - station_n_m, truth.e_m - station_e_m)
+        distance_m = math.hypot(*offset_m)
+        if tick % round(TRACK_S * config.daemon.tick_hz) == 0:
+            track.append((round(offset_m[0], 2), round(offset_m[1], 2)))
         if outputs.control is not None:
             begin_ns = outputs.t_ns if begin_ns is None else begin_ns
             t_s = (outputs.t_ns - begin_ns) * 1e-9
@@ -119,25 +128,40 @@ def run_start(start: Start, overrides: tuple[str, ...] = (), duration_s: float =
         settled_max_m=float(settled[:, 0].max()),
         settled_heading_deg=math.degrees(float(settled[:, 1].mean())),
         changes=tuple(changes),
+        track_m=tuple(track),
     )
 
 
 def study_approach(
+    store: Path,
     runs: int = 100,
     seed: int = 1,
-    progress: Callable[[int, int], None] | None = None,
     *,
     overrides: tuple[str, ...] = (),
     duration_s: float = DURATION_S,
-    workers: int = 2,
-) -> dict[str, Any]:
-    """Figures of `runs` random starts as a JSON-ready tree; `progress(done, runs)` after each."""
-    outcomes = []
-    for outcome in _each(draw_starts(runs, seed), overrides, duration_s, workers):
-        outcomes.append(outcome)
-        if progress is not None:
-            progress(len(outcomes), runs)
-    return {"seed": seed, "duration_s": duration_s, "overrides": list(overrides), **summarise_approach(outcomes)}
+    workers: int | None = None,
+    tell: Callable[[Progress], None] = lambda progress: None,
+) -> tuple[dict[str, Any], list[Outcome]]:
+    """Figures of `runs` random starts as a JSON-ready tree, and the runs themselves.
+
+    Runs that the store holds are not run again (`runner.run_jobs`).
+    """
+    jobs = [_job(start, overrides, duration_s) for start in draw_starts(runs, seed)]
+    finished = run_jobs(run_named_start, jobs, store, workers=workers, tell=tell)
+    outcomes = [_outcome(result) for result in finished.results]
+    figures = {
+        "seed": seed,
+        "duration_s": duration_s,
+        "overrides": list(overrides),
+        **summarise_approach(outcomes),
+        "runs_of_other_code": finished.outdated,
+    }
+    return figures, outcomes
+
+
+def run_named_start(start: dict[str, Any], overrides: tuple[str, ...], duration_s: float) -> Result:
+    """`run_start` for another process: JSON-ready in and out."""
+    return dataclasses.asdict(run_start(Start(**start), overrides, duration_s))
 
 
 def summarise_approach(outcomes: list[Outcome]) -> dict[str, Any]:
@@ -161,14 +185,51 @@ def summarise_approach(outcomes: list[Outcome]) -> dict[str, Any]:
     }
 
 
-def _each(starts: list[Start], overrides: tuple[str, ...], duration_s: float, workers: int) -> Iterator[Outcome]:
-    """Outcomes in the order of the starts."""
-    if workers == 1:
-        yield from (run_start(start, overrides, duration_s) for start in starts)
-        return
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(workers, mp_context=context) as pool:
-        yield from pool.map(run_start, starts, [overrides] * len(starts), [duration_s] * len(starts))
+def markdown(figures: dict[str, Any]) -> str:
+    """What was asked, and what came of it."""
+
+    def spread(key: str, digits: int = 1) -> str:
+        row = figures[key]
+        return "-" if row is None else " / ".join(f"{row[part]:.{digits}f}" for part in ("min", "median", "max"))
+
+    lines = [
+        f"{figures['runs']} random starts {figures['start_m']:g} m off, any bearing, heading and wind direction, "
+        f"{figures['wind_mps']:g} m/s with gusts and sensor noise, {figures['duration_s']:g} s each.",
+        "",
+        "| | asked | reached |",
+        "| --- | --- | --- |",
+        f"| lost | none | {figures['lost']} |",
+        f"| most changes of stage in {CHATTER_S:g} s | at most 1 | {figures['changes_per_10_s_max']} |",
+        f"| changes too soon after another | none | {figures['changes_too_soon']} |",
+        f"| most changes of stage in a run | | {figures['changes_per_run_max']} |",
+        f"| runs that started over | | {figures['started_over']} |",
+        f"| hand-over to the keeper (s), min / median / max | | {spread('handover_s')} |",
+        f"| within r_h of the station (s) | | {spread('reached_s')} |",
+        f"| mean distance over the last {SETTLED_S:g} s (m) | | {spread('settled_m', 2)} |",
+        f"| largest distance over the last {SETTLED_S:g} s (m) | | {spread('settled_max_m', 2)} |",
+        f"| mean magnitude of the heading error over the same (°) | | {spread('settled_heading_deg', 2)} |",
+    ]
+    for row in figures["bad"]:
+        lines += ["", f"Lost or too soon: {json.dumps(row)}"]
+    return "\n".join(lines) + "\n"
+
+
+def _job(start: Start, overrides: tuple[str, ...], duration_s: float) -> Job:
+    config = load_config("sitl", (*start_overrides(start), *overrides))
+    key = f"approach {run_key(config)} {duration_s:g}"
+    return Job(key=key, group="approach", arguments=(dataclasses.asdict(start), overrides, duration_s))
+
+
+def _outcome(result: Result) -> Outcome:
+    """A run as JSON has kept it."""
+    return Outcome(
+        **{
+            **result,
+            "start": Start(**result["start"]),
+            "changes": tuple((t_s, stage) for t_s, stage in result["changes"]),
+            "track_m": tuple((n_m, e_m) for n_m, e_m in result["track_m"]),
+        }
+    )
 
 
 def _station(config: Config) -> tuple[float, float, float]:

@@ -6,8 +6,11 @@ least penalty score ps = e_d + s_d + |e_h| + s_h (m, degrees) over all periodic 
 
 from __future__ import annotations
 
+import dataclasses
+import json
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any
 
 import casadi as ca
@@ -16,20 +19,29 @@ from numpy.typing import NDArray
 
 from asvhil.dynamics.integrate import advance
 from asvhil.dynamics.protocol import Dynamics
+from asvhil.errors import AsvhilError
 from asvhil.types import record
 
 Array = NDArray[np.float64]
 
 INTERVALS = 60
-PERIODS_S = (4.0, 30.0)  # bounds of the free period
+SUBSTEPS = 2  # of an interval: the motor lag must not gain by the error of the integrator
+PERIODS_S = (4.0, 16.0)  # bounds of the free period; longer ones held several cycles, and no better ones, when tried
 STARTS_S = (5.5, 8.0, 11.5, 15.0)
 SWINGS_RAD = (0.06, 0.18)
+THRUST = 0.3  # of the first guesses, of full thrust ahead
+STARTS = 40  # guesses: the eight of the lists above, the rest drawn
+SEED = 1
+ALIKE = 1e-3  # of the best score: orbits that near are counted as the same
 SMOOTH = 1e-6  # under the roots: the score has corners at zero
 
 
 @record
 class Orbit:
-    """A periodic motion about the station: its score, its period, and rows of (x, y, psi, u, v, r, motors ...)."""
+    """A periodic motion about the station: its score, its period, and rows of (x, y, psi, u, v, r, motors ...).
+
+    `starts`, `converged` and `alike` tell how often it was looked for, a local best was found, and it was as good.
+    """
 
     penalty_score: float
     period_s: float
@@ -37,31 +49,111 @@ class Orbit:
     heading_deg: tuple[float, float]
     states: Array
     inputs: Array
+    starts: int = 1
+    converged: int = 1
+    alike: int = 1
+
+
+@record
+class Guess:
+    """Where a search begins: a heading that swings, with thrust in phase with it, `skew_rad` later."""
+
+    period_s: float
+    swing_rad: float
+    thrust: float = THRUST
+    skew_rad: float = 0.0
 
 
 def bound(
     model: Dynamics,
     wind_mps: float,
     toward_rad: float,
+    starts: int = STARTS,
     on_start: Callable[[int, int], None] = lambda done, of: None,
 ) -> Orbit:
-    """The best orbit found from several starts. `toward_rad` is from the station's heading. RuntimeError if none."""
+    """The best orbit found from several starts. `toward_rad` is from the station's heading. RuntimeError if none.
+
+    `on_start(done, of)` is called before each of them.
+    """
     solver, lower, upper, size = _problem(model, wind_mps, toward_rad)
-    guesses = [(period, swing) for period in STARTS_S for swing in SWINGS_RAD]
-    best: Orbit | None = None
-    for number, (period_s, swing_rad) in enumerate(guesses):
-        on_start(number, len(guesses))
-        found = solver(
-            x0=_guess(model, size, wind_mps, toward_rad, period_s, swing_rad), lbx=lower, ubx=upper, lbg=0.0, ubg=0.0
-        )
-        if not solver.stats()["success"]:
-            continue
-        orbit = _orbit(np.array(found["x"]).ravel(), size)
-        if best is None or orbit.penalty_score < best.penalty_score:
-            best = orbit
-    if best is None:
+    orbits: list[Orbit] = []
+    for number, guess in enumerate(guesses(starts)):
+        on_start(number, starts)
+        first = _first(model, size, wind_mps, toward_rad, guess)
+        found = solver(x0=first, lbx=lower, ubx=upper, lbg=0.0, ubg=0.0)
+        if solver.stats()["success"]:
+            orbits.append(_orbit(np.array(found["x"]).ravel(), size))
+    if not orbits:
         raise RuntimeError(f"no periodic motion was found in a wind of {wind_mps:g} m/s")
-    return best
+    best = min(orbits, key=lambda orbit: orbit.penalty_score)
+    alike = sum(orbit.penalty_score <= best.penalty_score * (1.0 + ALIKE) for orbit in orbits)
+    return dataclasses.replace(best, starts=starts, converged=len(orbits), alike=alike)
+
+
+def guesses(count: int) -> list[Guess]:
+    """The first `count` starts: a grid of periods and swings, then seeded draws of all four numbers."""
+    grid = [Guess(period_s=period_s, swing_rad=swing) for period_s in STARTS_S for swing in SWINGS_RAD]
+    rng = np.random.default_rng(SEED)
+    drawn = [
+        Guess(
+            period_s=math.exp(rng.uniform(math.log(PERIODS_S[0]), math.log(PERIODS_S[1]))),
+            swing_rad=math.exp(rng.uniform(math.log(0.02), math.log(0.5))),
+            thrust=rng.uniform(0.1, 0.9),
+            skew_rad=rng.uniform(-0.5, 0.5),
+        )
+        for _ in range(count - len(grid))
+    ]
+    return (grid + drawn)[:count]
+
+
+def figures(orbit: Orbit) -> dict[str, Any]:
+    """A bound as a JSON-ready tree."""
+    (e_d, s_d), (e_h, s_h) = orbit.distance_m, orbit.heading_deg
+    return {
+        "penalty_score": orbit.penalty_score,
+        "period_s": orbit.period_s,
+        "distance_m": {"mean": e_d, "std": s_d},
+        "heading_deg": {"mean": e_h, "std": s_h},
+        "starts": orbit.starts,
+        "converged": orbit.converged,
+        "alike": orbit.alike,
+    }
+
+
+def markdown(study: Mapping[str, Any]) -> str:
+    """The bounds of `study bound` as a table, and what it means."""
+    lines = [
+        f"The least penalty score ps (m, degrees) that any controller could reach with the {study['vehicle']} in a "
+        "steady wind, without noise: the best periodic motion of the true model with its motor lag and thrust limits, "
+        "free in its period. `starts` searches began at different motions, `converged` of them ended at a local best, "
+        f"and `alike` of these within {100.0 * ALIKE:g} % of the best one. The wind is in m/s, toward degrees from the "
+        "station's heading; mirrored winds have the same bound, and along the wind it is zero.",
+        "",
+        "| wind | ps | period (s) | e_d (m) | s_d (m) | e_h (°) | s_h (°) | starts | converged | alike |",
+        "|" + " --- |" * 10,
+    ]
+    for wind, row in study["winds"].items():
+        distance, heading = row["distance_m"], row["heading_deg"]
+        cells = (distance["mean"], distance["std"], abs(heading["mean"]), heading["std"])
+        counts = f"{row['starts']} | {row['converged']} | {row['alike']}"
+        texts = " | ".join(f"{value:.3f}" for value in cells)
+        lines.append(f"| {wind} | {row['penalty_score']:.3f} | {row['period_s']:.2f} | {texts} | {counts} |")
+    return "\n".join(lines) + "\n"
+
+
+def read_bounds(path: Path, vehicle: str) -> dict[str, float]:
+    """{wind as SPEED@DEG: ps} of what `asvhil study bound` wrote. AsvhilError where it is damaged or another boat's."""
+    try:
+        tree = json.loads(path.read_text(encoding="utf-8"))
+        bounds = {str(wind): float(row["penalty_score"]) for wind, row in tree["winds"].items()}
+        of = str(tree["vehicle"])
+    except OSError as error:
+        raise AsvhilError(f"{path}: cannot be read ({error.strerror})") from None
+    except (ValueError, KeyError, TypeError, AttributeError):
+        raise AsvhilError(f"{path}: not what `asvhil study bound -o` writes") from None
+    if of != vehicle:
+        raise AsvhilError(f"{path}: holds the bounds of {of}, not of {vehicle}")
+    return bounds
 
 
 def _problem(model: Dynamics, wind_mps: float, toward_rad: float) -> tuple[ca.Function, Array, Array, int]:
@@ -69,7 +161,7 @@ def _problem(model: Dynamics, wind_mps: float, toward_rad: float) -> tuple[ca.Fu
     size = 6 + model.n_motor
     s, a, period = ca.SX.sym("s", size), ca.SX.sym("a", 2), ca.SX.sym("period")
     wind = ca.DM([wind_mps * math.cos(toward_rad), wind_mps * math.sin(toward_rad)])
-    after = advance(model, s, a, ca.SX(wind), ca.SX.zeros(3), period / INTERVALS, 1)
+    after = advance(model, s, a, ca.SX(wind), ca.SX.zeros(3), period / INTERVALS, SUBSTEPS)
     step = ca.Function("step", [s, a, period], [after])
     states, inputs = ca.SX.sym("states", size, INTERVALS), ca.SX.sym("inputs", 2, INTERVALS)
     closed = ca.horzcat(states[:, 1:], states[:, :1])  # the last interval ends where the first one starts
@@ -90,19 +182,18 @@ def _problem(model: Dynamics, wind_mps: float, toward_rad: float) -> tuple[ca.Fu
     return solver, lower, upper, size
 
 
-def _guess(model: Dynamics, size: int, wind_mps: float, toward_rad: float, period_s: float, swing_rad: float) -> Array:
-    """A swing of the heading with thrust ahead and astern in phase with it."""
+def _first(model: Dynamics, size: int, wind_mps: float, toward_rad: float, guess: Guess) -> Array:
+    """The variables of a guess: the heading swings, and thrust goes ahead and astern with it."""
     phase = 2.0 * math.pi * np.arange(INTERVALS) / INTERVALS
     side = -math.copysign(1.0, math.sin(toward_rad))  # the side force wanted is against the wind
     states = np.zeros((INTERVALS, size))
-    states[:, 2] = side * swing_rad * np.sin(phase)
-    states[:, 5] = side * swing_rad * 2.0 * math.pi / period_s * np.cos(phase)
-    thrust = 0.3 * np.sin(phase)
-    thrust = np.clip(thrust, model.input_lower, model.input_upper)
+    states[:, 2] = side * guess.swing_rad * np.sin(phase)
+    states[:, 5] = side * guess.swing_rad * 2.0 * math.pi / guess.period_s * np.cos(phase)
+    thrust = np.clip(guess.thrust * np.sin(phase - guess.skew_rad), model.input_lower, model.input_upper)
     states[:, 0] = -0.05 * wind_mps * np.sin(phase)
     if model.n_motor >= 2:
         states[:, 6] = states[:, 7] = thrust
-    return np.concatenate([states.ravel(), np.repeat(thrust, 2), [period_s]])
+    return np.concatenate([states.ravel(), np.repeat(thrust, 2), [guess.period_s]])
 
 
 def _orbit(variables: Array, size: int) -> Orbit:

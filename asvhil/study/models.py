@@ -1,7 +1,8 @@
 """The paper's model table on the simulated boat: what each learned model predicts, what each part of LagNet brings.
 
 Data sets and test runs are logs of `asvhil collect` in lockstep. Models that are trained already are taken from the
-output folder, so an interrupted study goes on where it was.
+output folder, so an interrupted study goes on where it was, to the same figures: what is scored is always what was read
+back from a file, and a file of other data, options or seeds is refused.
 """
 
 from __future__ import annotations
@@ -9,91 +10,39 @@ from __future__ import annotations
 import dataclasses
 import json
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from asvhil.config import Config, MpcConfig, load_config
+from asvhil.config import MpcConfig
 from asvhil.controller.station_mpc import StationMpc
 from asvhil.dynamics.integrate import advance, substeps
 from asvhil.dynamics.protocol import Dynamics
 from asvhil.dynamics.weights import TrainedModel, read_model, save_model
+from asvhil.errors import ModelError
+from asvhil.study.model_jobs import IN_WAVES, Job, chosen_jobs
+from asvhil.study.model_logs import Logs, Tell, wave_figures
 from asvhil.train.evaluate import HOLD, Case, Window, absolute_errors, predict, windows_of
 from asvhil.train.jobs import DT_S, origin_of, test_cases, training_data
-from asvhil.train.options import OPTIONS, FitOptions, Progress
+from asvhil.train.options import FitOptions, Progress
 from asvhil.train.records import Dataset
 from asvhil.types import Estimate, Station, Wind, record
 
-TRAIN_SEEDS = (100, 200, 300)  # a data set each, of TRAIN_S in each of the winds
-TRAIN_WINDS = ("3@0", "6@180")
-TRAIN_S = 300.0
-TEST_WINDS = ("6@0", "6@90", "6@180")
-TEST_SEED, TEST_S = 9000, 130.0
 HORIZON_S, EVERY_S = 50.0, 20.0
-ODE_SEEDS = 1  # networks per data set that are trained by the adjoint, which takes its time
 MPC_TICKS = 60
-
-Drive = Callable[[Config, float, list[str], Path], list[Path]]
-Tell = Callable[[str, float], None]  # what is being done, and its share done
+BY_ADJOINT = ("node", "knode")
 
 
 @record
-class Job:
-    """One row of the table: its name, the kind and options behind it, and how many networks a data set trains."""
+class _Sea:
+    """What the models of one sea are trained on and tested against; origin: vehicle and config hash."""
 
-    name: str
-    kind: str
-    options: FitOptions
-    seeds: int
-
-
-def jobs(ode_iterations: int) -> tuple[Job, ...]:
-    """The paper's models, LagNet, and LagNet with its parts added one by one."""
-    lagnet = dataclasses.replace(OPTIONS["lagnet"], members=1)
-
-    def variant(name: str, *frozen: str, mirror: bool = False) -> Job:
-        options = dataclasses.replace(lagnet, frozen=frozen, mirror=mirror)
-        return Job(name=name, kind="lagnet", options=options, seeds=3)
-
-    def ode(kind: str) -> Job:
-        options = dataclasses.replace(OPTIONS[kind], iterations=ode_iterations)
-        return Job(name=kind, kind=kind, options=options, seeds=ODE_SEEDS)
-
-    return (
-        Job(name="sd", kind="sd", options=OPTIONS["sd"], seeds=1),
-        Job(name="nnsem", kind="nnsem", options=OPTIONS["nnsem"], seeds=3),
-        variant("lagnet: lag alone", "map", "skip"),
-        variant("lagnet: map, lag", "skip"),
-        variant("lagnet: map, lag, mirror", "skip", mirror=True),
-        variant("lagnet: map, lag, mirror, skip (single)", mirror=True),
-        Job(name="lagnet", kind="lagnet", options=OPTIONS["lagnet"], seeds=1),
-        ode("node"),
-        ode("knode"),
-    )
-
-
-def collect_logs(folder: Path, drive: Drive, config: str = "sitl", tell: Tell | None = None) -> tuple[Any, list[Path]]:
-    """Training logs by data set and test logs; those in the folder already are not driven again."""
-    folder.mkdir(parents=True, exist_ok=True)
-
-    def run(name: str, seed: int, duration_s: float, wind: str) -> Path:
-        path = folder / f"{name}.mcap"
-        if not path.exists():
-            if tell is not None:
-                tell(f"collecting {name}", 0.0)
-            settings = load_config(config, (f"plant.seed={seed}", f"controller.manoeuvres.seed={seed}"))
-            partial = folder / f"{name}.part.mcap"
-            (log,) = drive(settings, duration_s, [wind], partial)
-            log.replace(path)
-        return path
-
-    train = [
-        [run(f"train{seed}-{i}", seed + i, TRAIN_S, wind) for i, wind in enumerate(TRAIN_WINDS)] for seed in TRAIN_SEEDS
-    ]
-    test = [run(f"test{i}", TEST_SEED + i, TEST_S, wind) for i, wind in enumerate(TEST_WINDS)]
-    return train, test
+    datasets: tuple[Dataset, ...]
+    cases: Sequence[Case]
+    windows: Sequence[Window]
+    origin: tuple[str, str]
 
 
 def study_models(
@@ -101,6 +50,7 @@ def study_models(
     test: Sequence[Path],
     out: Path,
     *,
+    waves: Logs | None = None,
     only: Sequence[str] = (),
     ode_iterations: int = 20000,
     mpc_ticks: int = MPC_TICKS,
@@ -108,39 +58,29 @@ def study_models(
 ) -> dict[str, Any]:
     """Train every job on every data set and score it against the true state; writes models.json, .md and .png.
 
-    `only` names jobs. Raises LogError or ModelError in one line where the logs will not do.
+    `only` names jobs; those in waves need the logs that `waves` holds, and are left out without. Raises ConfigError for
+    a name that there is not, LogError or ModelError in one line where the logs, or a model in the folder, will not do.
     """
-    cases = test_cases(test, None, DT_S, truth=True)
-    windows = windows_of(cases, HORIZON_S, EVERY_S, DT_S)
-    datasets = [training_data(paths, None, DT_S) for paths in train]
-    vehicle, config_hash = origin_of([path for paths in train for path in paths])
-    rows: dict[str, list[TrainedModel]] = {}
-    nnsem_s: list[float] = [np.inf] * len(datasets)
-    for job in jobs(ode_iterations):
-        if only and job.name not in only:
-            continue
-        for number, dataset in enumerate(datasets):
-            name = f"{job.name}, data set {number + 1}"
-            found = _trained(job, dataset, number, out, (vehicle, config_hash), nnsem_s[number], name, tell)
-            if job.kind == "nnsem":
-                # Of networks trained side by side, what one alone takes is not known: the whole is its upper bound.
-                nnsem_s[number] = float(found[job.name][0].figures["cpu_s"])
-            for row, models in found.items():
-                rows.setdefault(row, []).extend(models)
-    table = [_row(name, models, cases, windows, mpc_ticks) for name, models in rows.items()]
-    table.append(_row(HOLD, [None], cases, windows, mpc_ticks))
-    result = {
-        "horizon_s": HORIZON_S,
-        "reference": "truth",
-        "windows": len(windows),
-        "data_sets": len(datasets),
-        "data_s": [round(dataset.duration_s, 1) for dataset in datasets],
-        "rows": table,
-    }
+    chosen = [job for job in chosen_jobs(only, ode_iterations) if waves is not None or not job.waves]
+    seas = {False: _sea(train, test)}
+    if waves is not None and any(job.waves for job in chosen):
+        seas[True] = _sea(waves.train, waves.test)
+    rows: dict[str, tuple[_Sea, list[TrainedModel]]] = {}
+    for job in chosen:
+        sea = seas[job.waves]
+        for number in range(len(sea.datasets)):
+            for row, models in _trained(job, sea, number, out, tell).items():
+                rows.setdefault(row, (sea, []))[1].extend(models)
+    table = [_row(name, models, sea, mpc_ticks) for name, (sea, models) in rows.items()]
+    table += [_row(f"{HOLD}{IN_WAVES if rough else ''}", [None], sea, mpc_ticks) for rough, sea in seas.items()]
+    result = {"horizon_s": HORIZON_S, "reference": "truth", **_extent(seas[False]), "rows": table}
+    if True in seas:
+        result["waves"] = {**_extent(seas[True]), **wave_figures()}
     out.mkdir(parents=True, exist_ok=True)
     (out / "models.json").write_text(json.dumps(result, indent=1, sort_keys=True) + "\n")
     (out / "models.md").write_text(markdown(table))
-    _draw(rows, cases, windows, out / "models.png")
+    calm = {name: models[0] for name, (sea, models) in rows.items() if sea is seas[False]}
+    _draw(calm, seas[False], out / "models.png")
     return result
 
 
@@ -187,21 +127,45 @@ def mpc_tick_ms(model: Dynamics, ticks: int = MPC_TICKS) -> float:
     return 1e3 * float(np.median(times_s))
 
 
-def _trained(
-    job: Job,
-    dataset: Dataset,
-    number: int,
-    out: Path,
-    origin: tuple[str, str],
-    nnsem_s: float,
-    name: str,
-    tell: Tell | None,
-) -> dict[str, list[TrainedModel]]:
-    """The job's models on one data set, by row: networks trained by the adjoint have a row at NNSEM's CPU time too."""
-    rows = [job.name] if job.kind not in ("node", "knode") else [job.name, f"{job.name}, NNSEM's time"]
-    files = {row: [out / "models" / f"{_slug(row)}-{number + 1}-{i + 1}.npz" for i in range(job.seeds)] for row in rows}
-    if all(file.exists() for paths in files.values() for file in paths):
-        return {row: [read_model(file) for file in paths] for row, paths in files.items()}
+def _sea(train: Sequence[Sequence[Path]], test: Sequence[Path]) -> _Sea:
+    cases = test_cases(test, None, DT_S, truth=True)
+    return _Sea(
+        datasets=tuple(training_data(paths, None, DT_S) for paths in train),
+        cases=cases,
+        windows=windows_of(cases, HORIZON_S, EVERY_S, DT_S),
+        origin=origin_of([path for paths in train for path in paths]),
+    )
+
+
+def _extent(sea: _Sea) -> dict[str, Any]:
+    return {
+        "windows": len(sea.windows),
+        "data_sets": len(sea.datasets),
+        "data_s": [round(dataset.duration_s, 1) for dataset in sea.datasets],
+    }
+
+
+def _trained(job: Job, sea: _Sea, number: int, out: Path, tell: Tell | None) -> dict[str, list[TrainedModel]]:
+    """The job's models on one data set, by row, as their files have them; trained first where a file is missing.
+
+    Networks trained by the adjoint have a second row: as they were when the CPU time that NNSEM took on the same data
+    was over. There is none where NNSEM is not trained yet.
+    """
+    rows, nnsem_s = [job.name], np.inf
+    if job.kind in BY_ADJOINT and (spent_s := _nnsem_s(sea, number, out)) is not None:
+        rows, nnsem_s = [job.name, f"{job.name}, NNSEM's time"], spent_s
+    files = {row: _files(out, row, number, job.seeds) for row in rows}
+    if not all(file.exists() for paths in files.values() for file in paths):
+        _train(job, sea, number, files, nnsem_s, tell)
+    return {row: [_read(file, job, sea, number, i + 1) for i, file in enumerate(files[row])] for row in rows}
+
+
+def _train(
+    job: Job, sea: _Sea, number: int, files: Mapping[str, Sequence[Path]], nnsem_s: float, tell: Tell | None
+) -> None:
+    """Train and save the files of one data set, by row."""
+    for file in (file for paths in files.values() for file in paths if file.exists()):
+        _read(file, job, sea, number)  # never written over where it belongs to another study
     from asvhil.train.fit import fit_many  # torch, only once it is needed
 
     begin_s = time.process_time()
@@ -209,27 +173,59 @@ def _trained(
 
     def note(progress: Progress) -> None:
         if tell is not None:
-            tell(name, progress.iteration / progress.iterations)
-        if len(rows) > 1 and not early and time.process_time() - begin_s >= nnsem_s:
+            tell(f"{job.name}, data set {number + 1}", progress.iteration / progress.iterations)
+        if not early and time.process_time() - begin_s >= nnsem_s:
             early.extend(_timed(progress.models(), begin_s))
 
-    vehicle, config_hash = origin
+    vehicle, config_hash = sea.origin
     models = fit_many(
         job.kind,
-        dataset,
+        sea.datasets[number],
         seeds=tuple(range(1, job.seeds + 1)),
         options=job.options,
         vehicle=vehicle,
         config_hash=config_hash,
         progress=note,
     )
-    found = {job.name: _timed(models, begin_s)}
-    if len(rows) > 1:
-        found[rows[1]] = early or found[job.name]
-    for row, trained in found.items():
-        for file, model in zip(files[row], trained, strict=True):
+    models = _timed(models, begin_s)
+    for row, paths in files.items():
+        for file, model in zip(paths, models if row == job.name else early or models, strict=True):
             save_model(file, model)
-    return found
+
+
+def _files(out: Path, row: str, number: int, seeds: int) -> list[Path]:
+    return [out / "models" / f"{_slug(row)}-{number + 1}-{i + 1}.npz" for i in range(seeds)]
+
+
+def _read(file: Path, job: Job, sea: _Sea, number: int, seed: int | None = None) -> TrainedModel:
+    """A model of the folder. ModelError where it was trained on other data, or in another way, than the job says."""
+    model = read_model(file)
+    wanted = json.loads(json.dumps(dataclasses.asdict(job.options)))
+    # An option that is younger than the file was at its default; SD is fitted in one way only.
+    found = json.loads(json.dumps(dataclasses.asdict(FitOptions()))) | model.figures.get("options", wanted)
+    differing = [name for name in wanted if found[name] != wanted[name]]
+    what = ""
+    if (model.kind, model.vehicle) != (job.kind, sea.origin[0]):
+        what = f"a {model.kind} of {model.vehicle!r}, not a {job.kind} of {sea.origin[0]!r}"
+    elif model.data_hash != sea.datasets[number].source_hash:
+        what = f"trained on other logs than those of data set {number + 1}"
+    elif differing:
+        what = f"trained with {differing[0]} {found[differing[0]]}, this study asks for {wanted[differing[0]]}"
+    elif seed is not None and model.seed != seed:
+        what = f"trained with seed {model.seed}, not {seed}"
+    if what:
+        raise ModelError(f"{file}: {what}; remove it to train it anew, or use another folder")
+    return model
+
+
+def _nnsem_s(sea: _Sea, number: int, out: Path) -> float | None:
+    """CPU time that NNSEM took on a data set (s), whichever run of the study trained it; None where none did.
+
+    Of networks trained side by side, what one alone takes is not known: the whole is its upper bound.
+    """
+    (job,) = chosen_jobs(["nnsem"], 1)
+    file = _files(out, job.name, number, 1)[0]
+    return float(_read(file, job, sea, number, 1).figures["cpu_s"]) if file.exists() else None
 
 
 def _timed(models: Sequence[TrainedModel], begin_s: float) -> list[TrainedModel]:
@@ -241,12 +237,11 @@ def _timed(models: Sequence[TrainedModel], begin_s: float) -> list[TrainedModel]
 def _row(
     name: str,
     models: Sequence[TrainedModel | None],
-    cases: Sequence[Case],
-    windows: Sequence[Window],
+    sea: _Sea,
     mpc_ticks: int,
 ) -> dict[str, Any]:
     """Mean error over networks and windows, and the standard deviation between networks and between windows."""
-    steps = round(HORIZON_S / DT_S)
+    cases, windows, steps = sea.cases, sea.windows, round(HORIZON_S / DT_S)
     errors = np.array(
         [
             absolute_errors(
@@ -270,17 +265,15 @@ def _row(
     return row
 
 
-def _draw(
-    rows: Mapping[str, Sequence[TrainedModel]], cases: Sequence[Case], windows: Sequence[Window], path: Path
-) -> None:
+def _draw(models: Mapping[str, TrainedModel], sea: _Sea, path: Path) -> None:
     from asvhil.train.pictures import draw_identification
 
-    window = next((window for window in windows if window.moving), windows[0])
+    window = next((window for window in sea.windows if window.moving), sea.windows[0])
     steps = round(HORIZON_S / DT_S)
-    shown = {name: rows[name][0] for name in ("nnsem", "sd", "node", "knode", "lagnet") if name in rows}
-    paths = {name: predict(model.dynamics(), cases, [window], steps, DT_S)[0] for name, model in shown.items()}
+    shown = {name: models[name] for name in ("nnsem", "sd", "node", "knode", "lagnet") if name in models}
+    paths = {name: predict(model.dynamics(), sea.cases, [window], steps, DT_S)[0] for name, model in shown.items()}
     if paths:
-        draw_identification(cases[window.case], window.start, paths, DT_S, path)
+        draw_identification(sea.cases[window.case], window.start, paths, DT_S, path)
 
 
 def _slug(name: str) -> str:

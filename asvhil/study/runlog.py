@@ -57,6 +57,7 @@ class RunLog:
     step_ms: Array
     overruns: int
     counters: dict[str, int]
+    notes: dict[str, str]
 
 
 def read_run(path: Path, plan_every_s: float = 10.0) -> RunLog:
@@ -126,6 +127,7 @@ def read_run(path: Path, plan_every_s: float = 10.0) -> RunLog:
         step_ms=np.array([row.step_ns * 1e-6 for row in timing]),
         overruns=sum(row.overrun for row in timing),
         counters=dict(last.health.counters),
+        notes={note.subject: note.text for note in last.health.notes},
     )
 
 
@@ -171,6 +173,7 @@ def summarise(run: RunLog, wall_s: float | None = None) -> dict[str, Any]:
         "realtime_factor": run.duration_s / wall_s if wall_s else None,
         "phases": run.phases_s,
         "counters": run.counters,
+        "notes": run.notes,
     }
 
 

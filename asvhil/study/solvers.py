@@ -108,6 +108,7 @@ def study_solvers(
     solvers: Sequence[str] = SOLVERS,
     limit_problems: int | None = None,
     horizon_s: float = 4.0,
+    second_order: bool = True,
     peer: Sequence[str] = (),
     peer_model_file: str = "",
     progress: Progress | None = None,
@@ -119,7 +120,7 @@ def study_solvers(
     as tests/peers/mpc_torch_peer.py in its own environment; it needs `peer_model_file` where the model is learned.
     """
     tell = progress or (lambda what, done, total: None)
-    config = _at_horizon(config, horizon_s)
+    config = _at_horizon(config, horizon_s, second_order)
     with _one_core():
         runs: dict[str, tuple[list[Step], Array]] = {}
         recorded: dict[str, Problems] = {}
@@ -142,6 +143,7 @@ def study_solvers(
         "model": model.name,
         "horizon_s": horizon_s,
         "stages": config.controller.mpc.stages,
+        "second_order": second_order,
         "steps": steps,
         "wind": config.plant.weather.wind.model_dump(),
         "seed": config.plant.seed,
@@ -159,11 +161,11 @@ def starts_of(problem: StationProblem, warm: Array) -> list[Array]:
 # --- parts of the study ------------------------------------------------------------------------------------
 
 
-def _at_horizon(config: Config, horizon_s: float) -> Config:
+def _at_horizon(config: Config, horizon_s: float, second_order: bool = True) -> Config:
     """The config with a uniform grid, and without the slow bias of GNSS that no controller can see."""
     mpc = config.controller.mpc
     stages = round(horizon_s / mpc.first_step_s)
-    mpc = mpc.model_copy(update={"stages": stages, "last_step_s": mpc.first_step_s, "second_order": True})
+    mpc = mpc.model_copy(update={"stages": stages, "last_step_s": mpc.first_step_s, "second_order": second_order})
     gnss = config.plant.sensors.gnss.model_copy(update={"slow_bias_m": 0.0})
     sensors = config.plant.sensors.model_copy(update={"gnss": gnss})
     return config.model_copy(

@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import functools
+import hashlib
 import math
 import time
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from asvhil.config import Config
+from asvhil.build import model_file
+from asvhil.config import Config, load_config
 from asvhil.errors import ConfigError
 from asvhil.geo import LocalFrame, wrap_rad
 from asvhil.simplant.lockstep import Lockstep
 from asvhil.study.metrics import PoseErrors, score
+from asvhil.study.runner import Job
 from asvhil.types import Phase
 
 NO_NOISE = (
@@ -24,6 +29,7 @@ NO_NOISE = (
     "plant.sensors.heading.white_deg=0",
     "plant.sensors.imu.gyro_white_radps=0",
     "plant.sensors.imu.accel_white_mps2=0",
+    "plant.sensors.imu.accel_bias_mps2=0",
     "plant.sensors.anemometer.speed_white_mps=0",
     "plant.sensors.anemometer.directions=360",
 )
@@ -74,6 +80,28 @@ def run_trial(config: Config, from_s: float, to_s: float) -> dict[str, Any]:
         if control_ms
         else None,
     }
+
+
+def trial_job(group: str, base: str, overrides: tuple[str, ...], window_s: tuple[float, float]) -> Job:
+    """A trial for `runner.run_jobs` with `run_named_trial`: the same config, model file and window are the same run."""
+    key = f"trial {run_key(load_config(base, overrides))} {window_s[0]:g}-{window_s[1]:g}"
+    return Job(key=key, group=group, arguments=(base, overrides, window_s))
+
+
+def run_key(config: Config) -> str:
+    """Hashes of the whole config and of the model file it names: all that a run in lockstep depends on but the code."""
+    file = model_file(config)
+    return f"{config.content_hash()} {'physics' if file is None else _file_hash(file)}"
+
+
+def run_named_trial(base: str, overrides: tuple[str, ...], window_s: tuple[float, float]) -> dict[str, Any]:
+    """`run_trial` from what names a config, so that another process can run it."""
+    return run_trial(load_config(base, overrides), *window_s)
+
+
+@functools.cache
+def _file_hash(file: Path) -> str:
+    return hashlib.sha256(file.read_bytes()).hexdigest()[:16]
 
 
 def _score(rows: list[tuple[float, float, float]], from_s: float) -> dict[str, Any]:

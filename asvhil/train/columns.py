@@ -58,6 +58,15 @@ class AngleColumn(Section):
         return self.sign * (1.0 if self.unit == "rad" else math.pi / 180.0)
 
 
+class HeadingColumn(AngleColumn):
+    """The heading, by a compass. With `settle_s`, u and v are taken as turned out of the track by that compass, and
+    are turned anew by a heading that follows the yaw rate and settles on the compass within that time constant (s):
+    the current of the motors pulls a compass aside for as long as they run.
+    """
+
+    settle_s: Annotated[float, Field(ge=1.0, le=3600.0)] | None = None
+
+
 class MotorColumn(Section):
     """A command in [-1, 1], in percent, or as a pulse width; sign -1 turns it round once it is a command."""
 
@@ -93,7 +102,7 @@ class ColumnMap(Section):
     u: SpeedColumn
     v: SpeedColumn
     r: RateColumn
-    psi: AngleColumn | None = None
+    psi: HeadingColumn | None = None
     port: MotorColumn
     starboard: MotorColumn
     wind_u: SpeedColumn | None = None

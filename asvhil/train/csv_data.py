@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asvhil.errors import LogError
+from asvhil.geo import wrap_rad
 from asvhil.train.columns import ColumnMap, MotorColumn, load_columns
 from asvhil.train.records import Array, Dataset, Segment, source_hash
 from asvhil.train.series import (
@@ -44,19 +45,26 @@ def dataset_from_csv(
     """
     columns = load_columns(column_map)
     segments: list[Segment] = []
-    outliers = 0
+    outliers = missing = 0
     for path in paths:
-        found, removed = _segments(path, columns, dt_s, smoothed, max_gap_s)
+        table, left_out = _read(path, columns)
+        found, removed = _segments(path, columns, table, dt_s, smoothed, max_gap_s)
         segments += found
         outliers += removed
-    return Dataset(dt_s=dt_s, segments=tuple(segments), source_hash=source_hash(paths), outliers=outliers)
+        missing += left_out
+    return Dataset(
+        dt_s=dt_s, segments=tuple(segments), source_hash=source_hash(paths), outliers=outliers, missing=missing
+    )
 
 
 def _segments(
-    path: Path, columns: ColumnMap, dt_s: float, smoothed: bool, max_gap_s: float
+    path: Path, columns: ColumnMap, table: dict[str, Array], dt_s: float, smoothed: bool, max_gap_s: float
 ) -> tuple[list[Segment], int]:
-    table = _read(path, columns)
     t_s = table["time"]
+    if columns.psi is not None and columns.psi.settle_s is not None:
+        steadied = _steadied_heading(t_s, table["psi"], table["r"], columns.psi.settle_s, max_gap_s)
+        turned = rotate(table["psi"] - steadied, np.column_stack([table["u"], table["v"]]))
+        table |= {"psi": steadied, "u": turned[:, 0], "v": turned[:, 1]}
     velocity, jumps_v = without_outliers(_series(t_s, table["u"], table["v"]), 1.0, 3.0, 30.0)
     rate, jumps_r = without_outliers(_series(t_s, table["r"]), 0.5, 2.0, 10.0)
     command = _series(t_s, table["port"], table["starboard"])
@@ -90,6 +98,21 @@ def _series(t_s: Array, *columns: Array) -> Series:
     return series(np.column_stack([t_s, *columns]), len(columns))
 
 
+def _steadied_heading(t_s: Array, psi: Array, r: Array, settle_s: float, max_gap_s: float) -> Array:
+    """The heading (T,) by the yaw rate, drawn to the compass with a time constant; it looks back only.
+
+    After a gap it is the compass again.
+    """
+    steadied = np.empty_like(psi)
+    steadied[0] = psi[0]
+    for k in range(1, len(psi)):
+        step_s = t_s[k] - t_s[k - 1]
+        led = steadied[k - 1] + 0.5 * (r[k - 1] + r[k]) * step_s
+        gain = 1.0 - math.exp(-step_s / settle_s) if step_s <= max_gap_s else 1.0
+        steadied[k] = led + gain * wrap_rad(psi[k] - led)
+    return steadied
+
+
 def _body_wind(columns: ColumnMap, table: dict[str, Array]) -> Series:
     """The velocity of the air over ground in body axes; zero where the file has no wind."""
     t_s = table["time"]
@@ -108,8 +131,11 @@ def _body_wind(columns: ColumnMap, table: dict[str, Array]) -> Series:
 # --- reading ---------------------------------------------------------------------------------------------------
 
 
-def _read(path: Path, columns: ColumnMap) -> dict[str, Array]:
-    """Quantities in SI units and commands in [-1, 1], one entry per row without NaN; time from the first row (s)."""
+def _read(path: Path, columns: ColumnMap) -> tuple[dict[str, Array], int]:
+    """Quantities in SI units and commands in [-1, 1], one entry per row without NaN; how many rows have one.
+
+    The time counts from the first row (s).
+    """
     wanted = {
         name: column for name in ColumnMap.model_fields if name != "delimiter" and (column := getattr(columns, name))
     }
@@ -126,7 +152,7 @@ def _read(path: Path, columns: ColumnMap) -> dict[str, Array]:
             table[name] = (raw[name] - raw[name][0]) * column.factor
         else:
             table[name] = raw[name] * column.factor
-    return table
+    return table, int((~keep).sum())
 
 
 def _numbers(path: Path, delimiter: str, names: dict[str, str]) -> tuple[dict[str, Array], Array]:
@@ -135,6 +161,8 @@ def _numbers(path: Path, delimiter: str, names: dict[str, str]) -> tuple[dict[st
         with path.open(encoding="utf-8-sig", newline="") as file:
             reader = csv.reader(file, delimiter=delimiter)
             header = [name.strip() for name in next(reader, [])]
+            if not header:
+                raise LogError(f"{path}: row 1: empty, where the names of the columns should be")
             missing = [f"{column!r} (for {name})" for name, column in names.items() if column not in header]
             if missing:
                 there = ", ".join(repr(name) for name in header) or "nothing"

@@ -12,11 +12,11 @@ from asvhil.dynamics.protocol import Dynamics
 from asvhil.errors import LogError
 from asvhil.train.openloop import MOTOR_WARM_UP_S, measured, open_loop
 from asvhil.train.records import Array, Segment
+from asvhil.train.windows import MOVING_MPS
 from asvhil.types import record
 
 HOLD = "hold the initial value"
 AXES = ("u", "v", "r")
-MOVING_MPS = 0.2  # mean speed of a window in motion
 
 
 @record

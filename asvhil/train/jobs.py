@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -21,7 +20,7 @@ from asvhil.train.dataset import (
     truth_from_log,
 )
 from asvhil.train.evaluate import Case, evaluate, predict, windows_of
-from asvhil.train.options import OPTIONS
+from asvhil.train.options import FitOptions, ProgressCallback, chosen_options
 
 DT_S = 0.2
 
@@ -34,11 +33,11 @@ def is_csv(paths: Sequence[Path]) -> bool:
     return kinds == {".csv"}
 
 
-def training_data(paths: Sequence[Path], columns: str | None, dt_s: float) -> Dataset:
-    """Data for training, smoothed; CSV files need the name or path of a column map."""
+def training_data(paths: Sequence[Path], columns: str | None, dt_s: float, *, smoothed: bool = True) -> Dataset:
+    """Data for training, smoothed if asked for; CSV files need the name or path of a column map."""
     if is_csv(paths):
-        return dataset_from_csv(paths, find_columns(_required(columns)), dt_s, smoothed=True)
-    return dataset_from_logs(paths, dt_s)
+        return dataset_from_csv(paths, find_columns(_required(columns)), dt_s, smoothed=smoothed)
+    return dataset_from_logs(paths, dt_s, "smoothed" if smoothed else "measured")
 
 
 def test_cases(paths: Sequence[Path], columns: str | None, dt_s: float, *, truth: bool) -> list[Case]:
@@ -74,21 +73,19 @@ def train_command(
     columns: str | None = None,
     vehicle: str | None = None,
     seed: int = 1,
-    iterations: int | None = None,
-    members: int | None = None,
+    options: FitOptions | None = None,
     dt_s: float = DT_S,
+    smoothed: bool = True,
     resume: bool = False,
-    progress: Any = None,
+    progress: ProgressCallback | None = None,
 ) -> dict[str, Any]:
     """Train a model on logs or CSV files and write it, with its curve as a picture beside it; the figures.
 
-    An interrupted training leaves OUTPUT.checkpoint; `resume` goes on from there. `progress` is called with a
-    `Progress`. Raises ConfigError, LogError or ModelError in one line.
+    `options` are those of the kind by default. An interrupted training leaves OUTPUT.checkpoint; `resume` goes on
+    from there. Raises ConfigError, LogError or ModelError in one line.
     """
-    from asvhil.train.fit import fit  # torch, only once it is needed
-
-    if kind not in OPTIONS:
-        raise ModelError(f"unknown model kind {kind!r} (known: {', '.join(OPTIONS)})")
+    options = options or chosen_options(kind, dt_s)
+    _check_output(output)
     if is_csv(data):
         if vehicle is None:
             raise ConfigError("train: CSV files do not say which vehicle they come from: give its name")
@@ -97,17 +94,19 @@ def train_command(
         name, config_hash = origin_of(data)
         if vehicle is not None and vehicle != name:
             raise ConfigError(f"train: the logs come from vehicle {name!r}, not from {vehicle!r}")
-    checkpoint = output.with_name(f"{output.name}.checkpoint")
+    dataset = training_data(data, columns, dt_s, smoothed=smoothed)
+    checkpoint = checkpoint_of(output)
     if not resume:
         checkpoint.unlink(missing_ok=True)
-    dataset = training_data(data, columns, dt_s)
-    options = OPTIONS[kind] if members is None else dataclasses.replace(OPTIONS[kind], members=members)
+    elif not checkpoint.exists():
+        raise ModelError(f"{checkpoint}: no interrupted training to go on with; leave out --resume to start anew")
+    from asvhil.train.fit import fit  # torch, only once it is needed: bad data are told at once
+
     start_s = time.perf_counter()
     model = fit(
         kind,
         dataset,
         seed=seed,
-        iterations=iterations,
         options=options,
         vehicle=name,
         config_hash=config_hash,
@@ -128,6 +127,8 @@ def train_command(
         "data": [str(path) for path in data],
         "data_s": round(dataset.duration_s, 1),
         "outliers": dataset.outliers,
+        "missing_rows": dataset.missing,
+        "smoothed": smoothed,
         "data_hash": dataset.source_hash,
         "seed": seed,
         "wall_s": round(wall_s, 2),
@@ -179,6 +180,21 @@ def evaluate_command(
         "models": [str(path) for path in models],
         "rows": rows,
     }
+
+
+def checkpoint_of(output: Path) -> Path:
+    """Where an unfinished training to this model file keeps its state."""
+    return output.with_name(f"{output.name}.checkpoint")
+
+
+def _check_output(output: Path) -> None:
+    """Said before a training, not after it."""
+    if output.suffix != ".npz":
+        raise ConfigError(f"train: {output}: a model file ends in .npz")
+    try:
+        output.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ModelError(f"{output}: cannot be written ({error.strerror})") from None
 
 
 def _check(path: Path, model: TrainedModel, dt_s: float, vehicle: str | None) -> None:

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable
+from typing import Any
 
 from asvhil.dynamics.weights import TrainedModel
+from asvhil.errors import ConfigError, ModelError
 from asvhil.types import record
 
 
@@ -21,6 +24,7 @@ class FitOptions:
     history_s: float = 0.0  # of commands before a window, from which the motor states start
     mirror: bool = False
     symmetric: bool = False  # scaling about zero, the same for both motors
+    moving_share: float = 0.0  # at least this part of each batch is drawn from windows in motion
     members: int = 1  # networks that are averaged in one model
     frozen: tuple[str, ...] = ()  # parts that stay as they start (no skip, a straight map), to see what they bring
     block: int = 500  # iterations between validations and checkpoints; the random windows are drawn by the block
@@ -37,6 +41,55 @@ OPTIONS: dict[str, FitOptions] = {
         iterations=10000, rate=3e-3, last_rate=3e-5, history_s=2.0, mirror=True, symmetric=True, members=3
     ),
 }
+
+
+def chosen_options(
+    kind: str,
+    dt_s: float,
+    *,
+    iterations: int | None = None,
+    members: int | None = None,
+    width: int | None = None,
+    horizon_s: float | None = None,
+    batch: int | None = None,
+    moving_share: float | None = None,
+    mirror: bool | None = None,
+    validation_share: float | None = None,
+) -> FitOptions:
+    """The options of a kind, with what is not None in their place; horizon_s is the length of a training window.
+
+    Without a validation share nothing is held back, and the weights are those of the last iteration. ModelError for an
+    unknown kind; ConfigError for an option that the kind has no use for.
+    """
+    if kind not in OPTIONS:
+        raise ModelError(f"unknown model kind {kind!r} (known: {', '.join(OPTIONS)})")
+    if kind == "sd":
+        given = {
+            "--iterations": iterations,
+            "--width": width,
+            "--batch": batch,
+            "--moving-share": moving_share,
+            "--mirror": mirror,
+        }
+        for name, value in given.items():
+            if value is not None:
+                raise ConfigError(f"train: {name} is of no use to sd, which is no network")
+    if kind != "lagnet" and members not in (None, 1):
+        raise ConfigError(f"train: --members is for lagnet: {kind} is a single network")
+    window = None if horizon_s is None else round(horizon_s / dt_s)
+    if window is not None and window < 2:
+        raise ConfigError(f"train: --horizon {horizon_s:g} is less than two steps of {dt_s:g} s")
+    changes: dict[str, Any] = {
+        "iterations": iterations,
+        "members": members,
+        "hidden": width,
+        "window": window,
+        "batch": batch,
+        "moving_share": moving_share,
+        "mirror": mirror,
+        "validation_fraction": validation_share,
+    }
+    return dataclasses.replace(OPTIONS[kind], **{name: value for name, value in changes.items() if value is not None})
 
 
 @record

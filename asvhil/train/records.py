@@ -35,6 +35,7 @@ class Dataset:
     segments: tuple[Segment, ...]
     source_hash: str
     outliers: int = 0  # samples that were left out because no boat jumps like that
+    missing: int = 0  # rows of CSV files that were left out because a value is missing
 
     @property
     def duration_s(self) -> float:

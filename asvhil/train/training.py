@@ -127,7 +127,7 @@ class Training:
         for seed in self._seeds:
             for member in range(options.members):
                 rng = np.random.default_rng([seed, member, self._iteration])
-                drawn.append(rng.integers(len(starts), size=(count, options.batch)))
+                drawn.append(self.windows.draw(rng, count, options.batch, options.moving_share))
         picks = np.stack(drawn, axis=1)
         total = 0.0
         for i in range(count):
@@ -152,13 +152,16 @@ class Training:
         return total / (count * len(self._seeds) * options.members)
 
     def _validate(self) -> float:
-        """Keep each model that is better than before; the mean of the present errors."""
+        """Keep each model that is better than before, or each as it is where nothing is held back to tell by.
+
+        The mean of the present errors.
+        """
         values = []
         for i in range(len(self._seeds)):
             weights = self.trainee.export(i)
             value = self._validation_error(weights)
             values.append(value)
-            if value < self._best[i][0]:
+            if value < self._best[i][0] or self._options.validation_fraction <= 0.0:
                 self._best[i] = (value, self._iteration, weights)
         return float(np.mean(values))
 

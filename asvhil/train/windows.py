@@ -10,6 +10,7 @@ from asvhil.errors import ModelError
 from asvhil.train.records import Array, Dataset, Segment, ranges
 
 SHORTEST_S = 60.0  # less data than this teaches nothing
+MOVING_MPS = 0.2  # mean speed of a window in motion
 STILL_MPS, STILL_RADPS = 0.1, 0.02  # ranges of u and r below these are a boat at rest
 MIRROR_NU = np.array([1.0, -1.0, -1.0])
 MIRROR_WIND = np.array([1.0, -1.0])
@@ -77,12 +78,27 @@ class Windows:
             [(part.command - scaling.centre[3:5]) / scaling.half[3:5] for part in segments]
         )
         self.wind: Array = np.concatenate([(part.wind - scaling.centre[5:]) / scaling.half[5:] for part in segments])
-        starts, offset = [], 0
+        starts, moving, offset = [], [], 0
         for part in segments:
             count = len(part.t_s)
-            starts.append(np.arange(offset + history, offset + max(history, count - steps)))
+            rows = np.arange(history, max(history, count - steps))
+            starts.append(offset + rows)
+            travelled = np.concatenate([[0.0], np.cumsum(np.hypot(part.nu[:, 0], part.nu[:, 1]))])
+            moving.append(travelled[rows + steps + 1] - travelled[rows] > MOVING_MPS * (steps + 1))
             offset += count
         self.starts: NDArray[np.int64] = np.concatenate(starts)
+        self._moving: NDArray[np.int64] = np.flatnonzero(np.concatenate(moving))
         self.steps, self.history = steps, history
         if not len(self.starts):
             raise ModelError(f"the training data have no stretch of {steps + history + 1} samples without a gap")
+
+    def draw(self, rng: np.random.Generator, count: int, batch: int, moving_share: float) -> NDArray[np.int64]:
+        """Numbers of windows (count, batch) drawn alike from all; that share of each batch from those in motion only.
+
+        Where a boat lies idle for most of a record, an even draw would teach it little else.
+        """
+        picks = rng.integers(len(self.starts), size=(count, batch))
+        chosen = round(moving_share * batch)
+        if chosen and len(self._moving):
+            picks[:, :chosen] = rng.choice(self._moving, size=(count, chosen))
+        return picks

@@ -6,7 +6,19 @@ import pytest
 
 from asvhil.config import load_config
 from asvhil.simplant.lockstep import Lockstep
-from asvhil.study.approach import CHATTER_S, Start, draw_starts, run_start, start_overrides, study_approach
+from asvhil.study.approach import (
+    CHATTER_S,
+    SETTLED_S,
+    Outcome,
+    Start,
+    draw_starts,
+    markdown,
+    run_start,
+    start_overrides,
+    study_approach,
+    summarise_approach,
+)
+from asvhil.study.approach_figure import draw_tracks
 
 
 @pytest.mark.parametrize(
@@ -49,13 +61,47 @@ def test_starts_are_the_same_for_the_same_seed():
     assert draw_starts(2, 5) == draw_starts(3, 5)[:2]
 
 
-def test_the_study_counts_what_was_lost():
+def test_the_study_counts_what_was_lost_and_is_taken_up_again(tmp_path):
     """Two runs whose motors are too weak to get anywhere are lost, and told one by one."""
-    seen = []
     weak = "vehicle.vessel.thrust_curve=[[-1.0, -1.0], [0.0, 0.0], [1.0, 1.0]]"
-    figures = study_approach(
-        2, 1, lambda done, runs: seen.append((done, runs)), overrides=(weak,), duration_s=20.0, workers=1
-    )
-    assert seen == [(1, 2), (2, 2)]
+    store, seen = tmp_path / "approach.jsonl", []
+
+    def study(runs: int):
+        keys = {"overrides": (weak,), "duration_s": 20.0, "workers": 0}
+        return study_approach(store, runs, 1, tell=lambda now: seen.append((now.done, now.total)), **keys)
+
+    first, _ = study(1)
+    figures, outcomes = study(2)
+    assert seen == [(0, 1), (1, 1), (1, 2), (2, 2)]  # the first start was not run again
+    assert first["bad"] == figures["bad"][:1]
     assert figures["runs"] == 2 and figures["lost"] == 2 and len(figures["bad"]) == 2
     assert figures["handover_s"] is None and figures["end_m"]["min"] > 15.0
+    for outcome in outcomes:
+        assert len(outcome.track_m) == 20 and math.hypot(*outcome.track_m[0]) == pytest.approx(60.0, abs=0.2)
+    text = markdown(figures)
+    assert "| lost | none | 2 |" in text and text.count("Lost or too soon") == 2
+    draw_tracks(outcomes, tmp_path / "tracks.png")
+    assert (tmp_path / "tracks.png").read_bytes().startswith(b"\x89PNG")
+
+
+def outcome(*changes_s: float, settled_m: float = 0.3) -> Outcome:
+    """A run that changed its stage at these times."""
+    stages = [(t_s, "keep_heading" if i % 2 else "approach") for i, t_s in enumerate(changes_s)]
+    return Outcome(
+        start=draw_starts(1, 1)[0],
+        handover_s=40.0,
+        reached_s=50.0,
+        end_m=0.2,
+        settled_m=settled_m,
+        settled_max_m=1.0,
+        settled_heading_deg=2.0,
+        changes=tuple(stages),
+        track_m=((60.0, 0.0), (0.0, 0.0)),
+    )
+
+
+def test_chatter_and_loss_are_counted_by_hand():
+    figures = summarise_approach([outcome(0.0, 40.0), outcome(0.0, 40.0, 49.0, 49.5), outcome(0.0, settled_m=6.0)])
+    assert figures["lost"] == 1 and figures["changes_too_soon"] == 2
+    assert figures["changes_per_10_s_max"] == 3 and figures["changes_per_run_max"] == 3
+    assert len(figures["bad"]) == 2 and SETTLED_S == 60.0

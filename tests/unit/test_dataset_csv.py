@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from asvhil.errors import ConfigError, LogError
+from asvhil.train.columns import load_columns
 from asvhil.train.dataset import dataset_from_csv, find_columns
 
 MAP = """
@@ -145,7 +146,7 @@ def all_rows() -> list[list[str]]:
         ([row(k) for k in range(100)], HEADER, r"9\.[68] s of usable data, at least 30 s"),
         (put(all_rows(), 9, 5, "15"), HEADER, r"row 11, column 'left': 15 is no pulse width"),
         ([*all_rows(), ["1", "2"]], HEADER, r"row 403: 2 of 7 fields"),
-        ([], "", r"row 1: no column"),
+        ([], "", r"row 1: empty, where the names of the columns should be"),
     ],
 )
 def test_broken_files_are_told_by_row_and_column(tmp_path: Path, rows, header: str, words: str) -> None:
@@ -189,9 +190,39 @@ def test_a_pulse_of_zero_is_no_signal_and_percent_are_percent(tmp_path: Path) ->
         dataset_from_csv([write(tmp_path, rows)], column_map(tmp_path, text.replace("'%'", "'1'")), 0.2)
 
 
+def test_a_compass_that_the_motors_pull_aside_turns_no_speed_into_sway(tmp_path: Path) -> None:
+    # Two knots straight ahead; for six seconds the compass is 0.2 rad off, and the file's u and v were turned by it.
+    rows = []
+    for k in range(ROWS):
+        off = 0.2 if 200 <= k < 260 else 0.0
+        rows.append([str(100 * k), f"{2 * math.cos(off)}", f"{200 * math.sin(off)}", "0", f"{math.degrees(off)}"])
+        rows[-1] += ["1700", "1610"]
+    path = write(tmp_path, rows)
+    [plain] = dataset_from_csv([path], column_map(tmp_path), 0.2).segments
+    text = MAP.replace("{column: yaw, unit: deg}", "{column: yaw, unit: deg, settle_s: 60}")
+    [settled] = dataset_from_csv([path], column_map(tmp_path, text), 0.2).segments
+    assert np.abs(plain.nu[:, 1]).max() == pytest.approx(2.0 * math.sin(0.2))
+    assert np.abs(settled.nu[:, 1]).max() < 2.0 * 0.2 * 6.0 / 60.0 and np.abs(settled.nu[:, 0] - 2.0).max() < 1e-3
+    assert np.abs(settled.psi).max() < 0.2 * 6.0 / 60.0
+
+
+def test_a_settled_heading_follows_a_turn_and_starts_anew_after_a_gap(tmp_path: Path) -> None:
+    text = MAP.replace("{column: yaw, unit: deg}", "{column: yaw, unit: deg, settle_s: 60}")
+    rows = [row(k) for k in range(ROWS)]
+    [plain] = dataset_from_csv([write(tmp_path, rows)], column_map(tmp_path), 0.2).segments
+    [settled] = dataset_from_csv([write(tmp_path, rows)], column_map(tmp_path, text), 0.2).segments
+    assert np.allclose(settled.nu, plain.nu, atol=1e-5) and np.allclose(settled.psi, plain.psi, atol=1e-5)
+    for k in range(200, ROWS):  # the boat was turned by hand while nothing was recorded
+        rows[k][0] = str(25000 + 100 * k)
+        rows[k][4] = f"{(float(rows[k][4]) + 90.0) % 360.0:.6f}"
+    parts = dataset_from_csv([write(tmp_path, rows)], column_map(tmp_path, text), 0.2).segments
+    assert [np.abs(part.nu[:, 1] - 0.2).max() < 1e-3 for part in parts] == [True, True]
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [
+        (MAP.replace("unit: deg}\nport", "unit: deg, settle_s: 0}\nport"), "key psi.settle_s: Input should be greater"),
         (MAP.replace("unit: cm/s", "unit: furlong"), "key v.unit: Input should be 'm/s'"),
         (MAP.replace("surge", "surge, colour: red"), "key u.colour: unknown key"),
         (MAP.replace("r: {column: yaw_rate, unit: deg/s}\n", ""), "key r: this key is required"),
@@ -208,9 +239,17 @@ def test_broken_column_maps(tmp_path: Path, text: str, words: str) -> None:
         dataset_from_csv([write(tmp_path)], path, 0.2)
 
 
+def test_the_map_in_the_docs_is_a_good_one(tmp_path: Path) -> None:
+    text = (Path(__file__).parents[2] / "docs" / "models.md").read_text()
+    lines = text.partition("```yaml\n")[2].partition("```")[0]
+    columns = load_columns(column_map(tmp_path, lines))
+    assert columns.psi is not None and columns.wind_from is not None and columns.port.neutral_us == 1500.0
+
+
 def test_the_shipped_map_reads_a_boat_with_its_motors_the_other_way_round(tmp_path: Path) -> None:
     columns = ",original_timestamp,yaw,surge,sway,yaw_rate,thr_left,thr_right"
-    lines = [f"{k},{1444243.083 + 100 * k:.3f},{74 + 0.1 * k},1.5,0.1,0.02,1100,1510" for k in range(400)]
+    turn = math.degrees(0.002)
+    lines = [f"{k},{1444243.083 + 100 * k:.3f},{74 + turn * k},1.5,0.1,0.02,1100,1510" for k in range(400)]
     path = tmp_path / "fixed_00000001.csv"
     path.write_text("\n".join([columns, *lines]))
     [segment] = dataset_from_csv([path], find_columns("blueboat"), 0.2).segments

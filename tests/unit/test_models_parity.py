@@ -1,79 +1,110 @@
 """Every learned model says the same, value and Jacobian, on NumPy, CasADi and torch arrays, over the whole range."""
 
+import math
+from pathlib import Path
+
 import casadi as ca
 import numpy as np
 import pytest
+from dual import jacobian
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from model_samples import KINDS, points, sample
+from model_samples import HALF, KINDS, points, sample
 
-from asvhil.config import MpcConfig
+from asvhil.config import MpcConfig, load_config
 from asvhil.controller.station_mpc import StationMpc
 from asvhil.dynamics.fitted_sd import PARAMETERS
 from asvhil.dynamics.lagnet import ThrustMap
+from asvhil.dynamics.protocol import Dynamics
+from asvhil.dynamics.rigid_body import SimplifiedDynamics
+from asvhil.dynamics.weights import load_model, read_model
 from asvhil.types import Estimate, Station, Wind
 
 COUNT = 400
 TOLERANCE = 1e-9
+SHIPPED = {path.stem: path for path in sorted((Path(__file__).parents[2] / "config" / "models").glob("*.npz"))}
 
 
-def casadi_function(kind: str) -> ca.Function:
-    model = sample(kind).dynamics()
+def models() -> dict[str, Dynamics]:
+    """One model of every kind with drawn weights, the physics, and all that are shipped."""
+    drawn = {kind: sample(kind).dynamics() for kind in KINDS}
+    shipped = {name: load_model(path) for name, path in SHIPPED.items()}
+    return drawn | {"physics": SimplifiedDynamics(load_config("sitl").vehicle.vessel)} | shipped
+
+
+MODELS = models()
+every_model = pytest.mark.parametrize("name", MODELS)
+
+
+def test_there_are_shipped_models_to_look_at() -> None:
+    assert len(SHIPPED) >= 4
+
+
+def inputs(name: str, count: int, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """States, inputs and winds all over the model's range and half as far beyond it, its corners among them."""
+    rng = np.random.default_rng(seed)
+    model = MODELS[name]
+    half = read_model(SHIPPED[name]).scaling.half if name in SHIPPED else HALF
+    reach = np.concatenate([half[:3], np.ones(model.n_motor)])
+    x = rng.uniform(-1.5, 1.5, (count, len(reach)))
+    x[::4] = rng.choice([-1.0, 1.0], (len(x[::4]), len(reach)))
+    x[1::8] *= 2.0  # where the products of LagNet are held
+    a = rng.uniform(model.input_lower, model.input_upper, (count, 2))
+    a[::5] = rng.choice([model.input_lower, model.input_upper], (len(a[::5]), 2))
+    wind = rng.uniform(-1.5, 1.5, (count, 2)) * half[5:]
+    return x * reach, a, wind
+
+
+def casadi_function(name: str) -> ca.Function:
+    model = MODELS[name]
     x, a, wind = ca.SX.sym("x", 3 + model.n_motor), ca.SX.sym("a", 2), ca.SX.sym("w", 2)
     x_dot = model.derivative(x, a, wind)
     jacobian = ca.jacobian(x_dot, ca.vertcat(x, a, wind))
     return ca.Function("f", [x, a, wind], [x_dot, ca.densify(jacobian)], {"cse": True})
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_casadi_agrees_with_numpy(kind: str) -> None:
-    model, function = sample(kind).dynamics(), casadi_function(kind)
-    x, a, wind = points(kind, COUNT)
+@every_model
+def test_numpy_and_casadi_agree_in_value_and_jacobian(name: str) -> None:
+    model, function = MODELS[name], casadi_function(name)
+    x, a, wind = inputs(name, COUNT, seed=2)
     batch = model.derivative(x, a, wind)
     for i in range(COUNT):
-        one = model.derivative(x[i], a[i], wind[i])
-        value, _ = function(x[i], a[i], wind[i])
-        assert np.abs(np.asarray(value)[:, 0] - one).max() <= TOLERANCE
-        assert np.abs(batch[i] - one).max() <= TOLERANCE
+        value, slope = jacobian(model.derivative, x[i], a[i], wind[i])  # the NumPy code itself, on dual numbers
+        theirs, their_slope = (np.asarray(part) for part in function(x[i], a[i], wind[i]))
+        assert np.abs(model.derivative(x[i], a[i], wind[i]) - theirs[:, 0]).max() <= TOLERANCE
+        assert np.abs(batch[i] - theirs[:, 0]).max() <= TOLERANCE
+        assert np.abs(value - theirs[:, 0]).max() <= TOLERANCE
+        assert np.abs(slope - their_slope).max() <= TOLERANCE
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_the_casadi_jacobian_is_that_of_the_numpy_values(kind: str) -> None:
-    model, function = sample(kind).dynamics(), casadi_function(kind)
-    x, a, wind = points(kind, 50, seed=4)
-    z = np.concatenate([x, a, wind], axis=1)
-    n = x.shape[1]
-    _, jacobian = function.map(50)(x.T, a.T, wind.T)
-    jacobian = np.asarray(jacobian).reshape(-1, 50, z.shape[1]).transpose(1, 0, 2)
-    step = 1e-6
-    for j in range(z.shape[1]):
-        above, below = z.copy(), z.copy()
-        above[:, j] += step
-        below[:, j] -= step
-        slope = (
-            model.derivative(above[:, :n], above[:, n : n + 2], above[:, n + 2 :])
-            - model.derivative(below[:, :n], below[:, n : n + 2], below[:, n + 2 :])
-        ) / (2.0 * step)
-        np.testing.assert_allclose(jacobian[:, :, j], slope, atol=2e-6)
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_torch_agrees_with_casadi(kind: str) -> None:
+@every_model
+def test_torch_and_casadi_agree_in_value_and_jacobian(name: str) -> None:
     import torch
 
-    model, function = sample(kind).dynamics(), casadi_function(kind)
-    x, a, wind = points(kind, COUNT, seed=3)
+    model, function = MODELS[name], casadi_function(name)
+    x, a, wind = inputs(name, COUNT, seed=3)
     tensors = [torch.tensor(part, requires_grad=True) for part in (x, a, wind)]
     value = model.derivative(*tensors)
-    wanted, jacobian = function.map(COUNT)(x.T, a.T, wind.T)
+    wanted, slopes = function.map(COUNT)(x.T, a.T, wind.T)
     assert np.abs(value.detach().numpy() - np.asarray(wanted).T).max() <= TOLERANCE
     rows = value.shape[1]
-    width = x.shape[1] + 4
-    jacobian = np.asarray(jacobian).reshape(rows, COUNT, width)
+    slopes = np.asarray(slopes).reshape(rows, COUNT, x.shape[1] + 4)
     for row in range(rows):
         grads = torch.autograd.grad(value[:, row].sum(), tensors, retain_graph=True, allow_unused=True)
         whole = [np.zeros(t.shape) if g is None else g.numpy() for g, t in zip(grads, tensors, strict=True)]
-        assert np.abs(np.concatenate(whole, axis=1) - jacobian[row]).max() <= TOLERANCE
+        assert np.abs(np.concatenate(whole, axis=1) - slopes[row]).max() <= TOLERANCE
+
+
+def test_dual_numbers_give_the_slopes_of_the_school_book() -> None:
+    x, a = np.array([0.7, -0.4]), np.array([2.0])
+
+    def function(x: np.ndarray, a: np.ndarray) -> np.ndarray:
+        return np.stack([np.tanh(x[0] * a[0]), abs(x[1]) * x[1] / 2.0, 1.0 - (x[0] - a[0]), -x[1] + 3.0])
+
+    value, slope = jacobian(function, x, a)
+    bend = 1.0 - math.tanh(1.4) ** 2
+    np.testing.assert_allclose(value, [math.tanh(1.4), -0.08, 2.3, 3.4], atol=1e-15)
+    np.testing.assert_allclose(slope, [[2 * bend, 0, 0.7 * bend], [0, 0.4, 0], [-1, 0, 1], [0, -1, 0]], atol=1e-15)
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -273,6 +273,39 @@ def test_gaps_leave_no_window_across_them() -> None:
     assert (inside | after).all() and inside.any() and after.any()
 
 
+def test_a_share_of_each_batch_comes_from_windows_in_motion() -> None:
+    # A boat that lies idle for nine tenths of its record.
+    nu = np.zeros((1000, 3))
+    nu[450:550, 0] = 1.0
+    idle = Segment(
+        t_s=0.2 * np.arange(1000), nu=nu, command=np.zeros((1000, 2)), wind=np.zeros((1000, 2)), psi=np.zeros(1000)
+    )
+    windows = Windows((idle,), scaling_of(changed(nu=nu), symmetric=False), 20, 0)
+
+    def moving(share: float) -> float:
+        starts = windows.starts[windows.draw(np.random.default_rng(1), 200, 64, share)]
+        # More than a fifth of the 21 samples at 1 m/s: from 4 after the window's end to as many before its start.
+        return float(((starts + 20 >= 454) & (starts < 546)).mean())
+
+    assert moving(1.0) == 1.0
+    assert moving(0.0) == pytest.approx(0.11, abs=0.02)
+    assert moving(0.5) == pytest.approx(0.5 + 0.5 * moving(0.0), abs=0.02)
+    rest = dataclasses.replace(idle, nu=np.zeros((1000, 3)))
+    nothing = Windows((rest,), scaling_of(changed(nu=nu), symmetric=False), 20, 0)
+    even = nothing.draw(np.random.default_rng(2), 3, 8, 1.0)
+    assert (even == np.random.default_rng(2).integers(980, size=(3, 8))).all()
+
+
+def test_without_a_validation_share_the_last_weights_of_all_iterations_are_kept() -> None:
+    # At this rate an early state is the best; held-back data would have kept it and ended the training.
+    options = dataclasses.replace(
+        OPTIONS["nnsem"], iterations=160, block=20, patience=40, rate=0.3, last_rate=0.3, validation_fraction=0.0
+    )
+    figures = fit("nnsem", DATA, seed=1, options=options).figures
+    assert figures["iterations_run"] == figures["best_iteration"] == 160
+    assert figures["best_validation"] == figures["curve"][-1][2] > min(row[2] for row in figures["curve"])
+
+
 def test_trainees_start_differently_by_seed_and_alike_by_kind() -> None:
     scaling = scaling_of(DATA, symmetric=False)
 

@@ -17,7 +17,7 @@ from asvhil.dynamics.weights import load_model, read_model, save_model  # noqa: 
 from asvhil.errors import ConfigError, LogError, ModelError  # noqa: E402
 from asvhil.study.models import markdown, mpc_tick_ms, study_models  # noqa: E402
 from asvhil.train.jobs import evaluate_command, is_csv, train_command  # noqa: E402
-from asvhil.train.options import Progress  # noqa: E402
+from asvhil.train.options import Progress, chosen_options  # noqa: E402
 
 COLUMNS = """
 time: {column: t, unit: s}
@@ -42,7 +42,9 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def trained(log: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     output = tmp_path_factory.mktemp("models") / "wamv16-nnsem.npz"
     seen: list[Progress] = []
-    figures = train_command("nnsem", [log], output, seed=3, iterations=600, progress=seen.append)
+    figures = train_command(
+        "nnsem", [log], output, seed=3, options=chosen_options("nnsem", 0.2, iterations=600), progress=seen.append
+    )
     assert figures["vehicle"] == "wamv16" and figures["iterations_run"] == 600
     assert [state.iteration for state in seen] == [500, 600]
     assert Path(figures["picture"]).stat().st_size > 1000

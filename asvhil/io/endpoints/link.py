@@ -82,6 +82,11 @@ class Link(ABC):
         """Sends that did not go out: no peer yet, or a reader too slow."""
         return self._unsent
 
+    @property
+    def congested(self) -> bool:
+        """Whether what was handed over will still keep the line busy for a while: time to leave out the unimportant."""
+        return False  # datagrams go at once or never
+
     async def recv(self) -> Frame:
         """The next frame. After the link is lost: what had arrived, then LinkError. After close(): LinkError."""
         while not self._frames:

@@ -12,6 +12,7 @@ from asvhil.io.endpoints.spec import LinkSpec, host_port
 from asvhil.io.endpoints.stream import ByteStream
 
 DEAD_PEER_S = 10
+CONGESTED_BYTES = 16 * 1024  # that the kernel did not take: the peer does not keep up
 
 
 def _tune(sock: socket.socket) -> None:
@@ -35,6 +36,11 @@ class TcpClient(Link):
     def _transmit(self, data: bytes, peer: str) -> None:
         self._stream.send(data)
 
+    @property
+    def congested(self) -> bool:
+        """Whether the peer reads too slowly."""
+        return self._stream.pending_bytes > CONGESTED_BYTES
+
     def _release(self) -> None:
         self._stream.stop()
         self._sock.close()
@@ -47,9 +53,15 @@ class TcpServer(Link):
         super().__init__(spec.text, host_port(*sock.getsockname()[:2]), port, now_ns)
         self._listener = sock
         self._client: socket.socket | None = None
+        self._sessions = 0
         self._stream: ByteStream | None = None
         self._loop = asyncio.get_running_loop()
         self._loop.add_reader(sock, self._acceptable)
+
+    @property
+    def session(self) -> int:
+        """The number of the client that is connected, counted from 1; 0 while there is none."""
+        return self._sessions if self._client is not None else 0
 
     def _acceptable(self) -> None:
         try:
@@ -66,6 +78,7 @@ class TcpServer(Link):
             client.close()
             return
         self._client = client
+        self._sessions += 1
         self._stream = ByteStream(client.fileno(), self._received, self._client_left, self._count_unsent)
 
     def _client_left(self, _reason: str) -> None:
@@ -84,6 +97,11 @@ class TcpServer(Link):
             self._count_unsent(1)
         else:
             self._stream.send(data)
+
+    @property
+    def congested(self) -> bool:
+        """Whether the client reads too slowly."""
+        return self._stream is not None and self._stream.pending_bytes > CONGESTED_BYTES
 
     def _release(self) -> None:
         self._drop_client()

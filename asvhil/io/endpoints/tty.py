@@ -20,6 +20,8 @@ from asvhil.io.endpoints.stream import CHUNK_BYTES, ByteStream
 
 LINGER_S = 0.5
 LOOK_PERIOD_S = 0.02
+CONGESTED_S = 0.05  # of the line's time: an override that waits longer behind others comes late
+CONGESTED_BYTES = 512  # at least, or a slow line would be congested by a single frame
 
 
 class SerialLink(Link):
@@ -28,6 +30,7 @@ class SerialLink(Link):
     def __init__(self, spec: LinkSpec, port: str, now_ns: Callable[[], int], device: serial.Serial) -> None:
         super().__init__(spec.text, spec.path, port, now_ns)
         self._device = device
+        self._congested_bytes = max(CONGESTED_BYTES, round(CONGESTED_S * spec.baud / 10.0))  # 10 bits to a byte
         self._stream = ByteStream(device.fileno(), self._received, self._unplugged, self._count_unsent)
 
     def _unplugged(self, reason: str) -> None:
@@ -35,6 +38,13 @@ class SerialLink(Link):
 
     def _transmit(self, data: bytes, peer: str) -> None:
         self._stream.send(data)
+
+    @property
+    def congested(self) -> bool:
+        """Whether more is queued, here and in the driver, than the line carries in 50 ms."""
+        if self._gone:
+            return False
+        return self._stream.pending_bytes + _queued_bytes(self._device.fileno()) > self._congested_bytes
 
     async def _linger(self) -> None:
         """Let the last sends (release the motors) leave; the kernel's own wait in close() would block up to 30 s."""

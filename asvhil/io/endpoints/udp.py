@@ -15,6 +15,9 @@ from asvhil.io.endpoints.spec import LinkSpec, host_port
 MAX_PEERS = 16
 PEER_LIFE_NS = 10_000_000_000
 DATAGRAM_BYTES = 65536
+# What the kernel keeps while the process waits for a core; its default is some 50 ms of 5000 datagrams a second. It
+# grants less where net.core.rmem_max is smaller.
+RECEIVE_BUFFER_BYTES = 2 * 1024 * 1024
 BURST = 64  # datagrams per turn of the loop: a flood must not starve the control tick
 # What the network reports of earlier sends: the peer, or the way to it, is not there yet. Each is reported once.
 _PASSING = {errno.ECONNREFUSED, errno.EHOSTUNREACH, errno.ENETUNREACH, errno.ENETDOWN, errno.EHOSTDOWN, errno.EINTR}
@@ -104,6 +107,7 @@ async def open_udp(spec: LinkSpec, port: str, now_ns: Callable[[], int]) -> UdpL
         sock = socket.socket(family, socket.SOCK_DGRAM)
         try:
             sock.setblocking(False)
+            sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER_BYTES)
             if spec.scheme == "udpin":
                 sock.bind(target)
                 return UdpIn(spec, host_port(*sock.getsockname()[:2]), port, now_ns, sock)

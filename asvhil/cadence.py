@@ -1,0 +1,76 @@
+"""When a control is due, at ticks that come on a timer's grid or as they will. A pure function of the ticks' times."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+
+class Cadence(Protocol):
+    """Asked once a tick in which the controller may run."""
+
+    def due(self, t_ns: int) -> bool:
+        """Whether this tick solves."""
+        ...
+
+    def restart(self) -> None:
+        """The next tick is due."""
+        ...
+
+
+class EveryTicks:
+    """Every n-th tick."""
+
+    def __init__(self, ticks: int) -> None:
+        self._ticks = ticks
+        self._left = 0
+
+    def due(self, t_ns: int) -> bool:
+        """Whether this tick solves."""
+        if self._left > 0:
+            self._left -= 1
+            return False
+        self._left = self._ticks - 1
+        return True
+
+    def restart(self) -> None:
+        """The next tick is due."""
+        self._left = 0
+
+
+class EveryPeriod:
+    """The tick nearest to each point of a grid of time: ticks that come irregularly keep the rate on average."""
+
+    def __init__(self, period_ns: int, slack_ns: int) -> None:
+        self._period_ns = period_ns
+        self._slack_ns = slack_ns
+        self._due_ns: int | None = None
+
+    def due(self, t_ns: int) -> bool:
+        """Whether this tick solves: it is due, or nearly so."""
+        due_ns = t_ns if self._due_ns is None else self._due_ns
+        if t_ns < due_ns - self._slack_ns:
+            return False
+        late = t_ns - due_ns >= self._period_ns
+        self._due_ns = (t_ns if late else due_ns) + self._period_ns  # a grid that was left behind starts anew
+        return True
+
+    def restart(self) -> None:
+        """The next tick is due."""
+        self._due_ns = None
+
+
+class Allowance:
+    """A rate that holds on average: single events pass at once, a flood is spread out."""
+
+    def __init__(self, rate_hz: float, burst: int) -> None:
+        self._rate_hz = rate_hz
+        self._burst = float(burst)
+        self._left = self._burst
+        self._at_s: float | None = None
+
+    def wait_s(self, now_s: float) -> float:
+        """Take one event; the seconds it has to wait for its turn."""
+        elapsed_s = 0.0 if self._at_s is None else now_s - self._at_s
+        self._at_s = now_s
+        self._left = min(self._burst, self._left + elapsed_s * self._rate_hz) - 1.0
+        return max(0.0, -self._left / self._rate_hz)

@@ -1,0 +1,278 @@
+"""The studies that are many runs in lockstep, the bound that they are held against, and the solvers side by side."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from asvhil.commands.options import JsonOption, SetOption
+from asvhil.commands.study_views import bounds_at_hand, finish, folder, say, watching
+from asvhil.commands.views import progress
+from asvhil.errors import ConfigError
+
+RUNS = Path("runs/study")
+
+OutOption = Annotated[Path, typer.Option("-o", "--output", help="Folder of runs, tables and figures; taken up again.")]
+ConfigOption = Annotated[str, typer.Option(help="Whose vessel, plant and controllers.")]
+SeedsOption = Annotated[int, typer.Option(min=1, help="Number of seeds, from 1 on.")]
+RowOption = Annotated[list[str], typer.Option(help="One row by its name; repeatable.")]
+ModelsOption = Annotated[Path | None, typer.Option(help="Folder of model files, KIND.npz; the shipped ones beside.")]
+WorkersOption = Annotated[int | None, typer.Option(min=1, help="Processes; as many as cores by default.")]
+QuickOption = Annotated[bool, typer.Option("--quick", help="Little of everything: to see that it works.")]
+
+
+def bound(
+    wind: Annotated[list[str], typer.Option(metavar="SPEED@DEG", help="Repeatable.")] = ["3@90", "6@90", "6@45"],  # noqa: B006
+    config: ConfigOption = "sitl",
+    starts: Annotated[int, typer.Option(min=1, help="Searches in each wind, each from another start.")] = 40,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="Folder for bound.json and bound.md, for the other studies.")
+    ] = None,
+    set_: SetOption = [],  # noqa: B006
+    json_: JsonOption = None,
+) -> None:
+    """The physical bound of the penalty score in a steady wind, by periodic optimal control."""
+    from rich.console import Console
+
+    from asvhil.collect import parse_wind
+    from asvhil.config import load_config
+    from asvhil.dynamics.rigid_body import SimplifiedDynamics
+    from asvhil.study.bound import bound as best_orbit
+    from asvhil.study.bound import figures as figures_of
+    from asvhil.study.bound import markdown
+
+    settings = load_config(config, tuple(set_))
+    model = SimplifiedDynamics(settings.controller.vessel or settings.vehicle.vessel)
+    winds: dict[str, Any] = {}
+    console = Console()
+    with progress(console) as bar:
+        task = bar.add_task("bound", total=starts * len(wind))
+        for number, text in enumerate(wind):
+            sector = parse_wind(text)
+
+            def show(done: int, of: int, before: int = number * starts, name: str = text) -> None:
+                bar.update(task, completed=before + done, description=name)
+
+            orbit = best_orbit(model, sector.speed_mps, math.radians(sector.toward_deg), starts, show)
+            winds[f"{sector.speed_mps:g}@{sector.toward_deg:g}"] = figures_of(orbit)
+    finish(console, output, "bound", {"vehicle": settings.vehicle.name, "winds": winds}, markdown, json_)
+
+
+def six_tests(
+    output: OutOption = RUNS,
+    seeds: SeedsOption = 5,
+    controller: Annotated[list[str], typer.Option(help="One controller by its name in the table; repeatable.")] = [],  # noqa: B006
+    row: RowOption = [],  # noqa: B006
+    noise: Annotated[
+        bool, typer.Option(help="Sensor noise and gusts; without them one seed, in a table apart.")
+    ] = True,
+    models: ModelsOption = None,
+    bounds: Annotated[
+        Path | None, typer.Option(help="bound.json of `study bound`; the shipped one by default.")
+    ] = None,
+    config: ConfigOption = "sitl",
+    workers: WorkersOption = None,
+    quick: QuickOption = False,
+    set_: SetOption = [],  # noqa: B006
+    json_: JsonOption = None,
+) -> None:
+    """All controllers over the paper's six tests, their mirrors and diagonals."""
+    from rich.console import Console
+
+    from asvhil.study.rows import FROM_S, QUICK_S, ROWS, TO_S, checked
+    from asvhil.study.six_tests import CONTROLLERS, available, study_six_tests
+    from asvhil.study.six_tests_report import draw_bars, report
+
+    console = Console()
+    labels, rows = checked(controller, CONTROLLERS, "--controller"), checked(row, ROWS, "--row")
+    chosen, left_out = available(labels, models, config, tuple(set_))
+    for line in left_out:
+        say(console, line)
+    if not chosen:
+        raise ConfigError("no controller is left to run")
+    limits = bounds_at_hand(console, bounds, config, tuple(set_))
+    with watching(console, "six tests") as tell:
+        figures = study_six_tests(
+            folder(output) / "trials.jsonl",
+            controllers=chosen,
+            rows=rows,
+            seeds=range(1, 2 if quick or not noise else seeds + 1),
+            noise=noise,
+            window_s=QUICK_S if quick else (FROM_S, TO_S),
+            workers=workers,
+            base=config,
+            bounds=limits,
+            tell=tell,
+        )
+    figures["left_out"] = left_out
+    stem = "six-tests" if noise else "six-tests-no-noise"
+    draw_bars(figures, output / f"{stem}.png")
+    finish(console, output, stem, figures, report, json_)
+
+
+def solvers(
+    output: OutOption = RUNS,
+    ticks: Annotated[int, typer.Option(min=2, help="Control ticks of each solver's closed loop.")] = 250,
+    problems: Annotated[int, typer.Option(min=1, help="Recorded problems that are held against their optimum.")] = 200,
+    solver: Annotated[list[str], typer.Option(help="One solver; repeatable. The first is the one compared to.")] = [],  # noqa: B006
+    horizon: Annotated[float, typer.Option(min=0.4, help="Seconds, on a uniform grid.")] = 4.0,
+    second_order: Annotated[bool, typer.Option(help="The default solver's later steps with curvature.")] = True,
+    peer: Annotated[str, typer.Option(help="Command of a peer that takes a problem file, as in tests/peers.")] = "",
+    config: ConfigOption = "sitl",
+    quick: QuickOption = False,
+    set_: SetOption = [],  # noqa: B006
+    json_: JsonOption = None,
+) -> None:
+    """All solvers side by side on one core: time of a step, gap to the optimum, and what the boat makes of it."""
+    import shlex
+
+    from rich.console import Console
+
+    from asvhil.build import build_model, model_file
+    from asvhil.config import load_config
+    from asvhil.study.solver_report import draw_solvers, solver_table
+    from asvhil.study.solvers import SOLVERS, study_solvers
+
+    for name in solver:
+        if name not in SOLVERS:
+            raise ConfigError(f"--solver {name}: unknown (known: {', '.join(SOLVERS)})")
+    if peer and solver and "torch-lqr" not in solver:
+        raise ConfigError("--peer solves the problems of the torch-lqr run: name that --solver too")
+    settings = load_config(config, tuple(set_))
+    if not settings.controller.name.endswith("-mpc"):
+        raise ConfigError(f"key controller.name: {settings.controller.name} has no solver; an MPC is needed")
+    file = model_file(settings)
+    folder(output)
+    console = Console()
+    with progress(console) as bar:
+        task = bar.add_task("solvers", total=None)
+        figures = study_solvers(
+            settings,
+            build_model(settings),
+            steps=min(ticks, 20) if quick else ticks,
+            problems=min(problems, 8) if quick else problems,
+            solvers=solver or SOLVERS,
+            limit_problems=min(problems, 4) if quick else problems,
+            horizon_s=horizon,
+            second_order=second_order,
+            peer=shlex.split(peer),
+            peer_model_file="" if file is None else str(file),
+            progress=lambda what, done, of: bar.update(task, description=what, completed=done, total=of),
+        )
+    draw_solvers(figures, output / "solvers.png")
+    finish(console, output, "solvers", figures, solver_table, json_)
+
+
+def approach(
+    output: OutOption = RUNS,
+    runs: Annotated[int, typer.Option(min=1, help="Random starts.")] = 100,
+    seed: Annotated[int, typer.Option(min=0, help="Of the starts.")] = 1,
+    workers: WorkersOption = None,
+    quick: QuickOption = False,
+    set_: SetOption = [],  # noqa: B006
+    json_: JsonOption = None,
+) -> None:
+    """From 60 m off, at any heading, in 6 m/s of wind: random starts brought to the station and kept there."""
+    from rich.console import Console
+
+    from asvhil.study.approach import DURATION_S, markdown, study_approach
+    from asvhil.study.approach_figure import draw_tracks
+
+    console = Console()
+    with watching(console, "approach") as tell:
+        figures, outcomes = study_approach(
+            folder(output) / "approach.jsonl",
+            min(runs, 4) if quick else runs,
+            seed,
+            overrides=tuple(set_),
+            duration_s=130.0 if quick else DURATION_S,
+            workers=workers,
+            tell=tell,
+        )
+    draw_tracks(outcomes, output / "approach.png")
+    finish(console, output, "approach", figures, markdown, json_)
+
+
+def robustness(
+    output: OutOption = RUNS,
+    seeds: SeedsOption = 5,
+    row: RowOption = [],  # noqa: B006
+    models: ModelsOption = None,
+    config: ConfigOption = "sitl",
+    workers: WorkersOption = None,
+    quick: QuickOption = False,
+    set_: SetOption = [],  # noqa: B006
+    json_: JsonOption = None,
+) -> None:
+    """Without a wind sensor; with a crude model and a turned vane; the same in a current."""
+    from rich.console import Console
+
+    from asvhil.study.robustness import markdown, study_robustness
+    from asvhil.study.rows import FROM_S, QUICK_S, ROWS, TO_S, checked
+    from asvhil.study.six_tests import MAIN, controller_overrides
+
+    rows = checked(row, ROWS, "--row")
+    console = Console()
+    with watching(console, "robustness") as tell:
+        figures = study_robustness(
+            folder(output) / "trials.jsonl",
+            controller=controller_overrides(MAIN, models, config, tuple(set_)),
+            rows=rows,
+            seeds=range(1, 2 if quick else seeds + 1),
+            window_s=QUICK_S if quick else (FROM_S, TO_S),
+            base=config,
+            overrides=tuple(set_),
+            workers=workers,
+            tell=tell,
+        )
+    finish(console, output, "robustness", figures, markdown, json_)
+
+
+def learned_loop(
+    output: OutOption = RUNS,
+    seeds: SeedsOption = 5,
+    patterns: Annotated[int, typer.Option(min=1, help="Patterns of wrong parameters.")] = 4,
+    models: ModelsOption = None,
+    config: ConfigOption = "sitl",
+    workers: WorkersOption = None,
+    quick: QuickOption = False,
+    set_: SetOption = [],  # noqa: B006
+    json_: JsonOption = None,
+) -> None:
+    """Learned models in the loop against SD-MPC with the true parameters, and with parameters 30 % off."""
+    from rich.console import Console
+
+    from asvhil.study.learned_loop import LEARNED, markdown, study_learned_loop
+    from asvhil.study.rows import FROM_S, QUICK_S, TO_S
+    from asvhil.study.six_tests import controller_overrides
+
+    overrides = tuple(set_)
+    learned = {name: controller_overrides(name, models, config, overrides) for name in LEARNED}
+    console = Console()
+    with watching(console, "learned models") as tell:
+        figures = study_learned_loop(
+            folder(output) / "trials.jsonl",
+            learned=learned,
+            seeds=range(1, 2 if quick else seeds + 1),
+            patterns=min(patterns, 2) if quick else patterns,
+            window_s=QUICK_S if quick else (FROM_S, TO_S),
+            base=config,
+            overrides=overrides,
+            workers=workers,
+            tell=tell,
+        )
+    finish(console, output, "learned-loop", figures, markdown, json_)
+
+
+COMMANDS: dict[str, Callable[..., None]] = {
+    "bound": bound,
+    "six-tests": six_tests,
+    "solvers": solvers,
+    "approach": approach,
+    "robustness": robustness,
+    "learned-loop": learned_loop,
+}

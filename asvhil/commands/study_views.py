@@ -1,0 +1,98 @@
+"""What the studies show and leave: progress with the time to go, tables, figures as JSON, and the bounds they use."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from asvhil.commands.views import progress, write_json
+from asvhil.errors import AsvhilError
+
+if TYPE_CHECKING:
+    from asvhil.study.runner import Progress
+
+BOUNDS = Path(__file__).resolve().parents[2] / "docs" / "results" / "bound.json"
+
+
+@contextmanager
+def watching(console: Any, what: str) -> Iterator[Callable[[Progress], None]]:
+    """A progress bar with the time to go; on a pipe a line at each tenth. The expected total is said once it is known.
+
+    Ctrl-C ends in one line that says how to go on.
+    """
+    said = {"expected": False, "tenth": 0}
+
+    def minutes(seconds: float) -> str:
+        return f"{seconds / 60.0:.1f} min"
+
+    with progress(console) as bar:
+        task = bar.add_task(what, total=None)
+
+        def tell(now: Progress) -> None:
+            to_go = "" if now.remaining_s is None else f", {minutes(now.remaining_s)} to go"
+            bar.update(task, completed=now.done, total=now.total, description=f"{what}{to_go}")
+            if now.total_s is not None and not said["expected"]:
+                said["expected"] = True
+                say(bar.console, f"{what}: {now.total} runs, {minutes(now.total_s)} in all{to_go}")
+            tenth = 10 * now.done // max(now.total, 1)
+            if tenth > said["tenth"] and not console.is_terminal:
+                said["tenth"] = tenth
+                say(bar.console, f"{what}: {now.done} of {now.total}{to_go}")
+
+        try:
+            yield tell
+        except KeyboardInterrupt:
+            raise AsvhilError(f"{what}: interrupted; the same command goes on where it was") from None
+
+
+def finish(
+    console: Any,
+    output: Path | None,
+    stem: str,
+    figures: dict[str, Any],
+    text_of: Callable[[dict[str, Any]], str],
+    json_: Path | None,
+) -> None:
+    """Figures as JSON and Markdown into the folder, and the Markdown on the console."""
+    text = text_of(figures)
+    if output is not None:
+        for file, content in (
+            (folder(output) / f"{stem}.json", json.dumps(figures, indent=1) + "\n"),
+            (output / f"{stem}.md", text),
+        ):
+            try:
+                file.write_text(content, encoding="utf-8")
+            except OSError as error:
+                raise AsvhilError(f"{file}: cannot be written ({error.strerror})") from None
+    write_json(json_, figures)
+    say(console, text)
+
+
+def folder(path: Path) -> Path:
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise AsvhilError(f"-o {path}: cannot be made ({error.strerror})") from None
+    return path
+
+
+def bounds_at_hand(console: Any, file: Path | None, config: str, overrides: tuple[str, ...]) -> dict[str, float]:
+    """The bounds to hold scores against; without them a line that says what to do."""
+    from asvhil.config import load_config
+    from asvhil.study.bound import read_bounds
+
+    vehicle = load_config(config, overrides).vehicle.name
+    if file is not None:
+        return read_bounds(file, vehicle)
+    try:
+        return read_bounds(BOUNDS, vehicle)
+    except AsvhilError as error:
+        say(console, f"no regret in the tables: {error}; `asvhil study bound -o DIR`, then --bounds DIR/bound.json")
+        return {}
+
+
+def say(console: Any, text: str) -> None:
+    console.print(text, markup=False, highlight=False, soft_wrap=True)

@@ -1,0 +1,147 @@
+"""Which sensor each quantity is taken from: named messages of links in order of preference, with fail-over."""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+from pydantic import model_validator
+
+from asvhil.config.base import NonNegative, Positive, Section
+from asvhil.config.links import LinksConfig
+
+Quantity = Literal["position", "velocity", "heading", "yaw_rate", "acceleration", "wind"]
+QUANTITIES: tuple[Quantity, ...] = ("position", "velocity", "heading", "yaw_rate", "acceleration", "wind")
+SensorLink = Literal["autopilot", "anemometer", "ins", "gnss"]
+
+_FIX: tuple[Quantity, ...] = ("position", "velocity")
+_ATTITUDE: tuple[Quantity, ...] = ("heading", "yaw_rate")
+_INERTIAL: tuple[Quantity, ...] = ("yaw_rate", "acceleration")
+_WIND: tuple[Quantity, ...] = ("wind",)
+_NMEA: dict[str, tuple[Quantity, ...]] = {
+    "GGA": ("position",),
+    "RMC": _FIX,
+    "VTG": ("velocity",),
+    "HDT": ("heading",),
+    "HDG": ("heading",),
+    "HDM": ("heading",),
+    "MWV": _WIND,
+    "MWV_T": _WIND,
+    "MWD": _WIND,
+}
+
+LEAST_INTERVALS = 2.0  # of a stream within a time-out: jitter alone must not be a failure
+
+# What each message of each link can give.
+MESSAGES: dict[SensorLink, dict[str, tuple[Quantity, ...]]] = {
+    "autopilot": {
+        "GLOBAL_POSITION_INT": _FIX,
+        "GPS_RAW_INT": _FIX,
+        "GPS2_RAW": _FIX,
+        "ATTITUDE": _ATTITUDE,
+        "ATTITUDE_QUATERNION": _ATTITUDE,
+        "RAW_IMU": _INERTIAL,
+        "SCALED_IMU": _INERTIAL,
+        "SCALED_IMU2": _INERTIAL,
+        "SCALED_IMU3": _INERTIAL,
+        "HIGHRES_IMU": _INERTIAL,
+        "WIND": _WIND,
+        "WIND_COV": _WIND,
+    },
+    "ins": {
+        "BINARY": (*_FIX, *_ATTITUDE, "acceleration"),
+        "GNSS1": _FIX,
+        "VNINS": (*_FIX, "heading"),
+        "VNYMR": _INERTIAL,
+    },
+    "gnss": _NMEA,
+    "anemometer": _NMEA,
+}
+
+
+class SourceConfig(Section):
+    """One source: a message of a link. Silent for `timeout_s`, or without a valid value as long, the next one is used.
+
+    In YAML also as one word, `LINK.MESSAGE`.
+    """
+
+    link: SensorLink
+    message: str
+    timeout_s: Positive = 1.0
+
+    @model_validator(mode="before")
+    @classmethod
+    def _from_word(cls, value: Any) -> Any:
+        if not isinstance(value, str):
+            return value
+        link, dot, message = value.partition(".")
+        if not dot:
+            raise ValueError("a source is LINK.MESSAGE, such as ins.BINARY, or a mapping with link and message")
+        return {"link": link, "message": message}
+
+    @property
+    def name(self) -> str:
+        """LINK.MESSAGE."""
+        return f"{self.link}.{self.message}"
+
+
+Sources = tuple[SourceConfig, ...]
+
+
+class SourcesConfig(Section):
+    """Sources of each quantity, the preferred one first; several are used in turn, never mixed.
+
+    Where a list is empty: `links.autopilot.position_source` for position and velocity, the autopilot's ATTITUDE for
+    heading and yaw rate, its RAW_IMU for acceleration, and the anemometer's MWV for wind. A preferred source that comes
+    back is used again once it has been heard without a break for `return_after_s`.
+    """
+
+    position: Sources = ()
+    velocity: Sources = ()
+    heading: Sources = ()
+    yaw_rate: Sources = ()
+    acceleration: Sources = ()
+    wind: Sources = ()
+    return_after_s: NonNegative = 5.0
+
+    def resolved(self, links: LinksConfig) -> dict[Quantity, Sources]:
+        """The sources of every quantity, the defaults for lists that are empty."""
+        fix = SourceConfig(link="autopilot", message=links.autopilot.position_source)
+        attitude = SourceConfig(link="autopilot", message="ATTITUDE")
+        imu = SourceConfig(link="autopilot", message="RAW_IMU", timeout_s=3.0)  # once a second where nobody asks
+        return {
+            "position": self.position or (fix,),
+            "velocity": self.velocity or (fix,),
+            "heading": self.heading or (attitude,),
+            "yaw_rate": self.yaw_rate or (attitude,),
+            "acceleration": self.acceleration or (imu,),
+            "wind": self.wind or (SourceConfig(link="anemometer", message="MWV"),),
+        }
+
+
+def _check_stream(where: str, source: SourceConfig, rate_hz: float | None) -> None:
+    key = f"links.autopilot.streams_hz.{source.message}"
+    if rate_hz is None:
+        raise ValueError(f"{where} is not asked for; give {key} a rate")
+    if source.timeout_s * rate_hz < LEAST_INTERVALS:
+        least_s = LEAST_INTERVALS / rate_hz
+        raise ValueError(f"{where} comes at {rate_hz:g} Hz: timeout_s of at least {least_s:g}, or a higher {key}")
+
+
+def check_sources(sources: SourcesConfig, links: LinksConfig) -> None:
+    """ValueError naming the first source that no link can give, or whose stream is not asked for."""
+    for quantity in QUANTITIES:
+        seen: set[str] = set()
+        for number, source in enumerate(getattr(sources, quantity)):
+            where = f"sources.{quantity}.{number}: {source.name}"
+            if getattr(links, source.link) is None:
+                raise ValueError(f"{where}: there is no links.{source.link}")
+            able = [name for name, gives in MESSAGES[source.link].items() if quantity in gives]
+            if source.message not in able:
+                raise ValueError(
+                    f"{where} gives no {quantity}; of links.{source.link} can: {', '.join(able) or 'nothing'}"
+                )
+            if source.link == "autopilot":
+                _check_stream(where, source, links.autopilot.streams_hz.get(source.message))
+            if source.name in seen:
+                raise ValueError(f"{where} stands in the list twice")
+            seen.add(source.name)

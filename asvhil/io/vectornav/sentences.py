@@ -1,0 +1,100 @@
+"""VectorNav ASCII sentences: `$VNxxx,...*hh` with an XOR of 8 bits, or `*hhhh` with the CRC of the binary messages."""
+
+from __future__ import annotations
+
+import functools
+import math
+import operator
+import re
+
+from fastcrc.crc16 import xmodem
+
+from asvhil.types import record
+
+MAX_SENTENCE = 256  # VNINS, the longest that is used, has less than 160
+INS_REGISTER = 63  # what $VNRRG answers with the content of $VNINS
+INS_FIELDS, YMR_FIELDS = 15, 12
+
+_FORM = re.compile(rb"\$(VN[A-Z]{3}[^*$]*)\*([0-9A-Fa-f]{4}|[0-9A-Fa-f]{2})\r?\n\Z")
+
+
+@record
+class InsSolution:
+    """Register 63: the INS solution. Angles and positions in degrees, velocity NED; uncertainties are the sensor's."""
+
+    tow_s: float
+    week: int
+    status: int
+    ypr_deg: tuple[float, float, float]
+    lla: tuple[float, float, float]
+    velocity_mps: tuple[float, float, float]
+    attitude_u_deg: float
+    position_u_m: float
+    velocity_u_mps: float
+
+
+@record
+class Inertial:
+    """VNYMR: attitude (deg), specific force (m/s^2) and rates (rad/s) in body axes; the magnetic field is left out."""
+
+    ypr_deg: tuple[float, float, float]
+    accel_mps2: tuple[float, float, float]
+    rate_radps: tuple[float, float, float]
+
+
+def split(line: bytes) -> list[str] | None:
+    """The comma-separated parts of a sentence, header without `$` first; None where form or checksum is wrong.
+
+    The letters XX in place of a checksum, with which a person may type commands, are no checksum here.
+    """
+    match = _FORM.match(line)
+    if match is None:
+        return None
+    body, check = match.groups()
+    computed = functools.reduce(operator.xor, body, 0) if len(check) == 2 else int(xmodem(body))
+    if int(check, 16) != computed:
+        return None
+    return [part.strip() for part in body.decode("ascii", "replace").split(",")]
+
+
+def ins_solution(parts: list[str]) -> InsSolution | None:
+    """The content of VNINS, or of VNRRG with register 63; None where it is something else or has a wrong field."""
+    if parts[0] == "VNINS":
+        words = parts[1:]
+    elif parts[0] == "VNRRG" and len(parts) > 1 and parts[1].lstrip("0") == str(INS_REGISTER):
+        words = parts[2:]
+    else:
+        return None
+    if len(words) != INS_FIELDS:
+        return None
+    try:
+        week, status = int(words[1]), int(words[2], 16)
+        n = [float(word) for word in (words[0], *words[3:])]
+    except ValueError:
+        return None
+    if not all(math.isfinite(value) for value in n):
+        return None
+    return InsSolution(
+        tow_s=n[0],
+        week=week,
+        status=status,
+        ypr_deg=(n[1], n[2], n[3]),
+        lla=(n[4], n[5], n[6]),
+        velocity_mps=(n[7], n[8], n[9]),
+        attitude_u_deg=n[10],
+        position_u_m=n[11],
+        velocity_u_mps=n[12],
+    )
+
+
+def inertial(parts: list[str]) -> Inertial | None:
+    """The content of VNYMR; None where it is something else or has a wrong field."""
+    if parts[0] != "VNYMR" or len(parts) != 1 + YMR_FIELDS:
+        return None
+    try:
+        n = [float(word) for word in parts[1:]]
+    except ValueError:
+        return None
+    if not all(math.isfinite(value) for value in n):
+        return None
+    return Inertial(ypr_deg=(n[0], n[1], n[2]), accel_mps2=(n[6], n[7], n[8]), rate_radps=(n[9], n[10], n[11]))

@@ -1,0 +1,60 @@
+"""Two ways to run the same row and seed, held against each other: ratios and differences of their penalty scores."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+from asvhil.config import VesselConfig
+from asvhil.study.rows import row_overrides
+from asvhil.study.runner import Finished, Progress, run_jobs
+from asvhil.study.statistics import mean_ci95
+from asvhil.study.trial import run_named_trial, trial_job
+
+Scores = dict[tuple[str, str], dict[int, float]]  # (setup, row): {seed: ps}
+
+
+def run_setups(
+    store: Path,
+    setups: Mapping[str, tuple[str, ...]],
+    rows: Iterable[str],
+    seeds: Iterable[int],
+    window_s: tuple[float, float],
+    *,
+    base: str = "sitl",
+    workers: int | None = None,
+    tell: Callable[[Progress], None] = lambda progress: None,
+) -> tuple[Scores, Finished]:
+    """ps against the truth by setup, row and seed, and what the runs took.
+
+    `setups` are config keys by name. Runs that the store holds are not run again (`runner.run_jobs`).
+    """
+    rows, seeds = list(rows), list(seeds)
+    names = [(setup, row, seed) for seed in seeds for row in rows for setup in setups]
+    jobs = [trial_job(name, base, (*row_overrides(row, seed), *setups[name]), window_s) for name, row, seed in names]
+    finished = run_jobs(run_named_trial, jobs, store, workers=workers, tell=tell)
+    scores: Scores = {}
+    for (name, row, seed), result in zip(names, finished.results, strict=True):
+        scores.setdefault((name, row), {})[seed] = result["truth"]["penalty_score"]
+    return scores, finished
+
+
+def compare(tried: Mapping[int, float], against: Mapping[int, float]) -> dict[str, Any]:
+    """Mean scores, the ratio of the means, and the difference of runs with the same seed with its interval."""
+    seeds = sorted(tried)
+    ps, against_ps = (mean_ci95([part[seed] for seed in seeds]) for part in (tried, against))
+    return {
+        "ps": ps,
+        "against_ps": against_ps,
+        "ratio": ps["mean"] / against_ps["mean"],
+        "difference": mean_ci95([tried[seed] - against[seed] for seed in seeds]),
+        "ps_by_seed": {str(seed): tried[seed] for seed in seeds},
+        "against_by_seed": {str(seed): against[seed] for seed in seeds},
+    }
+
+
+def vessel_override(vessel: VesselConfig) -> str:
+    """The config key that makes sd-mpc believe in a vessel."""
+    return f"controller.vessel={json.dumps(vessel.model_dump(mode='json'))}"

@@ -1,0 +1,61 @@
+"""The rows of the six tests: the paper's winds, their mirrors and diagonals, and what all runs share."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+
+from asvhil.errors import ConfigError
+from asvhil.study.trial import NO_NOISE
+
+FROM_S, TO_S = 60.0, 360.0
+QUICK_S = (15.0, 25.0)  # to see that it works
+ROWS: dict[str, tuple[float, float]] = {  # m/s, blowing toward degrees from the station's heading
+    "1": (3.0, 0.0),
+    "2": (6.0, 0.0),
+    "3": (3.0, 180.0),
+    "4": (6.0, 180.0),
+    "5": (3.0, 90.0),
+    "5 mirrored": (3.0, -90.0),
+    "6": (6.0, 90.0),
+    "6 mirrored": (6.0, -90.0),
+    "diagonal": (6.0, 45.0),
+    "diagonal mirrored": (6.0, -45.0),
+}
+# The slow GNSS bias is a floor under every controller alike; it is left out here and shown by `asvhil sitl`.
+COMMON = ("plant.sensors.gnss.slow_bias_m=0",)
+
+
+def along_the_wind(row: str) -> bool:
+    """The station points along the wind or against it, where a boat can stand still."""
+    return ROWS[row][1] % 180.0 == 0.0
+
+
+def title(row: str) -> str:
+    speed_mps, toward_deg = ROWS[row]
+    return f"{row} ({speed_mps:g} m/s toward {toward_deg:g}°)"
+
+
+def wind_of(row: str) -> str:
+    """The wind of a row up to its mirror image, as `SPEED@DEG`: what its physical bound depends on."""
+    speed_mps, toward_deg = ROWS[row]
+    return f"{speed_mps:g}@{abs(toward_deg):g}"
+
+
+def row_overrides(row: str, seed: int, *, noise: bool = True) -> tuple[str, ...]:
+    """The config keys of one run of a row; without `noise` neither gusts nor sensor noise."""
+    speed_mps, toward_deg = ROWS[row]
+    return (
+        *COMMON,
+        f"plant.seed={seed}",
+        f"plant.weather.wind.speed_mps={speed_mps}",
+        f"plant.weather.wind.toward_deg={toward_deg}",
+        *(() if noise else NO_NOISE),
+    )
+
+
+def checked(names: list[str], known: Collection[str], option: str) -> list[str]:
+    """What is known of the names, in its own order; all of it where none is given. ConfigError for an unknown one."""
+    for name in names:
+        if name not in known:
+            raise ConfigError(f"{option} {name}: unknown (known: {', '.join(known)})")
+    return [name for name in known if name in names or not names]

@@ -1,0 +1,221 @@
+"""Many independent runs on all cores, kept as JSON lines: what was done before an interrupt is not done again."""
+
+from __future__ import annotations
+
+import fcntl
+import functools
+import hashlib
+import json
+import multiprocessing
+import os
+import signal
+import threading
+import time
+from collections.abc import Callable, Generator, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import closing, contextmanager
+from pathlib import Path
+from typing import Any, TextIO
+
+from asvhil.errors import AsvhilError
+from asvhil.types import record
+
+WATCH_S = 0.3
+PACKAGE = Path(__file__).resolve().parents[1]
+# What decides how a run comes out; how studies count, draw and show their runs does not.
+DECISIVE = (
+    *("types.py", "geo.py", "config", "dynamics", "io", "estimator", "controller", "supervisor.py", "backseat.py"),
+    *("build.py", "simplant", "study/trial.py", "study/metrics.py", "study/approach.py"),
+)
+
+Result = dict[str, Any]
+Function = Callable[..., Result]
+
+
+@record
+class Job:
+    """One run. `key` tells all that its result depends on; `group` names runs that take about the same time."""
+
+    key: str
+    group: str
+    arguments: tuple[Any, ...]  # of the function, picklable
+
+
+@record
+class Progress:
+    """How far a study is. `remaining_s` is None until there is a run of every group to go by."""
+
+    done: int
+    total: int
+    remaining_s: float | None
+    total_s: float | None  # of the whole study on these processes, runs that were stored already included
+
+
+@record
+class Finished:
+    """Results in the order of the jobs, the time that each group took (s), and runs made by other code than this."""
+
+    results: list[Result]
+    group_s: dict[str, float]
+    processes: int
+    outdated: int
+
+
+def run_jobs(
+    function: Function,
+    jobs: Sequence[Job],
+    store: Path,
+    *,
+    workers: int | None = None,
+    tell: Callable[[Progress], None] = lambda progress: None,
+) -> Finished:
+    """`function(*arguments)` for each job whose key the store does not hold yet; results must be JSON-able.
+
+    Processes: `workers`, all cores where None, none but this one where 0. Results come back as JSON reads them, so
+    that they do not depend on whether they were stored. Raises AsvhilError where the store is damaged, cannot be
+    written or belongs to another study that is running, and what a job raises, after ending the other processes.
+    """
+    processes = 1 if workers == 0 else workers or os.cpu_count() or 1
+    version = code_version()
+    with _opened(store) as (stored, file):
+        missing = list({job.key: job for job in jobs if job.key not in stored}.values())
+        tell(_progress(jobs, stored, processes))
+        with closing(_run(function, missing, workers, processes)) as runs:
+            for job, result, wall_s in runs:
+                text = json.dumps({"key": job.key, "code": version, "wall_s": round(wall_s, 3), "result": result})
+                file.write(text + "\n")
+                file.flush()
+                stored[job.key] = json.loads(text)
+                tell(_progress(jobs, stored, processes))
+    lines = {job.key: stored[job.key] for job in jobs}
+    return Finished(
+        results=[lines[job.key]["result"] for job in jobs],
+        group_s=_group_s(jobs, stored),
+        processes=processes,
+        outdated=sum(line["code"] != version for line in lines.values()),
+    )
+
+
+@functools.cache
+def code_version() -> str:
+    """First 12 hex digits of the SHA-256 over the sources that decide how a run comes out."""
+    digest = hashlib.sha256()
+    for name in DECISIVE:
+        path = PACKAGE / name
+        for source in sorted(path.rglob("*.py")) if path.is_dir() else [path]:
+            digest.update(source.read_bytes())
+    return digest.hexdigest()[:12]
+
+
+# --- the store ---------------------------------------------------------------------------------------------
+
+
+@contextmanager
+def _opened(store: Path) -> Iterator[tuple[dict[str, dict[str, Any]], TextIO]]:
+    """What the store holds by key, and the file to add to, for this process alone."""
+    try:
+        store.parent.mkdir(parents=True, exist_ok=True)
+        file = store.open("a+", encoding="utf-8")
+    except OSError as error:
+        raise AsvhilError(f"{store}: cannot be written ({error.strerror})") from None
+    with file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            raise AsvhilError(f"{store}: another study is writing to it; wait for it, or give another -o") from None
+        file.seek(0)
+        text = file.read()
+        whole = text[: text.rfind("\n") + 1]
+        if whole != text:  # the last line was cut off by an interrupt: its run is done again
+            file.truncate(len(whole.encode()))
+        yield _parsed(store, whole), file
+
+
+def _parsed(store: Path, text: str) -> dict[str, dict[str, Any]]:
+    stored = {}
+    for number, line in enumerate(text.splitlines(), 1):
+        try:
+            row = json.loads(line)
+            stored[row["key"]] = {"code": row["code"], "wall_s": float(row["wall_s"]), "result": row["result"]}
+        except (ValueError, KeyError, TypeError):
+            raise AsvhilError(f"{store}: line {number} is not a stored run; delete it, or the file") from None
+    return stored
+
+
+# --- time --------------------------------------------------------------------------------------------------
+
+
+def _group_s(jobs: Sequence[Job], stored: dict[str, dict[str, Any]]) -> dict[str, float]:
+    spent: dict[str, float] = {}
+    for job in {job.key: job for job in jobs}.values():
+        if job.key in stored:
+            spent[job.group] = spent.get(job.group, 0.0) + stored[job.key]["wall_s"]
+    return spent
+
+
+def _progress(jobs: Sequence[Job], stored: dict[str, dict[str, Any]], processes: int) -> Progress:
+    unique = list({job.key: job for job in jobs}.values())
+    done: dict[str, int] = {}
+    all_: dict[str, int] = {}
+    for job in unique:
+        all_[job.group] = all_.get(job.group, 0) + 1
+        done[job.group] = done.get(job.group, 0) + (job.key in stored)
+    remaining_s = total_s = None
+    if all(done.values()):
+        spent = _group_s(unique, stored)
+        total_s = sum(spent[group] / done[group] * all_[group] for group in all_) / processes
+        remaining_s = sum(spent[group] / done[group] * (all_[group] - done[group]) for group in all_) / processes
+    return Progress(done=sum(done.values()), total=len(unique), remaining_s=remaining_s, total_s=total_s)
+
+
+# --- processes ---------------------------------------------------------------------------------------------
+
+
+def _run(
+    function: Function, jobs: Sequence[Job], workers: int | None, processes: int
+) -> Generator[tuple[Job, Result, float], None, None]:
+    """(job, result, seconds) as they come."""
+    if not jobs:
+        return
+    if workers == 0:
+        for job in jobs:
+            yield job, *_timed(function, job.arguments)
+        return
+    context = multiprocessing.get_context("spawn")
+    stop = context.Event()
+    pool = ProcessPoolExecutor(min(processes, len(jobs)), context, initializer=_obey, initargs=(stop,))
+    try:
+        running: dict[Future[tuple[Result, float]], Job] = {
+            pool.submit(_timed, function, job.arguments): job for job in jobs
+        }
+        while running:
+            for future in wait(running, return_when=FIRST_COMPLETED).done:
+                yield running.pop(future), *future.result()
+    except BrokenProcessPool:
+        words = "a process of the study died (out of memory?); start it again to go on where it was"
+        raise AsvhilError(words) from None
+    except BaseException:
+        stop.set()  # runs that have begun are not waited for
+        raise
+    finally:
+        pool.shutdown(wait=True, cancel_futures=True)
+
+
+def _timed(function: Function, arguments: tuple[Any, ...]) -> tuple[Result, float]:
+    begin_s = time.perf_counter()
+    return function(*arguments), time.perf_counter() - begin_s
+
+
+def _obey(stop: Any) -> None:
+    """In a worker: end at once when told to, or when the study is gone, however it ended."""
+    parent = multiprocessing.parent_process()
+
+    def watch() -> None:
+        while not stop.wait(WATCH_S) and parent is not None and parent.is_alive():
+            pass
+        os._exit(1)
+
+    # Ctrl-C reaches every process of the terminal; only the study itself is to speak of it.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=watch, daemon=True).start()

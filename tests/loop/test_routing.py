@@ -1,0 +1,430 @@
+"""The daemon between an autopilot and ground stations on real sockets: routing, signatures, slow and dead links."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import itertools
+import os
+import socket
+import time
+from collections import Counter
+from collections.abc import AsyncIterator, Callable
+from pathlib import Path
+
+import pytest
+
+from asvhil.clock import Clock
+from asvhil.config import Config, load_config
+from asvhil.daemon import Daemon
+from asvhil.errors import ConfigError
+from asvhil.hub import Hub
+from asvhil.io.endpoint import Endpoint, open_endpoint
+from asvhil.io.keyfile import read_state
+from asvhil.io.logfile import LogFile
+from asvhil.io.mavlink import Parser, decode, dialect, message_id, source
+from asvhil.io.operator import encode_hold, encode_release
+from asvhil.io.signing import Signer, SigningClock, derive_key, is_signed, sign, timestamp_of
+from asvhil.operator_client import send_and_wait
+from asvhil.replay import replay
+from asvhil.simplant.lockstep import Lockstep
+from asvhil.sitl import open_recorder
+from asvhil.types import Frame, Outputs, Phase
+
+KEY_TEXT = "correct horse battery staple"
+
+
+def free_port(kind: socket.SocketKind = socket.SOCK_DGRAM) -> int:
+    with socket.socket(socket.AF_INET, kind) as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+class Peer:
+    """One end of a link in the test: what it hears, frame by frame, and what it says."""
+
+    def __init__(self, link: Endpoint, system_id: int, component_id: int) -> None:
+        self._link = link
+        self._mav = dialect.MAVLink(None, srcSystem=system_id, srcComponent=component_id)
+        self._parser = Parser()
+        self.frames: list[bytes] = []
+        self.seal: Callable[[bytes], bytes] = lambda data: data
+        self._reader = asyncio.create_task(self._read())
+
+    async def _read(self) -> None:
+        while True:
+            frame = await self._link.recv()
+            self.frames += self._parser.feed(frame.peer, frame.data)
+
+    def pack(self, message) -> bytes:  # type: ignore[no-untyped-def]
+        data = bytes(message.pack(self._mav))
+        self._mav.seq = (self._mav.seq + 1) % 256
+        return data
+
+    async def say(self, message) -> bytes:  # type: ignore[no-untyped-def]
+        data = self.seal(self.pack(message))
+        await self._link.send(data)
+        return data
+
+    async def say_raw(self, data: bytes) -> None:
+        await self._link.send(data)
+
+    def named(self, name: str) -> list:  # type: ignore[type-arg]
+        return [m for m in map(decode, self.frames) if m is not None and m.get_type() == name]
+
+    async def close(self) -> None:
+        self._reader.cancel()
+        await asyncio.gather(self._reader, return_exceptions=True)
+        await self._link.close()
+
+
+@contextlib.asynccontextmanager
+async def peer(spec: str, system_id: int, component_id: int) -> AsyncIterator[Peer]:
+    made = Peer(await open_endpoint(spec, "peer", Clock().now_ns), system_id, component_id)
+    try:
+        yield made
+    finally:
+        await made.close()
+
+
+class Running:
+    """A daemon in this process, with what its last tick gave."""
+
+    def __init__(self, config: Config, log: Path) -> None:
+        self.outputs: Outputs | None = None
+        self.links: dict[str, str] = {}
+        self._recorder = open_recorder(config, log, "live")
+        self.daemon = Daemon(config, self._recorder, Clock(), self._note)
+
+    def _note(self, outputs: Outputs, links: dict[str, str]) -> None:
+        self.outputs, self.links = outputs, links
+
+    async def __aenter__(self) -> Running:
+        self._task = asyncio.create_task(self.daemon.run(30.0))
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        self.daemon.stop()
+        try:
+            await self._task
+        finally:
+            self._recorder.close()
+
+
+async def until(condition: Callable[[], bool], say: Callable[[], object] = lambda: None, seconds: float = 8.0) -> None:
+    """Wait for a condition, saying something every 50 ms."""
+    for _ in range(round(seconds / 0.05)):
+        if condition():
+            return
+        said = say()
+        if asyncio.iscoroutine(said):
+            await said
+        await asyncio.sleep(0.05)
+    raise AssertionError("did not come true in time")
+
+
+def config(*overrides: str) -> Config:
+    return load_config(
+        "sitl",
+        ("links.anemometer=null", "links.operator.endpoint=udpin:127.0.0.1:0", "controller.name=loiter", *overrides),
+    )
+
+
+HEARTBEAT = dialect.MAVLink_heartbeat_message(11, 3, 81, 0, 4, 3)
+GCS_HEARTBEAT = dialect.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3)
+
+
+async def test_a_ground_station_reaches_the_autopilot_and_the_daemon(tmp_path: Path) -> None:
+    autopilot_port, qgc_port, dashboard_port = free_port(), free_port(), free_port()
+    settings = config(
+        f"links.autopilot.endpoint=udpin:127.0.0.1:{autopilot_port}",
+        f"links.ground_stations.qgc.endpoint=udpin:127.0.0.1:{qgc_port}",
+        f"links.ground_stations.dashboard.endpoint=udpout:127.0.0.1:{dashboard_port}",
+        "links.ground_stations.dashboard.allow_out=[HEARTBEAT, COMMAND_LONG]",
+        f"links.ground_stations.gone.endpoint=tcp:127.0.0.1:{free_port(socket.SOCK_STREAM)}",
+    )
+    log = tmp_path / "log.mcap"
+    async with (
+        peer(f"udpin:127.0.0.1:{dashboard_port}", 254, 190) as dashboard,
+        Running(settings, log) as running,
+        peer(f"udpout:127.0.0.1:{autopilot_port}", 1, 1) as autopilot,
+        peer(f"udpout:127.0.0.1:{qgc_port}", 255, 190) as qgc,
+    ):
+
+        async def talk() -> None:
+            await autopilot.say(HEARTBEAT)
+            await autopilot.say(dialect.MAVLink_attitude_message(1, 0, 0, 0.5, 0, 0, 0))
+            await qgc.say(GCS_HEARTBEAT)
+
+        def met() -> bool:
+            return bool(
+                qgc.named("ATTITUDE")
+                and any(source(frame) == (255, 190) for frame in autopilot.frames)
+                and any(source(frame) == (1, 191) for frame in qgc.frames)
+                and any(source(frame) == (255, 190) for frame in dashboard.frames)
+            )
+
+        await until(met, talk)
+        asked = await qgc.say(dialect.MAVLink_param_request_list_message(1, 1))
+        await until(lambda: asked in autopilot.frames)  # unchanged, to the byte
+        value = await autopilot.say(dialect.MAVLink_param_value_message(b"RC1_DZ", 30.0, 2, 1, 0))
+        answered = await autopilot.say(dialect.MAVLink_command_ack_message(400, 0, 0, 0, 255, 190))
+        await qgc.say_raw(encode_hold(settings.links.autopilot, None, None, None))
+        await until(lambda: value in qgc.frames and answered in qgc.frames and bool(qgc.named("STATUSTEXT")))
+        acks = [(m.command, m.result) for m in qgc.named("COMMAND_ACK") if m.get_srcComponent() == 191]
+        assert acks == [(dialect.MAV_CMD_DO_REPOSITION, dialect.MAV_RESULT_TEMPORARILY_REJECTED)]
+        assert {message_id(frame) for frame in dashboard.frames} == {0}
+        assert asked not in dashboard.frames and answered not in dashboard.frames
+        assert value not in autopilot.frames and HEARTBEAT not in autopilot.frames
+        assert "refused" in running.links["ground.gone"]
+        assert running.links["ground.qgc"] == "up"
+        assert running.outputs is not None and running.outputs.health.link_ok
+    assert asked in [frame.data for frame in LogFile(log).frames("autopilot", "forwarded")]
+    assert replay(log).mismatch is None
+
+
+async def test_slow_and_dead_links_hold_nobody_up(tmp_path: Path) -> None:
+    autopilot_port, fast_port, slow_port = free_port(), free_port(), free_port(socket.SOCK_STREAM)
+    settings = config(
+        f"links.autopilot.endpoint=udpin:127.0.0.1:{autopilot_port}",
+        f"links.ground_stations.fast.endpoint=udpin:127.0.0.1:{fast_port}",
+        f"links.ground_stations.slow.endpoint=tcpin:127.0.0.1:{slow_port}",
+    )
+    flood = 12_000
+    async with (
+        Running(settings, tmp_path / "log.mcap") as running,
+        peer(f"udpout:127.0.0.1:{autopilot_port}", 1, 1) as autopilot,
+        peer(f"udpout:127.0.0.1:{fast_port}", 255, 190) as fast,
+    ):
+        await until(
+            lambda: bool(fast.frames), lambda: asyncio.gather(autopilot.say(HEARTBEAT), fast.say(GCS_HEARTBEAT))
+        )
+        with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as sloth:
+            sloth.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+            sloth.connect(("127.0.0.1", slow_port))
+            before = len(fast.frames)
+            text = dialect.MAVLink_statustext_message(6, b"x" * 50)
+            for _ in range(flood // 100):
+                for _ in range(100):
+                    await autopilot.say(text)
+                await asyncio.sleep(0.004)
+            await until(lambda: len(fast.frames) - before >= flood)
+            assert "forwarded frames found no room" in running.links["ground.slow"]
+            assert running.links["ground.fast"] == "up"
+
+
+async def test_others_wait_for_a_congested_serial_line_and_the_override_does_not(tmp_path: Path) -> None:
+    """A serial line that takes no more: what a ground station says is left out, so that ours finds the way free."""
+    master_fd, slave_fd = os.openpty()
+    os.set_blocking(master_fd, False)
+    qgc_port = free_port()
+    settings = config(
+        f"links.autopilot.endpoint=serial:{os.ttyname(slave_fd)}:57600",
+        f"links.ground_stations.qgc.endpoint=udpin:127.0.0.1:{qgc_port}",
+    )
+    try:
+        async with (
+            Running(settings, tmp_path / "log.mcap") as running,
+            peer(f"udpout:127.0.0.1:{qgc_port}", 255, 190) as qgc,
+        ):
+            await until(lambda: running.links.get("autopilot") == "up")
+            for _ in range(40):
+                for _ in range(50):
+                    await qgc.say(dialect.MAVLink_statustext_message(6, b"y" * 50))
+                await asyncio.sleep(0.01)
+            await until(lambda: "forwarded frames found no room" in running.links["autopilot"])
+            endpoint = running.daemon._links["autopilot"]._endpoint
+            assert endpoint is not None and endpoint.congested and endpoint.unsent == 0
+            assert endpoint._stream.pending_bytes < 2000  # type: ignore[attr-defined]
+    finally:
+        os.close(master_fd)
+        os.close(slave_fd)
+
+
+async def test_signed_links(tmp_path: Path) -> None:
+    key_file, log = tmp_path / "key", tmp_path / "log.mcap"
+    key_file.write_text(KEY_TEXT)
+    autopilot_port, operator_port = free_port(), free_port()
+    settings = config(
+        f"links.autopilot.endpoint=udpin:127.0.0.1:{autopilot_port}",
+        f"links.autopilot.signing={{key_file: {key_file}, link_id: 3}}",
+        f"links.operator.endpoint=udpin:127.0.0.1:{operator_port}",
+        f"links.operator.signing={{key_file: {key_file}}}",
+    )
+    key = derive_key(KEY_TEXT)
+    signer = Signer(key, 0, SigningClock())
+    now_ns = time.time_ns
+    good: list[bytes] = []
+    async with (
+        Running(settings, log) as running,
+        peer(f"udpout:127.0.0.1:{autopilot_port}", 1, 1) as autopilot,
+        peer(f"udpout:127.0.0.1:{autopilot_port}", 1, 1) as attacker,
+    ):
+        autopilot.seal = lambda data: signer.sign(data, now_ns())
+        evil = attacker.pack(HEARTBEAT)
+
+        async def talk() -> None:
+            good.append(await autopilot.say(HEARTBEAT))
+            stamp = timestamp_of(now_ns())
+            await attacker.say_raw(evil)
+            await attacker.say_raw(sign(evil, b"z" * 32, 0, stamp))
+            await attacker.say_raw(good[0])
+            await attacker.say_raw(sign(evil, key, 0, stamp + 3600 * 100_000))
+            await attacker.say_raw(sign(evil, key, 9, stamp - 3600 * 100_000))
+
+        def heard() -> bool:
+            gate = running.daemon._hub._gates["autopilot"]
+            return len(good) > 20 and set(gate.rejected) == {
+                "unsigned",
+                "wrongly signed",
+                "replayed",
+                "future-dated",
+                "too old",
+            }
+
+        await until(heard, talk)
+        assert running.outputs is not None and running.outputs.health.link_ok
+        assert "is this computer's clock right?" in running.links["autopilot"]
+        words = await asyncio.to_thread(
+            send_and_wait,
+            encode_release(settings.links.autopilot),
+            settings.links.operator.endpoint,
+            dialect.MAV_CMD_NAV_GUIDED_ENABLE,
+            signing=settings.links.operator.signing,
+        )
+        assert words == (0, "")
+        await until(lambda: len(autopilot.frames) > 8, talk)
+    receiver = dialect.MAVLink(None)
+    receiver.signing.secret_key, receiver.signing.timestamp = key, timestamp_of(now_ns())
+    assert all(is_signed(frame) and frame[-13] == 3 for frame in autopilot.frames)
+    assert all(receiver.parse_buffer(frame) for frame in autopilot.frames)
+    taken = [data for f in LogFile(log).frames("autopilot", "in") for data in Parser().feed(f.peer, f.data)]
+    assert taken == good[-len(taken) :] and len(taken) >= len(good) - 1
+    assert not any(is_signed(frame.data) for frame in LogFile(log).frames("autopilot", "out"))
+    assert replay(log).mismatch is None
+    assert key not in log.read_bytes() and KEY_TEXT.encode() not in log.read_bytes()
+    state = read_state(Path(f"{key_file}.autopilot.timestamps"))
+    last = int.from_bytes(good[-1][-12:-6], "little")
+    assert state.streams == {(1, 1, 0): last} and state.last >= last
+
+    # After a restart, what was recorded before is not heard again.
+    async with (
+        Running(settings, tmp_path / "second.mcap") as running,
+        peer(f"udpout:127.0.0.1:{autopilot_port}", 1, 1) as attacker,
+    ):
+        rejected: Counter[str] = running.daemon._hub._gates["autopilot"].rejected
+        old = itertools.cycle(good)
+        await until(lambda: rejected["replayed"] > 10, lambda: attacker.say_raw(next(old)))
+        assert running.outputs is not None and not running.outputs.health.link_ok
+
+
+async def test_only_the_named_senders_are_listened_to(tmp_path: Path) -> None:
+    autopilot_port = free_port()
+    settings = config(f"links.autopilot.endpoint=udpin:127.0.0.1:{autopilot_port}", "links.autopilot.senders=['1/1']")
+    async with (
+        Running(settings, tmp_path / "log.mcap") as running,
+        peer(f"udpout:127.0.0.1:{autopilot_port}", 1, 2) as other,
+        peer(f"udpout:127.0.0.1:{autopilot_port}", 1, 1) as autopilot,
+    ):
+        await until(lambda: "of other senders" in running.links.get("autopilot", ""), lambda: other.say(HEARTBEAT))
+        assert running.outputs is not None and not running.outputs.health.link_ok
+        await until(lambda: running.outputs.health.link_ok, lambda: autopilot.say(HEARTBEAT))
+
+
+def test_an_override_of_somebody_else_takes_the_boat_from_us() -> None:
+    """A forwarded override that the autopilot obeys shows in its channels, and the supervisor lets go."""
+    settings = config()
+    loop = Lockstep(settings)
+    for _ in range(400):
+        _, outputs = loop.tick()
+        if outputs.phase is Phase.HOLD and outputs.t_ns > loop.backseat._supervisor._engaged_ns + 3_000_000_000:
+            break
+    assert outputs.phase is Phase.HOLD
+    pirate = dialect.MAVLink(None, srcSystem=settings.plant.frontseat.mygcs_system_id, srcComponent=190)
+    message = dialect.MAVLink_rc_channels_override_message(1, 1, 1900, 65535, 1100, *[65535] * 5)
+    for _ in range(60):
+        loop.plant.frontseat.receive(
+            Frame(t_ns=loop.t_ns + 1_000_000, port="autopilot", data=bytes(message.pack(pirate)))
+        )
+        _, outputs = loop.tick()
+        if outputs.phase is Phase.STANDBY:
+            break
+    assert outputs.phase is Phase.STANDBY and "does not follow the override" in outputs.health.reason
+
+
+# --- what is wrong is told in one line -----------------------------------------------------------------------------
+
+
+def hub(tmp_path: Path, *overrides: str) -> Hub:
+    return Hub(config(*overrides).links, start_ns=0, unix_ns=lambda: 0)
+
+
+def test_keys_that_cannot_be_used(tmp_path: Path) -> None:
+    key = tmp_path / "key"
+    override = f"links.autopilot.signing.key_file={key}"
+    with pytest.raises(ConfigError, match=f"{key}: the signing key cannot be read"):
+        hub(tmp_path, override)
+    key.write_text("\n")
+    with pytest.raises(ConfigError, match=f"{key}: the signing key is empty"):
+        hub(tmp_path, override)
+    key.write_bytes(b"\xff\xfe")
+    with pytest.raises(ConfigError, match=f"{key}: not text"):
+        hub(tmp_path, override)
+    key.write_text("x" * 5000)
+    with pytest.raises(ConfigError, match="too long"):
+        hub(tmp_path, override)
+    key.write_text("secret words")
+    key.chmod(0o644)
+    made = hub(tmp_path, override)
+    assert made.warnings == [f"{key}: others may read the signing key; chmod 600 it"]
+    key.chmod(0o600)
+    assert hub(tmp_path, override).warnings == []
+    state = tmp_path / "key.autopilot.timestamps"
+    assert state.stat().st_mode & 0o777 == 0o600
+    for text in (
+        "",
+        "{",
+        '{"last": -1, "streams": {}}',
+        '{"last": 1, "streams": {"1/1": 4}}',
+        '{"last": 1}',
+        "[]",
+        "\xe9",
+    ):
+        state.write_text(text)
+        with pytest.raises(ConfigError, match=f"{state}: signing timestamps"):
+            hub(tmp_path, override)
+    with pytest.raises(ConfigError, match="cannot be written"):
+        hub(tmp_path, override, f"links.autopilot.signing.state_file={tmp_path}/no/such/folder")
+
+
+def test_messages_that_do_not_exist(tmp_path: Path) -> None:
+    with pytest.raises(
+        ConfigError, match=r"key links\.ground_stations\.qgc\.block_out: no MAVLink message .* ATTITUDE\?"
+    ):
+        hub(
+            tmp_path,
+            "links.ground_stations.qgc.endpoint=udpin:127.0.0.1:0",
+            "links.ground_stations.qgc.block_out=[ATITUDE]",
+        )
+
+
+async def test_ticks_are_cut_when_something_is_heard(tmp_path: Path) -> None:
+    autopilot_port = free_port()
+    settings = config(
+        f"links.autopilot.endpoint=udpin:127.0.0.1:{autopilot_port}",
+        "daemon.cut_on=arrival",
+        "daemon.tick_hz=10",
+        "daemon.control_hz=10",
+    )
+    log = tmp_path / "log.mcap"
+    async with Running(settings, log) as running, peer(f"udpout:127.0.0.1:{autopilot_port}", 1, 1) as autopilot:
+        start_s = time.monotonic()
+
+        async def talk() -> None:
+            for _ in range(10):
+                await autopilot.say(HEARTBEAT)
+                await asyncio.sleep(0.01)
+
+        # Twice what the timer alone would give.
+        await until(lambda: running.daemon.ticks > 20 + 2 * 10 * (time.monotonic() - start_s), talk)
+    assert replay(log).mismatch is None

@@ -1,0 +1,128 @@
+"""Robustness and learned models in the loop: what the setups really are, and how they are judged."""
+
+import json
+
+import pytest
+
+from asvhil.config import load_config
+from asvhil.simplant.lockstep import Lockstep
+from asvhil.study import learned_loop, robustness
+from asvhil.study.comparison import compare, vessel_override
+from asvhil.study.learned_loop import COEFFICIENTS, TRUE, off_name, off_vessel, signs, study_learned_loop
+from asvhil.study.robustness import CURRENT, PAIRS, crude_vessel, judge, setups, study_robustness
+from asvhil.study.rows import row_overrides
+from asvhil.types import Phase
+
+VESSEL = load_config("sitl").vehicle.vessel
+SETUPS = setups(("controller.name=nnsem-mpc",), "sitl")
+
+
+def config_of(name: str):
+    return load_config("sitl", (*row_overrides("5", 1), *SETUPS[name]))
+
+
+def test_ratios_and_differences_by_hand():
+    found = compare({1: 2.0, 2: 4.0}, {1: 1.0, 2: 1.0, 3: 50.0})
+    assert found["ratio"] == 3.0 and found["difference"]["mean"] == 2.0
+    assert (found["ps"]["mean"], found["against_ps"]["mean"]) == (3.0, 1.0)
+
+
+def test_a_vessel_goes_through_the_config_unchanged():
+    config = load_config("sitl", ("controller.name=sd-mpc", vessel_override(crude_vessel(VESSEL))))
+    assert config.controller.vessel == crude_vessel(VESSEL) != config.vehicle.vessel == VESSEL
+
+
+def test_the_crude_model_knows_the_thrust_curve_and_little_else():
+    crude = crude_vessel(VESSEL)
+    same = {name for name in type(VESSEL).model_fields if getattr(crude, name) == getattr(VESSEL, name)}
+    assert same == {"mass_kg", "motor_arm_m", "thrust_curve"}
+
+
+def test_without_the_sensor_the_boat_never_has_a_wind():
+    with_sensor, without = Lockstep(config_of("with sensor")), Lockstep(config_of("without sensor"))
+    for _ in range(20 * 8):
+        with_sensor.tick()
+        _, outputs = without.tick()
+        assert outputs.wind is None
+    assert with_sensor.tick()[1].wind.valid
+    assert outputs.phase is Phase.HOLD
+
+
+def test_the_setups_differ_in_what_they_say_alone():
+    true, wrong = config_of("true model"), config_of("crude model, vane turned")
+    assert true.controller.name == wrong.controller.name == "sd-mpc"
+    assert true.controller.vessel is None and wrong.controller.vessel == crude_vessel(VESSEL)
+    assert wrong.plant.sensors.anemometer.misalignment_deg == 20.0
+    assert true.plant.sensors.anemometer.misalignment_deg == 0.0
+    current = config_of("crude model, vane turned, current")
+    assert current.plant.weather.current.speed_mps == 0.3 and current.controller == wrong.controller
+    assert config_of("true model, current") == load_config(
+        "sitl", (*row_overrides("5", 1), "controller.name=sd-mpc", *CURRENT)
+    )
+    assert {name for pair in PAIRS.values() for name in pair} == set(SETUPS)
+
+
+@pytest.mark.parametrize(
+    ("pair", "row", "tried", "what", "met"),
+    [
+        ("no wind sensor", "1", 2.1, "difference", True),  # 1.1 more
+        ("no wind sensor", "1", 2.3, "difference", False),
+        ("no wind sensor", "6", 1.14, "ratio", True),
+        ("no wind sensor", "6", 1.16, "ratio", False),
+        ("crude model, vane turned by 20°", "1", 1.16, "ratio", False),
+    ],
+)
+def test_each_row_is_held_against_what_is_asked_of_it(pair, row, tried, what, met):
+    names = PAIRS[pair]
+    found = judge(pair, row, {(names[0], row): {1: tried}, (names[1], row): {1: 1.0}})
+    assert list(found["asked"]) == [what] and found["met"] is met
+
+
+def test_the_patterns_put_every_coefficient_off_by_thirty_percent():
+    seen = set()
+    for pattern in range(1, 5):
+        factors = signs(pattern)
+        assert set(factors) == set(COEFFICIENTS) and factors == signs(pattern)
+        assert sorted(factors.values()) == [0.7] * 7 + [1.3] * 8
+        seen.add(tuple(factors[name] for name in COEFFICIENTS))
+        vessel = off_vessel(VESSEL, pattern)
+        assert vessel.mass_kg == pytest.approx(factors["mass_kg"] * VESSEL.mass_kg)
+        assert vessel.thrust_curve[-1] == (1.0, pytest.approx(factors["thrust_curve"] * 240.5))
+        assert (vessel.motor_arm_m, vessel.motor_lag_s) == (VESSEL.motor_arm_m, VESSEL.motor_lag_s)
+    assert len(seen) == 4
+    assert set(COEFFICIENTS) == set(type(VESSEL).model_fields) - {"motor_arm_m", "motor_lag_s"}
+
+
+def test_robustness_in_short(tmp_path):
+    keys = {"rows": ["5"], "seeds": (1,), "window_s": (5.0, 6.0), "workers": 0}
+    main = ("controller.name=nnsem-mpc",)
+    found = study_robustness(tmp_path / "trials.jsonl", controller=main, **keys)
+    assert set(found["pairs"]) == set(PAIRS)
+    for row in found["pairs"].values():
+        # Seconds after the start, a boat on its way is little moved by what it believes.
+        assert 0.5 < row["5"]["ratio"] < 2.0 and row["5"]["ps"]["mean"] > 3.0
+    text = robustness.markdown(json.loads(json.dumps(found)))
+    assert text.count("| 5 (3 m/s toward 90°) |") == 3 and "ratio at most 1.15" in text
+    again = study_robustness(tmp_path / "trials.jsonl", controller=main, **keys)
+    assert again == found  # nothing was run anew: the times are those of the first
+
+
+def test_learned_models_in_short(tmp_path):
+    learned = {"NNSEM-MPC": ("controller.name=nnsem-mpc",)}
+    found = study_learned_loop(
+        tmp_path / "trials.jsonl",
+        learned=learned,
+        rows=["3"],
+        seeds=(1,),
+        patterns=2,
+        window_s=(5.0, 6.0),
+        workers=0,
+    )
+    line = found["rows"]["3"]
+    off = [part["ps"]["mean"] for part in line["off"].values()]
+    against = line["learned"]["NNSEM-MPC"]["against_off"]["against_ps"]["mean"]
+    assert against == pytest.approx(sum(off) / 2) and off[0] != off[1]
+    assert set(found["cost"]["process_s"]) == {"NNSEM-MPC", TRUE, off_name(1), off_name(2)}
+    text = learned_loop.markdown(json.loads(json.dumps(found)))
+    assert "| 3 (3 m/s toward 180°) | NNSEM-MPC |" in text and "| thrust_curve | " in text
+    assert {line.count("|") for line in text.splitlines() if line.startswith("| 3 ")} == {7}
