@@ -31,11 +31,12 @@ class MpcConfig(Section):
     first_step_s: Positive = 0.2
     last_step_s: Positive = 0.8
     near: MpcWeights = MpcWeights(sideways=0.7)
-    along: MpcWeights = MpcWeights(heading=700.0, slew=2.0)  # near too, but with no load across the heading to carry
+    along: MpcWeights = MpcWeights(heading=1500.0, slew=4.0)  # near too, but with no load across the heading to carry
     far: MpcWeights = MpcWeights(heading=10.0, terminal_position_s=1.0)
     position_only: MpcWeights = MpcWeights(heading=0.0)  # outside of the procedure's r_h, with its rule
     side_load_mps2: tuple[NonNegative, Positive] = (0.004, 0.016)  # `along` up to the first, `near` from the second
     side_load_time_s: Positive = 10.0
+    offset_m: tuple[NonNegative, Positive] = (0.2, 0.6)  # `near` weights from the second on, whatever the load
     near_radius_m: Positive = 4.0
     far_radius_m: Positive = 10.0
     trim_time_s: Positive = 40.0
@@ -50,9 +51,10 @@ class MpcConfig(Section):
     disturbance_feedforward: bool = True
 
     @model_validator(mode="after")
-    def _check_side_load(self) -> MpcConfig:
-        if not self.side_load_mps2[0] < self.side_load_mps2[1]:
-            raise ValueError("side_load_mps2 needs two rising values")
+    def _check_ramps(self) -> MpcConfig:
+        for name, (low, high) in (("side_load_mps2", self.side_load_mps2), ("offset_m", self.offset_m)):
+            if not low < high:
+                raise ValueError(f"{name} needs two rising values")
         return self
 
 

@@ -95,7 +95,8 @@ class StationMpc:
             return self._problem.pack(state, wind, disturbance, self._trim_rad, self._input, weights)
 
         config = self._config
-        share = self._side_load_share(wind, disturbance)
+        # An offset is worth swings of the heading too: a heavy heading weight would park the boat beside the station.
+        share = max(self._side_load_share(wind, disturbance), _ramp(math.hypot(state[0], state[1]), config.offset_m))
         if self._position_only:
             return packed(config.position_only)
         if not self._near:
@@ -114,8 +115,7 @@ class StationMpc:
             self._side_load_mps2 = mps2
         gain = min(self._period_s / self._config.side_load_time_s, 1.0)
         self._side_load_mps2 += gain * (mps2 - self._side_load_mps2)
-        low, high = self._config.side_load_mps2
-        return min(max((self._side_load_mps2 - low) / (high - low), 0.0), 1.0)
+        return _ramp(self._side_load_mps2, self._config.side_load_mps2)
 
     def _solve(self, parameters: Array, distance_m: float) -> tuple[Solution, int]:
         """The cheaper of the shifted last plan and, far off or after a failure, one alternate start in turn.
@@ -169,6 +169,12 @@ class StationMpc:
             if abs(self._psi_rad) > math.pi + TURN_HYSTERESIS_RAD:
                 self._psi_rad = wrap_rad(self._psi_rad)
         return self._psi_rad
+
+
+def _ramp(value: float, limits: tuple[float, float]) -> float:
+    """0 up to the first limit, 1 from the second, linear between."""
+    low, high = limits
+    return min(max((value - low) / (high - low), 0.0), 1.0)
 
 
 def shift_matrix(times_s: Array, elapsed_s: float) -> Array:

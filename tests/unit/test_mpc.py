@@ -442,11 +442,11 @@ def recorded_weights(controller, monkeypatch) -> list[np.ndarray]:
 @pytest.mark.parametrize(
     ("wind", "disturbance", "heading"),
     [
-        (air(6.0, 0.0), (0.0, 0.0, 0.0), 700.0),  # along the boat: nothing to carry sideways
+        (air(6.0, 0.0), (0.0, 0.0, 0.0), 1500.0),  # along the boat: nothing to carry sideways
         (air(0.0, 6.0), (0.0, 0.0, 0.0), 200.0),
         (air(-6.0, 0.0), (0.0, 0.05, 0.0), 200.0),  # an unseen push sideways counts as the wind does
-        (None, (0.2, 0.0, 0.0), 700.0),
-        (None, (0.0, -0.01, 0.0), 450.0),  # half-way between the two limits
+        (None, (0.2, 0.0, 0.0), 1500.0),
+        (None, (0.0, -0.01, 0.0), 850.0),  # half-way between the two limits
     ],
 )
 def test_heading_weighs_more_where_there_is_no_side_load_to_carry(monkeypatch, wind, disturbance, heading):
@@ -462,12 +462,21 @@ def test_a_gust_from_abeam_does_not_flip_the_weights(monkeypatch):
     seen = recorded_weights(controller, monkeypatch)
     for ve_mps in (0.0, 6.0, 0.0):
         controller.step(estimate(np.zeros(8)), air(3.0, ve_mps), ORIGIN)
-    assert all(row[2] > 0.2 * 690.0 for row in seen)
+    assert all(row[2] > 0.2 * 1450.0 for row in seen)
     for _ in range(200):
         controller.step(estimate(np.zeros(8)), air(3.0, 6.0), ORIGIN)
     assert seen[-1][2] == pytest.approx(0.2 * 200.0)
 
 
-def test_the_limits_of_the_side_load_must_rise():
-    with pytest.raises(ValueError, match="rising"):
-        MpcConfig(side_load_mps2=(0.02, 0.01))
+@pytest.mark.parametrize(("offset_m", "heading"), [(0.1, 1500.0), (0.4, 850.0), (0.7, 200.0)])
+def test_off_the_station_heading_gives_way(monkeypatch, offset_m, heading):
+    controller = StationMpc(MODEL, MpcConfig(second_order=False, offset_m=(0.2, 0.6)), 0.2)
+    seen = recorded_weights(controller, monkeypatch)
+    controller.step(estimate((0.0, offset_m, 0, 0, 0, 0, 0, 0)), None, ORIGIN)
+    assert seen[0][2] == pytest.approx(0.2 * heading, rel=1e-6)
+
+
+@pytest.mark.parametrize("name", ["side_load_mps2", "offset_m"])
+def test_limits_must_rise(name):
+    with pytest.raises(ValueError, match=f"{name} needs two rising"):
+        MpcConfig(**{name: (0.9, 0.01)})
