@@ -12,6 +12,7 @@ from asvhil.controller.backstepping import Backstepping
 from asvhil.controller.loiter import Loiter
 from asvhil.controller.manoeuvres import Manoeuvres
 from asvhil.controller.procedure import Procedure
+from asvhil.controller.pwm import command_rate_per_s
 from asvhil.controller.sliding_mode import SlidingMode
 from asvhil.controller.solvers.choice import choose_solver
 from asvhil.controller.station_mpc import StationMpc
@@ -68,7 +69,8 @@ def build_controller(config: Config, model: Dynamics) -> Controller:
             keeper = Loiter(section.loiter)
         case _:
             mpc, make_solver = choose_solver(section)
-            keeper = StationMpc(model, mpc, 1.0 / config.daemon.control_hz, make_solver)
+            rate_per_s = command_rate_per_s(config.vehicle.pwm)
+            keeper = StationMpc(model, mpc, 1.0 / config.daemon.control_hz, make_solver, rate_per_s)
     if section.name == "manoeuvres":
         return Manoeuvres(section.manoeuvres, keeper)
     if section.procedure.enabled:

@@ -39,6 +39,7 @@ class MpcConfig(Section):
     offset_m: tuple[NonNegative, Positive] = (0.2, 0.6)  # `near` weights from the second on, whatever the load
     near_radius_m: Positive = 4.0
     far_radius_m: Positive = 10.0
+    delay_s: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0  # from the estimate to the motors' answer: solving and links
     trim_time_s: Positive = 40.0
     trim_max_rad: NonNegative = 0.1
     iterations: Annotated[int, Field(ge=1, le=100)] = 3

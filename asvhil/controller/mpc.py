@@ -5,13 +5,15 @@ In the station's frame (station at the origin, heading 0), with s = (x, y, psi, 
     min  sum_k h_k l(s_k+1) + l_N(s_N) + w_slew sum_k |a_k - a_k-1|^2,   a_-1 the input applied last
     l   = w_pos (x^2 + w_y y^2) + w_psi (psi - psi_t)^2 + w_vel (u^2 + v^2 + r^2)
     l_N = t_N (x^2 + w_y y^2)   + w_psi (psi - psi_t)^2 + w_vel (u^2 + v^2 + r^2)
-    s_k+1 = F(s_k, a_k, h_k),  input_lower <= a_k <= input_upper
+    s_k+1 = F(s_k, a_k, h_k),  input_lower <= a_k <= input_upper, and no further from a_-1 than the slew limit of the
+    motor outputs lets a_k be by the end of its stage
 
 It is a sum of squares, so Gauss-Newton applies. Weights are parameters: a change of them rebuilds nothing.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any, Protocol
 
@@ -26,6 +28,7 @@ from asvhil.types import record
 
 Array = NDArray[np.float64]
 
+FULL_TURN = 2.0  # of a motor command, from astern to ahead: a slew limit that allows it within a stage is none
 POSE_AND_VELOCITY = 6  # x, y, psi, u, v, r: the states that carry a cost
 
 
@@ -56,7 +59,7 @@ class StationProblem:
     adds the blocks of second derivatives of each stage by (s, a), weighted with the adjoint of half the cost.
     """
 
-    def __init__(self, model: Dynamics, config: MpcConfig) -> None:
+    def __init__(self, model: Dynamics, config: MpcConfig, command_rate_per_s: float = math.inf) -> None:
         self.model = model
         self.stages = config.stages
         self.n_state = POSE_AND_VELOCITY + model.n_motor
@@ -66,6 +69,10 @@ class StationProblem:
         self.times_s: Array = np.concatenate([[0.0], np.cumsum(self.steps_s)])
         self.substep_counts = [substeps(float(step_s), model.max_step_s) for step_s in self.steps_s]
         self.lower, self.upper = float(model.input_lower), float(model.input_upper)
+        shape = (config.stages, 2)
+        self._limits = np.full(shape, self.lower), np.full(shape, self.upper)
+        reach = command_rate_per_s * self.times_s[1:]  # of the motor command, by the end of each stage
+        self._reach: Array | None = None if reach[0] >= FULL_TURN else reach
         self.n_parameters = self.n_state + 9 + POSE_AND_VELOCITY * self.stages
         self.curved: ca.Function | None = None
         self._build(model, config.second_order)
@@ -88,12 +95,41 @@ class StationProblem:
         head = np.array([*state, *wind, *disturbance, *previous_input, heading_reference_rad, weights.slew])
         return np.concatenate([head, self._state_weights(weights).ravel()])
 
+    def ahead(
+        self,
+        state: Sequence[float],
+        applied: tuple[float, float],
+        wind: tuple[float, float],
+        disturbance: tuple[float, float, float],
+        delay_s: float,
+    ) -> tuple[float, ...]:
+        """The state (n_state) after delay_s under the input applied now: where the boat is once a new one acts."""
+        at, count = np.array(state), substeps(delay_s, self.model.max_step_s)
+        after = advance(self.model, at, np.array(applied), np.array(wind), np.array(disturbance), delay_s, count)
+        return tuple(np.asarray(after).tolist())
+
     def side_acceleration(self, wind: tuple[float, float], disturbance: tuple[float, float, float]) -> float:
         """v_dot (m/s^2) of the boat at rest at the station, its motors neutral, wind and disturbance as in `pack`."""
         rest, neutral = np.zeros(self.n_state), self.model.input_of_command((0.0, 0.0))
         wind_, disturbance_ = np.array(wind), np.array(disturbance)
         s_dot = motion_derivative(self.model, rest, np.array(neutral), wind_, disturbance_)
         return float(s_dot[4])
+
+    def bounds(self, parameters: Array) -> tuple[Array, Array]:
+        """Lower and upper bounds of the inputs, (stages, 2) each, from the input applied last.
+
+        As the output limiter has it: towards neutral at once, away from it no faster than the slew rate. So a stage's
+        bounds hold whatever the stages before it do; they are exact for the first, the one that is applied.
+        """
+        if self._reach is None:
+            return self._limits
+        model, previous = self.model, self.unpack_cost(parameters)[2]
+        last = model.command_of_input((float(previous[0]), float(previous[1])))
+        least, most = [min(c, 0.0) for c in last], [max(c, 0.0) for c in last]
+        reach = self._reach.tolist()
+        lower = [model.input_of_command((max(least[0] - r, -1.0), max(least[1] - r, -1.0))) for r in reach]
+        upper = [model.input_of_command((min(most[0] + r, 1.0), min(most[1] + r, 1.0))) for r in reach]
+        return np.maximum(lower, self.lower), np.minimum(upper, self.upper)
 
     def unpack_cost(self, parameters: Array) -> tuple[Array, float, Array, float]:
         """State weights (stages, 6), heading reference (rad), previous input (2) and slew weight of the parameters."""

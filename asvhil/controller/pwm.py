@@ -26,6 +26,11 @@ def command_of_pulse(config: PwmConfig, pulse_us: int) -> float:
     return min(max(offset_us / span_us, -1.0), 1.0)
 
 
+def command_rate_per_s(config: PwmConfig) -> float:
+    """How fast a command can grow under the slew limit, in commands (1: full) per second, on the slower side."""
+    return config.slew_us_per_s / max(config.ahead_us - config.neutral_us, config.neutral_us - config.astern_us)
+
+
 class PulseLimiter:
     """Bounds and slew rate of both motors. Going to neutral is never slowed down."""
 

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from asvhil.config import MpcConfig, MpcWeights, load_config
 from asvhil.controller.mpc import StationProblem
+from asvhil.controller.solvers.choice import choose_solver
 from asvhil.controller.station_mpc import StationMpc, shift_matrix
 from asvhil.dynamics.arrays import namespace_of
 from asvhil.dynamics.integrate import advance, integrate, substeps
@@ -480,3 +481,45 @@ def test_off_the_station_heading_gives_way(monkeypatch, offset_m, heading):
 def test_limits_must_rise(name):
     with pytest.raises(ValueError, match=f"{name} needs two rising"):
         MpcConfig(**{name: (0.9, 0.01)})
+
+
+def test_a_slow_output_limits_what_each_stage_can_ask_for():
+    """1 command per second, from +0.3 port and -0.5 starboard: free towards neutral, then one stage's time further."""
+    problem = StationProblem(TanhModel(), MpcConfig(stages=3, second_order=False), command_rate_per_s=1.0)
+    p = problem.pack((0, 0, 0, 0, 0, 0), (0, 0), (0, 0, 0), 0.0, (0.3, -0.5), MpcWeights())
+    lower, upper = problem.bounds(p)
+    assert problem.times_s[1:] == pytest.approx([0.2, 0.7, 1.5])
+    assert lower.tolist() == pytest.approx(np.array([[-0.2, -0.7], [-0.7, -1.0], [-1.0, -1.0]]))
+    assert upper.tolist() == pytest.approx(np.array([[0.5, 0.2], [1.0, 0.7], [1.0, 1.0]]))
+
+
+def test_a_quick_output_limits_nothing_but_the_range():
+    problem = StationProblem(MODEL, MpcConfig(stages=3, second_order=False), command_rate_per_s=20.0)
+    p = problem.pack(np.zeros(8), (0, 0), (0, 0, 0), 0.0, (100.0, -30.0), MpcWeights())
+    lower, upper = problem.bounds(p)
+    assert (lower == MODEL.input_lower).all() and (upper == MODEL.input_upper).all()
+
+
+@pytest.mark.parametrize("solver", ["sqp", "ipopt", "fatrop", "torch-lqr"])
+def test_every_solver_keeps_to_the_slew_limit(solver):
+    controller = load_config("sitl", (f"controller.solver={solver}",)).controller
+    _, make_solver = choose_solver(controller)
+    problem = StationProblem(TanhModel(), MpcConfig(stages=6, second_order=False), command_rate_per_s=0.5)
+    p = problem.pack((-14, -3, 0, 0, 0, 0), (0, 0), (0, 0, 0), 0.0, (0.0, 0.0), MpcWeights(slew=0.0))
+    solution = make_solver(problem).solve(p, np.zeros((6, 2)), 10)
+    assert solution.ok
+    assert np.abs(solution.inputs[0]).max() == pytest.approx(0.1, abs=1e-4)  # 0.2 s of 0.5 per second
+    assert (np.abs(solution.inputs) <= 0.5 * problem.times_s[1:, None] + 1e-6).all()
+
+
+def test_the_plan_begins_where_the_boat_will_be_after_the_delay():
+    config = MpcConfig(second_order=False)
+    moving = estimate((-5.0, 1.0, 0.2, 1.0, 0.0, 0.1, 0, 0))
+    now = StationMpc(MODEL, config, 0.2).step(moving, None, ORIGIN)
+    later = StationMpc(MODEL, config.model_copy(update={"delay_s": 0.4}), 0.2).step(moving, None, ORIGIN)
+    still = np.zeros(2)
+    s = np.array([-5.0, 1.0, 0.2, 1.0, 0.0, 0.1, 0, 0])
+    expected = advance(MODEL, s, still, still, np.zeros(3), 0.4, substeps(0.4, MODEL.max_step_s))
+    assert now.plan[0][1:] == pytest.approx((-5.0, 1.0, 0.2))
+    assert later.plan[0][1:] == pytest.approx(expected[:3])
+    assert later.plan[0][1] > -4.7

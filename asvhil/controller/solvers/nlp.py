@@ -80,8 +80,6 @@ class NlpSolver:
         self._solvers = {cap: make(dict(programme.symbols), cap) for cap in caps}
         size = programme.symbols["x"].numel()
         self._lower, self._upper = np.full(size, -np.inf), np.full(size, np.inf)
-        self._lower[programme.input_at] = problem.lower
-        self._upper[programme.input_at] = problem.upper
 
     def solve(self, parameters: Array, start: Array, iterations: int) -> Solution:
         """The plan found from `start` (stages, 2), clipped into the bounds; never dearer than the start.
@@ -91,7 +89,9 @@ class NlpSolver:
         problem, programme = self._problem, self._programme
         if not (np.isfinite(parameters).all() and np.isfinite(start).all()):
             return failure(problem, "the parameters or the start are not finite")
-        inputs = bounded(problem, np.asarray(start, dtype=float).reshape(-1, 2))
+        lower, upper = problem.bounds(parameters)
+        self._lower[programme.input_at], self._upper[programme.input_at] = lower, upper
+        inputs = bounded(np.asarray(start, dtype=float).reshape(-1, 2), lower, upper)
         states, cost = rolled_out(problem, parameters, inputs)
         if not (np.isfinite(cost) and np.isfinite(states).all()):
             return failure(problem, "the prediction from the start is not finite")
@@ -112,7 +112,7 @@ class NlpSolver:
         converged, count = bool(stats["success"]), min(int(stats["iter_count"]), iterations)
         if not converged and count < iterations:
             return failure(problem, f"ended with {stats['return_status']}")
-        found_inputs = bounded(problem, np.array(found["x"]).ravel()[programme.input_at])
+        found_inputs = bounded(np.array(found["x"]).ravel()[programme.input_at], lower, upper)
         if not np.isfinite(found_inputs).all():
             return failure(problem, "the solution is not finite")
         found_states, found_cost = rolled_out(problem, parameters, found_inputs)

@@ -7,9 +7,9 @@ import numpy as np
 from asvhil.controller.mpc import Array, Solution, StationProblem
 
 
-def bounded(problem: StationProblem, inputs: Array) -> Array:
+def bounded(inputs: Array, lower: Array, upper: Array) -> Array:
     """The inputs, each moved to its nearest bound where it is beyond it."""
-    within: Array = np.minimum(np.maximum(inputs, problem.lower), problem.upper)
+    within: Array = np.minimum(np.maximum(inputs, lower), upper)
     return within
 
 

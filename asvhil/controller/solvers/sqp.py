@@ -51,6 +51,7 @@ class Sqp:
         self._weighted_gains = self._gains[1:, :POSE_AND_VELOCITY]
         difference = np.eye(width) - np.eye(width, k=-2)
         self._smoothing = difference.T @ difference
+        self._lower, self._upper = np.full(width, problem.lower), np.full(width, problem.upper)
         self._no_rows = np.zeros((0, width))
         self._inequality = np.zeros(width, dtype=np.int32)
 
@@ -63,7 +64,9 @@ class Sqp:
         problem = self._problem
         if not (np.isfinite(parameters).all() and np.isfinite(start).all()):
             return failure(problem, "the parameters or the start are not finite")
-        u = bounded(problem, np.asarray(start, dtype=float).ravel())
+        lower, upper = problem.bounds(parameters)
+        self._lower, self._upper = lower.ravel(), upper.ravel()
+        u = bounded(np.asarray(start, dtype=float).ravel(), self._lower, self._upper)
         self._p[:] = parameters
         weights, reference, previous, slew = problem.unpack_cost(self._p)
         root = np.sqrt(weights)
@@ -133,7 +136,7 @@ class Sqp:
         if not (np.isfinite(hessian).all() and np.isfinite(gradient).all()):
             return None, 0.0
         step, _, flag, _ = daqp.solve(
-            hessian, gradient, self._no_rows, problem.upper - u, problem.lower - u, self._inequality
+            hessian, gradient, self._no_rows, self._upper - u, self._lower - u, self._inequality
         )
         if flag != QP_SOLVED or not np.isfinite(step).all():
             return None, 0.0
@@ -161,7 +164,7 @@ class Sqp:
         """The first of the halved steps that lowers the true cost enough, and its cost."""
         length = 1.0
         while length >= SHORTEST_STEP:
-            trial = bounded(self._problem, u + length * step)
+            trial = bounded(u + length * step, self._lower, self._upper)
             trial_cost = self._cost_of(trial)
             if trial_cost <= cost + ARMIJO * length * slope:  # False for NaN
                 return trial, trial_cost

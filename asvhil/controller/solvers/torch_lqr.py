@@ -65,7 +65,8 @@ class TorchLqr:
             wind=torch.tensor(parameters[n : n + 2], dtype=torch.float64),
             push=torch.tensor(parameters[n + 2 : n + 5], dtype=torch.float64),
         )
-        inputs = bounded(problem, np.asarray(start, dtype=float).reshape(-1, 2))
+        self._bounds = problem.bounds(parameters)
+        inputs = bounded(np.asarray(start, dtype=float).reshape(-1, 2), *self._bounds)
         states, cost = rolled_out(problem, parameters, inputs)
         if not (np.isfinite(cost) and np.isfinite(states).all()):
             return failure(problem, "the prediction from the start is not finite")
@@ -135,7 +136,7 @@ class TorchLqr:
             q_xx[n:, n:] += slew
             q_ux[:, n:] -= slew
             q_uu += (DAMPING * np.trace(q_uu) + 1e-12) * np.eye(2)
-            lower, upper = problem.lower - inputs[k], problem.upper - inputs[k]
+            lower, upper = (bound[k] - inputs[k] for bound in self._bounds)
             move, free = box_qp(q_uu, q_u, lower, upper)
             gain = np.zeros((2, n + 2))
             if free.any():
@@ -169,7 +170,7 @@ class TorchLqr:
         with torch.no_grad(), np.errstate(over="ignore", invalid="ignore"):  # a path that runs away is turned down
             for k in range(problem.stages):
                 off[:n] = new_states[k] - states[k]
-                new_inputs[k] = bounded(problem, inputs[k] + moves[k] + gains[k] @ off)
+                new_inputs[k] = bounded(inputs[k] + moves[k] + gains[k] @ off, *(bound[k] for bound in self._bounds))
                 off[n:] = new_inputs[k] - inputs[k]
                 s, a = torch.from_numpy(new_states[k]), torch.from_numpy(new_inputs[k])
                 count = problem.substep_counts[k]
