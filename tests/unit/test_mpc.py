@@ -506,7 +506,7 @@ def test_every_solver_keeps_to_the_slew_limit(solver):
     _, make_solver = choose_solver(controller)
     problem = StationProblem(TanhModel(), MpcConfig(stages=6, second_order=False), command_rate_per_s=0.5)
     p = problem.pack((-14, -3, 0, 0, 0, 0), (0, 0), (0, 0, 0), 0.0, (0.0, 0.0), MpcWeights(slew=0.0))
-    solution = make_solver(problem).solve(p, np.zeros((6, 2)), 10)
+    solution = make_solver(problem).solve(p, np.zeros((6, 2)), 40)
     assert solution.ok
     assert np.abs(solution.inputs[0]).max() == pytest.approx(0.1, abs=1e-4)  # 0.2 s of 0.5 per second
     assert (np.abs(solution.inputs) <= 0.5 * problem.times_s[1:, None] + 1e-6).all()
