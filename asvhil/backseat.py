@@ -9,8 +9,8 @@ from asvhil.cadence import Cadence
 from asvhil.config import PwmConfig
 from asvhil.controller.pwm import PulseLimiter, command_of_pulse
 from asvhil.dynamics.protocol import Dynamics
-from asvhil.estimator.ekf import Ekf
 from asvhil.estimator.monitor import ModelMonitor
+from asvhil.estimator.protocol import StateEstimator
 from asvhil.estimator.sources import SourceSelector
 from asvhil.estimator.wind import WindFilter
 from asvhil.geo import LocalFrame
@@ -29,6 +29,7 @@ from asvhil.types import (
     GnssFix,
     Health,
     HoldCommand,
+    Imu,
     Inputs,
     Measurement,
     Note,
@@ -69,7 +70,7 @@ class Backseat:
         firmware: FirmwareWatch,
         selector: SourceSelector,
         operator: OperatorLink,
-        ekf: Ekf,
+        estimator: StateEstimator,
         wind: WindFilter,
         monitor: ModelMonitor,
         supervisor: Supervisor,
@@ -85,7 +86,7 @@ class Backseat:
         self._notes: tuple[Note, ...] = ()
         self._selector = selector
         self._operator = operator
-        self._ekf = ekf
+        self._estimator = estimator
         self._wind = wind
         self._monitor = monitor
         self._model_ok = True
@@ -108,16 +109,18 @@ class Backseat:
     @property
     def frame(self) -> LocalFrame | None:
         """The local NED frame, once the first position is known."""
-        return self._ekf.frame
+        return self._estimator.frame
 
     def step(self, inputs: Inputs) -> Outputs:
         """Everything that one tick does. Never raises on the content of the frames."""
         t_ns = inputs.t_ns
         requests = self._take_in(inputs)
-        estimate = self._ekf.estimate(t_ns)
+        estimate = self._estimator.estimate(t_ns)
         wind = self._wind.wind(t_ns)
         answers = [frame for request in requests for frame in self._answer(t_ns, request, estimate)]
-        decision = self._supervisor.step(t_ns, self._status, self._heartbeat_age_s(t_ns), estimate, self._ekf.frame)
+        decision = self._supervisor.step(
+            t_ns, self._status, self._heartbeat_age_s(t_ns), estimate, self._estimator.frame
+        )
         if decision.station is None and self._station is not None:
             self._controller.reset()
         self._station = decision.station
@@ -125,7 +128,9 @@ class Backseat:
         control = self._control(t_ns, decision, estimate, usable_wind)
         motor_frames = self._actuate(t_ns, decision, control)
         model_input = self._model_input()
-        self._ekf.set_forcing(model_input, (usable_wind.vn_mps, usable_wind.ve_mps) if usable_wind else (0.0, 0.0))
+        self._estimator.set_forcing(
+            model_input, (usable_wind.vn_mps, usable_wind.ve_mps) if usable_wind else (0.0, 0.0)
+        )
         model_error = None
         if control is not None and estimate is not None:
             model_error = self._monitor.step(estimate, model_input, usable_wind)
@@ -145,7 +150,7 @@ class Backseat:
             text = f"{firmware.subject}: {firmware.text}"
             frames.append(self._operator.tell(t_ns, dialect.MAV_SEVERITY_WARNING, text))
         self._notes = () if firmware is None else (firmware,)
-        frame = self._ekf.frame
+        frame = self._estimator.frame
         return Outputs(
             t_ns=t_ns,
             phase=decision.phase,
@@ -186,17 +191,19 @@ class Backseat:
     def _measure(self, measurement: Measurement) -> None:
         match measurement:
             case Attitude():
-                self._ekf.on_attitude(measurement)
+                self._estimator.on_attitude(measurement)
             case GnssFix():
-                self._ekf.on_gnss(measurement)
+                self._estimator.on_gnss(measurement)
+            case Imu():
+                self._estimator.on_imu(measurement)
             case FrontseatStatus():
                 self._status = measurement
             case WindSample():
-                estimate = self._ekf.estimate(measurement.t_ns)
+                estimate = self._estimator.estimate(measurement.t_ns)
                 if estimate is not None:
                     self._wind.on_sample(measurement, estimate)
             case BowWind():
-                estimate = self._ekf.estimate(measurement.t_ns)
+                estimate = self._estimator.estimate(measurement.t_ns)
                 if estimate is not None:
                     self._wind.on_bow_wind(measurement, estimate)
             case TrueWind():
@@ -208,7 +215,7 @@ class Backseat:
         command = request.command
         if isinstance(command, HoldCommand):
             refusal = self._supervisor.on_hold(
-                command, self._status, self._heartbeat_age_s(t_ns), estimate, self._ekf.frame
+                command, self._status, self._heartbeat_age_s(t_ns), estimate, self._estimator.frame
             )
             if refusal is None:
                 self._cadence.restart()
@@ -280,9 +287,7 @@ class Backseat:
                 *self._link.counters(),
                 *(counter for codec in self._sensors.values() for counter in codec.counters()),
                 *self._operator.counters(),
-                ("ekf.rejected_gnss", self._ekf.rejected["gnss"] + self._ekf.rejected["velocity"]),
-                ("ekf.rejected_attitude", self._ekf.rejected["attitude"] + self._ekf.rejected["yaw_rate"]),
-                ("ekf.resets", self._ekf.resets),
+                *self._estimator.counters(),
             ),
             sources=self._selector.current(t_ns),
             notes=self._notes,

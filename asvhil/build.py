@@ -7,7 +7,7 @@ from pathlib import Path
 
 from asvhil.backseat import Backseat, Controller, SensorCodec
 from asvhil.cadence import Cadence, EveryPeriod, EveryTicks
-from asvhil.config import LEARNED, Config, find_shipped
+from asvhil.config import LEARNED, Config, EstimatorConfig, find_shipped
 from asvhil.controller.backstepping import Backstepping
 from asvhil.controller.loiter import Loiter
 from asvhil.controller.manoeuvres import Manoeuvres
@@ -22,7 +22,9 @@ from asvhil.dynamics.weights import load_model
 from asvhil.errors import ModelError
 from asvhil.estimator.ekf import Ekf
 from asvhil.estimator.monitor import ModelMonitor
+from asvhil.estimator.protocol import StateEstimator
 from asvhil.estimator.sources import SourceSelector
+from asvhil.estimator.velocity import FirFusion, HeldSensors
 from asvhil.estimator.wind import WindFilter
 from asvhil.io.ardurover import ArduRoverLink
 from asvhil.io.firmware import FirmwareWatch
@@ -30,6 +32,8 @@ from asvhil.io.nmea import NmeaCodec
 from asvhil.io.operator import OperatorLink
 from asvhil.io.vectornav.codec import VectorNavCodec
 from asvhil.supervisor import Supervisor
+
+HELD_S = 1e-3  # a time constant so short that a low-pass takes each sample over whole
 
 
 def model_file(config: Config) -> Path | None:
@@ -77,6 +81,23 @@ def build_controller(config: Config, model: Dynamics) -> Controller:
         focus = keeper.favour_position if isinstance(keeper, StationMpc) else None
         return Procedure(section.procedure, vessel, keeper, focus)
     return keeper
+
+
+def build_estimator(config: EstimatorConfig, model: Dynamics) -> StateEstimator:
+    """The state estimator that `estimator.kind` asks for."""
+    match config.kind:
+        case "fir":
+            return FirFusion(config.ekf, config.fir, model)
+        case "raw":
+            return HeldSensors(config.ekf, model)
+        case _:
+            return Ekf(config.ekf, model)
+
+
+def build_wind(config: EstimatorConfig) -> WindFilter:
+    """The wind filter; one that holds the last sample where readings are used as they come."""
+    section = config.wind
+    return WindFilter(section if config.kind == "ekf" else section.model_copy(update={"time_constant_s": HELD_S}))
 
 
 def build_cadence(config: Config) -> Cadence:
@@ -127,8 +148,8 @@ def build_backseat(
         firmware=build_firmware_watch(config),
         selector=SourceSelector(config.sources.resolved(config.links), config.sources.return_after_s),
         operator=OperatorLink(config.links.autopilot),
-        ekf=Ekf(config.estimator.ekf, model),
-        wind=WindFilter(config.estimator.wind),
+        estimator=build_estimator(config.estimator, model),
+        wind=build_wind(config.estimator),
         monitor=ModelMonitor(config.estimator.monitor, model, 1.0 / config.daemon.control_hz),
         supervisor=Supervisor(config.supervisor, pwm),
         controller=controller or build_controller(config, model),

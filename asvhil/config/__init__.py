@@ -13,7 +13,7 @@ from asvhil.config.controller import (
     SlidingModeConfig,
     SteeringConfig,
 )
-from asvhil.config.estimator import EkfConfig, MonitorConfig, WindFilterConfig
+from asvhil.config.estimator import EkfConfig, EstimatorConfig, FirConfig, MonitorConfig, WindFilterConfig
 from asvhil.config.links import AutopilotLinkConfig, InsLinkConfig, NmeaLinkConfig
 from asvhil.config.loading import config_from_json, find_config, find_shipped, load_config
 from asvhil.config.plant import (
@@ -47,7 +47,9 @@ __all__ = [
     "ControllerConfig",
     "CurrentConfig",
     "EkfConfig",
+    "EstimatorConfig",
     "FaultConfig",
+    "FirConfig",
     "FrontseatConfig",
     "GnssSensorConfig",
     "HilConfig",

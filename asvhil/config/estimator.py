@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from typing import Annotated, Literal
+
+from pydantic import Field
+
 from asvhil.config.base import Positive, Section
 
 
@@ -25,6 +29,13 @@ class EkfConfig(Section):
     stale_after_s: Positive = 1.0
 
 
+class FirConfig(Section):
+    """The paper's velocity: taps of the filter on the accelerometer, and how long integration is trusted over GNSS."""
+
+    taps: Annotated[int, Field(ge=1, le=500)] = 9
+    fusion_time_s: Positive = 1.0
+
+
 class WindFilterConfig(Section):
     """Low-pass of the true wind and when it is too old to use."""
 
@@ -43,6 +54,13 @@ class MonitorConfig(Section):
 
 
 class EstimatorConfig(Section):
+    """`kind`: the EKF; the paper's FIR-filtered accelerometer fused with the GNSS speed; or the readings as they come.
+
+    The last two have the wind as the sensor gives it, turned by the heading and freed of the velocity.
+    """
+
+    kind: Literal["ekf", "fir", "raw"] = "ekf"
     ekf: EkfConfig = EkfConfig()
+    fir: FirConfig = FirConfig()
     wind: WindFilterConfig = WindFilterConfig()
     monitor: MonitorConfig = MonitorConfig()

@@ -17,7 +17,7 @@ from asvhil.dynamics.buffers import bind
 from asvhil.dynamics.integrate import integrate, motion_derivative
 from asvhil.dynamics.protocol import Dynamics
 from asvhil.geo import LocalFrame, wrap_rad
-from asvhil.types import Attitude, Estimate, GnssFix
+from asvhil.types import Attitude, Estimate, GnssFix, Imu
 
 N, E, PSI, U, V, R, D_N, D_E, D_R = range(9)
 SIZE = 9
@@ -144,6 +144,17 @@ class Ekf:
         sensor = "gnss" if has_position else "velocity"
         if self._correct(sensor, m.t_ns, innovation[rows], h[rows], self._gnss_noise[rows, rows]) and has_position:
             self._gnss_ns = m.t_ns
+
+    def on_imu(self, m: Imu) -> None:
+        """Nothing: the model predicts the acceleration."""
+
+    def counters(self) -> tuple[tuple[str, int], ...]:
+        """Cumulative counts of what the gates have kept out, and of resets."""
+        return (
+            ("ekf.rejected_gnss", self.rejected["gnss"] + self.rejected["velocity"]),
+            ("ekf.rejected_attitude", self.rejected["attitude"] + self.rejected["yaw_rate"]),
+            ("ekf.resets", self.resets),
+        )
 
     def predict(self, t_ns: int) -> None:
         """Bring the state forward to a time; earlier times and gaps beyond 5 s move the clock alone."""
