@@ -117,8 +117,13 @@ class SensorsConfig(Section):
 
 
 class FrontseatConfig(Section):
-    """The simulated autopilot; defaults follow a real ArduRover with its dead zones taken out."""
+    """The simulated autopilot; defaults follow a real ArduRover with its dead zones taken out.
 
+    `firmware` decides over the names of parameters. `parameters` sets any of them by its name.
+    """
+
+    firmware: Literal["4.6", "4.7"] = "4.6"
+    parameters: dict[str, float] = Field(default_factory=dict)
     system_id: MavlinkId = 1
     mygcs_system_id: MavlinkId = 1
     boot_s: NonNegative = 1.0

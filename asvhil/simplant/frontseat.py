@@ -14,7 +14,7 @@ from asvhil.simplant.rc import CHANNELS
 from asvhil.simplant.rover import Rover
 from asvhil.simplant.schedule import Schedule
 from asvhil.simplant.sensors import Navigation
-from asvhil.simplant.telemetry import Telemetry
+from asvhil.simplant.telemetry import FLIGHT_SW_VERSIONS, Telemetry
 from asvhil.simplant.vessel import Vessel
 from asvhil.types import Frame
 
@@ -63,12 +63,13 @@ class SimulatedArduRover:
         self._loop_hz = config.loop_hz
         self._mav = dialect.MAVLink(None, srcSystem=config.system_id, srcComponent=COMPONENT_ID)
         self.rover = Rover(config, pwm, t_ns)
-        self._telemetry = Telemetry(self.rover, nav, truth, origin, gnss)
+        self._telemetry = Telemetry(self.rover, nav, truth, origin, gnss, FLIGHT_SW_VERSIONS[config.firmware])
         self._inbox: deque[Frame] = deque()
         self._outbox: list[tuple[str, Any]] = []
         self.impossible = 0  # frames with a good checksum and content that cannot be
         self.dropped = 0  # chunks beyond the inbox
         self._handlers = {
+            dialect.MAVLINK_MSG_ID_HEARTBEAT: self._on_heartbeat,
             dialect.MAVLINK_MSG_ID_RC_CHANNELS_OVERRIDE: self._on_override,
             dialect.MAVLINK_MSG_ID_MANUAL_CONTROL: self._on_manual_control,
             dialect.MAVLINK_MSG_ID_COMMAND_LONG: self._on_command,
@@ -261,6 +262,9 @@ class SimulatedArduRover:
 
     # --- other messages --------------------------------------------------------------------------------------
 
+    def _on_heartbeat(self, peer: str, sender: tuple[int, int], m: Any) -> None:
+        self.rover.heartbeat(sender[0])
+
     def _on_override(self, peer: str, sender: tuple[int, int], m: Any) -> None:
         self.rover.override(sender[0], [getattr(m, f"chan{i}_raw") for i in range(1, CHANNELS + 1)])
 
@@ -297,7 +301,7 @@ class SimulatedArduRover:
 
     def _on_param_set(self, peer: str, sender: tuple[int, int], m: Any) -> None:
         if self.rover.parameters.set(m.param_id, m.param_value):
-            self._outbox.append(("", self.rover.parameters.message(m.param_id)))
+            self._outbox.append(("", self.rover.parameters.message(m.param_id, changed=True)))
 
 
 def _whole(value: float) -> int | None:

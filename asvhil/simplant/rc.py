@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from asvhil.types import record
+
 CHANNELS = 18
 NEUTRAL_US = 1500
-TRAVEL_US = 500  # RCn_MIN and RCn_MAX of 1000 and 2000
 IGNORE = 65535
 RELEASE_HIGH = 65534  # channels above 8 take 0 as "ignore" and this as "release"
 STICKS_AT_REST = (1500, 1500, 1500, 1500, 1800, 1000, 1000, 1800)  # of the recorded vehicle: 5 to 8 are switches
@@ -92,11 +93,22 @@ class RcInputs:
             self.radio_us[index] = self.sticks_us[index]
 
 
-def stick_fraction(pulse_us: int, dead_zone_us: int) -> float:
-    """A channel in [-1, 1] with its dead zone taken out and the rest stretched over what is left of the travel."""
-    offset_us = pulse_us - NEUTRAL_US
-    beyond_us = abs(offset_us) - dead_zone_us
-    if beyond_us <= 0:
-        return 0.0
-    fraction = min(1.0, beyond_us / (TRAVEL_US - dead_zone_us))
-    return fraction if offset_us > 0 else -fraction
+@record
+class Calibration:
+    """RCn_MIN, _TRIM, _MAX, _DZ (us) and _REVERSED of one channel."""
+
+    low_us: float
+    trim_us: float
+    high_us: float
+    dead_zone_us: float
+    reversed: bool
+
+    def fraction(self, pulse_us: int) -> float:
+        """A channel in [-1, 1] with its dead zone taken out and the rest stretched over what is left of the travel."""
+        offset_us = pulse_us - self.trim_us
+        beyond_us = abs(offset_us) - self.dead_zone_us
+        travel_us = (self.high_us - self.trim_us if offset_us > 0 else self.trim_us - self.low_us) - self.dead_zone_us
+        if beyond_us <= 0 or travel_us <= 0:
+            return 0.0
+        fraction = min(1.0, beyond_us / travel_us)
+        return fraction if (offset_us > 0) is not self.reversed else -fraction

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
+
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from asvhil.config import FrontseatConfig, PwmConfig
-from asvhil.simplant.parameters import Parameters
-from asvhil.simplant.rc import CHANNELS, IGNORE, NEUTRAL_US, TRAVEL_US, RcInputs, stick_fraction
+from asvhil.simplant.parameters import PORT_MOTOR, STARBOARD_MOTOR, Parameters
+from asvhil.simplant.rc import CHANNELS, IGNORE, NEUTRAL_US, RcInputs
 
 MODE_MANUAL = 0
 MODE_HOLD = 4
@@ -17,6 +19,17 @@ OVERRIDES_BEFORE_ARMING_NS = 2_000_000_000
 OVERRIDES_IGNORED = 2  # bit of RC_OPTIONS
 TWO_PADDLES = 1  # PILOT_STEER_TYPE: a stick for each motor
 STEERING_NOT_FLIPPED = 3  # PILOT_STEER_TYPE: steering keeps its sense when going astern
+FULL_TRAVEL_US = 500  # of MANUAL_CONTROL
+DISARM = -1
+MODE_RTL, MODE_SMART_RTL = 11, 12
+# FS_ACTION: modes to be entered, the first that is possible; 0 does nothing.
+FAILSAFE_ACTIONS: dict[int, tuple[int, ...]] = {
+    1: (MODE_RTL, MODE_HOLD),
+    2: (MODE_HOLD,),
+    3: (MODE_SMART_RTL, MODE_RTL, MODE_HOLD),
+    4: (MODE_SMART_RTL, MODE_HOLD),
+    5: (DISARM,),
+}
 INFO, WARNING, CRITICAL = dialect.MAV_SEVERITY_INFO, dialect.MAV_SEVERITY_WARNING, dialect.MAV_SEVERITY_CRITICAL
 
 
@@ -46,6 +59,9 @@ class Rover:
         self.mode = MODE_INITIALISING
         self.armed = False
         self.radio_failsafe = False
+        self.gcs_failsafe = False
+        self.gcs_heard_ns: int | None = None
+        self.safety_on = self.parameters["BRD_SAFETY_DEFLT"] != 0.0
         self.changed = False
         self.texts.clear()
         self.servo_us[:] = [0] * 16
@@ -54,8 +70,12 @@ class Rover:
 
     @property
     def outputs_us(self) -> tuple[int, int]:
-        """Pulse widths at the port and the starboard motor; 0 before the vehicle has booted."""
-        return self.servo_us[self._port], self.servo_us[self._starboard]
+        """Pulse widths at the port and the starboard motor; 0: no signal, as before boot or the safety switch."""
+        return (0, 0) if self.safety_on else (self.servo_us[self._port], self.servo_us[self._starboard])
+
+    def press_safety_switch(self) -> None:
+        """The button on the boat: the outputs come alive."""
+        self.safety_on = False
 
     def ready(self, t_ns: int) -> bool:
         """Whether the estimator uses its position."""
@@ -74,13 +94,19 @@ class Rover:
     def end(self) -> None:
         """The end of a loop: time-outs, then the motors."""
         self._watch_radio()
+        self._watch_gcs()
         self._drive()
 
     # --- radio ---------------------------------------------------------------------------------------------
 
+    def heartbeat(self, sender_system: int) -> None:
+        """A station's heartbeat; that of ours keeps its fail-safe away."""
+        if sender_system == self.parameters[self.parameters.mygcs_name]:
+            self.gcs_heard_ns = self.t_ns
+
     def override(self, sender_system: int, values: list[int]) -> None:
         """Channel overrides (18 raw values); those of other stations than ours are dropped without a word."""
-        if not self._overrides_ignored() and sender_system == self.parameters["SYSID_MYGCS"]:
+        if not self._overrides_ignored() and sender_system == self.parameters[self.parameters.mygcs_name]:
             self.rc.override(self.t_ns, values, self._neutral_ns)
 
     def manual_control(self, sender_system: int, y: int, z: int) -> None:
@@ -88,7 +114,7 @@ class Rover:
         values = [IGNORE] * CHANNELS
         for index, axis in ((self._port, y), (self._starboard, z)):
             if axis != 32767:
-                values[index] = NEUTRAL_US + int(max(-1000, min(1000, axis)) / 2)
+                values[index] = NEUTRAL_US + int(max(-1000, min(1000, axis)) * FULL_TRAVEL_US / 1000)
         self.override(sender_system, values)
 
     def _overrides_ignored(self) -> bool:
@@ -111,22 +137,43 @@ class Rover:
                 self.texts.append((WARNING, "Radio Failsafe Cleared"))
         elif self._radio_lost(self._failsafe_ns):
             self.radio_failsafe = True
-            self.texts.append((WARNING, "Radio Failsafe"))
-            self.enter_mode(MODE_HOLD)
+            self._fail_safe("Radio")
+
+    def _watch_gcs(self) -> None:
+        """Our station's heartbeats stop: as a real one, nothing happens before the first was heard."""
+        timeout_ns = round(1e9 * (self.parameters["FS_GCS_TIMEOUT"] + self.parameters["FS_TIMEOUT"]))
+        silent = self.gcs_heard_ns is not None and self.t_ns - self.gcs_heard_ns > timeout_ns
+        lost = silent and self.parameters["FS_GCS_ENABLE"] != 0.0
+        if self.gcs_failsafe and not lost:
+            self.gcs_failsafe = False
+            self.texts.append((WARNING, "GCS Failsafe Cleared"))
+        elif lost and not self.gcs_failsafe:
+            self.gcs_failsafe = True
+            self._fail_safe("GCS")
+
+    def _fail_safe(self, what: str) -> None:
+        self.texts.append((WARNING, f"{what} Failsafe"))
+        for action in FAILSAFE_ACTIONS.get(int(self.parameters["FS_ACTION"]), ()):
+            if self.disarm() if action == DISARM else self.enter_mode(action):
+                return
 
     # --- motors --------------------------------------------------------------------------------------------
 
     def set_servo(self, channel: int, pulse_us: int) -> bool:
         """DO_SET_SERVO: refused on motor outputs; any other holds its value until power-off."""
-        if not 1 <= channel <= 16 or not 0 <= pulse_us <= 2500 or channel - 1 in (self._port, self._starboard):
+        if not 1 <= channel <= 16 or not 0 <= pulse_us <= 2500 or self._function(channel - 1) != 0:
             return False
         self.servo_us[channel - 1] = pulse_us
         return True
 
+    def _function(self, index: int) -> int:
+        """SERVOn_FUNCTION of an output (index from 0); those beside the motors have none."""
+        return int(self.parameters[f"SERVO{index + 1}_FUNCTION"]) if index in (self._port, self._starboard) else 0
+
     def _drive(self) -> None:
         if not self.armed or self.mode != MODE_MANUAL or self._radio_lost(self._neutral_ns):
-            self.servo_us[self._port] = self.servo_us[self._starboard] = NEUTRAL_US
             self._throttle = 0.0
+            self._put_out(0.0, 0.0)
             return
         first, second = self._sticks()
         steer_type = self.parameters["PILOT_STEER_TYPE"]
@@ -143,13 +190,38 @@ class Rover:
         self._throttle = throttle
         port, starboard = throttle + steering, throttle - steering
         largest = max(1.0, abs(port), abs(starboard))
-        self.servo_us[self._port] = _pulse_us(port / largest)
-        self.servo_us[self._starboard] = _pulse_us(starboard / largest)
+        self._put_out(self._thrust_curve(port / largest), self._thrust_curve(starboard / largest))
+
+    def _thrust_curve(self, fraction: float) -> float:
+        """MOT_THR_MIN, then MOT_THST_EXPO, as ArduPilot's AR_Motors scales a throttle."""
+        size, least, expo = abs(fraction), 0.01 * self.parameters["MOT_THR_MIN"], self.parameters["MOT_THST_EXPO"]
+        if size == 0.0:
+            return 0.0
+        size = least + size * (1.0 - least)
+        if expo != 0.0:
+            size = (expo - 1.0 + math.sqrt((1.0 - expo) ** 2 + 4.0 * expo * size)) / (2.0 * expo)
+        return math.copysign(size, fraction)
+
+    def _put_out(self, port: float, starboard: float) -> None:
+        """Throttles in [-1, 1] to the outputs that have their functions; an output without one keeps its pulse."""
+        for index in (self._port, self._starboard):
+            throttle = {PORT_MOTOR: port, STARBOARD_MOTOR: starboard}.get(self._function(index))
+            if throttle is not None:
+                self.servo_us[index] = self._pulse_us(index, throttle)
+
+    def _pulse_us(self, index: int, throttle: float) -> int:
+        """Pulse width of an output, cut to whole microseconds as ArduPilot does."""
+        servo, parameters = f"SERVO{index + 1}", self.parameters
+        if parameters[f"{servo}_REVERSED"]:
+            throttle = -throttle
+        trim_us = parameters[f"{servo}_TRIM"]
+        end_us = parameters[f"{servo}_MAX" if throttle > 0.0 else f"{servo}_MIN"]
+        return int(trim_us + abs(end_us - trim_us) * throttle + 1e-6)
 
     def _sticks(self) -> tuple[float, float]:
-        port_dz, starboard_dz = self.parameters.dead_zones_us()
         radio_us = self.rc.radio_us
-        return stick_fraction(radio_us[self._port], port_dz), stick_fraction(radio_us[self._starboard], starboard_dz)
+        port, starboard = self.parameters.stick(self._port + 1), self.parameters.stick(self._starboard + 1)
+        return port.fraction(radio_us[self._port]), starboard.fraction(radio_us[self._starboard])
 
     # --- modes and arming ----------------------------------------------------------------------------------
 
@@ -187,9 +259,18 @@ class Rover:
             self.texts.append((INFO, "Throttle disarmed"))
         return True
 
+    def _checks_skipped(self) -> bool:
+        if "ARMING_CHECK" in self.parameters.names:
+            return self.parameters["ARMING_CHECK"] == 0.0
+        return self.parameters["ARMING_SKIPCHK"] == -1.0
+
     def _arming_refusal(self) -> str | None:
         if self.mode == MODE_INITIALISING:
             return "Mode not armable"
+        if self.safety_on:
+            return "Hardware safety switch"
+        if self._checks_skipped():
+            return None
         if not self.ready(self.t_ns):
             return "Need Position Estimate"
         rc = self.rc
@@ -202,8 +283,3 @@ class Rover:
         if second != 0.0:
             return f"Throttle (RC{self._starboard + 1}) is not neutral"
         return None
-
-
-def _pulse_us(fraction: float) -> int:
-    """Pulse width of a motor output in [-1, 1], cut to whole microseconds as ArduPilot does."""
-    return int(NEUTRAL_US + TRAVEL_US * fraction + 1e-6)

@@ -20,7 +20,7 @@ EKF_UNINITIALISED = 1024  # as recorded in the first seconds of a real vehicle
 EKF_ALIGNED_NO_POSITION = 167  # as recorded from then until the position is used
 EKF_READY = 831  # as recorded afterwards: horizontal position absolute, constant position mode left
 EKF_ALIGNED_AFTER = 0.15  # share of the time to readiness after which the recorded filter was aligned
-FLIGHT_SW_VERSION = 0x040603FF  # 4.6.3, official release
+FLIGHT_SW_VERSIONS = {"4.6": 0x040603FF, "4.7": 0x040700FF}  # 4.6.3 and 4.7.0, official releases
 CAPABILITIES = (
     dialect.MAV_PROTOCOL_CAPABILITY_PARAM_FLOAT
     | dialect.MAV_PROTOCOL_CAPABILITY_COMMAND_INT
@@ -40,7 +40,9 @@ class Telemetry:
         truth: Vessel,
         origin: LocalFrame,
         gnss: GnssSensorConfig,
+        flight_sw_version: int,
     ) -> None:
+        self._flight_sw_version = flight_sw_version
         self._rover, self._nav, self._truth, self._origin = rover, nav, truth, origin
         self._h_acc_mm = max(1, round(1000.0 * math.hypot(gnss.slow_bias_m, gnss.white_m)))
         self._vel_acc_mm = round(1000.0 * gnss.velocity_white_mps)
@@ -270,7 +272,9 @@ class Telemetry:
         d = dialect
         sensors = d.MAV_SYS_STATUS_SENSOR_3D_GYRO | d.MAV_SYS_STATUS_SENSOR_3D_ACCEL | d.MAV_SYS_STATUS_SENSOR_GPS
         healthy = sensors if self._rover.ready(t_ns) else sensors & ~d.MAV_SYS_STATUS_SENSOR_GPS
-        return d.MAVLink_sys_status_message(sensors, sensors, healthy, 0, 12600, -1, -1, 0, 0, 0, 0, 0, 0)
+        enabled = sensors if self._rover.safety_on else sensors | d.MAV_SYS_STATUS_SENSOR_MOTOR_OUTPUTS
+        present = sensors | d.MAV_SYS_STATUS_SENSOR_MOTOR_OUTPUTS
+        return d.MAVLink_sys_status_message(present, enabled, healthy, 0, 12600, -1, -1, 0, 0, 0, 0, 0, 0)
 
     def _servo_output(self, t_ns: int) -> Any:
         servo_us = self._rover.servo_us
@@ -287,5 +291,5 @@ class Telemetry:
     def _autopilot_version(self, t_ns: int) -> Any:
         none = [0] * 8
         return dialect.MAVLink_autopilot_version_message(
-            CAPABILITIES, FLIGHT_SW_VERSION, 0, 0, 0, none, none, none, 0, 0, 0
+            CAPABILITIES, self._flight_sw_version, 0, 0, 0, none, none, none, 0, 0, 0
         )
