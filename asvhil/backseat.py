@@ -14,7 +14,7 @@ from asvhil.estimator.protocol import StateEstimator
 from asvhil.estimator.sources import SourceSelector
 from asvhil.estimator.wind import WindFilter
 from asvhil.geo import LocalFrame
-from asvhil.io.ardurover import ArduRoverLink
+from asvhil.io.autopilot import AutopilotLink
 from asvhil.io.firmware import FirmwareWatch
 from asvhil.io.mavlink import dialect
 from asvhil.io.operator import OperatorLink, Request
@@ -65,7 +65,7 @@ class Backseat:
         self,
         *,
         model: Dynamics,
-        link: ArduRoverLink,
+        link: AutopilotLink,
         sensors: Mapping[str, SensorCodec],
         firmware: FirmwareWatch,
         selector: SourceSelector,
@@ -146,10 +146,12 @@ class Backseat:
             text = f"{switch.quantity} from {switch.after or 'nowhere'}"
             frames.append(self._operator.tell(t_ns, level, text))
         firmware = self._firmware.note()
-        if firmware is not None and not firmware.ok and firmware not in self._notes:
-            text = f"{firmware.subject}: {firmware.text}"
-            frames.append(self._operator.tell(t_ns, dialect.MAV_SEVERITY_WARNING, text))
-        self._notes = () if firmware is None else (firmware,)
+        notes = (*self._link.notes, *(() if firmware is None else (firmware,)))
+        for note in notes:
+            if not note.ok and note not in self._notes:
+                text = f"{note.subject}: {note.text}"
+                frames.append(self._operator.tell(t_ns, dialect.MAV_SEVERITY_WARNING, text))
+        self._notes = notes
         frame = self._estimator.frame
         return Outputs(
             t_ns=t_ns,
@@ -169,7 +171,7 @@ class Backseat:
     def surrender(self, t_ns: int) -> list[Frame]:
         """Neutral and release, for a shell that can no longer call `step`."""
         neutral_us = self._pwm.neutral_us
-        return [self._link.override(t_ns, neutral_us, neutral_us), self._link.release(t_ns)]
+        return [*self._link.drive(t_ns, neutral_us, neutral_us), *self._link.release(t_ns)]
 
     # --- stages --------------------------------------------------------------------------------------------
 
@@ -237,7 +239,7 @@ class Backseat:
         return control
 
     def _actuate(self, t_ns: int, decision: Decision, control: Control | None) -> list[Frame]:
-        """The override of this tick: resent every tick, from a command no older than one control period."""
+        """The motors in this tick: said in every tick, from a command no older than one control period."""
         failed = control is not None and not control.ok
         if decision.drive and not failed:
             self._pulses_us = self._limiter.step(t_ns, self._command)
@@ -248,10 +250,10 @@ class Backseat:
             self._pulses_us = None
         frames: list[Frame] = []
         if self._pulses_us is not None:
-            frames.append(self._link.override(t_ns, *self._pulses_us))
+            frames += self._link.drive(t_ns, *self._pulses_us)
             self._supervisor.note_sent(t_ns, self._pulses_us)
         if decision.release:
-            frames.append(self._link.release(t_ns))
+            frames += self._link.release(t_ns)
             self._pulses_us = None
         if decision.prepare:
             frames += self._link.request_mode(t_ns, self._control_mode)

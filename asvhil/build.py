@@ -30,6 +30,7 @@ from asvhil.io.ardurover import ArduRoverLink
 from asvhil.io.firmware import FirmwareWatch
 from asvhil.io.nmea import NmeaCodec
 from asvhil.io.operator import OperatorLink
+from asvhil.io.px4 import Px4Link
 from asvhil.io.vectornav.codec import VectorNavCodec
 from asvhil.supervisor import Supervisor
 
@@ -126,6 +127,12 @@ def build_sensors(config: Config) -> dict[str, SensorCodec]:
     return codecs
 
 
+def build_link(config: Config) -> ArduRoverLink | Px4Link:
+    """The conversation with the autopilot, by `links.autopilot.profile`."""
+    kind = Px4Link if config.links.autopilot.profile == "px4" else ArduRoverLink
+    return kind(config.links.autopilot, config.vehicle.pwm)
+
+
 def build_firmware_watch(config: Config) -> FirmwareWatch:
     """What minds the version of the anemometer's firmware."""
     link = config.links.anemometer
@@ -143,7 +150,7 @@ def build_backseat(
     pwm = config.vehicle.pwm
     return Backseat(
         model=model,
-        link=ArduRoverLink(config.links.autopilot, pwm),
+        link=build_link(config),
         sensors=build_sensors(config),
         firmware=build_firmware_watch(config),
         selector=SourceSelector(config.sources.resolved(config.links), config.sources.return_after_s),
@@ -151,7 +158,7 @@ def build_backseat(
         estimator=build_estimator(config.estimator, model),
         wind=build_wind(config.estimator),
         monitor=ModelMonitor(config.estimator.monitor, model, 1.0 / config.daemon.control_hz),
-        supervisor=Supervisor(config.supervisor, pwm),
+        supervisor=Supervisor(config.supervisor, pwm, overrides_sticks=config.links.autopilot.overrides_sticks),
         controller=controller or build_controller(config, model),
         pwm=pwm,
         control_mode=config.supervisor.control_mode,

@@ -20,6 +20,7 @@ from asvhil.types import (
 MAX_STATION_DISTANCE_M = 2000.0  # the local plane is good to a few centimetres within it
 ECHO_TOLERANCE_US = 40  # dead zones of an autopilot bend small commands by up to 30 us
 RELEASE_REPEATS = 3  # datagrams get lost
+STICKS = (1, 2, 3, 4)
 
 
 @record
@@ -43,9 +44,12 @@ class Decision:
 class Supervisor:
     """The state machine of engagement. Whoever is in doubt lets go: only a new command takes the motors again."""
 
-    def __init__(self, config: SupervisorConfig, pwm: PwmConfig) -> None:
+    def __init__(self, config: SupervisorConfig, pwm: PwmConfig, *, overrides_sticks: bool = True) -> None:
+        """`overrides_sticks`: the motor commands stand in the place of the pilot's, and show as such in RC_CHANNELS."""
         self._config = config
-        self._motor_channels = (pwm.port_channel, pwm.starboard_channel)
+        self._motor_channels = (pwm.port_channel, pwm.starboard_channel) if overrides_sticks else ()
+        # Where the sticks are the pilot's own, any movement of them is his.
+        self._stick_channels = config.stick_channels if overrides_sticks else tuple({*STICKS, *config.stick_channels})
         self._phase = Phase.STANDBY
         self._reason = "waiting for a hold command"
         self._station: Station | None = None
@@ -242,7 +246,7 @@ class Supervisor:
         self._control_failed = False
         self._release_left = 0
         self._sent.clear()
-        baseline = {channel: _channel(status, channel) for channel in self._config.stick_channels}
+        baseline = {channel: _channel(status, channel) for channel in self._stick_channels}
         self._stick_baseline = {channel: value for channel, value in baseline.items() if value}
 
     def _let_go(self, reason: str, *, neutral_first: bool = False) -> None:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
+from asvhil.config.autopilots import OUTPUTS, STREAMS_HZ, WHY_NOT, MotorOutput, Profile
 from asvhil.config.base import Degrees, LinkSpecText, MavlinkId, Positive, Section
 from asvhil.config.mavlink import GroundStationLinkConfig, LinkName, MavlinkLinkConfig, RoutingConfig
 
@@ -14,24 +15,42 @@ class AutopilotLinkConfig(MavlinkLinkConfig):
     """The MAVLink link to the frontseat: who we are on it, and what we ask of it."""
 
     endpoint: LinkSpecText
-    profile: Literal["ardurover"] = "ardurover"
+    profile: Profile = "ardurover"
+    output: MotorOutput = "rc_override"  # where absent: the first that the profile has
+    port_actuator: Annotated[int, Field(ge=1, le=6)] = 1  # of MAV_CMD_DO_SET_ACTUATOR
+    starboard_actuator: Annotated[int, Field(ge=1, le=6)] = 2
     system_id: MavlinkId = 1
     component_id: MavlinkId = 191
     override_system_id: MavlinkId = 1  # ArduPilot obeys overrides only from SYSID_MYGCS
     autopilot_system_id: MavlinkId = 1
     position_source: Literal["GLOBAL_POSITION_INT", "GPS_RAW_INT"] = "GLOBAL_POSITION_INT"
-    streams_hz: dict[str, Positive] = Field(
-        default_factory=lambda: {
-            "HEARTBEAT": 5.0,
-            "ATTITUDE": 20.0,
-            "GLOBAL_POSITION_INT": 10.0,
-            "SERVO_OUTPUT_RAW": 10.0,
-            "RC_CHANNELS": 10.0,
-            "EKF_STATUS_REPORT": 2.0,
-            "GPS_RAW_INT": 1.0,
-            "SYSTEM_TIME": 1.0,
-        }
-    )
+    streams_hz: dict[str, Positive] = Field(default_factory=lambda: dict(STREAMS_HZ["ardurover"]))  # of the profile
+
+    @property
+    def overrides_sticks(self) -> bool:
+        """Whether motor commands take the place of the pilot's sticks, and show as such in RC_CHANNELS."""
+        return self.output in ("rc_override", "manual_control")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _fill_in(cls, tree: Any) -> Any:
+        """The profile's own output and streams where none are given."""
+        profile = tree.get("profile") if isinstance(tree, dict) else None
+        if not isinstance(profile, str) or profile not in OUTPUTS:
+            return tree
+        return {"output": OUTPUTS[profile][0], "streams_hz": dict(STREAMS_HZ[profile]), **tree}
+
+    @model_validator(mode="after")
+    def _check_output(self) -> AutopilotLinkConfig:
+        able = OUTPUTS[self.profile]
+        if self.output not in able:
+            why = WHY_NOT[self.profile, self.output]
+            raise ValueError(
+                f"output {self.output} does not go with profile {self.profile} ({why}): {' or '.join(able)}"
+            )
+        if self.port_actuator == self.starboard_actuator:
+            raise ValueError("port_actuator and starboard_actuator must differ")
+        return self
 
 
 class NmeaLinkConfig(Section):

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import json
+from typing import Any
 
 from pydantic import model_validator
 
+from asvhil.config.autopilots import CONTROL_MODE, MODES
 from asvhil.config.base import Section
 from asvhil.config.controller import ControllerConfig
 from asvhil.config.estimator import EstimatorConfig
@@ -30,12 +33,28 @@ class Config(Section):
     recorder: RecorderConfig = RecorderConfig()
     plant: PlantConfig = PlantConfig()
 
+    @model_validator(mode="before")
+    @classmethod
+    def _fill_in(cls, tree: Any) -> Any:
+        """The control mode of the autopilot's profile where none is given."""
+        with contextlib.suppress(KeyError, TypeError, AttributeError):  # what is missing is told by the validation
+            mode = CONTROL_MODE[tree["links"]["autopilot"].get("profile", "ardurover")]
+            return {**tree, "supervisor": {"control_mode": mode, **tree.get("supervisor", {})}}
+        return tree
+
     @model_validator(mode="after")
     def _check_across(self) -> Config:
         if self.supervisor.engage == "auto" and self.supervisor.station is None:
             raise ValueError("supervisor.station is needed where supervisor.engage is auto")
         pwm = self.vehicle.pwm
-        for channel in (pwm.port_channel, pwm.starboard_channel):
+        link = self.links.autopilot
+        if self.supervisor.control_mode not in MODES[link.profile]:
+            names = ", ".join(MODES[link.profile])
+            raise ValueError(f"supervisor.control_mode must be one of {link.profile}: {names}")
+        if link.output == "manual_control" and not (pwm.astern_us >= 1000 and pwm.ahead_us <= 2000):
+            raise ValueError("links.autopilot.output manual_control reaches 1000 to 2000 us: vehicle.pwm goes beyond")
+        overridden = (pwm.port_channel, pwm.starboard_channel) if link.overrides_sticks else ()
+        for channel in overridden:
             if channel in self.supervisor.stick_channels:
                 raise ValueError(f"supervisor.stick_channels must not hold the motor channel {channel}")
         check_sources(self.sources, self.links)

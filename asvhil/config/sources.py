@@ -6,6 +6,7 @@ from typing import Any, Literal
 
 from pydantic import model_validator
 
+from asvhil.config.autopilots import IMU_MESSAGE
 from asvhil.config.base import NonNegative, Positive, Section
 from asvhil.config.links import LinksConfig
 
@@ -91,8 +92,8 @@ class SourcesConfig(Section):
     """Sources of each quantity, the preferred one first; several are used in turn, never mixed.
 
     Where a list is empty: `links.autopilot.position_source` for position and velocity, the autopilot's ATTITUDE for
-    heading and yaw rate, its RAW_IMU for acceleration, and the anemometer's MWV for wind. A preferred source that comes
-    back is used again once it has been heard without a break for `return_after_s`.
+    heading and yaw rate, its RAW_IMU (PX4: HIGHRES_IMU) for acceleration, and the anemometer's MWV for wind. A
+    preferred source that comes back is used again once it has been heard without a break for `return_after_s`.
     """
 
     position: Sources = ()
@@ -107,7 +108,8 @@ class SourcesConfig(Section):
         """The sources of every quantity, the defaults for lists that are empty."""
         fix = SourceConfig(link="autopilot", message=links.autopilot.position_source)
         attitude = SourceConfig(link="autopilot", message="ATTITUDE")
-        imu = SourceConfig(link="autopilot", message="RAW_IMU", timeout_s=3.0)  # once a second where nobody asks
+        # The IMU comes once a second where nobody asks for it.
+        imu = SourceConfig(link="autopilot", message=IMU_MESSAGE[links.autopilot.profile], timeout_s=3.0)
         return {
             "position": self.position or (fix,),
             "velocity": self.velocity or (fix,),

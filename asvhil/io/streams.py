@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from asvhil.io.mavlink import dialect
 
 ACK_TIMEOUT_NS = 500_000_000
@@ -10,14 +12,30 @@ WATCH_NS = 5_000_000_000
 RETRY_AFTER_NS = 15_000_000_000
 LEAST_SHARE = 0.5  # of the asked rate: below it the stream is asked for again
 
+# What ArduPilot streams together by REQUEST_DATA_STREAM.
+LEGACY_STREAMS = {
+    dialect.MAV_DATA_STREAM_RAW_SENSORS: ("RAW_IMU", "SCALED_IMU", "SCALED_IMU2", "SCALED_IMU3"),
+    dialect.MAV_DATA_STREAM_EXTENDED_STATUS: ("SYS_STATUS", "GPS_RAW_INT", "GPS2_RAW"),
+    dialect.MAV_DATA_STREAM_RC_CHANNELS: ("SERVO_OUTPUT_RAW", "RC_CHANNELS"),
+    dialect.MAV_DATA_STREAM_POSITION: ("GLOBAL_POSITION_INT", "LOCAL_POSITION_NED"),
+    dialect.MAV_DATA_STREAM_EXTRA1: ("ATTITUDE", "SIM_STATE"),
+    dialect.MAV_DATA_STREAM_EXTRA2: ("VFR_HUD",),
+    dialect.MAV_DATA_STREAM_EXTRA3: ("SYSTEM_TIME", "EKF_STATUS_REPORT", "WIND"),
+}
+
 
 class StreamKeeper:
     """Keeps the wanted messages coming. ACKs carry no message id, so one request is in flight at a time.
 
-    Never trusts an ACK: only what arrives counts. A reboot of the autopilot (`restart`) forgets all rates.
+    Never trusts an ACK: only what arrives counts. A reboot of the autopilot (`restart`) forgets all rates. `legacy`:
+    a message that cannot be had so is asked for with its whole stream by REQUEST_DATA_STREAM, which has no ACK, at the
+    highest rate wanted of that stream.
     """
 
-    def __init__(self, rates_hz: dict[str, float]) -> None:
+    def __init__(self, rates_hz: dict[str, float], *, legacy: bool = False) -> None:
+        self._rates_hz = dict(rates_hz)
+        self._stream_of = {name: stream for stream, names in LEGACY_STREAMS.items() for name in names} if legacy else {}
+        self._legacy: list[int] = []
         self._wanted = {getattr(dialect, f"MAVLINK_MSG_ID_{name}"): rate for name, rate in rates_hz.items()}
         self._names = {getattr(dialect, f"MAVLINK_MSG_ID_{name}"): name for name in rates_hz}
         self._queue: list[int] = []
@@ -37,6 +55,7 @@ class StreamKeeper:
         self._in_flight = None
         self._watch_from_ns = None
         self._not_before_ns.clear()
+        self._legacy.clear()
         self.denied.clear()
 
     def seen(self, msg_id: int) -> None:
@@ -50,7 +69,23 @@ class StreamKeeper:
             return
         if result != dialect.MAV_RESULT_ACCEPTED:
             self.denied.add(self._names[self._in_flight])
+            self._fall_back(self._in_flight)
         self._in_flight = None
+
+    def legacy_requests(self) -> list[tuple[int, int]]:
+        """(stream, rate in Hz) to ask for now by REQUEST_DATA_STREAM."""
+        requests = []
+        for stream in self._legacy:
+            rates_hz = [self._rates_hz.get(name, 0.0) for name in LEGACY_STREAMS[stream]]
+            requests.append((stream, math.ceil(max(rates_hz))))
+        self.requests += len(requests)
+        self._legacy = []
+        return requests
+
+    def _fall_back(self, msg_id: int) -> None:
+        stream = self._stream_of.get(self._names[msg_id])
+        if stream is not None and stream not in self._legacy:
+            self._legacy.append(stream)
 
     def next_request(self, t_ns: int) -> tuple[int, float] | None:
         """(message id, interval in us) to ask for now, or None."""
@@ -59,6 +94,7 @@ class StreamKeeper:
             if t_ns - self._asked_ns < ACK_TIMEOUT_NS:
                 return None
             if self._attempts >= ATTEMPTS:
+                self._fall_back(self._in_flight)
                 self._in_flight = None
         if self._in_flight is None:
             if not self._queue:

@@ -8,11 +8,12 @@ from typing import Literal
 
 import numpy as np
 
+from asvhil.build import build_link
 from asvhil.config import Config
 from asvhil.controller.pwm import command_of_pulse
 from asvhil.errors import LogError
 from asvhil.geo import ned_to_body
-from asvhil.io.ardurover import IGNORE_CHANNEL, PORT, RELEASE_CHANNEL, ArduRoverLink
+from asvhil.io.autopilot import PORT
 from asvhil.io.encoding import decode_outputs
 from asvhil.io.logfile import LogFile
 from asvhil.io.mavlink import Parser, decode, dialect, message_id
@@ -169,11 +170,10 @@ class _Reader:
     def __init__(self, config: Config, start_ns: int) -> None:
         self._start_ns = start_ns
         self._pwm = config.vehicle.pwm
-        self._link = ArduRoverLink(config.links.autopilot, self._pwm)
+        self._link = build_link(config)
         self._anemometer = NmeaCodec("anemometer")
-        self._truth_parser, self._sent_parser = Parser(), Parser()
+        self._truth_parser = Parser()
         self._outputs_us: tuple[int, ...] = ()
-        self._held_us: tuple[int, int] | None = None
         self.attitude: list[tuple[float, ...]] = []
         self.velocity: list[tuple[float, ...]] = []
         self.wind: list[tuple[float, ...]] = []
@@ -207,15 +207,10 @@ class _Reader:
                 self.truth.append((t_s, u_mps, v_mps, m.zgyro, m.yaw))
 
     def take_out(self, t_ns: int, recorded: bytes) -> None:
-        """What the backseat did in a tick: its overrides; where it let go, the outputs that the autopilot reports."""
+        """What the backseat did in a tick: its pulses; where it let go, the outputs that the autopilot reports."""
         outputs = decode_outputs(recorded)
         t_s = self._t_s(t_ns)
-        for frame in outputs.frames:
-            if frame.port == PORT:
-                for data in self._sent_parser.feed("sent", frame.data):
-                    if message_id(data) == dialect.MAVLINK_MSG_ID_RC_CHANNELS_OVERRIDE:
-                        self._note_override(decode(data))
-        pulses = self._held_us
+        pulses = outputs.pwm_us
         if pulses is None:
             port, starboard = (self._output_us(c) for c in (self._pwm.port_channel, self._pwm.starboard_channel))
             pulses = (port, starboard) if port is not None and starboard is not None else None
@@ -224,13 +219,6 @@ class _Reader:
         if outputs.estimate is not None and outputs.estimate.valid:
             e = outputs.estimate
             self.estimate.append((t_s, e.u_mps, e.v_mps, e.r_radps, e.psi_rad))
-
-    def _note_override(self, message: object) -> None:
-        channels = (self._pwm.port_channel, self._pwm.starboard_channel)
-        port_us, starboard_us = (int(getattr(message, f"chan{channel}_raw", RELEASE_CHANNEL)) for channel in channels)
-        if IGNORE_CHANNEL in (port_us, starboard_us):
-            return
-        self._held_us = None if RELEASE_CHANNEL in (port_us, starboard_us) else (port_us, starboard_us)
 
     def _output_us(self, channel: int) -> int | None:
         return self._outputs_us[channel - 1] if len(self._outputs_us) >= channel else None

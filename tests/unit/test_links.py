@@ -128,17 +128,18 @@ def test_a_stream_that_dries_up_is_asked_for_again_and_a_denied_one_is_named() -
 
 
 def test_the_override_touches_the_two_motor_channels_only() -> None:
-    (message,) = messages([link(override_system_id=7).override(9, 1600, 1400)])
+    (message,) = messages(link(override_system_id=7).drive(9, 1600, 1400))
     fields = message.to_dict()  # type: ignore[attr-defined]
     assert [fields[f"chan{i}_raw"] for i in range(1, 9)] == [1600, 65535, 1400, 65535, 65535, 65535, 65535, 65535]
     assert (message.get_srcSystem(), message.target_system) == (7, 1)  # type: ignore[attr-defined]
-    (message,) = messages([link().release(9)])
+    (message,) = messages(link().release(9))
     assert (message.chan1_raw, message.chan3_raw, message.chan2_raw) == (0, 0, 65535)  # type: ignore[attr-defined]
 
 
 def test_override_bytes() -> None:
     # Channels 9 to 18 are zero (ignored) and trailing zeros are cut by MAVLink 2: 18 bytes of payload.
-    data = link().override(9, 1600, 1400).data
+    (frame,) = link().drive(9, 1600, 1400)
+    data = frame.data
     assert data[:10] == bytes.fromhex("fd12000000 01bf 460000".replace(" ", ""))
     assert data[10:28] == bytes.fromhex("4006ffff7805ffffffffffffffffffff0101")
 
