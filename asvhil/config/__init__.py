@@ -17,11 +17,15 @@ from asvhil.config.estimator import EkfConfig, EstimatorConfig, FirConfig, Monit
 from asvhil.config.links import AutopilotLinkConfig, InsLinkConfig, NmeaLinkConfig
 from asvhil.config.loading import config_from_json, find_config, find_shipped, load_config
 from asvhil.config.plant import (
+    OF_ONE_DEVICE,
     AnemometerSensorConfig,
     CurrentConfig,
     FaultConfig,
     FrontseatConfig,
+    GlitchConfig,
+    GlitchesConfig,
     GnssSensorConfig,
+    HeadingSensorConfig,
     HilConfig,
     InsDeviceConfig,
     NmeaDeviceConfig,
@@ -39,6 +43,7 @@ from asvhil.config.vehicle import PwmConfig, VesselConfig
 
 __all__ = [
     "LEARNED",
+    "OF_ONE_DEVICE",
     "QUANTITIES",
     "AnemometerSensorConfig",
     "AutopilotLinkConfig",
@@ -51,7 +56,10 @@ __all__ = [
     "FaultConfig",
     "FirConfig",
     "FrontseatConfig",
+    "GlitchConfig",
+    "GlitchesConfig",
     "GnssSensorConfig",
+    "HeadingSensorConfig",
     "HilConfig",
     "InsDeviceConfig",
     "InsLinkConfig",

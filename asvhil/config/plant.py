@@ -68,8 +68,15 @@ class GnssSensorConfig(Section):
 
 
 class HeadingSensorConfig(Section):
+    """Errors of the heading: white, constant, and for a compass the deviation that depends on the heading itself.
+
+    Deviation is `bias_deg` (A) + B sin psi + C cos psi + D sin 2 psi + E cos 2 psi, as a compass adjuster has it; the
+    sensor reads that much too much.
+    """
+
     white_deg: NonNegative = 0.25
     bias_deg: float = 0.0
+    deviation_deg: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)  # B, C, D, E
 
 
 class ImuSensorConfig(Section):
@@ -137,28 +144,109 @@ class FrontseatConfig(Section):
     rc3_dz_us: Annotated[int, Field(ge=0, le=200)] = 0
 
 
+Device = Literal["autopilot", "ins", "nmea"]
+DEFAULT_SIZE = {"gnss-jump": 20.0, "heading-jump": 60.0}
+OF_ONE_DEVICE = frozenset({"gnss-jump", "gnss-frozen", "gnss-silent", "heading-jump", "heading-silent", "imu-silent"})
+FaultKind = Literal[
+    "port-motor",
+    "starboard-motor",
+    "gnss",
+    "gnss-jump",
+    "gnss-frozen",
+    "gnss-silent",
+    "heading-jump",
+    "heading-silent",
+    "imu-silent",
+    "anemometer",
+    "anemometer-stuck",
+    "vane",
+    "cups",
+    "ins",
+    "ins-gnss",
+    "nmea",
+]
+
+
 class FaultConfig(Section):
     """Something that breaks, from a time after power-on until another, or for good.
 
-    `port-motor`, `starboard-motor`: no thrust. `gnss`: no new fix of the autopilot's receiver. `anemometer`: silent.
-    `vane`: stuck where it is. `ins`, `nmea`: the VN-300, or the receiver and compass on the NMEA line, silent.
-    `ins-gnss`: the VN-300 has lost its satellites and says so.
+    `port-motor`, `starboard-motor`: no thrust. `anemometer`: silent. `vane`, `cups`: direction or speed stuck where it
+    is, `anemometer-stuck`: both. `ins`, `nmea`: the VN-300, or the receiver and compass on the NMEA line, silent.
+
+    In every way that the boat has the sensor, or in `device` alone: `gnss-jump`: positions off by `size` metres
+    (20) toward `toward_deg`. `gnss-frozen`: position and velocity repeated as if they were new. `gnss-silent`: no
+    satellites, and the receiver says so. `heading-jump`: off by `size` degrees (60). `heading-silent`, `imu-silent`:
+    none. `gnss` and `ins-gnss` are `gnss-silent` of the autopilot and of the VN-300.
     """
 
-    kind: Literal["port-motor", "starboard-motor", "gnss", "anemometer", "vane", "ins", "ins-gnss", "nmea"]
+    kind: FaultKind
     from_s: NonNegative = 0.0
     until_s: Positive | None = None
+    size: float | None = None
+    toward_deg: Degrees = 45.0
+    device: Device | None = None
 
     @property
     def to_s(self) -> float:
         """The end of the span; infinity where it has none."""
         return math.inf if self.until_s is None else self.until_s
 
+    @property
+    def magnitude(self) -> float:
+        """The size of a jump, the kind's own where the config gives none."""
+        return DEFAULT_SIZE.get(self.kind, 0.0) if self.size is None else self.size
+
     @model_validator(mode="after")
-    def _check_span(self) -> FaultConfig:
+    def _check(self) -> FaultConfig:
         if self.to_s <= self.from_s:
             raise ValueError("from_s < until_s must hold")
+        if self.size is not None and self.kind not in DEFAULT_SIZE:
+            raise ValueError(f"only {' and '.join(DEFAULT_SIZE)} have a size, {self.kind} has none")
+        if self.device is not None and self.kind not in OF_ONE_DEVICE:
+            raise ValueError(f"a device can be named for {', '.join(sorted(OF_ONE_DEVICE))}, not for {self.kind}")
         return self
+
+
+class GlitchConfig(Section):
+    """One kind of fault that comes at random: how long it lasts, uniform between two times, and how large it is."""
+
+    kind: FaultKind
+    least_s: Positive = 0.2
+    most_s: Positive = 3.0
+    size: float | None = None
+    device: Device | None = None
+
+    @model_validator(mode="after")
+    def _check(self) -> GlitchConfig:
+        if self.most_s < self.least_s:
+            raise ValueError("least_s <= most_s must hold")
+        FaultConfig(kind=self.kind, size=self.size, device=self.device)
+        return self
+
+
+_GLITCHES = (
+    GlitchConfig(kind="gnss-jump", least_s=0.2, most_s=5.0),
+    GlitchConfig(kind="gnss-frozen", least_s=2.0, most_s=10.0),
+    GlitchConfig(kind="gnss-silent", least_s=2.0, most_s=30.0),
+    GlitchConfig(kind="heading-jump", least_s=0.2, most_s=5.0),
+    GlitchConfig(kind="heading-silent", least_s=2.0, most_s=30.0),
+    GlitchConfig(kind="imu-silent", least_s=2.0, most_s=30.0),
+    GlitchConfig(kind="anemometer-stuck", least_s=5.0, most_s=30.0),
+    GlitchConfig(kind="anemometer", least_s=5.0, most_s=30.0),
+)
+
+
+class GlitchesConfig(Section):
+    """Faults at random times, one after the other, drawn from `plant.seed`: a jump goes to a random side.
+
+    Between two of them are `rest_s` and an exponential time of mean `gap_s`.
+    """
+
+    kinds: Annotated[tuple[GlitchConfig, ...], Field(min_length=1)] = _GLITCHES
+    from_s: NonNegative = 30.0
+    until_s: Positive = 3600.0
+    rest_s: NonNegative = 5.0
+    gap_s: Positive = 10.0
 
 
 class ArduPilotJsonConfig(Section):
@@ -227,4 +315,5 @@ class PlantConfig(Section):
     frontseat: FrontseatConfig = FrontseatConfig()
     links: PlantLinksConfig = PlantLinksConfig()
     faults: tuple[FaultConfig, ...] = ()
+    glitches: GlitchesConfig | None = None
     hil: HilConfig = HilConfig()

@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import math
 import struct
+from collections.abc import Iterator
 from dataclasses import dataclass
 
-from asvhil.config import Config
+from asvhil.config import OF_ONE_DEVICE, Config, FaultConfig, GlitchConfig, PlantConfig
 from asvhil.errors import ConfigError
 from asvhil.geo import ned_to_body, wrap_2pi, wrap_rad
 from asvhil.simplant.hil import OFF, HilPlant
@@ -72,11 +73,11 @@ class ArduPilotJson:
 
     def __init__(self, config: Config) -> None:
         """Raises ConfigError for a fault that the interface cannot carry."""
-        for number, fault in enumerate(config.plant.faults):
-            if fault.kind == "gnss":
+        for where, fault in _named_faults(config.plant):
+            if fault.kind == "gnss" or (fault.kind in OF_ONE_DEVICE and fault.device in (None, "autopilot")):
                 raise ConfigError(
-                    f"key plant.faults.{number}.kind: ArduPilot's JSON interface carries the true position and no fix; "
-                    "take gnss out, and use the autopilot's own SIM_GPS parameters"
+                    f"key {where}.kind: ArduPilot's JSON interface carries the true motion and no fix; "
+                    f"take {fault.kind} out, and use the autopilot's own SIM_ parameters"
                 )
         hil, pwm = config.plant.hil, config.vehicle.pwm
         self._port, self._starboard = pwm.port_channel - 1, pwm.starboard_channel - 1
@@ -168,9 +169,16 @@ class ArduPilotJson:
         truth, motion = self.plant.truth, self.plant.motion
         vn, ve = motion.ground_velocity_ned()
         ahead, abeam = ned_to_body(motion.psi_rad, truth.wind_n_mps - vn, truth.wind_e_mps - ve)
-        if "vane" not in faults:
+        if not faults & {"vane", "anemometer-stuck"}:
             self._vane_rad = wrap_2pi(math.atan2(-abeam, -ahead))
         return f',"windvane":{{"direction":{self._vane_rad:.6f},"speed":{math.hypot(ahead, abeam):.6f}}}'
+
+
+def _named_faults(plant: PlantConfig) -> Iterator[tuple[str, FaultConfig | GlitchConfig]]:
+    """Everything that can break, each with its key."""
+    yield from ((f"plant.faults.{number}", fault) for number, fault in enumerate(plant.faults))
+    if plant.glitches is not None:
+        yield from ((f"plant.glitches.kinds.{number}", kind) for number, kind in enumerate(plant.glitches.kinds))
 
 
 def _optional_parts(rc_us: tuple[int, ...], battery_v: float | None) -> str:

@@ -14,7 +14,8 @@ from asvhil.config import InsDeviceConfig, NmeaDeviceConfig, SensorsConfig
 from asvhil.geo import LocalFrame, wrap_2pi, wrap_rad
 from asvhil.io.nmea_sentences import KNOTS_TO_MPS
 from asvhil.io.vectornav import binary
-from asvhil.io.vectornav.codec import GNSS_ERROR, GNSS_FIX, GNSS_LOST, NOT_TRACKING, TRACKING
+from asvhil.io.vectornav.codec import ALIGNING, GNSS_ERROR, GNSS_FIX, GNSS_LOST, IMU_ERROR, NOT_TRACKING, TRACKING
+from asvhil.simplant.faults import Present, SensorFaults
 from asvhil.simplant.sensors import Motion, Navigation
 from asvhil.simplant.telemetry import GRAVITY_MPS2, UNIX_EPOCH_AT_POWER_ON_US
 from asvhil.types import Frame
@@ -62,27 +63,32 @@ class SimulatedVn300:
         self._beat = Metronome(t_ns, config.rate_hz)
         self._navigation = Navigation(self._sensors, config.rate_hz, t_ns, seed)
 
-    def advance(self, t_ns: int, truth: Motion, faults: frozenset[str]) -> list[Frame]:
+    def advance(self, t_ns: int, truth: Motion, faults: Present) -> list[Frame]:
         """The message that is due, if one is and the sensor is not silent."""
         if not self._beat.due(t_ns):
             return []
-        satellites = "ins-gnss" not in faults
-        self._navigation.sample(t_ns, truth, fixes=satellites)
+        ails = faults.of("ins")
+        self._navigation.sample(t_ns, truth, ails)
         if "ins" in faults:
             return []
-        return [Frame(t_ns=t_ns, port=INS_PORT, data=self._message(t_ns, satellites))]
+        return [Frame(t_ns=t_ns, port=INS_PORT, data=self._message(t_ns, ails))]
 
-    def _message(self, t_ns: int, satellites: bool) -> bytes:
+    def _message(self, t_ns: int, ails: SensorFaults) -> bytes:
+        """What is wrong is in the status, as the sensor knows it; a jump it takes for true."""
         nav, gnss = self._navigation, self._sensors.gnss
         since_ns = t_ns - self._start_ns
         aligned = since_ns >= self._align_ns
         lat_deg, lon_deg = self._origin.to_geodetic(nav.n_m, nav.e_m) if aligned else (0.0, 0.0)
         if not aligned:
-            status = NOT_TRACKING | GNSS_FIX * satellites
-        elif satellites:
-            status = TRACKING | GNSS_FIX | COMPASS_HEADING
+            status = NOT_TRACKING | GNSS_FIX * (not ails.gnss_silent)
+        elif ails.gnss_silent:
+            status = NOT_TRACKING if ails.heading_silent else GNSS_LOST
+            status |= GNSS_ERROR
+        elif ails.heading_silent:
+            status = ALIGNING | GNSS_FIX
         else:
-            status = GNSS_LOST | GNSS_ERROR
+            status = TRACKING | GNSS_FIX | COMPASS_HEADING
+        status |= IMU_ERROR * ails.imu_silent
         heading_u_deg = self._sensors.heading.white_deg
         unix_ns = UNIX_EPOCH_AT_POWER_ON_US * 1000 + since_ns
         return binary.encode(
@@ -118,18 +124,20 @@ class SimulatedNmea:
         self._receiver = Navigation(errors, errors.gnss.rate_hz, t_ns, fix_seed)
         self._needle = Navigation(errors, config.compass_hz, t_ns, compass_seed)
 
-    def advance(self, t_ns: int, truth: Motion, faults: frozenset[str]) -> list[Frame]:
+    def advance(self, t_ns: int, truth: Motion, faults: Present) -> list[Frame]:
         """What is due, one frame for all of it."""
         bodies: list[str] = []
+        ails = faults.of("nmea")
         if self._fix.due(t_ns):
-            self._receiver.sample(t_ns, truth)
-            bodies += self._fix_sentences(t_ns)
+            self._receiver.sample(t_ns, truth, ails)
+            bodies += self._no_fix_sentences(t_ns) if ails.gnss_silent else self._fix_sentences(t_ns)
         if self._clock.due(t_ns):
             bodies.append(f"GPZDA,{self._utc(t_ns):%H%M%S.00,%d,%m,%Y},00,00")
         if self._compass.due(t_ns):
-            self._needle.sample(t_ns, truth)
+            self._needle.sample(t_ns, truth, ails)
             magnetic_deg = math.degrees(wrap_2pi(self._needle.psi_rad)) - self._declination_deg
-            bodies.append(f"HCHDG,{magnetic_deg % 360.0:.1f},,,{self._variation()}")
+            if not ails.heading_silent:
+                bodies.append(f"HCHDG,{magnetic_deg % 360.0:.1f},,,{self._variation()}")
         if not bodies or "nmea" in faults:
             return []
         return [Frame(t_ns=t_ns, port=NMEA_PORT, data=b"".join(sentence(body) for body in bodies))]
@@ -146,6 +154,16 @@ class SimulatedNmea:
             f"GPGGA,{time},{place},1,12,0.8,0.0,M,0.0,M,,",
             f"GPRMC,{time},A,{place},{knots:.3f},{course_deg:.2f},{utc:%d%m%y},{self._variation()},A",
             f"GPVTG,{course_deg:.2f},T,{magnetic_deg:.2f},M,{knots:.3f},N,{speed_mps * 3.6:.3f},K,A",
+        ]
+
+    def _no_fix_sentences(self, t_ns: int) -> list[str]:
+        """A receiver without satellites sends its sentences empty, and says that they are not valid."""
+        utc = self._utc(t_ns)
+        time = f"{utc:%H%M%S}.{utc.microsecond // 10_000:02d}"
+        return [
+            f"GPGGA,{time},,,,,0,00,99.9,,M,,M,,",
+            f"GPRMC,{time},V,,,,,,,{utc:%d%m%y},,,N",
+            "GPVTG,,T,,M,,N,,K,N",
         ]
 
     def _variation(self) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from asvhil.config import Config
+from asvhil.simplant.faults import Present
 from asvhil.simplant.plant import Plant, Truth
 from asvhil.simplant.sensors import Motion, Navigation
 from asvhil.simplant.vessel import NO_SIGNAL_US
@@ -68,7 +69,7 @@ class HilPlant:
         return self._plant.navigation
 
     @property
-    def faults(self) -> frozenset[str]:
+    def faults(self) -> Present:
         return self._plant.faults
 
     def lat_lon_e7(self, n_m: float, e_m: float) -> tuple[int, int]:

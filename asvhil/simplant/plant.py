@@ -9,7 +9,7 @@ import numpy as np
 from asvhil.config import Config
 from asvhil.geo import LocalFrame, wrap_rad
 from asvhil.simplant.devices import SimulatedNmea, SimulatedVn300
-from asvhil.simplant.faults import Faults, motor_signals_us
+from asvhil.simplant.faults import Faults, Present, all_faults, motor_signals_us
 from asvhil.simplant.frontseat import PORT as AUTOPILOT_PORT
 from asvhil.simplant.frontseat import SimulatedArduRover
 from asvhil.simplant.sensors import Anemometer, Motion, Navigation, mwv_sentence
@@ -89,7 +89,7 @@ class Plant:
             (self._weather.current_n_mps, self._weather.current_e_mps),
             self._weather.waves,
         )
-        self._navigation = Navigation(plant.sensors, self._loop_hz, t_ns, navigation_seed)
+        self._navigation = Navigation(plant.sensors, self._loop_hz, t_ns, navigation_seed, filtered=True)
         self._anemometer = Anemometer(plant.sensors.anemometer, anemometer_seed)
         self.origin = LocalFrame(lat_deg=plant.origin_lat_deg, lon_deg=plant.origin_lon_deg)
         self.frontseat = SimulatedArduRover(
@@ -97,7 +97,7 @@ class Plant:
         )
 
         self._autopilot: Autopilot = autopilot or self.frontseat
-        self._faults = Faults(plant.faults, t_ns)
+        self._faults = Faults(all_faults(plant), t_ns)
         # A boat has the sensors that either end of their lines is configured for.
         self._devices: list[SimulatedVn300 | SimulatedNmea] = []
         if config.links.ins is not None or plant.links.ins is not None:
@@ -122,7 +122,7 @@ class Plant:
         return self._navigation
 
     @property
-    def faults(self) -> frozenset[str]:
+    def faults(self) -> Present:
         """What is broken now."""
         return self._faults.at(self._t_ns)
 
@@ -184,13 +184,18 @@ class Plant:
             weather.advance()
             if self._t_ns >= self._loop_due_ns:
                 self._loops, self._loop_due_ns = self._next(self._loops, self._loop_hz)
-                self._navigation.sample(self._t_ns, self.motion, fixes="gnss" not in faults)
+                self._navigation.sample(self._t_ns, self.motion, faults.of("autopilot"))
                 sent += self._autopilot.loop(self._t_ns)
                 vessel.drive(motor_signals_us(self._autopilot.outputs_us, faults))
             if self._t_ns >= self._sentence_due_ns:
                 self._sentences, self._sentence_due_ns = self._next(self._sentences, self._anemometer_hz)
+                stuck = "anemometer-stuck" in faults
                 speed_mps, from_deg = self._anemometer.sample(
-                    self.motion, weather.wind_n_mps, weather.wind_e_mps, stuck="vane" in faults
+                    self.motion,
+                    weather.wind_n_mps,
+                    weather.wind_e_mps,
+                    vane_stuck=stuck or "vane" in faults,
+                    cups_stuck=stuck or "cups" in faults,
                 )
                 if "anemometer" not in faults:
                     data = mwv_sentence(speed_mps, from_deg)

@@ -243,15 +243,23 @@ class Telemetry:
         return round(nav.ax_mps2 * to_mg), round(nav.ay_mps2 * to_mg), -1000, 0, 0, round(1000.0 * nav.r_radps), 0, 0, 0
 
     def _raw_imu(self, t_ns: int) -> Any:
+        if self._nav.imu_silent:
+            return None
         return dialect.MAVLink_raw_imu_message(self._us(t_ns), *self._imu_fields(), 0, 2500)
 
     def _scaled_imu(self, t_ns: int) -> Any:
+        if self._nav.imu_silent:
+            return None
         return dialect.MAVLink_scaled_imu_message(self._ms(t_ns), *self._imu_fields(), 2500)
 
     def _scaled_imu2(self, t_ns: int) -> Any:
+        if self._nav.imu_silent:
+            return None
         return dialect.MAVLink_scaled_imu2_message(self._ms(t_ns), *self._imu_fields(), 2500)
 
     def _highres_imu(self, t_ns: int) -> Any:
+        if self._nav.imu_silent:
+            return None
         nav = self._nav
         acceleration_and_rates = 0x3F
         return dialect.MAVLink_highres_imu_message(

@@ -358,8 +358,11 @@ def test_vane_faults_reach_the_answer_and_the_boats_own_line() -> None:
 
 
 def test_a_fault_that_the_interface_cannot_carry_is_refused() -> None:
-    with pytest.raises(ConfigError, match=r"plant.faults.1.kind: .* carries the true position"):
+    with pytest.raises(ConfigError, match=r"plant.faults.1.kind: .* carries the true motion .* take gnss out"):
         ArduPilotJson(config("plant.faults=[{kind: vane}, {kind: gnss, from_s: 3}]"))
+    with pytest.raises(ConfigError, match=r"plant.glitches.kinds.0.kind: .* take gnss-jump out"):
+        ArduPilotJson(config("plant.glitches={}"))
+    ArduPilotJson(config("plant.glitches.kinds=[{kind: gnss-jump, device: nmea}, {kind: anemometer}]"))
 
 
 def test_the_anemometer_speaks_on_its_own_link_meanwhile() -> None:

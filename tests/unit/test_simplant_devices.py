@@ -6,12 +6,14 @@ from collections import Counter
 import pynmeagps
 import pytest
 
-from asvhil.config import load_config
+from asvhil.config import Config, load_config
+from asvhil.geo import wrap_rad
 from asvhil.io.nmea import EVERYTHING, NmeaCodec
 from asvhil.io.vectornav import binary
 from asvhil.io.vectornav.codec import VectorNavCodec
+from asvhil.simplant.lockstep import Lockstep
 from asvhil.simplant.plant import Plant
-from asvhil.types import Attitude, Frame, GnssFix, Imu, UtcTime
+from asvhil.types import Attitude, Frame, GnssFix, Imu, Measurement, Phase, UtcTime
 
 LINKS = (
     "links.ins.endpoint=serial:ins:115200",
@@ -75,6 +77,109 @@ def test_the_vn300_without_satellites_keeps_its_heading() -> None:
     fixes = {second: seen[second, "GnssFix"] for second in range(2, 12)}
     assert fixes == {2: 20, 3: 20, 4: 20, 5: 0, 6: 0, 7: 0, 8: 20, 9: 20, 10: 0, 11: 20}
     assert seen[6, "heading"] == 20 and seen[10, "heading"] == 0
+
+
+def readings(fault: str, port: str, from_s: float, to_s: float) -> dict[str, list[Measurement]]:
+    """What the codec of a port makes of what is sent in a span, by kind, with a fault from 5 to 8 s."""
+    text = f"plant.faults=[{{from_s: 5, until_s: 8, {fault}}}]"
+    boat = plant(*EXACT, text, "plant.weather.wind.speed_mps=8")
+    codec = VectorNavCodec("ins") if port == "ins" else NmeaCodec("gnss", EVERYTHING)
+    found: dict[str, list[Measurement]] = {"fix": [], "velocity": [], "heading": [], "rate": [], "force": []}
+    for frame in frames(boat, to_s, port):
+        for _, m in codec.read(frame):
+            if frame.t_ns <= from_s * 1e9:
+                continue
+            if isinstance(m, GnssFix):
+                found["fix"] += [m] if math.isfinite(m.lat_deg) else []
+                found["velocity"] += [m] if math.isfinite(m.vn_mps) else []
+            elif isinstance(m, Attitude):
+                found["heading"] += [m] if math.isfinite(m.psi_rad) else []
+                found["rate"] += [m] if math.isfinite(m.r_radps) else []
+            elif isinstance(m, Imu):
+                found["force"].append(m)
+    codec_counts = dict(codec.counters())
+    assert codec_counts.get("ins.bad_crc", 0) == codec_counts.get("gnss.bad", 0) == 0
+    return found
+
+
+@pytest.mark.parametrize("port", ["ins", "gnss"])
+@pytest.mark.parametrize(
+    ("fault", "missing"),
+    [
+        ("kind: gnss-silent", {"fix", "velocity"}),
+        ("kind: heading-silent", {"heading"}),
+        ("kind: imu-silent", {"rate", "force"}),
+        ("kind: gnss-silent, device: autopilot", set()),
+        ("kind: vane", set()),
+    ],
+)
+def test_what_a_silent_sensor_leaves_out(port: str, fault: str, missing: set[str]) -> None:
+    has = {"fix", "velocity", "heading"} | ({"rate", "force"} if port == "ins" else set())
+    during = readings(fault, port, 5.1, 7.9)
+    assert {name for name, list_ in during.items() if list_} == has - missing
+    after = readings(fault, port, 8.1, 9.0)
+    assert {name for name, list_ in after.items() if list_} == has
+
+
+@pytest.mark.parametrize("port", ["ins", "gnss"])
+def test_a_jump_of_position_leaves_the_velocity_and_is_over_with_the_fault(port: str) -> None:
+    def place(fault: str, from_s: float, to_s: float) -> tuple[float, float, float]:
+        found = readings(fault, port, from_s, to_s)
+        fix = found["fix"][-1]
+        assert isinstance(fix, GnssFix)
+        velocity = found["velocity"][-1]
+        assert isinstance(velocity, GnssFix)
+        boat = Plant(load_config("sitl"), 0)
+        return (*boat.origin.to_ned(fix.lat_deg, fix.lon_deg), velocity.vn_mps)
+
+    jump, none = "kind: gnss-jump, size: 20, toward_deg: 90", "kind: vane"
+    during, sound = place(jump, 6.0, 7.0), place(none, 6.0, 7.0)
+    assert (during[0] - sound[0], during[1] - sound[1], during[2] - sound[2]) == pytest.approx((0, 20, 0), abs=0.03)
+    assert place(jump, 8.3, 9.0) == place(none, 8.3, 9.0)
+
+
+@pytest.mark.parametrize("port", ["ins", "gnss"])
+def test_a_frozen_receiver_repeats_itself_and_a_heading_jumps(port: str) -> None:
+    frozen = readings("kind: gnss-frozen", port, 5.3, 7.9)["fix"]
+    assert len({(m.lat_deg, m.lon_deg, m.vn_mps) for m in frozen if not math.isnan(m.vn_mps)}) == 1 and len(frozen) > 10
+    moving = readings("kind: vane", port, 5.3, 7.9)["fix"]
+    assert len({m.lat_deg for m in moving}) > 5
+    turned = readings("kind: heading-jump, size: -60", port, 5.1, 7.9)["heading"]
+    sound = readings("kind: vane", port, 5.1, 7.9)["heading"]
+    offs = [math.degrees(wrap_rad(a.psi_rad - b.psi_rad)) for a, b in zip(turned, sound, strict=True)]
+    assert offs == pytest.approx([-60.0] * len(offs), abs=0.11)
+
+
+def test_the_bream_set_gives_raw_readings_to_the_estimator() -> None:
+    """A GNSS and a compass on the NMEA line, gyro and accelerometer of the autopilot; none of its own estimates."""
+    settings = load_config("sitl-bream")
+    loop = Lockstep(settings)
+    for _ in range(20 * 20):
+        _, outputs = loop.tick()
+    sources = dict(outputs.health.sources)
+    names = ["gnss.RMC", "gnss.RMC", "gnss.HDG", "autopilot.RAW_IMU", "autopilot.RAW_IMU", "anemometer.MWV"]
+    assert [sources[q] for q in ("position", "velocity", "heading", "yaw_rate", "acceleration", "wind")] == names
+    assert outputs.phase is Phase.HOLD
+    wrong = [3.0 + 4.0 * math.sin(p) + 3.5 * math.cos(p) + math.sin(2 * p) + 0.5 * math.cos(2 * p) for p in ANGLES]
+    assert 5.0 < max(wrong) < 10.0 and min(wrong) < 0.0
+    seen = {p: reading_of_compass(settings, p) for p in (0.0, 1.0, 3.0)}
+    for p, psi_rad in seen.items():
+        bias_deg = 3.0 + 4.0 * math.sin(p) + 3.5 * math.cos(p) + math.sin(2 * p) + 0.5 * math.cos(2 * p)
+        assert math.degrees(wrap_rad(psi_rad - p)) == pytest.approx(bias_deg, abs=1.5)
+
+
+ANGLES = [math.radians(degree) for degree in range(360)]
+
+
+def reading_of_compass(settings: Config, psi_rad: float) -> float:
+    """Mean of the headings over 12 s of a boat that does not turn: 4 degrees / sqrt(120) are 0.4."""
+    tree = settings.model_dump(mode="json")
+    tree["plant"]["start_heading_deg"] = math.degrees(psi_rad)
+    tree["plant"]["weather"]["wind"]["speed_mps"] = 0.0
+    codec = NmeaCodec("gnss", {"HDG"})
+    found = [m for f in Plant(Config.model_validate(tree), 0).advance(12_000_000_000) for _, m in codec.read(f)]
+    assert len(found) == 120
+    return math.atan2(sum(math.sin(m.psi_rad) for m in found), sum(math.cos(m.psi_rad) for m in found))
 
 
 def test_the_receiver_and_the_compass_tell_the_truth() -> None:

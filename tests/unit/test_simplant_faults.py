@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import itertools
+import math
+
 import pytest
 from simplant_boat import Boat, of
 
 from asvhil.config import FaultConfig, load_config
 from asvhil.errors import ConfigError
-from asvhil.simplant.faults import Faults, motor_signals_us
+from asvhil.simplant.faults import SOUND, Faults, all_faults, motor_signals_us
 
 SECOND = 1_000_000_000
 
@@ -42,11 +45,96 @@ def test_a_dead_motor_gets_no_signal() -> None:
         ("[{kind: keel}]", "plant.faults.0.kind"),
         ("[{kind: vane, from_s: 3, until_s: 3}]", "from_s < until_s must hold"),
         ("[{kind: vane, from_s: -1}]", "plant.faults.0.from_s"),
+        ("[{kind: vane, size: 3}]", "only gnss-jump and heading-jump have a size, vane has none"),
+        ("[{kind: ins-gnss, device: nmea}]", "a device can be named for .*, not for ins-gnss"),
     ],
 )
 def test_bad_spans_are_named(text: str, words: str) -> None:
     with pytest.raises(ConfigError, match=words):
         load_config("sitl", (f"plant.faults={text}",))
+
+
+def test_faults_of_the_sensors_of_each_device() -> None:
+    faults = Faults(
+        [
+            FaultConfig(kind="gnss-jump", toward_deg=90.0, until_s=10.0),
+            FaultConfig(kind="gnss-jump", size=5.0, toward_deg=0.0, device="ins", until_s=10.0),
+            FaultConfig(kind="heading-jump", size=-30.0, device="nmea", until_s=10.0),
+            FaultConfig(kind="ins-gnss", from_s=5.0, until_s=10.0),
+        ],
+        0,
+    )
+    first, later = faults.at(SECOND), faults.at(6 * SECOND)
+    assert first.of("autopilot").jump_e_m == pytest.approx(20.0) and first.of("autopilot").turn_rad == 0.0
+    assert (first.of("ins").jump_n_m, first.of("ins").jump_e_m) == pytest.approx((5.0, 20.0))
+    assert math.degrees(first.of("nmea").turn_rad) == pytest.approx(-30.0)
+    assert [later.of(name).gnss_silent for name in ("autopilot", "ins", "nmea")] == [False, True, False]
+    assert faults.at(10 * SECOND).of("ins") is SOUND
+
+
+def glitches(*overrides: str) -> list[FaultConfig]:
+    return list(all_faults(load_config("sitl", ("plant.glitches={}", *overrides)).plant))
+
+
+def test_glitches_come_from_the_seed_one_after_the_other() -> None:
+    found = glitches("plant.faults=[{kind: vane}]")
+    assert found[0].kind == "vane" and found[1:] == glitches()
+    found = found[1:]
+    assert found != glitches("plant.seed=2") and all_faults(load_config("sitl").plant) == ()
+    kinds = [fault.kind for fault in found]
+    assert sorted(kinds[:8]) == sorted(kinds[8:16]) == sorted(set(kinds))  # each once a round
+    assert found[0].from_s > 30.0 and found[-1].to_s <= 3600.0
+    gaps = [after.from_s - before.to_s for before, after in itertools.pairwise(found)]
+    assert min(gaps) >= 5.0 and 12.0 < sum(gaps) / len(gaps) < 18.0
+    jumps = [fault.magnitude for fault in found if fault.kind == "heading-jump"]
+    assert set(jumps) == {60.0, -60.0}
+    lengths = [fault.to_s - fault.from_s for fault in found if fault.kind == "gnss-frozen"]
+    assert min(lengths) >= 2.0 and max(lengths) <= 10.0
+
+
+def test_glitches_can_be_chosen() -> None:
+    one = "plant.glitches={kinds: [{kind: gnss-jump, least_s: 1, most_s: 1, size: 7, device: nmea}], until_s: 100}"
+    found = list(all_faults(load_config("sitl", (one,)).plant))
+    assert found and {(f.kind, f.size, f.device) for f in found} == {("gnss-jump", 7.0, "nmea")}
+    assert all(f.to_s - f.from_s == pytest.approx(1.0) for f in found)
+    with pytest.raises(ConfigError, match=r"plant.glitches.kinds.0: .*least_s <= most_s"):
+        load_config("sitl", ("plant.glitches={kinds: [{kind: vane, least_s: 9}]}",))
+
+
+def test_a_receiver_that_jumps_shows_it_at_once_and_the_autopilots_filter_after_ten_seconds() -> None:
+    boat = Boat("plant.faults=[{kind: gnss-jump, from_s: 5, until_s: 17, toward_deg: 0}]").armed()
+    boat.interval(24, 200_000)
+    boat.interval(33, 100_000)
+    north: dict[str, dict[float, float]] = {"GPS_RAW_INT": {}, "GLOBAL_POSITION_INT": {}}
+    for t_s, message in boat.run(26.0):
+        if message.get_type() in north:
+            n_m, _ = boat.plant.origin.to_ned(message.lat * 1e-7, message.lon * 1e-7)
+            north[message.get_type()][t_s] = n_m
+    raw, fused = north["GPS_RAW_INT"], north["GLOBAL_POSITION_INT"]
+    assert {round(n) for t_s, n in raw.items() if 5.4 < t_s < 16.8} == {20}
+    assert {round(n) for t_s, n in raw.items() if t_s < 4.9 or t_s > 17.4} == {0}
+    assert {round(n) for t_s, n in fused.items() if t_s < 14.9} == {0}
+    assert {round(n) for t_s, n in fused.items() if 15.1 < t_s < 26.9} == {20}  # and ten seconds back again
+    assert {round(n) for t_s, n in fused.items() if t_s > 27.1} == {0}
+
+
+def test_the_autopilots_imu_falls_silent() -> None:
+    boat = Boat("plant.faults=[{kind: imu-silent, from_s: 6, until_s: 9}]").armed()
+    boat.interval(27, 100_000)
+    boat.run(6.0 - boat.t_ns / SECOND)
+    assert of(boat.run(2.8), "RAW_IMU") == [] and len(of(boat.run(1.2), "RAW_IMU")) == pytest.approx(10, abs=1)
+
+
+def test_stuck_cups_keep_the_speed_and_a_stuck_anemometer_both() -> None:
+    def samples(kind: str) -> list[tuple[bytes, bytes]]:
+        wind = "plant.weather.wind={speed_mps: 5, gust_along: 0.5, gust_across: 0.5, gust_time_s: 1}"
+        plant = Boat(wind, f"plant.faults=[{{kind: {kind}, from_s: 5}}]").plant
+        sent = [f for f in plant.advance(15 * SECOND) if f.port == "anemometer" and f.t_ns >= 5 * SECOND]
+        return [(f.data.split(b",")[1], f.data.split(b",")[3]) for f in sent]
+
+    cups, both, sound = samples("cups"), samples("anemometer-stuck"), samples("port-motor")
+    assert len({speed for _, speed in cups}) == 1 and len({angle for angle, _ in cups}) > 1
+    assert len(set(both)) == 1 and len({speed for _, speed in sound}) > 20
 
 
 def test_without_faults_nothing_changes() -> None:

@@ -103,6 +103,17 @@ def test_heading_wraps_into_one_turn_and_carries_its_bias() -> None:
 
 
 @pytest.mark.parametrize(
+    ("heading_deg", "reads_deg"),
+    [(0.0, 4.5), (90.0, 93.5), (180.0, 176.5), (270.0, 269.5), (45.0, 45.0 + 1.0 + 6.0 * math.sqrt(0.5) + 1.0)],
+)
+def test_a_compass_deviates_by_its_heading(heading_deg: float, reads_deg: float) -> None:
+    """A 1, B 2, C 4, D 1, E -0.5: A + C + E, A + B - E, A - C + E, A - B - E; at 45: A + (B + C) / √2 + D."""
+    nav = navigation(heading={"white_deg": 0.0, "bias_deg": 1.0, "deviation_deg": [2.0, 4.0, 1.0, -0.5]})
+    nav.sample(0, truth(heading_deg))
+    assert math.degrees(nav.psi_rad) == pytest.approx(reads_deg)
+
+
+@pytest.mark.parametrize(
     ("heading_deg", "velocity", "wind", "speed_mps", "from_deg"),
     [
         (0.0, (0.0, 0.0), (-3.0, 0.0), 3.0, 0.0),  # at rest, wind from ahead
