@@ -244,6 +244,20 @@ class TimeOffset:
     exchanges: int  # good ones so far
 
 
+class Cause(enum.StrEnum):
+    """Why motor outputs do not do what they were told."""
+
+    IGNORED = "ignored"  # the autopilot does not listen to us
+    MIXED = "mixed"  # as steering and throttle
+    DEAD_ZONE = "dead-zone"
+    SLEW = "slew"  # the autopilot limits how fast they change
+    SWAPPED = "swapped"
+    REVERSED = "reversed"
+    SCALED = "scaled"
+    STUCK = "stuck"  # no motor function, or an output that does not move
+    UNEXPLAINED = "unexplained"
+
+
 @record
 class Note:
     """What is worth a line of words whenever it changes, such as an instrument's firmware; `ok`: as it should be."""

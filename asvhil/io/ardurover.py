@@ -7,6 +7,8 @@ from typing import Any
 from asvhil.config import AutopilotLinkConfig, PwmConfig
 from asvhil.io.autopilot import Conversation
 from asvhil.io.mavlink import dialect
+from asvhil.io.requirements import Requirement
+from asvhil.io.rover_parameters import requirements
 from asvhil.types import Measurement
 
 EKF_HORIZONTAL_POSITION = dialect.EKF_POS_HORIZ_ABS
@@ -21,6 +23,9 @@ class ArduRoverLink(Conversation):
     def __init__(self, config: AutopilotLinkConfig, pwm: PwmConfig) -> None:
         super().__init__(config, pwm)
         self._handlers[dialect.MAVLINK_MSG_ID_EKF_STATUS_REPORT] = self._on_ekf_status
+
+    def _requirements(self) -> tuple[Requirement, ...]:
+        return requirements(self._config, self._pwm)
 
     def _on_ekf_status(self, t_ns: int, m: Any) -> Measurement:
         self._ready = bool(m.flags & EKF_HORIZONTAL_POSITION) and not m.flags & EKF_CONSTANT_POSITION

@@ -10,6 +10,8 @@ from asvhil.config.autopilots import MODES
 from asvhil.io.mavlink import Parser, decode, dialect, message_id, source
 from asvhil.io.mavlink_sensors import MavlinkSensors, raw_fix, scaled_imu
 from asvhil.io.outputs import make_output
+from asvhil.io.parameters import ParameterClient
+from asvhil.io.requirements import Finding, Requirement, judge
 from asvhil.io.streams import StreamKeeper
 from asvhil.io.timesync import TimeSync
 from asvhil.types import Attitude, Frame, FrontseatStatus, GnssFix, Measurement, Note, TimeOffset
@@ -36,6 +38,11 @@ class AutopilotLink(Protocol):
     @property
     def notes(self) -> tuple[Note, ...]:
         """What is worth a line of words: hazards and refusals."""
+        ...
+
+    @property
+    def findings(self) -> list[Finding]:
+        """The autopilot's parameters that matter, held against what they must be."""
         ...
 
     def read(self, frame: Frame) -> list[tuple[str, Measurement]]:
@@ -69,6 +76,7 @@ class Conversation:
     """Heartbeat, streams, time, mode, arming and motors out; status and measurements in. A profile adds its own."""
 
     legacy_streams = False  # REQUEST_DATA_STREAM where SET_MESSAGE_INTERVAL is not to be had
+    bytewise_parameters = False  # integers in PARAM_VALUE by their bytes, not as floats
 
     def __init__(self, config: AutopilotLinkConfig, pwm: PwmConfig) -> None:
         self._config = config
@@ -81,6 +89,10 @@ class Conversation:
         self._streams = StreamKeeper(config.streams_hz, legacy=self.legacy_streams)
         self._heartbeat_ns: int | None = None
         self._timesync = TimeSync()
+        self._required = self._requirements()
+        self._findings: tuple[int, list[Finding]] = (-1, [])
+        names = (requirement.names for requirement in self._required)
+        self.parameters = ParameterClient(names, bytewise=self.bytewise_parameters)
         self._autopilot_component_id: int | None = None
         self._request_ns: dict[int, int] = {}
         self._boot_ms = -1
@@ -105,6 +117,7 @@ class Conversation:
             dialect.MAVLINK_MSG_ID_SYSTEM_TIME: self._on_system_time,
             dialect.MAVLINK_MSG_ID_COMMAND_ACK: self._on_command_ack,
             dialect.MAVLINK_MSG_ID_TIMESYNC: self._on_timesync,
+            dialect.MAVLINK_MSG_ID_PARAM_VALUE: self.parameters.heard,
             **MavlinkSensors(lambda: self._ready).handlers,
         }
         other = {"GLOBAL_POSITION_INT", "GPS_RAW_INT"} - {config.position_source}
@@ -143,6 +156,13 @@ class Conversation:
         return self._timesync.offset
 
     @property
+    def findings(self) -> list[Finding]:
+        """The parameters that matter, held against what they must be."""
+        if self._findings[0] != self.parameters.answers:
+            self._findings = (self.parameters.answers, judge(self._required, self.parameters.values))
+        return self._findings[1]
+
+    @property
     def notes(self) -> tuple[Note, ...]:
         """The hazard of the way to the motors, and whether the autopilot refuses it."""
         output = self._output
@@ -163,7 +183,13 @@ class Conversation:
             ("autopilot.timesync_steps", self._timesync.steps),
             ("autopilot.stream_requests", self._streams.requests),
             ("autopilot.streams_denied", len(self._streams.denied)),
+            ("autopilot.parameters_known", len(self.parameters.values)),
+            ("autopilot.parameter_requests", self.parameters.requests),
         )
+
+    def _requirements(self) -> tuple[Requirement, ...]:
+        """What the parameters of this autopilot must be."""
+        return ()
 
     def _status(self, t_ns: int) -> FrontseatStatus:
         return FrontseatStatus(
@@ -244,6 +270,7 @@ class Conversation:
             self._ready = False
             self._streams.restart()
             self._timesync.restart()
+            self.parameters.restart()
             self._output.greet(t_ns)
         self._boot_ms = boot_ms
 
@@ -276,7 +303,17 @@ class Conversation:
                 dialect.MAVLink_request_data_stream_message(self._config.autopilot_system_id, 1, stream, rate_hz, 1)
                 for stream, rate_hz in self._streams.legacy_requests()
             ]
+            due += self._parameter_messages(t_ns)
         return [self._pack(t_ns, message) for message in due] + self._frames(t_ns, self._output.poll(t_ns))
+
+    def _parameter_messages(self, t_ns: int) -> list[Any]:
+        """A PARAM_SET that somebody asked for goes before what is only to be read."""
+        to = (self._config.autopilot_system_id, 1)
+        write = self.parameters.next_write(t_ns)
+        if write is not None:
+            return [dialect.MAVLink_param_set_message(*to, write.name.encode(), write.value, write.kind)]
+        name = self.parameters.next_request(t_ns)
+        return [] if name is None else [dialect.MAVLink_param_request_read_message(*to, name.encode(), -1)]
 
     def drive(self, t_ns: int, port_us: int, starboard_us: int) -> list[Frame]:
         """Both motors, as pulse widths (us)."""

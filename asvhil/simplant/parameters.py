@@ -24,6 +24,8 @@ PULSES = (800.0, 2200.0)
 NO_INDEX = 65535  # of a PARAM_VALUE that tells of a change
 PORT_MOTOR, STARBOARD_MOTOR = 73, 74  # SERVOn_FUNCTION: throttle left and right
 
+STICK_DEFAULTS = (("MIN", 1000.0), ("TRIM", 1500.0), ("MAX", 2000.0), ("DZ", 0.0), ("REVERSED", 0.0))  # not a motor's
+
 Row = tuple[str, float, int, tuple[float, float] | None]  # name, value, MAV_PARAM_TYPE, range
 
 
@@ -75,8 +77,8 @@ class Parameters:
             ("FS_GCS_ENABLE", 0, _INT8, (0.0, 2.0)),
             ("FS_GCS_TIMEOUT", 5.0, _REAL32, (2.0, 120.0)),
             ("BRD_SAFETY_DEFLT", 0, _INT8, (0.0, 1.0)),
-            ("RCMAP_ROLL", port, _INT8, FIXED),
-            ("RCMAP_THROTTLE", starboard, _INT8, FIXED),
+            ("RCMAP_ROLL", port, _INT8, (1.0, 16.0)),
+            ("RCMAP_THROTTLE", starboard, _INT8, (1.0, 16.0)),
             ("FRAME_CLASS", 2, _INT8, FIXED),
             ("INITIAL_MODE", 0, _INT8, FIXED),
             ("SCHED_LOOP_RATE", config.loop_hz, _INT16, FIXED),
@@ -113,11 +115,11 @@ class Parameters:
         return True
 
     def stick(self, channel: int) -> Calibration:
-        """How a motor's stick is read."""
+        """How a stick is read."""
         found = self._sticks.get(channel)
         if found is None:
             low_us, trim_us, high_us, dead_zone_us, reverse = (
-                self._values[f"RC{channel}_{part}"] for part in ("MIN", "TRIM", "MAX", "DZ", "REVERSED")
+                self._values.get(f"RC{channel}_{part}", default) for part, default in STICK_DEFAULTS
             )
             found = self._sticks[channel] = Calibration(
                 low_us=low_us, trim_us=trim_us, high_us=high_us, dead_zone_us=dead_zone_us, reversed=reverse != 0.0

@@ -8,7 +8,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from asvhil.config import FrontseatConfig, PwmConfig
 from asvhil.simplant.parameters import PORT_MOTOR, STARBOARD_MOTOR, Parameters
-from asvhil.simplant.rc import CHANNELS, IGNORE, NEUTRAL_US, RcInputs
+from asvhil.simplant.rc import CHANNELS, IGNORE, RcInputs
 
 MODE_MANUAL = 0
 MODE_HOLD = 4
@@ -19,7 +19,6 @@ OVERRIDES_BEFORE_ARMING_NS = 2_000_000_000
 OVERRIDES_IGNORED = 2  # bit of RC_OPTIONS
 TWO_PADDLES = 1  # PILOT_STEER_TYPE: a stick for each motor
 STEERING_NOT_FLIPPED = 3  # PILOT_STEER_TYPE: steering keeps its sense when going astern
-FULL_TRAVEL_US = 500  # of MANUAL_CONTROL
 DISARM = -1
 MODE_RTL, MODE_SMART_RTL = 11, 12
 # FS_ACTION: modes to be entered, the first that is possible; 0 does nothing.
@@ -61,6 +60,7 @@ class Rover:
         self.radio_failsafe = False
         self.gcs_failsafe = False
         self.gcs_heard_ns: int | None = None
+        self._mapped = int(self.parameters["RCMAP_ROLL"]), int(self.parameters["RCMAP_THROTTLE"])
         self.safety_on = self.parameters["BRD_SAFETY_DEFLT"] != 0.0
         self.changed = False
         self.texts.clear()
@@ -110,11 +110,13 @@ class Rover:
             self.rc.override(self.t_ns, values, self._neutral_ns)
 
     def manual_control(self, sender_system: int, y: int, z: int) -> None:
-        """MANUAL_CONTROL: y moves the port channel, z the starboard one; -1000..1000 to 1000..2000 us."""
+        """MANUAL_CONTROL: y moves the port channel, z the starboard one; -1000..1000 over the stick's travel."""
         values = [IGNORE] * CHANNELS
         for index, axis in ((self._port, y), (self._starboard, z)):
             if axis != 32767:
-                values[index] = NEUTRAL_US + int(max(-1000, min(1000, axis)) * FULL_TRAVEL_US / 1000)
+                stick = self.parameters.stick(index + 1)
+                share = (max(-1000, min(1000, axis)) + 1000) / 2000
+                values[index] = int(stick.low_us + (stick.high_us - stick.low_us) * share)
         self.override(sender_system, values)
 
     def _overrides_ignored(self) -> bool:
@@ -219,9 +221,13 @@ class Rover:
         return int(trim_us + abs(end_us - trim_us) * throttle + 1e-6)
 
     def _sticks(self) -> tuple[float, float]:
+        """The two that drive, from the channels that they were mapped to at boot."""
+        first, second = self._mapped
         radio_us = self.rc.radio_us
-        port, starboard = self.parameters.stick(self._port + 1), self.parameters.stick(self._starboard + 1)
-        return port.fraction(radio_us[self._port]), starboard.fraction(radio_us[self._starboard])
+        return (
+            self.parameters.stick(first).fraction(radio_us[first - 1]),
+            self.parameters.stick(second).fraction(radio_us[second - 1]),
+        )
 
     # --- modes and arming ----------------------------------------------------------------------------------
 

@@ -1,0 +1,89 @@
+"""What the parameters of an autopilot must be, and what was found of them. Pure; each profile has its own list."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterable, Mapping
+
+from asvhil.types import Cause, record
+
+
+@record
+class Requirement:
+    """One parameter under the names that firmware versions give it, and the values that will do.
+
+    A value must lie within `least` and `most`, and not have any bit of `clear`; with `like`, both bounds count from the
+    value of another parameter. `wanted` is what to write where it does not, None where that is not ours to decide.
+    With a `cause` a hold is refused; `must`: a preflight fails. `fault` is what happens, in a few words; `why` in more.
+    """
+
+    names: tuple[str, ...]
+    least: float
+    most: float
+    wanted: float | None
+    fault: str
+    why: str
+    cause: Cause | None = None
+    must: bool = True
+    clear: int = 0
+    like: str = ""
+
+
+@record
+class Finding:
+    """What was found of one requirement. `value` is None where the parameter did not answer."""
+
+    requirement: Requirement
+    name: str
+    value: float | None
+    wanted: float | None
+    ok: bool
+
+    @property
+    def text(self) -> str:
+        """In one line: for a refusal, and short enough for a STATUSTEXT."""
+        value = f"{self.name} is {self.value:g}" if self.value is not None else f"{self.name} is not known"
+        wanted = f", not {self.wanted:g}" if self.wanted is not None else ""
+        return f"{value}{wanted}: {self.requirement.fault}"
+
+
+def judge(required: Iterable[Requirement], values: Mapping[str, float]) -> list[Finding]:
+    """A finding for each requirement, in order; those that could not be read are not ok."""
+    settled: dict[str, float] = {}  # what each parameter will be once all are put right
+    findings = []
+    for requirement in required:
+        finding = _judge(requirement, values, settled)
+        right = finding.value if finding.ok or finding.wanted is None else finding.wanted
+        if right is not None:
+            settled[finding.name] = right
+        findings.append(finding)
+    return _see_swapped(findings)
+
+
+def _judge(requirement: Requirement, values: Mapping[str, float], settled: Mapping[str, float]) -> Finding:
+    name = next((name for name in requirement.names if name in values), requirement.names[0])
+    value, wanted = values.get(name), requirement.wanted
+    if value is None:
+        return Finding(requirement=requirement, name=name, value=None, wanted=wanted, ok=False)
+    reference = 0.0
+    if requirement.like:
+        reference = settled.get(requirement.like, value)
+        wanted = reference
+    ok = requirement.least <= value - reference <= requirement.most
+    if requirement.clear:
+        wanted = float(int(value) & ~requirement.clear)
+        ok = ok and wanted == value
+    return Finding(requirement=requirement, name=name, value=value, wanted=wanted, ok=ok)
+
+
+def _see_swapped(findings: list[Finding]) -> list[Finding]:
+    """Two outputs that have each other's function are swapped, which says more than two wrong ones."""
+    wrong = [f for f in findings if f.requirement.cause is Cause.STUCK and not f.ok and f.value is not None]
+    if len(wrong) < 2 or {f.value for f in wrong} != {f.wanted for f in wrong}:
+        return findings
+    return [_swapped(f) if f in wrong else f for f in findings]
+
+
+def _swapped(finding: Finding) -> Finding:
+    requirement = dataclasses.replace(finding.requirement, cause=Cause.SWAPPED, fault="outputs are swapped")
+    return dataclasses.replace(finding, requirement=requirement)
