@@ -29,6 +29,7 @@ from asvhil.types import Frame, Inputs, Outputs
 
 INBOX_FRAMES = 20_000  # four seconds of a flooded link; beyond it the oldest are dropped and counted
 FINAL_TICKS = 3
+SURRENDERS, SURRENDER_S = 3, 0.05
 SWITCH_S = 0.0005
 ARRIVALS_AT_ONCE = 20
 
@@ -290,5 +291,8 @@ class Daemon:
         self._spoken = now
 
     async def _surrender(self) -> None:
-        for frame in self._backseat.surrender(self._clock.now_ns()):
-            await self._send(frame)
+        """Several times: datagrams get lost, and some outputs keep their last value for ever."""
+        for _ in range(SURRENDERS):
+            for frame in self._backseat.surrender(self._clock.now_ns()):
+                await self._send(frame)
+            await asyncio.sleep(SURRENDER_S)

@@ -68,7 +68,6 @@ WHY_NOT: dict[tuple[Profile, MotorOutput], str] = {
 }
 
 _COMMON_STREAMS_HZ = {
-    "HEARTBEAT": 5.0,
     "ATTITUDE": 20.0,
     "GLOBAL_POSITION_INT": 10.0,
     "RC_CHANNELS": 10.0,
@@ -76,7 +75,8 @@ _COMMON_STREAMS_HZ = {
     "SYSTEM_TIME": 1.0,
 }
 STREAMS_HZ: dict[Profile, dict[str, float]] = {
-    "ardurover": {**_COMMON_STREAMS_HZ, "SERVO_OUTPUT_RAW": 10.0, "EKF_STATUS_REPORT": 2.0},
+    "ardurover": {**_COMMON_STREAMS_HZ, "HEARTBEAT": 5.0, "SERVO_OUTPUT_RAW": 10.0, "EKF_STATUS_REPORT": 2.0},
+    # PX4's heartbeat comes once a second whatever is asked.
     "px4": {**_COMMON_STREAMS_HZ, "ACTUATOR_OUTPUT_STATUS": 10.0, "ESTIMATOR_STATUS": 2.0},
 }
 IMU_MESSAGE: dict[Profile, str] = {"ardurover": "RAW_IMU", "px4": "HIGHRES_IMU"}

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
 from asvhil.config.autopilots import OUTPUTS, STREAMS_HZ, WHY_NOT, MotorOutput, Profile
 from asvhil.config.base import Degrees, LinkSpecText, MavlinkId, Positive, Section
 from asvhil.config.mavlink import GroundStationLinkConfig, LinkName, MavlinkLinkConfig, RoutingConfig
+
+# Sorted, for they are asked for in this order, and a config that is read back from a log comes sorted.
+Streams = Annotated[dict[str, Positive], AfterValidator(lambda rates: dict(sorted(rates.items())))]
 
 
 class AutopilotLinkConfig(MavlinkLinkConfig):
@@ -24,7 +27,7 @@ class AutopilotLinkConfig(MavlinkLinkConfig):
     override_system_id: MavlinkId = 1  # ArduPilot obeys overrides only from SYSID_MYGCS
     autopilot_system_id: MavlinkId = 1
     position_source: Literal["GLOBAL_POSITION_INT", "GPS_RAW_INT"] = "GLOBAL_POSITION_INT"
-    streams_hz: dict[str, Positive] = Field(default_factory=lambda: dict(STREAMS_HZ["ardurover"]))  # of the profile
+    streams_hz: Streams = Field(default_factory=lambda: dict(sorted(STREAMS_HZ["ardurover"].items())))  # the profile's
 
     @property
     def overrides_sticks(self) -> bool:

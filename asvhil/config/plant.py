@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
+from asvhil.config.autopilots import Profile
 from asvhil.config.base import (
     Degrees,
     Fraction,
@@ -126,7 +127,8 @@ class SensorsConfig(Section):
 class FrontseatConfig(Section):
     """The simulated autopilot; defaults follow a real ArduRover with its dead zones taken out.
 
-    `firmware` decides over the names of parameters. `parameters` sets any of them by its name.
+    `firmware` decides over the names of ArduRover's parameters. `parameters` sets any of the autopilot's by its name. A
+    PX4 takes from here its system id, times to boot and to readiness, `rc_receiver` and `loop_hz`.
     """
 
     firmware: Literal["4.6", "4.7"] = "4.6"
@@ -310,6 +312,7 @@ class PlantConfig(Section):
     start_heading_deg: Degrees = 0.0
     step_s: Annotated[float, Field(gt=0.0, le=0.05)] = 0.01
     vessel: VesselConfig | None = None  # vehicle.vessel where absent
+    autopilot: Profile = "ardurover"  # what the simulated vehicle has; links.autopilot.profile must be the same
     weather: WeatherConfig = WeatherConfig()
     sensors: SensorsConfig = SensorsConfig()
     frontseat: FrontseatConfig = FrontseatConfig()

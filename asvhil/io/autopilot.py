@@ -20,6 +20,7 @@ PORT = "autopilot"
 HEARTBEAT_NS = 1_000_000_000
 REQUEST_NS = 1_000_000_000
 IGNORE_CHANNEL = 65535
+MAKES = {dialect.MAV_AUTOPILOT_ARDUPILOTMEGA: "ardurover", dialect.MAV_AUTOPILOT_PX4: "px4"}
 
 
 class AutopilotLink(Protocol):
@@ -95,6 +96,7 @@ class Conversation:
         self.parameters = ParameterClient(names, bytewise=self.bytewise_parameters)
         self._autopilot_component_id: int | None = None
         self._request_ns: dict[int, int] = {}
+        self._stranger = ""
         self._boot_ms = -1
         self._gnss_time_us = -1
         self._h_acc_m = 0.0
@@ -164,11 +166,13 @@ class Conversation:
 
     @property
     def notes(self) -> tuple[Note, ...]:
-        """The hazard of the way to the motors, and whether the autopilot refuses it."""
-        output = self._output
-        hazard = (Note(subject="motor output", text=output.hazard, ok=False),) if output.hazard else ()
-        refused = (Note(subject="motor commands", text=output.refused, ok=False),) if output.refused else ()
-        return hazard + refused
+        """The hazard of the way to the motors, whether the autopilot refuses it, and whether it is of another make."""
+        said = (
+            ("autopilot", self._stranger),
+            ("motor output", self._output.hazard),
+            ("motor commands", self._output.refused),
+        )
+        return tuple(Note(subject=subject, text=text, ok=False) for subject, text in said if text)
 
     def counters(self) -> tuple[tuple[str, int], ...]:
         """Cumulative counts of what came in and what was dropped."""
@@ -208,6 +212,9 @@ class Conversation:
             self._output.greet(t_ns)
         self.autopilot_heartbeat_ns = t_ns
         self._autopilot_component_id = m.get_srcComponent()
+        make = MAKES.get(m.autopilot, f"of make {m.autopilot} (MAV_AUTOPILOT)")
+        profile = self._config.profile
+        self._stranger = "" if make == profile else f"is {make}, but links.autopilot.profile is {profile}"
         self._armed = bool(m.base_mode & dialect.MAV_MODE_FLAG_SAFETY_ARMED)
         self._mode = self._mode_names.get(m.custom_mode, f"MODE_{m.custom_mode}")
         return self._status(t_ns)

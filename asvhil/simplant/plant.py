@@ -8,10 +8,11 @@ import numpy as np
 
 from asvhil.config import Config
 from asvhil.geo import LocalFrame, wrap_rad
+from asvhil.simplant.autopilot import PORT as AUTOPILOT_PORT
 from asvhil.simplant.devices import SimulatedNmea, SimulatedVn300
 from asvhil.simplant.faults import Faults, Present, all_faults, motor_signals_us
-from asvhil.simplant.frontseat import PORT as AUTOPILOT_PORT
 from asvhil.simplant.frontseat import SimulatedArduRover
+from asvhil.simplant.px4 import SimulatedPx4
 from asvhil.simplant.sensors import Anemometer, Motion, Navigation, mwv_sentence
 from asvhil.simplant.vessel import Vessel
 from asvhil.simplant.weather import Weather
@@ -92,7 +93,8 @@ class Plant:
         self._navigation = Navigation(plant.sensors, self._loop_hz, t_ns, navigation_seed, filtered=True)
         self._anemometer = Anemometer(plant.sensors.anemometer, anemometer_seed)
         self.origin = LocalFrame(lat_deg=plant.origin_lat_deg, lon_deg=plant.origin_lon_deg)
-        self.frontseat = SimulatedArduRover(
+        kind = SimulatedPx4 if plant.autopilot == "px4" else SimulatedArduRover
+        self.frontseat: SimulatedArduRover | SimulatedPx4 = kind(
             plant.frontseat, pwm, plant.sensors.gnss, self.origin, self._navigation, self._vessel, t_ns
         )
 

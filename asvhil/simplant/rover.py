@@ -110,9 +110,13 @@ class Rover:
             self.rc.override(self.t_ns, values, self._neutral_ns)
 
     def manual_control(self, sender_system: int, y: int, z: int) -> None:
-        """MANUAL_CONTROL: y moves the port channel, z the starboard one; -1000..1000 over the stick's travel."""
+        """MANUAL_CONTROL: y moves the port channel, z the starboard one; -1000..1000 over the stick's travel.
+
+        32767 (no value) gives the channel back: ArduPilot overrides it with 0 then.
+        """
         values = [IGNORE] * CHANNELS
         for index, axis in ((self._port, y), (self._starboard, z)):
+            values[index] = 0
             if axis != 32767:
                 stick = self.parameters.stick(index + 1)
                 share = (max(-1000, min(1000, axis)) + 1000) / 2000

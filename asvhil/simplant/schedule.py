@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
@@ -13,13 +13,26 @@ FASTEST_OF_LOOP = 0.8
 
 
 class Schedule:
-    """Intervals by message id, looked at only at loops of the vehicle; 0 = not streamed."""
+    """Intervals by message id, looked at only at loops of the vehicle; 0 = not streamed.
 
-    def __init__(self, streamed: Iterable[int], on_request: Iterable[int], loop_hz: float, t_ns: int) -> None:
-        self._fastest_us = 1e6 / (FASTEST_OF_LOOP * loop_hz)
+    Streams come at 1 Hz where `rates_hz` says nothing else. `limited`: rates beyond 0.8 of the loop's are refused.
+    """
+
+    def __init__(
+        self,
+        streamed: Iterable[int],
+        on_request: Iterable[int],
+        loop_hz: float,
+        t_ns: int,
+        rates_hz: Mapping[int, float] | None = None,
+        *,
+        limited: bool = True,
+    ) -> None:
+        self._fastest_us = 1e6 / (FASTEST_OF_LOOP * loop_hz) if limited else 0.0
         self._default_ns = {msg_id: DEFAULT_NS for msg_id in streamed} | {msg_id: OFF for msg_id in on_request}
+        self._default_ns |= {msg_id: round(1e9 / rate_hz) for msg_id, rate_hz in (rates_hz or {}).items()}
         self._interval_ns = dict(self._default_ns)
-        self._due_ns = {msg_id: t_ns + DEFAULT_NS for msg_id, interval in self._interval_ns.items() if interval}
+        self._due_ns = {msg_id: t_ns + interval for msg_id, interval in self._interval_ns.items() if interval}
         self._next_ns = 0
         if dialect.MAVLINK_MSG_ID_HEARTBEAT in self._due_ns:
             self._due_ns[dialect.MAVLINK_MSG_ID_HEARTBEAT] = t_ns

@@ -10,6 +10,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from asvhil.config import GnssSensorConfig
 from asvhil.geo import LocalFrame, wrap_2pi, wrap_rad
+from asvhil.simplant.autopilot import Vehicle
 from asvhil.simplant.rover import MODE_HOLD, MODE_INITIALISING, Rover
 from asvhil.simplant.sensors import Navigation
 from asvhil.simplant.vessel import Vessel
@@ -30,83 +31,32 @@ PILOT_MODES = frozenset({0, 1, 3, 7, MODE_INITIALISING})  # sticks have a say: m
 U32 = 0xFFFFFFFF
 
 
-class Telemetry:
-    """One builder per message id; a builder gives None where the vehicle has nothing to say (yet)."""
+class VehicleTelemetry:
+    """Builders of what any vehicle sends, from its sensors and its state."""
 
     def __init__(
-        self,
-        rover: Rover,
-        nav: Navigation,
-        truth: Vessel,
-        origin: LocalFrame,
-        gnss: GnssSensorConfig,
-        flight_sw_version: int,
+        self, vehicle: Vehicle, nav: Navigation, truth: Vessel, origin: LocalFrame, gnss: GnssSensorConfig
     ) -> None:
-        self._flight_sw_version = flight_sw_version
-        self._rover, self._nav, self._truth, self._origin = rover, nav, truth, origin
+        self._vehicle, self._nav, self._truth, self._origin = vehicle, nav, truth, origin
         self._h_acc_mm = max(1, round(1000.0 * math.hypot(gnss.slow_bias_m, gnss.white_m)))
         self._vel_acc_mm = round(1000.0 * gnss.velocity_white_mps)
-        d = dialect
-        self.streamed: dict[int, Callable[[int], Any]] = {
-            d.MAVLINK_MSG_ID_HEARTBEAT: self.heartbeat,
-            d.MAVLINK_MSG_ID_ATTITUDE: self._attitude,
-            d.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: self._global_position,
-            d.MAVLINK_MSG_ID_VFR_HUD: self._vfr_hud,
-            d.MAVLINK_MSG_ID_SYS_STATUS: self._sys_status,
-            d.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW: self._servo_output,
-            d.MAVLINK_MSG_ID_RC_CHANNELS: self._rc_channels,
-            d.MAVLINK_MSG_ID_RAW_IMU: self._raw_imu,
-            d.MAVLINK_MSG_ID_SCALED_IMU2: self._scaled_imu2,
-            d.MAVLINK_MSG_ID_GPS_RAW_INT: self._gps_raw,
-            d.MAVLINK_MSG_ID_SYSTEM_TIME: self._system_time,
-            d.MAVLINK_MSG_ID_EKF_STATUS_REPORT: self._ekf_status,
-            d.MAVLINK_MSG_ID_LOCAL_POSITION_NED: self._local_position,
-        }
-        self.on_request: dict[int, Callable[[int], Any]] = {
-            d.MAVLINK_MSG_ID_ATTITUDE_QUATERNION: self._attitude_quaternion,
-            d.MAVLINK_MSG_ID_SCALED_IMU: self._scaled_imu,
-            d.MAVLINK_MSG_ID_HIGHRES_IMU: self._highres_imu,
-            d.MAVLINK_MSG_ID_SIM_STATE: self._sim_state,
-            d.MAVLINK_MSG_ID_AUTOPILOT_VERSION: self._autopilot_version,
-            d.MAVLINK_MSG_ID_HOME_POSITION: self._home_position,
-            d.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN: self._global_origin,
-            # Accepted by the real one too, and then not sent: it has no second receiver and no wind vane configured.
-            d.MAVLINK_MSG_ID_WIND: self._nothing,
-            d.MAVLINK_MSG_ID_GPS2_RAW: self._nothing,
-        }
-        self._builders = self.streamed | self.on_request
+        self.streamed: dict[int, Callable[[int], Any]] = {}
+        self.on_request: dict[int, Callable[[int], Any]] = {}
 
     def build(self, msg_id: int, t_ns: int) -> Any | None:
         """The message of an id that exists here."""
-        return self._builders[msg_id](t_ns)
+        return (self.streamed.get(msg_id) or self.on_request[msg_id])(t_ns)
 
     def __contains__(self, msg_id: int) -> bool:
-        return msg_id in self._builders
-
-    def heartbeat(self, t_ns: int) -> Any:
-        rover = self._rover
-        base_mode = dialect.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
-        if rover.mode in PILOT_MODES:
-            base_mode |= dialect.MAV_MODE_FLAG_MANUAL_INPUT_ENABLED
-        if rover.armed:
-            base_mode |= dialect.MAV_MODE_FLAG_SAFETY_ARMED
-        if rover.radio_failsafe:
-            status = dialect.MAV_STATE_CRITICAL
-        elif rover.mode == MODE_INITIALISING:
-            status = dialect.MAV_STATE_CALIBRATING
-        else:
-            status = dialect.MAV_STATE_STANDBY if rover.mode == MODE_HOLD else dialect.MAV_STATE_ACTIVE
-        return dialect.MAVLink_heartbeat_message(
-            dialect.MAV_TYPE_SURFACE_BOAT, dialect.MAV_AUTOPILOT_ARDUPILOTMEGA, base_mode, rover.mode, status, 3
-        )
+        return msg_id in self.streamed or msg_id in self.on_request
 
     # --- clocks and positions ------------------------------------------------------------------------------
 
     def _us(self, t_ns: int) -> int:
-        return (t_ns - self._rover.power_on_ns) // 1000
+        return (t_ns - self._vehicle.power_on_ns) // 1000
 
     def _ms(self, t_ns: int) -> int:
-        return (t_ns - self._rover.power_on_ns) // 1_000_000 & U32
+        return (t_ns - self._vehicle.power_on_ns) // 1_000_000 & U32
 
     def _lat_lon(self, n_m: float, e_m: float) -> tuple[int, int]:
         lat_deg, lon_deg = self._origin.to_geodetic(n_m, e_m)
@@ -130,14 +80,14 @@ class Telemetry:
     def _global_position(self, t_ns: int) -> Any:
         nav = self._nav
         hdg = round(math.degrees(nav.psi_rad) * 100.0) % 36000
-        if not self._rover.ready(t_ns):
+        if not self._vehicle.ready(t_ns):
             return dialect.MAVLink_global_position_int_message(self._ms(t_ns), 0, 0, 0, 0, 0, 0, 0, hdg)
         lat, lon = self._lat_lon(nav.n_m, nav.e_m)
         vx, vy = round(100.0 * nav.vn_mps), round(100.0 * nav.ve_mps)
         return dialect.MAVLink_global_position_int_message(self._ms(t_ns), lat, lon, 0, 0, vx, vy, 0, hdg)
 
     def _local_position(self, t_ns: int) -> Any:
-        if not self._rover.ready(t_ns):
+        if not self._vehicle.ready(t_ns):
             return None
         nav = self._nav
         return dialect.MAVLink_local_position_ned_message(
@@ -146,7 +96,7 @@ class Telemetry:
 
     def _gps_raw(self, t_ns: int) -> Any:
         nav = self._nav
-        if not self._rover.ready(t_ns):
+        if not self._vehicle.ready(t_ns):
             return dialect.MAVLink_gps_raw_int_message(
                 0, dialect.GPS_FIX_TYPE_NO_FIX, 0, 0, 0, 65535, 65535, 0, 0, 0, 0, 0, 0, 0, 0, 0
             )
@@ -174,22 +124,12 @@ class Telemetry:
 
     def _vfr_hud(self, t_ns: int) -> Any:
         nav = self._nav
-        speed = math.hypot(nav.vn_mps, nav.ve_mps) if self._rover.ready(t_ns) else 0.0
+        speed = math.hypot(nav.vn_mps, nav.ve_mps) if self._vehicle.ready(t_ns) else 0.0
         heading = int(math.degrees(nav.psi_rad)) % 360
         return dialect.MAVLink_vfr_hud_message(speed, speed, heading, 0, 0.0, 0.0)
 
-    def _ekf_status(self, t_ns: int) -> Any:
-        rover = self._rover
-        if rover.ready(t_ns):
-            flags = EKF_READY
-        else:
-            span_ns = rover.ready_ns - rover.power_on_ns
-            aligned = t_ns - rover.power_on_ns >= EKF_ALIGNED_AFTER * span_ns
-            flags = EKF_ALIGNED_NO_POSITION if aligned else EKF_UNINITIALISED
-        return dialect.MAVLink_ekf_status_report_message(flags, 0.003, 0.001, 0.03, 0.008, 0.0, 0.0)
-
     def _home_position(self, t_ns: int) -> Any:
-        if not self._rover.ready(t_ns):
+        if not self._vehicle.ready(t_ns):
             return None
         lat, lon = self._lat_lon(0.0, 0.0)
         attitude = [1.0, 0.0, 0.0, 0.0]
@@ -198,7 +138,7 @@ class Telemetry:
         )
 
     def _global_origin(self, t_ns: int) -> Any:
-        if not self._rover.ready(t_ns):
+        if not self._vehicle.ready(t_ns):
             return None
         lat, lon = self._lat_lon(0.0, 0.0)
         return dialect.MAVLink_gps_global_origin_message(lat, lon, 0, self._us(t_ns))
@@ -276,6 +216,90 @@ class Telemetry:
 
     # --- vehicle -------------------------------------------------------------------------------------------
 
+    def _servo_output(self, t_ns: int) -> Any:
+        servo_us = self._vehicle.servo_us
+        return dialect.MAVLink_servo_output_raw_message(self._us(t_ns) & U32, 0, *servo_us)
+
+    def _rc_channels(self, t_ns: int) -> Any:
+        present = 8 if self._vehicle.rc.receiver else 0
+        return dialect.MAVLink_rc_channels_message(self._ms(t_ns), present, *self._vehicle.rc.radio_us, 255)
+
+    def _system_time(self, t_ns: int) -> Any:
+        unix_us = UNIX_EPOCH_AT_POWER_ON_US + self._us(t_ns) if self._vehicle.ready(t_ns) else 0
+        return dialect.MAVLink_system_time_message(unix_us, self._ms(t_ns))
+
+
+class Telemetry(VehicleTelemetry):
+    """What an ArduRover sends: one builder per message id; one gives None where there is nothing to say (yet)."""
+
+    def __init__(
+        self,
+        rover: Rover,
+        nav: Navigation,
+        truth: Vessel,
+        origin: LocalFrame,
+        gnss: GnssSensorConfig,
+        flight_sw_version: int,
+    ) -> None:
+        super().__init__(rover, nav, truth, origin, gnss)
+        self._rover = rover
+        self._flight_sw_version = flight_sw_version
+        d = dialect
+        self.streamed = {
+            d.MAVLINK_MSG_ID_HEARTBEAT: self.heartbeat,
+            d.MAVLINK_MSG_ID_ATTITUDE: self._attitude,
+            d.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: self._global_position,
+            d.MAVLINK_MSG_ID_VFR_HUD: self._vfr_hud,
+            d.MAVLINK_MSG_ID_SYS_STATUS: self._sys_status,
+            d.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW: self._servo_output,
+            d.MAVLINK_MSG_ID_RC_CHANNELS: self._rc_channels,
+            d.MAVLINK_MSG_ID_RAW_IMU: self._raw_imu,
+            d.MAVLINK_MSG_ID_SCALED_IMU2: self._scaled_imu2,
+            d.MAVLINK_MSG_ID_GPS_RAW_INT: self._gps_raw,
+            d.MAVLINK_MSG_ID_SYSTEM_TIME: self._system_time,
+            d.MAVLINK_MSG_ID_EKF_STATUS_REPORT: self._ekf_status,
+            d.MAVLINK_MSG_ID_LOCAL_POSITION_NED: self._local_position,
+        }
+        self.on_request = {
+            d.MAVLINK_MSG_ID_ATTITUDE_QUATERNION: self._attitude_quaternion,
+            d.MAVLINK_MSG_ID_SCALED_IMU: self._scaled_imu,
+            d.MAVLINK_MSG_ID_HIGHRES_IMU: self._highres_imu,
+            d.MAVLINK_MSG_ID_SIM_STATE: self._sim_state,
+            d.MAVLINK_MSG_ID_AUTOPILOT_VERSION: self._autopilot_version,
+            d.MAVLINK_MSG_ID_HOME_POSITION: self._home_position,
+            d.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN: self._global_origin,
+            # Accepted by the real one too, and then not sent: it has no second receiver and no wind vane configured.
+            d.MAVLINK_MSG_ID_WIND: self._nothing,
+            d.MAVLINK_MSG_ID_GPS2_RAW: self._nothing,
+        }
+
+    def heartbeat(self, t_ns: int) -> Any:
+        rover = self._rover
+        base_mode = dialect.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
+        if rover.mode in PILOT_MODES:
+            base_mode |= dialect.MAV_MODE_FLAG_MANUAL_INPUT_ENABLED
+        if rover.armed:
+            base_mode |= dialect.MAV_MODE_FLAG_SAFETY_ARMED
+        if rover.radio_failsafe:
+            status = dialect.MAV_STATE_CRITICAL
+        elif rover.mode == MODE_INITIALISING:
+            status = dialect.MAV_STATE_CALIBRATING
+        else:
+            status = dialect.MAV_STATE_STANDBY if rover.mode == MODE_HOLD else dialect.MAV_STATE_ACTIVE
+        return dialect.MAVLink_heartbeat_message(
+            dialect.MAV_TYPE_SURFACE_BOAT, dialect.MAV_AUTOPILOT_ARDUPILOTMEGA, base_mode, rover.mode, status, 3
+        )
+
+    def _ekf_status(self, t_ns: int) -> Any:
+        rover = self._rover
+        if rover.ready(t_ns):
+            flags = EKF_READY
+        else:
+            span_ns = rover.ready_ns - rover.power_on_ns
+            aligned = t_ns - rover.power_on_ns >= EKF_ALIGNED_AFTER * span_ns
+            flags = EKF_ALIGNED_NO_POSITION if aligned else EKF_UNINITIALISED
+        return dialect.MAVLink_ekf_status_report_message(flags, 0.003, 0.001, 0.03, 0.008, 0.0, 0.0)
+
     def _sys_status(self, t_ns: int) -> Any:
         d = dialect
         sensors = d.MAV_SYS_STATUS_SENSOR_3D_GYRO | d.MAV_SYS_STATUS_SENSOR_3D_ACCEL | d.MAV_SYS_STATUS_SENSOR_GPS
@@ -283,18 +307,6 @@ class Telemetry:
         enabled = sensors if self._rover.safety_on else sensors | d.MAV_SYS_STATUS_SENSOR_MOTOR_OUTPUTS
         present = sensors | d.MAV_SYS_STATUS_SENSOR_MOTOR_OUTPUTS
         return d.MAVLink_sys_status_message(present, enabled, healthy, 0, 12600, -1, -1, 0, 0, 0, 0, 0, 0)
-
-    def _servo_output(self, t_ns: int) -> Any:
-        servo_us = self._rover.servo_us
-        return dialect.MAVLink_servo_output_raw_message(self._us(t_ns) & U32, 0, *servo_us)
-
-    def _rc_channels(self, t_ns: int) -> Any:
-        present = 8 if self._rover.rc.receiver else 0
-        return dialect.MAVLink_rc_channels_message(self._ms(t_ns), present, *self._rover.rc.radio_us, 255)
-
-    def _system_time(self, t_ns: int) -> Any:
-        unix_us = UNIX_EPOCH_AT_POWER_ON_US + self._us(t_ns) if self._rover.ready(t_ns) else 0
-        return dialect.MAVLink_system_time_message(unix_us, self._ms(t_ns))
 
     def _autopilot_version(self, t_ns: int) -> Any:
         none = [0] * 8

@@ -127,6 +127,26 @@ def test_a_stream_that_dries_up_is_asked_for_again_and_a_denied_one_is_named() -
     assert again == [108]
 
 
+@pytest.mark.parametrize("answer", ["UNSUPPORTED", "DENIED", None])
+def test_where_intervals_cannot_be_set_whole_streams_are_asked_for_as_of_old(answer: str | None) -> None:
+    ardurover = link(streams_hz={"ATTITUDE": 20.0, "RC_CHANNELS": 4.5, "SERVO_OUTPUT_RAW": 10.0, "SCALED_IMU": 1.0})
+    feed(ardurover, heartbeat())
+    asked, seen = [], set()
+    for ms in range(0, 12_000, 100):
+        for m in messages(ardurover.poll(ms * MS)):
+            if m.get_type() == "REQUEST_DATA_STREAM":  # type: ignore[attr-defined]
+                asked.append((m.req_stream_id, m.req_message_rate, m.start_stop))  # type: ignore[attr-defined]
+            if m.get_type() == "COMMAND_LONG":  # type: ignore[attr-defined]
+                seen.add(m.param1)  # type: ignore[attr-defined]
+                if answer is not None:
+                    result = getattr(dialect, f"MAV_RESULT_{answer}")
+                    feed(ardurover, dialect.MAVLink_command_ack_message(511, result))
+    assert seen == {30.0, 65.0, 36.0, 26.0}
+    # The highest rate wanted of each stream, a stream again for each message that it holds.
+    assert set(asked) == {(10, 20, 1), (3, 10, 1), (1, 1, 1)}
+    assert len(asked) == 4 if answer is None else 4 <= len(asked) <= 8
+
+
 def test_the_override_touches_the_two_motor_channels_only() -> None:
     (message,) = messages(link(override_system_id=7).drive(9, 1600, 1400))
     fields = message.to_dict()  # type: ignore[attr-defined]

@@ -530,7 +530,7 @@ def test_manual_control_moves_the_motor_channels() -> None:
     boat.send(mav.MAVLink_manual_control_message(1, 32767, 500, -200, 32767, 0))
     assert boat.outputs() == (1750, 1400)
     boat.send(mav.MAVLink_manual_control_message(1, 0, -2000, 32767, 0, 0))
-    assert boat.outputs() == (1000, 1400)
+    assert boat.outputs() == (1000, 1500)  # an axis without a value gives its channel back
 
 
 # --- overrides that stop ------------------------------------------------------------------------------------
