@@ -128,9 +128,7 @@ class Backseat:
         control = self._control(t_ns, decision, estimate, usable_wind)
         motor_frames = self._actuate(t_ns, decision, control)
         model_input = self._model_input()
-        self._estimator.set_forcing(
-            model_input, (usable_wind.vn_mps, usable_wind.ve_mps) if usable_wind else (0.0, 0.0)
-        )
+        self._estimator.set_forcing(model_input, _ned(usable_wind))
         model_error = None
         if control is not None and estimate is not None:
             model_error = self._monitor.step(estimate, model_input, usable_wind)
@@ -145,13 +143,7 @@ class Backseat:
             level = dialect.MAV_SEVERITY_NOTICE if switch.after else dialect.MAV_SEVERITY_WARNING
             text = f"{switch.quantity} from {switch.after or 'nowhere'}"
             frames.append(self._operator.tell(t_ns, level, text))
-        firmware = self._firmware.note()
-        notes = (*self._link.notes, *(() if firmware is None else (firmware,)))
-        for note in notes:
-            if not note.ok and note not in self._notes:
-                text = f"{note.subject}: {note.text}"
-                frames.append(self._operator.tell(t_ns, dialect.MAV_SEVERITY_WARNING, text))
-        self._notes = notes
+        frames += self._remark(t_ns)
         frame = self._estimator.frame
         return Outputs(
             t_ns=t_ns,
@@ -272,6 +264,23 @@ class Backseat:
         command = (command_of_pulse(self._pwm, pulses[0]), command_of_pulse(self._pwm, pulses[1]))
         return self._model.input_of_command(command)
 
+    def _remark(self, t_ns: int) -> list[Frame]:
+        """Bring the notes up to date; what has become wrong, and what has come right again, is told to operators."""
+        firmware = self._firmware.note()
+        notes = (*self._link.notes, *self._estimator.notes(t_ns), *(() if firmware is None else (firmware,)))
+        if notes == self._notes:
+            return []
+        told = []
+        for note in notes:
+            if not note.ok and note not in self._notes:
+                told.append((dialect.MAV_SEVERITY_WARNING, f"{note.subject}: {note.text}"))
+        wrong = {note.subject for note in notes if not note.ok}
+        for note in self._notes:
+            if not note.ok and note.subject not in wrong:
+                told.append((dialect.MAV_SEVERITY_NOTICE, f"{note.subject}: well again"))
+        self._notes = notes
+        return [self._operator.tell(t_ns, severity, text) for severity, text in told]
+
     def _heartbeat_age_s(self, t_ns: int) -> float | None:
         heard_ns = self._link.autopilot_heartbeat_ns
         return None if heard_ns is None else (t_ns - heard_ns) * 1e-9
@@ -294,3 +303,7 @@ class Backseat:
             sources=self._selector.current(t_ns),
             notes=self._notes,
         )
+
+
+def _ned(wind: Wind | None) -> tuple[float, float] | None:
+    return None if wind is None else (wind.vn_mps, wind.ve_mps)

@@ -92,7 +92,7 @@ def build_estimator(config: EstimatorConfig, model: Dynamics) -> StateEstimator:
         case "raw":
             return HeldSensors(config.ekf, model)
         case _:
-            return Ekf(config.ekf, model)
+            return Ekf(config, model)
 
 
 def build_wind(config: EstimatorConfig) -> WindFilter:

@@ -43,7 +43,8 @@ class Inputs:
 class GnssFix:
     """Position over ground, and velocity over ground in NED; what the source does not have is NaN.
 
-    `h_acc_m` is the receiver's own estimate; 0 or NaN where it gives none.
+    `h_acc_m` is the receiver's own estimate; 0 or NaN where it gives none. `arm_m` is where the antenna is: forward and
+    to starboard of the boat's origin.
     """
 
     t_ns: int
@@ -52,6 +53,7 @@ class GnssFix:
     vn_mps: float
     ve_mps: float
     h_acc_m: float
+    arm_m: tuple[float, float] = (0.0, 0.0)
 
 
 @record
@@ -65,12 +67,16 @@ class Attitude:
 
 @record
 class Imu:
-    """Specific force along body x and y, and yaw rate, NaN where the source does not have it."""
+    """Specific force along body x and y, and yaw rate, NaN where the source does not have it.
+
+    `arm_m` is where the sensor is: forward and to starboard of the boat's origin.
+    """
 
     t_ns: int
     ax_mps2: float
     ay_mps2: float
     r_radps: float
+    arm_m: tuple[float, float] = (0.0, 0.0)
 
 
 @record

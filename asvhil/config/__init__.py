@@ -13,7 +13,15 @@ from asvhil.config.controller import (
     SlidingModeConfig,
     SteeringConfig,
 )
-from asvhil.config.estimator import EkfConfig, EstimatorConfig, FirConfig, MonitorConfig, WindFilterConfig
+from asvhil.config.estimator import (
+    CompassConfig,
+    EkfConfig,
+    EstimatorConfig,
+    FirConfig,
+    MonitorConfig,
+    TrustConfig,
+    WindFilterConfig,
+)
 from asvhil.config.links import AutopilotLinkConfig, InsLinkConfig, NmeaLinkConfig
 from asvhil.config.loading import config_from_json, find_config, find_shipped, load_config
 from asvhil.config.plant import (
@@ -48,6 +56,7 @@ __all__ = [
     "AnemometerSensorConfig",
     "AutopilotLinkConfig",
     "BacksteppingConfig",
+    "CompassConfig",
     "Config",
     "ControllerConfig",
     "CurrentConfig",
@@ -83,6 +92,7 @@ __all__ = [
     "StationConfig",
     "SteeringConfig",
     "SupervisorConfig",
+    "TrustConfig",
     "VesselConfig",
     "WavesConfig",
     "WeatherConfig",

@@ -6,11 +6,45 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from asvhil.config.base import Positive, Section
+from asvhil.config.base import Degrees, NonNegative, Positive, Section
+
+
+class CompassConfig(Section):
+    """Deviation of the compass, A to E in degrees: it reads psi + A + B sin psi + C cos psi + D sin 2 psi + E cos 2 psi.
+
+    They are what a calibration has found (`asvhil calibrate`). `std_deg` is how far each may still be from the boat's
+    own: the filter then goes on to estimate them, and lets them wander by `walk_deg` per sqrt(s). With 0 they are exact.
+    """
+
+    deviation_deg: tuple[Degrees, Degrees, Degrees, Degrees, Degrees] = (0.0, 0.0, 0.0, 0.0, 0.0)
+    std_deg: NonNegative = 0.0
+    walk_deg: NonNegative = 0.0
+
+
+class TrustConfig(Section):
+    """When a sensor is not believed, for how long the filter does without it, and when it is believed again.
+
+    A reading farther than `ekf.gate_sigma` standard deviations from the prediction is refused. One that repeats itself
+    to the last bit for `frozen_after_s`, where it used to be noisy or the boat has moved, is frozen. Without position or
+    without heading the filter dead-reckons on the other sensors for `dead_reckoning_s` at most, and only while the
+    predicted standard deviations are within the limits. What is refused for longer is believed when it has been
+    consistent with the motion for `return_after_s` while there was no valid estimate: never by a jump under way.
+    """
+
+    frozen_after_s: Positive = 0.3
+    dead_reckoning_s: NonNegative = 35.0
+    position_std_max_m: Positive = 1.5
+    heading_std_max_deg: Positive = 6.0
+    return_after_s: Positive = 3.0
 
 
 class EkfConfig(Section):
-    """Noise of the extended Kalman filter: random walks per sqrt(s), measurement standard deviations, gates."""
+    """Noise of the extended Kalman filter: random walks per sqrt(s), measurement standard deviations, priors of biases.
+
+    The velocity walk is the model's error as white acceleration. With the accelerometer, whose white noise is
+    `accel_std_mps2`, the velocity follows what of the two is better, and the model's error is seen at once. A prior of
+    0 keeps its bias out: position is then what the receiver says, its slow error included.
+    """
 
     velocity_walk_mps: Positive = 0.10
     yaw_rate_walk_radps: Positive = 0.05
@@ -25,8 +59,17 @@ class EkfConfig(Section):
     heading_std_deg: Positive = 0.4
     yaw_rate_std_radps: Positive = 0.01
     gate_sigma: Positive = 5.0
-    reset_after_s: Positive = 3.0
     stale_after_s: Positive = 1.0
+    accelerometer: bool = True
+    accel_std_mps2: Positive = 0.03
+    accel_bias_std_mps2: NonNegative = 0.05
+    accel_bias_walk_mps2: NonNegative = 0.0003
+    gyro_bias_std_radps: NonNegative = 0.001
+    gyro_bias_walk_radps: NonNegative = 1e-5
+    position_bias_std_m: NonNegative = 0.0
+    position_bias_time_s: Positive = 90.0
+    compass: CompassConfig = CompassConfig()
+    history_s: NonNegative = 1.0
 
 
 class FirConfig(Section):
@@ -62,5 +105,6 @@ class EstimatorConfig(Section):
     kind: Literal["ekf", "fir", "raw"] = "ekf"
     ekf: EkfConfig = EkfConfig()
     fir: FirConfig = FirConfig()
+    trust: TrustConfig = TrustConfig()
     wind: WindFilterConfig = WindFilterConfig()
     monitor: MonitorConfig = MonitorConfig()

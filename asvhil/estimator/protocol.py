@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Protocol
 
 from asvhil.geo import LocalFrame
-from asvhil.types import Attitude, Estimate, GnssFix, Imu
+from asvhil.types import Attitude, Estimate, GnssFix, Imu, Note
 
 
 class StateEstimator(Protocol):
@@ -18,8 +18,8 @@ class StateEstimator(Protocol):
     @property
     def frame(self) -> LocalFrame | None: ...
 
-    def set_forcing(self, model_input: tuple[float, float], wind_ned: tuple[float, float]) -> None:
-        """What drives the boat from now on: the model's input, and the true wind (m/s, NED)."""
+    def set_forcing(self, model_input: tuple[float, float], wind_ned: tuple[float, float] | None) -> None:
+        """What drives the boat from now on: the model's input, and the true wind (m/s, NED) where it is known."""
 
     def on_attitude(self, m: Attitude) -> None: ...
 
@@ -29,6 +29,9 @@ class StateEstimator(Protocol):
 
     def estimate(self, t_ns: int) -> Estimate | None:
         """The state at a time, not valid while what it needs is stale."""
+
+    def notes(self, t_ns: int) -> tuple[Note, ...]:
+        """Sensors that are not as they should be."""
 
     def counters(self) -> tuple[tuple[str, int], ...]:
         """Cumulative counts of what was not believed."""

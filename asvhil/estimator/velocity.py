@@ -16,7 +16,7 @@ from asvhil.config import EkfConfig, FirConfig
 from asvhil.dynamics.integrate import integrate, substeps
 from asvhil.dynamics.protocol import Dynamics
 from asvhil.geo import LocalFrame, body_to_ned, ned_to_body, wrap_rad
-from asvhil.types import Attitude, Estimate, GnssFix, Imu
+from asvhil.types import Attitude, Estimate, GnssFix, Imu, Note
 
 MAX_GAP_S = 0.5  # between two accelerations: over a longer one nothing is integrated
 
@@ -62,7 +62,7 @@ class HeldSensors:
         self._heading_ns: int | None = None
         self.frame: LocalFrame | None = None
 
-    def set_forcing(self, model_input: tuple[float, float], wind_ned: tuple[float, float]) -> None:
+    def set_forcing(self, model_input: tuple[float, float], wind_ned: tuple[float, float] | None) -> None:
         """The model's input moves the motor states; the wind is of no use here."""
         self._input = model_input
 
@@ -106,6 +106,10 @@ class HeldSensors:
             disturbance=(0.0, 0.0, 0.0),
             valid=self._fresh(self._position_ns, t_ns) and self._fresh(self._heading_ns, t_ns),
         )
+
+    def notes(self, t_ns: int) -> tuple[Note, ...]:
+        """None: nothing is judged."""
+        return ()
 
     def counters(self) -> tuple[tuple[str, int], ...]:
         """None: everything is believed."""

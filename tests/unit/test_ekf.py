@@ -17,7 +17,7 @@ S = 1_000_000_000
 
 
 def make() -> Ekf:
-    return Ekf(CONFIG.estimator.ekf, SimplifiedDynamics(CONFIG.vehicle.vessel))
+    return Ekf(CONFIG.estimator, SimplifiedDynamics(CONFIG.vehicle.vessel))
 
 
 def fix(t_ns: int, n: float, e: float, vn: float = 0.0, ve: float = 0.0) -> GnssFix:
@@ -85,29 +85,91 @@ def test_an_unmodelled_push_becomes_the_disturbance() -> None:
     assert now(ekf, 120 * S).disturbance[0] == pytest.approx(expected, abs=0.04)
 
 
+def still(ekf: Ekf, start_s: float, seconds: float, rng: np.random.Generator, n: float = 0.0, e: float = 0.0) -> None:
+    """A boat at rest whose receiver says (n, e): noisy attitude at 20 Hz, noisy fixes at 10 Hz."""
+    for tick in range(1, round(seconds * 20) + 1):
+        t_ns = round((start_s + tick / 20) * S)
+        ekf.on_attitude(Attitude(t_ns=t_ns, psi_rad=rng.normal(0, 0.004), r_radps=rng.normal(0, 0.009)))
+        if tick % 2 == 0:
+            dn, de, vn, ve = rng.normal(0, 0.05, 4)
+            ekf.on_gnss(fix(t_ns, n + dn, e + de, vn, ve))
+        ekf.predict(t_ns)
+
+
 @pytest.mark.parametrize("jump_m", [20.0, -200.0])
-def test_a_short_jump_is_gated_and_a_lasting_one_is_believed(jump_m: float) -> None:
+def test_a_jump_never_moves_a_valid_estimate_and_is_believed_once_there_is_none(jump_m: float) -> None:
     ekf = started()
     rng = np.random.default_rng(3)
-    drive(ekf, 10.0, rng, speed=0.0, psi=0.0)
+    still(ekf, 0.0, 10.0, rng)
     before = now(ekf, 10 * S)
-    for tick in range(1, 11):
-        ekf.on_gnss(fix(10 * S + tick * S // 10, jump_m, 0.0))
-        ekf.on_attitude(Attitude(t_ns=10 * S + tick * S // 10, psi_rad=0.0, r_radps=0.0))
-    after = now(ekf, 11 * S)
-    assert abs(after.n_m - before.n_m) < 0.3 and ekf.rejected["gnss"] == 10
-    for tick in range(11, 60):
-        ekf.on_gnss(fix(10 * S + tick * S // 10, jump_m, 0.0))
-        ekf.on_attitude(Attitude(t_ns=10 * S + tick * S // 10, psi_rad=0.0, r_radps=0.0))
-    assert now(ekf, 16 * S).n_m == pytest.approx(jump_m, abs=0.5) and ekf.resets == 1
+    for second in range(10, 60):
+        still(ekf, second, 1.0, rng, n=jump_m)
+        at = now(ekf, (second + 1) * S)
+        assert abs(at.n_m - before.n_m) < 0.5 or not at.valid or second >= 40
+        if second == 15:
+            assert [(note.subject, note.text) for note in ekf.notes(16 * S)] == [("gnss position", "jump rejected")]
+        if second == 30:
+            assert at.valid and ekf.resets == 0
+        if second == 46:  # 35 s of dead reckoning are over
+            assert not at.valid or ekf.resets == 1
+    assert now(ekf, 60 * S).n_m == pytest.approx(jump_m, abs=0.3)
+    assert now(ekf, 60 * S).valid and ekf.resets == 1 and ekf.rejected["position"] > 300
+    assert ekf.notes(60 * S) == ()
 
 
-def test_it_is_not_valid_while_a_sensor_is_silent() -> None:
+def test_a_filter_without_a_record_believes_what_goes_on() -> None:
+    """The first fix was 50 m off."""
+    ekf = started()
+    still(ekf, 0.0, 5.0, np.random.default_rng(8), n=50.0)
+    assert ekf.resets == 1 and now(ekf, 5 * S).n_m == pytest.approx(50.0, abs=0.3)
+
+
+def test_a_push_that_nothing_else_has_seen_is_believed_after_three_seconds() -> None:
+    """Position and velocity of the receiver leave together, and explain each other."""
+    ekf = started()
+    rng = np.random.default_rng(9)
+    still(ekf, 0.0, 10.0, rng)
+    for tick in range(1, 100):
+        t_s = 10.0 + tick / 20
+        ekf.on_attitude(Attitude(t_ns=round(t_s * S), psi_rad=rng.normal(0, 0.004), r_radps=rng.normal(0, 0.009)))
+        dn, de, vn, ve = rng.normal(0, 0.05, 4)
+        if tick % 2 == 0:
+            ekf.on_gnss(fix(round(t_s * S), dn, 1.2 * (t_s - 10.0) + de, vn, 1.2 + ve))
+    end = now(ekf, round(14.95 * S))
+    assert ekf.resets == 1 and end.v_mps == pytest.approx(1.2, abs=0.25) and end.e_m == pytest.approx(5.94, abs=0.5)
+
+
+def test_without_fixes_it_dead_reckons_for_as_long_as_it_knows_where_it_is() -> None:
+    ekf = started()
+    drive(ekf, 20.0, np.random.default_rng(4), speed=0.0, psi=0.0)
+    rng = np.random.default_rng(5)
+    valid_for_s = 0.0
+    for tick in range(1, 20 * 60):
+        t_ns = 20 * S + tick * S // 20
+        ekf.on_attitude(Attitude(t_ns=t_ns, psi_rad=rng.normal(0, 0.004), r_radps=rng.normal(0, 0.009)))
+        at = now(ekf, t_ns)
+        if at.valid:
+            assert max(at.std[:2]) <= CONFIG.estimator.trust.position_std_max_m
+            valid_for_s = tick / 20
+    # Without accelerometer the model alone bridges less than the 35 s that are allowed.
+    assert 5.0 < valid_for_s < 35.0
+    assert [(note.subject, note.text) for note in ekf.notes(80 * S)][:2] == [
+        ("gnss position", "silent"),
+        ("gnss velocity", "silent"),
+    ]
+
+
+@pytest.mark.parametrize("silent", ["everything", "position and yaw rate", "heading and yaw rate"])
+def test_it_is_not_valid_once_nothing_is_left_to_bridge_with(silent: str) -> None:
     ekf = started()
     drive(ekf, 5.0, np.random.default_rng(4), speed=0.0, psi=0.0)
     assert now(ekf, 5 * S).valid
     for tick in range(1, 30):
-        ekf.on_attitude(Attitude(t_ns=5 * S + tick * S // 20, psi_rad=0.0, r_radps=0.0))
+        t_ns = 5 * S + tick * S // 20
+        if silent == "position and yaw rate":
+            ekf.on_attitude(Attitude(t_ns=t_ns, psi_rad=0.0, r_radps=math.nan))
+        if silent == "heading and yaw rate":
+            ekf.on_gnss(fix(t_ns, 0.01 * tick % 0.03, 0.0))
     assert not now(ekf, 5 * S + 29 * S // 20).valid
 
 
@@ -116,7 +178,7 @@ def test_heading_across_south_does_not_swing_round() -> None:
     for tick in range(1, 40):
         psi = math.pi - 0.01 + 0.001 * tick
         ekf.on_attitude(Attitude(t_ns=tick * S // 20, psi_rad=(psi + math.pi) % (2 * math.pi) - math.pi, r_radps=0.02))
-    assert abs(now(ekf, 2 * S).psi_rad) == pytest.approx(math.pi - 0.029, abs=0.005) and ekf.rejected["attitude"] == 0
+    assert abs(now(ekf, 2 * S).psi_rad) == pytest.approx(math.pi - 0.029, abs=0.005) and ekf.rejected["heading"] == 0
 
 
 def test_numbers_that_are_none_late_frames_and_gaps_do_no_harm() -> None:

@@ -1,0 +1,69 @@
+"""The last moments of a filter, so that a late reading is put back at its own time and all after it redone."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Callable
+from typing import Any, Generic, NamedTuple, TypeVar
+
+State = TypeVar("State")
+
+
+class _Entry(NamedTuple):
+    t_ns: int
+    event: Any
+    state: Any  # after the event
+
+
+class History(Generic[State]):
+    """Events in the order of their times, each with the state after it, over a bounded span.
+
+    `step(state, t_ns, event)` gives the state after an event and leaves the one before as it was. What the newest state
+    is does not depend on the order in which events of different times came in, as long as none was too late.
+    """
+
+    def __init__(self, step: Callable[[State, int, Any], State], span_ns: int, t_ns: int, state: State) -> None:
+        self._step = step
+        self._span_ns = span_ns
+        self._entries = [_Entry(t_ns, None, state)]
+        self.too_late = 0
+
+    @property
+    def t_ns(self) -> int:
+        """The time of the newest event."""
+        return self._entries[-1].t_ns
+
+    @property
+    def event(self) -> Any:
+        """The newest event."""
+        return self._entries[-1].event
+
+    @property
+    def state(self) -> State:
+        """The state after the newest event."""
+        newest: State = self._entries[-1].state
+        return newest
+
+    def add(self, t_ns: int, event: Any) -> None:
+        """Take in an event; one from before the span is dropped and counted."""
+        entries = self._entries
+        newest = entries[-1]
+        if t_ns >= newest.t_ns:
+            entries.append(_Entry(t_ns, event, self._step(newest.state, t_ns, event)))
+            if t_ns - entries[1].t_ns > self._span_ns:
+                self._forget(t_ns - self._span_ns)
+            return
+        place = bisect_right(entries, t_ns, key=lambda entry: entry.t_ns)
+        if place == 0 or newest.t_ns - t_ns > self._span_ns:
+            self.too_late += 1
+            return
+        again = entries[place:]
+        del entries[place:]
+        for at_ns, what in ((t_ns, event), *((entry.t_ns, entry.event) for entry in again)):
+            entries.append(_Entry(at_ns, what, self._step(entries[-1].state, at_ns, what)))
+
+    def _forget(self, before_ns: int) -> None:
+        """Keep one entry from before the span: the state that the first event in it starts from."""
+        keep = bisect_right(self._entries, before_ns, key=lambda entry: entry.t_ns) - 1
+        if keep > 0:
+            del self._entries[:keep]

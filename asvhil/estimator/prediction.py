@@ -1,0 +1,102 @@
+"""The motion of the filter's state and what an accelerometer should feel, as CasADi functions on plain buffers.
+
+Velocity is predicted from the model's acceleration f and the measured one z together. With model error and
+accelerometer noise white, of spectral densities q_m and q_a, the best of both is f + k (z - f), k = q_m / (q_m + q_a):
+the accelerometer's residual e = z - f is correlated with the process noise, and is fed back with the gain k (Simon,
+Optimal State Estimation, 2006, section 7.1). Between samples e is held, so that a change of thrust acts at once.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from asvhil.dynamics.buffers import bind
+from asvhil.dynamics.integrate import motion_derivative
+from asvhil.dynamics.protocol import Dynamics
+from asvhil.estimator.states import A_X, A_Y, B_E, B_N, D_N, D_R, MOVING, SIZE, Array, R, U, V
+
+MAX_STEP_S = 0.1
+
+
+class Motion:
+    """`predict` is one midpoint step with its Jacobian; `feel` is the specific force at the inertial sensor with its.
+
+    Fill `state` (SIZE + motors), `input` (2), `wind` (2, NED) and `arm` (2, m, body axes: where the inertial sensor
+    is), and before a step `residual` (2, m/s^2). `accelerate` gives (u, v, r) dot by model and disturbance.
+    """
+
+    def __init__(self, model: Dynamics, bias_time_s: float) -> None:
+        size = SIZE + model.n_motor
+        self.state, self.after = np.zeros(size), np.zeros(size)
+        self.input, self.wind, self.arm, self.residual = np.zeros(2), np.zeros(2), np.zeros(2), np.zeros(2)
+        self._gain, self._dt = np.zeros(1), np.zeros(1)
+        self.force = np.zeros(2)
+        step_columns, force_columns = np.zeros(SIZE * SIZE), np.zeros(2 * SIZE)
+        self.jacobian: Array = step_columns.reshape(SIZE, SIZE, order="F")
+        self.force_jacobian: Array = force_columns.reshape(2, SIZE, order="F")
+
+        s, a, wind, arm, e = (ca.SX.sym(name, n) for name, n in (("s", size), ("a", 2), ("w", 2), ("l", 2), ("e", 2)))
+        gain, dt = ca.SX.sym("k"), ca.SX.sym("dt")
+        names = [s, a, wind, arm, e, gain, dt]
+
+        def free_of(x: Any) -> Any:
+            return _free(model, bias_time_s, x, a, wind)
+
+        def felt(x: Any) -> Any:
+            return _specific_force(free_of(x), x, arm)
+
+        def rate(x: Any) -> Any:
+            """The derivative with the residual held."""
+            free = free_of(x)
+            return ca.vertcat(free[:U], free[U : V + 1] + gain * e, free[R:])
+
+        middle = s + 0.5 * dt * rate(s)
+        after = s + dt * rate(middle)
+        # For the covariance z is what is given, not e, so what the accelerometer takes over of the model falls away.
+        z = felt(middle) + e
+        x, z_given = ca.SX.sym("x", size), ca.SX.sym("z", 2)
+        free = free_of(x)
+        fused = free[U : V + 1] + gain * (z_given - _specific_force(free, x, arm))
+        slope = ca.jacobian(ca.vertcat(free[:U], fused, free[R:SIZE]), x[:SIZE])
+        a_middle = ca.substitute(slope, ca.vertcat(x, z_given), ca.vertcat(middle, z))
+        jacobian = ca.SX.eye(SIZE) + dt * a_middle
+        step = ca.Function("ekf_step", names, [after, ca.densify(jacobian)], {"cse": True})
+        arrays = [self.state, self.input, self.wind, self.arm, self.residual, self._gain, self._dt]
+        self._step = bind(step, arrays, [self.after, step_columns])
+
+        force_jacobian = ca.densify(ca.jacobian(felt(s), s[:SIZE]))
+        feel = ca.Function("ekf_feel", [s, a, wind, arm], [felt(s), force_jacobian], {"cse": True})
+        self.feel = bind(feel, arrays[:4], [self.force, force_columns])
+        self.acceleration = np.zeros(3)
+        accelerate = ca.Function("ekf_acceleration", [s, a, wind], [free_of(s)[U : R + 1]], {"cse": True})
+        self.accelerate = bind(accelerate, arrays[:3], [self.acceleration])
+
+    def predict(self, dt_s: float, gain: float) -> None:
+        """`after` and `jacobian` of a step of dt_s with the residual fed back by the gain."""
+        self._dt[0] = dt_s
+        self._gain[0] = gain
+        self._step()
+
+
+def _free(model: Dynamics, bias_time_s: float, s: Any, a: Any, wind: Any) -> Any:
+    """s_dot by the model and the disturbance alone; the receiver's slow error decays, motors move last."""
+    moving = ca.vertcat(s[:MOVING], s[SIZE:])
+    rate = motion_derivative(model, moving, a, wind, s[D_N : D_R + 1])
+    decay = -s[B_N : B_E + 1] / bias_time_s
+    still = ca.SX.zeros(B_N - MOVING), ca.SX.zeros(SIZE - B_E - 1)
+    return ca.vertcat(rate[:MOVING], still[0], decay, still[1], rate[MOVING:])
+
+
+def _specific_force(rate: Any, s: Any, arm: Any) -> Any:
+    """What the inertial sensor reads along body x and y, bias included: nu_dot + S(r) nu carried over to its place.
+
+    Fossen (2011), eq. 2.7 differentiated, on the plane; level, so gravity has no part in it.
+    """
+    r, r_dot = s[R], rate[R]
+    return ca.vertcat(
+        rate[U] - r * s[V] - r_dot * arm[1] - r**2 * arm[0] + s[A_X],
+        rate[V] + r * s[U] + r_dot * arm[0] - r**2 * arm[1] + s[A_Y],
+    )

@@ -1,0 +1,110 @@
+"""What the filter's state vector holds, and what its process noise and priors are.
+
+Position n, e (m), heading psi (rad), velocity over ground u, v (m/s, body axes), yaw rate r (rad/s); the acceleration
+that the model misses d_n, d_e (m/s^2, NED) and d_r (rad/s^2); biases of accelerometer (m/s^2, body axes), gyro (rad/s)
+and GNSS position (m, NED); and the deviation of the compass, the coefficients A to E (rad).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from asvhil.config import EkfConfig
+from asvhil.estimator.trust import NEVER, Track
+
+Array = NDArray[np.float64]
+
+N, E, PSI, U, V, R, D_N, D_E, D_R, A_X, A_Y, G_R, B_N, B_E = range(14)
+DEVIATION = slice(14, 19)  # of the compass: constant, sin, cos, sin 2, cos 2
+SIZE = 19
+MOVING = D_N  # states before it have a motion of their own
+
+
+def noise_rate(config: EkfConfig) -> Array:
+    """Variance per second of each state's random walk; the velocity's is the model's error."""
+    compass_walk_rad = math.radians(config.compass.walk_deg)
+    bias_walk_m = config.position_bias_std_m * math.sqrt(2.0 / config.position_bias_time_s)
+    walks = (
+        [config.position_walk_m] * 2
+        + [config.heading_walk_rad]
+        + [config.velocity_walk_mps] * 2
+        + [config.yaw_rate_walk_radps]
+        + [config.disturbance_walk_mps2] * 2
+        + [config.disturbance_yaw_walk_radps2]
+        + [config.accel_bias_walk_mps2 if config.accel_bias_std_mps2 else 0.0] * 2
+        + [config.gyro_bias_walk_radps if config.gyro_bias_std_radps else 0.0]
+        + [bias_walk_m] * 2
+        + [compass_walk_rad if config.compass.std_deg else 0.0] * 5
+    )
+    return np.array(walks) ** 2
+
+
+def prior(config: EkfConfig) -> Array:
+    """Variances at the start, for a first fix of unknown quality."""
+    compass_variance = math.radians(config.compass.std_deg) ** 2
+    bias_variance = config.position_bias_std_m**2
+    pose_and_velocity = [1.0 + bias_variance] * 2 + [0.05] + [0.25] * 2 + [0.01]
+    disturbance = [1e-3, 1e-3, 1e-4]
+    inertial = [config.accel_bias_std_mps2**2] * 2 + [config.gyro_bias_std_radps**2]
+    return np.array(pose_and_velocity + disturbance + inertial + [bias_variance] * 2 + [compass_variance] * 5)
+
+
+class Forcing(NamedTuple):
+    """What drives the prediction: the model's input, and the true wind (m/s, NED), None where it is not known."""
+
+    model_input: tuple[float, float]
+    wind_ned: tuple[float, float] | None
+
+
+class FilterState:
+    """Everything that the filter knows at a time. Arrays and tracks are replaced, never written into."""
+
+    __slots__ = (
+        "carries_wind",
+        "forcing",
+        "inertial_ns",
+        "interval_s",
+        "invalid_since_ns",
+        "motor",
+        "p",
+        "resets",
+        "residual",
+        "started_ns",
+        "t_ns",
+        "tracks",
+        "travel",
+        "travelled_ns",
+        "x",
+    )
+
+    def __init__(self, t_ns: int, x: Array, p: Array, motor: Array) -> None:
+        self.t_ns, self.x, self.p, self.motor = t_ns, x, p, motor
+        self.forcing = Forcing((0.0, 0.0), None)
+        self.residual: Array = np.zeros(2)
+        self.inertial_ns = NEVER
+        self.interval_s = 0.0
+        self.tracks: dict[str, Track] = {}
+        self.travel = (0.0, 0.0)  # what the receiver's velocity adds up to (m, NED)
+        self.travelled_ns = NEVER
+        self.invalid_since_ns = NEVER
+        self.resets = 0
+        self.started_ns = t_ns
+        self.carries_wind = False  # the disturbance stands in for the load of a wind that is not known
+
+    def copy(self) -> FilterState:
+        """One to go on from."""
+        other = FilterState.__new__(FilterState)
+        for name in FilterState.__slots__:
+            setattr(other, name, getattr(self, name))
+        other.tracks = self.tracks.copy()
+        return other
+
+
+def deviation_row(psi_rad: float) -> tuple[float, ...]:
+    """What each coefficient of the compass deviation is multiplied with: 1, sin, cos, sin 2, cos 2 of the heading."""
+    c, s = math.cos(psi_rad), math.sin(psi_rad)
+    return 1.0, s, c, 2.0 * s * c, c * c - s * s

@@ -1,0 +1,33 @@
+"""Whether there is an estimate to steer by: all sensors, or enough of them to bridge the one that is missing."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from asvhil.config import TrustConfig
+from asvhil.estimator.states import PSI, E, FilterState, N
+
+
+def of(state: FilterState, t_ns: int, stale_ns: int, config: TrustConfig) -> bool:
+    """True with position and heading fresh; or one of the two missing, for a time, while the rest can bridge it.
+
+    Position is bridged on heading and yaw rate (with velocity and acceleration where there are any), heading on
+    position and yaw rate, within `dead_reckoning_s` and the limits of the predicted standard deviations.
+    """
+    if not np.isfinite(state.x).all():
+        return False
+    bridge_ns = config.dead_reckoning_s * 1e9
+    age_ns = {name: t_ns - track.used_ns for name, track in state.tracks.items()}
+    position_ns, heading_ns = age_ns["position"], age_ns["heading"]
+    if position_ns <= stale_ns and heading_ns <= stale_ns:
+        return True
+    if max(position_ns, heading_ns) > bridge_ns or min(position_ns, heading_ns) > stale_ns:
+        return False
+    if age_ns.get("yaw_rate", math.inf) > stale_ns:
+        return False
+    variance = state.p
+    position_std_m = math.sqrt(max(variance[N, N], variance[E, E]))
+    heading_std_rad = math.sqrt(variance[PSI, PSI])
+    return position_std_m <= config.position_std_max_m and heading_std_rad <= math.radians(config.heading_std_max_deg)
