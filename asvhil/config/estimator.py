@@ -10,10 +10,10 @@ from asvhil.config.base import Degrees, NonNegative, Positive, Section
 
 
 class CompassConfig(Section):
-    """Deviation of the compass, A to E in degrees: it reads psi + A + B sin psi + C cos psi + D sin 2 psi + E cos 2 psi.
+    """Deviation of the compass, A to E in degrees: it adds A + B sin psi + C cos psi + D sin 2 psi + E cos 2 psi.
 
     They are what a calibration has found (`asvhil calibrate`). `std_deg` is how far each may still be from the boat's
-    own: the filter then goes on to estimate them, and lets them wander by `walk_deg` per sqrt(s). With 0 they are exact.
+    own: the filter then goes on to estimate them, and lets them wander by `walk_deg` per sqrt(s). 0: they are exact.
     """
 
     deviation_deg: tuple[Degrees, Degrees, Degrees, Degrees, Degrees] = (0.0, 0.0, 0.0, 0.0, 0.0)
@@ -25,8 +25,8 @@ class TrustConfig(Section):
     """When a sensor is not believed, for how long the filter does without it, and when it is believed again.
 
     A reading farther than `ekf.gate_sigma` standard deviations from the prediction is refused. One that repeats itself
-    to the last bit for `frozen_after_s`, where it used to be noisy or the boat has moved, is frozen. Without position or
-    without heading the filter dead-reckons on the other sensors for `dead_reckoning_s` at most, and only while the
+    to the last bit for `frozen_after_s`, where it used to be noisy or the boat has moved, is frozen. Without position
+    or without heading the filter dead-reckons on the other sensors for `dead_reckoning_s` at most, and only while the
     predicted standard deviations are within the limits. What is refused for longer is believed when it has been
     consistent with the motion for `return_after_s` while there was no valid estimate: never by a jump under way.
     """

@@ -9,7 +9,7 @@ from asvhil.config import load_config
 from asvhil.dynamics.rigid_body import SimplifiedDynamics
 from asvhil.estimator.ekf import Ekf
 from asvhil.geo import LocalFrame
-from asvhil.types import Attitude, Estimate, GnssFix
+from asvhil.types import Attitude, Estimate, GnssFix, Imu
 
 CONFIG = load_config("sitl")
 ORIGIN = LocalFrame(lat_deg=40.4, lon_deg=-86.9)
@@ -124,19 +124,25 @@ def test_a_filter_without_a_record_believes_what_goes_on() -> None:
     assert ekf.resets == 1 and now(ekf, 5 * S).n_m == pytest.approx(50.0, abs=0.3)
 
 
-def test_a_push_that_nothing_else_has_seen_is_believed_after_three_seconds() -> None:
-    """Position and velocity of the receiver leave together, and explain each other."""
+@pytest.mark.parametrize(("accelerometer", "speed", "resets"), [(False, 1.2, 0), (True, 3.0, 1)])
+def test_a_push_that_only_the_receiver_has_seen_is_followed(accelerometer: bool, speed: float, resets: int) -> None:
+    """Position and velocity leave together and explain each other; an accelerometer that denies it costs 3 s."""
     ekf = started()
     rng = np.random.default_rng(9)
-    still(ekf, 0.0, 10.0, rng)
-    for tick in range(1, 100):
-        t_s = 10.0 + tick / 20
-        ekf.on_attitude(Attitude(t_ns=round(t_s * S), psi_rad=rng.normal(0, 0.004), r_radps=rng.normal(0, 0.009)))
+    for tick in range(1, 400):
+        t_s = tick / 20
+        t_ns = round(t_s * S)
+        push = speed if t_s > 10.0 else 0.0
+        ekf.on_attitude(Attitude(t_ns=t_ns, psi_rad=rng.normal(0, 0.004), r_radps=rng.normal(0, 0.009)))
         dn, de, vn, ve = rng.normal(0, 0.05, 4)
+        if accelerometer:
+            ax, ay = rng.normal(0, 0.02, 2)
+            ekf.on_imu(Imu(t_ns=t_ns, ax_mps2=ax, ay_mps2=ay, r_radps=math.nan))
         if tick % 2 == 0:
-            ekf.on_gnss(fix(round(t_s * S), dn, 1.2 * (t_s - 10.0) + de, vn, 1.2 + ve))
-    end = now(ekf, round(14.95 * S))
-    assert ekf.resets == 1 and end.v_mps == pytest.approx(1.2, abs=0.25) and end.e_m == pytest.approx(5.94, abs=0.5)
+            ekf.on_gnss(fix(t_ns, push * (t_s - 10.0) + dn, de, push + vn, ve))
+    end = now(ekf, t_ns)
+    assert end.u_mps == pytest.approx(speed, abs=0.25) and end.n_m == pytest.approx(speed * 9.95, abs=0.5)
+    assert ekf.resets == resets and end.valid
 
 
 def test_without_fixes_it_dead_reckons_for_as_long_as_it_knows_where_it_is() -> None:
