@@ -268,6 +268,36 @@ def learned_loop(
     finish(console, output, "learned-loop", figures, markdown, json_)
 
 
+def estimator(
+    output: OutOption = RUNS,
+    seeds: SeedsOption = 5,
+    set_of: Annotated[list[str], typer.Option("--sensors", help="One set of sensors by name; repeatable.")] = [],  # noqa: B006
+    workers: WorkersOption = None,
+    quick: QuickOption = False,
+    set_: SetOption = [],  # noqa: B006
+    json_: JsonOption = None,
+) -> None:
+    """The EKF beside the paper's FIR fusion and the raw readings: errors, abrupt faults, a station through glitches."""
+    import dataclasses
+
+    from rich.console import Console
+
+    from asvhil.study.estimators import FULL, QUICK, SETS, study_estimators
+    from asvhil.study.estimators_report import draw_estimators, report
+    from asvhil.study.rows import checked
+
+    sets = checked(set_of, SETS, "--sensors")
+    plan = QUICK if quick else dataclasses.replace(FULL, seeds=range(1, seeds + 1))
+    console = Console()
+    with watching(console, "estimators") as tell:
+        figures = study_estimators(
+            folder(output) / "estimator.jsonl", plan=plan, sets=sets, overrides=tuple(set_), workers=workers, tell=tell
+        )
+    draw_estimators(figures, output / "estimator.png")
+    figures.pop("traces")  # for the picture alone
+    finish(console, output, "estimator", figures, report, json_)
+
+
 COMMANDS: dict[str, Callable[..., None]] = {
     "bound": bound,
     "six-tests": six_tests,
@@ -275,4 +305,5 @@ COMMANDS: dict[str, Callable[..., None]] = {
     "approach": approach,
     "robustness": robustness,
     "learned-loop": learned_loop,
+    "estimator": estimator,
 }

@@ -26,7 +26,8 @@ PACKAGE = Path(__file__).resolve().parents[1]
 # What decides how a run comes out; how studies count, draw and show their runs does not.
 DECISIVE = (
     *("types.py", "geo.py", "config", "dynamics", "io", "estimator", "controller", "supervisor.py", "backseat.py"),
-    *("build.py", "simplant", "study/trial.py", "study/metrics.py", "study/approach.py"),
+    *("build.py", "simplant", "study/trial.py", "study/metrics.py", "study/approach.py", "study/estimation.py"),
+    "study/abrupt.py",
 )
 
 Result = dict[str, Any]

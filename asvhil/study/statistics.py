@@ -38,5 +38,5 @@ def plus_minus(figure: dict[str, Any], digits: int = 2) -> str:
     return text if figure["ci95"] is None else f"{text} ± {figure['ci95']:.{digits}f}"
 
 
-def count_of_seeds(seeds: Sequence[int]) -> str:
+def count_of_seeds(seeds: Sequence[Any]) -> str:
     return f"{len(seeds)} seed{'s' if len(seeds) != 1 else ''}"

@@ -115,3 +115,18 @@ def test_a_mistake_is_one_line(arguments, words, tmp_path, monkeypatch, capsys):
     assert ended.value.code == 2
     said = capsys.readouterr().err
     assert words in said and said.count("\n") == 1
+
+
+def test_the_estimator_study_on_one_set_of_sensors(tmp_path):
+    done = study("estimator", "--quick", "--sensors", "BREAM", "-o", "out", "--json", "figures.json", cwd=tmp_path)
+    assert (done.returncode, done.stderr) == (0, "")
+    figures = json.loads((tmp_path / "figures.json").read_text())
+    velocity = figures["errors"]["BREAM"]["manoeuvres"]["gusty"]["errors"]
+    assert velocity["ekf"]["velocity_mps"]["mean"] < velocity["raw"]["velocity_mps"]["mean"]
+    assert set(figures["abrupt"]["BREAM"]) > {"none", "GNSS silent"} and figures["survival"]["lost"] == []
+    assert (
+        "| GNSS frozen |" in done.stdout and "### Asked and reached" in (tmp_path / "out" / "estimator.md").read_text()
+    )
+    assert (tmp_path / "out" / "estimator.png").read_bytes().startswith(b"\x89PNG")
+    wrong = study("estimator", "--sensors", "VN-200", cwd=tmp_path)
+    assert wrong.returncode != 0 and wrong.stderr.strip().endswith("--sensors VN-200: unknown (known: VN-300, BREAM)")
