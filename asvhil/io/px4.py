@@ -10,6 +10,8 @@ from typing import Any
 from asvhil.config import AutopilotLinkConfig, PwmConfig
 from asvhil.io.autopilot import Conversation
 from asvhil.io.mavlink import dialect
+from asvhil.io.px4_parameters import requirements
+from asvhil.io.requirements import Requirement
 from asvhil.types import Frame, Measurement
 
 POSITION_USED = dialect.ESTIMATOR_POS_HORIZ_ABS
@@ -26,6 +28,8 @@ class Px4Link(Conversation):
     and thrust of zero, which move nothing. When we die PX4 leaves OFFBOARD after COM_OF_LOSS_T, as COM_OBL_RC_ACT says.
     """
 
+    bytewise_parameters = True
+
     def __init__(self, config: AutopilotLinkConfig, pwm: PwmConfig) -> None:
         super().__init__(config, pwm)
         self._alive_due_ns = 0
@@ -33,6 +37,9 @@ class Px4Link(Conversation):
             dialect.MAVLINK_MSG_ID_ESTIMATOR_STATUS: self._on_estimator_status,
             dialect.MAVLINK_MSG_ID_ACTUATOR_OUTPUT_STATUS: self._on_actuator_output,
         }
+
+    def _requirements(self) -> tuple[Requirement, ...]:
+        return requirements(self._config, self._pwm)
 
     def poll(self, t_ns: int) -> list[Frame]:
         """As every conversation, and the sign of life that OFFBOARD needs, before and while in that mode."""

@@ -6,6 +6,7 @@ import socket
 import time
 from pathlib import Path
 
+import pytest
 from processes import bench, listen
 
 from asvhil.config import load_config
@@ -73,8 +74,9 @@ def test_kill_9_leaves_neutral_motors_and_a_readable_log(tmp_path: Path) -> None
         assert replay(at.log).mismatch is None
 
 
-def test_real_time_over_udp_keeps_the_station(tmp_path: Path) -> None:
-    config = load_config("sitl", ("plant.sensors.gnss.slow_bias_m=0", "plant.start_n_m=-5.0"))
+@pytest.mark.parametrize("name", ["sitl", "sitl-px4"])
+def test_real_time_over_udp_keeps_the_station(name: str, tmp_path: Path) -> None:
+    config = load_config(name, ("plant.sensors.gnss.slow_bias_m=0", "plant.start_n_m=-5.0"))
     statuses: list[dict[str, object]] = []
     run_realtime(config, tmp_path, tmp_path / "log.mcap", 40.0, statuses.append)
     figures = summarise(read_run(tmp_path / "log.mcap"))

@@ -1,0 +1,156 @@
+"""Every way to the motors in the whole loop: the station is kept, and whatever fails ends in neutral motors."""
+
+import math
+from pathlib import Path
+
+import pytest
+from test_lockstep import NO_BIAS, settled
+
+from asvhil.build import build_backseat
+from asvhil.config import Config, load_config
+from asvhil.io.operator import encode_release
+from asvhil.replay import replay
+from asvhil.simplant.lockstep import Lockstep
+from asvhil.sitl import run_lockstep
+from asvhil.types import Inputs, Outputs, Phase
+
+FREE = "plant.frontseat.parameters={SERVO1_FUNCTION: 0, SERVO3_FUNCTION: 0}"
+WAYS = {
+    "rc_override": ("sitl",),
+    "manual_control": ("sitl", "links.autopilot.output=manual_control"),
+    "set_servo": ("sitl", "links.autopilot.output=set_servo", FREE),
+    "set_actuator": ("sitl-px4",),
+}
+NEUTRAL = (1500, 1500)
+
+
+def config(way: str, *overrides: str) -> Config:
+    name, *own = WAYS[way]
+    return load_config(name, (NO_BIAS, *own, *overrides))
+
+
+class Loop(Lockstep):
+    """A loop whose backseat can be made deaf to the autopilot, or be killed."""
+
+    deaf = False
+
+    def tick(self) -> tuple[Inputs, Outputs]:
+        if not self.deaf:
+            return super().tick()
+        self.t_ns += self._period_ns
+        self.plant.advance(self.t_ns)
+        inputs = Inputs(t_ns=self.t_ns, frames=())
+        outputs = self.backseat.step(inputs)
+        for frame in outputs.frames:
+            self.plant.receive(frame)
+        return inputs, outputs
+
+    def driving(self) -> "Loop":
+        """On the way to the station, well away from neutral."""
+        for _ in range(400):
+            held = self.tick()[1].phase is Phase.HOLD
+            if held and min(abs(pulse_us - 1500) for pulse_us in self.plant.frontseat.outputs_us) > 30:
+                return self
+        raise AssertionError("the motors were not driven")
+
+    def left_alone(self, seconds: float) -> tuple[int, int]:
+        """The outputs after a time without a backseat."""
+        self.t_ns += round(seconds * 1e9)
+        self.plant.advance(self.t_ns)
+        return self.plant.frontseat.outputs_us
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_the_station_is_kept(way: str) -> None:
+    distance_m, heading_mean_deg, _ = settled(Loop(config(way)), 150.0, 60.0)
+    assert distance_m <= 0.6 and abs(heading_mean_deg) <= 1.0
+
+
+def test_across_the_wind_with_a_px4_too() -> None:
+    loop = Loop(config("set_actuator", "plant.weather.wind.speed_mps=6", "plant.weather.wind.toward_deg=90"))
+    distance_m, heading_mean_deg, heading_std_deg = settled(loop, 180.0, 60.0)
+    assert distance_m < 3.0 and abs(heading_mean_deg) < 3.0 and 5.0 < heading_std_deg < 16.0
+
+
+@pytest.mark.parametrize("way", ["manual_control", "set_servo", "set_actuator"])
+def test_a_log_replays_to_the_bit(way: str, tmp_path: Path) -> None:
+    run_lockstep(config(way), tmp_path / "log.mcap", 30.0)
+    result = replay(tmp_path / "log.mcap")
+    assert result.mismatch is None and result.compared > 600
+
+
+def _mode(loop: Loop) -> None:
+    assert loop.plant.frontseat.set_mode({"px4": 0x03040000, "ardurover": 4}[loop.config.plant.autopilot])
+
+
+def _disarm(loop: Loop) -> None:
+    assert loop.plant.frontseat.arm(False)
+
+
+def _stick(loop: Loop) -> None:
+    loop.plant.frontseat.set_sticks({4: 1700})
+
+
+def _operator(loop: Loop) -> None:
+    loop.inject("operator", encode_release(loop.config.links.autopilot))
+
+
+def _deaf(loop: Loop) -> None:
+    loop.deaf = True
+
+
+@pytest.mark.parametrize("end", [_mode, _disarm, _stick, _operator, _deaf])
+@pytest.mark.parametrize("way", WAYS)
+def test_however_it_ends_the_motors_are_neutral(way: str, end: object) -> None:
+    loop = Loop(config(way)).driving()
+    end(loop)  # type: ignore[operator]
+    # PX4 tells of its mode once a second; a lost heartbeat is believed after 2.5 s.
+    limit_s = {"_deaf": 2.8}.get(end.__name__, 1.3 if way == "set_actuator" else 0.5)  # type: ignore[attr-defined]
+    outputs = [loop.tick()[1] for _ in range(round(20 * limit_s))][-1]
+    assert outputs.phase in (Phase.STANDBY, Phase.FAILSAFE)
+    for _ in range(200):
+        assert loop.plant.frontseat.outputs_us == NEUTRAL
+        outputs = loop.tick()[1]
+    assert outputs.phase is Phase.STANDBY and outputs.pwm_us is None
+
+
+@pytest.mark.parametrize("way", ["set_servo", "set_actuator"])
+def test_where_the_sticks_are_the_pilots_own_any_of_them_takes_the_boat(way: str) -> None:
+    loop = Loop(config(way)).driving()
+    loop.plant.frontseat.set_sticks({1: 1620})
+    outputs = [loop.tick()[1] for _ in range(8)][-1]
+    assert outputs.phase is Phase.STANDBY and outputs.health.reason == "stick of channel 1 moved"
+
+
+@pytest.mark.parametrize("way", ["rc_override", "manual_control"])
+def test_after_a_crash_sticks_are_given_back_by_the_autopilot(way: str) -> None:
+    loop = Loop(config(way)).driving()
+    assert loop.left_alone(2.8) != NEUTRAL
+    assert loop.left_alone(0.3) == NEUTRAL
+
+
+def test_after_a_crash_px4_disarms_when_offboard_is_lost() -> None:
+    loop = Loop(config("set_actuator")).driving()
+    assert loop.left_alone(0.8) != NEUTRAL
+    assert loop.left_alone(0.4) == NEUTRAL
+
+
+def test_after_a_crash_a_servo_command_stands_until_the_daemon_is_back() -> None:
+    loop = Loop(config("set_servo")).driving()
+    standing = loop.left_alone(0.1)
+    assert loop.left_alone(600.0) == standing != NEUTRAL  # the hazard, as a real ArduRover shows it
+    loop.backseat = build_backseat(loop.config.model_copy(update={"supervisor": _by_command(loop.config)}))
+    for _ in range(20):
+        loop.tick()
+    assert loop.plant.frontseat.outputs_us == NEUTRAL
+
+
+def _by_command(whole: Config) -> object:
+    return whole.supervisor.model_copy(update={"engage": "command"})
+
+
+def test_a_refused_servo_command_is_told_in_words() -> None:
+    loop = Loop(config("set_servo", "plant.frontseat.parameters={SERVO1_FUNCTION: 0, SERVO3_FUNCTION: 74}"))
+    notes = [note.text for _ in range(200) for note in loop.tick()[1].health.notes]
+    assert any("refuses DO_SET_SERVO (FAILED)" in text for text in notes)
+    assert math.isclose(loop.plant.truth.thrust_n[1], 0.0)
