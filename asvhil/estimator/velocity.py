@@ -15,9 +15,11 @@ import numpy as np
 from asvhil.config import EkfConfig, FirConfig
 from asvhil.dynamics.integrate import integrate, substeps
 from asvhil.dynamics.protocol import Dynamics
+from asvhil.estimator.states import deviation_row
 from asvhil.geo import LocalFrame, body_to_ned, ned_to_body, wrap_rad
 from asvhil.types import Attitude, Estimate, GnssFix, Imu, Note
 
+INVERSION_TURNS = 4
 MAX_GAP_S = 0.5  # between two accelerations: over a longer one nothing is integrated
 
 
@@ -43,6 +45,7 @@ class FirFilter:
 class HeldSensors:
     """Pose, velocity and yaw rate as the sensors gave them last: no filter, no gate, nothing between two readings.
 
+    A heading is freed of the deviation that the calibration of the compass has found (`estimator.ekf.compass`).
     The model's motor states are propagated, as they are in every estimator, for the controllers that need them.
     """
 
@@ -51,6 +54,7 @@ class HeldSensors:
         heading_rad = math.radians(config.heading_std_deg)
         position_m, velocity_mps = config.position_std_m, config.velocity_std_mps
         self._std = (position_m, position_m, heading_rad, velocity_mps, velocity_mps, config.yaw_rate_std_radps)
+        self._deviation_rad = np.radians(config.compass.deviation_deg)
         self._model = model
         self._input = (0.0, 0.0)
         self._motor = np.zeros(model.n_motor)
@@ -69,7 +73,7 @@ class HeldSensors:
     def on_attitude(self, m: Attitude) -> None:
         """Take over what the source has of heading and yaw rate."""
         if math.isfinite(m.psi_rad):
-            self._psi_rad, self._heading_ns = m.psi_rad, m.t_ns
+            self._psi_rad, self._heading_ns = self._heading_of(m.psi_rad), m.t_ns
         if math.isfinite(m.r_radps):
             self._r_radps = m.r_radps
 
@@ -117,6 +121,14 @@ class HeldSensors:
 
     def _take_velocity(self, m: GnssFix) -> None:
         self._vn_mps, self._ve_mps = m.vn_mps, m.ve_mps
+
+    def _heading_of(self, reading_rad: float) -> float:
+        """The psi for which psi + deviation(psi) is the reading; each turn leaves a tenth of the error or less."""
+        psi_rad = reading_rad
+        if self._deviation_rad.any():
+            for _ in range(INVERSION_TURNS):
+                psi_rad = reading_rad - float(self._deviation_rad @ deviation_row(psi_rad))
+        return psi_rad
 
     def _fresh(self, at_ns: int | None, t_ns: int) -> bool:
         return at_ns is not None and t_ns - at_ns <= self._stale_ns

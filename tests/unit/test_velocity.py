@@ -154,6 +154,17 @@ def test_raw_velocity_is_the_last_fix_turned_by_the_heading() -> None:
     assert at(estimator, 150).u_mps == pytest.approx(2.0)
 
 
+def test_the_deviation_that_a_calibration_has_found_is_taken_out() -> None:
+    """A 3 and C 4: a boat that points north reads 3 + 4 = 7; one that points to 120 reads 120 + 3 - 2 = 121."""
+    compass = CONFIG.estimator.ekf.compass.model_copy(update={"deviation_deg": (3.0, 0.0, 4.0, 0.0, 0.0)})
+    estimator = HeldSensors(CONFIG.estimator.ekf.model_copy(update={"compass": compass}), MODEL)
+    estimator.on_attitude(heading(0, 7.0))
+    estimator.on_gnss(fix(0))
+    assert math.degrees(at(estimator, 0).psi_rad) == pytest.approx(0.0, abs=1e-3)
+    estimator.on_attitude(heading(10, 121.0))
+    assert math.degrees(at(estimator, 10).psi_rad) == pytest.approx(120.0, abs=1e-3)
+
+
 def test_motor_states_follow_the_models_lag() -> None:
     """First order, 0.3 s: under full thrust for 0.3 s a motor reaches 1 - 1/e; the midpoint rule is off by 1e-3."""
     estimator = begun(raw())
