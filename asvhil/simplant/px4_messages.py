@@ -20,7 +20,8 @@ from asvhil.simplant.telemetry import GRAVITY_MPS2, UNIX_EPOCH_AT_POWER_ON_US
 
 YEAR = 2026.0  # of the epoch at power-on
 INERTIAL = 0b111111  # bits of fields_updated: accelerometer and gyro
-SLOW = 0b1101111000000  # compass, pressure, pressure altitude, temperature
+COMPASS = 0b111000000
+BAROMETER = 0b1101000000000  # pressure, pressure altitude, temperature
 SATELLITES = 12
 VERTICAL_ACCURACY = 1.5  # of a GNSS receiver, times its horizontal one
 SEED = 0x48494C  # keeps these sensors' noise apart from that of the others, which plant.seed alone makes
@@ -40,7 +41,6 @@ class HilMessages:
         self._altitude_m = section.hil.px4.altitude_m
         self._field = earth_field_gauss(section.origin_lat_deg, section.origin_lon_deg, YEAR)
         self._pressure_pa = standard_pressure_pa(self._altitude_m)
-        self._compass_bias_rad = math.radians(section.sensors.heading.bias_deg)
         self._gyro_std, self._accel_std = section.sensors.imu.gyro_white_radps, section.sensors.imu.accel_white_mps2
         self._mag_std, self._baro_std_pa = section.hil.px4.mag_white_gauss, section.hil.px4.baro_white_pa
         gnss = section.sensors.gnss
@@ -51,14 +51,13 @@ class HilMessages:
     def sensor(self, *, slow: bool) -> Any:
         """HIL_SENSOR: m/s^2 (specific force: level and at rest -g on z), rad/s; if `slow` also gauss, hPa, m, deg C."""
         navigation, noise = self._plant.navigation, self._inertial.next
-        updated = INERTIAL
+        updated = 0 if navigation.imu_silent else INERTIAL
         field = (0.0, 0.0, 0.0)
         pressure_hpa = altitude_m = temperature_degc = 0.0
         if slow:
-            updated |= SLOW
-            ahead, abeam = ned_to_body(
-                self._plant.motion.psi_rad + self._compass_bias_rad, self._field[0], self._field[1]
-            )
+            updated |= BAROMETER if navigation.compass_silent else BAROMETER | COMPASS
+            heading_rad = self._plant.motion.psi_rad + navigation.compass_error_rad
+            ahead, abeam = ned_to_body(heading_rad, self._field[0], self._field[1])
             white, std = self._mag.next, self._mag_std
             field = (ahead + std * white(), abeam + std * white(), self._field[2] + std * white())
             error_pa = self._baro_std_pa * self._baro.next()

@@ -81,6 +81,8 @@ class Navigation:
         "_white_std",
         "ax_mps2",
         "ay_mps2",
+        "compass_error_rad",
+        "compass_silent",
         "e_m",
         "fix_e_m",
         "fix_n_m",
@@ -122,7 +124,8 @@ class Navigation:
         self._accel_bias = imu.accel_bias_mps2 * turn_on.next(), imu.accel_bias_mps2 * turn_on.next()
         self._err_n = self._err_e = self._err_vn = self._err_ve = 0.0
         self.fixes = 0
-        self.imu_silent = False
+        self.imu_silent = self.compass_silent = False
+        self.compass_error_rad = 0.0  # of the compass alone, before any filter
         self.fix_ns = t_ns
         self.fix_n_m = self.fix_e_m = self.fix_vn_mps = self.fix_ve_mps = 0.0
         self.n_m = self.e_m = self.vn_mps = self.ve_mps = 0.0
@@ -157,12 +160,13 @@ class Navigation:
         if not (faults.gnss_silent or faults.gnss_frozen):
             self.n_m, self.e_m = truth.n_m + self._err_n + fused_n_m, truth.e_m + self._err_e + fused_e_m
             self.vn_mps, self.ve_mps = vn + self._err_vn, ve + self._err_ve
-        bias_rad = self._heading_bias + self._deviation_at(truth.psi_rad) + turn_rad
-        self.psi_rad = wrap_2pi(truth.psi_rad + bias_rad + self._heading_std * heading.next())
+        bias_rad = self._heading_bias + self._deviation_at(truth.psi_rad)
+        self.compass_error_rad = bias_rad + faults.turn_rad
+        self.psi_rad = wrap_2pi(truth.psi_rad + bias_rad + turn_rad + self._heading_std * heading.next())
         self.r_radps = truth.r_radps + self._gyro_std * gyro.next()
         self.ax_mps2 = truth.ax_mps2 + self._accel_bias[0] + self._accel_std * accel.next()
         self.ay_mps2 = truth.ay_mps2 + self._accel_bias[1] + self._accel_std * accel.next()
-        self.imu_silent = faults.imu_silent
+        self.imu_silent, self.compass_silent = faults.imu_silent, faults.heading_silent
 
     def _deviation_at(self, psi_rad: float) -> float:
         """What the iron of the boat adds to the compass (`HeadingSensorConfig`), without its constant part."""

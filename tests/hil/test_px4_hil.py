@@ -25,6 +25,7 @@ CALM = "plant.weather.wind.speed_mps=0"
 FAST = "plant.hil.px4.speed=0"
 ARMED = 129
 INERTIAL, ALL = 0x3F, 0x1BFF
+COMPASS = 0b111000000
 
 
 class Sitl:
@@ -294,6 +295,25 @@ def test_a_receiver_without_fix_says_nothing() -> None:
     times_s = [fix.time_usec * 1e-6 % 100.0 for fix in fixes]
     assert len(times_s) == 11
     assert not any(1.0 <= t_s < 2.0 for t_s in times_s)
+
+
+def test_faults_of_compass_and_imu_reach_the_samples() -> None:
+    turned = "{kind: heading-jump, size: 90, from_s: 1, until_s: 2}"
+    silent = "{kind: heading-silent, from_s: 2, until_s: 3}, {kind: imu-silent, from_s: 2.5, until_s: 3}"
+    sitl = Sitl(CALM, f"plant.faults=[{turned}, {silent}]")
+    seconds: list[list[Any]] = [[] for _ in range(4)]
+    for sample in of(sitl.lockstep(1000), "HIL_SENSOR"):
+        seconds[min(3, (sample.time_usec - 1) // 1_000_000)].append(sample)
+    compass = [[s for s in second if s.fields_updated & COMPASS] for second in seconds]
+    assert [round(mean_of(second, "xmag"), 2) for second in compass[:2]] == [0.2, -0.02]
+    assert [round(mean_of(second, "ymag"), 2) for second in compass[:2]] == [-0.02, -0.2]  # the field comes from port
+    assert len(compass[2]) <= 1 and len(compass[3]) > 40
+    without = [s for s in seconds[2] if not s.fields_updated & INERTIAL]
+    assert len(without) == pytest.approx(125, abs=1)
+
+
+def mean_of(samples: list[Any], name: str) -> float:
+    return sum(getattr(sample, name) for sample in samples) / len(samples)
 
 
 def test_velocity_over_ground_in_fix_and_truth() -> None:
