@@ -18,6 +18,7 @@ from asvhil.io.autopilot import AutopilotLink
 from asvhil.io.firmware import FirmwareWatch
 from asvhil.io.mavlink import dialect
 from asvhil.io.operator import OperatorLink, Request
+from asvhil.motor_check import MotorCheck
 from asvhil.supervisor import Decision, Supervisor
 from asvhil.types import (
     Attitude,
@@ -74,6 +75,7 @@ class Backseat:
         wind: WindFilter,
         monitor: ModelMonitor,
         supervisor: Supervisor,
+        motors: MotorCheck,
         controller: Controller,
         pwm: PwmConfig,
         control_mode: str,
@@ -91,6 +93,7 @@ class Backseat:
         self._monitor = monitor
         self._model_ok = True
         self._supervisor = supervisor
+        self._motors = motors
         self._controller = controller
         self._pwm = pwm
         self._control_mode = control_mode
@@ -117,9 +120,16 @@ class Backseat:
         requests = self._take_in(inputs)
         estimate = self._estimator.estimate(t_ns)
         wind = self._wind.wind(t_ns)
+        fault = self._motors.step(t_ns)
         answers = [frame for request in requests for frame in self._answer(t_ns, request, estimate)]
         decision = self._supervisor.step(
-            t_ns, self._status, self._heartbeat_age_s(t_ns), estimate, self._estimator.frame
+            t_ns,
+            self._status,
+            self._heartbeat_age_s(t_ns),
+            estimate,
+            self._estimator.frame,
+            fault,
+            self._motors.unheard,
         )
         if decision.station is None and self._station is not None:
             self._controller.reset()
@@ -192,6 +202,7 @@ class Backseat:
                 self._estimator.on_imu(measurement)
             case FrontseatStatus():
                 self._status = measurement
+                self._motors.on_status(measurement)
             case WindSample():
                 estimate = self._estimator.estimate(measurement.t_ns)
                 if estimate is not None:
@@ -209,7 +220,12 @@ class Backseat:
         command = request.command
         if isinstance(command, HoldCommand):
             refusal = self._supervisor.on_hold(
-                command, self._status, self._heartbeat_age_s(t_ns), estimate, self._estimator.frame
+                command,
+                self._status,
+                self._heartbeat_age_s(t_ns),
+                estimate,
+                self._estimator.frame,
+                self._motors.fault,
             )
             if refusal is None:
                 self._cadence.restart()
@@ -244,6 +260,8 @@ class Backseat:
         if self._pulses_us is not None:
             frames += self._link.drive(t_ns, *self._pulses_us)
             self._supervisor.note_sent(t_ns, self._pulses_us)
+        driving = decision.phase in (Phase.HOLD, Phase.FAILSAFE)
+        self._motors.drove(t_ns, self._pulses_us if driving else None)
         if decision.release:
             frames += self._link.release(t_ns)
             self._pulses_us = None
@@ -267,7 +285,8 @@ class Backseat:
     def _remark(self, t_ns: int) -> list[Frame]:
         """Bring the notes up to date; what has become wrong, and what has come right again, is told to operators."""
         firmware = self._firmware.note()
-        notes = (*self._link.notes, *self._estimator.notes(t_ns), *(() if firmware is None else (firmware,)))
+        own = () if firmware is None else (firmware,)
+        notes = (*self._link.notes, *self._motors.notes, *self._estimator.notes(t_ns), *own)
         if notes == self._notes:
             return []
         told = []

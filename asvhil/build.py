@@ -32,6 +32,8 @@ from asvhil.io.nmea import NmeaCodec
 from asvhil.io.operator import OperatorLink
 from asvhil.io.px4 import Px4Link
 from asvhil.io.vectornav.codec import VectorNavCodec
+from asvhil.motor_check import MotorCheck
+from asvhil.output_watch import OutputWatch
 from asvhil.supervisor import Supervisor
 
 HELD_S = 1e-3  # a time constant so short that a low-pass takes each sample over whole
@@ -133,6 +135,13 @@ def build_link(config: Config) -> ArduRoverLink | Px4Link:
     return kind(config.links.autopilot, config.vehicle.pwm)
 
 
+def build_motor_check(config: Config, link: ArduRoverLink | Px4Link) -> MotorCheck:
+    """What minds whether the motors do as told."""
+    readback = config.supervisor.readback
+    watch = OutputWatch(readback, config.vehicle.pwm, overrides_sticks=config.links.autopilot.overrides_sticks)
+    return MotorCheck(link, watch, readback.tolerate)
+
+
 def build_firmware_watch(config: Config) -> FirmwareWatch:
     """What minds the version of the anemometer's firmware."""
     link = config.links.anemometer
@@ -147,10 +156,10 @@ def build_backseat(
     A `model` or `controller` that is given, as by a study, is used as it is.
     """
     model = model or build_model(config, file)
-    pwm = config.vehicle.pwm
+    pwm, link = config.vehicle.pwm, build_link(config)
     return Backseat(
         model=model,
-        link=build_link(config),
+        link=link,
         sensors=build_sensors(config),
         firmware=build_firmware_watch(config),
         selector=SourceSelector(config.sources.resolved(config.links), config.sources.return_after_s),
@@ -159,6 +168,7 @@ def build_backseat(
         wind=build_wind(config.estimator),
         monitor=ModelMonitor(config.estimator.monitor, model, 1.0 / config.daemon.control_hz),
         supervisor=Supervisor(config.supervisor, pwm, overrides_sticks=config.links.autopilot.overrides_sticks),
+        motors=build_motor_check(config, link),
         controller=controller or build_controller(config, model),
         pwm=pwm,
         control_mode=config.supervisor.control_mode,

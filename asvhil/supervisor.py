@@ -50,6 +50,7 @@ class Supervisor:
         self._motor_channels = (pwm.port_channel, pwm.starboard_channel) if overrides_sticks else ()
         # Where the sticks are the pilot's own, any movement of them is his.
         self._stick_channels = config.stick_channels if overrides_sticks else tuple({*STICKS, *config.stick_channels})
+        self._echo_ns = round(config.override_echo_s * 1e9)
         self._phase = Phase.STANDBY
         self._reason = "waiting for a hold command"
         self._station: Station | None = None
@@ -81,9 +82,10 @@ class Supervisor:
         heartbeat_age_s: float | None,
         estimate: Estimate | None,
         frame: LocalFrame | None,
+        fault: str | None = None,
     ) -> str | None:
-        """Take up a station. Returns None, or the reason why not."""
-        refusal = self._why_not(status, heartbeat_age_s, estimate)
+        """Take up a station. Returns None, or the reason why not; `fault`: why the motors would not do as told."""
+        refusal = self._why_not(status, heartbeat_age_s, estimate, fault)
         if refusal is not None:
             return refusal
         assert status is not None and estimate is not None and frame is not None
@@ -102,7 +104,7 @@ class Supervisor:
     def note_sent(self, t_ns: int, pulses_us: tuple[int, int]) -> None:
         """Remember what was sent, to tell the echo of our override from the pilot's sticks."""
         self._sent.append((t_ns, pulses_us))
-        horizon_ns = t_ns - round(self._config.override_echo_s * 1e9)
+        horizon_ns = t_ns - 2 * self._echo_ns
         while self._sent and self._sent[0][0] < horizon_ns:
             self._sent.popleft()
 
@@ -119,12 +121,18 @@ class Supervisor:
         heartbeat_age_s: float | None,
         estimate: Estimate | None,
         frame: LocalFrame | None,
+        fault: str | None = None,
+        unheard: str | None = None,
     ) -> Decision:
-        """The decision of this tick from what is known now."""
+        """The decision of this tick from what is known now.
+
+        `fault`: why the motors do not, or would not, do as told. `unheard`: what it means if the motors' sticks do not
+        show our commands; None once they have, for then somebody else has them.
+        """
         if self._phase in (Phase.STANDBY, Phase.PREPARE) and self._auto_pending:
-            self._prepare(t_ns, status, heartbeat_age_s, estimate, frame)
+            self._prepare(t_ns, status, heartbeat_age_s, estimate, frame, fault)
         if self._phase in (Phase.HOLD, Phase.FAILSAFE):
-            self._watch(t_ns, status, heartbeat_age_s, estimate)
+            self._watch(t_ns, status, heartbeat_age_s, estimate, fault, unheard)
         releasing = self._phase is Phase.STANDBY and self._release_left > 0
         self._release_left -= releasing
         return Decision(
@@ -144,9 +152,15 @@ class Supervisor:
         heartbeat_age_s: float | None,
         estimate: Estimate | None,
         frame: LocalFrame | None,
+        fault: str | None,
     ) -> None:
         """engage: auto. Wait for readiness, ask for mode and arming with neutral sticks, then hold, once."""
         linked = self.link_ok(heartbeat_age_s)
+        if fault is not None:
+            if self._phase is Phase.PREPARE:
+                self._release_left = RELEASE_REPEATS
+            self._phase, self._reason = Phase.STANDBY, fault
+            return
         if status is None or not linked or not status.ready or estimate is None or not estimate.valid or frame is None:
             if self._phase is Phase.PREPARE:
                 self._release_left = RELEASE_REPEATS
@@ -162,11 +176,24 @@ class Supervisor:
         self._engage(t_ns, station, status)
 
     def _watch(
-        self, t_ns: int, status: FrontseatStatus | None, heartbeat_age_s: float | None, estimate: Estimate | None
+        self,
+        t_ns: int,
+        status: FrontseatStatus | None,
+        heartbeat_age_s: float | None,
+        estimate: Estimate | None,
+        fault: str | None,
+        unheard: str | None,
     ) -> None:
-        pilot = self._pilot_acts(t_ns, status)
+        pilot = self._pilot_acts(status)
         if pilot is not None:
             self._let_go(pilot)
+            return
+        if fault is not None:
+            self._let_go(fault, neutral_first=True)
+            return
+        taken = self._sticks_taken(t_ns, status)
+        if taken is not None:
+            self._let_go(taken if unheard is None else unheard, neutral_first=unheard is not None)
             return
         failure = self._failing(heartbeat_age_s, estimate)
         if failure is None:
@@ -181,8 +208,8 @@ class Supervisor:
             return
         self._phase, self._reason = Phase.FAILSAFE, failure
 
-    def _pilot_acts(self, t_ns: int, status: FrontseatStatus | None) -> str | None:
-        """Why the pilot, or somebody else, has the boat now; None while nobody does."""
+    def _pilot_acts(self, status: FrontseatStatus | None) -> str | None:
+        """What the pilot has done to have the boat back; None while he has not."""
         if status is None:
             return None
         if not status.armed:
@@ -193,15 +220,22 @@ class Supervisor:
             now_us = _channel(status, channel)
             if now_us and abs(now_us - baseline_us) > self._config.stick_threshold_us:
                 return f"stick of channel {channel} moved"
-        if (t_ns - self._engaged_ns) * 1e-9 < self._config.override_echo_s:
+        return None
+
+    def _sticks_taken(self, t_ns: int, status: FrontseatStatus | None) -> str | None:
+        """Whether the motors' own sticks show something else than our commands: somebody else has the boat."""
+        if status is None:
+            return None
+        told_ns = status.rc_ns or t_ns
+        if told_ns - self._engaged_ns < self._echo_ns:
             return None  # the echo of the first overrides may still be on its way
+        sent_us = [pulses for sent_ns, pulses in self._sent if told_ns - self._echo_ns <= sent_ns <= told_ns]
         for motor, channel in enumerate(self._motor_channels):
             now_us = _channel(status, channel)
-            if not now_us or not self._sent:
+            if not now_us or not sent_us:
                 continue
-            sent_us = [pulses[motor] for _, pulses in self._sent]
-            slack_us = ECHO_TOLERANCE_US
-            if now_us < min(sent_us) - slack_us or now_us > max(sent_us) + slack_us:
+            least_us, most_us = min(us[motor] for us in sent_us), max(us[motor] for us in sent_us)
+            if not least_us - ECHO_TOLERANCE_US <= now_us <= most_us + ECHO_TOLERANCE_US:
                 return f"channel {channel} does not follow the override"
         return None
 
@@ -215,10 +249,16 @@ class Supervisor:
         return None
 
     def _why_not(
-        self, status: FrontseatStatus | None, heartbeat_age_s: float | None, estimate: Estimate | None
+        self,
+        status: FrontseatStatus | None,
+        heartbeat_age_s: float | None,
+        estimate: Estimate | None,
+        fault: str | None,
     ) -> str | None:
         if status is None or not self.link_ok(heartbeat_age_s):
             return "no heartbeat from the autopilot"
+        if fault is not None:
+            return fault
         if not status.armed:
             return "vehicle is not armed"
         if status.mode != self._config.control_mode:

@@ -116,7 +116,10 @@ class UtcTime:
 
 @record
 class FrontseatStatus:
-    """What the autopilot says of itself. Servo and RC values in microseconds, index 0 is channel 1; 0: no value."""
+    """What the autopilot says of itself. Servo and RC values in microseconds, index 0 is channel 1; 0: no value.
+
+    `rc_ns` and `outputs_ns` are when those values came; 0: never.
+    """
 
     t_ns: int
     armed: bool
@@ -124,6 +127,8 @@ class FrontseatStatus:
     ready: bool
     rc_us: tuple[int, ...]
     outputs_us: tuple[int, ...]
+    rc_ns: int = 0
+    outputs_ns: int = 0
 
 
 @record

@@ -45,7 +45,7 @@ from asvhil.config.plant import (
     WindConfig,
 )
 from asvhil.config.root import Config
-from asvhil.config.shell import StationConfig, SupervisorConfig
+from asvhil.config.shell import ReadbackConfig, StationConfig, SupervisorConfig
 from asvhil.config.sources import QUANTITIES, Quantity, SourceConfig, SourcesConfig
 from asvhil.config.vehicle import PwmConfig, VesselConfig
 
@@ -84,6 +84,7 @@ __all__ = [
     "PwmConfig",
     "Px4HilConfig",
     "Quantity",
+    "ReadbackConfig",
     "Section",
     "SensorsConfig",
     "SlidingModeConfig",

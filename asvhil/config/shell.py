@@ -7,12 +7,24 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from asvhil.config.base import Degrees, Latitude, Longitude, Positive, Section
+from asvhil.types import Cause
 
 
 class StationConfig(Section):
     lat_deg: Latitude
     lon_deg: Longitude
     heading_deg: Degrees
+
+
+class ReadbackConfig(Section):
+    """How outputs are held against commands: a report may answer what was sent up to `lag_s` before it came.
+
+    `tolerate` names causes that are told and do not end a hold, nor refuse one.
+    """
+
+    tolerance_us: Annotated[float, Field(ge=2.0, le=50.0)] = 8.0
+    lag_s: Annotated[float, Field(ge=0.1, le=2.0)] = 0.5
+    tolerate: tuple[Cause, ...] = ()
 
 
 class SupervisorConfig(Section):
@@ -26,6 +38,7 @@ class SupervisorConfig(Section):
     heartbeat_timeout_s: Positive = 2.5
     override_echo_s: Positive = 1.0
     failsafe_neutral_s: Positive = 2.0
+    readback: ReadbackConfig = ReadbackConfig()
 
 
 class DaemonConfig(Section):

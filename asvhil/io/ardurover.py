@@ -8,8 +8,8 @@ from asvhil.config import AutopilotLinkConfig, PwmConfig
 from asvhil.io.autopilot import Conversation
 from asvhil.io.mavlink import dialect
 from asvhil.io.requirements import Requirement
-from asvhil.io.rover_parameters import requirements
-from asvhil.types import Measurement
+from asvhil.io.rover_parameters import names_for, requirements
+from asvhil.types import Cause, Measurement
 
 EKF_HORIZONTAL_POSITION = dialect.EKF_POS_HORIZ_ABS
 EKF_CONSTANT_POSITION = dialect.EKF_CONST_POS_MODE
@@ -26,6 +26,12 @@ class ArduRoverLink(Conversation):
 
     def _requirements(self) -> tuple[Requirement, ...]:
         return requirements(self._config, self._pwm)
+
+    def hint(self, cause: Cause, motor: str, *, blind: bool) -> str:
+        """The parameters to look at for a cause seen on the outputs."""
+        channels = {"port": (self._pwm.port_channel,), "starboard": (self._pwm.starboard_channel,)}
+        both = (self._pwm.port_channel, self._pwm.starboard_channel)
+        return names_for(cause, channels.get(motor, both), blind=blind)
 
     def _on_ekf_status(self, t_ns: int, m: Any) -> Measurement:
         self._ready = bool(m.flags & EKF_HORIZONTAL_POSITION) and not m.flags & EKF_CONSTANT_POSITION

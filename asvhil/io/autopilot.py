@@ -14,7 +14,7 @@ from asvhil.io.parameters import ParameterClient
 from asvhil.io.requirements import Finding, Requirement, judge
 from asvhil.io.streams import StreamKeeper
 from asvhil.io.timesync import TimeSync
-from asvhil.types import Attitude, Frame, FrontseatStatus, GnssFix, Measurement, Note, TimeOffset
+from asvhil.types import Attitude, Cause, Frame, FrontseatStatus, GnssFix, Measurement, Note, TimeOffset
 
 PORT = "autopilot"
 HEARTBEAT_NS = 1_000_000_000
@@ -44,6 +44,10 @@ class AutopilotLink(Protocol):
     @property
     def findings(self) -> list[Finding]:
         """The autopilot's parameters that matter, held against what they must be."""
+        ...
+
+    def hint(self, cause: Cause, motor: str, *, blind: bool) -> str:
+        """What to look at for a cause seen on the outputs; empty where there is nothing to say."""
         ...
 
     def read(self, frame: Frame) -> list[tuple[str, Measurement]]:
@@ -105,6 +109,7 @@ class Conversation:
         self._ready = False
         self._rc_us: tuple[int, ...] = ()
         self._outputs_us: tuple[int, ...] = ()
+        self._rc_ns = self._outputs_ns = 0
         self.autopilot_heartbeat_ns: int | None = None
         self.impossible = 0
         self.reboots = 0
@@ -191,6 +196,10 @@ class Conversation:
             ("autopilot.parameter_requests", self.parameters.requests),
         )
 
+    def hint(self, cause: Cause, motor: str, *, blind: bool) -> str:
+        """What to look at for a cause seen on the outputs."""
+        return ""
+
     def _requirements(self) -> tuple[Requirement, ...]:
         """What the parameters of this autopilot must be."""
         return ()
@@ -203,6 +212,8 @@ class Conversation:
             ready=self._ready,
             rc_us=self._rc_us,
             outputs_us=self._outputs_us,
+            rc_ns=self._rc_ns,
+            outputs_ns=self._outputs_ns,
         )
 
     def _on_heartbeat(self, t_ns: int, m: Any) -> Measurement | None:
@@ -221,12 +232,14 @@ class Conversation:
 
     def _on_rc_channels(self, t_ns: int, m: Any) -> Measurement:
         values = (getattr(m, f"chan{i}_raw") for i in range(1, 19))
+        self._rc_ns = t_ns
         self._rc_us = tuple(0 if value == IGNORE_CHANNEL else value for value in values)
         return self._status(t_ns)
 
     def _on_servo_output(self, t_ns: int, m: Any) -> Measurement | None:
         if m.port != 0:
             return None
+        self._outputs_ns = t_ns
         self._outputs_us = tuple(getattr(m, f"servo{i}_raw") for i in range(1, 17))
         return self._status(t_ns)
 

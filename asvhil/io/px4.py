@@ -61,6 +61,7 @@ class Px4Link(Conversation):
         return self._status(t_ns)
 
     def _on_actuator_output(self, t_ns: int, m: Any) -> Measurement:
+        self._outputs_ns = t_ns
         self._outputs_us = tuple(self._pulse_us(value) for value in m.actuator[:16])
         return self._status(t_ns)
 

@@ -21,7 +21,9 @@ CORE = [
     ["io.autopilot", "io.ardurover", "io.px4", "io.operator"],
     ["estimator"],
     ["controller"],
-    ["supervisor", "cadence"],
+    ["output_models"],
+    ["supervisor", "cadence", "output_watch"],
+    ["motor_check"],
     ["backseat"],
     ["build"],
 ]

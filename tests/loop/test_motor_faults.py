@@ -1,0 +1,188 @@
+"""An autopilot that is set wrong: the daemon refuses to hold, or lets go within 3 s, and says why."""
+
+import random
+from dataclasses import replace
+
+import pytest
+from motor_faults import WRONG, Lossy, Trial
+
+from asvhil.config import load_config
+from asvhil.simplant.lockstep import Lockstep
+from asvhil.types import Frame, Phase
+
+LIMIT_S = 3.0
+REJECTED = 1
+NO_ANSWER = ("PARAM_VALUE",)
+BLIND = ("PARAM_VALUE", "RC_CHANNELS")
+
+
+def neutral_then_released(trial: Trial) -> None:
+    """Neutral and release went out in the tick that let go, and nothing but releases since."""
+    assert trial.overrides[-1][-2:] == [(1500, 1500), (0, 0)]
+    for _ in range(40):
+        outputs = trial.tick()
+        assert outputs.phase is Phase.STANDBY and outputs.pwm_us is None
+    assert all(pulses in ((1500, 1500), (0, 0)) for sent in trial.overrides[-40:] for pulses in sent)
+    assert trial.overrides[-1] == []
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_a_parameter_that_was_read_refuses_the_hold_at_once_and_is_named(name: str) -> None:
+    parameters, _ = WRONG[name]
+    trial = Trial(parameters)
+    seconds, outputs = trial.hold()
+    assert seconds == 0.0 and trial.results == [REJECTED]
+    assert outputs.phase is Phase.STANDBY and outputs.pwm_us is None
+    assert any(wrong in trial.words[-1] for wrong in (*parameters, "RC1_MIN"))
+    (note,) = [note for note in outputs.health.notes if note.subject == "parameters"]
+    assert not note.ok and trial.words[-1] in note.text
+    assert not any(trial.overrides), "nothing was ever sent to the motors"
+
+
+@pytest.mark.parametrize("name", WRONG)
+@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("lost", [NO_ANSWER, BLIND], ids=["no PARAM_VALUE", "nor RC_CHANNELS"])
+def test_without_parameters_the_read_back_finds_it_within_3_s_of_the_hold(
+    name: str, seed: int, lost: tuple[str, ...]
+) -> None:
+    parameters, words = WRONG[name]
+    trial = Trial(parameters, f"plant.seed={seed}", lost=lost)
+    seconds, outputs = trial.hold()
+    assert seconds is not None and 0.0 < seconds <= LIMIT_S
+    if lost == BLIND and words == "overrides are ignored":
+        words = "outputs stay (SYSID_MYGCS or SERVO1/3_FUNCTION)"  # as much as can be known from the outputs alone
+    assert words in outputs.health.reason
+    assert any(words[:35] in said for said in trial.words)
+    neutral_then_released(trial)
+
+
+def test_a_parameter_that_goes_wrong_while_holding_ends_the_hold() -> None:
+    trial = Trial({})
+    assert trial.hold()[0] is None
+    trial.loop.plant.frontseat.rover.parameters.set("PILOT_STEER_TYPE", 0.0)
+    for _ in range(round(LIMIT_S * 20)):
+        outputs = trial.tick()
+        if outputs.phase is Phase.STANDBY:
+            break
+    assert outputs.health.reason == "commands are mixed (PILOT_STEER_TYPE)"
+    neutral_then_released(trial)
+
+
+def test_a_hold_after_the_mistake_was_mended_is_granted() -> None:
+    trial = Trial(WRONG["mixed"][0], lost=NO_ANSWER)
+    assert trial.hold()[0] is not None
+    trial.loop.plant.frontseat.rover.parameters.set("PILOT_STEER_TYPE", 1.0)
+    assert trial.hold()[0] is None
+    notes = {note.subject: note for note in trial.tick().health.notes}
+    assert notes["outputs"].ok and notes["outputs"].text == "follow the commands"
+
+
+def test_a_cause_that_is_tolerated_is_told_and_nothing_more() -> None:
+    trial = Trial(WRONG["slew"][0], "supervisor.readback.tolerate=[slew]", lost=NO_ANSWER)
+    assert trial.hold()[0] is None
+    (note,) = [note for note in trial.tick().health.notes if note.subject == "outputs"]
+    assert note.text == "outputs lag behind (MOT_SLEWRATE)" and not note.ok
+    trial = Trial(WRONG["slew"][0], "supervisor.readback.tolerate=[slew]")
+    assert trial.hold()[0] is None
+
+
+def test_engage_auto_waits_for_the_mistake_to_be_mended_and_never_arms() -> None:
+    loop = Lockstep(load_config("sitl", ("plant.frontseat.mygcs_system_id=255",)))
+    for _ in range(200):
+        _, outputs = loop.tick()
+    assert outputs.phase is Phase.STANDBY and not loop.plant.frontseat.rover.armed
+    assert outputs.health.reason == "SYSID_MYGCS is 255, not 1: overrides are ignored"
+    loop.plant.frontseat.rover.parameters.set("SYSID_MYGCS", 1.0)
+    for _ in range(65 * 20):  # the change was not told: it is found within a minute
+        _, outputs = loop.tick()
+    assert outputs.phase is Phase.HOLD
+
+
+# --- the pilot is never taken for a fault, nor a fault for him ------------------------------------------------
+
+
+@pytest.mark.parametrize("lost", [(), NO_ANSWER, BLIND], ids=["all", "no PARAM_VALUE", "nor RC_CHANNELS"])
+@pytest.mark.parametrize(("act", "words"), [("mode", "mode changed to HOLD"), ("disarm", "disarmed")])
+def test_the_pilots_act_is_named_as_his(lost: tuple[str, ...], act: str, words: str) -> None:
+    trial = Trial({}, lost=lost)
+    assert trial.hold()[0] is None
+    frontseat = trial.loop.plant.frontseat
+    assert frontseat.set_mode(4) if act == "mode" else frontseat.arm(False)
+    for _ in range(5):
+        outputs = trial.tick()
+        if outputs.phase is Phase.STANDBY:
+            break
+    assert outputs.health.reason == words
+    assert trial.overrides[-1] == [(0, 0)], "released, and nothing else said"
+
+
+def test_the_pilot_comes_first_while_a_fault_is_being_found() -> None:
+    trial = Trial(WRONG["swapped"][0], lost=NO_ANSWER)
+    assert trial.hold(limit_s=0.5)[0] is None
+    trial.loop.plant.frontseat.set_sticks({4: 1700})
+    for _ in range(4):
+        outputs = trial.tick()
+        if outputs.phase is Phase.STANDBY:
+            break
+    assert outputs.health.reason == "stick of channel 4 moved"
+
+
+def test_a_pilot_who_switches_overrides_off_is_not_a_wrong_parameter() -> None:
+    trial = Trial({}, lost=NO_ANSWER)
+    assert trial.hold()[0] is None
+    trial.loop.plant.frontseat.rover.parameters.set("RC_OPTIONS", 34.0)  # as his switch would
+    for _ in range(20):
+        outputs = trial.tick()
+        if outputs.phase is Phase.STANDBY:
+            break
+    assert outputs.health.reason.endswith("does not follow the override")
+
+
+# --- no false alarm -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("config", "overrides", "loss", "late_ms"),
+    [
+        ("sitl", ["plant.weather.wind.speed_mps=6", "plant.weather.wind.toward_deg=90"], 0.0, 0),
+        ("sitl", ["plant.weather.wind.speed_mps=0", "plant.start_n_m=0", "plant.start_e_m=0"], 0.0, 0),
+        ("sitl", ["plant.weather.waves.orbital_std_mps=0.07", "plant.weather.waves.yaw_std_radps=0.02"], 0.0, 0),
+        ("sitl-bream", [], 0.0, 0),
+        ("sitl", [], 0.3, 0),
+        ("sitl", [], 0.0, 400),
+        ("sitl", ["links.autopilot.streams_hz.SERVO_OUTPUT_RAW=1"], 0.0, 0),
+        ("sitl", ["links.autopilot.streams_hz.SERVO_OUTPUT_RAW=40"], 0.0, 0),
+        ("sitl", ["links.autopilot.output=manual_control"], 0.0, 0),
+        ("sitl", ["plant.frontseat.rc_receiver=false"], 0.0, 0),
+        (
+            "sitl",
+            [
+                "links.autopilot.output=set_servo",
+                "plant.frontseat.parameters={SERVO1_FUNCTION: 0, SERVO3_FUNCTION: 0}",
+            ],
+            0.0,
+            0,
+        ),
+    ],
+)
+@pytest.mark.parametrize("lost", [(), BLIND], ids=["all", "blind"])
+def test_a_boat_that_is_set_right_is_held(
+    config: str, overrides: list[str], loss: float, late_ms: int, lost: tuple[str, ...]
+) -> None:
+    chance = random.Random(5)
+    loop = Lockstep(load_config(config, tuple(overrides)))
+    plant = loop.plant
+    loop.plant = Lossy(plant, lost, loss)  # type: ignore[assignment]
+
+    def receive(frame: Frame) -> None:
+        if chance.random() >= loss:
+            plant.receive(replace(frame, t_ns=frame.t_ns + late_ms * 1_000_000))
+
+    loop.plant.receive = receive  # type: ignore[method-assign]
+    held = False
+    for _ in range(30 * 20):
+        _, outputs = loop.tick()
+        held = held or outputs.phase is Phase.HOLD
+        assert not held or outputs.phase in (Phase.HOLD, Phase.FAILSAFE), outputs.health.reason
+        assert all(note.ok for note in outputs.health.notes if note.subject in ("outputs", "parameters"))
+    assert held
