@@ -24,6 +24,7 @@ PLAIN_US = 60.0  # a command this far from neutral must show, whatever the dead 
 STILL_US = 2.0
 SLEW_RATES_US_PER_S = (50.0, 75.0, 100.0, 150.0, 200.0, 250.0, 300.0, 400.0, 500.0, 600.0, 800.0, 1000.0, 1500.0)
 SLEW_LAG_S = 0.25
+SLEW_STEP_S = 0.05  # between two commands
 RC_TOLERANCE_US = 3.0
 HEARD_US = 10.0  # an override must differ this much from the stick to be told from it
 
@@ -224,13 +225,17 @@ class OutputWatch:
         turned = np.abs((reported[:, 0] - reported[:, 1])[:, None] - steering) <= 2.0 * tolerance_us
         turns = (turned & recent).any(axis=1)
         mean_us = reported.mean(axis=1)
+        # Steering on top of a throttle that lags may be more than a motor can: then both are cut to keep their ratio.
+        beyond_us = np.abs(reported - self._neutral_us).max(axis=1) - np.abs(pulses - self._neutral_us).max()
+        counts = beyond_us <= tolerance_us
         least = len(reported)
         for rate in SLEW_RATES_US_PER_S:
             path_us = slewed(t_s, throttle, rate, start_us)
             low_us = np.where(recent, path_us, np.inf).min(axis=1)
             high_us = np.where(recent, path_us, -np.inf).max(axis=1)
-            on_way = (mean_us >= low_us - tolerance_us) & (mean_us <= high_us + tolerance_us)
-            least = min(least, int(np.count_nonzero(~(on_way & turns))))
+            slack_us = tolerance_us + rate * SLEW_STEP_S
+            on_way = (mean_us >= low_us - slack_us) & (mean_us <= high_us + slack_us)
+            least = min(least, int(np.count_nonzero(~(on_way & turns) & counts)))
         return least
 
 
