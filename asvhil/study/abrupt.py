@@ -26,7 +26,8 @@ def run_abrupt(base: str, overrides: tuple[str, ...], start_s: float, duration_s
 
     Movement is that of the error (estimate less truth) against its mean over the 5 s before. `recovery_s` counts from
     the end of the fault until the movement is within 0.5 m and 3 degrees for 10 s; None where it is not by the end.
-    Flags are the notes that are not ok, with the time since the start of the fault at which each came up.
+    Flags are what the operators are told: the notes that are not ok, and quantities that have lost their source or
+    taken another one; each with the time since the start of the fault at which it came up.
     """
     config = load_config(base, overrides)
     hz = config.daemon.tick_hz
@@ -47,7 +48,7 @@ def run_abrupt(base: str, overrides: tuple[str, ...], start_s: float, duration_s
         "wind_moved_mps": float(wind_mps[start:end].max()),
         "recovery_s": _recovery_s(good[end:], hz),
         "flags": _flags(run.outputs, start, end, hz),
-        "false_flags": sorted({note for made in run.outputs[before:start] for note in bad_notes(made)}),
+        "false_flags": sorted({flag for made in run.outputs[before:start] for flag in bad_notes(made)}),
         "invalid": share_invalid(run.outputs[start:end]),
         "held": all(made.phase == "hold" for made in run.outputs[start:]),
     }
@@ -59,12 +60,13 @@ def bad_notes(made: Outputs) -> set[str]:
 
 
 def _flags(outputs: Sequence[Outputs], start: int, end: int, hz: float) -> dict[str, float]:
-    """Subject of each flag that was not up at the start and came up while the fault lasted, and after how long (s)."""
-    up_before = bad_notes(outputs[start - 1])
+    """Each flag that was not up at the start and came up while the fault lasted, and after how long (s)."""
+    notes, sources = bad_notes(outputs[start - 1]), dict(outputs[start - 1].health.sources)
     found: dict[str, float] = {}
     for number, made in enumerate(outputs[start:end]):
-        for subject in bad_notes(made) - up_before:
-            found.setdefault(subject, number / hz)
+        changed = {f"source of {quantity}" for quantity, name in made.health.sources if name != sources.get(quantity)}
+        for flag in (bad_notes(made) - notes) | changed:
+            found.setdefault(flag, number / hz)
     return found
 
 

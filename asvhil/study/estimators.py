@@ -48,7 +48,11 @@ ABRUPT: dict[str, tuple[str, float]] = {
 ALL_OF_IT = {"VN-300": {"INS silent": ("ins", 30.0)}, "BREAM": {"GNSS and compass silent": ("nmea", 30.0)}}
 DEVICE = {"VN-300": "ins", "BREAM": "nmea"}
 EVERYWHERE = frozenset({"anemometer", "anemometer-stuck", "ins", "nmea"})  # kinds that know their device
-NAMED_BY = {"gnss": ("gnss",), "heading": ("compass", "heading"), "imu": ("gyro", "accelerometer")}
+NAMED_BY = {  # words of which a flag about the sensor has one
+    "gnss": ("gnss", "position", "velocity"),
+    "heading": ("compass", "heading"),
+    "imu": ("gyro", "accelerometer", "yaw_rate", "acceleration"),
+}
 WIND_NAMES = ("wind", "anemometer")
 RECOVERY_S = 5.0
 START_S = 60.0
