@@ -72,8 +72,12 @@ class SimulatedPx4(SimulatedAutopilot):
 
     def _do_set_actuator(self, peer: str, m: Any) -> int:
         """Accepted whatever it says, as by PX4's commander; sets other than the first move nothing."""
-        if whole(m.param7 + 0.5) == 0:
-            self.vehicle.set_actuators([m.param1, m.param2, m.param3, m.param4, *_fifth_and_sixth(m)])
+        if m.get_type() == "COMMAND_LONG":
+            fifth, sixth, index = m.param5, m.param6, m.param7
+        else:
+            fifth, sixth, index = float(m.x), float(m.y), m.z
+        if whole(index + 0.5) == 0:
+            self.vehicle.set_actuators([m.param1, m.param2, m.param3, m.param4, fifth, sixth])
         return ACCEPTED
 
     def _on_attitude_target(self, peer: str, sender: tuple[int, int], m: Any) -> None:
@@ -85,8 +89,3 @@ class SimulatedPx4(SimulatedAutopilot):
         given = [mask for mask in (POSITION_IGNORE, VELOCITY_IGNORE, ACCELERATION_IGNORE) if m.type_mask & mask != mask]
         if given:
             self.vehicle.offboard_signal()
-
-
-def _fifth_and_sixth(m: Any) -> tuple[float, float]:
-    """Of a COMMAND_LONG; a COMMAND_INT has whole numbers there."""
-    return (m.param5, m.param6) if m.get_type() == "COMMAND_LONG" else (float(m.x), float(m.y))

@@ -11,6 +11,7 @@ from asvhil.io.ardurover import ArduRoverLink
 from asvhil.io.mavlink import FrameSplitter, Parser
 from asvhil.io.nmea import EVERYTHING, MAX_LINE, NmeaCodec
 from asvhil.io.operator import OperatorLink, encode_hold, encode_release
+from asvhil.io.px4 import Px4Link
 from asvhil.io.tlog import read_tlog
 from asvhil.io.vectornav.codec import VectorNavCodec
 from asvhil.simplant.plant import Plant
@@ -45,6 +46,11 @@ def autopilot() -> Subject:
     return Subject(codec.read, lambda: parsers_hold(codec), FrameSplitter.MAX_BUFFER)
 
 
+def px4() -> Subject:
+    codec = Px4Link(OURS.model_copy(update={"profile": "px4", "output": "set_actuator"}), PwmConfig())
+    return Subject(codec.read, lambda: parsers_hold(codec), FrameSplitter.MAX_BUFFER)
+
+
 def operator() -> Subject:
     codec = OperatorLink(OURS)
     return Subject(codec.decode, lambda: parsers_hold(codec), FrameSplitter.MAX_BUFFER)
@@ -60,7 +66,7 @@ def vectornav() -> Subject:
     return Subject(codec.read, lambda: len(codec._buffer), VectorNavCodec.MAX_BUFFER)
 
 
-CODECS = [autopilot, operator, nmea, vectornav]
+CODECS = [autopilot, px4, operator, nmea, vectornav]
 
 
 def chunks(data: bytes, noise: random.Random) -> Iterator[bytes]:
@@ -81,7 +87,9 @@ def recorded() -> dict[Callable[[], Subject], bytes]:
     line = b"".join(frame.data for frame in sent if frame.port == "gnss")
     line += b"".join(frame.data for frame in sent if frame.port == "anemometer")
     holds = b"".join(encode_hold(OURS, 40.0 + 1e-4 * i, -86.0, 0.1 * i) + encode_release(OURS) for i in range(300))
-    return {autopilot: mavlink, operator: holds, nmea: line, vectornav: ins}
+    packed = Plant(load_config("sitl-px4"), 0).advance(60_000_000_000)
+    modes = b"".join(frame.data for frame in packed if frame.port == "autopilot")
+    return {autopilot: mavlink, px4: modes, operator: holds, nmea: line, vectornav: ins}
 
 
 STREAMS = recorded()

@@ -7,6 +7,8 @@ import struct
 from typing import Any
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from simplant_boat import Boat, of, times
 
 from asvhil.config import load_config
@@ -184,6 +186,23 @@ def test_integer_parameters_travel_as_bytes() -> None:
     assert boat.outputs() == (1900, 1500)  # an output with another function does not follow
     with pytest.raises(ConfigError, match="the simulated PX4 has no RC1_DZ"):
         Plant(load_config("sitl", ("plant.autopilot=px4", "plant.frontseat.parameters={RC1_DZ: 0}")), 0)
+
+
+@settings(max_examples=100, deadline=None)
+@given(
+    number=st.sampled_from([187, 176, 400, 511, 512, 510, 246, 183]),
+    values=st.lists(st.floats(width=32), min_size=7, max_size=7),
+    x=st.integers(-(2**31), 2**31 - 1),
+)
+def test_commands_with_any_numbers_never_raise(number: int, values: list[float], x: int) -> None:
+    boat = Px4Boat().ready()
+    boat.send(mav.MAVLink_command_long_message(1, 1, number, 0, *values))
+    boat.send(mav.MAVLink_command_int_message(1, 1, 0, number, 0, 0, *values[:4], x, -x - 1, values[6]))
+    boat.send(mav.MAVLink_param_set_message(1, 1, b"PWM_MAIN_FUNC1", values[0], 6))
+    boat.send(mav.MAVLink_param_set_message(1, 1, b"COM_OF_LOSS_T", values[1], 9))
+    acks = of(boat.run(0.1), "COMMAND_ACK")
+    assert [ack.command for ack in acks] == [number, number]
+    assert all(800 <= pulse_us <= 2200 for pulse_us in boat.seat.outputs_us) or number == 246
 
 
 def test_a_reboot_forgets_streams_mode_arming_and_actuators() -> None:
