@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Any
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
 from asvhil.errors import ConfigError
 from asvhil.io.endpoints.spec import parse_spec
@@ -34,3 +34,20 @@ class Section(BaseModel):
     """A part of the config: unknown keys are refused and nothing changes after loading."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _over_defaults(cls, data: Any) -> Any:
+        """Keys of a section that a config leaves out are those of this place's own default, not of the section's kind.
+
+        `mpc.near` and `mpc.along` are of one kind and have defaults of their own: setting one weight keeps the others.
+        """
+        if not isinstance(data, dict):
+            return data
+        defaults = {name: cls.model_fields[name].default for name in data if name in cls.model_fields}
+        return {
+            name: {**defaults[name].model_dump(exclude_unset=True), **value}
+            if isinstance(value, dict) and isinstance(defaults.get(name), Section)
+            else value
+            for name, value in data.items()
+        }

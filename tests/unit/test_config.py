@@ -13,6 +13,17 @@ def test_shipped_configs_load(name: str) -> None:
     assert load_config(name).vehicle.name == "wamv16"
 
 
+def test_one_key_of_a_section_leaves_the_section_s_other_defaults() -> None:
+    """`along` and `near` are sections of one kind with defaults of their own."""
+    before, after = (
+        load_config("sitl").controller.mpc,
+        load_config("sitl", ("controller.mpc.along.slew=2",)).controller.mpc,
+    )
+    assert after.along.slew == 2.0
+    assert after.along == before.along.model_copy(update={"slew": 2.0})
+    assert after.near == before.near
+
+
 @pytest.mark.parametrize(
     ("override", "words"),
     [

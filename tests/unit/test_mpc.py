@@ -21,6 +21,7 @@ from asvhil.types import Control, Estimate, Station, Wind
 MODEL = SimplifiedDynamics(load_config("sitl").vehicle.vessel)
 GRID_S = np.concatenate([[0.0], np.cumsum(np.linspace(0.2, 0.8, 20))])
 ORIGIN = Station(n_m=0.0, e_m=0.0, psi_rad=0.0)
+LIGHT = MpcWeights(heading=200.0)  # for tests of how weights are chosen, whatever the shipped ones are
 
 
 class TanhModel:
@@ -219,7 +220,7 @@ def test_across_the_wind_it_finds_the_limit_cycle_and_does_not_drift():
 
 def test_a_model_without_motor_states_drops_in():
     model = TanhModel()
-    path = sail(StationMpc(model, MpcConfig(), 0.2), model, (-8, 2, 0.3, 0, 0, 0), (1.0, 0.5), seconds=40.0)
+    path = sail(StationMpc(model, MpcConfig(near=LIGHT), 0.2), model, (-8, 2, 0.3, 0, 0, 0), (1.0, 0.5), seconds=40.0)
     assert np.mean([math.hypot(*s[:2]) for s in path[-50:]]) < 0.6  # over 10 s: it swings about the station
 
 
@@ -451,7 +452,7 @@ def recorded_weights(controller, monkeypatch) -> list[np.ndarray]:
     ],
 )
 def test_heading_weighs_more_where_there_is_no_side_load_to_carry(monkeypatch, wind, disturbance, heading):
-    config = MpcConfig(second_order=False, side_load_mps2=(0.005, 0.015))
+    config = MpcConfig(near=LIGHT, second_order=False, side_load_mps2=(0.005, 0.015))
     controller = StationMpc(MODEL, config, 0.2)
     seen = recorded_weights(controller, monkeypatch)
     assert controller.step(estimate(np.zeros(8), disturbance), wind, ORIGIN).ok
@@ -459,7 +460,7 @@ def test_heading_weighs_more_where_there_is_no_side_load_to_carry(monkeypatch, w
 
 
 def test_a_gust_from_abeam_does_not_flip_the_weights(monkeypatch):
-    controller = StationMpc(MODEL, MpcConfig(second_order=False), 0.2)
+    controller = StationMpc(MODEL, MpcConfig(near=LIGHT, second_order=False), 0.2)
     seen = recorded_weights(controller, monkeypatch)
     for ve_mps in (0.0, 6.0, 0.0):
         controller.step(estimate(np.zeros(8)), air(3.0, ve_mps), ORIGIN)
@@ -471,7 +472,7 @@ def test_a_gust_from_abeam_does_not_flip_the_weights(monkeypatch):
 
 @pytest.mark.parametrize(("offset_m", "heading"), [(0.1, 1500.0), (0.4, 850.0), (0.7, 200.0)])
 def test_off_the_station_heading_gives_way(monkeypatch, offset_m, heading):
-    controller = StationMpc(MODEL, MpcConfig(second_order=False, offset_m=(0.2, 0.6)), 0.2)
+    controller = StationMpc(MODEL, MpcConfig(near=LIGHT, second_order=False, offset_m=(0.2, 0.6)), 0.2)
     seen = recorded_weights(controller, monkeypatch)
     controller.step(estimate((0.0, offset_m, 0, 0, 0, 0, 0, 0)), None, ORIGIN)
     assert seen[0][2] == pytest.approx(0.2 * heading, rel=1e-6)
