@@ -71,7 +71,16 @@ def train(
     ] = None,
     vehicle: Annotated[str | None, typer.Option(help="The vehicle's name, which CSV files do not say.")] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the first weights and of the batches.")] = 1,
+    tries: Annotated[
+        int, typer.Option(min=1, max=50, help="Networks from as many seeds, SEED on; the best on validation is kept.")
+    ] = 1,
     iterations: Annotated[int | None, typer.Option(min=1, help="As the kind has it by default.")] = None,
+    rate: Annotated[
+        float | None, typer.Option(min=1e-6, max=1.0, help="Adam's rate; 0.001, lagnet 0.003 falling to 0.00003.")
+    ] = None,
+    last_rate: Annotated[
+        float | None, typer.Option(min=0.0, max=1.0, help="The rate falls to it along a cosine; as --rate.")
+    ] = None,
     members: Annotated[int | None, typer.Option(min=1, max=20, help="Networks of an ensemble (lagnet).")] = None,
     width: Annotated[int | None, typer.Option(min=1, max=200, help="Hidden neurons of a network; 12.")] = None,
     horizon: Annotated[
@@ -85,6 +94,20 @@ def train(
     mirror: Annotated[
         bool | None,
         typer.Option("--mirror/--no-mirror", help="Train on the mirrored data as well (lagnet does by default)."),
+    ] = None,
+    paired: Annotated[
+        bool, typer.Option("--paired", help="Each neuron (nnsem) with a twin, its mirror image: the boat is symmetric.")
+    ] = False,
+    from_sd: Annotated[
+        bool, typer.Option("--from-sd", help="Start the skip terms (lagnet) from SD fitted to the same data.")
+    ] = False,
+    weight_decay: Annotated[
+        float | None,
+        typer.Option(
+            min=0.0,
+            max=1.0,
+            help="Of the loss for each unit of squared weight, and of squared change of skip terms; 0.",
+        ),
     ] = None,
     validation_share: Annotated[
         float | None,
@@ -112,11 +135,16 @@ def train(
         dt,
         iterations=iterations,
         members=members,
+        rate=rate,
+        last_rate=last_rate,
         width=width,
         horizon_s=horizon,
         batch=batch,
         moving_share=moving_share,
         mirror=mirror,
+        paired=paired,
+        from_sd=from_sd,
+        weight_decay=weight_decay,
         validation_share=validation_share,
     )
     try:
@@ -137,6 +165,7 @@ def train(
                 options=options,
                 dt_s=dt,
                 smoothed=smoothing,
+                tries=tries,
                 resume=resume,
                 progress=show,
             )

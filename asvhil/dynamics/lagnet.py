@@ -15,6 +15,11 @@ from asvhil.dynamics.arrays import namespace_of
 from asvhil.dynamics.nnsem import Array, TanhNetwork
 
 MAP_POINTS = 4001
+# The components of z whose product a skip term is; of a component with itself, x |x|.
+SKIP_FACTORS = (
+    *((0,), (1,), (2,), (0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (2, 0)),
+    *((3,), (4,), (5,), (6,), (5, 5), (6, 6), (5, 6)),
+)
 STATE_LIMIT = 2.0  # of the training range: beyond it the products of velocities stay what they are there
 
 

@@ -9,6 +9,8 @@ import numpy as np
 
 from asvhil.dynamics.fitted_sd import PARAMETERS, FittedSd
 from asvhil.dynamics.integrate import integrate
+from asvhil.dynamics.lagnet import SKIP_FACTORS
+from asvhil.dynamics.nnsem import Scaling
 from asvhil.train.records import Array, Dataset
 from asvhil.train.windows import Windows, check, scaling_of
 
@@ -70,6 +72,44 @@ def fit_sd(
         if done:
             break
     return parameters, costs
+
+
+def skip_of_sd(parameters: Array, scaling: Scaling) -> Array:
+    """The skip terms (16, 3) of LagNet that equal a fitted SD in still air, thrust being linear; in wind nearly.
+
+    Products of the wind and the boat's own velocity, which SD's relative wind has, are left out.
+    """
+    p = dict(zip(PARAMETERS, parameters.tolist(), strict=True))
+    u, v, r, port, starboard, wind_u, wind_v = range(7)
+    rates: tuple[dict[tuple[int, ...], float], ...] = (  # of nu_dot, by the factors of a product, all in their units
+        {
+            (port,): p["thrust_surge"],
+            (starboard,): p["thrust_surge"],
+            (v, r): p["mass_ratio"],
+            (u,): -p["drag_u"],
+            (u, u): -p["drag_uu"] - p["wind_surge"],
+            (wind_u, wind_u): p["wind_surge"],
+        },
+        {
+            (r, u): -1.0 / p["mass_ratio"],
+            (v,): -p["drag_v"],
+            (v, v): -p["drag_vv"] - p["wind_sway"],
+            (wind_v, wind_v): p["wind_sway"],
+        },
+        {
+            (port,): p["thrust_yaw"],
+            (starboard,): -p["thrust_yaw"],
+            (r,): -p["drag_r"],
+            (r, r): -p["drag_rr"],
+            (u, v): -p["munk_yaw"] - p["wind_yaw"],
+            (wind_u, wind_v): -p["wind_yaw"],
+        },
+    )
+    skip = np.zeros((len(SKIP_FACTORS), 3))
+    for axis, terms in enumerate(rates):
+        for factors, rate in terms.items():
+            skip[SKIP_FACTORS.index(factors), axis] = rate * scaling.half[list(factors)].prod() / scaling.half[axis]
+    return skip
 
 
 def _residuals(half: Array, window: int, dt_s: float) -> ca.Function:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -76,15 +77,19 @@ def train_command(
     options: FitOptions | None = None,
     dt_s: float = DT_S,
     smoothed: bool = True,
+    tries: int = 1,
     resume: bool = False,
     progress: ProgressCallback | None = None,
 ) -> dict[str, Any]:
     """Train a model on logs or CSV files and write it, with its curve as a picture beside it; the figures.
 
-    `options` are those of the kind by default. An interrupted training leaves OUTPUT.checkpoint; `resume` goes on
+    `options` are those of the kind by default. Of several `tries`, trained side by side from `seed` on, the best on the
+    validation rollouts is kept. An interrupted training leaves OUTPUT.checkpoint; `resume` goes on
     from there. Raises ConfigError, LogError or ModelError in one line.
     """
     options = options or chosen_options(kind, dt_s)
+    if tries > 1 and kind == "sd":
+        raise ConfigError("train: --tries is of no use to sd, which has no random start")
     _check_output(output)
     if is_csv(data):
         if vehicle is None:
@@ -100,13 +105,13 @@ def train_command(
         checkpoint.unlink(missing_ok=True)
     elif not checkpoint.exists():
         raise ModelError(f"{checkpoint}: no interrupted training to go on with; leave out --resume to start anew")
-    from asvhil.train.fit import fit  # torch, only once it is needed: bad data are told at once
+    from asvhil.train.fit import fit_many  # torch, only once it is needed: bad data are told at once
 
     start_s = time.perf_counter()
-    model = fit(
+    models = fit_many(
         kind,
         dataset,
-        seed=seed,
+        seeds=tuple(range(seed, seed + tries)),
         options=options,
         vehicle=name,
         config_hash=config_hash,
@@ -114,6 +119,7 @@ def train_command(
         checkpoint=checkpoint,
     )
     wall_s = time.perf_counter() - start_s
+    model = models[0] if tries == 1 else best_of(models)
     save_model(output, model)
     from asvhil.train.pictures import draw_curve
 
@@ -130,7 +136,7 @@ def train_command(
         "missing_rows": dataset.missing,
         "smoothed": smoothed,
         "data_hash": dataset.source_hash,
-        "seed": seed,
+        "seed": model.seed,
         "wall_s": round(wall_s, 2),
         **{name: value for name, value in model.figures.items() if name != "curve"},
     }
@@ -180,6 +186,13 @@ def evaluate_command(
         "models": [str(path) for path in models],
         "rows": rows,
     }
+
+
+def best_of(models: Sequence[TrainedModel]) -> TrainedModel:
+    """The model with the lowest error on the validation rollouts, with those of all the seeds in its figures."""
+    errors = {str(model.seed): model.figures["best_validation"] for model in models}
+    best = min(models, key=lambda model: float(model.figures["best_validation"]))
+    return dataclasses.replace(best, figures={**best.figures, "validation_of_seeds": errors})
 
 
 def checkpoint_of(output: Path) -> Path:

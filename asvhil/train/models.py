@@ -14,11 +14,14 @@ from torch import Tensor
 
 from asvhil.train.records import Array
 from asvhil.train.rollout import N_PRODUCTS, N_STATE, euler_rollout
+from asvhil.train.windows import MIRROR_NU, MIRROR_WIND
 from asvhil.types import record
 
 N_INPUT = 7  # u, v, r, port, starboard, w_u, w_v
+INPUT_IN_MIRROR = [0, 1, 2, 4, 3, 5, 6]
+MIRROR_INPUT = np.concatenate([MIRROR_NU, [1.0, 1.0], MIRROR_WIND])
 MAP_UNITS = 8
-STRAIGHT, BENT = -4.0, 2.0  # of the slope before softplus
+STRAIGHT, LEAN, BENT = -4.0, -1.0, 2.0  # of the slope before softplus; from the first there is hardly a way back
 MAP_CELLS = 400  # of the table that the map is read from in training
 N_SKIP_STATE, N_SKIP = N_PRODUCTS, 16
 
@@ -73,29 +76,48 @@ def exported_network(parameters: dict[str, Tensor], number: int) -> dict[str, Ar
         }
 
 
+def with_twins(half: dict[str, Tensor]) -> dict[str, Tensor]:
+    """A network that answers mirrored inputs with mirrored rates, from half of its neurons; scaled about zero."""
+    w1, w2 = half["w1"], half["w2"]
+    inputs, outputs = torch.tensor(MIRROR_INPUT)[:, None], torch.tensor(MIRROR_NU)
+    return {
+        "w1": torch.cat([w1, inputs * w1[:, INPUT_IN_MIRROR]], 2),
+        "b1": torch.cat([half["b1"], half["b1"]], 2),
+        "w2": torch.cat([w2, w2 * outputs], 1),
+        "b2": half["b2"] * (0.5 * (1.0 + outputs)),
+    }
+
+
 class NnsemTrainee:
-    """The paper's network: 7-12-3, tanh, forward Euler."""
+    """The paper's network: 7-12-3, tanh, forward Euler.
+
+    With `paired` every neuron has a twin that is its mirror image, port for starboard, and half of them are learned.
+    """
 
     history = 0
 
-    def __init__(self, rngs: list[np.random.Generator], hidden: int, dt_s: float) -> None:
-        self._dt_s = dt_s
-        self.parameters = initial_network(rngs, N_INPUT, hidden, N_STATE)
+    def __init__(self, rngs: list[np.random.Generator], hidden: int, dt_s: float, paired: bool = False) -> None:
+        self._dt_s, self._paired = dt_s, paired
+        self.parameters = initial_network(rngs, N_INPUT, hidden // 2 if paired else hidden, N_STATE)
+
+    def _weights(self) -> dict[str, Tensor]:
+        return with_twins(self.parameters) if self._paired else self.parameters
 
     def predict(self, batch: Batch) -> Tensor:
-        w1, b1, w2, b2 = (self.parameters[name] for name in ("w1", "b1", "w2", "b2"))
+        w1, b1, w2, b2 = (self._weights()[name] for name in ("w1", "b1", "w2", "b2"))
         p = _affine(torch.cat([batch.command, batch.wind], -1), w1[:, N_STATE:], b1)
         q = (self._dt_s * b2)[:, None].expand(batch.target.shape)
         return euler_rollout(batch.x0, p, q, w1[:, :N_STATE], self._dt_s * w2, None)
 
     def export(self, number: int) -> dict[str, Array]:
-        return exported_network(self.parameters, number)
+        return exported_network(self._weights(), number)
 
 
 class LagNetTrainee:
     """Thrust map, motor lag, network and skip terms; `members` networks in a row share one map and one lag.
 
-    The map starts bent, or as good as straight where it is to be no map at all.
+    The map starts bent, or as good as straight where it is to be no map at all. With `skip` (16, 3) the skip terms
+    start there rather than at zero, and the map with little bend.
     """
 
     def __init__(
@@ -106,15 +128,18 @@ class LagNetTrainee:
         history: int,
         members: int,
         straight: bool = False,
+        skip: Array | None = None,
     ) -> None:
+        slope = STRAIGHT if straight else BENT if skip is None else LEAN
+        start = np.zeros((N_SKIP, N_STATE)) if skip is None else skip
         groups = len(rngs) // members
         self.history, self._dt_s, self._members = history, dt_s, members
         heads = rngs[::members]
         self.parameters = initial_network(rngs, N_INPUT, hidden, N_STATE)
         self.parameters |= {
-            "skip": parameter(np.zeros((len(rngs), N_SKIP, N_STATE))),
+            "skip": parameter(np.stack([start] * len(rngs))),
             "map_gain": parameter(np.zeros((groups, 1, MAP_UNITS))),
-            "map_slope": parameter(np.full((groups, 1, MAP_UNITS), STRAIGHT if straight else BENT)),
+            "map_slope": parameter(np.full((groups, 1, MAP_UNITS), slope)),
             "map_centre": parameter(np.stack([_spread(rng) for rng in heads])),
             "lag": parameter(np.zeros((groups, 1, 1))),
             "direct": parameter(np.full((groups, 1, 1, 1), -1.0)),

@@ -6,7 +6,7 @@ import dataclasses
 import hashlib
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +18,7 @@ from asvhil.dynamics.nnsem import Scaling
 from asvhil.dynamics.weights import TrainedModel
 from asvhil.errors import ModelError
 from asvhil.train.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
-from asvhil.train.fit_sd import fit_sd
+from asvhil.train.fit_sd import fit_sd, skip_of_sd
 from asvhil.train.models import Batch, LagNetTrainee, NnsemTrainee, Trainee
 from asvhil.train.openloop import measured, open_loop, spaced_starts
 from asvhil.train.options import FitOptions, Progress, ProgressCallback
@@ -50,6 +50,7 @@ class Training:
         segments = train.segments
         if options.mirror:
             segments += tuple(mirrored(segment) for segment in segments)
+            self._validation += tuple(mirrored(segment) for segment in self._validation)
         history = round(options.history_s / dataset.dt_s)
         self.windows = Windows(segments, self.scaling, options.window, history)
         self.trainee = _trainee(kind, train, seeds, options, history, self.scaling)
@@ -58,6 +59,7 @@ class Training:
             for name, value in self.trainee.parameters.items()
             if not any(name.startswith(part) for part in options.frozen)
         }
+        self._anchors = _anchors(self._learned) if options.weight_decay > 0.0 else {}
         self._optimizer = torch.optim.Adam(self._learned.values(), lr=options.rate, fused=True)
         self._iteration = 0
         self._curve: list[list[float]] = []  # rows of (iteration, training loss, validation), means over the seeds
@@ -146,10 +148,17 @@ class Training:
             # Summed over the models, which have no weight in common but a map that members of one model share.
             loss = (error * error).mean((1, 2, 3)).sum()
             self._optimizer.zero_grad()
-            loss.backward()  # type: ignore[no-untyped-call]
+            (loss + options.weight_decay * self._distance()).backward()  # type: ignore[no-untyped-call]
             self._optimizer.step()
             total += loss.item()
         return total / (count * len(self._seeds) * options.members)
+
+    def _distance(self) -> torch.Tensor:
+        """The sum of squared distances of the weights from where they are to stay without a reason to leave."""
+        total = torch.zeros((), dtype=torch.float64)
+        for name, anchor in self._anchors.items():
+            total = total + (self._learned[name] - anchor).square().sum()
+        return total
 
     def _validate(self) -> float:
         """Keep each model that is better than before, or each as it is where nothing is held back to tell by.
@@ -210,11 +219,12 @@ def _trainee(
 ) -> Trainee:
     rngs = [np.random.default_rng([seed, member]) for seed in seeds for member in range(options.members)]
     if kind == "lagnet":
-        return LagNetTrainee(rngs, options.hidden, train.dt_s, history, options.members, "map" in options.frozen)
+        skip = skip_of_sd(fit_sd(train, window=options.window)[0], scaling) if options.from_sd else None
+        return LagNetTrainee(rngs, options.hidden, train.dt_s, history, options.members, "map" in options.frozen, skip)
     if options.members != 1:
         raise ModelError(f"only lagnet averages networks, not {kind}")
     if kind == "nnsem":
-        return NnsemTrainee(rngs, options.hidden, train.dt_s)
+        return NnsemTrainee(rngs, options.hidden, train.dt_s, options.paired)
     from asvhil.train.ode import KnodeTrainee, NodeTrainee  # torchdiffeq is not needed by the others
 
     if kind == "node":
@@ -223,6 +233,17 @@ def _trainee(
     rates = FittedSd(prior.tolist(), train.dt_s)
     each = [rates.derivative(part.nu, part.command, part.wind) for part in train.segments]
     return KnodeTrainee(rngs, options.hidden, train.dt_s, scaling, prior, np.concatenate(each).std(axis=0) + 1e-9)
+
+
+def _anchors(learned: Mapping[str, torch.Tensor]) -> dict[str, torch.Tensor]:
+    """Zero for the layers of a network, the start for skip terms and for the coupling with a prior."""
+    anchors = {}
+    for name, value in learned.items():
+        if name in ("w1", "w2"):
+            anchors[name] = torch.zeros_like(value)
+        elif name in ("skip", "g_w1", "g_w2"):
+            anchors[name] = value.detach().clone()
+    return anchors
 
 
 def held_out(dataset: Dataset, fraction: float) -> tuple[Dataset, tuple[Segment, ...]]:

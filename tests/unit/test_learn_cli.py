@@ -168,6 +168,31 @@ def test_options_reach_the_training(run: Run, folder: Path) -> None:
     assert read_model(folder / "opt.npz").weights["w1"].shape == (10, 7)
 
 
+def test_options_of_rates_and_shapes_reach_the_training(run: Run, folder: Path) -> None:
+    order = ("--iterations", "20", "--rate", "0.004", "--weight-decay", "1e-5", "--json", "opt.json")
+    assert run("train", "nnsem", "run.csv", *OF_CSV, "-o", "opt.npz", "--paired", *order)[0] == 0
+    options = json.loads((folder / "opt.json").read_text())["options"]
+    assert (options["paired"], options["symmetric"], options["mirror"]) == (True, True, False)
+    assert (options["rate"], options["last_rate"], options["weight_decay"]) == (0.004, 0.004, 1e-5)
+    assert run("train", "lagnet", "run.csv", *OF_CSV, "-o", "opt.npz", "--from-sd", "--last-rate", "0", *order)[0] == 0
+    options = json.loads((folder / "opt.json").read_text())["options"]
+    assert (options["from_sd"], options["symmetric"], options["rate"], options["last_rate"]) == (True, True, 0.004, 0.0)
+
+
+def test_of_several_tries_the_best_on_validation_is_kept(run: Run, folder: Path) -> None:
+    order = ("train", "nnsem", "run.csv", *OF_CSV, "--iterations", "300")
+    code, _, err = run(*order, "--seed", "3", "--tries", "4", "-o", "best.npz", "--json", "tries.json")
+    assert (code, err) == (0, "")
+    figures = json.loads((folder / "tries.json").read_text())
+    errors = figures["validation_of_seeds"]
+    assert list(errors) == ["3", "4", "5", "6"]
+    assert figures["best_validation"] == errors[str(figures["seed"])] == min(errors.values()) < max(errors.values())
+    assert run(*order, "--seed", str(figures["seed"]), "-o", "alone.npz")[0] == 0
+    best, alone = read_model(folder / "best.npz"), read_model(folder / "alone.npz")
+    assert best.seed == alone.seed == figures["seed"]
+    np.testing.assert_allclose(best.weights["w1"], alone.weights["w1"], atol=1e-9)
+
+
 def test_nothing_held_back_means_all_of_the_data_and_all_of_the_iterations(run: Run, folder: Path) -> None:
     # The ranges for the scaling are those of the training part: all rows, or all but the last tenth.
     for share in ("0", "0.5"):
@@ -192,6 +217,11 @@ def test_training_data_are_smoothed_unless_not_wanted(run: Run, folder: Path) ->
         (("oracle",), "unknown model kind 'oracle' (known: sd, nnsem"),
         (("nnsem", "--members", "3"), "--members is for lagnet"),
         (("sd", "--width", "4"), "--width is of no use to sd"),
+        (("sd", "--tries", "2"), "--tries is of no use to sd"),
+        (("sd", "--rate", "0.1"), "--rate is of no use to sd"),
+        (("node", "--paired"), "--paired is for nnsem, not node"),
+        (("nnsem", "--paired", "--width", "5"), "--paired needs an even --width, not 5"),
+        (("nnsem", "--from-sd"), "--from-sd is for lagnet: nnsem has no skip terms"),
         (("nnsem", "--horizon", "0.2"), "--horizon 0.2 is less than two steps of 0.2 s"),
         (("nnsem", "-o", "net.onnx"), "net.onnx: a model file ends in .npz"),
         (("nnsem", "-o", "run.csv/net.npz"), "run.csv/net.npz: cannot be written"),

@@ -8,14 +8,17 @@ import pytest
 import torch
 from model_data import drive, training_set
 
+from asvhil.dynamics.arrays import namespace_of
+from asvhil.dynamics.lagnet import skip_terms
 from asvhil.dynamics.weights import KINDS
 from asvhil.errors import ModelError
 from asvhil.train.evaluate import HOLD, Case, evaluate
 from asvhil.train.fit import fit, fit_many
+from asvhil.train.fit_sd import fit_sd, skip_of_sd
 from asvhil.train.models import Batch, LagNetTrainee, NnsemTrainee
 from asvhil.train.ode import KnodeTrainee, NodeTrainee
 from asvhil.train.openloop import open_loop
-from asvhil.train.options import OPTIONS, Progress
+from asvhil.train.options import OPTIONS, Progress, chosen_options
 from asvhil.train.records import Dataset, Segment
 from asvhil.train.rollout import euler_rollout
 from asvhil.train.training import Training
@@ -55,10 +58,14 @@ def test_the_rollout_and_its_gradients_are_those_of_autograd(products: bool) -> 
             assert (mine.grad - wanted.grad).abs().max() < 1e-11
 
 
-@pytest.mark.parametrize("kind", ["nnsem", "lagnet", "node", "knode"])
-def test_what_is_trained_is_what_is_run(kind: str) -> None:
+@pytest.mark.parametrize(
+    ("kind", "paired"), [("nnsem", False), ("nnsem", True), ("lagnet", False), ("node", False), ("knode", False)]
+)
+def test_what_is_trained_is_what_is_run(kind: str, paired: bool) -> None:
     # The trainee's prediction of a window, and the exported run-time model over the same rows.
-    options = dataclasses.replace(OPTIONS[kind], members=2 if kind == "lagnet" else 1)
+    options = dataclasses.replace(
+        OPTIONS[kind], members=2 if kind == "lagnet" else 1, paired=paired, symmetric=paired or OPTIONS[kind].symmetric
+    )
     origin = {"vehicle": "wamv16", "dt_s": 0.2, "data_hash": "", "config_hash": ""}
     training = Training(kind, DATA, (1, 2), options, origin, None)
     trainee, windows = training.trainee, training.windows
@@ -99,6 +106,40 @@ def test_mirrored_data_are_what_a_mirrored_boat_would_do() -> None:
     start = np.array([0, 50, 100])
     straight, turned = (open_loop(model, part, start, 50, 0.2) for part in (truth, twin))
     np.testing.assert_allclose(turned, straight * [1.0, -1.0, -1.0], atol=1e-12)
+
+
+def test_paired_neurons_answer_a_mirrored_boat_with_mirrored_motion() -> None:
+    options = chosen_options("nnsem", 0.2, paired=True, iterations=200)
+    trained = fit("nnsem", DATA, options=options)
+    assert trained.weights["w1"].shape == (12, 7) and trained.weights["w2"].shape == (3, 12)
+    model, segment = trained.dynamics(), DATA.segments[0]
+    start = np.arange(0, 240, 24)
+    straight, turned = (open_loop(model, part, start, 50, 0.2) for part in (segment, mirrored(segment)))
+    assert np.abs(straight[:, 1:] - straight[:, :1]).max() > 0.1
+    np.testing.assert_allclose(turned, straight * [1.0, -1.0, -1.0], atol=1e-12)
+
+
+def test_skip_terms_from_sd_are_its_rates_in_still_air() -> None:
+    sd = fit("sd", DATA)
+    scaling = scaling_of(DATA, symmetric=True)
+    skip = skip_of_sd(sd.weights["parameters"], scaling).T * scaling.half[:3, None]
+    rates = sd.dynamics()
+    for seed in range(20):
+        nu, thrust = np.split(np.random.default_rng(seed).uniform(-0.9, 0.9, 5) * scaling.half[:5], [3])
+        z = np.concatenate([nu, thrust, np.zeros(2)])
+        ours = skip @ skip_terms(namespace_of(z), z, scaling.half)
+        np.testing.assert_allclose(ours, rates.derivative(nu, thrust, np.zeros(2)), atol=1e-12)
+
+
+def test_weight_decay_holds_networks_at_nothing_and_skip_terms_where_they_start() -> None:
+    def trained(decay: float) -> dict[str, np.ndarray]:
+        options = chosen_options("lagnet", 0.2, iterations=200, members=1, from_sd=True, weight_decay=decay)
+        return dict(fit("lagnet", DATA, options=dataclasses.replace(options, validation_fraction=0.0)).weights)
+
+    free, held = trained(0.0), trained(1.0)
+    start = skip_of_sd(fit_sd(DATA)[0], scaling_of(DATA, symmetric=True)).T
+    assert np.abs(held["w2"]).max() < 0.02 < 0.1 < np.abs(free["w2"]).max()
+    assert np.abs(held["skip"] - start).max() < 0.02 < 0.1 < np.abs(free["skip"] - start).max()
 
 
 def test_scaling_brings_the_training_set_to_one() -> None:
