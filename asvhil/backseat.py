@@ -102,6 +102,7 @@ class Backseat:
         self._status: FrontseatStatus | None = None
         self._command = (0.0, 0.0)
         self._pulses_us: tuple[int, int] | None = None
+        self._forcing_wind: Wind | None = None
         self._phase = Phase.STANDBY
         self._station: Station | None = None
         self._readers: dict[str, Callable[[Frame], Sequence[tuple[str, Measurement]]]] = {
@@ -118,8 +119,12 @@ class Backseat:
         """Everything that one tick does. Never raises on the content of the frames."""
         t_ns = inputs.t_ns
         requests = self._take_in(inputs)
-        estimate = self._estimator.estimate(t_ns)
         wind = self._wind.wind(t_ns)
+        usable_wind = wind if wind is not None and wind.valid else None
+        if (usable_wind is None) != (self._forcing_wind is None):
+            # Before the estimate, so that the controller gets wind and disturbance of one mind.
+            self._force(usable_wind)
+        estimate = self._estimator.estimate(t_ns)
         fault = self._motors.step(t_ns)
         answers = [frame for request in requests for frame in self._answer(t_ns, request, estimate)]
         decision = self._supervisor.step(
@@ -134,11 +139,10 @@ class Backseat:
         if decision.station is None and self._station is not None:
             self._controller.reset()
         self._station = decision.station
-        usable_wind = wind if wind is not None and wind.valid else None
         control = self._control(t_ns, decision, estimate, usable_wind)
         motor_frames = self._actuate(t_ns, decision, control)
         model_input = self._model_input()
-        self._estimator.set_forcing(model_input, _ned(usable_wind))
+        self._force(usable_wind)
         model_error = None
         if control is not None and estimate is not None:
             model_error = self._monitor.step(estimate, model_input, usable_wind)
@@ -282,11 +286,17 @@ class Backseat:
         command = (command_of_pulse(self._pwm, pulses[0]), command_of_pulse(self._pwm, pulses[1]))
         return self._model.input_of_command(command)
 
+    def _force(self, wind: Wind | None) -> None:
+        """What drives the estimator's prediction from now on."""
+        self._forcing_wind = wind
+        self._estimator.set_forcing(self._model_input(), None if wind is None else (wind.vn_mps, wind.ve_mps))
+
     def _remark(self, t_ns: int) -> list[Frame]:
         """Bring the notes up to date; what has become wrong, and what has come right again, is told to operators."""
         firmware = self._firmware.note()
         own = () if firmware is None else (firmware,)
-        notes = (*self._link.notes, *self._motors.notes, *self._estimator.notes(t_ns), *own)
+        sensors = (*self._estimator.notes(t_ns), *self._wind.notes(t_ns))
+        notes = (*self._link.notes, *self._motors.notes, *sensors, *own)
         if notes == self._notes:
             return []
         told = []
@@ -322,7 +332,3 @@ class Backseat:
             sources=self._selector.current(t_ns),
             notes=self._notes,
         )
-
-
-def _ned(wind: Wind | None) -> tuple[float, float] | None:
-    return None if wind is None else (wind.vn_mps, wind.ve_mps)

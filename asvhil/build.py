@@ -99,8 +99,8 @@ def build_estimator(config: EstimatorConfig, model: Dynamics) -> StateEstimator:
 
 def build_wind(config: EstimatorConfig) -> WindFilter:
     """The wind filter; one that holds the last sample where readings are used as they come."""
-    section = config.wind
-    return WindFilter(section if config.kind == "ekf" else section.model_copy(update={"time_constant_s": HELD_S}))
+    held = {"time_constant_s": HELD_S, "speed_time_constant_s": HELD_S, "stuck_after_s": None}
+    return WindFilter(config.wind if config.kind == "ekf" else config.wind.model_copy(update=held))
 
 
 def build_cadence(config: Config) -> Cadence:

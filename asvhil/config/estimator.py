@@ -83,10 +83,17 @@ class FirConfig(Section):
 
 
 class WindFilterConfig(Section):
-    """Low-pass of the true wind and when it is too old to use."""
+    """Low-pass of the true wind, of its direction and of its speed, and when it is too old to use.
+
+    `vane_offset_deg` is how far the vane's zero is turned clockwise from the bow (`asvhil calibrate` finds it). An
+    anemometer that does not move for `stuck_after_s` though it should is stuck; absent: nobody looks.
+    """
 
     time_constant_s: Positive = 4.0
+    speed_time_constant_s: Positive = 0.5
     stale_after_s: Positive = 3.0
+    vane_offset_deg: Degrees = 0.0
+    stuck_after_s: Positive | None = 2.0
 
 
 class MonitorConfig(Section):

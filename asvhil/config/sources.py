@@ -62,12 +62,15 @@ MESSAGES: dict[SensorLink, dict[str, tuple[Quantity, ...]]] = {
 class SourceConfig(Section):
     """One source: a message of a link. Silent for `timeout_s`, or without a valid value as long, the next one is used.
 
-    In YAML also as one word, `LINK.MESSAGE`.
+    Its values are `delay_s` old when they arrive. `arm_m` is where they hold, metres forward and to starboard of the
+    boat's origin: a GNSS antenna, an accelerometer. In YAML also as one word, `LINK.MESSAGE`.
     """
 
     link: SensorLink
     message: str
     timeout_s: Positive = 1.0
+    delay_s: NonNegative = 0.0
+    arm_m: tuple[float, float] = (0.0, 0.0)
 
     @model_validator(mode="before")
     @classmethod
@@ -129,8 +132,19 @@ def _check_stream(where: str, source: SourceConfig, rate_hz: float | None) -> No
         raise ValueError(f"{where} comes at {rate_hz:g} Hz: timeout_s of at least {least_s:g}, or a higher {key}")
 
 
-def check_sources(sources: SourcesConfig, links: LinksConfig) -> None:
-    """ValueError naming the first source that no link can give, or whose stream is not asked for."""
+def _check_alike(sources: SourcesConfig, one: Quantity, other: Quantity) -> None:
+    """Two quantities of one message are of one time and place."""
+    for source in getattr(sources, one):
+        for number, same in enumerate(getattr(sources, other)):
+            if same.name == source.name and (same.delay_s, same.arm_m) != (source.delay_s, source.arm_m):
+                where = f"sources.{other}.{number}: {same.name}"
+                raise ValueError(f"{where} must have the delay_s and arm_m that it has under sources.{one}")
+
+
+def check_sources(sources: SourcesConfig, links: LinksConfig, history_s: float) -> None:
+    """ValueError naming the first source that no link can give, whose stream is not asked for, or that is too late."""
+    _check_alike(sources, "position", "velocity")
+    _check_alike(sources, "heading", "yaw_rate")
     for quantity in QUANTITIES:
         seen: set[str] = set()
         for number, source in enumerate(getattr(sources, quantity)):
@@ -144,6 +158,8 @@ def check_sources(sources: SourcesConfig, links: LinksConfig) -> None:
                 )
             if source.link == "autopilot":
                 _check_stream(where, source, links.autopilot.streams_hz.get(source.message))
+            if source.delay_s > history_s:
+                raise ValueError(f"{where}: delay_s must not be above estimator.ekf.history_s, which is {history_s:g}")
             if source.name in seen:
                 raise ValueError(f"{where} stands in the list twice")
             seen.add(source.name)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Mapping
+from typing import Any
 
 from asvhil.config import Quantity, SourceConfig
 from asvhil.types import Attitude, BowWind, GnssFix, Imu, Measurement, TrueWind, UtcTime, WindSample, record
@@ -80,6 +81,12 @@ class SourceSelector:
     def __init__(self, sources: Mapping[Quantity, tuple[SourceConfig, ...]], return_after_s: float) -> None:
         self._choices = {quantity: Choice(list_, return_after_s) for quantity, list_ in sources.items()}
         self._shown: dict[Quantity, str] = dict.fromkeys(self._choices, "")
+        self._places = {
+            (quantity, source.name): (round(source.delay_s * NS_PER_S), source.arm_m)
+            for quantity, list_ in sources.items()
+            for source in list_
+            if source.delay_s or any(source.arm_m)
+        }
 
     def select(self, link: str, message: str, m: Measurement) -> list[Measurement]:
         """What is left of a measurement from a message of a link; what is no sensor's passes."""
@@ -92,7 +99,7 @@ class SourceSelector:
             case Imu():
                 return self._imu(name, m)
             case WindSample() | BowWind() | TrueWind():
-                return [m] if self._offer("wind", m.t_ns, name) else []
+                return [self._placed("wind", name, m)] if self._offer("wind", m.t_ns, name) else []
             case UtcTime():
                 return []
             case _:
@@ -116,6 +123,17 @@ class SourceSelector:
         """Whether these values, if they are numbers, are those in use."""
         return all(math.isfinite(value) for value in values) and self._choices[quantity].offer(t_ns, name)
 
+    def _placed(self, quantity: Quantity, name: str, m: Measurement) -> Measurement:
+        """A measurement at the time and the place at which it holds."""
+        place = self._places.get((quantity, name))
+        if place is None:
+            return m
+        delay_ns, arm_m = place
+        changes: dict[str, Any] = {"t_ns": m.t_ns - delay_ns}
+        if isinstance(m, GnssFix | Imu):
+            changes["arm_m"] = arm_m
+        return dataclasses.replace(m, **changes)
+
     def _fix(self, name: str, m: GnssFix) -> list[Measurement]:
         position = self._offer("position", m.t_ns, name, m.lat_deg, m.lon_deg)
         velocity = self._offer("velocity", m.t_ns, name, m.vn_mps, m.ve_mps)
@@ -125,7 +143,7 @@ class SourceSelector:
             m = dataclasses.replace(m, lat_deg=math.nan, lon_deg=math.nan)
         if not velocity and math.isfinite(m.vn_mps):
             m = dataclasses.replace(m, vn_mps=math.nan, ve_mps=math.nan)
-        return [m]
+        return [self._placed("position" if position else "velocity", name, m)]
 
     def _attitude(self, name: str, m: Attitude) -> list[Measurement]:
         heading = self._offer("heading", m.t_ns, name, m.psi_rad)
@@ -136,13 +154,14 @@ class SourceSelector:
             m = dataclasses.replace(m, psi_rad=math.nan)
         if not rate and math.isfinite(m.r_radps):
             m = dataclasses.replace(m, r_radps=math.nan)
-        return [m]
+        return [self._placed("heading" if heading else "yaw_rate", name, m)]
 
     def _imu(self, name: str, m: Imu) -> list[Measurement]:
         """Specific force as it is; a yaw rate that is in use goes on as an attitude without heading."""
         found: list[Measurement] = []
         if self._offer("yaw_rate", m.t_ns, name, m.r_radps):
-            found.append(Attitude(t_ns=m.t_ns, psi_rad=math.nan, r_radps=m.r_radps))
+            rate = Attitude(t_ns=m.t_ns, psi_rad=math.nan, r_radps=m.r_radps)
+            found.append(self._placed("yaw_rate", name, rate))
         if self._offer("acceleration", m.t_ns, name, m.ax_mps2, m.ay_mps2):
-            found.append(m)
+            found.append(self._placed("acceleration", name, m))
         return found

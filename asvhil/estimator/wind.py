@@ -1,58 +1,82 @@
-"""Apparent to true wind, and its low-pass."""
+"""Apparent to true wind, its low-pass, and whether the anemometer that it comes from still turns."""
 
 from __future__ import annotations
 
 import math
 
 from asvhil.config import WindFilterConfig
-from asvhil.geo import body_to_ned
-from asvhil.types import BowWind, Estimate, TrueWind, Wind, WindSample
+from asvhil.estimator import trust
+from asvhil.estimator.trust import Liveliness, Track
+from asvhil.geo import body_to_ned, ned_to_body, wrap_rad
+from asvhil.types import BowWind, Estimate, Note, TrueWind, Wind, WindSample
+
+CUPS = Liveliness(noise=0.03, motion=0.5)  # m/s
+VANE_TURN_RAD = math.radians(35.0)  # one and a half of the steps of a vane with 16 positions
+VANE_MOVES_MPS = 1.0  # in less wind a vane may well stay where it is
+CALM_MPS = 0.5  # in less wind there is no direction to speak of
 
 
-def true_wind(sample: WindSample, estimate: Estimate) -> tuple[float, float]:
-    """Velocity of the air over ground (m/s, NED): apparent wind by heading, plus the boat's motion."""
-    u_air = -sample.speed_mps * math.cos(sample.from_rad) + estimate.u_mps
-    v_air = -sample.speed_mps * math.sin(sample.from_rad) + estimate.v_mps
+def true_wind(sample: WindSample, estimate: Estimate, offset_rad: float = 0.0) -> tuple[float, float]:
+    """Velocity of the air over ground (m/s, NED): apparent wind by heading, plus the boat's motion.
+
+    `offset_rad` is how far the vane's zero is turned clockwise from the bow.
+    """
+    from_rad = sample.from_rad + offset_rad
+    u_air = -sample.speed_mps * math.cos(from_rad) + estimate.u_mps
+    v_air = -sample.speed_mps * math.sin(from_rad) + estimate.v_mps
     return body_to_ned(estimate.psi_rad, u_air, v_air)
 
 
+def apparent_wind(wind_ned: tuple[float, float], estimate: Estimate) -> tuple[float, float]:
+    """Speed (m/s) and direction FROM, clockwise from the bow (rad), of a true wind as the moving boat feels it."""
+    ahead, abeam = ned_to_body(estimate.psi_rad, *wind_ned)
+    ahead, abeam = ahead - estimate.u_mps, abeam - estimate.v_mps
+    return math.hypot(ahead, abeam), math.atan2(-abeam, -ahead)
+
+
 class WindFilter:
-    """First-order low-pass of the true wind vector, and the spread of the samples about it."""
+    """First-order low-pass of the true wind, and the spread of the samples about it.
+
+    Speed and direction have time constants of their own: cups follow a gust at once, while a vane with 16 positions is
+    up to 11 degrees off, which only an average over the boat's swings and the gusts takes out.
+    """
 
     def __init__(self, config: WindFilterConfig) -> None:
         self._config = config
+        self._offset_rad = math.radians(config.vane_offset_deg)
         self._t_ns: int | None = None
         self._vn = self._ve = self._variance = 0.0
+        self._cups = Track()
+        self._vane_rad = math.nan
+        self._vane_since_ns = 0
+        self._vane_wind = 0.0, 0.0  # the true wind when the vane last turned, and where it should have stood in it
+        self._vane_expected_rad = 0.0
+        self._stuck = ""
 
     def on_sample(self, sample: WindSample, estimate: Estimate) -> None:
-        """Take in one anemometer sample with the estimate of its time."""
-        self._take(sample.t_ns, *true_wind(sample, estimate))
+        """Take in one anemometer sample with the estimate of its time; one of a stuck sensor is not used."""
+        if not (math.isfinite(sample.speed_mps) and math.isfinite(sample.from_rad)):
+            return
+        was_stuck = self._stuck
+        self._stuck = self._why_stuck(sample, estimate)
+        if self._stuck:
+            return
+        if was_stuck:
+            self._t_ns = None  # what it has told meanwhile is worth nothing
+        self._take(sample.t_ns, *true_wind(sample, estimate, self._offset_rad))
 
     def on_bow_wind(self, sample: BowWind, estimate: Estimate) -> None:
         """Take in true wind that is told from the bow: the instrument knows the boat's motion, not its heading."""
-        ahead, abeam = -sample.speed_mps * math.cos(sample.from_rad), -sample.speed_mps * math.sin(sample.from_rad)
+        from_rad = sample.from_rad + self._offset_rad
+        ahead, abeam = -sample.speed_mps * math.cos(from_rad), -sample.speed_mps * math.sin(from_rad)
         self._take(sample.t_ns, *body_to_ned(estimate.psi_rad, ahead, abeam))
 
     def on_true_wind(self, sample: TrueWind) -> None:
         """Take in true wind that is told from the earth."""
         self._take(sample.t_ns, sample.vn_mps, sample.ve_mps)
 
-    def _take(self, t_ns: int, vn: float, ve: float) -> None:
-        if not (math.isfinite(vn) and math.isfinite(ve)):
-            return
-        stale_ns = self._config.stale_after_s * 1e9
-        if self._t_ns is None or t_ns - self._t_ns > stale_ns:
-            self._vn, self._ve, self._variance = vn, ve, 0.0
-        else:
-            gain = 1.0 - math.exp(-max(t_ns - self._t_ns, 0) * 1e-9 / self._config.time_constant_s)
-            dn, de = vn - self._vn, ve - self._ve
-            self._vn += gain * dn
-            self._ve += gain * de
-            self._variance += gain * (0.5 * (dn * dn + de * de) - self._variance)
-        self._t_ns = t_ns
-
     def wind(self, t_ns: int) -> Wind | None:
-        """The filtered wind at a time, or None before the first sample; not valid once it is stale."""
+        """The filtered wind at a time, or None before the first sample; not valid once it is stale, or stuck."""
         if self._t_ns is None:
             return None
         return Wind(
@@ -60,5 +84,66 @@ class WindFilter:
             vn_mps=self._vn,
             ve_mps=self._ve,
             std_mps=math.sqrt(self._variance),
-            valid=t_ns - self._t_ns <= self._config.stale_after_s * 1e9,
+            valid=not self._stuck and t_ns - self._t_ns <= self._config.stale_after_s * 1e9,
+        )
+
+    def notes(self, t_ns: int) -> tuple[Note, ...]:
+        """Whether the anemometer is stuck or silent."""
+        text = self._stuck
+        if self._t_ns is not None and t_ns - max(self._t_ns, self._cups.heard_ns) > self._config.stale_after_s * 1e9:
+            text = "silent"
+        return (Note(subject="anemometer", text=text, ok=False),) if text else ()
+
+    def _take(self, t_ns: int, vn: float, ve: float) -> None:
+        if not (math.isfinite(vn) and math.isfinite(ve)):
+            return
+        config = self._config
+        if self._t_ns is None or t_ns - self._t_ns > config.stale_after_s * 1e9:
+            self._vn, self._ve, self._variance = vn, ve, 0.0
+        else:
+            elapsed_s = max(t_ns - self._t_ns, 0) * 1e-9
+            gain = 1.0 - math.exp(-elapsed_s / config.speed_time_constant_s)
+            turn_gain = 1.0 - math.exp(-elapsed_s / config.time_constant_s)
+            dn, de = vn - self._vn, ve - self._ve
+            speed = math.hypot(self._vn, self._ve)
+            if min(speed, math.hypot(vn, ve)) < CALM_MPS:
+                self._vn += gain * dn
+                self._ve += gain * de
+            else:
+                speed += gain * (math.hypot(vn, ve) - speed)
+                toward_rad = math.atan2(self._ve, self._vn)
+                toward_rad += turn_gain * wrap_rad(math.atan2(ve, vn) - toward_rad)
+                self._vn, self._ve = speed * math.cos(toward_rad), speed * math.sin(toward_rad)
+            self._variance += turn_gain * (0.5 * (dn * dn + de * de) - self._variance)
+        self._t_ns = t_ns
+
+    def _why_stuck(self, sample: WindSample, estimate: Estimate) -> str:
+        """What of the anemometer does not move though it should, in words; empty where nothing is wrong.
+
+        Cups: the same speed to the last bit, from a sensor that used to be noisy. Vane: the same direction, while the
+        boat has turned in a wind that was known. On a boat that does not turn, a vane that stays shows nothing.
+        """
+        if self._config.stuck_after_s is None:
+            return ""
+        known = self._t_ns is not None
+        speed, _ = apparent_wind((self._vn, self._ve), estimate) if known else (sample.speed_mps, 0.0)
+        after_ns = round(self._config.stuck_after_s * 1e9)
+        self._cups = trust.hear(self._cups, sample.t_ns, (sample.speed_mps, 0.0), (speed, 0.0), CUPS, after_ns)
+        self._cups = self._cups if self._cups.frozen else trust.use(self._cups, sample.t_ns)
+        if self._cups.frozen and sample.speed_mps > 0.0:  # zero is what cups tell in a calm
+            return "stuck"
+        return "vane stuck" if self._vane_stuck(sample, estimate, after_ns) else ""
+
+    def _vane_stuck(self, sample: WindSample, estimate: Estimate, after_ns: int) -> bool:
+        if self._t_ns is None:
+            return False
+        if sample.from_rad != self._vane_rad:
+            self._vane_rad, self._vane_since_ns = sample.from_rad, sample.t_ns
+            self._vane_wind = self._vn, self._ve
+            self._vane_expected_rad = apparent_wind(self._vane_wind, estimate)[1]
+            return False
+        speed, expected_rad = apparent_wind(self._vane_wind, estimate)
+        turned = abs(wrap_rad(expected_rad - self._vane_expected_rad)) > VANE_TURN_RAD
+        return self._stuck == "vane stuck" or (
+            speed > VANE_MOVES_MPS and turned and sample.t_ns - self._vane_since_ns >= after_ns
         )

@@ -230,3 +230,42 @@ def test_wrong_sources_are_one_line_that_names_the_key(override: str, words: str
     with pytest.raises(ConfigError) as caught:
         config(override)
     assert words in str(caught.value) and "\n" not in str(caught.value)
+
+
+def test_a_reading_goes_on_with_the_time_and_the_place_at_which_it_holds() -> None:
+    late = SourceConfig(link="gnss", message="RMC", delay_s=0.2, arm_m=(1.5, -0.4))
+    compass = SourceConfig(link="gnss", message="HDG", delay_s=0.05)
+    imu = SourceConfig(link="autopilot", message="RAW_IMU", arm_m=(-1.0, 0.0))
+    selector = SourceSelector(
+        {"position": (late,), "velocity": (late,), "heading": (compass,), "yaw_rate": (imu,), "acceleration": (imu,)},
+        0.0,
+    )
+    (fix,) = selector.select(
+        "gnss", "RMC", GnssFix(t_ns=S, lat_deg=1.0, lon_deg=2.0, vn_mps=0.1, ve_mps=0.2, h_acc_m=0)
+    )
+    assert isinstance(fix, GnssFix) and (fix.t_ns, fix.arm_m) == (800 * MS, (1.5, -0.4))
+    (turn,) = selector.select("gnss", "HDG", Attitude(t_ns=S, psi_rad=1.0, r_radps=NAN))
+    assert turn.t_ns == 950 * MS
+    rate, force = selector.select("autopilot", "RAW_IMU", Imu(t_ns=S, ax_mps2=0.1, ay_mps2=0.2, r_radps=0.3))
+    assert isinstance(force, Imu) and (rate.t_ns, force.t_ns, force.arm_m) == (S, S, (-1.0, 0.0))
+
+
+@pytest.mark.parametrize(
+    ("overrides", "message"),
+    [
+        (
+            ("sources.position=[{link: autopilot, message: GLOBAL_POSITION_INT, delay_s: 2}]",),
+            "sources.position.0: autopilot.GLOBAL_POSITION_INT: delay_s must not be above estimator.ekf.history_s",
+        ),
+        (
+            (
+                "sources.position=[{link: autopilot, message: GLOBAL_POSITION_INT, arm_m: [1, 0]}]",
+                "sources.velocity=[autopilot.GLOBAL_POSITION_INT]",
+            ),
+            "sources.velocity.0: autopilot.GLOBAL_POSITION_INT must have the delay_s and arm_m that it has",
+        ),
+    ],
+)
+def test_delays_and_places_that_cannot_be_are_refused(overrides: tuple[str, ...], message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
+        load_config("sitl", overrides)

@@ -195,9 +195,9 @@ def test_the_loop_runs_and_replays_on_it(kind: str, tmp_path: Path) -> None:
     assert outputs.phase is Phase.HOLD
 
 
-@pytest.mark.parametrize(("kind", "share"), [("raw", 1.0), ("fir", 1.0), ("ekf", 0.0488)])
+@pytest.mark.parametrize(("kind", "share"), [("raw", 1.0), ("fir", 1.0), ("ekf", 0.3297)])
 def test_the_wind_is_the_last_sample_where_readings_are_used_as_they_come(kind: str, share: float) -> None:
-    """Bow north, 4 m/s from ahead; then 6 m/s 0.2 s later, of which the low-pass takes 1 - exp(-0.2 / 4)."""
+    """Bow north, 4 m/s from ahead; then 6 m/s 0.2 s later, of which the speed's low-pass takes 1 - exp(-0.2 / 0.5)."""
     boat, wind = at(begun(raw()), 0), build_wind(config(kind).estimator)
     wind.on_sample(WindSample(t_ns=0, speed_mps=4.0, from_rad=0.0), boat)
     wind.on_sample(WindSample(t_ns=200 * MS, speed_mps=6.0, from_rad=0.0), boat)

@@ -1,6 +1,7 @@
 """Apparent to true wind for hand-worked cases, and the filter's memory."""
 
 import math
+from collections.abc import Callable
 
 import pytest
 
@@ -36,7 +37,7 @@ def test_true_wind(apparent: WindSample, estimate: Estimate, vn: float, ve: floa
 
 
 def test_the_filter_follows_with_its_time_constant_and_goes_stale() -> None:
-    wind = WindFilter(WindFilterConfig(time_constant_s=4.0, stale_after_s=3.0))
+    wind = WindFilter(WindFilterConfig(time_constant_s=4.0, speed_time_constant_s=4.0, stale_after_s=3.0))
     assert wind.wind(0) is None
     wind.on_sample(sample(0.0, 0.0), boat())
     t_ns = 0
@@ -56,3 +57,80 @@ def test_numbers_that_are_none_are_ignored() -> None:
     wind = WindFilter(WindFilterConfig())
     wind.on_sample(WindSample(t_ns=0, speed_mps=math.nan, from_rad=0.0), boat())
     assert wind.wind(0) is None
+
+
+def test_a_gust_shows_in_the_speed_at_once_and_a_step_of_the_vane_hardly() -> None:
+    wind = WindFilter(WindFilterConfig())
+    wind.on_sample(sample(4.0, 0.0), boat())
+    wind.on_sample(sample(6.0, 22.5, 500_000_000), boat())
+    now = wind.wind(500_000_000)
+    assert now is not None
+    assert math.hypot(now.vn_mps, now.ve_mps) == pytest.approx(4.0 + 2.0 * (1.0 - math.exp(-1.0)))
+    toward = math.degrees(math.atan2(now.ve_mps, now.vn_mps))
+    assert toward == pytest.approx(-180.0 + 22.5 * (1.0 - math.exp(-0.125)))
+
+
+def test_the_offset_of_the_vane_is_added_to_what_it_tells() -> None:
+    wind = WindFilter(WindFilterConfig(vane_offset_deg=20.0))
+    wind.on_sample(sample(3.0, 340.0), boat())  # from ahead, by a vane that is turned clockwise by 20 degrees
+    now = wind.wind(0)
+    assert now is not None and (now.vn_mps, now.ve_mps) == pytest.approx((-3.0, 0.0))
+
+
+def run(
+    wind: WindFilter, seconds: float, speed: Callable[[int], float], turn_deg_per_s: float = 0.0, start: int = 0
+) -> int:
+    """Samples at 5 Hz of a vane that always says 45 degrees, on a boat that turns; returns the next number."""
+    for k in range(start, start + round(seconds * 5)):
+        wind.on_sample(sample(speed(k), 45.0, k * 200_000_000), boat(psi_deg=turn_deg_per_s * k / 5.0))
+    return start + round(seconds * 5)
+
+
+def noisy(k: int) -> float:
+    """A speed as noisy cups tell it."""
+    return round(4.0 + 0.1 * math.sin(37.0 * k), 2)
+
+
+def test_cups_that_stop_changing_are_stuck_and_their_wind_is_not_valid_until_they_turn_again() -> None:
+    wind = WindFilter(WindFilterConfig())
+    at = run(wind, 20.0, noisy)
+    at = run(wind, 1.8, lambda k: 4.03, start=at)
+    now = wind.wind((at - 1) * 200_000_000)
+    assert now is not None and now.valid and wind.notes((at - 1) * 200_000_000) == ()
+    at = run(wind, 1.0, lambda k: 4.03, start=at)
+    t_ns = (at - 1) * 200_000_000
+    now = wind.wind(t_ns)
+    assert now is not None and not now.valid
+    assert [(note.subject, note.text) for note in wind.notes(t_ns)] == [("anemometer", "stuck")]
+    at = run(wind, 0.2, lambda k: 5.5, start=at)  # it turns again, in another wind
+    now = wind.wind((at - 1) * 200_000_000)
+    assert now is not None and now.valid and math.hypot(now.vn_mps, now.ve_mps) == pytest.approx(5.5)
+    assert wind.notes((at - 1) * 200_000_000) == ()
+
+
+@pytest.mark.parametrize("speed", [4.0, 0.0])
+def test_a_speed_that_never_changes_and_a_calm_are_not_stuck(speed: float) -> None:
+    wind = WindFilter(WindFilterConfig())
+    at = run(wind, 30.0, lambda k: speed)
+    now = wind.wind((at - 1) * 200_000_000)
+    assert now is not None and now.valid
+
+
+def test_a_vane_that_stays_while_the_boat_turns_is_stuck_and_one_on_a_steady_boat_is_not() -> None:
+    wind = WindFilter(WindFilterConfig())
+    at = run(wind, 30.0, noisy)
+    assert wind.notes((at - 1) * 200_000_000) == ()
+    for k in range(at, at + 25):  # 10 degrees per second
+        wind.on_sample(sample(noisy(k), 45.0, k * 200_000_000), boat(psi_deg=2.0 * (k - at)))
+    t_ns = (at + 24) * 200_000_000
+    assert [(note.subject, note.text) for note in wind.notes(t_ns)] == [("anemometer", "vane stuck")]
+    now = wind.wind(t_ns)
+    assert now is not None and not now.valid
+
+
+def test_a_silent_anemometer_is_named() -> None:
+    wind = WindFilter(WindFilterConfig())
+    at = run(wind, 2.0, noisy)
+    t_ns = (at - 1) * 200_000_000
+    assert wind.notes(t_ns + 2_900_000_000) == ()
+    assert [note.text for note in wind.notes(t_ns + 3_100_000_000)] == ["silent"]
