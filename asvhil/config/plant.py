@@ -241,7 +241,8 @@ _GLITCHES = (
 class GlitchesConfig(Section):
     """Faults at random times, one after the other, drawn from `plant.seed`: a jump goes to a random side.
 
-    Between two of them are `rest_s` and an exponential time of mean `gap_s`.
+    Between two of them are `rest_s` and an exponential time of mean `gap_s`. `device` is that of all kinds that can be
+    in one alone and name none: of a boat that has each sensor twice, one set fails.
     """
 
     kinds: Annotated[tuple[GlitchConfig, ...], Field(min_length=1)] = _GLITCHES
@@ -249,6 +250,7 @@ class GlitchesConfig(Section):
     until_s: Positive = 3600.0
     rest_s: NonNegative = 5.0
     gap_s: Positive = 10.0
+    device: Device | None = None
 
 
 class ArduPilotJsonConfig(Section):

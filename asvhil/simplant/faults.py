@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
-from asvhil.config import FaultConfig, GlitchesConfig, PlantConfig
+from asvhil.config import OF_ONE_DEVICE, FaultConfig, GlitchesConfig, PlantConfig
 from asvhil.simplant.vessel import NO_SIGNAL_US
 from asvhil.types import record
 
@@ -98,6 +98,7 @@ def _glitches(config: GlitchesConfig, rng: np.random.Generator) -> Iterator[Faul
             glitch = config.kinds[number]
             t_s += float(rng.exponential(config.gap_s))
             end_s = t_s + float(rng.uniform(glitch.least_s, glitch.most_s))
+            device = glitch.device or (config.device if glitch.kind in OF_ONE_DEVICE else None)
             toward_deg, side = float(rng.uniform(0.0, 360.0)), float(rng.choice((-1.0, 1.0)))
             if end_s > config.until_s:
                 return
@@ -107,7 +108,7 @@ def _glitches(config: GlitchesConfig, rng: np.random.Generator) -> Iterator[Faul
                 until_s=end_s,
                 size=glitch.size,
                 toward_deg=toward_deg,
-                device=glitch.device,
+                device=device,
             )
             yield fault.model_copy(update={"size": side * fault.magnitude}) if fault.kind == "heading-jump" else fault
             t_s = end_s + config.rest_s

@@ -21,7 +21,7 @@ GUSTY = ("plant.weather.wind.speed_mps=6",)
 CONDITIONS: dict[str, tuple[str, ...]] = {
     "calm": ("plant.weather.wind={speed_mps: 2, gust_along: 0, gust_across: 0}",),
     "gusty": GUSTY,
-    "glitching": (*GUSTY, "plant.glitches={}"),
+    "glitching": GUSTY,
 }
 TURN_DEG = 72.0  # between the winds of two seeds
 # What is asked of the EKF, and how much better than the others it is to be.
@@ -154,11 +154,17 @@ def _error_jobs(name: str, plan: Plan, overrides: tuple[str, ...]) -> Iterable[t
             for condition, keys in CONDITIONS.items():
                 seeded = (f"plant.seed={seed}", f"controller.manoeuvres.seed={seed}")
                 wind = f"plant.weather.wind.toward_deg={toward_deg:g}"
-                start = (f"plant.glitches.from_s={plan.window_s[0]:g}",) if condition == "glitching" else ()
+                start = _glitches(name, plan.window_s[0]) if condition == "glitching" else ()
                 all_keys = (*keys, wind, *seeded, *start, *overrides)
                 traces = seed == min(plan.seeds)
                 job = _job("errors", f"{name} errors", SETS[name], all_keys, (activity, plan.window_s, traces))
                 yield ("errors", name, activity, condition, str(seed)), job
+
+
+def _glitches(name: str, from_s: float) -> tuple[str, ...]:
+    """Of a boat with each sensor twice, the preferred set glitches."""
+    device = ", device: ins" if name == "VN-300" else ""
+    return (f"plant.glitches={{from_s: {from_s:g}{device}}}",)
 
 
 def _abrupt_jobs(name: str, plan: Plan, overrides: tuple[str, ...]) -> Iterable[tuple[tuple[str, ...], Job]]:

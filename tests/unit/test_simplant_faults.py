@@ -97,6 +97,8 @@ def test_glitches_can_be_chosen() -> None:
     found = list(all_faults(load_config("sitl", (one,)).plant))
     assert found and {(f.kind, f.size, f.device) for f in found} == {("gnss-jump", 7.0, "nmea")}
     assert all(f.to_s - f.from_s == pytest.approx(1.0) for f in found)
+    of_one = glitches("plant.glitches.device=ins")
+    assert {(f.device is None) == f.kind.startswith("anemometer") for f in of_one} == {True}
     with pytest.raises(ConfigError, match=r"plant.glitches.kinds.0: .*least_s <= most_s"):
         load_config("sitl", ("plant.glitches={kinds: [{kind: vane, least_s: 9}]}",))
 
