@@ -266,6 +266,7 @@ class Cause(enum.StrEnum):
     REVERSED = "reversed"
     SCALED = "scaled"
     STUCK = "stuck"  # no motor function, or an output that does not move
+    UNBOUNDED = "unbounded"  # they would do it for ever: nothing stops them if we fall silent
     UNEXPLAINED = "unexplained"
 
 

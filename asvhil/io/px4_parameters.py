@@ -65,6 +65,7 @@ def _offboard_loss() -> tuple[Requirement, ...]:
             least=6.0,
             most=DISARM,
             wanted=DISARM,
+            cause=Cause.UNBOUNDED,
             fault="motors run on after a crash",
             why="DO_SET_ACTUATOR has no time-out: only disarming (7) or terminating (6) stops the motors if we die",
         ),

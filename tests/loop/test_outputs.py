@@ -149,6 +149,29 @@ def _by_command(whole: Config) -> object:
     return whole.supervisor.model_copy(update={"engage": "command"})
 
 
+@pytest.mark.parametrize(
+    ("parameters", "words"),
+    [
+        ("{PWM_MAIN_FUNC1: 101}", "PWM_MAIN_FUNC1 is 101, not 301: no port motor"),
+        ("{PWM_MAIN_FUNC1: 302, PWM_MAIN_FUNC3: 301}", "PWM_MAIN_FUNC1 is 302, not 301: outputs are swapped"),
+        ("{PWM_MAIN_MAX3: 2000}", "PWM_MAIN_MAX3 is 2000, not 1900: commands are scaled"),
+        ("{COM_OBL_RC_ACT: 0}", "COM_OBL_RC_ACT is 0, not 7: motors run on after a crash"),
+    ],
+)
+def test_a_px4_that_is_set_wrong_is_not_driven_and_the_parameter_is_named(parameters: str, words: str) -> None:
+    loop = Loop(config("set_actuator", f"plant.frontseat.parameters={parameters}"))
+    for _ in range(200):
+        outputs = loop.tick()[1]
+        assert outputs.phase is Phase.STANDBY and outputs.pwm_us is None
+    assert outputs.health.reason == words
+    tolerant = Loop(
+        config("set_actuator", f"plant.frontseat.parameters={parameters}", "supervisor.readback.tolerate=[unbounded]")
+    )
+    for _ in range(200):
+        outputs = tolerant.tick()[1]
+    assert outputs.phase is (Phase.HOLD if "COM_OBL" in parameters else Phase.STANDBY)
+
+
 def test_a_refused_servo_command_is_told_in_words() -> None:
     loop = Loop(config("set_servo", "plant.frontseat.parameters={SERVO1_FUNCTION: 0, SERVO3_FUNCTION: 74}"))
     notes = [note.text for _ in range(200) for note in loop.tick()[1].health.notes]
