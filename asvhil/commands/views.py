@@ -60,10 +60,8 @@ class LiveView:
         elif self._live is not None:
             self._live.update(render(status, self._title), refresh=True)
         else:
-            for subject, text in status["notes"].items():
-                if self._noted.get(subject) != text:
-                    self._console.print(f"{subject}: {text}", markup=False, highlight=False, soft_wrap=True)
-            self._noted = dict(status["notes"])
+            for subject, text in self._news(status).items():
+                self._console.print(f"{subject}: {text}", markup=False, highlight=False, soft_wrap=True)
             key = (str(status["phase"]), int(status["t_s"] // 10))
             if key != self._said:
                 self._said = key
@@ -71,6 +69,17 @@ class LiveView:
                 where = "" if distance is None else f", {distance:.2f} m, {status['heading_error_deg']:.1f} deg off"
                 text = f"{status['t_s']:6.1f} s  {status['phase']}: {status['reason']}{where}"
                 self._console.print(text, markup=False, highlight=False, soft_wrap=True)
+
+    def _news(self, status: dict[str, Any]) -> dict[str, str]:
+        """Notes and links that have changed; a link that is up only where it was not. Counts are for the table."""
+        links = {f"link {port}": state.partition(";")[0] for port, state in status["links"].items()}
+        said = self._noted
+        self._noted = links | status["notes"]
+        return {
+            subject: text
+            for subject, text in self._noted.items()
+            if said.get(subject, "up") != text and not (text == "connecting" and subject in links)
+        }
 
 
 def progress(console: Any, *, spinner: bool = False) -> Any:
