@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from asvhil import __version__
-from asvhil.commands import learn, plant, study
+from asvhil.commands import check, learn, plant, study
 from asvhil.commands.options import ConfigArgument, JsonOption, SetOption
 from asvhil.commands.views import LiveView, progress, report_run, write_json
 from asvhil.errors import AsvhilError, ConfigError
@@ -31,6 +31,7 @@ app = typer.Typer(
 for command in learn.COMMANDS:
     app.command()(command)
 app.command()(plant.plant)
+app.command()(check.check)
 app.add_typer(study.app, name="study")
 
 

@@ -15,6 +15,7 @@ class Requirement:
     A value must lie within `least` and `most`, and not have any bit of `clear`; with `like`, both bounds count from the
     value of another parameter. `wanted` is what to write where it does not, None where that is not ours to decide.
     With a `cause` a hold is refused; `must`: a preflight fails. `fault` is what happens, in a few words; `why` in more.
+    `reboot`: what is written takes effect after one.
     """
 
     names: tuple[str, ...]
@@ -26,6 +27,7 @@ class Requirement:
     cause: Cause | None = None
     must: bool = True
     clear: int = 0
+    reboot: bool = False
     like: str = ""
 
 

@@ -172,7 +172,8 @@ def _sticks_and_outputs(pwm: PwmConfig, ends_us: tuple[int, int] | None) -> tupl
                 wanted=channel,
                 cause=Cause.SWAPPED,
                 fault="another channel",
-                why=f"the {side} motor's stick must be channel {channel}; takes effect after a reboot",
+                why=f"the {side} motor's stick must be channel {channel}",
+                reboot=True,
             ),
             Requirement(
                 names=(f"{rc}_DZ",),

@@ -35,7 +35,7 @@ SHELL = [
     ["study"],
     ["daemon"],
     ["sitl"],
-    ["collect"],
+    ["collect", "preflight"],
     ["commands"],
     ["cli"],
     ["__main__"],

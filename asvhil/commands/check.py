@@ -1,0 +1,137 @@
+"""`asvhil check`: what should be seen before the boat leaves the dock."""
+
+from __future__ import annotations
+
+import asyncio
+import sys
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from asvhil.commands.options import ConfigArgument, JsonOption, SetOption
+from asvhil.commands.views import write_json
+from asvhil.errors import ConfigError
+
+if TYPE_CHECKING:
+    from asvhil.config import Config
+    from asvhil.io.requirements import Finding
+    from asvhil.preflight.checks import Check
+    from asvhil.preflight.survey import Survey
+
+COLOURS = {"pass": "green", "warn": "yellow", "fail": "red"}
+PIPE_WIDTH = 140  # a file has no edge at which to fold names
+SAYS = {
+    "waiting": "waiting for the autopilot's heartbeat",
+    "asking": "reading parameters, asking for streams",
+    "counting": "counting messages",
+    "done": "done",
+}
+
+
+def check(
+    config: ConfigArgument,
+    set_: SetOption = [],  # noqa: B006 - typer copies its defaults
+    fix: Annotated[bool, typer.Option("--fix", help="Write the parameters that are wrong, after asking.")] = False,
+    yes: Annotated[bool, typer.Option("--yes", help="With --fix: do not ask.")] = False,
+    all_: Annotated[bool, typer.Option("--all", help="Show every parameter, not only those to look at.")] = False,
+    timeout: Annotated[float, typer.Option(min=1.0, help="Seconds to wait for the first heartbeat.")] = 15.0,
+    json_: JsonOption = None,
+) -> None:
+    """Look the vehicle over before it leaves the dock; exit 1 where something fails. It never moves a motor."""
+    from rich.console import Console
+
+    from asvhil.config import load_config
+    from asvhil.preflight.checks import as_json, checks_of, worst
+    from asvhil.preflight.computer import computer_checks
+    from asvhil.preflight.runner import Preflight
+
+    settings = load_config(config, tuple(set_))
+    if yes and not fix:
+        raise ConfigError("check: --yes goes with --fix")
+    if fix and not yes and not sys.stdin.isatty():
+        raise ConfigError("check: --fix has nobody to ask here; add --yes")
+    console = Console()
+    if not console.is_terminal:
+        console = Console(width=PIPE_WIDTH)
+    own = computer_checks(settings)
+    with _bar(console) as bar:
+        task = bar.add_task(SAYS["waiting"], total=1.0)
+        preflight = Preflight(settings, timeout, lambda survey: _advance(bar, task, survey))
+        survey = preflight.survey
+
+        def choose(wrong: list[Finding]) -> bool:
+            bar.stop()
+            _show(console, settings, [*checks_of(survey), *own], all_)
+            return yes or _agreed(console, wrong)
+
+        written = asyncio.run(preflight.run(choose if fix else None))
+    checks = [*checks_of(survey), *own]
+    if not fix or written or not survey.fixable:
+        _tell_written(console, written, survey)
+        _show(console, settings, checks, all_)
+    result = worst(checks)
+    write_json(
+        json_,
+        {
+            "vehicle": settings.vehicle.name,
+            "result": result.value,
+            "checks": [as_json(check) for check in checks],
+            "written": {finding.name: finding.wanted for finding in written},
+        },
+    )
+    if result.value == "fail":
+        raise typer.Exit(1)
+
+
+def _agreed(console: Any, wrong: list[Finding]) -> bool:
+    for finding in wrong:
+        console.print(f"  {finding.name}: {finding.value:g} -> {finding.wanted:g}", markup=False, highlight=False)
+    return typer.confirm(f"Write {len(wrong)} parameters to the autopilot?")
+
+
+def _tell_written(console: Any, written: list[Finding], survey: Survey) -> None:
+    values = survey.link.parameters.values
+    for finding in written:
+        now = values[finding.name]
+        taken = finding.name not in survey.link.parameters.unwritten
+        words = f"written, reads back {now:g}" if taken else f"not taken: still {now:g}"
+        console.print(
+            f"{finding.name}: {finding.value:g} -> {finding.wanted:g}, {words}", markup=False, highlight=False
+        )
+    if any(finding.requirement.reboot for finding in written):
+        console.print("reboot the autopilot: some of these take effect then", markup=False, highlight=False)
+
+
+def _show(console: Any, settings: Config, checks: list[Check], everything: bool) -> None:
+    from rich.table import Table
+    from rich.text import Text
+
+    from asvhil.preflight.checks import folded
+
+    table = Table(title=f"preflight of {settings.vehicle.name}", title_justify="left")
+    table.add_column("")
+    table.add_column("", overflow="fold", min_width=18)
+    for heading in ("found", "wanted", "what to do"):
+        table.add_column(heading, overflow="fold")
+    section = ""
+    for line in checks if everything else folded(checks):
+        if line.section != section:
+            section = line.section
+            table.add_section()
+            table.add_row("", Text(section, style="bold"), "", "", "")
+        result = Text(line.result.value, style=COLOURS[line.result.value])
+        table.add_row(result, Text(line.item), Text(line.found), Text(line.wanted), Text(line.todo))
+    console.print(table)
+    counts = {result: sum(line.result.value == result for line in checks) for result in COLOURS}
+    console.print(f"{counts['pass']} pass, {counts['warn']} warn, {counts['fail']} fail", highlight=False)
+
+
+def _bar(console: Any) -> Any:
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+    return Progress(*columns, console=console, transient=True)
+
+
+def _advance(bar: Any, task: Any, survey: Survey) -> None:
+    bar.update(task, description=SAYS[survey.stage], completed=survey.progress)

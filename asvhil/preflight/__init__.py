@@ -1,0 +1,1 @@
+"""What should be seen before the boat leaves the dock: `asvhil check`."""

@@ -1,0 +1,307 @@
+"""What a survey found, judged: pass, warn or fail, with what to do."""
+
+from __future__ import annotations
+
+import enum
+from typing import Any
+
+from asvhil.config import AutopilotLinkConfig, Quantity
+from asvhil.io.mavlink import dialect
+from asvhil.io.requirements import Finding
+from asvhil.io.rover_parameters import OPTIONAL
+from asvhil.preflight.survey import SourceState, Survey
+from asvhil.types import record
+
+ROUND_TRIP_MAX_MS = 100.0
+CLOCK_OFF_MAX_S = 5.0
+GOOD_SHARE, LEAST_SHARE = 0.8, 0.5  # of the rate that was asked for
+MAKES = {
+    "ardurover": (dialect.MAV_AUTOPILOT_ARDUPILOTMEGA, "ArduPilot", (4, 2)),
+    "px4": (dialect.MAV_AUTOPILOT_PX4, "PX4", (1, 13)),
+}
+VEHICLES = {dialect.MAV_TYPE_SURFACE_BOAT: "boat", dialect.MAV_TYPE_GROUND_ROVER: "rover"}
+# Without these nothing is held; the others are missed less.
+NEEDED: frozenset[Quantity] = frozenset({"position", "velocity", "heading"})
+NEEDED_MESSAGES = frozenset(
+    {"HEARTBEAT", "EKF_STATUS_REPORT", "ESTIMATOR_STATUS", "SERVO_OUTPUT_RAW", "ACTUATOR_OUTPUT_STATUS", "RC_CHANNELS"}
+)
+
+
+PARAMETERS = "parameters"
+
+
+class Result(enum.StrEnum):
+    PASS = "pass"
+    WARN = "warn"
+    FAIL = "fail"
+
+
+@record
+class Check:
+    """One line of the table. `todo` says what to do where the result is no pass."""
+
+    section: str
+    item: str
+    result: Result
+    found: str
+    wanted: str = ""
+    todo: str = ""
+
+
+def checks_of(survey: Survey) -> list[Check]:
+    """All that the links have told. The survey must be done."""
+    return [
+        *_vehicle(survey),
+        *_clocks(survey),
+        *_parameters(survey.findings),
+        *_rates(survey),
+        *_sensors(survey),
+    ]
+
+
+def folded(checks: list[Check]) -> list[Check]:
+    """The same with the parameters that are right in one line."""
+    parameters = [check for check in checks if check.section == PARAMETERS]
+    right = [check for check in parameters if check.result is Result.PASS]
+    if not right:
+        return checks
+    item = f"all {len(right)}" if len(right) == len(parameters) else f"{len(right)} others"
+    line = Check(section=PARAMETERS, item=item, result=Result.PASS, found="as they should be")
+    end = checks.index(parameters[-1]) + 1
+    return [*(check for check in checks[:end] if check not in right), line, *checks[end:]]
+
+
+def worst(checks: list[Check]) -> Result:
+    """The worst result of all."""
+    results = {check.result for check in checks}
+    return Result.FAIL if Result.FAIL in results else Result.WARN if Result.WARN in results else Result.PASS
+
+
+def _vehicle(survey: Survey) -> list[Check]:
+    link = survey.config.links.autopilot
+    beat = survey.heartbeat
+    assert beat is not None
+    number, make, _ = MAKES[link.profile]
+    kind = VEHICLES.get(beat.type)
+    known = beat.autopilot == number
+    found = f"{make if known else f'autopilot {beat.autopilot}'}, {kind or f'vehicle type {beat.type}'}"
+    todo = (
+        f"links.autopilot.profile is {link.profile}" if not known else "expected a boat or a rover" if not kind else ""
+    )
+    result = Result.FAIL if not known else Result.PASS if kind else Result.WARN
+    checks = [Check(section="vehicle", item="heartbeat", result=result, found=found, wanted=make, todo=todo)]
+    checks.append(_firmware(survey, link))
+    status = survey.status
+    if status is not None:
+        armed = "armed" if status.armed else "disarmed"
+        checks.append(
+            Check(
+                section="vehicle",
+                item="state",
+                result=Result.WARN if status.armed else Result.PASS,
+                found=f"{armed}, {status.mode}",
+                wanted="disarmed",
+                todo="disarm while checking: parameters are not written to an armed boat" if status.armed else "",
+            )
+        )
+        checks.append(
+            Check(
+                section="vehicle",
+                item="position",
+                result=Result.PASS if status.ready else Result.WARN,
+                found="in use" if status.ready else "not in use",
+                wanted="in use",
+                todo="" if status.ready else "wait, under open sky, until the autopilot's estimator uses its position",
+            )
+        )
+    if link.overrides_sticks and survey.rc_channels is not None:
+        heard = survey.rc_channels > 0
+        checks.append(
+            Check(
+                section="vehicle",
+                item="transmitter",
+                result=Result.PASS if heard else Result.WARN,
+                found=f"{survey.rc_channels} channels" if heard else "not heard",
+                wanted="heard",
+                todo="" if heard else "switch it on: without it the pilot has only a ground station to take over with",
+            )
+        )
+    return checks
+
+
+def _firmware(survey: Survey, link: AutopilotLinkConfig) -> Check:
+    _, make, least = MAKES[link.profile]
+    wanted = f"{make} {least[0]}.{least[1]} or later"
+    if survey.version is None:
+        todo = "AUTOPILOT_VERSION did not come: is this firmware older?"
+        return Check(section="vehicle", item="firmware", result=Result.WARN, found="not told", wanted=wanted, todo=todo)
+    number = survey.version.flight_sw_version
+    major, minor, patch = number >> 24 & 0xFF, number >> 16 & 0xFF, number >> 8 & 0xFF
+    old = (major, minor) < least
+    return Check(
+        section="vehicle",
+        item="firmware",
+        result=Result.WARN if old else Result.PASS,
+        found=f"{major}.{minor}.{patch}",
+        wanted=wanted,
+        todo="older than anything this was tried with" if old else "",
+    )
+
+
+def _clocks(survey: Survey) -> list[Check]:
+    clock, unix_ns = survey.clock, survey.unix_ns
+    if clock is None:
+        checks = [
+            Check(
+                section="time",
+                item="TIMESYNC",
+                result=Result.FAIL,
+                found="no answer",
+                wanted="answered",
+                todo="the link must carry frames both ways: check the wiring of TX, and links.autopilot.senders",
+            )
+        ]
+    else:
+        trip_ms = clock.round_trip_ns * 1e-6
+        slow = trip_ms > ROUND_TRIP_MAX_MS
+        checks = [
+            Check(
+                section="time",
+                item="TIMESYNC",
+                result=Result.WARN if slow else Result.PASS,
+                found=f"round trip {trip_ms:.1f} ms, {clock.exchanges} exchanges",
+                wanted=f"at most {ROUND_TRIP_MAX_MS:g} ms",
+                todo="a slow link: raise supervisor.readback.lag_s and controller.mpc.delay_s" if slow else "",
+            )
+        ]
+    if unix_ns is not None:
+        off_s = (unix_ns[1] - unix_ns[0]) * 1e-9
+        wrong = abs(off_s) > CLOCK_OFF_MAX_S
+        checks.append(
+            Check(
+                section="time",
+                item="clock of this computer",
+                result=Result.WARN if wrong else Result.PASS,
+                found=f"{off_s:+.1f} s from GNSS time",
+                wanted=f"within {CLOCK_OFF_MAX_S:g} s",
+                todo="set it: logs are named by it, and signatures rest on it" if wrong else "",
+            )
+        )
+    return checks
+
+
+def _parameters(findings: list[Finding]) -> list[Check]:
+    """One for each that belongs to this firmware; those of other generations are silent for good."""
+    if findings and all(finding.value is None for finding in findings):
+        todo = "the link must carry frames both ways; another station may be reading all parameters just now"
+        return [Check(section=PARAMETERS, item="all", result=Result.FAIL, found="none answered", todo=todo)]
+    return [_parameter(f) for f in findings if f.value is not None or f.name not in OPTIONAL]
+
+
+def _parameter(finding: Finding) -> Check:
+    requirement = finding.requirement
+    bad = Result.FAIL if requirement.must else Result.WARN
+    if finding.value is None:
+        todo = "did not answer; read again, or look it up by hand"
+        result, found = Result.WARN, "not known"
+    else:
+        result, found = Result.PASS if finding.ok else bad, f"{finding.value:g}"
+        todo = "" if finding.ok else f"{requirement.why}{'' if finding.wanted is None else '; --fix writes it'}"
+    return Check(
+        section=PARAMETERS, item=finding.name, result=result, found=found, wanted=wanted_text(finding), todo=todo
+    )
+
+
+def wanted_text(finding: Finding) -> str:
+    """What will do, in words."""
+    requirement = finding.requirement
+    if requirement.clear:
+        return f"bit {requirement.clear.bit_length() - 1} not set"
+    if requirement.like:
+        return f"as {requirement.like}"
+    if requirement.least == requirement.most:
+        return f"{requirement.least:g}"
+    return f"{requirement.least:g} to {requirement.most:g}"
+
+
+def _rates(survey: Survey) -> list[Check]:
+    links, needed = survey.config.links, set(NEEDED_MESSAGES)
+    for sources in survey.config.sources.resolved(links).values():
+        needed |= {s.message for s in sources[:1] if s.link == "autopilot" and s.message != "RAW_IMU"}
+    return [
+        _rate(name, survey.rate_hz(name), asked_hz, name in needed)
+        for name, asked_hz in sorted(links.autopilot.streams_hz.items())
+    ]
+
+
+def _rate(name: str, found_hz: float, asked_hz: float, needed: bool) -> Check:
+    if found_hz >= GOOD_SHARE * asked_hz:
+        result, todo = Result.PASS, ""
+    elif found_hz >= LEAST_SHARE * asked_hz:
+        result, todo = Result.WARN, "a slow link, or another station that asks for another rate"
+    else:
+        result = Result.FAIL if needed else Result.WARN
+        todo = "the autopilot does not send it" if found_hz == 0.0 else "a link too slow, or a rate that is refused"
+        todo += f"; see links.autopilot.streams_hz.{name}"
+    return Check(
+        section="rates", item=name, result=result, found=f"{found_hz:.1f} Hz", wanted=f"{asked_hz:g} Hz", todo=todo
+    )
+
+
+def _sensors(survey: Survey) -> list[Check]:
+    checks: list[Check] = []
+    for quantity, states in survey.sources().items():
+        fresh = [_fresh(state) for state in states]
+        for place, (state, good) in enumerate(zip(states, fresh, strict=True)):
+            lost = quantity in NEEDED or (quantity == "wind" and _is_configured(survey, state))
+            result = Result.PASS if good else Result.FAIL if lost and not any(fresh) else Result.WARN
+            checks.append(_source(survey, quantity, place, state, result))
+    note = survey.firmware
+    if note is not None:
+        mended = "restarted" in note.text
+        result = Result.PASS if note.ok else Result.WARN if mended else Result.FAIL
+        todo = "" if note.ok else "look at its supply" if mended else "docs/anemometer.md tells how to flash it"
+        checks.append(Check(section="sensors", item=note.subject, result=result, found=note.text, todo=todo))
+    return checks
+
+
+def _fresh(state: SourceState) -> bool:
+    return state.age_s is not None and state.age_s <= state.source.timeout_s
+
+
+def _is_configured(survey: Survey, state: SourceState) -> bool:
+    """Whether somebody meant there to be this source; the anemometer is the default even on a boat without one."""
+    return getattr(survey.config.links, state.source.link) is not None
+
+
+def _source(survey: Survey, quantity: Quantity, place: int, state: SourceState, result: Result) -> Check:
+    name = state.source.name
+    found = "nothing valid" if state.age_s is None else f"{state.rate_hz:.1f} Hz, last {state.age_s:.2f} s ago"
+    todo = ""
+    if result is not Result.PASS:
+        if not _is_configured(survey, state):
+            todo = f"there is no links.{state.source.link}"
+        elif state.source.link == "autopilot":
+            todo = "the autopilot does not send it, or its position is not in use yet"
+        else:
+            todo = f"silent or invalid: its line, its speed, its supply (links.{state.source.link}.endpoint)"
+    return Check(
+        section="sensors",
+        item=f"{quantity}{'' if place == 0 else f', {place + 1}. choice'}: {name}",
+        result=result,
+        found=found,
+        wanted=f"every {state.source.timeout_s:g} s",
+        todo=todo,
+    )
+
+
+def as_json(check: Check) -> dict[str, Any]:
+    """Plain types."""
+    return {
+        "section": check.section,
+        "item": check.item,
+        "result": check.result.value,
+        "found": check.found,
+        "wanted": check.wanted,
+        "todo": check.todo,
+    }

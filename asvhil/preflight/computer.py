@@ -1,0 +1,49 @@
+"""The checks that need no vehicle: the controller's model, and room for the log."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+from asvhil.build import build_model, model_file
+from asvhil.config import Config
+from asvhil.errors import AsvhilError
+from asvhil.preflight.checks import Check, Result
+
+LOG_MB_PER_HOUR = 150.0  # twice what a run with the default streams leaves
+FAIL_HOURS, WARN_HOURS = 1.0, 8.0
+
+
+def computer_checks(config: Config) -> list[Check]:
+    """Of this computer."""
+    return [_model(config), _log_space(config)]
+
+
+def _model(config: Config) -> Check:
+    """Whether the model loads, is of the kind that the controller needs, of this vehicle, and of this step."""
+    name = config.vehicle.name
+    wanted = f"of {name}"
+    try:
+        file = model_file(config)
+        model = build_model(config, file)
+    except AsvhilError as error:
+        todo = "train one (docs/models.md), or set controller.model"
+        return Check(section="computer", item="model", result=Result.FAIL, found=str(error), wanted=wanted, todo=todo)
+    found = f"physics of {name}" if file is None else f"{file.name}, {model.name} of {name}"
+    return Check(section="computer", item="model", result=Result.PASS, found=found, wanted=wanted)
+
+
+def _log_space(config: Config) -> Check:
+    """Free space where logs go, in hours of logging."""
+    folder = Path(config.recorder.directory).expanduser()
+    there = next((path for path in (folder, *folder.resolve().parents) if path.is_dir()), Path("/"))
+    hours = shutil.disk_usage(there).free / 1e6 / LOG_MB_PER_HOUR
+    result = Result.FAIL if hours < FAIL_HOURS else Result.WARN if hours < WARN_HOURS else Result.PASS
+    return Check(
+        section="computer",
+        item="log space",
+        result=result,
+        found=f"{hours * LOG_MB_PER_HOUR / 1000.0:.1f} GB in {folder}, {hours:.0f} h",
+        wanted=f"{WARN_HOURS:g} h",
+        todo="" if result is Result.PASS else "make room, or set recorder.directory",
+    )

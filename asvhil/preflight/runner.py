@@ -1,0 +1,107 @@
+"""The asyncio shell of a preflight: the daemon's own links, with a survey at their end in the place of the backseat."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections import deque
+from collections.abc import Callable
+
+from asvhil.clock import Clock
+from asvhil.config import Config
+from asvhil.config.mavlink import RoutingConfig
+from asvhil.daemon import Link
+from asvhil.errors import AsvhilError, LinkError
+from asvhil.hub import Hub, save_states
+from asvhil.io.mavlink import refuse_ignored_crc
+from asvhil.io.requirements import Finding
+from asvhil.preflight.survey import Survey
+from asvhil.types import Frame, Inputs
+
+TICK_S = 0.05
+BROKEN_S = 2.0  # a link that cannot be opened is told after this
+FIX_S = 10.0
+
+Progress = Callable[[Survey], None]
+Choose = Callable[[list[Finding]], bool]
+
+
+class Preflight:
+    """One look at the vehicle, and what is written to it if that is asked for."""
+
+    def __init__(self, config: Config, timeout_s: float, on_tick: Progress = lambda survey: None) -> None:
+        refuse_ignored_crc()
+        self._config = config
+        self._timeout_s = timeout_s
+        self._on_tick = on_tick
+        self._clock = Clock()
+        self.survey = Survey(config)
+        self._inbox: deque[Frame] = deque()
+        links = config.links.model_copy(update={"ground_stations": {}, "routing": RoutingConfig(enabled=False)})
+        self._hub = Hub(links, start_ns=self._clock.now_ns(), unix_ns=time.time_ns)
+        specs = {"autopilot": links.autopilot.endpoint}
+        sensors = {"anemometer": links.anemometer, "ins": links.ins, "gnss": links.gnss}
+        specs |= {port: sensor.endpoint for port, sensor in sensors.items() if sensor is not None}
+        self._links = {
+            port: Link(port, spec, config, self._clock, self._inbox, self._hub.receive) for port, spec in specs.items()
+        }
+
+    def states(self) -> dict[str, str]:
+        """Of the links: up, or why not."""
+        return {port: link.state for port, link in self._links.items()}
+
+    async def run(self, choose: Choose | None = None) -> list[Finding]:
+        """Look, until all is known. With `choose`, ask it whether to write what is wrong; what was written.
+
+        Raises LinkError in one line where no autopilot is heard.
+        """
+        readers = [asyncio.create_task(link.run(), name=port) for port, link in self._links.items()]
+        try:
+            await self._until(lambda: self.survey.stage == "done", self._complain)
+            wrong = self.survey.fixable
+            if choose is None or not wrong or not await asyncio.to_thread(choose, wrong):
+                return []
+            status = self.survey.status
+            if status is None or status.armed:
+                raise AsvhilError("the vehicle is armed: nothing was written; disarm it first")
+            self.survey.fix()
+            end_s = time.monotonic() + FIX_S
+            await self._until(lambda: not self.survey.fixing or time.monotonic() > end_s)
+            return wrong
+        finally:
+            for reader in readers:
+                reader.cancel()
+            await asyncio.gather(*readers, return_exceptions=True)
+            save_states(self._hub.states())
+
+    async def _until(self, condition: Callable[[], bool], complain: Callable[[float], None] | None = None) -> None:
+        start_s = time.monotonic()
+        while not condition():
+            frames = tuple(self._inbox)
+            self._inbox.clear()
+            for frame in self.survey.step(Inputs(t_ns=self._clock.now_ns(), frames=frames)):
+                for leaving in self._hub.outgoing(frame):
+                    await self._links[leaving.port].send(leaving)
+            self._on_tick(self.survey)
+            if complain is not None:
+                complain(time.monotonic() - start_s)
+            await asyncio.sleep(TICK_S)
+
+    def _complain(self, waited_s: float) -> None:
+        """LinkError where there is no sense in waiting for the first heartbeat any longer."""
+        if self.survey.stage != "waiting":
+            return
+        state, endpoint = self._links["autopilot"].state, self._config.links.autopilot.endpoint
+        if state not in ("up", "connecting") and waited_s > BROKEN_S:
+            raise LinkError(f"{state}; is `asvhil run` using it? (links.autopilot.endpoint)")
+        if waited_s < self._timeout_s:
+            return
+        heard = self.survey.bytes_heard
+        remarks = self._hub.remarks("autopilot")
+        dropped = f"; {remarks}" if remarks else ""
+        if heard:
+            what = f"{heard} bytes came, and no heartbeat of system {self._config.links.autopilot.autopilot_system_id}"
+            raise LinkError(f"{endpoint}: {what} within {waited_s:.0f} s: wrong speed or system id?{dropped}")
+        raise LinkError(
+            f"{endpoint}: nothing was heard within {waited_s:.0f} s: is the autopilot on and wired?{dropped}"
+        )

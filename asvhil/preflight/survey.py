@@ -1,0 +1,272 @@
+"""A look at the vehicle over its links: asks and listens, and can say nothing that arms or moves a motor. Sans-IO."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter, deque
+from collections.abc import Mapping
+from typing import Any
+
+from asvhil.backseat import SensorCodec
+from asvhil.build import build_firmware_watch, build_link, build_sensors
+from asvhil.config import QUANTITIES, Config, Quantity, SourceConfig
+from asvhil.io.mavlink import Parser, decode, dialect, message_id, source
+from asvhil.io.requirements import Finding
+from asvhil.types import (
+    Attitude,
+    BowWind,
+    Frame,
+    FrontseatStatus,
+    GnssFix,
+    Imu,
+    Inputs,
+    Measurement,
+    Note,
+    TimeOffset,
+    TrueWind,
+    WindSample,
+    record,
+)
+
+S = 1_000_000_000
+LEAST_SETTLE_NS = 3 * S  # of asking for streams, before rates are counted
+MOST_SETTLE_NS = 12 * S
+COUNT_NS = 5 * S
+ASK_VERSION_NS = S
+ASK_VERSION_TIMES = 5
+SPEAKS_OF = {  # the value of a measurement that a quantity is
+    "position": "lat_deg",
+    "velocity": "vn_mps",
+    "heading": "psi_rad",
+    "yaw_rate": "r_radps",
+    "acceleration": "ax_mps2",
+}
+
+# All that a preflight may say; whatever else a profile would send is kept back.
+ALLOWED = frozenset(
+    {
+        dialect.MAVLINK_MSG_ID_HEARTBEAT,
+        dialect.MAVLINK_MSG_ID_TIMESYNC,
+        dialect.MAVLINK_MSG_ID_REQUEST_DATA_STREAM,
+        dialect.MAVLINK_MSG_ID_PARAM_REQUEST_READ,
+        dialect.MAVLINK_MSG_ID_PARAM_SET,
+    }
+)
+ALLOWED_COMMANDS = frozenset({dialect.MAV_CMD_SET_MESSAGE_INTERVAL, dialect.MAV_CMD_REQUEST_MESSAGE})
+
+
+@record
+class SourceState:
+    """What was heard of one source of a quantity while counting: valid values, and the age of the last at the end."""
+
+    source: SourceConfig
+    rate_hz: float
+    age_s: float | None
+
+
+class Survey:
+    """Stepped like a backseat; `stage` tells where it is, and the rest what was found once it is done."""
+
+    def __init__(self, config: Config) -> None:
+        self.config = config
+        self.link = build_link(config)
+        self._sensors: Mapping[str, SensorCodec] = build_sensors(config)
+        self._firmware = build_firmware_watch(config)
+        self._sources: dict[Quantity, tuple[SourceConfig, ...]] = config.sources.resolved(config.links)
+        self._wanted = {name: getattr(dialect, f"MAVLINK_MSG_ID_{name}") for name in config.links.autopilot.streams_hz}
+        self._parser = Parser()
+        own = config.links.autopilot
+        self._mav = dialect.MAVLink(None, srcSystem=own.system_id, srcComponent=own.component_id)
+        self._t_ns = 0
+        self._heard_ns: int | None = None
+        self._count_ns: int | None = None
+        self._end_ns: int | None = None
+        self._counts: Counter[int] = Counter()
+        self._valid: dict[tuple[Quantity, str], deque[int]] = {}
+        self._version_asked_ns: int | None = None
+        self._version_times = 0
+        self.bytes_heard = 0
+        self.heartbeat: Any | None = None
+        self.version: Any | None = None
+        self.unix_ns: tuple[int, int] | None = None  # the autopilot's time of day, and ours when it came
+        self.rc_channels: int | None = None
+        self.status: FrontseatStatus | None = None
+
+    # --- while it runs -------------------------------------------------------------------------------------
+
+    @property
+    def stage(self) -> str:
+        """waiting (for a heartbeat), asking, counting, done."""
+        if self._heard_ns is None:
+            return "waiting"
+        if self._count_ns is None:
+            return "asking"
+        return "counting" if self._t_ns < self._count_ns + COUNT_NS else "done"
+
+    @property
+    def progress(self) -> float:
+        """From 0 to 1, after the first heartbeat."""
+        if self._heard_ns is None:
+            return 0.0
+        if self._count_ns is None:
+            return 0.5 * min((self._t_ns - self._heard_ns) / LEAST_SETTLE_NS, 1.0)
+        return 0.5 + 0.5 * min((self._t_ns - self._count_ns) / COUNT_NS, 1.0)
+
+    def step(self, inputs: Inputs) -> list[Frame]:
+        """One tick: what came in, and what goes out."""
+        self._t_ns = t_ns = inputs.t_ns
+        for frame in inputs.frames:
+            self._read(frame)
+        if self._heard_ns is not None and self._count_ns is None:
+            asked_ns = t_ns - self._heard_ns
+            if asked_ns >= MOST_SETTLE_NS or (asked_ns >= LEAST_SETTLE_NS and self.link.parameters.complete):
+                self._count_ns = t_ns
+                self._counts.clear()
+                self._valid.clear()
+        out = [frame for frame in self.link.poll(t_ns) if _may_be_said(frame.data)]
+        return out + self._ask_version(t_ns) + self._firmware.poll(t_ns)
+
+    def fix(self) -> list[Finding]:
+        """Have every wrong parameter written that has a value to be written; `fixing` until all were read back."""
+        wrong = self.fixable
+        for finding in wrong:
+            assert finding.wanted is not None
+            self.link.parameters.write(finding.name, finding.wanted)
+        return wrong
+
+    @property
+    def fixing(self) -> bool:
+        """Whether a written value has not come back yet, and may still."""
+        return bool(self.link.parameters.writing)
+
+    # --- what was found ------------------------------------------------------------------------------------
+
+    @property
+    def findings(self) -> list[Finding]:
+        """Of the parameters."""
+        return self.link.findings
+
+    @property
+    def fixable(self) -> list[Finding]:
+        """Those that are wrong and have a value to be written."""
+        return [f for f in self.findings if not f.ok and f.value is not None and f.wanted is not None]
+
+    @property
+    def clock(self) -> TimeOffset | None:
+        return self.link.clock
+
+    @property
+    def firmware(self) -> Note | None:
+        """Of the anemometer; None where nothing is known of it."""
+        return self._firmware.note()
+
+    def rate_hz(self, name: str) -> float:
+        """Of a message of the autopilot."""
+        return self._counts[self._wanted[name]] / self._counted_s
+
+    def sources(self) -> dict[Quantity, tuple[SourceState, ...]]:
+        """How each source of each quantity was heard."""
+        return {q: tuple(self._state(q, s) for s in self._sources[q]) for q in QUANTITIES}
+
+    # --- parts ---------------------------------------------------------------------------------------------
+
+    @property
+    def _counted_s(self) -> float:
+        assert self._count_ns is not None
+        return min(self._t_ns - self._count_ns, COUNT_NS) / S
+
+    def _state(self, quantity: Quantity, source: SourceConfig) -> SourceState:
+        times = self._valid.get((quantity, source.name), ())
+        age_s = (self._end() - times[-1]) / S if times else None
+        return SourceState(source=source, rate_hz=len(times) / self._counted_s, age_s=age_s)
+
+    def _end(self) -> int:
+        assert self._count_ns is not None
+        return min(self._t_ns, self._count_ns + COUNT_NS)
+
+    def _read(self, frame: Frame) -> None:
+        if frame.port == "autopilot":
+            self.bytes_heard += len(frame.data)
+            self._look(frame)
+        if frame.port == self._firmware.port:
+            self._firmware.read(frame)
+        codec = self._sensors.get(frame.port)
+        reader = self.link.read if frame.port == "autopilot" else codec.read if codec is not None else None
+        for message, measurement in reader(frame) if reader is not None else ():
+            if isinstance(measurement, FrontseatStatus):
+                self.status = measurement
+            elif self.stage == "counting":
+                self._note(f"{frame.port}.{message}", measurement)
+
+    def _look(self, frame: Frame) -> None:
+        """What the link itself has no use for."""
+        own = self.config.links.autopilot
+        for data in self._parser.feed(frame.peer, frame.data):
+            system_id, component_id = source(data)
+            if system_id != own.autopilot_system_id or component_id == own.component_id:
+                continue
+            msg_id = message_id(data)
+            if self.stage == "counting":
+                self._counts[msg_id] += 1
+            message = decode(data) if msg_id in _LOOKED_AT else None
+            if message is None:
+                continue
+            if msg_id == dialect.MAVLINK_MSG_ID_AUTOPILOT_VERSION:
+                self.version = message
+            elif msg_id == dialect.MAVLINK_MSG_ID_SYSTEM_TIME and message.time_unix_usec:
+                self.unix_ns = (message.time_unix_usec * 1000, frame.t_ns)
+            elif msg_id == dialect.MAVLINK_MSG_ID_RC_CHANNELS:
+                self.rc_channels = message.chancount
+            elif msg_id == dialect.MAVLINK_MSG_ID_HEARTBEAT and message.autopilot != dialect.MAV_AUTOPILOT_INVALID:
+                self.heartbeat = message
+                self._heard_ns = frame.t_ns if self._heard_ns is None else self._heard_ns
+
+    def _note(self, name: str, measurement: Measurement) -> None:
+        for quantity, sources in self._sources.items():
+            if any(s.name == name for s in sources) and _is_of(quantity, measurement):
+                self._valid.setdefault((quantity, name), deque()).append(measurement.t_ns)
+
+    def _ask_version(self, t_ns: int) -> list[Frame]:
+        if self._heard_ns is None or self.version is not None or self._version_times >= ASK_VERSION_TIMES:
+            return []
+        if self._version_asked_ns is not None and t_ns - self._version_asked_ns < ASK_VERSION_NS:
+            return []
+        self._version_asked_ns = t_ns
+        self._version_times += 1
+        message = dialect.MAVLink_command_long_message(
+            self.config.links.autopilot.autopilot_system_id,
+            1,
+            dialect.MAV_CMD_REQUEST_MESSAGE,
+            0,
+            dialect.MAVLINK_MSG_ID_AUTOPILOT_VERSION,
+            *[0] * 6,
+        )
+        return [Frame(t_ns=t_ns, port="autopilot", data=bytes(message.pack(self._mav)))]
+
+
+_LOOKED_AT = frozenset(
+    {
+        dialect.MAVLINK_MSG_ID_HEARTBEAT,
+        dialect.MAVLINK_MSG_ID_AUTOPILOT_VERSION,
+        dialect.MAVLINK_MSG_ID_SYSTEM_TIME,
+        dialect.MAVLINK_MSG_ID_RC_CHANNELS,
+    }
+)
+
+
+def _may_be_said(data: bytes) -> bool:
+    msg_id = message_id(data)
+    if msg_id != dialect.MAVLINK_MSG_ID_COMMAND_LONG:
+        return msg_id in ALLOWED
+    message = decode(data)
+    return message is not None and message.command in ALLOWED_COMMANDS
+
+
+def _is_of(quantity: Quantity, m: Measurement) -> bool:
+    """Whether a measurement has a valid value of a quantity."""
+    if quantity == "wind":
+        return isinstance(m, WindSample | BowWind | TrueWind)
+    kinds = {"position": GnssFix, "velocity": GnssFix, "heading": Attitude, "acceleration": Imu}
+    kind = kinds.get(quantity)
+    right = isinstance(m, Attitude | Imu) if kind is None else isinstance(m, kind)
+    return right and math.isfinite(getattr(m, SPEAKS_OF[quantity]))
