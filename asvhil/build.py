@@ -131,8 +131,10 @@ def build_sensors(config: Config) -> dict[str, SensorCodec]:
 
 def build_link(config: Config) -> ArduRoverLink | Px4Link:
     """The conversation with the autopilot, by `links.autopilot.profile`."""
-    kind = Px4Link if config.links.autopilot.profile == "px4" else ArduRoverLink
-    return kind(config.links.autopilot, config.vehicle.pwm)
+    link, pwm = config.links.autopilot, config.vehicle.pwm
+    if link.profile == "px4":
+        return Px4Link(link, pwm, keeps_offboard=config.supervisor.control_mode == "OFFBOARD")
+    return ArduRoverLink(link, pwm)
 
 
 def build_motor_check(config: Config, link: ArduRoverLink | Px4Link) -> MotorCheck:

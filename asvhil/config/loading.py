@@ -80,8 +80,11 @@ def _read_tree(path: Path, seen: tuple[Path, ...]) -> dict[str, Any]:
     if not isinstance(base, str):
         raise ConfigError(f"{path}: key base: the name of a config file is expected, not {base!r}")
     base_path = path.parent / base
-    if not base_path.is_file():
-        raise ConfigError(f"{path}: key base: no such file {base} beside it")
+    if not base_path.is_file():  # a copy of a shipped config, away from the one it stands on
+        try:
+            base_path = find_config(base)
+        except ConfigError:
+            raise ConfigError(f"{path}: key base: no such file {base} beside it, and none shipped") from None
     return _merge(_read_tree(base_path, (*seen, path.resolve())), tree)
 
 

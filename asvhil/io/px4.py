@@ -30,8 +30,10 @@ class Px4Link(Conversation):
 
     bytewise_parameters = True
 
-    def __init__(self, config: AutopilotLinkConfig, pwm: PwmConfig) -> None:
+    def __init__(self, config: AutopilotLinkConfig, pwm: PwmConfig, *, keeps_offboard: bool = True) -> None:
+        """`keeps_offboard`: OFFBOARD is the control mode; else its set-points are left to whoever uses it."""
         super().__init__(config, pwm)
+        self._keeps_offboard = keeps_offboard
         self._alive_due_ns = 0
         self._handlers |= {
             dialect.MAVLINK_MSG_ID_ESTIMATOR_STATUS: self._on_estimator_status,
@@ -44,7 +46,8 @@ class Px4Link(Conversation):
     def poll(self, t_ns: int) -> list[Frame]:
         """As every conversation, and the sign of life that OFFBOARD needs, before and while in that mode."""
         frames = super().poll(t_ns)
-        if self.autopilot_heartbeat_ns is not None and t_ns >= self._alive_due_ns:
+        heard = self.autopilot_heartbeat_ns is not None
+        if self._keeps_offboard and heard and t_ns >= self._alive_due_ns:
             self._alive_due_ns = t_ns + ALIVE_NS
             level = [1.0, 0.0, 0.0, 0.0]
             alive = dialect.MAVLink_set_attitude_target_message(

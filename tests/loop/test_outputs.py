@@ -8,11 +8,12 @@ from test_lockstep import NO_BIAS, settled
 
 from asvhil.build import build_backseat
 from asvhil.config import Config, load_config
+from asvhil.io.mavlink import dialect, message_id
 from asvhil.io.operator import encode_release
 from asvhil.replay import replay
 from asvhil.simplant.lockstep import Lockstep
 from asvhil.sitl import run_lockstep
-from asvhil.types import Inputs, Outputs, Phase
+from asvhil.types import Frame, Inputs, Outputs, Phase
 
 FREE = "plant.frontseat.parameters={SERVO1_FUNCTION: 0, SERVO3_FUNCTION: 0}"
 WAYS = {
@@ -170,6 +171,31 @@ def test_a_px4_that_is_set_wrong_is_not_driven_and_the_parameter_is_named(parame
     for _ in range(200):
         outputs = tolerant.tick()[1]
     assert outputs.phase is (Phase.HOLD if "COM_OBL" in parameters else Phase.STANDBY)
+
+
+def test_px4_streams_are_asked_for_again_after_a_reboot_and_when_another_station_slowed_them() -> None:
+    loop = Loop(config("set_actuator", "supervisor.engage=command"))
+
+    def attitudes(seconds: float) -> int:
+        frames = [frame for _ in range(round(20 * seconds)) for frame in loop.tick()[0].frames]
+        return sum(message_id(frame.data) == 30 for frame in frames if frame.port == "autopilot")
+
+    attitudes(5.0)
+    assert attitudes(2.0) == pytest.approx(40, abs=3)
+    station = dialect.MAVLink(None, srcSystem=255, srcComponent=190)
+    slow = dialect.MAVLink_command_long_message(1, 1, 511, 0, 30, 1e6, 0, 0, 0, 0, 0)
+    loop.plant.receive(Frame(t_ns=loop.t_ns, port="autopilot", data=bytes(slow.pack(station)), peer="ground"))
+    assert attitudes(2.0) < 8
+    attitudes(10.0)
+    assert attitudes(2.0) == pytest.approx(40, abs=3)
+    loop.plant.frontseat.reboot(loop.t_ns)
+    attitudes(8.0)
+    assert attitudes(2.0) == pytest.approx(40, abs=3)
+
+
+def test_with_manual_as_the_control_mode_the_px4_is_driven_there() -> None:
+    loop = Loop(config("set_actuator", "supervisor.control_mode=MANUAL")).driving()
+    assert loop.left_alone(60.0) != NEUTRAL  # nothing bounds a crash then: docs/autopilots.md
 
 
 def test_a_refused_servo_command_is_told_in_words() -> None:

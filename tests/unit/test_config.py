@@ -90,6 +90,15 @@ def test_a_file_is_merged_over_its_base(tmp_path: Path) -> None:
     assert config.vehicle.vessel.motor_arm_m == 1.027
 
 
+def test_a_copy_of_a_shipped_file_finds_what_it_stands_on(tmp_path: Path) -> None:
+    copy = tmp_path / "my-boat.yaml"
+    copy.write_text(find_config("field-px4").read_text())
+    assert load_config(copy) == load_config("field-px4")
+    copy.write_text("base: nowhere.yaml")
+    with pytest.raises(ConfigError, match=r"key base: no such file nowhere.yaml beside it, and none shipped"):
+        load_config(copy)
+
+
 def test_hash_follows_content_and_json_round_trips() -> None:
     config = load_config("sitl")
     again = config_from_json(config.canonical_json(), "memory")

@@ -98,6 +98,12 @@ def test_the_sign_of_life_comes_ten_times_a_second_once_px4_is_heard() -> None:
     assert (first.body_roll_rate, first.body_pitch_rate, first.body_yaw_rate) == (0.0, 0.0, 0.0)  # type: ignore[attr-defined]
 
 
+def test_where_another_mode_is_the_control_mode_offboard_is_left_to_others() -> None:
+    px4 = Px4Link(CONFIG, PwmConfig(), keeps_offboard=False)
+    feed(px4, heartbeat(0x00010000))
+    assert sent([f for ms in range(0, 2000, 50) for f in px4.poll(ms * MS)], "SET_ATTITUDE_TARGET") == []
+
+
 def test_neutral_is_said_when_px4_is_first_heard_and_when_it_has_started_anew() -> None:
     px4 = link()
     feed(px4, heartbeat(0x00010000))
