@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -13,6 +12,7 @@ from asvhil.dynamics.weights import TrainedModel, read_model, save_model
 from asvhil.errors import ConfigError, ModelError
 from asvhil.io.logfile import LogFile
 from asvhil.replay import config_of
+from asvhil.train.choice import best_of
 from asvhil.train.dataset import (
     Dataset,
     dataset_from_csv,
@@ -83,9 +83,9 @@ def train_command(
 ) -> dict[str, Any]:
     """Train a model on logs or CSV files and write it, with its curve as a picture beside it; the figures.
 
-    `options` are those of the kind by default. Of several `tries`, trained side by side from `seed` on, the best on the
-    validation rollouts is kept. An interrupted training leaves OUTPUT.checkpoint; `resume` goes on
-    from there. Raises ConfigError, LogError or ModelError in one line.
+    `options` are those of the kind by default. Of several `tries`, trained side by side from `seed` on, the best is
+    kept (`choice.best_of`). An interrupted training leaves OUTPUT.checkpoint; `resume` goes on from there. Raises
+    ConfigError, LogError or ModelError in one line.
     """
     options = options or chosen_options(kind, dt_s)
     if tries > 1 and kind == "sd":
@@ -186,13 +186,6 @@ def evaluate_command(
         "models": [str(path) for path in models],
         "rows": rows,
     }
-
-
-def best_of(models: Sequence[TrainedModel]) -> TrainedModel:
-    """The model with the lowest error on the validation rollouts, with those of all the seeds in its figures."""
-    errors = {str(model.seed): model.figures["best_validation"] for model in models}
-    best = min(models, key=lambda model: float(model.figures["best_validation"]))
-    return dataclasses.replace(best, figures={**best.figures, "validation_of_seeds": errors})
 
 
 def checkpoint_of(output: Path) -> Path:

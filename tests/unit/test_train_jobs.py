@@ -1,6 +1,7 @@
 """`asvhil train`, `asvhil evaluate` and `asvhil study models` below the command line, on a short collected log."""
 
 import csv
+import dataclasses
 import json
 from pathlib import Path
 
@@ -13,12 +14,14 @@ torch = pytest.importorskip("torch")
 
 from asvhil.collect import collect, parse_wind  # noqa: E402
 from asvhil.config import load_config  # noqa: E402
-from asvhil.dynamics.weights import load_model, read_model, save_model  # noqa: E402
+from asvhil.dynamics.weights import TrainedModel, load_model, read_model, save_model  # noqa: E402
 from asvhil.errors import ConfigError, LogError, ModelError  # noqa: E402
 from asvhil.study.models import markdown, mpc_tick_ms, study_models  # noqa: E402
+from asvhil.train.choice import TOLERANCE_MPS2, best_of, thrust_dip  # noqa: E402
 from asvhil.train.jobs import evaluate_command, is_csv, train_command  # noqa: E402
 from asvhil.train.options import Progress, chosen_options  # noqa: E402
 
+MODELS = Path(__file__).parents[2] / "config" / "models"
 COLUMNS = """
 time: {column: t, unit: s}
 u: {column: u, unit: m/s}
@@ -159,3 +162,26 @@ def test_the_study_writes_its_table_and_reuses_what_is_trained(log: Path, tmp_pa
 @pytest.mark.parametrize("kind", ["nnsem", "lagnet"])
 def test_an_mpc_tick_is_timed(kind: str) -> None:
     assert 0.0 < mpc_tick_ms(sample(kind).dynamics(), ticks=2) < 5000.0
+
+
+def net(seed: int, validation: float, surge: tuple[float, float]) -> TrainedModel:
+    """A model whose surge rate is the sum of two tanh of the commands: rising ones, or one that falls in the middle."""
+    model = sample("nnsem", seed)
+    w1, w2 = np.zeros((12, 7)), np.zeros((3, 12))
+    w1[0, 3:5], w1[1, 3:5] = 0.5, 5.0
+    w2[0, :2] = surge
+    weights = {"w1": w1, "b1": np.zeros(12), "w2": w2, "b2": np.zeros(3)}
+    return dataclasses.replace(model, weights=weights, figures={"best_validation": validation})
+
+
+def test_a_model_whose_thrust_falls_as_the_command_rises_comes_last() -> None:
+    rising, better, dipped = net(1, 0.04, (1.0, 0.1)), net(2, 0.035, (1.0, 0.1)), net(3, 0.03, (1.0, -0.3))
+    assert thrust_dip(rising) == 0.0 < 0.01 < thrust_dip(dipped)
+    best = best_of([rising, better, dipped])
+    assert best.seed == 2 and best.weights is better.weights
+    assert best.figures["validation_of_seeds"] == {"1": 0.04, "2": 0.035, "3": 0.03}
+    assert best_of([dipped, net(4, 0.05, (1.0, -0.3))]).seed == 3
+
+
+def test_the_shipped_nnsems_thrust_rises_with_the_command() -> None:
+    assert thrust_dip(read_model(MODELS / "wamv16-nnsem.npz")) <= TOLERANCE_MPS2
