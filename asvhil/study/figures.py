@@ -68,7 +68,8 @@ def _draw_track(axes: Axes, run: RunLog) -> None:
     axes.set_ylabel("north of the station (m)")
     axes.set_aspect("equal", adjustable="datalim")
     axes.grid(alpha=0.3)
-    axes.legend(loc="lower right", fontsize="small")
+    if axes.lines:
+        axes.legend(loc="lower right", fontsize="small")
 
 
 def _draw_errors(distance: Axes, heading: Axes, run: RunLog) -> None:
@@ -79,12 +80,13 @@ def _draw_errors(distance: Axes, heading: Axes, run: RunLog) -> None:
         errors = track.errors(run.station, run.held_from_s or 0.0)
         distance.plot(errors.t_s, errors.distance_m, color=colour, linewidth=0.9, label=name)
         heading.plot(errors.t_s, errors.heading_deg, color=colour, linewidth=0.9)
+    drawn = bool(distance.lines)
     for axes in (distance, heading):
         axes.axvline(settled_from_s(run.duration_s), color="grey", linestyle=":", linewidth=0.9)
         axes.grid(alpha=0.3)
     distance.set_ylabel("distance (m)")
     distance.set_ylim(bottom=0.0)
-    if distance.lines:
+    if drawn:
         distance.legend(fontsize="small")
     heading.set_ylabel("heading error (deg)")
 

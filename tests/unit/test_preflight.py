@@ -137,6 +137,26 @@ def test_each_wrong_parameter_is_found_and_named_mended_and_passes_the_second_ti
     assert bad(dock.look()) == {}, "the second run"
 
 
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("PWM_MAIN_FUNC1", 101),
+        ("PWM_MAIN_FUNC3", 0),
+        ("PWM_MAIN_MIN3", 1000),
+        ("PWM_MAIN_MAX1", 2000),
+        ("PWM_MAIN_DIS3", 1000),
+        ("COM_OBL_RC_ACT", 0),
+        ("COM_OF_LOSS_T", 10.0),
+    ],
+)
+def test_each_wrong_parameter_of_a_px4_too(name: str, value: float) -> None:
+    dock = Dock(f"plant.frontseat.parameters={{{name}: {value}}}", config="sitl-px4")
+    assert bad(dock.look()) == {name: Result.FAIL}
+    assert {finding.name for finding in dock.survey.fix()} == {name}
+    dock.run(2.0)
+    assert bad(dock.look()) == {}, "the second run"
+
+
 def test_all_wrong_at_once_are_mended_at_once() -> None:
     values = ", ".join(f"{name}: {value}" for name, value in WRONG.items())
     dock = Dock(f"plant.frontseat.parameters={{{values}}}")
