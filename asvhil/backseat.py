@@ -16,9 +16,8 @@ from asvhil.estimator.wind import WindFilter
 from asvhil.geo import LocalFrame
 from asvhil.io.autopilot import AutopilotLink
 from asvhil.io.firmware import FirmwareWatch
-from asvhil.io.mavlink import dialect
-from asvhil.io.operator import OperatorLink, Request
 from asvhil.motor_check import MotorCheck
+from asvhil.operations import Operations
 from asvhil.supervisor import Decision, Supervisor
 from asvhil.types import (
     Attitude,
@@ -29,7 +28,6 @@ from asvhil.types import (
     FrontseatStatus,
     GnssFix,
     Health,
-    HoldCommand,
     Imu,
     Inputs,
     Measurement,
@@ -70,7 +68,7 @@ class Backseat:
         sensors: Mapping[str, SensorCodec],
         firmware: FirmwareWatch,
         selector: SourceSelector,
-        operator: OperatorLink,
+        operations: Operations,
         estimator: StateEstimator,
         wind: WindFilter,
         monitor: ModelMonitor,
@@ -87,7 +85,7 @@ class Backseat:
         self._firmware = firmware
         self._notes: tuple[Note, ...] = ()
         self._selector = selector
-        self._operator = operator
+        self._operations = operations
         self._estimator = estimator
         self._wind = wind
         self._monitor = monitor
@@ -103,7 +101,6 @@ class Backseat:
         self._command = (0.0, 0.0)
         self._pulses_us: tuple[int, int] | None = None
         self._forcing_wind: Wind | None = None
-        self._phase = Phase.STANDBY
         self._station: Station | None = None
         self._readers: dict[str, Callable[[Frame], Sequence[tuple[str, Measurement]]]] = {
             "autopilot": link.read,
@@ -118,7 +115,7 @@ class Backseat:
     def step(self, inputs: Inputs) -> Outputs:
         """Everything that one tick does. Never raises on the content of the frames."""
         t_ns = inputs.t_ns
-        requests = self._take_in(inputs)
+        self._take_in(inputs)
         wind = self._wind.wind(t_ns)
         usable_wind = wind if wind is not None and wind.valid else None
         if (usable_wind is None) != (self._forcing_wind is None):
@@ -126,16 +123,11 @@ class Backseat:
             self._force(usable_wind)
         estimate = self._estimator.estimate(t_ns)
         fault = self._motors.step(t_ns)
-        answers = [frame for request in requests for frame in self._answer(t_ns, request, estimate)]
-        decision = self._supervisor.step(
-            t_ns,
-            self._status,
-            self._heartbeat_age_s(t_ns),
-            estimate,
-            self._estimator.frame,
-            fault,
-            self._motors.unheard,
-        )
+        age_s, local = self._heartbeat_age_s(t_ns), self._estimator.frame
+        answers, begun = self._operations.answer(t_ns, self._status, age_s, estimate, local, fault)
+        if begun:
+            self._cadence.restart()
+        decision = self._supervisor.step(t_ns, self._status, age_s, estimate, local, fault, self._motors.unheard)
         if decision.station is None and self._station is not None:
             self._controller.reset()
         self._station = decision.station
@@ -147,18 +139,14 @@ class Backseat:
         if control is not None and estimate is not None:
             model_error = self._monitor.step(estimate, model_input, usable_wind)
             self._model_ok = model_error is None or model_error.ok
-        polled = (*self._link.poll(t_ns), *self._operator.poll(t_ns), *self._firmware.poll(t_ns))
-        frames = [*motor_frames, *answers, *polled]
-        if decision.phase is not self._phase:
-            self._phase = decision.phase
-            text = f"{decision.phase}: {decision.reason}"
-            frames.append(self._operator.tell(t_ns, dialect.MAV_SEVERITY_NOTICE, text))
-        for switch in self._selector.switches(t_ns):
-            level = dialect.MAV_SEVERITY_NOTICE if switch.after else dialect.MAV_SEVERITY_WARNING
-            text = f"{switch.quantity} from {switch.after or 'nowhere'}"
-            frames.append(self._operator.tell(t_ns, level, text))
-        frames += self._remark(t_ns)
-        frame = self._estimator.frame
+        firmware = self._firmware.note()
+        own = () if firmware is None else (firmware,)
+        sensors = (*self._estimator.notes(t_ns), *self._wind.notes(t_ns))
+        self._notes = (*self._link.notes, *self._motors.notes, *sensors, *own)
+        polled = (*self._link.poll(t_ns), *self._firmware.poll(t_ns))
+        switches = self._selector.switches(t_ns)
+        reports = self._operations.report(t_ns, decision, estimate, control, switches, self._notes)
+        frames = [*motor_frames, *answers, *polled, *reports]
         return Outputs(
             t_ns=t_ns,
             phase=decision.phase,
@@ -169,7 +157,7 @@ class Backseat:
             control=control,
             pwm_us=self._pulses_us,
             health=self._health(t_ns, decision, estimate, wind),
-            origin_deg=None if frame is None else (frame.lat_deg, frame.lon_deg),
+            origin_deg=None if local is None else (local.lat_deg, local.lon_deg),
             model_error=model_error,
             autopilot_clock=self._link.clock,
         )
@@ -181,12 +169,11 @@ class Backseat:
 
     # --- stages --------------------------------------------------------------------------------------------
 
-    def _take_in(self, inputs: Inputs) -> list[Request]:
-        """Decode every frame and hand each measurement to its estimator; returns the operator's requests."""
-        requests: list[Request] = []
+    def _take_in(self, inputs: Inputs) -> None:
+        """Decode every frame: each measurement to its estimator, what the operator asks to `operations`."""
         for frame in inputs.frames:
             if frame.port == "operator":
-                requests += self._operator.decode(frame)
+                self._operations.take(frame)
                 continue
             if frame.port == self._firmware.port:
                 self._firmware.read(frame)
@@ -194,7 +181,6 @@ class Backseat:
             for message, measurement in reader(frame) if reader else ():
                 for chosen in self._selector.select(frame.port, message, measurement):
                     self._measure(chosen)
-        return requests
 
     def _measure(self, measurement: Measurement) -> None:
         match measurement:
@@ -219,23 +205,6 @@ class Backseat:
                 self._wind.on_true_wind(measurement)
             case _:
                 pass
-
-    def _answer(self, t_ns: int, request: Request, estimate: Estimate | None) -> list[Frame]:
-        command = request.command
-        if isinstance(command, HoldCommand):
-            refusal = self._supervisor.on_hold(
-                command,
-                self._status,
-                self._heartbeat_age_s(t_ns),
-                estimate,
-                self._estimator.frame,
-                self._motors.fault,
-            )
-            if refusal is None:
-                self._cadence.restart()
-            return self._operator.answer(t_ns, request, refusal)
-        self._supervisor.on_release(command)
-        return self._operator.answer(t_ns, request, None)
 
     def _control(self, t_ns: int, decision: Decision, estimate: Estimate | None, wind: Wind | None) -> Control | None:
         """A new solution when one is due; otherwise None. In FAILSAFE it is tried too, and not sent: it may recover."""
@@ -272,6 +241,8 @@ class Backseat:
         if decision.prepare:
             frames += self._link.request_mode(t_ns, self._control_mode)
             frames += self._link.request_arming(t_ns)
+        if decision.ask_mode is not None:
+            frames += self._link.request_mode(t_ns, decision.ask_mode)
         return frames
 
     def _model_input(self) -> tuple[float, float]:
@@ -291,25 +262,6 @@ class Backseat:
         self._forcing_wind = wind
         self._estimator.set_forcing(self._model_input(), None if wind is None else (wind.vn_mps, wind.ve_mps))
 
-    def _remark(self, t_ns: int) -> list[Frame]:
-        """Bring the notes up to date; what has become wrong, and what has come right again, is told to operators."""
-        firmware = self._firmware.note()
-        own = () if firmware is None else (firmware,)
-        sensors = (*self._estimator.notes(t_ns), *self._wind.notes(t_ns))
-        notes = (*self._link.notes, *self._motors.notes, *sensors, *own)
-        if notes == self._notes:
-            return []
-        told = []
-        for note in notes:
-            if not note.ok and note not in self._notes:
-                told.append((dialect.MAV_SEVERITY_WARNING, f"{note.subject}: {note.text}"))
-        wrong = {note.subject for note in notes if not note.ok}
-        for note in self._notes:
-            if not note.ok and note.subject not in wrong:
-                told.append((dialect.MAV_SEVERITY_NOTICE, f"{note.subject}: well again"))
-        self._notes = notes
-        return [self._operator.tell(t_ns, severity, text) for severity, text in told]
-
     def _heartbeat_age_s(self, t_ns: int) -> float | None:
         heard_ns = self._link.autopilot_heartbeat_ns
         return None if heard_ns is None else (t_ns - heard_ns) * 1e-9
@@ -326,7 +278,7 @@ class Backseat:
             counters=(
                 *self._link.counters(),
                 *(counter for codec in self._sensors.values() for counter in codec.counters()),
-                *self._operator.counters(),
+                *self._operations.counters(),
                 *self._estimator.counters(),
             ),
             sources=self._selector.current(t_ns),

@@ -33,8 +33,10 @@ from asvhil.io.operator import OperatorLink
 from asvhil.io.px4 import Px4Link
 from asvhil.io.vectornav.codec import VectorNavCodec
 from asvhil.motor_check import MotorCheck
+from asvhil.operations import STATION_PARAMETERS, Operations
 from asvhil.output_watch import OutputWatch
 from asvhil.supervisor import Supervisor
+from asvhil.tunables import Tunables
 
 HELD_S = 1e-3  # a time constant so short that a low-pass takes each sample over whole
 
@@ -159,19 +161,23 @@ def build_backseat(
     """
     model = model or build_model(config, file)
     pwm, link = config.vehicle.pwm, build_link(config)
+    controller = controller or build_controller(config, model)
+    supervisor = Supervisor(config.supervisor, pwm, overrides_sticks=config.links.autopilot.overrides_sticks)
+    tunables = Tunables(config.controller, controller)
+    operator = OperatorLink(config.links.autopilot, config.links.operator, (*STATION_PARAMETERS, *tunables.names))
     return Backseat(
         model=model,
         link=link,
         sensors=build_sensors(config),
         firmware=build_firmware_watch(config),
         selector=SourceSelector(config.sources.resolved(config.links), config.sources.return_after_s),
-        operator=OperatorLink(config.links.autopilot),
+        operations=Operations(operator, supervisor, tunables),
         estimator=build_estimator(config.estimator, model),
         wind=build_wind(config.estimator),
         monitor=ModelMonitor(config.estimator.monitor, model, 1.0 / config.daemon.control_hz),
-        supervisor=Supervisor(config.supervisor, pwm, overrides_sticks=config.links.autopilot.overrides_sticks),
+        supervisor=supervisor,
         motors=build_motor_check(config, link),
-        controller=controller or build_controller(config, model),
+        controller=controller,
         pwm=pwm,
         control_mode=config.supervisor.control_mode,
         cadence=build_cadence(config),

@@ -22,7 +22,7 @@ from asvhil.errors import AsvhilError, ConfigError, LinkError
 from asvhil.hub import GROUND, OPERATOR, Hub, save_states
 from asvhil.io.endpoint import Endpoint, open_endpoint
 from asvhil.io.mavlink import refuse_ignored_crc
-from asvhil.io.operator import encode_release
+from asvhil.io.operator import encode_release, encode_solve_time
 from asvhil.io.recorder import Recorder
 from asvhil.io.signing import SigningState
 from asvhil.types import Frame, Inputs, Outputs
@@ -32,6 +32,7 @@ FINAL_TICKS = 3
 SURRENDERS, SURRENDER_S = 3, 0.05
 SWITCH_S = 0.0005
 ARRIVALS_AT_ONCE = 20
+SOLVE_TOLD_NS = 500_000_000
 
 
 class Link:
@@ -157,6 +158,8 @@ class Daemon:
         self._hub.attach(self._links)
         self.ticks = 0
         self.overruns = 0
+        self._slowest_ns = 0
+        self._solve_told_ns = 0
 
     def stop(self) -> None:
         """Ask for neutral, release and the end; safe from a signal handler on the loop."""
@@ -254,10 +257,20 @@ class Daemon:
         self._recorder.write_outputs(outputs)
         self._recorder.write_timing(inputs.t_ns, step_ns, overrun)
         self.ticks += 1
+        if outputs.control is not None:
+            self._tell_solve_time(outputs.t_ns, step_ns)
         self._speak(outputs)
         self._keep_house(outputs.t_ns)
         if self._on_tick is not None:
             self._on_tick(outputs, {port: self._state(port) for port in self._links})
+
+    def _tell_solve_time(self, t_ns: int, step_ns: int) -> None:
+        """The core has no clock, so what it tells operators of its own speed comes in like everything else."""
+        self._slowest_ns = max(self._slowest_ns, step_ns)
+        if t_ns - self._solve_told_ns >= SOLVE_TOLD_NS:
+            data = encode_solve_time(self._config.links.autopilot, self._slowest_ns * 1e-6)
+            self._inbox.append(Frame(t_ns=self._clock.now_ns(), port=OPERATOR, data=data))
+            self._solve_told_ns, self._slowest_ns = t_ns, 0
 
     def _timed_step(self, inputs: Inputs) -> tuple[Outputs, int]:
         start_ns = time.perf_counter_ns()

@@ -15,9 +15,10 @@ from asvhil.config.links import LinksConfig
 from asvhil.config.mavlink import MavlinkLinkConfig, SigningConfig
 from asvhil.errors import ConfigError
 from asvhil.io.gate import Gate
+from asvhil.io.goto import is_goto
 from asvhil.io.keyfile import read_key, read_state, write_state
 from asvhil.io.mavlink import message_number, source, target
-from asvhil.io.router import LinkRules, Router
+from asvhil.io.router import Hops, LinkRules, Router
 from asvhil.io.signing import Signer, SigningClock, SigningState, Verdict, Verifier
 from asvhil.types import Frame
 
@@ -54,6 +55,7 @@ class Hub:
         self._unix_ns = unix_ns
         self._on_forward = on_forward
         self._autopilot_system_id = config.autopilot.autopilot_system_id
+        self._claim_goto = config.operator.claim_goto
         self.ground_specs = {f"{GROUND}{name}": link.endpoint for name, link in config.ground_stations.items()}
         links: dict[str, MavlinkLinkConfig] = {AUTOPILOT: config.autopilot, OPERATOR: config.operator}
         links |= {f"{GROUND}{name}": link for name, link in config.ground_stations.items()}
@@ -151,6 +153,8 @@ class Hub:
     async def _route(self, frame: Frame, data: bytes) -> list[Frame]:
         assert self._router is not None
         hops = self._router.route(frame.port, data, frame.t_ns)
+        if self._claim_goto and AUTOPILOT in hops.links and is_goto(data):
+            hops = Hops(tuple(name for name in hops.links if name != AUTOPILOT), True)
         for name in hops.links:
             if not await self._carriers[name].forward(data):
                 self._unforwarded[name] += 1

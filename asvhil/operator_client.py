@@ -11,6 +11,7 @@ from asvhil.errors import LinkError
 from asvhil.io.gate import Gate
 from asvhil.io.keyfile import read_key
 from asvhil.io.mavlink import decode
+from asvhil.io.operator_reports import TextReader
 from asvhil.io.signing import Signer, SigningClock, Verifier
 from asvhil.types import Frame
 
@@ -25,7 +26,7 @@ def send_and_wait(
     """
     signer, verifier = _with_key(signing)
     host, _, port = endpoint.removeprefix("udpin:").removeprefix("udpout:").rpartition(":")
-    words = ""
+    words, texts = "", TextReader()
     gate = Gate((), verifier)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as link:
         link.settimeout(0.5)
@@ -39,7 +40,7 @@ def send_and_wait(
                     if message is None:
                         continue
                     if message.get_type() == "STATUSTEXT":
-                        words = message.text
+                        words = texts.feed(message) or words
                     elif message.get_type() == "COMMAND_ACK" and message.command == mav_cmd:
                         return int(message.result), words
             except (TimeoutError, ConnectionRefusedError):

@@ -7,6 +7,7 @@ from collections import deque
 
 from asvhil.config import PwmConfig, SupervisorConfig
 from asvhil.geo import LocalFrame
+from asvhil.mode_keeper import ModeKeeper
 from asvhil.types import (
     Estimate,
     FrontseatStatus,
@@ -29,7 +30,7 @@ class Decision:
 
     `drive`: the controller's command. `neutral`: neutral pulses. `release`: give the channels back, after the
     neutral pulses where both are set. With none of them say nothing. `prepare` asks for mode and arming (simulation
-    only).
+    only), `ask_mode` for a mode alone.
     """
 
     phase: Phase
@@ -39,6 +40,7 @@ class Decision:
     neutral: bool = False
     release: bool = False
     prepare: bool = False
+    ask_mode: str | None = None
 
 
 class Supervisor:
@@ -63,11 +65,18 @@ class Supervisor:
         self._release_left = 0
         self._neutral_first = False
         self._control_failed = False
+        self._mode = ModeKeeper(config.control_mode, config.take_mode_timeout_s)
+        self._next_station: Station | None = None  # to be held once the control mode stands
 
     @property
     def control_ok(self) -> bool:
         """Whether the controller's latest solution was usable."""
         return not self._control_failed
+
+    @property
+    def station(self) -> Station | None:
+        """The station that is held."""
+        return self._station if self._phase in (Phase.HOLD, Phase.FAILSAFE) else None
 
     def link_ok(self, heartbeat_age_s: float | None) -> bool:
         """Whether the autopilot's heartbeat is recent."""
@@ -85,6 +94,8 @@ class Supervisor:
         fault: str | None = None,
     ) -> str | None:
         """Take up a station. Returns None, or the reason why not; `fault`: why the motors would not do as told."""
+        if command.move_only:
+            return self._move(command, estimate, frame)
         refusal = self._why_not(status, heartbeat_age_s, estimate, fault)
         if refusal is not None:
             return refusal
@@ -92,14 +103,17 @@ class Supervisor:
         station = self._station_of(command, estimate, frame)
         if isinstance(station, str):
             return station
-        self._engage(command.t_ns, station, status)
+        if status.mode != self._config.control_mode:
+            self._take_mode(command.t_ns, station, status)
+        else:
+            self._engage(command.t_ns, station, status)
         return None
 
     def on_release(self, command: ReleaseCommand) -> None:
         """Let go; always granted."""
         self._auto_pending = False
         if self._phase is not Phase.STANDBY:
-            self._let_go(command.reason, neutral_first=True)
+            self._let_go(command.reason, neutral_first=True, give_back_ns=command.t_ns)
 
     def note_sent(self, t_ns: int, pulses_us: tuple[int, int]) -> None:
         """Remember what was sent, to tell the echo of our override from the pilot's sticks."""
@@ -131,18 +145,21 @@ class Supervisor:
         """
         if self._phase in (Phase.STANDBY, Phase.PREPARE) and self._auto_pending:
             self._prepare(t_ns, status, heartbeat_age_s, estimate, frame, fault)
+        if self._next_station is not None:
+            self._await_mode(t_ns, status, heartbeat_age_s, estimate)
         if self._phase in (Phase.HOLD, Phase.FAILSAFE):
             self._watch(t_ns, status, heartbeat_age_s, estimate, fault, unheard)
         releasing = self._phase is Phase.STANDBY and self._release_left > 0
         self._release_left -= releasing
         return Decision(
             phase=self._phase,
-            station=self._station if self._phase in (Phase.HOLD, Phase.FAILSAFE) else None,
+            station=self.station,
             reason=self._reason,
             drive=self._phase is Phase.HOLD,
             neutral=self._phase in (Phase.PREPARE, Phase.FAILSAFE) or (releasing and self._neutral_first),
             release=releasing,
-            prepare=self._phase is Phase.PREPARE,
+            prepare=self._phase is Phase.PREPARE and self._auto_pending,
+            ask_mode=self._mode.asking(t_ns, status.mode if status and self.link_ok(heartbeat_age_s) else None),
         )
 
     def _prepare(
@@ -167,6 +184,7 @@ class Supervisor:
             self._phase, self._reason = Phase.STANDBY, "waiting for the autopilot to be ready"
             return
         if not status.armed or status.mode != self._config.control_mode:
+            self._mode.note(status.mode)
             self._phase, self._reason = Phase.PREPARE, f"asking for {self._config.control_mode} and arming"
             return
         at = self._config.station
@@ -174,6 +192,29 @@ class Supervisor:
         n_m, e_m = frame.to_ned(at.lat_deg, at.lon_deg)
         station = Station(n_m=n_m, e_m=e_m, psi_rad=math.radians(at.heading_deg))
         self._engage(t_ns, station, status)
+
+    def _take_mode(self, t_ns: int, station: Station, status: FrontseatStatus) -> None:
+        """Ask for the control mode, with neutral sticks, before the motors are driven."""
+        self._phase, self._reason = Phase.PREPARE, f"asking for {self._config.control_mode}"
+        self._station, self._next_station = None, station
+        self._auto_pending = False
+        self._release_left = 0
+        self._mode.take(t_ns, status.mode)
+
+    def _await_mode(
+        self, t_ns: int, status: FrontseatStatus | None, heartbeat_age_s: float | None, estimate: Estimate | None
+    ) -> None:
+        """Hold once the mode that was asked for stands; give up where something has changed, or after a while."""
+        refusal = self._why_not(status, heartbeat_age_s, estimate, None)  # outputs follow once the mode stands
+        if status is None or refusal is not None:
+            self._let_go(refusal or "", neutral_first=True)
+            return
+        failure = self._mode.failure(t_ns, status.mode)
+        if failure is not None:
+            self._let_go(failure)
+        elif status.mode == self._config.control_mode:
+            assert self._next_station is not None
+            self._engage(t_ns, self._next_station, status)
 
     def _watch(
         self,
@@ -261,7 +302,7 @@ class Supervisor:
             return fault
         if not status.armed:
             return "vehicle is not armed"
-        if status.mode != self._config.control_mode:
+        if status.mode != self._config.control_mode and not self._config.take_mode:
             return f"mode is {status.mode}, {self._config.control_mode} is needed"
         if estimate is None or not estimate.valid:
             return "no valid position and heading yet"
@@ -271,16 +312,29 @@ class Supervisor:
         n_m, e_m = estimate.n_m, estimate.e_m
         if command.lat_deg is not None and command.lon_deg is not None:
             n_m, e_m = frame.to_ned(command.lat_deg, command.lon_deg)
-        distance_m = ((n_m - estimate.n_m) ** 2 + (e_m - estimate.e_m) ** 2) ** 0.5
-        if not distance_m <= MAX_STATION_DISTANCE_M:
-            return f"station is {distance_m / 1000.0:.1f} km away, 2 km at most"
         psi_rad = estimate.psi_rad if command.psi_rad is None else command.psi_rad
-        return Station(n_m=n_m, e_m=e_m, psi_rad=psi_rad)
+        return _within_reach(Station(n_m=n_m, e_m=e_m, psi_rad=psi_rad), estimate)
+
+    def _move(self, command: HoldCommand, estimate: Estimate | None, frame: LocalFrame | None) -> str | None:
+        held = self.station
+        if held is None or estimate is None or frame is None:
+            return "no station is held: a stream of set-points only moves one, and takes none after a release"
+        n_m, e_m = held.n_m, held.e_m
+        if command.lat_deg is not None and command.lon_deg is not None:
+            n_m, e_m = frame.to_ned(command.lat_deg, command.lon_deg)
+        psi_rad = held.psi_rad if command.psi_rad is None else command.psi_rad
+        station = _within_reach(Station(n_m=n_m, e_m=e_m, psi_rad=psi_rad), estimate)
+        if isinstance(station, str):
+            return station
+        self._station = station
+        return None
 
     def _engage(self, t_ns: int, station: Station, status: FrontseatStatus) -> None:
         self._phase, self._reason = Phase.HOLD, "holding"
         self._station = station
         self._auto_pending = False
+        self._next_station = None
+        self._mode.taken()
         self._engaged_ns = t_ns
         self._failing_since_ns = None
         self._control_failed = False
@@ -289,14 +343,30 @@ class Supervisor:
         baseline = {channel: _channel(status, channel) for channel in self._stick_channels}
         self._stick_baseline = {channel: value for channel, value in baseline.items() if value}
 
-    def _let_go(self, reason: str, *, neutral_first: bool = False) -> None:
-        """Stand by and give the motors back; a pilot who takes them gets them without a word of ours in between."""
+    def _let_go(self, reason: str, *, neutral_first: bool = False, give_back_ns: int | None = None) -> None:
+        """Stand by and give the motors back; a pilot who takes them gets them without a word of ours in between.
+
+        The autopilot's mode goes back only where that is asked for: after a failure the boat must not drive on by
+        itself, and a pilot's choice stands.
+        """
         self._phase, self._reason = Phase.STANDBY, reason
         self._station = None
         self._auto_pending = False
+        self._next_station = None
+        if give_back_ns is None:
+            self._mode.forget()
+        else:
+            self._mode.give_back(give_back_ns)
         self._failing_since_ns = None
         self._release_left = RELEASE_REPEATS
         self._neutral_first = neutral_first
+
+
+def _within_reach(station: Station, estimate: Estimate) -> Station | str:
+    distance_m = math.hypot(station.n_m - estimate.n_m, station.e_m - estimate.e_m)
+    if not distance_m <= MAX_STATION_DISTANCE_M:
+        return f"station is {distance_m / 1000.0:.1f} km away, 2 km at most"
+    return station
 
 
 def _channel(status: FrontseatStatus, channel: int) -> int:

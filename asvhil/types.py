@@ -133,12 +133,16 @@ class FrontseatStatus:
 
 @record
 class HoldCommand:
-    """The operator asks to keep a station. A missing field means: as the boat is now."""
+    """The operator asks to keep a station. A missing field means: as the boat is now.
+
+    `move_only`: a station that is held is moved, missing fields stay as they are, and the motors are not taken.
+    """
 
     t_ns: int
     lat_deg: float | None = None
     lon_deg: float | None = None
     psi_rad: float | None = None
+    move_only: bool = False
 
 
 @record
@@ -147,6 +151,15 @@ class ReleaseCommand:
 
     t_ns: int
     reason: str
+
+
+@record
+class ParameterChange:
+    """The operator sets one of the daemon's own parameters, by its name on the link and in its unit there."""
+
+    t_ns: int
+    name: str
+    value: float
 
 
 Measurement = (

@@ -22,7 +22,7 @@ from asvhil.config.estimator import (
     TrustConfig,
     WindFilterConfig,
 )
-from asvhil.config.links import AutopilotLinkConfig, InsLinkConfig, NmeaLinkConfig
+from asvhil.config.links import AutopilotLinkConfig, InsLinkConfig, NmeaLinkConfig, OperatorLinkConfig
 from asvhil.config.loading import config_from_json, find_config, find_shipped, load_config
 from asvhil.config.plant import (
     OF_ONE_DEVICE,
@@ -79,6 +79,7 @@ __all__ = [
     "MpcWeights",
     "NmeaDeviceConfig",
     "NmeaLinkConfig",
+    "OperatorLinkConfig",
     "PlantConfig",
     "ProcedureConfig",
     "PwmConfig",

@@ -56,6 +56,8 @@ class MpcConfig(Section):
         for name, (low, high) in (("side_load_mps2", self.side_load_mps2), ("offset_m", self.offset_m)):
             if not low < high:
                 raise ValueError(f"{name} needs two rising values")
+        if not self.near_radius_m < self.far_radius_m:
+            raise ValueError("near_radius_m < far_radius_m must hold")
         return self
 
 

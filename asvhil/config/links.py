@@ -80,9 +80,15 @@ class InsLinkConfig(Section):
 
 
 class OperatorLinkConfig(MavlinkLinkConfig):
-    """Where `asvhil hold` and ground stations send their commands, as MAVLink."""
+    """Where `asvhil hold` and ground stations send their commands, as MAVLink; and what all operators are told.
+
+    `claim_goto`: a ground station's goto that is addressed to the autopilot is taken as ours, and answered in the
+    autopilot's name.
+    """
 
     endpoint: LinkSpecText = "udpin:127.0.0.1:14660"
+    claim_goto: bool = False
+    report_hz: Annotated[float, Field(ge=0.0, le=10.0)] = 2.0  # NAMED_VALUE_FLOAT and the station; 0: none
 
 
 class LinksConfig(Section):

@@ -28,9 +28,14 @@ class ReadbackConfig(Section):
 
 
 class SupervisorConfig(Section):
-    """When the motors are taken and when they are given back."""
+    """When the motors are taken and when they are given back.
+
+    `take_mode`: a hold command while another mode stands asks the autopilot for `control_mode`; else it is refused.
+    """
 
     engage: Literal["command", "auto"] = "command"
+    take_mode: bool = False
+    take_mode_timeout_s: Positive = 3.0
     station: StationConfig | None = None
     control_mode: str = "MANUAL"
     stick_channels: tuple[Annotated[int, Field(ge=1, le=18)], ...] = (2, 4)

@@ -45,6 +45,10 @@ class Ilos:
         self._config = config
         self.begin()
 
+    def retune(self, config: ProcedureConfig) -> None:
+        """Another look-ahead and the like from the next step on."""
+        self._config = config
+
     def begin(self) -> None:
         """Start on a new path, from its beginning; the integral starts anew, for the wind now comes from elsewhere."""
         self._along_m = 0.0

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 
-from asvhil.config import LoiterConfig
+from asvhil.config import ControllerConfig, LoiterConfig
 from asvhil.controller.classical import FAILED
 from asvhil.geo import wrap_rad
 from asvhil.types import Control, Estimate, Station, Wind
@@ -23,6 +23,10 @@ class Loiter:
     def __init__(self, config: LoiterConfig) -> None:
         self._config = config
         self.reset()
+
+    def retune(self, config: ControllerConfig) -> None:
+        """Another radius or speed from the next step on."""
+        self._config = config.loiter
 
     def reset(self) -> None:
         """Empty the speed integral, as after a time without control."""

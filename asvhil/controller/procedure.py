@@ -13,7 +13,7 @@ import enum
 import math
 from collections.abc import Callable
 
-from asvhil.config import ProcedureConfig, VesselConfig
+from asvhil.config import ControllerConfig, ProcedureConfig, VesselConfig
 from asvhil.controller.dubins import Dubins, shortest
 from asvhil.controller.ilos import Guidance, Helm, Ilos, approach_speed
 from asvhil.controller.manoeuvres import Keeper
@@ -55,8 +55,16 @@ class Procedure:
     ) -> None:
         self._config, self._keeper = config, keeper
         self._favour_position = favour_position if config.r_h_rule else None
+        self._keeper_retune: Callable[[ControllerConfig], None] | None = getattr(keeper, "retune", None)
         self._ilos, self._helm = Ilos(config), Helm(config, vessel)
         self.reset()
+
+    def retune(self, config: ControllerConfig) -> None:
+        """Other radii and speeds from the next step on, and the keeper's own settings where it has any."""
+        self._config = config.procedure
+        self._ilos.retune(config.procedure)
+        if self._keeper_retune is not None:
+            self._keeper_retune(config)
 
     def reset(self) -> None:
         """Forget stage and path, as after a time without control."""

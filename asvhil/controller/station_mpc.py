@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from asvhil.config import MpcConfig, MpcWeights
+from asvhil.config import ControllerConfig, MpcConfig, MpcWeights
 from asvhil.controller.mpc import Array, Solution, Solver, StationProblem
 from asvhil.controller.solvers.sqp import Sqp
 from asvhil.dynamics.protocol import Dynamics
@@ -16,6 +16,7 @@ from asvhil.types import Control, Estimate, Station, Wind
 
 ALTERNATE_STARTS = (0.0, 0.7, -0.7)  # of full ahead (positive) or full astern (negative), both motors, in turn
 TRIM_WITHIN_RAD = 0.5  # larger heading errors are transients, and would only wind the trim up
+TUNED = ("near", "along", "far", "position_only", "near_radius_m", "far_radius_m", "trim_time_s", "trim_max_rad")
 TURN_HYSTERESIS_RAD = 0.3  # how far past half a turn the chosen way round is kept
 
 
@@ -53,6 +54,10 @@ class StationMpc:
     def favour_position(self, on: bool) -> None:
         """Keep position at any heading (True), or heading too (False), from the next step on and until `reset`."""
         self._position_only = on
+
+    def retune(self, config: ControllerConfig) -> None:
+        """Other weights, radii and trim from the next step on; the problem and its solver stay as they were built."""
+        self._config = self._config.model_copy(update={name: getattr(config.mpc, name) for name in TUNED})
 
     def step(self, estimate: Estimate, wind: Wind | None, station: Station) -> Control:
         """One control tick. Neutral and not ok where an input is not finite or the solver fails.

@@ -206,3 +206,96 @@ def test_auto_asks_for_mode_and_arming_once_and_never_after_the_pilot() -> None:
     for _ in range(40):
         decision = bench.step()
     assert not (decision.prepare or decision.neutral or decision.drive)
+
+
+# --- the autopilot's mode ------------------------------------------------------------------------------------------
+
+
+def taking() -> Bench:
+    bench = Bench(SupervisorConfig(take_mode=True))
+    bench.status = status(mode="GUIDED")
+    assert bench.hold() is None
+    return bench
+
+
+def test_another_mode_is_a_refusal_unless_it_may_be_taken() -> None:
+    bench = Bench()
+    bench.status = status(mode="GUIDED")
+    assert bench.hold() == "mode is GUIDED, MANUAL is needed"
+    decision = taking().step()
+    assert (decision.phase, decision.ask_mode, decision.prepare) == (Phase.PREPARE, "MANUAL", False)
+    assert decision.neutral and not decision.drive and decision.station is None
+
+
+def test_the_mode_that_was_taken_is_given_back_after_a_release() -> None:
+    bench = taking()
+    bench.step()
+    bench.status = status()
+    decision = bench.step()
+    assert decision.phase is Phase.HOLD and decision.ask_mode is None and decision.station is not None
+    bench.drive()
+    bench.supervisor.on_release(ReleaseCommand(t_ns=bench.t_ns, reason="released by the operator"))
+    assert (decision := bench.step()).ask_mode == "GUIDED" and decision.release and decision.neutral
+    bench.step()
+    bench.status = status(mode="GUIDED")
+    assert bench.step().ask_mode is None
+    bench.status = status()  # somebody's later choice
+    assert bench.step().ask_mode is None
+
+
+def test_a_mode_that_the_pilot_chooses_stands() -> None:
+    bench = taking()
+    bench.step()
+    bench.status = status()
+    bench.drive()
+    bench.status = status(mode="HOLD")
+    decision = bench.step()
+    assert decision.phase is Phase.STANDBY and decision.ask_mode is None
+    bench.supervisor.on_release(ReleaseCommand(t_ns=bench.t_ns, reason="released by the operator"))
+    assert bench.step().ask_mode is None
+    bench = taking()
+    bench.step()
+    bench.status = status(mode="LOITER")  # neither what stood nor what was asked for
+    assert (decision := bench.step()).phase is Phase.STANDBY and decision.ask_mode is None
+
+
+def test_nothing_is_given_back_after_a_failure() -> None:
+    bench = taking()
+    bench.step()
+    bench.status = status()
+    bench.drive()
+    bench.estimate = replace(ESTIMATE, valid=False)
+    asked = [bench.step().ask_mode for _ in range(100)]
+    assert asked == [None] * 100 and bench.step().phase is Phase.STANDBY
+
+
+def test_a_mode_that_is_not_entered_ends_the_attempt() -> None:
+    bench = taking()
+    decisions = [bench.step() for _ in range(70)]
+    assert decisions[55].ask_mode == "MANUAL" and decisions[-1].phase is Phase.STANDBY
+    assert any(d.release for d in decisions) and "does not enter MANUAL" in decisions[-1].reason
+    bench = taking()
+    bench.step()
+    bench.status = status(mode="GUIDED", armed=False)
+    assert bench.step().reason == "vehicle is not armed"
+
+
+def test_a_mode_that_stood_already_is_not_touched() -> None:
+    bench = Bench(SupervisorConfig(take_mode=True))
+    assert bench.hold() is None
+    bench.drive()
+    bench.supervisor.on_release(ReleaseCommand(t_ns=bench.t_ns, reason="released by the operator"))
+    assert bench.step().ask_mode is None
+
+
+def test_a_station_is_moved_only_where_one_is_held() -> None:
+    bench = Bench()
+    assert "no station is held" in (bench.hold(lat_deg=40.0, lon_deg=-86.0, move_only=True) or "")
+    assert bench.step().phase is Phase.STANDBY
+    assert bench.hold() is None
+    lat, lon = FRAME.to_geodetic(30.0, -40.0)
+    assert bench.hold(lat_deg=lat, lon_deg=lon, move_only=True) is None
+    station = bench.step().station
+    assert station is not None and station.n_m == pytest.approx(30.0) and station.psi_rad == 0.5
+    assert "km away" in (bench.hold(lat_deg=41.0, lon_deg=lon, move_only=True) or "")
+    assert bench.step().station == station

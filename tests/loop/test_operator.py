@@ -1,0 +1,179 @@
+"""Ground stations and the daemon in virtual time: parameters, set-points, modes, and that a replay sees it all."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from asvhil.config import load_config
+from asvhil.io.mavlink import FrameSplitter, decode, dialect
+from asvhil.io.operator import encode_hold, encode_release
+from asvhil.io.operator_reports import TextReader
+from asvhil.replay import replay
+from asvhil.simplant.lockstep import Lockstep
+from asvhil.sitl import open_recorder
+from asvhil.types import Outputs, Phase
+
+GCS = dialect.MAVLink(None, srcSystem=255, srcComponent=190)
+BASE = (
+    "plant.weather.wind.speed_mps=0",
+    "plant.start_n_m=0",
+    "plant.start_e_m=0",
+    "plant.sensors.gnss.slow_bias_m=0",
+)
+
+
+class Loop:
+    """A boat, a daemon, and a ground station that hears what the daemon says on its operator port."""
+
+    def __init__(self, log: Path | None = None, *overrides: str) -> None:
+        self.config = load_config("sitl", (*BASE, *overrides))
+        self.recorder = None if log is None else open_recorder(self.config, log, "lockstep", threaded=False)
+        self.loop = Lockstep(self.config, self.recorder)
+        self.heard: list[Any] = []
+        self.texts: list[str] = []
+        self._reader = TextReader()
+        self.outputs: Outputs | None = None
+
+    def run(self, seconds: float, until: Callable[[Outputs], bool] = lambda outputs: False) -> Outputs:
+        for _ in range(round(seconds * 20)):
+            _, self.outputs = self.loop.tick()
+            for frame in self.outputs.frames:
+                if frame.port == "operator":
+                    for message in map(decode, FrameSplitter().feed(frame.data)):
+                        self.heard.append(message)
+                        if message.get_type() == "STATUSTEXT" and (text := self._reader.feed(message)):
+                            self.texts.append(text)
+            if until(self.outputs):
+                return self.outputs
+        assert self.outputs is not None
+        return self.outputs
+
+    def hold(self) -> None:
+        assert self.run(60.0, lambda o: o.phase is Phase.HOLD).phase is Phase.HOLD
+
+    def say(self, message: Any) -> None:
+        data = message if isinstance(message, bytes) else bytes(message.pack(GCS))
+        self.loop.inject("operator", data, "gcs:1")
+
+    def set(self, name: str, value: float) -> float:
+        """Set a parameter; the value that is answered."""
+        self.say(dialect.MAVLink_param_set_message(1, 191, name.encode(), value, 9))
+        self.run(0.3)
+        return [m for m in self.heard if m.get_type() == "PARAM_VALUE" and m.param_id == name][-1].param_value
+
+    def end(self) -> None:
+        if self.recorder is not None:
+            self.recorder.close()
+
+
+def test_parameters_take_effect_are_bounded_and_are_replayed(tmp_path: Path) -> None:
+    log = tmp_path / "log.mcap"
+    loop = Loop(log, "controller.name=sd-mpc", "controller.procedure.enabled=true")
+    assert math.isnan(loop.set("ST_HDG", 45.0)) and "ST_HDG: no station is held" in loop.texts
+    loop.hold()
+    loop.say(dialect.MAVLink_param_request_list_message(1, 191))
+    loop.run(3.0)
+    told = {m.param_id: m for m in loop.heard if m.get_type() == "PARAM_VALUE"}
+    count = next(iter(told.values())).param_count
+    assert len(told) == count and all(len(name) <= 16 for name in told)
+    assert told["W_NEAR_HDG"].param_value == 200.0 and told["PROC_R_S"].param_value == 15.0
+    assert told["ST_LAT"].param_value == pytest.approx(40.4237, abs=1e-5)
+    # A weight and a radius: at once, in the controller that runs.
+    keeper = loop.loop.backseat._controller._keeper  # type: ignore[attr-defined]
+    assert loop.set("W_NEAR_HDG", 300.0) == 300.0 and keeper._config.near.heading == 300.0
+    assert loop.set("PROC_R_S", 12.0) == 12.0 and loop.loop.backseat._controller._config.r_s_m == 12.0  # type: ignore[attr-defined]
+    # What cannot be: the old value, and why.
+    for name, value, words in (
+        ("W_NEAR_SIDE", 1.5, "W_NEAR_SIDE must be 0 to 1"),
+        ("W_NEAR_HDG", -1.0, "W_NEAR_HDG must be 0 to 100000"),
+        ("W_NEAR_HDG", math.nan, "W_NEAR_HDG must be 0 to 100000"),
+        ("W_NEAR_HDG", math.inf, "W_NEAR_HDG must be 0 to 100000"),
+        ("PROC_R_D", 10.0, "PROC_R_D: r_h_m < r_s_m < r_d_m must hold"),
+        ("MPC_NEAR_R", 50.0, "MPC_NEAR_R: near_radius_m < far_radius_m must hold"),
+        ("ST_NORTH", 1e7, "station is 10000.0 km away, 2 km at most"),
+        ("ST_LAT", 91.0, "ST_LAT: 91 is out of range"),
+    ):
+        loop.texts.clear()
+        before = told[name].param_value if name != "W_NEAR_HDG" else 300.0
+        assert loop.set(name, value) == pytest.approx(before, abs=1e-3), name
+        assert loop.texts == [words]
+    # The station: turned and moved, and the boat goes there.
+    assert loop.set("ST_HDG", 30.0) == pytest.approx(30.0)
+    station = loop.outputs.station  # type: ignore[union-attr]
+    assert loop.set("ST_NORTH", station.n_m + 3.0) == pytest.approx(station.n_m + 3.0)  # type: ignore[union-attr]
+    loop.run(60.0)
+    truth, origin = loop.loop.plant.truth, loop.loop.plant.origin
+    lat_deg, lon_deg = origin.to_geodetic(truth.n_m, truth.e_m)
+    n_m, _ = loop.loop.backseat.frame.to_ned(lat_deg, lon_deg)  # type: ignore[union-attr]
+    assert n_m == pytest.approx(station.n_m + 3.0, abs=2.0)  # type: ignore[union-attr]
+    assert math.degrees(truth.psi_rad) == pytest.approx(30.0, abs=5.0)
+    loop.end()
+    result = replay(log)
+    assert result.mismatch is None and result.compared > 1000
+
+
+def test_a_stream_of_set_points_moves_the_station_and_does_not_take_it_back() -> None:
+    loop = Loop(None, "controller.name=loiter", "supervisor.engage=command")
+    loop.run(40.0, lambda o: o.estimate is not None and o.estimate.valid)
+    rover = loop.loop.plant.frontseat
+    rover.set_receiver(True)
+    rover.set_mode(0)
+    loop.run(4.0)
+    assert rover.arm(True)
+    loop.run(1.0)
+    mask = 0b110111111000
+
+    def stream(seconds: float, lat: float) -> Outputs:
+        for _ in range(round(seconds * 5)):
+            target = (round(lat * 1e7), round(-86.9212 * 1e7))
+            loop.say(dialect.MAVLink_set_position_target_global_int_message(0, 1, 191, 6, mask, *target, *[0.0] * 9))
+            loop.run(0.2)
+        assert loop.outputs is not None
+        return loop.outputs
+
+    first = stream(2.0, 40.42375)
+    assert first.phase is Phase.HOLD and first.station is not None
+    second = stream(2.0, 40.42380)
+    assert second.station is not None and second.station.n_m - first.station.n_m == pytest.approx(5.55, abs=0.1)
+    assert second.station.psi_rad == first.station.psi_rad
+    rover.set_sticks({2: 1700})  # the pilot
+    assert stream(3.0, 40.42380).phase is Phase.STANDBY
+    rover.set_sticks({2: 1500})
+    assert stream(5.0, 40.42380).phase is Phase.STANDBY  # still the same stream
+    loop.run(3.5)
+    assert stream(1.0, 40.42380).phase is Phase.HOLD  # a new one
+
+
+@pytest.mark.parametrize("by", ["reposition", "loiter"])
+def test_the_mode_is_taken_and_given_back(by: str) -> None:
+    loop = Loop(None, "controller.name=loiter", "supervisor.engage=command", "supervisor.take_mode=true")
+    loop.run(40.0, lambda o: o.estimate is not None and o.estimate.valid)
+    rover = loop.loop.plant.frontseat
+    rover.set_receiver(True)
+    loop.run(3.0)
+    assert rover.arm(True) and rover.set_mode(15)
+    loop.run(1.0)
+    if by == "reposition":
+        loop.say(encode_hold(loop.config.links.autopilot, 40.42375, -86.9212, 0.5))
+    else:
+        loop.say(dialect.MAVLink_command_long_message(1, 191, 17, 0, 0, 0, 0, 30.0, 0.0, 0.0, 0.0))
+    assert loop.run(3.0, lambda o: o.phase is Phase.HOLD).phase is Phase.HOLD
+    assert rover.rover.mode == 0
+    loop.run(5.0)
+    assert loop.outputs is not None and loop.outputs.phase is Phase.HOLD
+    loop.say(encode_release(loop.config.links.autopilot))
+    loop.run(2.0)
+    assert rover.rover.mode == 15 and loop.outputs.phase is Phase.STANDBY
+    assert "standby: released by the operator" in loop.texts
+    # Now the pilot changes it while we hold: his choice stands.
+    loop.say(encode_hold(loop.config.links.autopilot, None, None, None))
+    loop.run(3.0)
+    assert rover.rover.mode == 0 and loop.outputs.phase is Phase.HOLD
+    assert rover.set_mode(4)
+    loop.run(5.0)
+    assert rover.rover.mode == 4 and loop.outputs.phase is Phase.STANDBY
