@@ -36,6 +36,13 @@ $(STAMPS)/peer: $(STAMPS)/base constraints-peer.txt
 	@.venv-mpc/bin/python -m pip --disable-pip-version-check install -qq -r constraints-peer.txt
 	@touch $@
 
+# MAVProxy wants a desktop's worth of packages; headless it needs none of them.
+$(STAMPS)/mavproxy: $(STAMPS)/base constraints-mavproxy.txt
+	@echo "adding MAVProxy as a peer ..."
+	@test -x .venv-mavproxy/bin/python || $(PYTHON) -m venv .venv-mavproxy
+	@.venv-mavproxy/bin/python -m pip --disable-pip-version-check install -qq --no-deps -r constraints-mavproxy.txt
+	@touch $@
+
 sitl: $(STAMPS)/base
 	@$(BIN)/asvhil sitl
 
@@ -56,7 +63,7 @@ firmware-sim: firmware
 	@$(MAKE) -s -C tests/firmware/host
 
 # Without the firmware's tools its tests are skipped, and say so; where CI is set they fail instead.
-unit: $(STAMPS)/test $(STAMPS)/peer
+unit: $(STAMPS)/test $(STAMPS)/peer $(STAMPS)/mavproxy
 	@$(MAKE) -s firmware-sim || test -z "$$CI"
 	@$(BIN)/pytest -q
 
@@ -71,4 +78,4 @@ check-aarch64: $(STAMPS)/base
 
 clean:
 	rm -rf firmware/arduino_anemometer/build tests/firmware/build
-	rm -rf $(VENV) .venv-mpc .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) .venv-mpc .venv-mavproxy .pytest_cache .mypy_cache .ruff_cache .hypothesis
