@@ -262,7 +262,12 @@ def _replay_tlog(console: Any, tlog: Path, config: str, overrides: tuple[str, ..
     )
     against = figures["against_autopilot"]
     if against is None:
-        console.print("the estimator never started: no position with heading in this log")
+        lasted_s = figures["estimate_s"]
+        console.print(
+            "the estimator never started: no position with heading in this log"
+            if lasted_s is None
+            else f"only {lasted_s:.0f} s with an estimate in this log: the first 10 are not compared"
+        )
         raise typer.Exit(1)
     console.print(
         f"estimate against the autopilot's own from {against['from_s']:.0f} s on: position max "

@@ -77,6 +77,7 @@ def check_tlog(config: Config, path: Path, on_tick: Callable[[int], None] | None
         "messages": dict(sorted(counts.items())),
         "undecoded": undecoded,
         "ticks": ticks,
+        "estimate_s": None if from_ns is None or next_ns is None else (next_ns - from_ns) * 1e-9,
         "against_autopilot": None
         if not position_m or from_ns is None
         else {
