@@ -40,6 +40,8 @@ from asvhil.types import (
     WindSample,
 )
 
+OPERATOR = "operator"
+
 
 class Controller(Protocol):
     """Keeps a station: one solution per control period."""
@@ -131,7 +133,8 @@ class Backseat:
         if decision.station is None and self._station is not None:
             self._controller.reset()
         self._station = decision.station
-        control = self._control(t_ns, decision, estimate, usable_wind)
+        fresh = any(frame.port != OPERATOR for frame in inputs.frames)
+        control = self._control(t_ns, decision, estimate, usable_wind, fresh)
         motor_frames = self._actuate(t_ns, decision, control)
         model_input = self._model_input()
         self._force(usable_wind)
@@ -172,7 +175,7 @@ class Backseat:
     def _take_in(self, inputs: Inputs) -> None:
         """Decode every frame: each measurement to its estimator, what the operator asks to `operations`."""
         for frame in inputs.frames:
-            if frame.port == "operator":
+            if frame.port == OPERATOR:
                 self._operations.take(frame)
                 continue
             if frame.port == self._firmware.port:
@@ -206,13 +209,15 @@ class Backseat:
             case _:
                 pass
 
-    def _control(self, t_ns: int, decision: Decision, estimate: Estimate | None, wind: Wind | None) -> Control | None:
+    def _control(
+        self, t_ns: int, decision: Decision, estimate: Estimate | None, wind: Wind | None, fresh: bool
+    ) -> Control | None:
         """A new solution when one is due; otherwise None. In FAILSAFE it is tried too, and not sent: it may recover."""
         if decision.station is None or estimate is None or not estimate.valid:
             self._cadence.restart()
             self._command = (0.0, 0.0)
             return None
-        if not self._cadence.due(t_ns):
+        if not self._cadence.due(t_ns, fresh):
             return None
         control = self._controller.step(estimate, wind, decision.station)
         self._command = control.command if control.ok else (0.0, 0.0)

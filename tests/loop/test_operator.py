@@ -81,7 +81,9 @@ def test_parameters_take_effect_are_bounded_and_are_replayed(tmp_path: Path) -> 
     told = {m.param_id: m for m in loop.heard if m.get_type() == "PARAM_VALUE"}
     count = next(iter(told.values())).param_count
     assert len(told) == count and all(len(name) <= 16 for name in told)
-    assert told["W_NEAR_HDG"].param_value == 200.0 and told["PROC_R_S"].param_value == 15.0
+    configured = loop.config.controller
+    assert told["W_NEAR_HDG"].param_value == configured.mpc.near.heading
+    assert told["PROC_R_S"].param_value == configured.procedure.r_s_m
     assert told["ST_LAT"].param_value == pytest.approx(40.4237, abs=1e-5)
     # A weight and a radius: at once, in the controller that runs.
     keeper = loop.loop.backseat._controller._keeper  # type: ignore[attr-defined]

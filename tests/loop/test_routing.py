@@ -213,6 +213,78 @@ async def test_slow_and_dead_links_hold_nobody_up(tmp_path: Path) -> None:
             assert running.links["ground.fast"] == "up"
 
 
+async def test_the_autopilots_cable_is_pulled_and_the_rest_goes_on(tmp_path: Path) -> None:
+    """Hot unplug of the serial line: ground stations keep the daemon, and have the vehicle again once it is back."""
+    cable, qgc_port = tmp_path / "cable", free_port()
+    settings = config(
+        f"links.autopilot.endpoint=serial:{cable}:115200",
+        f"links.ground_stations.qgc.endpoint=udpin:127.0.0.1:{qgc_port}",
+        "links.reconnect_max_s=0.4",
+    )
+    async with (
+        Running(settings, tmp_path / "log.mcap") as running,
+        peer(f"udpout:127.0.0.1:{qgc_port}", 255, 190) as qgc,
+    ):
+
+        def from_component(component_id: int) -> list[bytes]:
+            return [frame for frame in qgc.frames if source(frame) == (1, component_id)]
+
+        for _ in range(2):
+            async with peer(f"pty:{cable}", 1, 1) as autopilot:
+                qgc.frames.clear()
+                autopilot.frames.clear()
+                await until(
+                    lambda: running.links.get("autopilot", "").startswith("up") and bool(from_component(1)),
+                    lambda autopilot=autopilot: asyncio.gather(autopilot.say(HEARTBEAT), qgc.say(GCS_HEARTBEAT)),  # type: ignore[misc]
+                )
+                asked = await qgc.say(dialect.MAVLink_param_request_list_message(1, 1))
+                await until(lambda autopilot=autopilot, asked=asked: asked in autopilot.frames)  # type: ignore[misc]
+                assert running.outputs is not None and running.outputs.health.link_ok
+            await until(lambda: not running.links["autopilot"].startswith(("up", "connecting")))
+            qgc.frames.clear()
+            await until(lambda: bool(from_component(191)))
+            await qgc.say_raw(encode_hold(settings.links.autopilot, None, None, None))
+            await until(lambda: bool(qgc.named("COMMAND_ACK")))
+            assert qgc.named("COMMAND_ACK")[0].result == dialect.MAV_RESULT_TEMPORARILY_REJECTED
+            assert running.links["ground.qgc"] == "up"
+    assert replay(tmp_path / "log.mcap").mismatch is None
+
+
+async def test_gotos_are_claimed_or_passed_on(tmp_path: Path) -> None:
+    autopilot_port, qgc_port = free_port(), free_port()
+    for claim in (False, True):
+        settings = config(
+            f"links.autopilot.endpoint=udpin:127.0.0.1:{autopilot_port}",
+            f"links.ground_stations.qgc.endpoint=udpin:127.0.0.1:{qgc_port}",
+            f"links.operator.claim_goto={str(claim).lower()}",
+        )
+        async with (
+            Running(settings, tmp_path / f"{claim}.mcap"),
+            peer(f"udpout:127.0.0.1:{autopilot_port}", 1, 1) as autopilot,
+            peer(f"udpout:127.0.0.1:{qgc_port}", 255, 190) as qgc,
+        ):
+
+            async def talk(autopilot: Peer = autopilot, qgc: Peer = qgc) -> None:
+                await autopilot.say(HEARTBEAT)
+                await qgc.say(GCS_HEARTBEAT)
+
+            await until(lambda qgc=qgc: {source(f) for f in qgc.frames} >= {(1, 1), (1, 191)}, talk)  # type: ignore[misc]
+            goto = await qgc.say(
+                dialect.MAVLink_command_int_message(1, 1, 0, 192, 0, 0, -1, 1, 0, 0, 404237000, -869212000, 0)
+            )
+            arm = await qgc.say(dialect.MAVLink_command_long_message(1, 1, 400, 0, 1, 0, 0, 0, 0, 0, 0))
+            await until(lambda autopilot=autopilot, arm=arm: arm in autopilot.frames)  # type: ignore[misc]
+            assert (goto in autopilot.frames) is not claim
+            if claim:
+                await until(lambda qgc=qgc: bool(qgc.named("COMMAND_ACK")))  # type: ignore[misc]
+                (ack,) = qgc.named("COMMAND_ACK")
+                assert (ack.command, ack.get_srcComponent()) == (192, 1)
+                assert ack.result == dialect.MAV_RESULT_TEMPORARILY_REJECTED
+            else:
+                await asyncio.sleep(0.3)
+                assert qgc.named("COMMAND_ACK") == []
+
+
 async def test_others_wait_for_a_congested_serial_line_and_the_override_does_not(tmp_path: Path) -> None:
     """A serial line that takes no more: what a ground station says is left out, so that ours finds the way free."""
     master_fd, slave_fd = os.openpty()

@@ -1,5 +1,7 @@
 """When controls are due, and how floods are spread."""
 
+from itertools import pairwise
+
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -30,6 +32,23 @@ def test_a_late_tick_shifts_no_later_one_and_a_long_pause_starts_anew() -> None:
     assert [t for t in ticks if cadence.due(T0 + t * MS)] == [0, 90, 195, 1000, 1090]
     cadence.restart()
     assert cadence.due(T0 + 1091 * MS)
+
+
+def test_a_tick_without_data_leaves_the_solution_to_the_data_that_is_about_to_come() -> None:
+    """A sensor each 20.3 ms, a timer each 10 ms: each datagram is solved for at once, whatever the phase."""
+    cadence = EveryPeriod(10 * MS, 5 * MS)
+    events = sorted([(T0 + number * 10 * MS, False) for number in range(1, 200)] +
+                    [(T0 + round(number * 20.3 * MS), True) for number in range(98)])  # fmt: skip
+    solved = {t: cadence.due(t, fresh) for t, fresh in events}
+    assert all(solved[t] for t, fresh in events if fresh)
+
+
+def test_without_any_data_the_rate_is_kept() -> None:
+    cadence = EveryPeriod(100 * MS, 10 * MS)
+    ticks = [T0 + number * 20 * MS for number in range(500)]
+    solved = [t for t in ticks if cadence.due(t, fresh=t < T0 + 1000 * MS)]
+    silent = [b - a for a, b in pairwise(solved) if a >= T0 + 1200 * MS]
+    assert len(silent) > 70 and set(silent) == {100 * MS}
 
 
 @given(st.lists(st.integers(1 * MS, 40 * MS), min_size=200, max_size=200))
