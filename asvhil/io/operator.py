@@ -17,6 +17,7 @@ from asvhil.types import Frame, HoldCommand, ParameterChange, ReleaseCommand, re
 
 PORT = "operator"
 STREAM_NS = 3_000_000_000  # set-points closer than this are one stream, and its first is the command
+LISTENING_NS = 15_000_000_000  # reports are for ground stations that are there: these send heartbeats
 REPEAT_NS = 5_000_000_000  # the same refusal of a stream is told no more often
 SOLVE_TIME = "solve_ms"
 UNSUPPORTED = int(dialect.MAV_RESULT_UNSUPPORTED)
@@ -64,7 +65,7 @@ class OperatorLink:
         self._clocks: dict[str, TimeSync] = {}
         self._setpoints_ns: dict[tuple[str, tuple[int, int]], int] = {}
         self._told_ns: dict[str, int] = {}
-        self._heard = False
+        self._heard_ns: int | None = None
         self.solve_ms = math.nan
 
     def decode(self, frame: Frame) -> list[Request]:
@@ -74,7 +75,7 @@ class OperatorLink:
             if not frame.peer and source(data) == self._us:
                 self._on_own(data)
                 continue
-            self._heard = True
+            self._heard_ns = frame.t_ns
             msg_id = message_id(data)
             if msg_id == dialect.MAVLINK_MSG_ID_TIMESYNC:
                 self._on_timesync(frame, data)
@@ -105,14 +106,14 @@ class OperatorLink:
 
     def tell_parameters(self, names: tuple[str, ...]) -> None:
         """Have values told to every operator, as after they have changed by another way."""
-        if self._heard:
+        if self._heard_ns is not None:
             for name in names:
                 self._parameters.tell(name)
 
     def poll(
         self, t_ns: int, situation: Situation = NOTHING, value_of: Callable[[str], float] = lambda name: math.nan
     ) -> list[Frame]:
-        """Answers that are due, and, once somebody has spoken on this port, a heartbeat and the reports."""
+        """Answers that are due; a heartbeat once somebody has spoken on this port, reports while somebody does."""
         frames, self._waiting = self._waiting, []
         asked, self._asked = self._asked, []
         for peer, msg_id in asked:
@@ -121,8 +122,9 @@ class OperatorLink:
         for peer, clock in self._clocks.items():
             frames += [self._pack(t_ns, dialect.MAVLink_timesync_message(*a), peer) for a in clock.answers(t_ns)]
         self._clocks.clear()
-        if self._heard:
-            frames += [self._pack(t_ns, message, "") for message in self._reports.due(t_ns, situation)]
+        if self._heard_ns is not None:
+            quiet = t_ns - self._heard_ns > LISTENING_NS
+            frames += [self._pack(t_ns, message, "") for message in self._reports.due(t_ns, situation, quiet=quiet)]
         return frames
 
     def counters(self) -> tuple[tuple[str, int], ...]:

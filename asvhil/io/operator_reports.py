@@ -95,11 +95,11 @@ class Reports:
         self._due_ns.pop(msg_id, None)
         return ACCEPTED
 
-    def due(self, t_ns: int, situation: Situation) -> list[Any]:
-        """Messages whose time has come."""
+    def due(self, t_ns: int, situation: Situation, *, quiet: bool = False) -> list[Any]:
+        """Messages whose time has come; `quiet`: the heartbeat alone."""
         found: list[Any] = []
         for msg_id, interval_us in self._interval_us.items():
-            if interval_us < 0.0 or t_ns < self._due_ns.get(msg_id, t_ns):
+            if interval_us < 0.0 or (quiet and msg_id != HEARTBEAT_ID) or t_ns < self._due_ns.get(msg_id, t_ns):
                 continue
             interval_ns = round(interval_us * 1e3)
             due_ns = self._due_ns.get(msg_id, t_ns) + interval_ns

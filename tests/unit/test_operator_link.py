@@ -272,6 +272,15 @@ def test_reports_come_at_their_rates_once_somebody_is_there() -> None:
     assert rates(quiet) == {"HEARTBEAT": 1.0}
 
 
+def test_reports_end_when_nobody_is_there_any_more() -> None:
+    bench = Bench()
+    bench.say(dialect.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3))
+    rates(bench, 16.0)
+    assert rates(bench) == {"HEARTBEAT": 1.0}
+    bench.say(dialect.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3))
+    assert rates(bench)["dist_err"] == pytest.approx(2.0, abs=0.1)
+
+
 def test_what_the_reports_say() -> None:
     bench = Bench()
     bench.say(dialect.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3))
