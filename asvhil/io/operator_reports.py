@@ -19,6 +19,7 @@ INTERVAL_ID = dialect.MAVLINK_MSG_ID_MESSAGE_INTERVAL
 VALUES_ID = dialect.MAVLINK_MSG_ID_NAMED_VALUE_FLOAT
 TARGET_ID = dialect.MAVLINK_MSG_ID_POSITION_TARGET_GLOBAL_INT
 FASTEST_US = 100_000.0  # the slowest daemon has a tick for no more
+SLOWEST_US = 2e9  # MESSAGE_INTERVAL tells no more
 CAPABILITIES = (
     dialect.MAV_PROTOCOL_CAPABILITY_MAVLINK2
     | dialect.MAV_PROTOCOL_CAPABILITY_COMMAND_INT
@@ -87,9 +88,9 @@ class Reports:
 
     def _set_interval(self, msg_id: int, interval_us: float) -> int:
         """-1 stops, 0 is the usual rate; the MAV_RESULT. The heartbeat's rate is not to be changed."""
-        if msg_id not in self._interval_us or msg_id == HEARTBEAT_ID or not math.isfinite(interval_us):
+        if msg_id not in self._interval_us or msg_id == HEARTBEAT_ID or math.isnan(interval_us):
             return DENIED
-        if interval_us != -1.0 and interval_us != 0.0 and interval_us < FASTEST_US:
+        if interval_us not in (-1.0, 0.0) and not FASTEST_US <= interval_us <= SLOWEST_US:
             return DENIED
         self._interval_us[msg_id] = self._usual_us[msg_id] if interval_us == 0.0 else interval_us
         self._due_ns.pop(msg_id, None)

@@ -226,6 +226,7 @@ def test_the_version_is_told_after_the_acknowledgement() -> None:
         (511, 0.0, 1e6, dialect.MAV_RESULT_DENIED),
         (511, 251.0, 10.0, dialect.MAV_RESULT_DENIED),
         (511, 251.0, math.nan, dialect.MAV_RESULT_DENIED),
+        (511, 251.0, 1e30, dialect.MAV_RESULT_DENIED),  # more than MESSAGE_INTERVAL can tell
         (511, 251.0, 200_000.0, dialect.MAV_RESULT_ACCEPTED),
         (519, 1.0, 0.0, dialect.MAV_RESULT_UNSUPPORTED),
     ],
@@ -234,6 +235,8 @@ def test_message_commands(command: int, param1: float, param2: float, result: in
     bench = Bench()
     bench.say(dialect.MAVLink_command_long_message(1, 191, command, 0, param1, param2, 0, 0, 0, 0, 0))
     assert acks(bench.hear()) == [(command, result, 191)]
+    bench.say(dialect.MAVLink_command_long_message(1, 191, 510, 0, 251, 0, 0, 0, 0, 0, 0))
+    assert acks(bench.hear()) == [(510, dialect.MAV_RESULT_ACCEPTED, 191)]
 
 
 def rates(bench: Bench, seconds: float = 10.0) -> dict[str, float]:
@@ -362,3 +365,45 @@ def test_a_lost_piece_takes_its_text_with_it_and_no_other() -> None:
     pieces = [first[0], *first[2:], *second]
     heard = [reader.feed(decode(bytes(m.pack(GCS)))) for m in pieces]
     assert [text for text in heard if text] == ["b" * 120]
+
+
+# --- anything at all -----------------------------------------------------------------------------------------------
+
+FLOATS = st.floats(width=32) | st.sampled_from([-1.0, 0.0, 1.0, 30.0, 87.0, 148.0, 251.0, 1e30, -1e30])
+INTS = st.sampled_from([0, 1, -1, LAT, LON, 2**31 - 1, -(2**31), 950000000])
+NUMBERS = st.sampled_from([16, 17, 92, 176, 192, 400, 510, 511, 512, 519, 520, 65535])
+TARGETS = st.sampled_from([(1, 191), (1, 0), (1, 1), (0, 0), (2, 191)])
+SAID = st.one_of(
+    st.builds(
+        lambda to, number, f: dialect.MAVLink_command_long_message(*to, number, 0, *f),
+        TARGETS, NUMBERS, st.tuples(*[FLOATS] * 7),
+    ),
+    st.builds(
+        lambda to, frame, number, f, x, y: dialect.MAVLink_command_int_message(*to, frame, number, 0, 0, *f, x, y, 0.0),
+        TARGETS, st.integers(0, 255), NUMBERS, st.tuples(*[FLOATS] * 4), INTS, INTS,
+    ),
+    st.builds(
+        lambda to, frame, mask, x, y, f: dialect.MAVLink_set_position_target_global_int_message(
+            0, *to, frame, mask, x, y, *f
+        ),
+        TARGETS, st.integers(0, 255), st.integers(0, 65535), INTS, INTS, st.tuples(*[FLOATS] * 9),
+    ),
+    st.builds(
+        lambda to, name, value, kind: dialect.MAVLink_param_set_message(*to, name, value, kind),
+        TARGETS, st.sampled_from([b"P_3", b"ST_LAT", b"", b"\xff\xfe", b"x" * 16]), FLOATS, st.integers(0, 255),
+    ),
+    st.builds(
+        lambda to, name, index: dialect.MAVLink_param_request_read_message(*to, name, index),
+        TARGETS, st.sampled_from([b"P_3", b"\xff\xfe"]), st.integers(-32768, 32767),
+    ),
+)  # fmt: skip
+
+
+@given(st.lists(st.tuples(SAID, st.sampled_from([None, "no", "a" * 70])), max_size=12), st.booleans())
+def test_nothing_that_is_asked_raises(said: list, claim: bool) -> None:  # type: ignore[type-arg]
+    bench = Bench(NAMES, claim_goto=claim)
+    for message, refusal in said:
+        for request in bench.say(message):
+            messages(bench.link.answer(bench.t_ns, request, refusal))
+        bench.t_ns += S
+        bench.hear(Situation(phase=Phase.HOLD, distance_m=math.inf, station=(40.0, -86.0, 1.0)), lambda name: math.inf)
