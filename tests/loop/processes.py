@@ -92,6 +92,24 @@ class Process:
                 stream.close()
 
 
+def end_by_its_input(child: subprocess.Popen[str], reader: threading.Thread) -> None:
+    """Close what a process reads from, which ends it, and wait for it and for the thread that reads what it says."""
+    assert child.stdin is not None and child.stdout is not None
+    child.stdin.close()
+    try:
+        child.wait(10.0)
+    except subprocess.TimeoutExpired:
+        child.kill()
+        child.wait()
+    reader.join(5.0)
+    child.stdout.close()
+
+
+def sets(*pairs: str) -> list[str]:
+    """Options that override keys of the config."""
+    return [part for pair in pairs for part in ("--set", pair)]
+
+
 class NoisyLine:
     """A real pty between the plant's anemometer (UDP) and the daemon's serial port, with room for noise."""
 

@@ -15,7 +15,7 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 import pytest
-from processes import Process, free_udp_port
+from processes import Process, end_by_its_input, free_udp_port, sets
 
 from asvhil.config import load_config
 from asvhil.replay import replay
@@ -65,15 +65,8 @@ class MavProxy:
         raise AssertionError(f"{pattern!r} was not said within {timeout_s} s after: {self._said[self._read_to :]}")
 
     def end(self) -> None:
-        assert self.child.stdin is not None and self.child.stdout is not None
-        self.child.stdin.close()  # it writes its log out, and goes
-        try:
-            self.child.wait(10.0)
-        except subprocess.TimeoutExpired:
-            self.child.terminate()
-            self.child.wait(10.0)
-        self._reader.join(5.0)
-        self.child.stdout.close()
+        """It writes its log out, and goes."""
+        end_by_its_input(self.child, self._reader)
 
 
 @contextmanager
@@ -91,7 +84,7 @@ def mavproxy(port: int, folder: Path) -> Iterator[MavProxy]:
 def test_mavproxy_through_the_daemon_and_its_log(tmp_path: Path) -> None:
     autopilot, gcs, operator = free_udp_port(), free_udp_port(), free_udp_port()
     log = tmp_path / "log.mcap"
-    pairs = (
+    options = sets(
         "links.anemometer=null",
         "plant.links.anemometer=null",
         f"plant.links.autopilot=udpout:127.0.0.1:{autopilot}",
@@ -102,7 +95,6 @@ def test_mavproxy_through_the_daemon_and_its_log(tmp_path: Path) -> None:
         "plant.start_n_m=0",
         "plant.weather.wind.speed_mps=0",
     )
-    options = [part for pair in pairs for part in ("--set", pair)]
     with ExitStack() as stack:
         plant = stack.enter_context(Process("plant", "sitl", "--quiet", *options))
         daemon = stack.enter_context(Process("run", "sitl", "--log", str(log), "--status-json", *options))

@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from processes import Process, free_udp_port
+from processes import Process, end_by_its_input, free_udp_port, sets
 
 from asvhil.geo import LocalFrame
 from asvhil.io.logfile import LogFile
@@ -81,15 +81,7 @@ class Peer:
         raise AssertionError(f"not within {timeout_s} s; the last state was {state}")
 
     def end(self) -> None:
-        assert self.child.stdin is not None and self.child.stdout is not None
-        self.child.stdin.close()
-        try:
-            self.child.wait(10.0)
-        except subprocess.TimeoutExpired:
-            self.child.kill()
-            self.child.wait()
-        self._reader.join(5.0)
-        self.child.stdout.close()
+        end_by_its_input(self.child, self._reader)
 
 
 @contextmanager
@@ -99,10 +91,6 @@ def peer(role: str, url: str) -> Iterator[Peer]:
         yield made
     finally:
         made.end()
-
-
-def sets(*pairs: str) -> list[str]:
-    return [part for pair in pairs for part in ("--set", pair)]
 
 
 def is_here(state: dict[str, Any], lat_deg: float, lon_deg: float, within_m: float) -> bool:
