@@ -120,7 +120,7 @@ def solvers(
     problems: Annotated[int, typer.Option(min=1, help="Recorded problems that are held against their optimum.")] = 200,
     solver: Annotated[list[str], typer.Option(help="One solver; repeatable. The first is the one compared to.")] = [],  # noqa: B006
     horizon: Annotated[float, typer.Option(min=0.4, help="Seconds, on a uniform grid.")] = 4.0,
-    second_order: Annotated[bool, typer.Option(help="The default solver's later steps with curvature.")] = True,
+    second_order: Annotated[bool, typer.Option(help="The default solver's later steps with curvature.")] = False,
     peer: Annotated[str, typer.Option(help="Command of a peer that takes a problem file, as in tests/peers.")] = "",
     config: ConfigOption = "sitl",
     quick: QuickOption = False,

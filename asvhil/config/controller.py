@@ -42,7 +42,7 @@ class MpcConfig(Section):
     delay_s: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0  # from the estimate to the motors' answer: solving and links
     trim_time_s: Positive = 40.0
     trim_max_rad: NonNegative = 0.1
-    iterations: Annotated[int, Field(ge=1, le=100)] = 3
+    iterations: Annotated[int, Field(ge=1, le=100)] = 10
     alternate_iterations: Annotated[int, Field(ge=0, le=200)] = 8
     alternate_beyond_m: NonNegative = 3.0
     second_order: bool = (

@@ -108,7 +108,7 @@ def study_solvers(
     solvers: Sequence[str] = SOLVERS,
     limit_problems: int | None = None,
     horizon_s: float = 4.0,
-    second_order: bool = True,
+    second_order: bool = False,
     peer: Sequence[str] = (),
     peer_model_file: str = "",
     progress: Progress | None = None,
@@ -161,7 +161,7 @@ def starts_of(problem: StationProblem, warm: Array) -> list[Array]:
 # --- parts of the study ------------------------------------------------------------------------------------
 
 
-def _at_horizon(config: Config, horizon_s: float, second_order: bool = True) -> Config:
+def _at_horizon(config: Config, horizon_s: float, second_order: bool = False) -> Config:
     """The config with a uniform grid, and without the slow bias of GNSS that no controller can see."""
     mpc = config.controller.mpc
     stages = round(horizon_s / mpc.first_step_s)

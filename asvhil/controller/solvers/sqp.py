@@ -16,6 +16,8 @@ from asvhil.dynamics.buffers import bind
 ARMIJO = 1e-4  # least part of the decrease promised by the slope that a step must bring
 SHORTEST_STEP = 1.0 / 64.0
 TOLERANCE = 3e-4  # stop where the slope promises less than this part of the cost
+USUAL = 3  # steps that are enough for a plan followed from tick to tick; more are taken only where they bring much
+COARSE = 1e-3  # the tolerance of those
 DAMPING = 1e-9  # of the Hessian's mean diagonal: keeps it definite where nothing weighs an input
 GAUSS_NEWTON = 2  # first steps, without the curvature of the dynamics: cheap, and robust while the plan is far off
 FLATTEST = 1e-8  # least eigenvalue of a Hessian, over its largest
@@ -87,7 +89,7 @@ class Sqp:
                 status = "the QP failed"
                 break
             solved += 1
-            if -slope <= TOLERANCE * cost:
+            if -slope <= (TOLERANCE if solved <= USUAL else COARSE) * cost:
                 status = "converged"
                 break
             taken = self._search(u, step, slope, cost)
