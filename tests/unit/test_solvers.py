@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from asvhil.build import build_controller, build_model
-from asvhil.config import Config, MpcConfig, load_config
+from asvhil.config import Config, MpcConfig, MpcWeights, load_config
 from asvhil.controller.mpc import StationProblem
 from asvhil.controller.solvers import fatrop as fatrop_module
 from asvhil.controller.solvers.choice import choose_solver
@@ -26,7 +26,8 @@ from asvhil.types import Estimate, Station
 
 ROOT = Path(__file__).resolve().parents[2]
 PEER_PYTHON = Path(os.environ.get("ASVHIL_PEER_PYTHON", ROOT / ".venv-mpc" / "bin" / "python"))
-CONFIG = MpcConfig(last_step_s=0.2)
+# Weights under which the optimum is one valley: here solvers are compared, not starts.
+CONFIG = MpcConfig(last_step_s=0.2, near=MpcWeights(heading=200.0, sideways=0.7))
 MODEL = SimplifiedDynamics(load_config("sitl").vehicle.vessel)
 PROBLEM = StationProblem(MODEL, CONFIG)
 CAP = 300
