@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from asvhil import __version__
-from asvhil.commands import check, learn, plant, study
+from asvhil.commands import calibrate, check, learn, plant, study
 from asvhil.commands.options import ConfigArgument, JsonOption, SetOption
 from asvhil.commands.views import LiveView, progress, report_run, write_json
 from asvhil.errors import AsvhilError, ConfigError
@@ -32,6 +32,7 @@ for command in learn.COMMANDS:
     app.command()(command)
 app.command()(plant.plant)
 app.command()(check.check)
+app.command()(calibrate.calibrate)
 app.add_typer(study.app, name="study")
 
 

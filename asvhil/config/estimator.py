@@ -63,7 +63,7 @@ class EkfConfig(Section):
     accelerometer: bool = True
     accel_std_mps2: Positive = 0.03
     accel_bias_std_mps2: NonNegative = 0.05
-    accel_bias_walk_mps2: NonNegative = 0.0003
+    accel_bias_walk_mps2: NonNegative = 0.0001
     gyro_bias_std_radps: NonNegative = 0.001
     gyro_bias_walk_radps: NonNegative = 1e-5
     position_bias_std_m: NonNegative = 0.0

@@ -35,6 +35,7 @@ class Ekf:
     def __init__(self, config: EstimatorConfig, model: Dynamics) -> None:
         self._config = config
         self._stale_ns = round(config.ekf.stale_after_s * 1e9)
+        self.model = model
         self._filter = Filter(config, model)
         self._history: History[FilterState] | None = None
         self._first_attitude: Attitude | None = None
@@ -45,6 +46,11 @@ class Ekf:
     def started(self) -> bool:
         """Whether there is an estimate at all."""
         return self._history is not None
+
+    @property
+    def state(self) -> FilterState | None:
+        """All that the filter knows now; None before the start."""
+        return None if self._history is None else self._history.state
 
     @property
     def rejected(self) -> dict[str, int]:

@@ -1,0 +1,53 @@
+"""The command that finds what the sensors are wrong by, from a log."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from asvhil.commands.options import JsonOption
+from asvhil.errors import AsvhilError
+
+
+def calibrate(
+    log: Annotated[Path, typer.Argument(metavar="LOG", help="An MCAP log in which the boat turned under way.")],
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="Write the config keys to a YAML file.", metavar="FILE")
+    ] = None,
+    base: Annotated[
+        str, typer.Option(help="Config file that the written one stands on, beside it.", metavar="FILE")
+    ] = "",
+    json_: JsonOption = None,
+) -> None:
+    """Find the compass deviation and the offset of the wind vane from a turn, as config keys."""
+    import dataclasses
+
+    from rich.console import Console
+
+    from asvhil.commands.views import progress, write_json
+    from asvhil.study.calibration import COEFFICIENTS, calibrate
+
+    console = Console()
+    with progress(console, spinner=True) as bar:
+        task = bar.add_task(f"calibrate {log.name}", total=None)
+        found = calibrate(log, lambda ticks: bar.update(task, completed=ticks))
+    text = (f"base: {base}\n" if base else "") + found.yaml()
+    if output is not None:
+        try:
+            output.write_text(text, encoding="utf-8")
+        except OSError as error:
+            raise AsvhilError(f"--output {output}: cannot be written ({error.strerror})") from None
+    write_json(json_, dataclasses.asdict(found))
+    if found.compass is not None:
+        for name, value, std in zip(COEFFICIENTS, found.compass.deviation_deg, found.compass.std_deg, strict=True):
+            console.print(f"compass {name:<14} {value:6.2f} deg, standard deviation {std:.2f}", highlight=False)
+    if found.vane is not None:
+        vane = found.vane
+        console.print(
+            f"vane turned by         {vane.offset_deg:6.1f} deg, standard deviation {vane.std_deg:.1f}", highlight=False
+        )
+    for words in found.missing:
+        console.print(words, markup=False, highlight=False, soft_wrap=True)
+    console.print(text, markup=False, highlight=False, soft_wrap=True, end="")

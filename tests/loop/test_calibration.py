@@ -1,0 +1,61 @@
+"""`asvhil calibrate` on turns of the simulated BREAM: what was put in comes out, and a straight run is refused."""
+
+import json
+from pathlib import Path
+
+import pytest
+import yaml
+from typer.testing import CliRunner
+
+from asvhil.cli import app, main
+from asvhil.collect import collect, parse_wind
+from asvhil.config import load_config
+from asvhil.sitl import run_lockstep
+from asvhil.study.calibration import calibrate
+
+# Bias of the simulated compass (A) and its B to E: as config/bream.yaml has them.
+DEVIATION_DEG = (3.0, 4.0, 3.5, 1.0, 0.5)
+TURNED_DEG = -15.0
+
+
+@pytest.fixture(scope="module")
+def turns(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("turns") / "turns.mcap"
+    config = load_config("sitl-bream", (f"plant.sensors.anemometer.misalignment_deg={TURNED_DEG}",))
+    (run,) = collect(config, "lockstep", 240.0, [parse_wind("3@90")], path, "")
+    assert run.complete
+    return path
+
+
+def test_the_deviation_of_the_compass_and_the_turn_of_the_vane_are_found(turns: Path) -> None:
+    found = calibrate(turns)
+    assert found.compass is not None and found.vane is not None and not found.missing
+    errors = [abs(a - b) for a, b in zip(found.compass.deviation_deg, DEVIATION_DEG, strict=True)]
+    assert errors[0] < 1.5 and max(errors[1:]) < 0.8
+    assert all(error < 4.0 * std for error, std in zip(errors, found.compass.std_deg, strict=True))
+    assert found.vane.offset_deg == pytest.approx(TURNED_DEG, abs=5.0)
+
+
+def test_the_keys_that_it_writes_make_a_config(turns: Path, tmp_path: Path) -> None:
+    written, figures = tmp_path / "boat.yaml", tmp_path / "figures.json"
+    (tmp_path / "base.yaml").write_text(json.dumps(load_config("sitl-bream").model_dump(mode="json")))
+    arguments = ["calibrate", str(turns), "-o", str(written), "--base", "base.yaml", "--json", str(figures)]
+    result = CliRunner().invoke(app, arguments)
+    assert result.exit_code == 0, result.output
+    config = load_config(written)
+    keys = yaml.safe_load(written.read_text())["estimator"]
+    assert list(config.estimator.ekf.compass.deviation_deg) == keys["ekf"]["compass"]["deviation_deg"]
+    assert config.estimator.wind.vane_offset_deg == keys["wind"]["vane_offset_deg"]
+    assert json.loads(figures.read_text())["compass"]["sectors"] == 12
+
+
+def test_a_boat_that_did_not_turn_tells_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run_lockstep(load_config("sitl-bream", ("supervisor.engage=command",)), tmp_path / "log.mcap", 20.0)
+    monkeypatch.setattr("sys.argv", ["asvhil", "calibrate", str(tmp_path / "log.mcap")])
+    with pytest.raises(SystemExit) as stopped:
+        main()
+    assert stopped.value.code
+    lines = capsys.readouterr().err.strip().splitlines()
+    assert len(lines) == 1 and "headings seen; drive full circles, both ways" in lines[0]
