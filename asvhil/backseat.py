@@ -13,6 +13,7 @@ from asvhil.estimator.monitor import ModelMonitor
 from asvhil.estimator.protocol import StateEstimator
 from asvhil.estimator.sources import SourceSelector
 from asvhil.estimator.wind import WindFilter
+from asvhil.estimator.wind_load import WindFromLoad
 from asvhil.geo import LocalFrame
 from asvhil.io.autopilot import AutopilotLink
 from asvhil.io.firmware import FirmwareWatch
@@ -73,6 +74,7 @@ class Backseat:
         operations: Operations,
         estimator: StateEstimator,
         wind: WindFilter,
+        wind_load: WindFromLoad | None,
         monitor: ModelMonitor,
         supervisor: Supervisor,
         motors: MotorCheck,
@@ -90,6 +92,7 @@ class Backseat:
         self._operations = operations
         self._estimator = estimator
         self._wind = wind
+        self._wind_load = wind_load
         self._monitor = monitor
         self._model_ok = True
         self._supervisor = supervisor
@@ -124,6 +127,8 @@ class Backseat:
             # Before the estimate, so that the controller gets wind and disturbance of one mind.
             self._force(usable_wind)
         estimate = self._estimator.estimate(t_ns)
+        if usable_wind is None and estimate is not None and self._wind_load is not None:
+            wind = self._wind_load.wind(estimate)
         fault = self._motors.step(t_ns)
         age_s, local = self._heartbeat_age_s(t_ns), self._estimator.frame
         answers, begun = self._operations.answer(t_ns, self._status, age_s, estimate, local, fault)

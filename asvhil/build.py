@@ -26,6 +26,7 @@ from asvhil.estimator.protocol import StateEstimator
 from asvhil.estimator.sources import SourceSelector
 from asvhil.estimator.velocity import FirFusion, HeldSensors
 from asvhil.estimator.wind import WindFilter
+from asvhil.estimator.wind_load import WindFromLoad
 from asvhil.io.ardurover import ArduRoverLink
 from asvhil.io.firmware import FirmwareWatch
 from asvhil.io.nmea import NmeaCodec
@@ -105,6 +106,12 @@ def build_wind(config: EstimatorConfig) -> WindFilter:
     return WindFilter(config.wind if config.kind == "ekf" else config.wind.model_copy(update=held))
 
 
+def build_wind_load(config: Config) -> WindFromLoad | None:
+    """What makes a wind of the disturbance; None for an estimator that has none."""
+    vessel = config.controller.vessel or config.vehicle.vessel
+    return WindFromLoad(vessel) if config.estimator.kind == "ekf" else None
+
+
 def build_cadence(config: Config) -> Cadence:
     """When controls are due: by count where a timer cuts the ticks, by time where arrivals do."""
     daemon = config.daemon
@@ -174,6 +181,7 @@ def build_backseat(
         operations=Operations(operator, supervisor, tunables),
         estimator=build_estimator(config.estimator, model),
         wind=build_wind(config.estimator),
+        wind_load=build_wind_load(config),
         monitor=ModelMonitor(config.estimator.monitor, model, 1.0 / config.daemon.control_hz),
         supervisor=supervisor,
         motors=build_motor_check(config, link),

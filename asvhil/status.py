@@ -31,6 +31,7 @@ def status_of(outputs: Outputs, links: dict[str, str], start_ns: int, overruns: 
         "heading_deg": math.degrees(estimate.psi_rad) % 360.0 if estimate else None,
         "speed_mps": math.hypot(estimate.u_mps, estimate.v_mps) if estimate else None,
         "wind_mps": math.hypot(wind.vn_mps, wind.ve_mps) if wind else None,
+        "wind_origin": wind.origin if wind else None,
         "wind_toward_deg": math.degrees(math.atan2(wind.ve_mps, wind.vn_mps)) % 360.0 if wind else None,
         "pwm_us": list(outputs.pwm_us) if outputs.pwm_us else None,
         "autopilot_clock_s": outputs.autopilot_clock.offset_ns * 1e-9 if outputs.autopilot_clock else None,
@@ -55,7 +56,8 @@ def render(status: dict[str, Any], title: str) -> Group:
     )
     table.add_row("heading, speed", f"{_show(status['heading_deg'], 'deg', 1)}, {_show(status['speed_mps'], 'm/s')}")
     wind = f"{_show(status['wind_mps'], 'm/s')} toward {_show(status['wind_toward_deg'], 'deg', 0)}"
-    table.add_row("true wind", wind)
+    guessed = status.get("wind_origin") == "disturbance"
+    table.add_row("true wind", f"{wind} (from the disturbance)" if guessed else wind)
     pwm = status["pwm_us"]
     table.add_row("port, starboard", f"{pwm[0]}, {pwm[1]} us" if pwm else "released")
     clock = f"{_show(status['autopilot_clock_s'], 's', 4)}, round trip {_show(status['round_trip_ms'], 'ms', 1)}"

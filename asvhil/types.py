@@ -203,13 +203,17 @@ class Estimate:
 
 @record
 class Wind:
-    """True wind: the velocity of the air over ground, NED. `std_mps` is its spread about the mean (gusts)."""
+    """True wind: the velocity of the air over ground, NED. `std_mps` is its spread about the mean (gusts).
+
+    Of origin "disturbance" it is what would explain the disturbance while no sensor tells one; never valid.
+    """
 
     t_ns: int
     vn_mps: float
     ve_mps: float
     std_mps: float
     valid: bool
+    origin: str = "sensor"
 
 
 @record

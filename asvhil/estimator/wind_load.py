@@ -1,0 +1,60 @@
+"""The wind that would explain the disturbance, for where no sensor tells it. It is shown, and nothing steers by it.
+
+What the disturbance stands in for while the prediction knows no wind is the wind's load, here by the physics of the
+vessel: a network's answer to a wind is only as good as the winds in its data. Current passes for wind, and so does
+whatever else the model lacks.
+"""
+
+from __future__ import annotations
+
+import math
+
+import casadi as ca
+import numpy as np
+
+from asvhil.config import VesselConfig
+from asvhil.dynamics.buffers import bind
+from asvhil.dynamics.rigid_body import SimplifiedDynamics
+from asvhil.geo import ned_to_body
+from asvhil.types import Estimate, Wind
+
+FIRST_MPS = 2.0  # a load that goes with the square of the wind tells nothing at zero
+DAMPING = 1e-5  # (m/s^2 per m/s)^2: a direction in which the boat feels no wind stays as it was
+LONGEST_STEP_MPS = 1.0
+LEAST_LOAD_MPS2 = 1e-4
+
+
+class WindFromLoad:
+    """One damped Gauss-Newton step towards the wind at each call, from the wind before."""
+
+    def __init__(self, vessel: VesselConfig) -> None:
+        model = SimplifiedDynamics(vessel)
+        nu, psi, wind = ca.SX.sym("nu", 3), ca.SX.sym("psi"), ca.SX.sym("w", 2)
+        c, s = ca.cos(psi), ca.sin(psi)
+        x = ca.vertcat(nu, ca.SX.zeros(model.n_motor))  # the motors add the same to both
+        body = ca.vertcat(c * wind[0] + s * wind[1], -s * wind[0] + c * wind[1])
+        idle = ca.SX.zeros(2)
+        load = model.derivative(x, idle, body)[:3] - model.derivative(x, idle, ca.SX.zeros(2))[:3]
+        slope = ca.densify(ca.jacobian(load, wind))
+        self._nu, self._psi, self._wind = np.zeros(3), np.zeros(1), np.zeros(2)
+        self._load, columns = np.zeros(3), np.zeros(6)
+        self._slope = columns.reshape(3, 2, order="F")
+        function = ca.Function("wind_load", [nu, psi, wind], [load, slope], {"cse": True})
+        self._run = bind(function, [self._nu, self._psi, self._wind], [self._load, columns])
+
+    def wind(self, estimate: Estimate) -> Wind:
+        """The wind by now, not valid, of origin "disturbance"."""
+        d_n, d_e, d_r = estimate.disturbance
+        load = math.hypot(d_n, d_e)
+        if not self._wind.any() and load > LEAST_LOAD_MPS2:
+            self._wind[:] = FIRST_MPS * d_n / load, FIRST_MPS * d_e / load
+        self._nu[:] = estimate.u_mps, estimate.v_mps, estimate.r_radps
+        self._psi[0] = estimate.psi_rad
+        self._run()
+        missing = np.array([*ned_to_body(estimate.psi_rad, d_n, d_e), d_r]) - self._load
+        step = np.linalg.solve(self._slope.T @ self._slope + DAMPING * np.eye(2), self._slope.T @ missing)
+        length = float(np.hypot(*step))
+        if math.isfinite(length):
+            self._wind += step * min(1.0, LONGEST_STEP_MPS / max(length, 1e-12))
+        vn, ve = self._wind.tolist()
+        return Wind(t_ns=estimate.t_ns, vn_mps=vn, ve_mps=ve, std_mps=0.0, valid=False, origin="disturbance")
