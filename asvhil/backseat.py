@@ -43,6 +43,8 @@ from asvhil.types import (
 
 OPERATOR = "operator"
 
+REMEMBERED_NS = 30_000_000_000  # for so long a wind that was told is a better guess than the disturbance
+
 
 class Controller(Protocol):
     """Keeps a station: one solution per control period."""
@@ -106,6 +108,7 @@ class Backseat:
         self._command = (0.0, 0.0)
         self._pulses_us: tuple[int, int] | None = None
         self._forcing_wind: Wind | None = None
+        self._wind_ns = -REMEMBERED_NS
         self._station: Station | None = None
         self._readers: dict[str, Callable[[Frame], Sequence[tuple[str, Measurement]]]] = {
             "autopilot": link.read,
@@ -127,7 +130,9 @@ class Backseat:
             # Before the estimate, so that the controller gets wind and disturbance of one mind.
             self._force(usable_wind)
         estimate = self._estimator.estimate(t_ns)
-        if usable_wind is None and estimate is not None and self._wind_load is not None:
+        if usable_wind is not None:
+            self._wind_ns = t_ns
+        elif estimate is not None and self._wind_load is not None and t_ns - self._wind_ns > REMEMBERED_NS:
             wind = self._wind_load.wind(estimate)
         fault = self._motors.step(t_ns)
         age_s, local = self._heartbeat_age_s(t_ns), self._estimator.frame
