@@ -68,10 +68,10 @@ def dataset_from_logs(
 
     Sources of u, v, r. `measured`: velocity and heading messages, interpolated; for test data. `smoothed`: the same
     through local quadratic fits, which look ahead; for training data. `estimate`: the backseat's filter, which
-    believes in a vessel model. `truth`: SIM_STATE. RMSE against the truth over four runs of 600 s (simulated WAM-V,
-    wind 0 to 6 m/s; u, v in m/s, r in rad/s): measured .041/.042/.0064, estimate with the true parameters
-    .031/.033/.0062, smoothed .025/.025/.0029. So smoothed is the default: it is the best of them, and no model that
-    is trained on it learns another model's mistakes.
+    believes in a vessel model. `truth`: SIM_STATE. RMSE against the truth over 90 s of manoeuvres (simulated WAM-V
+    in 6 m/s of steady wind, the true parameters; u, v in m/s, r in rad/s): measured .042/.042/.0064, estimate
+    .020/.026/.0066, smoothed .028/.024/.0029. Smoothed is the default: as near as the estimate, and no model that is
+    trained on it learns another model's mistakes.
 
     Commands are the overrides that were sent, and where the motors were released the outputs that the autopilot
     reports. Rows begin when commands change. Gaps beyond max_gap_s in any source end a segment.

@@ -58,7 +58,10 @@ def test_one_recording_goes_through_every_estimator() -> None:
     """Raw readings without noise are the truth of their own times; the recorded run itself is the EKF's."""
     exact = ("plant.sensors.nmea.compass_hz=20", "plant.sensors.gnss={rate_hz: 20, slow_bias_m: 0, white_m: 0}")
     quiet = ("plant.sensors.heading={white_deg: 0}", "plant.sensors.gnss.velocity_white_mps=0")
-    config = load_config("sitl-bream", (*exact, *quiet))
+    true = (
+        "estimator.ekf.compass.deviation_deg=[0, 0, 0, 0, 0]",
+    )  # a compass without deviation, and nothing taken out
+    config = load_config("sitl-bream", (*exact, *quiet, *true))
     run = record_run(config, "manoeuvres", 20.0)
     truth = truth_rows(run.truth)
     moved = np.ptp(truth[200:, 8])
