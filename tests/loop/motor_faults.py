@@ -28,6 +28,9 @@ WRONG: dict[str, tuple[dict[str, float], str]] = {
     "scaled": ({f"SERVO{n}_{end}": us for n in (1, 3) for end, us in (("MIN", 1100), ("MAX", 1900))}, "bent"),
 }
 
+# As much as can be known of overrides that are ignored where neither parameters nor sticks are told.
+BLIND_WORDS = "outputs stay (SYSID_MYGCS or SERVO1/3_FUNCTION)"
+
 
 class Lossy:
     """A plant that some messages of the autopilot never leave, and others by chance."""
