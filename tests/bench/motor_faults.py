@@ -1,4 +1,4 @@
-"""How soon an autopilot that is set wrong is found, and whether it is named right: `python tests/bench/motor_faults.py`.
+"""How soon an autopilot that is set wrong is found, and if it is named right: `python tests/bench/motor_faults.py`.
 
 In lockstep, with gusts and sensor noise: every mistake, with all messages, without PARAM_VALUE, and without RC_CHANNELS
 as well; then boats that are set right, of which none may be let go.
