@@ -8,6 +8,7 @@ so neutral is said again and again, at the start and after every release.
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from typing import Any, Protocol
 
@@ -102,7 +103,7 @@ class ManualControl(_Sticks):
         )
 
 
-class _Held:
+class _Held(ABC):
     """Outputs that keep their value whoever falls silent. To let go is to say neutral, for a while."""
 
     hazard = refused = ""
@@ -114,8 +115,8 @@ class _Held:
         self._rest_until_ns: int | None = None
         self._rest_due_ns = 0
 
-    def _set(self, port_us: int, starboard_us: int) -> list[bytes]:
-        raise NotImplementedError
+    @abstractmethod
+    def _set(self, port_us: int, starboard_us: int) -> list[bytes]: ...
 
     def drive(self, port_us: int, starboard_us: int) -> list[bytes]:
         self._rest_until_ns = None
@@ -143,8 +144,8 @@ class _Held:
             accepted = result == dialect.MAV_RESULT_ACCEPTED
             self.refused = "" if accepted else self._refusal(_result_name(result))
 
-    def _refusal(self, result: str) -> str:
-        raise NotImplementedError
+    @abstractmethod
+    def _refusal(self, result: str) -> str: ...
 
     def _neutral(self, t_ns: int) -> list[bytes]:
         self._rest_due_ns = t_ns + REST_EVERY_NS
