@@ -10,6 +10,7 @@ from typing import Any, Protocol
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from asvhil.io.mavlink import Parser, decode, message_id, source
+from asvhil.simplant.parameter_table import ParameterTable
 from asvhil.simplant.rc import RcInputs
 from asvhil.simplant.schedule import Schedule
 from asvhil.types import Frame
@@ -57,18 +58,6 @@ class Vehicle(Protocol):
     def arm(self, *, force: bool = False) -> bool: ...
 
     def disarm(self) -> bool: ...
-
-
-class ParameterTable(Protocol):
-    """Parameters by name and by index, and what tells of them."""
-
-    names: tuple[str, ...]
-
-    def find(self, name: str, index: int) -> str | None: ...
-
-    def set(self, name: str, value: float) -> bool: ...
-
-    def message(self, name: str, *, changed: bool = False) -> Any: ...
 
 
 class Messages(Protocol):

@@ -13,7 +13,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from asvhil.config import FrontseatConfig, PwmConfig
 from asvhil.config.autopilots import MODES
 from asvhil.simplant.px4_parameters import ACTUATOR_SET_1, Px4Parameters
-from asvhil.simplant.rc import RcInputs
+from asvhil.simplant.vehicle import PoweredVehicle
 
 PX4_MODES = MODES["px4"]
 MANUAL, OFFBOARD, LOITER = PX4_MODES["MANUAL"], PX4_MODES["OFFBOARD"], PX4_MODES["AUTO.LOITER"]
@@ -40,28 +40,19 @@ OFFBOARD_EXCEPT = 4  # bit of COM_RCL_EXCEPT
 INFO, WARNING, CRITICAL = dialect.MAV_SEVERITY_INFO, dialect.MAV_SEVERITY_WARNING, dialect.MAV_SEVERITY_CRITICAL
 
 
-class Px4Vehicle:
-    """State and rules, without bytes. `texts` and `changed` collect what the link has to tell the stations."""
+class Px4Vehicle(PoweredVehicle):
+    """State and rules, without bytes."""
 
     def __init__(self, config: FrontseatConfig, pwm: PwmConfig, t_ns: int) -> None:
-        self._config = config
         self._channels = (pwm.port_channel, pwm.starboard_channel)
         self.parameters = Px4Parameters(config, pwm)
-        self.rc = RcInputs(config.rc_receiver, t_ns)
-        self.texts: list[tuple[int, str]] = []
-        self.servo_us = [0] * 16
-        self.restart(t_ns)
+        super().__init__(config, t_ns)
 
     def restart(self, t_ns: int) -> None:
         """Power on: everything but the parameters and the pilot's sticks is forgotten."""
-        self.t_ns = self.power_on_ns = t_ns
-        self.boot_ns = t_ns + round(1e9 * self._config.boot_s)
-        self.ready_ns = max(self.boot_ns, t_ns + round(1e9 * self._config.ready_after_s))
-        self.rc.restart(self.boot_ns)
+        super().restart(t_ns)
         self.mode = MANUAL
-        self.armed = self.terminated = self.failsafe = self.changed = False
-        self.texts.clear()
-        self.servo_us[:] = [0] * 16
+        self.terminated = self.failsafe = False
         self._actuators = [math.nan] * ACTUATORS
         self._offboard_ns: int | None = None
         self._offboard_since_ns = t_ns

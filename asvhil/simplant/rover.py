@@ -8,7 +8,8 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from asvhil.config import FrontseatConfig, PwmConfig
 from asvhil.simplant.parameters import PORT_MOTOR, STARBOARD_MOTOR, Parameters
-from asvhil.simplant.rc import CHANNELS, IGNORE, RcInputs
+from asvhil.simplant.rc import CHANNELS, IGNORE
+from asvhil.simplant.vehicle import PoweredVehicle
 
 MODE_MANUAL = 0
 MODE_HOLD = 4
@@ -32,39 +33,28 @@ FAILSAFE_ACTIONS: dict[int, tuple[int, ...]] = {
 INFO, WARNING, CRITICAL = dialect.MAV_SEVERITY_INFO, dialect.MAV_SEVERITY_WARNING, dialect.MAV_SEVERITY_CRITICAL
 
 
-class Rover:
-    """State and rules, without bytes. `texts` and `changed` collect what the link has to tell the stations.
+class Rover(PoweredVehicle):
+    """State and rules, without bytes.
 
     Modes other than MANUAL are entered and reported, but leave the motors neutral: navigation is not simulated.
     """
 
     def __init__(self, config: FrontseatConfig, pwm: PwmConfig, t_ns: int) -> None:
-        self._config = config
         self._port, self._starboard = pwm.port_channel - 1, pwm.starboard_channel - 1
         self._neutral_ns = round(1e9 * config.neutral_timeout_s)
         self._failsafe_ns = round(1e9 * config.failsafe_timeout_s)
         self.parameters = Parameters(config, pwm)
-        self.rc = RcInputs(config.rc_receiver, t_ns)
-        self.texts: list[tuple[int, str]] = []
-        self.servo_us = [0] * 16
-        self.restart(t_ns)
+        super().__init__(config, t_ns)
 
     def restart(self, t_ns: int) -> None:
         """Power on: everything but the parameters and the pilot's sticks is forgotten."""
-        self.t_ns = self.power_on_ns = t_ns
-        self.boot_ns = t_ns + round(1e9 * self._config.boot_s)
-        self.ready_ns = max(self.boot_ns, t_ns + round(1e9 * self._config.ready_after_s))
-        self.rc.restart(self.boot_ns)
+        super().restart(t_ns)
         self.mode = MODE_INITIALISING
-        self.armed = False
         self.radio_failsafe = False
         self.gcs_failsafe = False
         self.gcs_heard_ns: int | None = None
         self._mapped = int(self.parameters["RCMAP_ROLL"]), int(self.parameters["RCMAP_THROTTLE"])
         self.safety_on = self.parameters["BRD_SAFETY_DEFLT"] != 0.0
-        self.changed = False
-        self.texts.clear()
-        self.servo_us[:] = [0] * 16
         self._throttle = 0.0
         self._position_used = False
 
