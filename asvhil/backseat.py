@@ -17,6 +17,7 @@ from asvhil.estimator.wind_load import WindFromLoad
 from asvhil.geo import LocalFrame
 from asvhil.io.autopilot import AutopilotLink
 from asvhil.io.firmware import FirmwareWatch
+from asvhil.known import Known
 from asvhil.motor_check import MotorCheck
 from asvhil.operations import Operations
 from asvhil.supervisor import Decision, Supervisor
@@ -134,12 +135,11 @@ class Backseat:
             self._wind_ns = t_ns
         elif estimate is not None and self._wind_load is not None and t_ns - self._wind_ns > REMEMBERED_NS:
             wind = self._wind_load.wind(estimate)
-        fault = self._motors.step(t_ns)
-        age_s, local = self._heartbeat_age_s(t_ns), self._estimator.frame
-        answers, begun = self._operations.answer(t_ns, self._status, age_s, estimate, local, fault)
+        known = self._known(t_ns, estimate)
+        answers, begun = self._operations.answer(known)
         if begun:
             self._cadence.restart()
-        decision = self._supervisor.step(t_ns, self._status, age_s, estimate, local, fault, self._motors.unheard)
+        decision = self._supervisor.step(known)
         if decision.station is None and self._station is not None:
             self._controller.reset()
         self._station = decision.station
@@ -170,7 +170,7 @@ class Backseat:
             control=control,
             pwm_us=self._pulses_us,
             health=self._health(t_ns, decision, estimate, wind),
-            origin_deg=None if local is None else (local.lat_deg, local.lon_deg),
+            origin_deg=None if known.frame is None else (known.frame.lat_deg, known.frame.lon_deg),
             model_error=model_error,
             autopilot_clock=self._link.clock,
         )
@@ -276,6 +276,18 @@ class Backseat:
         """What drives the estimator's prediction from now on."""
         self._forcing_wind = wind
         self._estimator.set_forcing(self._model_input(), None if wind is None else (wind.vn_mps, wind.ve_mps))
+
+    def _known(self, t_ns: int, estimate: Estimate | None) -> Known:
+        """What this tick is decided by."""
+        return Known(
+            t_ns=t_ns,
+            status=self._status,
+            heartbeat_age_s=self._heartbeat_age_s(t_ns),
+            estimate=estimate,
+            frame=self._estimator.frame,
+            fault=self._motors.step(t_ns),
+            unheard=self._motors.unheard,
+        )
 
     def _heartbeat_age_s(self, t_ns: int) -> float | None:
         heard_ns = self._link.autopilot_heartbeat_ns

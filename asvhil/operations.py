@@ -11,13 +11,13 @@ from asvhil.geo import LocalFrame, wrap_rad
 from asvhil.io.mavlink import dialect
 from asvhil.io.operator import OperatorLink, Request
 from asvhil.io.operator_reports import Situation
+from asvhil.known import Known
 from asvhil.supervisor import Decision, Supervisor
 from asvhil.tunables import Tunables
 from asvhil.types import (
     Control,
     Estimate,
     Frame,
-    FrontseatStatus,
     HoldCommand,
     Note,
     ParameterChange,
@@ -50,20 +50,9 @@ class Operations:
         """Take in a frame of the operator's port."""
         self._requests += self._link.decode(frame)
 
-    def answer(
-        self,
-        t_ns: int,
-        status: FrontseatStatus | None,
-        heartbeat_age_s: float | None,
-        estimate: Estimate | None,
-        frame: LocalFrame | None,
-        fault: str | None,
-    ) -> tuple[list[Frame], bool]:
-        """Decide what was asked for, in order: the answers, and whether a hold has begun.
-
-        `fault`: why the motors would not do as told.
-        """
-        self._frame = frame
+    def answer(self, known: Known) -> tuple[list[Frame], bool]:
+        """Decide what was asked for, in order: the answers, and whether a hold has begun."""
+        self._frame = known.frame
         answers: list[Frame] = []
         begun = False
         requests, self._requests = self._requests, []
@@ -72,13 +61,13 @@ class Operations:
             refusal: str | None = None
             match command:
                 case HoldCommand():
-                    refusal = self._supervisor.on_hold(command, status, heartbeat_age_s, estimate, frame, fault)
+                    refusal = self._supervisor.on_hold(command, known)
                     begun = begun or (refusal is None and not command.move_only)
                 case ReleaseCommand():
                     self._supervisor.on_release(command)
                 case ParameterChange():
-                    refusal = self._change(command, estimate, frame)
-            answers += self._link.answer(t_ns, request, refusal)
+                    refusal = self._change(command, known)
+            answers += self._link.answer(known.t_ns, request, refusal)
         if begun:
             self._link.tell_parameters(STATION_PARAMETERS)
         return answers, begun
@@ -149,12 +138,12 @@ class Operations:
         values = (lat_deg, lon_deg, math.degrees(station.psi_rad) % 360.0, station.n_m, station.e_m)
         return values[STATION_PARAMETERS.index(name)]
 
-    def _change(self, change: ParameterChange, estimate: Estimate | None, frame: LocalFrame | None) -> str | None:
+    def _change(self, change: ParameterChange, known: Known) -> str | None:
         """Set a parameter. Returns None, or the reason why not."""
         name, value = change.name, change.value
         if name in self._tunables:
             return self._tunables.set(name, value)
-        station = self._supervisor.station
+        station, frame = self._supervisor.station, known.frame
         if station is None or frame is None:
             return f"{name}: no station is held"
         lat_deg, lon_deg = frame.to_geodetic(station.n_m, station.e_m)
@@ -173,4 +162,4 @@ class Operations:
             case _:
                 return f"{name}: {value:g} is out of range"
         moved = HoldCommand(t_ns=change.t_ns, lat_deg=lat_deg, lon_deg=lon_deg, psi_rad=psi_rad, move_only=True)
-        return self._supervisor.on_hold(moved, None, None, estimate, frame)
+        return self._supervisor.on_hold(moved, known)

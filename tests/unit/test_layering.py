@@ -23,7 +23,7 @@ CORE = [
     ["io.operator"],
     ["estimator"],
     ["controller"],
-    ["output_models", "mode_keeper", "tunables"],
+    ["output_models", "mode_keeper", "pilot_watch", "stations", "known", "tunables"],
     ["supervisor", "cadence", "output_watch"],
     ["motor_check", "operations"],
     ["backseat"],

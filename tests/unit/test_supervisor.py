@@ -7,6 +7,7 @@ import pytest
 
 from asvhil.config import PwmConfig, StationConfig, SupervisorConfig
 from asvhil.geo import LocalFrame
+from asvhil.known import Known
 from asvhil.supervisor import Decision, Supervisor
 from asvhil.types import Estimate, FrontseatStatus, HoldCommand, Phase, ReleaseCommand
 
@@ -36,13 +37,18 @@ class Bench:
         self.age_s: float | None = 0.1
         self.estimate: Estimate | None = ESTIMATE
 
+    def known(self) -> Known:
+        return Known(
+            t_ns=self.t_ns, status=self.status, heartbeat_age_s=self.age_s, estimate=self.estimate, frame=FRAME
+        )
+
     def hold(self, **fields: float) -> str | None:
         command = HoldCommand(t_ns=self.t_ns, **fields)
-        return self.supervisor.on_hold(command, self.status, self.age_s, self.estimate, FRAME)
+        return self.supervisor.on_hold(command, self.known())
 
     def step(self, ms: int = 50) -> Decision:
         self.t_ns += ms * MS
-        return self.supervisor.step(self.t_ns, self.status, self.age_s, self.estimate, FRAME)
+        return self.supervisor.step(self.known())
 
     def drive(self, seconds: float = 2.0, pulses: tuple[int, int] = (1600, 1400)) -> Decision:
         """Hold with the echo of the override on the motor channels, as an autopilot shows it."""
