@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection
 
 from asvhil.errors import ConfigError
-from asvhil.study.trial import NO_NOISE
+from asvhil.study.trial import NO_NOISE, NO_SLOW_ERROR
 
 FROM_S, TO_S = 60.0, 360.0
 QUICK_S = (15.0, 25.0)  # to see that it works
@@ -21,8 +21,6 @@ ROWS: dict[str, tuple[float, float]] = {  # m/s, blowing toward degrees from the
     "diagonal": (6.0, 45.0),
     "diagonal mirrored": (6.0, -45.0),
 }
-# The slow GNSS bias is a floor under every controller alike; it is left out here and shown by `asvhil sitl`.
-COMMON = ("plant.sensors.gnss.slow_bias_m=0",)
 
 
 def along_the_wind(row: str) -> bool:
@@ -45,7 +43,7 @@ def row_overrides(row: str, seed: int, *, noise: bool = True) -> tuple[str, ...]
     """The config keys of one run of a row; without `noise` neither gusts nor sensor noise."""
     speed_mps, toward_deg = ROWS[row]
     return (
-        *COMMON,
+        *NO_SLOW_ERROR,
         f"plant.seed={seed}",
         f"plant.weather.wind.speed_mps={speed_mps}",
         f"plant.weather.wind.toward_deg={toward_deg}",

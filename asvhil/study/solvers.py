@@ -162,16 +162,18 @@ def starts_of(problem: StationProblem, warm: Array) -> list[Array]:
 
 
 def _at_horizon(config: Config, horizon_s: float, second_order: bool = False) -> Config:
-    """The config with a uniform grid, and without the slow bias of GNSS that no controller can see."""
+    """The config with a uniform grid, and without the slow error of GNSS (as `trial.NO_SLOW_ERROR`)."""
     mpc = config.controller.mpc
     stages = round(horizon_s / mpc.first_step_s)
     mpc = mpc.model_copy(update={"stages": stages, "last_step_s": mpc.first_step_s, "second_order": second_order})
     gnss = config.plant.sensors.gnss.model_copy(update={"slow_bias_m": 0.0})
     sensors = config.plant.sensors.model_copy(update={"gnss": gnss})
+    ekf = config.estimator.ekf.model_copy(update={"position_bias_std_m": 0.0})
     return config.model_copy(
         update={
             "controller": config.controller.model_copy(update={"mpc": mpc}),
             "plant": config.plant.model_copy(update={"sensors": sensors}),
+            "estimator": config.estimator.model_copy(update={"ekf": ekf}),
         }
     )
 

@@ -19,11 +19,10 @@ from typing import Any
 import numpy as np
 
 from asvhil.config import Config, load_config
-from asvhil.study.trial import run_trial
+from asvhil.study.trial import NO_SLOW_ERROR, run_trial
 from asvhil.types import record
 
 WINDS = ((4.0, 10.0), (5.0, 170.0), (4.0, 30.0), (5.0, 60.0), (4.0, 105.0))  # m/s, blowing toward degrees
-FIXED = ("plant.sensors.gnss.slow_bias_m=0",)  # a floor that no controller removes
 PLANT_SEED = 101
 FROM_S, TO_S = 60.0, 180.0
 BUDGET = 40  # candidates, the same for every controller
@@ -166,7 +165,7 @@ def tune(
             "winds_mps_toward_deg": [list(wind) for wind in winds],
             "window_s": list(window_s),
             "base": base,
-            "fixed": list(FIXED),
+            "fixed": list(NO_SLOW_ERROR),
             "ranges": {p.key: [p.value(0.0), p.value(1.0)] for p in space},
         },
         "evaluations": [],
@@ -181,7 +180,7 @@ def tune(
         while len(done) < budget:
             batch = candidates(space, budget, seed, done)
             jobs = [
-                (base, (*FIXED, f"plant.seed={PLANT_SEED}", *overrides_of(name, values)), wind, window_s)
+                (base, (*NO_SLOW_ERROR, f"plant.seed={PLANT_SEED}", *overrides_of(name, values)), wind, window_s)
                 for values in batch
                 for wind in winds
             ]

@@ -75,8 +75,10 @@ def test_without_noise_there_is_neither_a_gust_nor_any_error_of_a_sensor():
     gnss, imu = quiet.sensors.gnss, quiet.sensors.imu
     assert gnss.slow_bias_m == gnss.white_m == gnss.velocity_white_mps == quiet.sensors.heading.white_deg == 0.0
     assert imu.gyro_white_radps == imu.accel_white_mps2 == imu.accel_bias_mps2 == 0.0
-    loud = load_config("sitl", row_overrides("6", 7)).plant
+    config = load_config("sitl", row_overrides("6", 7))
+    loud = config.plant
     assert loud.seed == 7 and loud.sensors.gnss.white_m > 0.0 and loud.sensors.gnss.slow_bias_m == 0.0
+    assert config.estimator.ekf.position_bias_std_m == 0.0 < load_config("sitl").estimator.ekf.position_bias_std_m
 
 
 def test_the_best_mean_wins_and_the_reference_does_not_take_part():
