@@ -97,10 +97,14 @@ class FilterState:
 
     def copy(self) -> FilterState:
         """One to go on from."""
-        other = FilterState.__new__(FilterState)
-        for name in FilterState.__slots__:
-            setattr(other, name, getattr(self, name))
+        other = FilterState.__new__(FilterState)  # line by line: it is made for every event
+        other.t_ns, other.x, other.p, other.motor = self.t_ns, self.x, self.p, self.motor
+        other.forcing, other.residual = self.forcing, self.residual
+        other.inertial_ns, other.interval_s = self.inertial_ns, self.interval_s
         other.tracks = self.tracks.copy()
+        other.travel, other.travelled_ns = self.travel, self.travelled_ns
+        other.invalid_since_ns, other.resets = self.invalid_since_ns, self.resets
+        other.started_ns, other.carries_wind = self.started_ns, self.carries_wind
         return other
 
 
