@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Protocol
 
 from asvhil.cadence import Cadence
 from asvhil.config import PwmConfig
+from asvhil.controller.protocol import Controller
 from asvhil.controller.pwm import PulseLimiter, command_of_pulse
 from asvhil.dynamics.protocol import Dynamics
 from asvhil.estimator.monitor import ModelMonitor
@@ -15,8 +15,8 @@ from asvhil.estimator.sources import SourceSelector
 from asvhil.estimator.wind import WindFilter
 from asvhil.estimator.wind_load import WindFromLoad
 from asvhil.geo import LocalFrame
-from asvhil.io.autopilot import AutopilotLink
 from asvhil.io.firmware import FirmwareWatch
+from asvhil.io.protocol import AutopilotLink, SensorCodec
 from asvhil.known import Known
 from asvhil.motor_check import MotorCheck
 from asvhil.operations import Operations
@@ -45,22 +45,6 @@ from asvhil.types import (
 OPERATOR = "operator"
 
 REMEMBERED_NS = 30_000_000_000  # for so long a wind that was told is a better guess than the disturbance
-
-
-class Controller(Protocol):
-    """Keeps a station: one solution per control period."""
-
-    def step(self, estimate: Estimate, wind: Wind | None, station: Station) -> Control: ...
-
-    def reset(self) -> None: ...
-
-
-class SensorCodec(Protocol):
-    """What turns the bytes of a sensor's port into measurements, each with the name of the message it came in."""
-
-    def read(self, frame: Frame) -> Sequence[tuple[str, Measurement]]: ...
-
-    def counters(self) -> tuple[tuple[str, int], ...]: ...
 
 
 class Backseat:

@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
-from asvhil.backseat import Backseat, Controller, SensorCodec
+from asvhil.backseat import Backseat
 from asvhil.cadence import Cadence, EveryPeriod, EveryTicks
 from asvhil.config import LEARNED, Config, EstimatorConfig, find_shipped
 from asvhil.controller.backstepping import Backstepping
 from asvhil.controller.loiter import Loiter
 from asvhil.controller.manoeuvres import Manoeuvres
 from asvhil.controller.procedure import Procedure
+from asvhil.controller.protocol import Controller
 from asvhil.controller.pwm import command_rate_per_s
 from asvhil.controller.sliding_mode import SlidingMode
 from asvhil.controller.solvers.choice import choose_solver
@@ -31,6 +32,7 @@ from asvhil.io.ardurover import ArduRoverLink
 from asvhil.io.firmware import FirmwareWatch
 from asvhil.io.nmea import NmeaCodec
 from asvhil.io.operator import OperatorLink
+from asvhil.io.protocol import SensorCodec
 from asvhil.io.px4 import Px4Link
 from asvhil.io.vectornav.codec import VectorNavCodec
 from asvhil.motor_check import MotorCheck

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from asvhil.io.autopilot import AutopilotLink
+from asvhil.io.protocol import AutopilotLink
 from asvhil.output_watch import Fault, OutputWatch, words
 from asvhil.types import Cause, FrontseatStatus, Note
 

@@ -1,80 +1,26 @@
-"""The conversation with an autopilot: what the backseat asks of it, and what all vehicle profiles share. Sans-IO."""
+"""The conversation with an autopilot: what all vehicle profiles share of it. Sans-IO."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, Protocol
+from typing import Any
 
 from asvhil.config import AutopilotLinkConfig, PwmConfig
 from asvhil.config.autopilots import MODES
 from asvhil.io.mavlink import Parser, decode, dialect, message_id, source
-from asvhil.io.mavlink_sensors import MavlinkSensors, raw_fix, scaled_imu
+from asvhil.io.mavlink_sensors import MavlinkSensors
 from asvhil.io.outputs import make_output
 from asvhil.io.parameters import ParameterClient
 from asvhil.io.requirements import Finding, Requirement, judge
 from asvhil.io.streams import StreamKeeper
 from asvhil.io.timesync import TimeSync
-from asvhil.types import Attitude, Cause, Frame, FrontseatStatus, GnssFix, Measurement, Note, TimeOffset
+from asvhil.types import Attitude, Cause, Frame, FrontseatStatus, Measurement, Note, TimeOffset
 
 PORT = "autopilot"
 HEARTBEAT_NS = 1_000_000_000
 REQUEST_NS = 1_000_000_000
 IGNORE_CHANNEL = 65535
 MAKES = {dialect.MAV_AUTOPILOT_ARDUPILOTMEGA: "ardurover", dialect.MAV_AUTOPILOT_PX4: "px4"}
-
-
-class AutopilotLink(Protocol):
-    """What the backseat asks of an autopilot, whatever its make."""
-
-    @property
-    def autopilot_heartbeat_ns(self) -> int | None:
-        """When the autopilot's heartbeat was last heard."""
-        ...
-
-    @property
-    def clock(self) -> TimeOffset | None:
-        """How far the autopilot's clock is from ours."""
-        ...
-
-    @property
-    def notes(self) -> tuple[Note, ...]:
-        """What is worth a line of words: hazards and refusals."""
-        ...
-
-    @property
-    def findings(self) -> list[Finding]:
-        """The autopilot's parameters that matter, held against what they must be."""
-        ...
-
-    def hint(self, cause: Cause, motor: str, *, blind: bool) -> str:
-        """What to look at for a cause seen on the outputs; empty where there is nothing to say."""
-        ...
-
-    def read(self, frame: Frame) -> list[tuple[str, Measurement]]:
-        """(message name, measurement) of all in one frame."""
-        ...
-
-    def counters(self) -> tuple[tuple[str, int], ...]: ...
-
-    def poll(self, t_ns: int) -> list[Frame]:
-        """What is due without being asked for; after the motors of the tick."""
-        ...
-
-    def drive(self, t_ns: int, port_us: int, starboard_us: int) -> list[Frame]:
-        """Both motors, as pulse widths (us)."""
-        ...
-
-    def release(self, t_ns: int) -> list[Frame]:
-        """Let go of the motors."""
-        ...
-
-    def request_mode(self, t_ns: int, mode: str) -> list[Frame]:
-        """Ask for a mode by name, at most once a second; nothing for a name that the autopilot does not have."""
-        ...
-
-    def request_arming(self, t_ns: int) -> list[Frame]:
-        """Ask to arm, with all checks, at most once a second."""
-        ...
 
 
 class Conversation:
@@ -102,8 +48,6 @@ class Conversation:
         self._request_ns: dict[int, int] = {}
         self._stranger = ""
         self._boot_ms = -1
-        self._gnss_time_us = -1
-        self._h_acc_m = 0.0
         self._armed = False
         self._mode = ""
         self._ready = False
@@ -117,10 +61,7 @@ class Conversation:
             dialect.MAVLINK_MSG_ID_HEARTBEAT: self._on_heartbeat,
             dialect.MAVLINK_MSG_ID_RC_CHANNELS: self._on_rc_channels,
             dialect.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW: self._on_servo_output,
-            dialect.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: self._on_global_position,
-            dialect.MAVLINK_MSG_ID_GPS_RAW_INT: self._on_gps_raw,
             dialect.MAVLINK_MSG_ID_ATTITUDE: self._on_attitude,
-            dialect.MAVLINK_MSG_ID_RAW_IMU: scaled_imu,
             dialect.MAVLINK_MSG_ID_SYSTEM_TIME: self._on_system_time,
             dialect.MAVLINK_MSG_ID_COMMAND_ACK: self._on_command_ack,
             dialect.MAVLINK_MSG_ID_TIMESYNC: self._on_timesync,
@@ -242,27 +183,6 @@ class Conversation:
         self._outputs_ns = t_ns
         self._outputs_us = tuple(getattr(m, f"servo{i}_raw") for i in range(1, 17))
         return self._status(t_ns)
-
-    def _on_global_position(self, t_ns: int, m: Any) -> Measurement | None:
-        if not self._ready:
-            return None
-        return GnssFix(
-            t_ns=t_ns,
-            lat_deg=m.lat * 1e-7,
-            lon_deg=m.lon * 1e-7,
-            vn_mps=m.vx * 0.01,
-            ve_mps=m.vy * 0.01,
-            h_acc_m=self._h_acc_m,
-        )
-
-    def _on_gps_raw(self, t_ns: int, m: Any) -> Measurement | None:
-        self._h_acc_m = m.h_acc * 1e-3
-        if m.fix_type < dialect.GPS_FIX_TYPE_3D_FIX:
-            return None
-        if m.time_usec == self._gnss_time_us:
-            return None  # the same fix, streamed again
-        self._gnss_time_us = m.time_usec
-        return raw_fix(t_ns, m)
 
     def _on_attitude(self, t_ns: int, m: Any) -> Measurement | None:
         self._note_boot_time(t_ns, m.time_boot_ms)

@@ -1,4 +1,4 @@
-"""MAVLink messages of an autopilot's sensors that need nothing of the conversation, as measurements.
+"""MAVLink messages of an autopilot's sensors, as measurements: all that need nothing of the conversation.
 
 Units and frames by the message definitions (common.xml, ardupilotmega.xml). WIND is degrees FROM; what ArduPilot puts
 into it is the true wind of its vane, low-passed at 0.05 Hz. WIND_COV is the velocity of the air, NED.
@@ -19,7 +19,7 @@ HIGHRES_ACCEL_XY = 0b11  # bits of fields_updated
 HIGHRES_GYRO_Z = 0b100000
 
 
-def raw_fix(t_ns: int, m: Any) -> GnssFix:
+def _raw_fix(t_ns: int, m: Any) -> GnssFix:
     """GPS_RAW_INT or GPS2_RAW as a fix; velocity from speed and course over ground, NaN where they are not known."""
     course_rad = math.radians(m.cog * 0.01)
     speed_mps = m.vel * 0.01
@@ -34,7 +34,7 @@ def raw_fix(t_ns: int, m: Any) -> GnssFix:
     )
 
 
-def scaled_imu(t_ns: int, m: Any) -> Imu:
+def _scaled_imu(t_ns: int, m: Any) -> Imu:
     """RAW_IMU and SCALED_IMU as ArduPilot fills them: milli-g and mrad/s."""
     return Imu(
         t_ns=t_ns,
@@ -47,28 +47,49 @@ def scaled_imu(t_ns: int, m: Any) -> Imu:
 class MavlinkSensors:
     """Handlers by message id: (time, message) to a measurement, or None where it holds nothing that is valid.
 
-    `ready` tells whether the autopilot's own estimator is: until then its attitude is a guess.
+    `ready` tells whether the autopilot's own estimator is: until then its position and attitude are guesses.
     """
 
     def __init__(self, ready: Callable[[], bool]) -> None:
         self._ready = ready
-        self._fix_time_us = -1
+        self._h_acc_m = 0.0
+        self._fix_times_us: dict[int, int] = {}  # of the last fix, by message
         self.handlers: dict[int, Callable[[int, Any], Measurement | None]] = {
-            dialect.MAVLINK_MSG_ID_GPS2_RAW: self._gps2_raw,
+            dialect.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: self._global_position,
+            dialect.MAVLINK_MSG_ID_GPS_RAW_INT: self._gps_raw,
+            dialect.MAVLINK_MSG_ID_GPS2_RAW: self._new_fix,
             dialect.MAVLINK_MSG_ID_ATTITUDE_QUATERNION: self._attitude_quaternion,
-            dialect.MAVLINK_MSG_ID_SCALED_IMU: scaled_imu,
-            dialect.MAVLINK_MSG_ID_SCALED_IMU2: scaled_imu,
-            dialect.MAVLINK_MSG_ID_SCALED_IMU3: scaled_imu,
+            dialect.MAVLINK_MSG_ID_RAW_IMU: _scaled_imu,
+            dialect.MAVLINK_MSG_ID_SCALED_IMU: _scaled_imu,
+            dialect.MAVLINK_MSG_ID_SCALED_IMU2: _scaled_imu,
+            dialect.MAVLINK_MSG_ID_SCALED_IMU3: _scaled_imu,
             dialect.MAVLINK_MSG_ID_HIGHRES_IMU: _highres_imu,
             dialect.MAVLINK_MSG_ID_WIND: _wind,
             dialect.MAVLINK_MSG_ID_WIND_COV: _wind_cov,
         }
 
-    def _gps2_raw(self, t_ns: int, m: Any) -> Measurement | None:
-        if m.fix_type < dialect.GPS_FIX_TYPE_3D_FIX or m.time_usec == self._fix_time_us:
+    def _global_position(self, t_ns: int, m: Any) -> Measurement | None:
+        if not self._ready():
+            return None
+        return GnssFix(
+            t_ns=t_ns,
+            lat_deg=m.lat * 1e-7,
+            lon_deg=m.lon * 1e-7,
+            vn_mps=m.vx * 0.01,
+            ve_mps=m.vy * 0.01,
+            h_acc_m=self._h_acc_m,
+        )
+
+    def _gps_raw(self, t_ns: int, m: Any) -> Measurement | None:
+        self._h_acc_m = m.h_acc * 1e-3
+        return self._new_fix(t_ns, m)
+
+    def _new_fix(self, t_ns: int, m: Any) -> Measurement | None:
+        message = m.get_msgId()
+        if m.fix_type < dialect.GPS_FIX_TYPE_3D_FIX or m.time_usec == self._fix_times_us.get(message):
             return None  # none, or the same fix streamed again
-        self._fix_time_us = m.time_usec
-        return raw_fix(t_ns, m)
+        self._fix_times_us[message] = m.time_usec
+        return _raw_fix(t_ns, m)
 
     def _attitude_quaternion(self, t_ns: int, m: Any) -> Measurement | None:
         w, x, y, z = m.q1, m.q2, m.q3, m.q4

@@ -7,10 +7,10 @@ from collections import Counter, deque
 from collections.abc import Mapping
 from typing import Any
 
-from asvhil.backseat import SensorCodec
 from asvhil.build import build_firmware_watch, build_link, build_sensors
 from asvhil.config import QUANTITIES, Config, Quantity, SourceConfig
 from asvhil.io.mavlink import Parser, decode, dialect, message_id, source
+from asvhil.io.protocol import SensorCodec
 from asvhil.io.requirements import Finding
 from asvhil.types import (
     Attitude,

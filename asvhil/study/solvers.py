@@ -19,10 +19,10 @@ from typing import Any
 
 import numpy as np
 
-from asvhil.backseat import Controller
 from asvhil.build import build_backseat
 from asvhil.config import Config, ControllerConfig, MpcWeights
 from asvhil.controller.mpc import Array, Solution, Solver, StationProblem
+from asvhil.controller.protocol import Controller
 from asvhil.controller.solvers.choice import choose_solver
 from asvhil.controller.solvers.ipopt import Ipopt
 from asvhil.controller.station_mpc import StationMpc

@@ -17,7 +17,7 @@ CORE = [
     ["dynamics"],
     ["io.mavlink", "io.nmea", "io.nmea_sentences", "io.vectornav", "io.firmware"],
     ["io.streams", "io.mavlink_sensors", "io.signing", "io.timesync", "io.gate", "io.router"],
-    ["io.outputs", "io.parameters", "io.requirements", "io.rover_parameters", "io.px4_parameters"],
+    ["io.outputs", "io.parameters", "io.requirements", "io.rover_parameters", "io.px4_parameters", "io.protocol"],
     ["io.autopilot", "io.ardurover", "io.px4", "io.goto", "io.parameter_server"],
     ["io.operator_reports"],
     ["io.operator"],
