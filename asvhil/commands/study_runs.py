@@ -120,7 +120,6 @@ def solvers(
     problems: Annotated[int, typer.Option(min=1, help="Recorded problems that are held against their optimum.")] = 200,
     solver: Annotated[list[str], typer.Option(help="One solver; repeatable. The first is the one compared to.")] = [],  # noqa: B006
     horizon: Annotated[float, typer.Option(min=0.4, help="Seconds, on a uniform grid.")] = 4.0,
-    second_order: Annotated[bool, typer.Option(help="The default solver's later steps with curvature.")] = False,
     peer: Annotated[str, typer.Option(help="Command of a peer that takes a problem file, as in tests/peers.")] = "",
     config: ConfigOption = "sitl",
     quick: QuickOption = False,
@@ -158,7 +157,6 @@ def solvers(
             solvers=solver or SOLVERS,
             limit_problems=min(problems, 4) if quick else problems,
             horizon_s=horizon,
-            second_order=second_order,
             peer=shlex.split(peer),
             peer_model_file="" if file is None else str(file),
             progress=lambda what, done, of: bar.update(task, description=what, completed=done, total=of),

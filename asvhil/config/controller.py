@@ -45,9 +45,6 @@ class MpcConfig(Section):
     iterations: Annotated[int, Field(ge=1, le=100)] = 10
     alternate_iterations: Annotated[int, Field(ge=0, le=200)] = 8
     alternate_beyond_m: NonNegative = 3.0
-    second_order: bool = (
-        True  # curvature of the dynamics in the later steps: nearer the optimum, dearer to build and run
-    )
     wind_feedforward: bool = True
     disturbance_feedforward: bool = True
 

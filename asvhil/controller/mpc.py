@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any, Protocol
+from typing import Protocol
 
 import casadi as ca
 import numpy as np
@@ -55,8 +55,7 @@ class StationProblem:
     """The problem above as CasADi functions of parameters p and inputs U = (a_0, a_1, ...).
 
     `rollout(p, U)` gives (states, cost); `linearised(p, U)` gives (states, sensitivities), where the states are
-    s_0 .. s_N in a row and the sensitivities are the row-major blocks [dF/ds | dF/da] of each stage. `curved(p, U)`
-    adds the blocks of second derivatives of each stage by (s, a), weighted with the adjoint of half the cost.
+    s_0 .. s_N in a row and the sensitivities are the row-major blocks [dF/ds | dF/da] of each stage.
     """
 
     def __init__(self, model: Dynamics, config: MpcConfig, command_rate_per_s: float = math.inf) -> None:
@@ -74,8 +73,7 @@ class StationProblem:
         reach = command_rate_per_s * self.times_s[1:]  # of the motor command, by the end of each stage
         self._reach: Array | None = None if reach[0] >= FULL_TURN else reach
         self.n_parameters = self.n_state + 9 + POSE_AND_VELOCITY * self.stages
-        self.curved: ca.Function | None = None
-        self._build(model, config.second_order)
+        self._build(model)
 
     def pack(
         self,
@@ -145,7 +143,7 @@ class StationProblem:
         q[-1] += [*(weights.terminal_position_s * axes), *heading_and_velocity]
         return q
 
-    def _build(self, model: Dynamics, second_order: bool) -> None:
+    def _build(self, model: Dynamics) -> None:
         n = self.n_state
         p, inputs = ca.SX.sym("p", self.n_parameters), ca.SX.sym("U", 2 * self.stages)
         wind, disturbance = p[n : n + 2], p[n + 2 : n + 5]
@@ -159,22 +157,15 @@ class StationProblem:
         jacobian = ca.jacobian(after, ca.vertcat(s, a))
         substep = ca.Function("substep", [s, a, w, d, h], [after], {"cse": True})
         tangent = ca.Function("tangent", [s, a, w, d, h], [after, jacobian], {"cse": True})
-        adjoint = ca.SX.sym("adjoint", n)
-        second = ca.hessian(ca.dot(adjoint, after), ca.vertcat(s, a))[0]
-        curvature = ca.Function("curvature", [s, a, w, d, h, adjoint], [second], {"cse": True})
 
         state = fast_state = p[:n]
         states, fast_states, blocks, cost = [state], [state], [], ca.SX(0.0)
-        pieces: list[list[tuple[Any, Any, Any]]] = []  # of each stage's substeps: state, own Jacobian, that up to it
         for k, (step_s, count) in enumerate(zip(self.steps_s, self.substep_counts, strict=True)):
             a_k = inputs[2 * k : 2 * k + 2]
             block = ca.horzcat(ca.SX.eye(n), ca.SX(n, 2))
-            pieces.append([])
             for _ in range(count):
                 fast_state = substep(fast_state, a_k, wind, disturbance, step_s / count)
-                before = state
                 state, local = tangent(state, a_k, wind, disturbance, step_s / count)
-                pieces[-1].append((before, local, block))
                 block = local[:, :n] @ block + ca.horzcat(ca.SX(n, n), local[:, n:])
             states.append(state)
             fast_states.append(fast_state)
@@ -186,19 +177,3 @@ class StationProblem:
         self.substep: ca.Function = substep
         self.rollout = ca.Function("rollout", [p, inputs], [ca.vertcat(*fast_states), cost])
         self.linearised = ca.Function("linearised", [p, inputs], [ca.vertcat(*states), ca.vertcat(*blocks)])
-        if not second_order:
-            return
-        # Backwards with the adjoint of half the cost: what Gauss-Newton leaves out of the Hessian.
-        back, curved = ca.SX(n, 1), []
-        for k in reversed(range(self.stages)):
-            error = states[k + 1][:POSE_AND_VELOCITY] - ca.vertcat(0, 0, reference, 0, 0, 0)
-            back[:POSE_AND_VELOCITY] += q[POSE_AND_VELOCITY * k : POSE_AND_VELOCITY * (k + 1)] * error
-            a_k, step_s = inputs[2 * k : 2 * k + 2], self.steps_s[k] / self.substep_counts[k]
-            total = ca.SX(n + 2, n + 2)
-            for at, local, block in reversed(pieces[k]):
-                reach = ca.vertcat(block, ca.horzcat(ca.SX(2, n), ca.SX.eye(2)))
-                total += reach.T @ curvature(at, a_k, wind, disturbance, step_s, back) @ reach
-                back = local[:, :n].T @ back
-            curved.append(ca.vec(ca.densify(total)))
-        outputs = [ca.vertcat(*states), ca.vertcat(*blocks), ca.vertcat(*reversed(curved))]
-        self.curved = ca.Function("curved", [p, inputs], outputs, {"cse": True})

@@ -57,8 +57,8 @@ def solver_table(study: dict[str, Any]) -> str:
         "",
         f"Model {study['model']}, T = {study['horizon_s']:g} s in {study['stages']} stages, {study['steps']} steps "
         f"from the start of the approach on, wind {wind['speed_mps']:g} m/s toward {wind['toward_deg']:g} degrees "
-        f"with gusts and sensor noise, seed {study['seed']}, one core, second-order steps of the default "
-        f"{'on' if study['second_order'] else 'off'}, config {study['config_hash']}.",
+        f"with gusts and sensor noise, seed {study['seed']}, one core, "
+        f"config {study['config_hash']}.",
     ]
     return "\n".join(lines) + "\n"
 

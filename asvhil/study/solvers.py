@@ -108,7 +108,6 @@ def study_solvers(
     solvers: Sequence[str] = SOLVERS,
     limit_problems: int | None = None,
     horizon_s: float = 4.0,
-    second_order: bool = False,
     peer: Sequence[str] = (),
     peer_model_file: str = "",
     progress: Progress | None = None,
@@ -120,7 +119,7 @@ def study_solvers(
     as tests/peers/mpc_torch_peer.py in its own environment; it needs `peer_model_file` where the model is learned.
     """
     tell = progress or (lambda what, done, total: None)
-    config = _at_horizon(config, horizon_s, second_order)
+    config = _at_horizon(config, horizon_s)
     with _one_core():
         runs: dict[str, tuple[list[Step], Array]] = {}
         recorded: dict[str, Problems] = {}
@@ -143,7 +142,6 @@ def study_solvers(
         "model": model.name,
         "horizon_s": horizon_s,
         "stages": config.controller.mpc.stages,
-        "second_order": second_order,
         "steps": steps,
         "wind": config.plant.weather.wind.model_dump(),
         "seed": config.plant.seed,
@@ -161,11 +159,11 @@ def starts_of(problem: StationProblem, warm: Array) -> list[Array]:
 # --- parts of the study ------------------------------------------------------------------------------------
 
 
-def _at_horizon(config: Config, horizon_s: float, second_order: bool = False) -> Config:
+def _at_horizon(config: Config, horizon_s: float) -> Config:
     """The config with a uniform grid, and without the slow error of GNSS (as `trial.NO_SLOW_ERROR`)."""
     mpc = config.controller.mpc
     stages = round(horizon_s / mpc.first_step_s)
-    mpc = mpc.model_copy(update={"stages": stages, "last_step_s": mpc.first_step_s, "second_order": second_order})
+    mpc = mpc.model_copy(update={"stages": stages, "last_step_s": mpc.first_step_s})
     gnss = config.plant.sensors.gnss.model_copy(update={"slow_bias_m": 0.0})
     sensors = config.plant.sensors.model_copy(update={"gnss": gnss})
     ekf = config.estimator.ekf.model_copy(update={"position_bias_std_m": 0.0})

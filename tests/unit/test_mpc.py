@@ -452,7 +452,7 @@ def recorded_weights(controller, monkeypatch) -> list[np.ndarray]:
     ],
 )
 def test_heading_weighs_more_where_there_is_no_side_load_to_carry(monkeypatch, wind, disturbance, heading):
-    config = MpcConfig(near=LIGHT, second_order=False, side_load_mps2=(0.005, 0.015))
+    config = MpcConfig(near=LIGHT, side_load_mps2=(0.005, 0.015))
     controller = StationMpc(MODEL, config, 0.2)
     seen = recorded_weights(controller, monkeypatch)
     assert controller.step(estimate(np.zeros(8), disturbance), wind, ORIGIN).ok
@@ -460,7 +460,7 @@ def test_heading_weighs_more_where_there_is_no_side_load_to_carry(monkeypatch, w
 
 
 def test_a_gust_from_abeam_does_not_flip_the_weights(monkeypatch):
-    controller = StationMpc(MODEL, MpcConfig(near=LIGHT, second_order=False), 0.2)
+    controller = StationMpc(MODEL, MpcConfig(near=LIGHT), 0.2)
     seen = recorded_weights(controller, monkeypatch)
     for ve_mps in (0.0, 6.0, 0.0):
         controller.step(estimate(np.zeros(8)), air(3.0, ve_mps), ORIGIN)
@@ -472,7 +472,7 @@ def test_a_gust_from_abeam_does_not_flip_the_weights(monkeypatch):
 
 @pytest.mark.parametrize(("offset_m", "heading"), [(0.1, 1500.0), (0.4, 850.0), (0.7, 200.0)])
 def test_off_the_station_heading_gives_way(monkeypatch, offset_m, heading):
-    controller = StationMpc(MODEL, MpcConfig(near=LIGHT, second_order=False, offset_m=(0.2, 0.6)), 0.2)
+    controller = StationMpc(MODEL, MpcConfig(near=LIGHT, offset_m=(0.2, 0.6)), 0.2)
     seen = recorded_weights(controller, monkeypatch)
     controller.step(estimate((0.0, offset_m, 0, 0, 0, 0, 0, 0)), None, ORIGIN)
     assert seen[0][2] == pytest.approx(0.2 * heading, rel=1e-6)
@@ -486,7 +486,7 @@ def test_limits_must_rise(name):
 
 def test_a_slow_output_limits_what_each_stage_can_ask_for():
     """1 command per second, from +0.3 port and -0.5 starboard: free towards neutral, then one stage's time further."""
-    problem = StationProblem(TanhModel(), MpcConfig(stages=3, second_order=False), command_rate_per_s=1.0)
+    problem = StationProblem(TanhModel(), MpcConfig(stages=3), command_rate_per_s=1.0)
     p = problem.pack((0, 0, 0, 0, 0, 0), (0, 0), (0, 0, 0), 0.0, (0.3, -0.5), MpcWeights())
     lower, upper = problem.bounds(p)
     assert problem.times_s[1:] == pytest.approx([0.2, 0.7, 1.5])
@@ -495,7 +495,7 @@ def test_a_slow_output_limits_what_each_stage_can_ask_for():
 
 
 def test_a_quick_output_limits_nothing_but_the_range():
-    problem = StationProblem(MODEL, MpcConfig(stages=3, second_order=False), command_rate_per_s=20.0)
+    problem = StationProblem(MODEL, MpcConfig(stages=3), command_rate_per_s=20.0)
     p = problem.pack(np.zeros(8), (0, 0), (0, 0, 0), 0.0, (100.0, -30.0), MpcWeights())
     lower, upper = problem.bounds(p)
     assert (lower == MODEL.input_lower).all() and (upper == MODEL.input_upper).all()
@@ -505,7 +505,7 @@ def test_a_quick_output_limits_nothing_but_the_range():
 def test_every_solver_keeps_to_the_slew_limit(solver):
     controller = load_config("sitl", (f"controller.solver={solver}",)).controller
     _, make_solver = choose_solver(controller)
-    problem = StationProblem(TanhModel(), MpcConfig(stages=6, second_order=False), command_rate_per_s=0.5)
+    problem = StationProblem(TanhModel(), MpcConfig(stages=6), command_rate_per_s=0.5)
     p = problem.pack((-14, -3, 0, 0, 0, 0), (0, 0), (0, 0, 0), 0.0, (0.0, 0.0), MpcWeights(slew=0.0))
     solution = make_solver(problem).solve(p, np.zeros((6, 2)), 40)
     assert solution.ok
@@ -514,7 +514,7 @@ def test_every_solver_keeps_to_the_slew_limit(solver):
 
 
 def test_the_plan_begins_where_the_boat_will_be_after_the_delay():
-    config = MpcConfig(second_order=False)
+    config = MpcConfig()
     moving = estimate((-5.0, 1.0, 0.2, 1.0, 0.0, 0.1, 0, 0))
     now = StationMpc(MODEL, config, 0.2).step(moving, None, ORIGIN)
     later = StationMpc(MODEL, config.model_copy(update={"delay_s": 0.4}), 0.2).step(moving, None, ORIGIN)

@@ -1,8 +1,4 @@
-"""SQP with condensing: the default solver. One box QP by daqp an iteration, then a line search on the true cost.
-
-The first steps are Gauss-Newton's. The later ones take the whole Hessian, the curvature of the dynamics included,
-because Gauss-Newton alone comes near the optimum slowly where the cost there is large.
-"""
+"""Gauss-Newton SQP with condensing: the default solver. A box QP by daqp a step, then a search on the true cost."""
 
 from __future__ import annotations
 
@@ -19,8 +15,6 @@ TOLERANCE = 3e-4  # stop where the slope promises less than this part of the cos
 USUAL = 3  # steps that are enough for a plan followed from tick to tick; more are taken only where they bring much
 COARSE = 1e-3  # the tolerance of those
 DAMPING = 1e-9  # of the Hessian's mean diagonal: keeps it definite where nothing weighs an input
-GAUSS_NEWTON = 2  # first steps, without the curvature of the dynamics: cheap, and robust while the plan is far off
-FLATTEST = 1e-8  # least eigenvalue of a Hessian, over its largest
 QP_SOLVED = 1  # daqp's exit flag for an optimal solution
 
 
@@ -37,13 +31,7 @@ class Sqp:
         self._x, self._cost = np.zeros((stages + 1) * n), np.zeros(1)
         self._x_tangent, self._blocks = np.zeros((stages + 1) * n), np.zeros(stages * n * (n + 2))
         self._roll = bind(problem.rollout, [self._p, self._u], [self._x, self._cost])
-        self._curved = np.zeros(stages * (n + 2) ** 2)
         self._linearise = bind(problem.linearised, [self._p, self._u], [self._x_tangent, self._blocks])
-        self._curve = (
-            bind(problem.curved, [self._p, self._u], [self._x_tangent, self._blocks, self._curved])
-            if problem.curved is not None
-            else None
-        )
         # Row block k holds d s_k / d U over d a_k / d U, so that one product with [dF/ds | dF/da] gives d s_k+1 / d U.
         self._gains = np.zeros((stages + 1, n + 2, width))
         for k in range(stages):
@@ -84,7 +72,7 @@ class Sqp:
         states = self._x.copy()
         solved, status = 0, "iteration cap"
         while solved < iterations:
-            step, slope = self._step(u, root, target, smoothing, pull, solved)
+            step, slope = self._step(u, root, target, smoothing, pull)
             if step is None:
                 status = "the QP failed"
                 break
@@ -113,25 +101,17 @@ class Sqp:
         self._roll()
         return float(self._cost[0])
 
-    def _step(
-        self, u: Array, root: Array, target: Array, smoothing: Array, pull: Array, solved: int
-    ) -> tuple[Array | None, float]:
+    def _step(self, u: Array, root: Array, target: Array, smoothing: Array, pull: Array) -> tuple[Array | None, float]:
         """The step of a QP within the bounds and the cost's slope along it; (None, 0) where the QP fails."""
         problem = self._problem
         self._u[:] = u
-        curve = self._curve if solved >= GAUSS_NEWTON else None
-        if curve is None:
-            self._linearise()
-        else:
-            curve()
+        self._linearise()
         for block, gains, next_gains in self._chain:
             np.dot(block, gains, out=next_gains)
         states = self._x_tangent.reshape(-1, problem.n_state)[1:, :POSE_AND_VELOCITY]
         residual = (root * (states - target)).ravel()
         jacobian = (root[:, :, None] * self._weighted_gains).reshape(-1, u.size)
         hessian = jacobian.T @ jacobian + smoothing
-        if curve is not None:
-            hessian = self._with_curvature(hessian)
         gradient = residual @ jacobian + smoothing @ u - pull
         diagonal = hessian.ravel()[:: u.size + 1]
         diagonal += DAMPING * diagonal.mean() + 1e-12
@@ -143,24 +123,6 @@ class Sqp:
         if flag != QP_SOLVED or not np.isfinite(step).all():
             return None, 0.0
         return step, 2.0 * float(gradient @ step)
-
-    def _with_curvature(self, gauss_newton: Array) -> Array:
-        """The Hessian with the curvature of the dynamics, made positive definite by its eigenvalues."""
-        size, width = self._gains.shape[1], gauss_newton.shape[0]
-        gains = self._gains[:-1]
-        curved = self._curved.reshape(-1, size, size)
-        curvature = gains.reshape(-1, width).T @ (curved @ gains).reshape(-1, width)
-        hessian = gauss_newton + curvature
-        if not np.isfinite(hessian).all():
-            return gauss_newton
-        try:
-            np.linalg.cholesky(hessian)
-            return hessian
-        except np.linalg.LinAlgError:
-            values, vectors = np.linalg.eigh(hessian)
-        # Along a direction of negative curvature the step is as long as along one as positive, and goes downhill.
-        turned: Array = (vectors * np.maximum(np.abs(values), FLATTEST * np.abs(values).max())) @ vectors.T
-        return turned
 
     def _search(self, u: Array, step: Array, slope: float, cost: float) -> tuple[Array, float] | None:
         """The first of the halved steps that lowers the true cost enough, and its cost."""
