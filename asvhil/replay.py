@@ -39,12 +39,12 @@ class ReplayResult:
     wall_s: float
 
 
-def config_of(log: LogFile, path: Path) -> Config:
-    """The config that a log was recorded with. LogError where it has none."""
+def config_of(log: LogFile, path: Path, *, known_only: bool = False) -> Config:
+    """The config that a log was recorded with; `known_only` as `config_from_json`. LogError where it has none."""
     stored = log.metadata.get("config", {}).get("json")
     if stored is None:
         raise LogError(f"{path}: holds no config record; replay needs a log written by asvhil")
-    return config_from_json(stored, f"{path} (config record)")
+    return config_from_json(stored, f"{path} (config record)", known_only=known_only)
 
 
 def build_recorded(log: LogFile, path: Path) -> Backseat:

@@ -109,6 +109,12 @@ def train(
             help="Of the loss for each unit of squared weight, and of squared change of skip terms; 0.",
         ),
     ] = None,
+    monotone: Annotated[
+        float | None,
+        typer.Option(
+            min=0.0, max=100.0, help="Of the loss for each unit of slope by a command that no motor has (nnsem); 0."
+        ),
+    ] = None,
     validation_share: Annotated[
         float | None,
         typer.Option(
@@ -145,6 +151,7 @@ def train(
         paired=paired,
         from_sd=from_sd,
         weight_decay=weight_decay,
+        monotone=monotone,
         validation_share=validation_share,
     )
     try:

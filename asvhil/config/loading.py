@@ -47,13 +47,39 @@ def load_config(path: str | Path, overrides: tuple[str, ...] = ()) -> Config:
     return _validate(tree, str(found))
 
 
-def config_from_json(text: str, source: str) -> Config:
-    """The config stored in a log. Raises ConfigError naming the source."""
+def config_from_json(text: str, source: str, *, known_only: bool = False) -> Config:
+    """The config stored in a log. Raises ConfigError naming the source.
+
+    With `known_only` keys that another version knew, and this one does not, are left out: enough to read what was
+    measured, not to do the run again.
+    """
     try:
         tree = json.loads(text)
     except ValueError as error:
         raise ConfigError(f"{source}: the stored config is not JSON ({error})") from None
-    return _validate(tree, source)
+    return _validate(_known(tree) if known_only else tree, source)
+
+
+def _known(tree: Any) -> Any:
+    """A stored config without the keys that are unknown now."""
+    try:
+        Config.model_validate(tree)
+    except ValidationError as error:
+        for found in error.errors():
+            if found["type"] == "extra_forbidden":
+                _drop(tree, found["loc"])
+    return tree
+
+
+def _drop(tree: Any, loc: tuple[int | str, ...]) -> None:
+    """Take one key out; not where `loc` names a variant of a section on its way, and so is no path in the tree."""
+    *parents, leaf = loc
+    for part in parents:
+        if not isinstance(tree, dict) or part not in tree:
+            return
+        tree = tree[part]
+    if isinstance(tree, dict):
+        tree.pop(leaf, None)
 
 
 def _read_tree(path: Path, seen: tuple[Path, ...]) -> dict[str, Any]:

@@ -86,7 +86,7 @@ def _check(path: Path, settings: Config, duration_s: float, wind: str) -> None:
         "toward_deg": (float(toward) + (station.heading_deg if station else 0.0)) % 360.0,
     }
     wanted["controller"]["manoeuvres"]["duration_s"] = duration_s
-    found = config_of(LogFile(path), path).model_dump(mode="json")
+    found = config_of(LogFile(path), path, known_only=True).model_dump(mode="json")
     for tree in (wanted, found):
         tree["controller"]["manoeuvres"].pop("note")
         tree["plant"].pop("links")  # the wiring of one run

@@ -63,7 +63,7 @@ class RunLog:
 def read_run(path: Path, plan_every_s: float = 10.0) -> RunLog:
     """Read a log into arrays. LogError where the file is no asvhil log or holds no tick."""
     log = LogFile(path)
-    config = config_of(log, path)
+    config = config_of(log, path, known_only=True)
     tick_s = 1.0 / config.daemon.tick_hz
     start_ns: int | None = None
     last: Outputs | None = None

@@ -59,7 +59,7 @@ def test_cases(paths: Sequence[Path], columns: str | None, dt_s: float, *, truth
 
 def origin_of(paths: Sequence[Path]) -> tuple[str, str]:
     """Vehicle name and config hash of MCAP logs; ConfigError where they come from two vehicles."""
-    configs = [config_of(LogFile(path), path) for path in paths]
+    configs = [config_of(LogFile(path), path, known_only=True) for path in paths]
     names = {config.vehicle.name for config in configs}
     if len(names) > 1:
         raise ConfigError(f"data: logs of different vehicles ({', '.join(sorted(names))})")

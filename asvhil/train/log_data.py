@@ -229,7 +229,7 @@ class _Reader:
 
 def _read(path: Path) -> _Raw:
     log = LogFile(path)
-    config = config_of(log, path)
+    config = config_of(log, path, known_only=True)
     reader: _Reader | None = None
     for inputs, recorded in log.ticks():
         reader = _Reader(config, inputs.t_ns) if reader is None else reader

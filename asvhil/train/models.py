@@ -20,6 +20,8 @@ from asvhil.types import record
 N_INPUT = 7  # u, v, r, port, starboard, w_u, w_v
 INPUT_IN_MIRROR = [0, 1, 2, 4, 3, 5, 6]
 MIRROR_INPUT = np.concatenate([MIRROR_NU, [1.0, 1.0], MIRROR_WIND])
+# Whether surge rate and yaw rate's rate rise (1) or fall as port and starboard commands rise.
+COMMAND_SIGNS = torch.tensor([[1.0, 1.0], [1.0, -1.0]], dtype=torch.float64)
 MAP_UNITS = 8
 STRAIGHT, LEAN, BENT = -4.0, -1.0, 2.0  # of the slope before softplus; from the first there is hardly a way back
 MAP_CELLS = 400  # of the table that the map is read from in training
@@ -108,6 +110,17 @@ class NnsemTrainee:
         p = _affine(torch.cat([batch.command, batch.wind], -1), w1[:, N_STATE:], b1)
         q = (self._dt_s * b2)[:, None].expand(batch.target.shape)
         return euler_rollout(batch.x0, p, q, w1[:, :N_STATE], self._dt_s * w2, None)
+
+    def wrong_slopes(self, x0: Tensor, command: Tensor, wind: Tensor) -> Tensor:
+        """Mean slope of the surge and yaw rates by the commands against their signs, summed over the models; scaled.
+
+        Of states (N, B, 3), commands and winds (N, B, 2).
+        """
+        w1, b1, w2, _ = (self._weights()[name] for name in ("w1", "b1", "w2", "b2"))
+        bend = 1.0 - torch.tanh(torch.cat([x0, command, wind], -1) @ w1 + b1).square()
+        by_motor = w1[:, N_STATE : N_STATE + 2, None, :] * w2[:, :, ::2].mT[:, None]  # (N, motor, rate, hidden)
+        slope = torch.einsum("nbh,nmrh->nbrm", bend, by_motor) * COMMAND_SIGNS
+        return torch.relu(-slope).mean((1, 2, 3)).sum()
 
     def export(self, number: int) -> dict[str, Array]:
         return exported_network(self._weights(), number)

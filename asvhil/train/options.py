@@ -30,6 +30,7 @@ class FitOptions:
     frozen: tuple[str, ...] = ()  # parts that stay as they start (no skip, a straight map), to see what they bring
     from_sd: bool = False  # the skip terms start as the fitted SD has them, the map nearly straight
     weight_decay: float = 0.0  # of the loss for each unit of squared weight, and of squared distance of a skip term
+    monotone: float = 0.0  # of the loss for each unit of slope by a command that no motor has (NNSEM)
     block: int = 500  # iterations between validations and checkpoints; the random windows are drawn by the block
     validation_fraction: float = 0.1
     patience: int = 10000  # iterations without a better validation that end the training
@@ -62,6 +63,7 @@ def chosen_options(
     paired: bool | None = None,
     from_sd: bool | None = None,
     weight_decay: float | None = None,
+    monotone: float | None = None,
     validation_share: float | None = None,
 ) -> FitOptions:
     """The options of a kind, with what is not None in their place; horizon_s is the length of a training window.
@@ -92,6 +94,8 @@ def chosen_options(
         raise ConfigError(f"train: --from-sd is for lagnet: {kind} has no skip terms")
     if paired and kind != "nnsem":
         raise ConfigError(f"train: --paired is for nnsem, not {kind}")
+    if monotone and kind != "nnsem":
+        raise ConfigError(f"train: --monotone is for nnsem, not {kind}")
     hidden = OPTIONS[kind].hidden if width is None else width
     if paired and hidden % 2:
         raise ConfigError(f"train: --paired needs an even --width, not {hidden}")
@@ -114,6 +118,7 @@ def chosen_options(
         "paired": paired or None,
         "from_sd": from_sd or None,
         "weight_decay": weight_decay,
+        "monotone": monotone or None,
         "validation_fraction": validation_share,
     }
     return dataclasses.replace(OPTIONS[kind], **{name: value for name, value in changes.items() if value is not None})

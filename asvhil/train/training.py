@@ -148,10 +148,19 @@ class Training:
             # Summed over the models, which have no weight in common but a map that members of one model share.
             loss = (error * error).mean((1, 2, 3)).sum()
             self._optimizer.zero_grad()
-            (loss + options.weight_decay * self._distance()).backward()  # type: ignore[no-untyped-call]
+            cost = loss + options.weight_decay * self._distance() + self._wrong_slopes(batch, self._iteration + i)
+            cost.backward()  # type: ignore[no-untyped-call]
             self._optimizer.step()
             total += loss.item()
         return total / (count * len(self._seeds) * options.members)
+
+    def _wrong_slopes(self, batch: Batch, iteration: int) -> torch.Tensor | float:
+        """The price of slopes that no motor has, at the batch's states and winds and commands from all their range."""
+        if not isinstance(self.trainee, NnsemTrainee) or self._options.monotone <= 0.0:
+            return 0.0
+        level = np.random.default_rng(iteration).uniform(-1.0, 1.0, (*batch.x0.shape[:2], 2))
+        command = torch.from_numpy(level)
+        return self._options.monotone * self.trainee.wrong_slopes(batch.x0, command, batch.wind[:, 0])
 
     def _distance(self) -> torch.Tensor:
         """The sum of squared distances of the weights from where they are to stay without a reason to leave."""

@@ -1,5 +1,6 @@
 """Configs: the shipped ones load, mistakes are one line that names the file and the key."""
 
+import json
 from pathlib import Path
 
 import pytest
@@ -108,6 +109,21 @@ def test_hash_follows_content_and_json_round_trips() -> None:
     assert load_config("sitl", ("plant.seed=2",)).content_hash() != config.content_hash()
     with pytest.raises(ConfigError, match=r"memory: the stored config is not JSON"):
         config_from_json("{", "memory")
+
+
+def test_keys_of_another_version_are_left_out_where_only_what_was_measured_counts() -> None:
+    config = load_config("sitl")
+    tree = json.loads(config.canonical_json())
+    tree["controller"]["mpc"]["gone"] = True
+    tree["links"]["autopilot"]["gone"] = {"since": 1}
+    tree["gone"] = 1
+    text = json.dumps(tree)
+    assert config_from_json(text, "memory", known_only=True) == config
+    with pytest.raises(ConfigError, match=r"memory: key .*gone: unknown key.* \(and 2 more\)"):
+        config_from_json(text, "memory")
+    tree["daemon"]["tick_hz"] = -1
+    with pytest.raises(ConfigError, match=r"memory: key daemon\.tick_hz"):
+        config_from_json(json.dumps(tree), "memory", known_only=True)
 
 
 def test_nothing_changes_after_loading() -> None:

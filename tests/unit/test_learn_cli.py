@@ -220,6 +220,7 @@ def test_training_data_are_smoothed_unless_not_wanted(run: Run, folder: Path) ->
         (("sd", "--tries", "2"), "--tries is of no use to sd"),
         (("sd", "--rate", "0.1"), "--rate is of no use to sd"),
         (("node", "--paired"), "--paired is for nnsem, not node"),
+        (("lagnet", "--monotone", "1"), "--monotone is for nnsem, not lagnet"),
         (("nnsem", "--paired", "--width", "5"), "--paired needs an even --width, not 5"),
         (("nnsem", "--from-sd"), "--from-sd is for lagnet: nnsem has no skip terms"),
         (("nnsem", "--horizon", "0.2"), "--horizon 0.2 is less than two steps of 0.2 s"),

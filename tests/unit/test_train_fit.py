@@ -12,6 +12,7 @@ from asvhil.dynamics.arrays import namespace_of
 from asvhil.dynamics.lagnet import skip_terms
 from asvhil.dynamics.weights import KINDS
 from asvhil.errors import ModelError
+from asvhil.train.choice import thrust_dip
 from asvhil.train.evaluate import HOLD, Case, evaluate
 from asvhil.train.fit import fit, fit_many
 from asvhil.train.fit_sd import fit_sd, skip_of_sd
@@ -117,6 +118,36 @@ def test_paired_neurons_answer_a_mirrored_boat_with_mirrored_motion() -> None:
     straight, turned = (open_loop(model, part, start, 50, 0.2) for part in (segment, mirrored(segment)))
     assert np.abs(straight[:, 1:] - straight[:, :1]).max() > 0.1
     np.testing.assert_allclose(turned, straight * [1.0, -1.0, -1.0], atol=1e-12)
+
+
+def test_wrong_slopes_are_what_the_trained_network_has_of_them() -> None:
+    trainee = NnsemTrainee([np.random.default_rng(seed) for seed in (1, 2)], 12, 0.2)
+    rng = np.random.default_rng(3)
+    points = rng.uniform(-1.0, 1.0, (5, 7))
+    total, step = 0.0, 1e-6
+    for number in range(2):
+        weights = trainee.export(number)
+
+        def rates(z, weights=weights):
+            return weights["w2"] @ np.tanh(weights["w1"] @ z + weights["b1"]) + weights["b2"]
+
+        slopes = []
+        for z in points:
+            for motor, turn in ((3, 1.0), (4, -1.0)):
+                rise = (rates(z + step * np.eye(7)[motor]) - rates(z - step * np.eye(7)[motor])) / (2.0 * step)
+                slopes += [rise[0], turn * rise[2]]
+        total += float(np.maximum(0.0, -np.array(slopes)).mean())
+    state = torch.from_numpy(np.stack([points, points]))
+    found = trainee.wrong_slopes(state[..., :3], state[..., 3:5], state[..., 5:])
+    assert total > 0.01 and found.item() == pytest.approx(total, rel=1e-6)
+
+
+def test_a_price_on_wrong_slopes_takes_the_dip_out_of_the_thrust() -> None:
+    plain, priced = (
+        fit("nnsem", DATA, options=chosen_options("nnsem", 0.2, paired=True, iterations=1500, rate=5e-3, monotone=m))
+        for m in (None, 1.0)
+    )
+    assert thrust_dip(plain) > 1e-3 and thrust_dip(priced) < 0.1 * thrust_dip(plain)
 
 
 def test_skip_terms_from_sd_are_its_rates_in_still_air() -> None:
