@@ -63,9 +63,14 @@ firmware-sim: firmware
 	@$(MAKE) -s -C tests/firmware/host
 
 # Without the firmware's tools its tests are skipped, and say so; where CI is set they fail instead.
+# Tests in virtual time share all cores, and give way to those in real time, which run beside them one after the other.
 unit: $(STAMPS)/test $(STAMPS)/peer $(STAMPS)/mavproxy
 	@$(MAKE) -s firmware-sim || test -z "$$CI"
-	@$(BIN)/pytest -q
+	@$(BIN)/pytest -q -m real_time > $(VENV)/real-time.txt 2>&1 & beside=$$!; \
+	nice -n 5 $(BIN)/pytest -q -n auto --maxprocesses 4 --dist worksteal -m "not real_time"; ahead=$$?; \
+	echo "beside these, in real time:"; \
+	wait $$beside; late=$$?; cat $(VENV)/real-time.txt; \
+	test $$ahead -eq 0 -a $$late -eq 0
 
 # Every package of the daemon must come as a ready wheel for a Jetson or a Raspberry Pi (64 bit) too.
 check-aarch64: $(STAMPS)/base

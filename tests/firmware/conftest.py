@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fcntl
 from pathlib import Path
 
 import pytest
@@ -15,9 +16,11 @@ def tools() -> None:
         if must_run():
             pytest.fail(words)
         pytest.skip(words)
-    make(FIRMWARE)
-    make(HERE / "harness")
-    make(HERE / "host")
+    with (FIRMWARE / "Makefile").open() as one_at_a_time:  # test runs beside each other build in the same folders
+        fcntl.flock(one_at_a_time, fcntl.LOCK_EX)
+        make(FIRMWARE)
+        make(HERE / "harness")
+        make(HERE / "host")
 
 
 @pytest.fixture(scope="session", params=["uno", "nano"])

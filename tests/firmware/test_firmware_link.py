@@ -37,6 +37,7 @@ def test_daemon_and_firmware_agree_on_name_and_version() -> None:
     assert re.findall(r'#define FIRMWARE_(?:NAME|VERSION) "(.+)"', source) == [NAME, VERSION]
 
 
+@pytest.mark.real_time
 async def test_the_daemons_serial_endpoint_reads_the_board(uno: Path) -> None:
     """Simulated time, a real pseudo terminal: every sentence arrives, also after the port was closed and opened."""
     codec, watch = NmeaCodec("anemometer"), FirmwareWatch("anemometer", NAME)
@@ -61,6 +62,7 @@ async def test_the_daemons_serial_endpoint_reads_the_board(uno: Path) -> None:
     assert all(sample.speed_mps == 7.5 and math.degrees(sample.from_rad) == 292.5 for sample in samples)
 
 
+@pytest.mark.real_time
 async def test_in_real_time_the_wind_of_the_weather_blows_on_the_board(uno: Path) -> None:
     codec = NmeaCodec("anemometer")
     samples: list[WindSample] = []
@@ -82,6 +84,7 @@ async def test_in_real_time_the_wind_of_the_weather_blows_on_the_board(uno: Path
             await weather.close()
 
 
+@pytest.mark.real_time
 def test_a_board_that_dies_says_so(uno: Path) -> None:
     with SimulatedArduino(BUILD) as board:
         assert board.failure is None
@@ -125,6 +128,7 @@ def test_a_wrong_option_is_one_line(words: tuple[str, ...], told: str) -> None:
     assert told in done.stderr and done.stderr.count("\n") == 1
 
 
+@pytest.mark.real_time
 def test_sitl_with_the_firmware_end_to_end(tmp_path: Path) -> None:
     """Simulated weather, simulated Arduino, real serial line, daemon: what it heard is what the firmware says."""
     log, figures = tmp_path / "log.mcap", tmp_path / "figures.json"

@@ -26,6 +26,8 @@ from asvhil.io.mavlink import FrameSplitter, decode
 from asvhil.io.mavlink import dialect as mav
 from asvhil.simplant.hil_server import ArduPilotJsonServer, Px4HilServer
 
+pytestmark = pytest.mark.real_time
+
 FREE = ("plant.hil.neutral_first_s=0", "plant.links.anemometer=null")
 FAST = "plant.hil.px4.speed=0"
 AHEAD = (1700, 1700)

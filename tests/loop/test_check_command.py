@@ -9,6 +9,8 @@ from pathlib import Path
 import pytest
 from processes import Bench, bench, free_udp_port
 
+pytestmark = pytest.mark.real_time
+
 
 def check(where: Bench, *arguments: str) -> subprocess.CompletedProcess[str]:
     words = [sys.executable, "-m", "asvhil", "check", "sitl", *where.sets, *arguments]

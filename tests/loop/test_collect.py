@@ -122,6 +122,7 @@ class Boat:
         self._thread.join()
 
 
+@pytest.mark.real_time
 @pytest.mark.parametrize("stick", [False, True])
 def test_on_the_vehicle_it_waits_for_hold_and_the_pilot_ends_it(tmp_path: Path, stick: bool) -> None:
     autopilot, operator = free_udp_port(), free_udp_port()

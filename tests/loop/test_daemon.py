@@ -19,6 +19,8 @@ from asvhil.io.recorder import Recorder
 from asvhil.sitl import open_recorder
 from asvhil.types import Frame, Inputs, Outputs
 
+pytestmark = pytest.mark.real_time
+
 
 def config(*overrides: str) -> Config:
     return load_config("sitl", ("links.anemometer=null", "links.operator.endpoint=udpin:127.0.0.1:0", *overrides))

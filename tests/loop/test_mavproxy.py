@@ -21,6 +21,8 @@ from asvhil.config import load_config
 from asvhil.replay import replay
 from asvhil.study.tlog_check import check_tlog
 
+pytestmark = pytest.mark.real_time
+
 ROOT = Path(__file__).parents[2]
 PYTHON = Path(os.environ.get("ASVHIL_MAVPROXY_PYTHON", ROOT / ".venv-mavproxy" / "bin" / "python"))
 MAVPROXY = PYTHON.parent / "mavproxy.py"

@@ -26,6 +26,8 @@ from asvhil.io.logfile import LogFile
 from asvhil.io.mavlink import FrameSplitter, decode, dialect, message_id
 from asvhil.replay import replay
 
+pytestmark = pytest.mark.real_time
+
 PEER = Path(__file__).parents[1] / "peers" / "mavsdk_peer.py"
 ORIGIN = LocalFrame(lat_deg=40.4237, lon_deg=-86.9212)
 

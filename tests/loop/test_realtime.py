@@ -15,6 +15,8 @@ from asvhil.replay import replay
 from asvhil.sitl import run_realtime
 from asvhil.study.runlog import read_run, summarise
 
+pytestmark = pytest.mark.real_time
+
 
 def test_hold_by_command_through_noise_and_a_clean_end(tmp_path: Path) -> None:
     noise = random.Random(3)

@@ -31,6 +31,8 @@ from asvhil.simplant.lockstep import Lockstep
 from asvhil.sitl import open_recorder
 from asvhil.types import Frame, Outputs, Phase
 
+pytestmark = pytest.mark.real_time
+
 KEY_TEXT = "correct horse battery staple"
 
 

@@ -141,6 +141,7 @@ def test_a_run_on_these_sensors_replays_to_the_byte(tmp_path: Path, overrides: t
     assert sum(frame.port == ("gnss" if overrides else "ins") for frame in frames) > 150
 
 
+@pytest.mark.real_time
 async def test_the_daemon_reads_the_ins_from_a_serial_line(tmp_path: Path) -> None:
     """Real ptys and the real shell; the plant's bytes are put on the line in its own time."""
     settings = config(

@@ -20,6 +20,8 @@ from hypothesis import strategies as st
 from asvhil.errors import ConfigError, LinkError
 from asvhil.io.endpoint import Endpoint, memory_pair, open_endpoint, parse_spec
 
+pytestmark = pytest.mark.real_time
+
 KINDS = ["udp", "udp6", "tcp", "tcp6", "serial", "memory"]
 DATAGRAMS = {"udp", "udp6", "memory"}
 QUEUE_BYTES = 512 * 1024

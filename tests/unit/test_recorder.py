@@ -30,6 +30,8 @@ from asvhil.io.foxglove import SCHEMAS
 from asvhil.io.logfile import LogFile, Timing
 from asvhil.types import Frame, Inputs
 
+pytestmark = pytest.mark.real_time
+
 
 def run_child(code: str, *args: str) -> subprocess.Popen[str]:
     """A Python process that can import this folder's helpers."""
