@@ -40,6 +40,7 @@ class MpcConfig(Section):
     near_radius_m: Positive = 4.0
     far_radius_m: Positive = 10.0
     delay_s: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0  # from the estimate to the motors' answer: solving and links
+    unmodelled_lag_s: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0  # added to it for a model without motor states
     trim_time_s: Positive = 40.0
     trim_max_rad: NonNegative = 0.1
     iterations: Annotated[int, Field(ge=1, le=100)] = 10

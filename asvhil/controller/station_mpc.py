@@ -35,6 +35,7 @@ class StationMpc:
         command_rate_per_s: float = math.inf,
     ) -> None:
         self._model, self._config, self._period_s = model, config, period_s
+        self._delay_s = config.delay_s + (0.0 if model.n_motor else config.unmodelled_lag_s)
         self._problem = StationProblem(model, config, command_rate_per_s)
         self._solver = make_solver(self._problem)
         self._shift = shift_matrix(self._problem.times_s, period_s)
@@ -88,8 +89,8 @@ class StationMpc:
         state = (x, y, psi_rad, *nu, *estimate.motor)
         wind_here = ned_to_body(station.psi_rad, *air)
         push_here = (*ned_to_body(station.psi_rad, push[0], push[1]), push[2])
-        if self._config.delay_s > 0.0:
-            state = self._problem.ahead(state, self._input, wind_here, push_here, self._config.delay_s)
+        if self._delay_s > 0.0:
+            state = self._problem.ahead(state, self._input, wind_here, push_here, self._delay_s)
         parameters = self._parameters(state, wind_here, push_here)
         solution, iterations = self._solve(parameters, distance_m)
         return self._control(solution, iterations, station) if solution.ok else self._give_up(iterations)

@@ -524,3 +524,13 @@ def test_the_plan_begins_where_the_boat_will_be_after_the_delay():
     assert now.plan[0][1:] == pytest.approx((-5.0, 1.0, 0.2))
     assert later.plan[0][1:] == pytest.approx(expected[:3])
     assert later.plan[0][1] > -4.7
+
+
+def test_the_unmodelled_lag_of_motors_is_a_dead_time_for_models_without_motor_states():
+    lag = MpcConfig(unmodelled_lag_s=0.4)
+    moving = estimate((-5.0, 1.0, 0.2, 1.0, 0.0, 0.1))
+    without = StationMpc(TanhModel(), lag, 0.2).step(moving, None, ORIGIN)
+    delayed = StationMpc(TanhModel(), MpcConfig(delay_s=0.4), 0.2).step(moving, None, ORIGIN)
+    assert without.plan[0] == delayed.plan[0] != (0.0, -5.0, 1.0, 0.2)
+    with_states = StationMpc(MODEL, lag, 0.2).step(estimate((-5.0, 1.0, 0.2, 1.0, 0.0, 0.1, 0, 0)), None, ORIGIN)
+    assert with_states.plan[0][1:] == pytest.approx((-5.0, 1.0, 0.2))
