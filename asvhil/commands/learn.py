@@ -115,6 +115,14 @@ def train(
             min=0.0, max=100.0, help="Of the loss for each unit of slope by a command that no motor has (nnsem); 0."
         ),
     ] = None,
+    robust: Annotated[
+        float | None,
+        typer.Option(
+            min=0.001,
+            max=1.0,
+            help="Error (of half the range) beyond which a window counts by its logarithm, not its square; off.",
+        ),
+    ] = None,
     validation_share: Annotated[
         float | None,
         typer.Option(
@@ -152,6 +160,7 @@ def train(
         from_sd=from_sd,
         weight_decay=weight_decay,
         monotone=monotone,
+        robust=robust,
         validation_share=validation_share,
     )
     try:

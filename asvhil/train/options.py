@@ -31,6 +31,7 @@ class FitOptions:
     from_sd: bool = False  # the skip terms start as the fitted SD has them, the map nearly straight
     weight_decay: float = 0.0  # of the loss for each unit of squared weight, and of squared distance of a skip term
     monotone: float = 0.0  # of the loss for each unit of slope by a command that no motor has (NNSEM)
+    robust: float = 0.0  # error (of half a range) beyond which a window counts by its logarithm; 0: by its square
     block: int = 500  # iterations between validations and checkpoints; the random windows are drawn by the block
     validation_fraction: float = 0.1
     patience: int = 10000  # iterations without a better validation that end the training
@@ -64,6 +65,7 @@ def chosen_options(
     from_sd: bool | None = None,
     weight_decay: float | None = None,
     monotone: float | None = None,
+    robust: float | None = None,
     validation_share: float | None = None,
 ) -> FitOptions:
     """The options of a kind, with what is not None in their place; horizon_s is the length of a training window.
@@ -84,6 +86,7 @@ def chosen_options(
             "--rate": rate,
             "--last-rate": last_rate,
             "--weight-decay": weight_decay,
+            "--robust": robust,
         }
         for name, value in given.items():
             if value is not None:
@@ -119,6 +122,7 @@ def chosen_options(
         "from_sd": from_sd or None,
         "weight_decay": weight_decay,
         "monotone": monotone or None,
+        "robust": robust,
         "validation_fraction": validation_share,
     }
     return dataclasses.replace(OPTIONS[kind], **{name: value for name, value in changes.items() if value is not None})

@@ -146,7 +146,7 @@ class Training:
             )
             error = self.trainee.predict(batch) - batch.target
             # Summed over the models, which have no weight in common but a map that members of one model share.
-            loss = (error * error).mean((1, 2, 3)).sum()
+            loss = rollout_loss(error, options.robust).sum()
             self._optimizer.zero_grad()
             cost = loss + options.weight_decay * self._distance() + self._wrong_slopes(batch, self._iteration + i)
             cost.backward()  # type: ignore[no-untyped-call]
@@ -242,6 +242,18 @@ def _trainee(
     rates = FittedSd(prior.tolist(), train.dt_s)
     each = [rates.derivative(part.nu, part.command, part.wind) for part in train.segments]
     return KnodeTrainee(rngs, options.hidden, train.dt_s, scaling, prior, np.concatenate(each).std(axis=0) + 1e-9)
+
+
+def rollout_loss(error: torch.Tensor, robust: float) -> torch.Tensor:
+    """The loss (N,) of scaled rollout errors (N, m, B, 3): their mean square, or Cauchy's loss with robust = c.
+
+    That is the mean over the windows of c^2 log(1 + e^2 / c^2), e^2 being a window's mean square: e^2 itself well below
+    c, while a window far beyond it, in which the boat did what its commands do not tell, hardly pulls.
+    """
+    square = error * error
+    if robust <= 0.0:
+        return square.mean((1, 2, 3))
+    return robust**2 * torch.log1p(square.mean((1, 3)) / robust**2).mean(1)
 
 
 def _anchors(learned: Mapping[str, torch.Tensor]) -> dict[str, torch.Tensor]:

@@ -174,8 +174,25 @@ def test_options_of_rates_and_shapes_reach_the_training(run: Run, folder: Path) 
     options = json.loads((folder / "opt.json").read_text())["options"]
     assert (options["paired"], options["symmetric"], options["mirror"]) == (True, True, False)
     assert (options["rate"], options["last_rate"], options["weight_decay"]) == (0.004, 0.004, 1e-5)
-    assert run("train", "lagnet", "run.csv", *OF_CSV, "-o", "opt.npz", "--from-sd", "--last-rate", "0", *order)[0] == 0
+    assert (
+        run(
+            "train",
+            "lagnet",
+            "run.csv",
+            *OF_CSV,
+            "-o",
+            "opt.npz",
+            "--from-sd",
+            "--last-rate",
+            "0",
+            "--robust",
+            "0.05",
+            *order,
+        )[0]
+        == 0
+    )
     options = json.loads((folder / "opt.json").read_text())["options"]
+    assert options["robust"] == 0.05 == read_model(folder / "opt.npz").figures["options"]["robust"]
     assert (options["from_sd"], options["symmetric"], options["rate"], options["last_rate"]) == (True, True, 0.004, 0.0)
 
 
@@ -219,6 +236,7 @@ def test_training_data_are_smoothed_unless_not_wanted(run: Run, folder: Path) ->
         (("sd", "--width", "4"), "--width is of no use to sd"),
         (("sd", "--tries", "2"), "--tries is of no use to sd"),
         (("sd", "--rate", "0.1"), "--rate is of no use to sd"),
+        (("sd", "--robust", "0.1"), "--robust is of no use to sd"),
         (("node", "--paired"), "--paired is for nnsem, not node"),
         (("lagnet", "--monotone", "1"), "--monotone is for nnsem, not lagnet"),
         (("nnsem", "--paired", "--width", "5"), "--paired needs an even --width, not 5"),

@@ -22,7 +22,7 @@ from asvhil.train.openloop import open_loop
 from asvhil.train.options import OPTIONS, Progress, chosen_options
 from asvhil.train.records import Dataset, Segment
 from asvhil.train.rollout import euler_rollout
-from asvhil.train.training import Training
+from asvhil.train.training import Training, rollout_loss
 from asvhil.train.windows import Windows, mirrored, scaling_of
 
 DATA = training_set(1, duration_s=120.0, winds_mps=(3.0, 6.0))
@@ -171,6 +171,41 @@ def test_weight_decay_holds_networks_at_nothing_and_skip_terms_where_they_start(
     start = skip_of_sd(fit_sd(DATA)[0], scaling_of(DATA, symmetric=True)).T
     assert np.abs(held["w2"]).max() < 0.02 < 0.1 < np.abs(free["w2"]).max()
     assert np.abs(held["skip"] - start).max() < 0.02 < 0.1 < np.abs(free["skip"] - start).max()
+
+
+def test_the_robust_loss_is_the_square_of_small_errors_and_lets_go_of_large_ones() -> None:
+    error = 0.01 * torch.randn((2, 5, 4, 3), dtype=torch.float64, generator=torch.Generator().manual_seed(1))
+    plain = (error * error).mean((1, 2, 3))
+    assert (rollout_loss(error, 0.0) == plain).all()
+    torch.testing.assert_close(rollout_loss(error, 1.0), plain, rtol=2e-4, atol=0.0)
+    error[:, :, 0] += 3.0  # one window of the four has gone wrong
+    error.requires_grad_()
+    for robust, largest in ((0.0, 100.0), (0.03, 2.0)):
+        (pull,) = torch.autograd.grad(rollout_loss(error, robust).sum(), error)
+        ratio = (pull[:, :, 0].abs().mean() / pull[:, :, 1:].abs().mean()).item()
+        assert (ratio > largest) == (robust == 0.0)
+    e = error.detach()[0, :, 1].square().mean()
+    alone = rollout_loss(error.detach()[:1, :, 1:2], 0.03)
+    assert alone.item() == pytest.approx(0.0009 * np.log(1.0 + e.item() / 0.0009), rel=1e-12)
+
+
+def test_a_robust_training_is_not_drawn_aside_by_a_span_that_no_model_can_know() -> None:
+    # For a fifth of the record the motors did the opposite of what they were told.
+    spoilt = []
+    for part in DATA.segments:
+        command = part.command.copy()
+        command[: len(command) // 5] *= -1.0
+        spoilt.append(dataclasses.replace(part, command=command))
+    data = dataclasses.replace(DATA, segments=tuple(spoilt))
+    cases = [Case(name="clean", seen=part, reference=part) for part in DATA.segments]
+
+    def error(robust: float | None) -> float:
+        options = chosen_options("lagnet", 0.2, iterations=600, members=1, robust=robust, validation_share=0.0)
+        model = fit("lagnet", data, options=options).dynamics()
+        return float(evaluate({"m": model}, cases, 0.2, 20.0, 5.0)["m"]["all"]["mae_u"])
+
+    plain, robust = error(None), error(0.03)
+    assert robust < 0.7 * plain, (robust, plain)
 
 
 def test_scaling_brings_the_training_set_to_one() -> None:
