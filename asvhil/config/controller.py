@@ -29,9 +29,9 @@ class MpcConfig(Section):
 
     stages: Annotated[int, Field(ge=2, le=200)] = 20
     first_step_s: Positive = 0.2
-    last_step_s: Positive = 0.8
+    last_step_s: Positive = 0.9
     near: MpcWeights = MpcWeights(heading=350.0, velocity=0.0, terminal_position_s=140.0)
-    along: MpcWeights = MpcWeights(heading=1500.0, slew=4.0)  # near too, but with no load across the heading to carry
+    along: MpcWeights = MpcWeights(heading=5000.0, slew=4.0)  # near too, but with no load across the heading to carry
     far: MpcWeights = MpcWeights(heading=10.0, terminal_position_s=1.0)
     position_only: MpcWeights = MpcWeights(heading=0.0)  # outside of the procedure's r_h, with its rule
     side_load_mps2: tuple[NonNegative, Positive] = (0.004, 0.016)  # `along` up to the first, `near` from the second

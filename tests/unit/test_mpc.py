@@ -22,6 +22,7 @@ MODEL = SimplifiedDynamics(load_config("sitl").vehicle.vessel)
 GRID_S = np.concatenate([[0.0], np.cumsum(np.linspace(0.2, 0.8, 20))])
 ORIGIN = Station(n_m=0.0, e_m=0.0, psi_rad=0.0)
 LIGHT = MpcWeights(heading=200.0)  # for tests of how weights are chosen, whatever the shipped ones are
+HEAVY = MpcWeights(heading=1500.0, slew=4.0)
 
 
 class TanhModel:
@@ -168,10 +169,10 @@ def test_sensitivities_match_finite_differences(model):
             assert blocks[k][:, j] == pytest.approx((moved[0] - moved[1]) / 2e-6, abs=1e-6)
 
 
-def test_the_grid_grows_from_first_to_last_step_to_ten_seconds():
+def test_the_grid_grows_from_first_to_last_step_to_eleven_seconds():
     problem = StationProblem(MODEL, MpcConfig())
-    assert problem.steps_s[[0, -1]] == pytest.approx([0.2, 0.8])
-    assert problem.times_s[[0, 1, -1]] == pytest.approx([0.0, 0.2, 10.0])
+    assert problem.steps_s[[0, -1]] == pytest.approx([0.2, 0.9])
+    assert problem.times_s[[0, 1, -1]] == pytest.approx([0.0, 0.2, 11.0])
 
 
 def test_a_state_of_the_wrong_length_is_refused():
@@ -220,7 +221,13 @@ def test_across_the_wind_it_finds_the_limit_cycle_and_does_not_drift():
 
 def test_a_model_without_motor_states_drops_in():
     model = TanhModel()
-    path = sail(StationMpc(model, MpcConfig(near=LIGHT), 0.2), model, (-8, 2, 0.3, 0, 0, 0), (1.0, 0.5), seconds=40.0)
+    path = sail(
+        StationMpc(model, MpcConfig(near=LIGHT, along=HEAVY), 0.2),
+        model,
+        (-8, 2, 0.3, 0, 0, 0),
+        (1.0, 0.5),
+        seconds=40.0,
+    )
     assert np.mean([math.hypot(*s[:2]) for s in path[-50:]]) < 0.6  # over 10 s: it swings about the station
 
 
@@ -293,7 +300,7 @@ def test_the_plan_starts_at_the_boat_and_is_finite():
     control = StationMpc(MODEL, MpcConfig(), 0.2).step(estimate((95, -52, -3.0, 0.2, 0, 0, 0, 0)), None, station)
     assert len(control.plan) == 21
     assert control.plan[0] == pytest.approx((0.0, 95.0, -52.0, -3.0))
-    assert control.plan[-1][0] == pytest.approx(10.0)
+    assert control.plan[-1][0] == pytest.approx(11.0)
     assert all(math.isfinite(part) and type(part) is float for row in control.plan for part in row)
     assert all(-math.pi <= row[3] < math.pi for row in control.plan)
 
@@ -452,7 +459,7 @@ def recorded_weights(controller, monkeypatch) -> list[np.ndarray]:
     ],
 )
 def test_heading_weighs_more_where_there_is_no_side_load_to_carry(monkeypatch, wind, disturbance, heading):
-    config = MpcConfig(near=LIGHT, side_load_mps2=(0.005, 0.015))
+    config = MpcConfig(near=LIGHT, along=HEAVY, side_load_mps2=(0.005, 0.015))
     controller = StationMpc(MODEL, config, 0.2)
     seen = recorded_weights(controller, monkeypatch)
     assert controller.step(estimate(np.zeros(8), disturbance), wind, ORIGIN).ok
@@ -460,7 +467,7 @@ def test_heading_weighs_more_where_there_is_no_side_load_to_carry(monkeypatch, w
 
 
 def test_a_gust_from_abeam_does_not_flip_the_weights(monkeypatch):
-    controller = StationMpc(MODEL, MpcConfig(near=LIGHT), 0.2)
+    controller = StationMpc(MODEL, MpcConfig(near=LIGHT, along=HEAVY), 0.2)
     seen = recorded_weights(controller, monkeypatch)
     for ve_mps in (0.0, 6.0, 0.0):
         controller.step(estimate(np.zeros(8)), air(3.0, ve_mps), ORIGIN)
@@ -472,7 +479,7 @@ def test_a_gust_from_abeam_does_not_flip_the_weights(monkeypatch):
 
 @pytest.mark.parametrize(("offset_m", "heading"), [(0.1, 1500.0), (0.4, 850.0), (0.7, 200.0)])
 def test_off_the_station_heading_gives_way(monkeypatch, offset_m, heading):
-    controller = StationMpc(MODEL, MpcConfig(near=LIGHT, offset_m=(0.2, 0.6)), 0.2)
+    controller = StationMpc(MODEL, MpcConfig(near=LIGHT, along=HEAVY, offset_m=(0.2, 0.6)), 0.2)
     seen = recorded_weights(controller, monkeypatch)
     controller.step(estimate((0.0, offset_m, 0, 0, 0, 0, 0, 0)), None, ORIGIN)
     assert seen[0][2] == pytest.approx(0.2 * heading, rel=1e-6)
@@ -486,7 +493,7 @@ def test_limits_must_rise(name):
 
 def test_a_slow_output_limits_what_each_stage_can_ask_for():
     """1 command per second, from +0.3 port and -0.5 starboard: free towards neutral, then one stage's time further."""
-    problem = StationProblem(TanhModel(), MpcConfig(stages=3), command_rate_per_s=1.0)
+    problem = StationProblem(TanhModel(), MpcConfig(stages=3, last_step_s=0.8), command_rate_per_s=1.0)
     p = problem.pack((0, 0, 0, 0, 0, 0), (0, 0), (0, 0, 0), 0.0, (0.3, -0.5), MpcWeights())
     lower, upper = problem.bounds(p)
     assert problem.times_s[1:] == pytest.approx([0.2, 0.7, 1.5])
