@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 
 from asvhil.estimator import trust
-from asvhil.estimator.states import PSI, E, FilterState, N, R, U, V
+from asvhil.estimator.states import B_E, B_N, PSI, E, FilterState, N, R, U, V
 from asvhil.estimator.trust import Liveliness, Track
 
 LONGEST_TRAVEL_S = 1.5  # between two velocities that are added up
@@ -88,4 +88,11 @@ def give_up(state: FilterState, name: str) -> None:
     for i, variance in GIVEN_UP[name]:
         p[i, :] = p[:, i] = 0.0
         p[i, i] = variance
+    if name == "position":  # a bias that was found for the position given up says nothing of the new one
+        x = state.x.copy()
+        x[[N, E]] += x[[B_N, B_E]]  # what the reading is expected to say stays as it is
+        x[[B_N, B_E]] = 0.0
+        p[[B_N, B_E], :] = 0.0
+        p[:, [B_N, B_E]] = 0.0
+        state.x = x
     state.p = p

@@ -13,6 +13,8 @@ from asvhil.estimator import belief, readings, trust, validity
 from asvhil.estimator.prediction import MAX_STEP_S, Motion
 from asvhil.estimator.readings import Group, Reading
 from asvhil.estimator.states import (
+    B_E,
+    B_N,
     D_E,
     D_N,
     D_R,
@@ -39,6 +41,7 @@ MAX_GAP_S = 5.0
 SLOWEST_INERTIAL_S = 0.2  # a residual that is held for longer says nothing of the motion meanwhile
 OVERDUE = 2.5  # intervals, after which the accelerometer is gone
 FIRST = Track()
+BIAS_SIGMA = 3.0  # no receiver's slow error is larger: the rest is motion, or a jump, and must show as that
 CARRIED_NS = 10_000_000_000  # without wind, after which its load has become part of the disturbance
 
 
@@ -60,6 +63,7 @@ class Filter:
         self._accel_density = ekf.accel_std_mps2**2  # times the interval between samples
         self._most: Array = np.array([ekf.disturbance_max_mps2] * 2 + [ekf.disturbance_yaw_max_radps2])
         self._least: Array = -self._most
+        self._bias_most_m = BIAS_SIGMA * ekf.position_bias_std_m
         heading_rad = math.radians(ekf.heading_std_deg)
         self._attitude_noise: Array = np.diag([heading_rad**2, ekf.yaw_rate_std_radps**2])
         self._gnss_noise: Array = np.diag([ekf.position_std_m**2] * 2 + [ekf.velocity_std_mps**2] * 2)
@@ -257,6 +261,8 @@ class Filter:
     def _clip(self, x: Array) -> None:
         part = x[D_N : D_R + 1]
         np.minimum(np.maximum(part, self._least, out=part), self._most, out=part)  # as np.clip, and cheaper
+        bias = x[B_N : B_E + 1]
+        np.minimum(np.maximum(bias, -self._bias_most_m, out=bias), self._bias_most_m, out=bias)
 
 
 def _distance2(s: Array, innovation: Array) -> float:

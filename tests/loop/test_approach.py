@@ -32,7 +32,7 @@ def test_from_sixty_metres_off_the_station_is_reached_and_kept(bearing_deg, head
         psi_rad=math.radians(heading_deg),
         toward_rad=math.radians(toward_deg),
     )
-    outcome = run_start(start, duration_s=110.0)
+    outcome = run_start(start, duration_s=130.0)
     assert [stage for _, stage in outcome.changes] == ["approach", "keep_heading"]
     assert outcome.handover_s is not None and 20.0 < outcome.handover_s < 75.0
     assert not outcome.lost and outcome.chatters == 0

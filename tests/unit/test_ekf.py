@@ -5,19 +5,20 @@ import math
 import numpy as np
 import pytest
 
-from asvhil.config import load_config
+from asvhil.config import Config, load_config
 from asvhil.dynamics.rigid_body import SimplifiedDynamics
 from asvhil.estimator.ekf import Ekf
 from asvhil.geo import LocalFrame
 from asvhil.types import Attitude, Estimate, GnssFix, Imu
 
-CONFIG = load_config("sitl")
+SHIPPED = load_config("sitl")
+CONFIG = load_config("sitl", ("estimator.ekf.position_bias_std_m=0",))  # position is what the receiver says
 ORIGIN = LocalFrame(lat_deg=40.4, lon_deg=-86.9)
 S = 1_000_000_000
 
 
-def make() -> Ekf:
-    return Ekf(CONFIG.estimator, SimplifiedDynamics(CONFIG.vehicle.vessel))
+def make(config: Config = CONFIG) -> Ekf:
+    return Ekf(config.estimator, SimplifiedDynamics(config.vehicle.vessel))
 
 
 def fix(t_ns: int, n: float, e: float, vn: float = 0.0, ve: float = 0.0) -> GnssFix:
@@ -25,8 +26,8 @@ def fix(t_ns: int, n: float, e: float, vn: float = 0.0, ve: float = 0.0) -> Gnss
     return GnssFix(t_ns=t_ns, lat_deg=lat, lon_deg=lon, vn_mps=vn, ve_mps=ve, h_acc_m=0.1)
 
 
-def started(t_ns: int = 0, psi: float = 0.0) -> Ekf:
-    ekf = make()
+def started(t_ns: int = 0, psi: float = 0.0, config: Config = CONFIG) -> Ekf:
+    ekf = make(config)
     ekf.on_attitude(Attitude(t_ns=t_ns, psi_rad=psi, r_radps=0.0))
     ekf.on_gnss(fix(t_ns, 0.0, 0.0))
     return ekf
@@ -124,10 +125,18 @@ def test_a_filter_without_a_record_believes_what_goes_on() -> None:
     assert ekf.resets == 1 and now(ekf, 5 * S).n_m == pytest.approx(50.0, abs=0.3)
 
 
-@pytest.mark.parametrize(("accelerometer", "speed", "resets"), [(False, 1.2, 0), (True, 3.0, 1)])
-def test_a_push_that_only_the_receiver_has_seen_is_followed(accelerometer: bool, speed: float, resets: int) -> None:
-    """Position and velocity leave together and explain each other; an accelerometer that denies it costs 3 s."""
-    ekf = started()
+@pytest.mark.parametrize(
+    ("accelerometer", "speed", "resets", "config", "within_m"),
+    [(False, 1.2, 0, CONFIG, 0.5), (True, 3.0, 1, CONFIG, 0.5), (True, 3.0, 1, SHIPPED, 1.0)],
+)
+def test_a_push_that_only_the_receiver_has_seen_is_followed(
+    accelerometer: bool, speed: float, resets: int, config: Config, within_m: float
+) -> None:
+    """Position and velocity leave together and explain each other; an accelerometer that denies it costs 3 s.
+
+    A receiver's slow error is no way out: it is bounded.
+    """
+    ekf = started(config=config)
     rng = np.random.default_rng(9)
     for tick in range(1, 400):
         t_s = tick / 20
@@ -141,7 +150,7 @@ def test_a_push_that_only_the_receiver_has_seen_is_followed(accelerometer: bool,
         if tick % 2 == 0:
             ekf.on_gnss(fix(t_ns, push * (t_s - 10.0) + dn, de, push + vn, ve))
     end = now(ekf, t_ns)
-    assert end.u_mps == pytest.approx(speed, abs=0.25) and end.n_m == pytest.approx(speed * 9.95, abs=0.5)
+    assert end.u_mps == pytest.approx(speed, abs=0.25) and end.n_m == pytest.approx(speed * 9.95, abs=within_m)
     assert ekf.resets == resets and end.valid
 
 

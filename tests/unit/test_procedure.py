@@ -187,7 +187,7 @@ def test_position_only_forgets_the_heading_and_reset_brings_it_back():
 
 
 def test_sideways_is_the_part_of_the_position_weight_across():
-    problem = StationProblem(SimplifiedDynamics(VESSEL), MpcConfig(stages=3))
+    problem = StationProblem(SimplifiedDynamics(VESSEL), MpcConfig(stages=3, last_step_s=0.8))
     packed = problem.pack(
         [0.0] * 8, (0.0, 0.0), (0.0, 0.0, 0.0), 0.0, (0.0, 0.0), MpcWeights(position=2.0, sideways=0.25)
     )
