@@ -7,6 +7,7 @@ from typing import Any
 from asvhil.dynamics.arrays import namespace_of
 from asvhil.dynamics.fitted_sd import FittedSd
 from asvhil.dynamics.nnsem import TanhNetwork
+from asvhil.dynamics.node import LONGEST_STEP_S
 
 
 class Knode:
@@ -20,7 +21,7 @@ class Knode:
 
     def __init__(self, prior: FittedSd, network: TanhNetwork, coupling: TanhNetwork, dt_s: float) -> None:
         self._prior, self._network, self._coupling = prior, network, coupling
-        self.max_step_s = dt_s
+        self.max_step_s = max(dt_s, LONGEST_STEP_S)
 
     def derivative(self, x: Any, a: Any, wind: Any) -> Any:
         """nu_dot of x = (u, v, r) under command a and true wind in body axes."""

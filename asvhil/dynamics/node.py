@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from asvhil.dynamics.nnsem import Nnsem
+from asvhil.dynamics.nnsem import Nnsem, TanhNetwork
+
+LONGEST_STEP_S = 0.45  # of the midpoint rule: hulls answer within seconds, and motor lags are not in these models
 
 
 class Node(Nnsem):
@@ -10,3 +12,6 @@ class Node(Nnsem):
 
     name = "node"
     euler = False
+
+    def __init__(self, network: TanhNetwork, dt_s: float) -> None:
+        super().__init__(network, max(dt_s, LONGEST_STEP_S))
