@@ -9,7 +9,7 @@ import math
 from typing import NamedTuple
 
 NEVER = -(2**62)
-LEAST_REPEATS = 3  # the same value four times over is no chance for a sensor with noise
+LEAST_REPEATS = 4  # a stream that says all twice makes three of one chance repeat
 JITTER_GAIN = 0.05
 TOLD_AFTER = 2  # refusals in a row: a single outlier is not worth a word
 
