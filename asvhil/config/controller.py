@@ -34,7 +34,7 @@ class MpcConfig(Section):
     along: MpcWeights = MpcWeights(heading=5000.0, slew=4.0)  # near too, but with no load across the heading to carry
     far: MpcWeights = MpcWeights(heading=10.0, terminal_position_s=1.0)
     position_only: MpcWeights = MpcWeights(heading=0.0)  # outside of the procedure's r_h, with its rule
-    side_load_mps2: tuple[NonNegative, Positive] = (0.004, 0.016)  # `along` up to the first, `near` from the second
+    side_load_mps2: tuple[NonNegative, Positive] = (0.004, 0.010)  # `along` up to the first, `near` from the second
     side_load_time_s: Positive = 10.0
     offset_m: tuple[NonNegative, Positive] = (0.2, 0.6)  # `near` weights from the second on, whatever the load
     near_radius_m: Positive = 4.0
