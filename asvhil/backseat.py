@@ -44,6 +44,8 @@ from asvhil.types import (
 
 OPERATOR = "operator"
 
+REMEMBERED_NS = 30_000_000_000  # for so long a wind that was told is a better guess than the disturbance
+
 
 class Backseat:
     """One boat's estimation and control. The same object live, in lockstep and in replay; `step` is its only verb."""
@@ -91,6 +93,7 @@ class Backseat:
         self._command = (0.0, 0.0)
         self._pulses_us: tuple[int, int] | None = None
         self._forcing_wind: Wind | None = None
+        self._wind_ns = -REMEMBERED_NS
         self._station: Station | None = None
         self._readers: dict[str, Callable[[Frame], Sequence[tuple[str, Measurement]]]] = {
             "autopilot": link.read,
@@ -112,11 +115,10 @@ class Backseat:
             # Before the estimate, so that the controller gets wind and disturbance of one mind.
             self._force(usable_wind)
         estimate = self._estimator.estimate(t_ns)
-        if estimate is not None and self._wind_load is not None:
-            if usable_wind is not None:
-                self._wind_load.known(usable_wind, estimate)
-            else:
-                wind = self._wind_load.wind(estimate)
+        if usable_wind is not None:
+            self._wind_ns = t_ns
+        elif estimate is not None and self._wind_load is not None and t_ns - self._wind_ns > REMEMBERED_NS:
+            wind = self._wind_load.wind(estimate)
         known = self._known(t_ns, estimate)
         answers, begun = self._operations.answer(known)
         if begun:

@@ -22,7 +22,6 @@ FIRST_MPS = 2.0  # a load that goes with the square of the wind tells nothing at
 DAMPING = 1e-5  # (m/s^2 per m/s)^2: a direction in which the boat feels no wind stays as it was
 LONGEST_STEP_MPS = 1.0
 LEAST_LOAD_MPS2 = 1e-4
-MODEL_TIME_S = 10.0  # longer than the time in which a sensor's silence is noticed
 
 
 class WindFromLoad:
@@ -42,20 +41,10 @@ class WindFromLoad:
         self._slope = columns.reshape(3, 2, order="F")
         function = ca.Function("wind_load", [nu, psi, wind], [load, slope], {"cse": True})
         self._run = bind(function, [self._nu, self._psi, self._wind], [self._load, columns])
-        self._other: tuple[float, ...] = (0.0, 0.0, 0.0)  # of the disturbance, as it: what is not the wind's
-        self._known_ns = -(2**62)
-
-    def known(self, wind: Wind, estimate: Estimate) -> None:
-        """A wind that a sensor tells, tick by tick: the disturbance beside it is the model's error, not its load."""
-        self._wind[:] = wind.vn_mps, wind.ve_mps
-        elapsed_s = min((estimate.t_ns - self._known_ns) * 1e-9, MODEL_TIME_S)
-        self._known_ns = estimate.t_ns
-        gain = elapsed_s / MODEL_TIME_S
-        self._other = tuple(a + gain * (d - a) for a, d in zip(self._other, estimate.disturbance, strict=True))
 
     def wind(self, estimate: Estimate) -> Wind:
         """The wind by now, not valid, of origin "disturbance"."""
-        d_n, d_e, d_r = (now - other for now, other in zip(estimate.disturbance, self._other, strict=True))
+        d_n, d_e, d_r = estimate.disturbance
         load = math.hypot(d_n, d_e)
         if not self._wind.any() and load > LEAST_LOAD_MPS2:
             self._wind[:] = FIRST_MPS * d_n / load, FIRST_MPS * d_e / load

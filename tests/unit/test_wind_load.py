@@ -1,6 +1,5 @@
 """The wind that explains a disturbance: the load of a known wind gives that wind back, and it is never valid."""
 
-import dataclasses
 import math
 
 import numpy as np
@@ -11,7 +10,7 @@ from asvhil.dynamics.rigid_body import SimplifiedDynamics
 from asvhil.estimator.wind_load import WindFromLoad
 from asvhil.geo import body_to_ned, ned_to_body
 from asvhil.simplant.lockstep import Lockstep
-from asvhil.types import Estimate, Wind
+from asvhil.types import Estimate
 
 VESSEL = load_config("sitl").vehicle.vessel
 
@@ -38,18 +37,6 @@ def test_the_load_of_a_wind_gives_that_wind_back(toward_deg: float, nu: tuple[fl
         found = load.wind(boat(wind, 0.3, nu))
     assert math.hypot(found.vn_mps - wind[0], found.ve_mps - wind[1]) < 0.3
     assert not found.valid and found.origin == "disturbance"
-
-
-def test_from_a_wind_that_was_known_on_only_what_changes_is_the_wind_s() -> None:
-    """0.02 m/s^2 of the disturbance are the model's error: it was there while the sensor told the wind."""
-    load, told = WindFromLoad(VESSEL), Wind(t_ns=0, vn_mps=5.0, ve_mps=1.0, std_mps=0.1, valid=True)
-    error = (0.02, 0.0, 0.0)
-    calm, gust = (boat(wind, 0.3, (0.0, 0.0, 0.0)) for wind in ((0.0, 0.0), (6.0, 0.0)))
-    load.known(told, dataclasses.replace(calm, disturbance=error))
-    carried = tuple(a + b for a, b in zip(gust.disturbance, error, strict=True))
-    for tick in range(40):
-        found = load.wind(dataclasses.replace(gust, t_ns=tick, disturbance=carried))
-    assert math.hypot(found.vn_mps - 6.0, found.ve_mps) < 0.1
 
 
 def test_a_calm_stays_a_calm() -> None:
