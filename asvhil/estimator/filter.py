@@ -61,9 +61,12 @@ class Filter:
         self._noise_rate = noise_rate(ekf)
         self._model_density = float(self._noise_rate[U])  # the same for v
         self._accel_density = ekf.accel_std_mps2**2  # times the interval between samples
-        self._most: Array = np.array([ekf.disturbance_max_mps2] * 2 + [ekf.disturbance_yaw_max_radps2])
+        # Of the states from D_N to B_E: what no disturbance and no receiver's slow error is beyond.
+        self._most: Array = np.full(B_E + 1 - D_N, np.inf)
+        self._most[: D_R - D_N] = ekf.disturbance_max_mps2
+        self._most[D_R - D_N] = ekf.disturbance_yaw_max_radps2
+        self._most[[B_N - D_N, B_E - D_N]] = BIAS_SIGMA * ekf.position_bias_std_m
         self._least: Array = -self._most
-        self._bias_most_m = BIAS_SIGMA * ekf.position_bias_std_m
         heading_rad = math.radians(ekf.heading_std_deg)
         self._attitude_noise: Array = np.diag([heading_rad**2, ekf.yaw_rate_std_radps**2])
         self._gnss_noise: Array = np.diag([ekf.position_std_m**2] * 2 + [ekf.velocity_std_mps**2] * 2)
@@ -259,10 +262,8 @@ class Filter:
         state.p = 0.5 * (p + p.T)
 
     def _clip(self, x: Array) -> None:
-        part = x[D_N : D_R + 1]
+        part = x[D_N : B_E + 1]
         np.minimum(np.maximum(part, self._least, out=part), self._most, out=part)  # as np.clip, and cheaper
-        bias = x[B_N : B_E + 1]
-        np.minimum(np.maximum(bias, -self._bias_most_m, out=bias), self._bias_most_m, out=bias)
 
 
 def _distance2(s: Array, innovation: Array) -> float:

@@ -182,7 +182,7 @@ def test_a_goto_of_mavsdk_is_kept_by_the_daemon(tmp_path: Path) -> None:
         assert ground.ask("parameter", key="MPC_TRIM_T") == 35.0
         assert "error" in ground.call("set_parameter", key="MPC_TRIM_T", value=-1.0)
         assert ground.ask("parameter", key="MPC_TRIM_T") == 35.0
-        time.sleep(25.0)
+        time.sleep(45.0)  # until it has shuffled in sideways
         told = ground.ask("heard")
         assert {"phase", "dist_err", "head_err", "solve_ms", "solve_iter", "solve_ok"} <= set(told["values"])
         assert told["values"]["phase"] == 2.0 and 0.0 < told["values"]["solve_ms"] < 200.0
@@ -212,8 +212,7 @@ def test_a_goto_of_mavsdk_is_kept_by_the_daemon(tmp_path: Path) -> None:
     distance_m = max(math.hypot(n_m - to_n_m, e_m - to_e_m) for _, n_m, e_m, _ in kept)
     heading_deg = max(abs(deg - to_deg) for *_, deg in kept)
     print(f"last 8 s before the release: {distance_m:.2f} m and {heading_deg:.1f} deg off at most")
-    # On its way in it still shuffles sideways: near enough to tell this place and heading from where it came from.
-    assert distance_m < 2.0 and heading_deg < 10.0
+    assert distance_m < 1.5 and heading_deg < 6.0
     assert replay(log).mismatch is None
 
 
