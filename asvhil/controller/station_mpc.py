@@ -15,6 +15,7 @@ from asvhil.geo import body_to_ned, ned_to_body, wrap_rad
 from asvhil.types import Control, Estimate, Station, Wind
 
 ALTERNATE_STARTS = (0.0, 0.7, -0.7)  # of full ahead (positive) or full astern (negative), both motors, in turn
+TRIM_WAITS = 0.5  # of the trim's own time, once near: headings of the way in would stay in it for minutes
 TRIM_WITHIN_RAD = 0.5  # larger heading errors are transients, and would only wind the trim up
 TUNED = ("near", "along", "far", "position_only", "near_radius_m", "far_radius_m", "trim_time_s", "trim_max_rad")
 TURN_HYSTERESIS_RAD = 0.3  # how far past half a turn the chosen way round is kept
@@ -46,7 +47,7 @@ class StationMpc:
         self._plan: Array | None = None
         self._input = self._neutral()
         self._near = self._position_only = False
-        self._trim_rad = 0.0
+        self._trim_rad = self._near_s = 0.0
         self._side_load_mps2: float | None = None
         self._psi_rad: float | None = None
         self._station: Station | None = None
@@ -80,12 +81,11 @@ class StationMpc:
         x, y = ned_to_body(station.psi_rad, estimate.n_m - station.n_m, estimate.e_m - station.e_m)
         if station != self._station:
             self._station, self._psi_rad, self._near, self._trim_rad = station, None, False, 0.0
+            self._near_s = 0.0
         psi_rad = self._heading_error_rad(estimate.psi_rad - station.psi_rad)
         distance_m = math.hypot(x, y)
         self._near = distance_m < (self._config.far_radius_m if self._near else self._config.near_radius_m)
-        if self._near and not self._position_only and abs(psi_rad) < TRIM_WITHIN_RAD:
-            trim_rad = self._trim_rad - psi_rad * self._period_s / self._config.trim_time_s
-            self._trim_rad = min(max(trim_rad, -self._config.trim_max_rad), self._config.trim_max_rad)
+        self._lean(psi_rad)
         state = (x, y, psi_rad, *nu, *estimate.motor)
         wind_here = ned_to_body(station.psi_rad, *air)
         push_here = (*ned_to_body(station.psi_rad, push[0], push[1]), push[2])
@@ -94,6 +94,15 @@ class StationMpc:
         parameters = self._parameters(state, wind_here, push_here)
         solution, iterations = self._solve(parameters, distance_m)
         return self._control(solution, iterations, station) if solution.ok else self._give_up(iterations)
+
+    def _lean(self, psi_rad: float) -> None:
+        """Integrate the heading error into the trim, once the boat has been near for a while."""
+        config = self._config
+        self._near_s = self._near_s + self._period_s if self._near else 0.0
+        settled = self._near_s > TRIM_WAITS * config.trim_time_s
+        if settled and not self._position_only and abs(psi_rad) < TRIM_WITHIN_RAD:
+            trim_rad = self._trim_rad - psi_rad * self._period_s / config.trim_time_s
+            self._trim_rad = min(max(trim_rad, -config.trim_max_rad), config.trim_max_rad)
 
     def _parameters(
         self, state: tuple[float, ...], wind: tuple[float, float], disturbance: tuple[float, float, float]

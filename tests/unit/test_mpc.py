@@ -402,14 +402,25 @@ def test_the_trim_leans_against_a_lasting_heading_error_only_when_near_and_is_bo
     held = estimate((0.0, 0.0, 0.2, 0, 0, 0, 0, 0))
     with_trim = StationMpc(MODEL, MpcConfig(trim_time_s=4.0), 0.2)
     without = StationMpc(MODEL, MpcConfig(**frozen), 0.2)
-    ratio = [with_trim.step(held, None, ORIGIN).cost / without.step(held, None, ORIGIN).cost for _ in range(30)]
-    assert ratio[5] > 1.05
-    assert ratio[9] > ratio[2]
-    assert ratio[-1] == pytest.approx(ratio[-5], rel=1e-3)  # 0.1 rad is reached after 10 ticks
+    ratio = [with_trim.step(held, None, ORIGIN).cost / without.step(held, None, ORIGIN).cost for _ in range(40)]
+    waits = 10  # ticks: half of the trim's time
+    assert ratio[waits - 1] == 1.0  # the headings of the way in are no lasting error
+    assert ratio[waits + 5] > 1.05
+    assert ratio[waits + 9] > ratio[waits + 2]
+    assert ratio[-1] == pytest.approx(ratio[-5], rel=1e-3)  # 0.1 rad is reached after 10 ticks more
     away = estimate((-20.0, 0.0, 0.2, 0, 0, 0, 0, 0))
     far_trim, far_plain = (StationMpc(MODEL, MpcConfig(**k), 0.2) for k in ({"trim_time_s": 4.0}, frozen))
     for _ in range(5):
         assert far_trim.step(away, None, ORIGIN).cost == far_plain.step(away, None, ORIGIN).cost
+
+
+def test_the_trim_waits_anew_after_each_time_far_off():
+    held, away = estimate((0.0, 0.0, 0.2, 0, 0, 0, 0, 0)), estimate((-20.0, 0.0, 0.2, 0, 0, 0, 0, 0))
+    left, stayed = (StationMpc(MODEL, MpcConfig(trim_time_s=4.0), 0.2) for _ in range(2))
+    for tick in range(12):
+        left.step(away if tick == 6 else held, None, ORIGIN)
+        stayed.step(held, None, ORIGIN)
+    assert left._trim_rad == 0.0 > stayed._trim_rad
 
 
 def test_the_first_input_stays_close_to_the_last_one_applied_where_slew_is_dear():
