@@ -73,6 +73,7 @@ class Procedure:
         self._station: Station | None = None
         self._path: Dubins | None = None
         self._keeper.reset()
+        self._keeper_idle = False  # others have had the motors since its last step
 
     def step(self, estimate: Estimate, wind: Wind | None, station: Station) -> Control:
         """One control tick. Neutral and not ok where the estimate or the wind is not finite or the keeper fails."""
@@ -111,12 +112,14 @@ class Procedure:
         return Stage.KEEP_HEADING if distance_m < radius_m else Stage.KEEP_POSITION
 
     def _enter(self, stage: Stage, t_ns: int) -> None:
-        if stage not in APPROACHING and self.stage in APPROACHING:
-            self._keeper.reset()  # it has not had the motors
         if stage in APPROACHING:
-            self._path = None
-        elif self._favour_position is not None:
-            self._favour_position(stage is Stage.KEEP_POSITION)
+            self._path, self._keeper_idle = None, True
+        else:
+            if self._keeper_idle:
+                self._keeper.reset()
+                self._keeper_idle = False
+            if self._favour_position is not None:
+                self._favour_position(stage is Stage.KEEP_POSITION)
         self.stage, self._since_ns = stage, t_ns
 
     # --- the approach --------------------------------------------------------------------------------------

@@ -136,6 +136,20 @@ def test_a_new_station_or_a_reset_begins_anew():
     assert subject.step(at(1.0, 3.0), None, ORIGIN).stage == "keep_heading"
 
 
+def test_the_keeper_begins_anew_where_a_new_station_ends_an_approach():
+    """Its plan and last input are of a time before the approach, whatever ends that."""
+    subject, keeper = procedure()
+    stages(subject, [1.0, 1.0])
+    before = keeper.resets
+    far = Station(n_m=50.0, e_m=0.0, psi_rad=1.0)
+    assert subject.step(at(1.0, 2.0), None, far).stage == "approach"
+    assert subject.step(at(1.0, 60.0), None, ORIGIN).stage == "keep_heading"
+    assert keeper.resets == before + 1
+    near = Station(n_m=0.0, e_m=2.0, psi_rad=0.0)
+    assert subject.step(at(1.0, 61.0), None, near).stage == "keep_heading"
+    assert keeper.resets == before + 1  # it has had the motors all the while
+
+
 @pytest.mark.parametrize("change", [{"u_mps": math.nan}, {"disturbance": (0.0, math.inf, 0.0)}, {"psi_rad": math.nan}])
 def test_what_is_not_finite_is_refused(change):
     subject, _ = procedure()
