@@ -86,7 +86,9 @@ class WindFilterConfig(Section):
     """Low-pass of the true wind, of its direction and of its speed, and when it is too old to use.
 
     `vane_offset_deg` is how far the vane's zero is turned clockwise from the bow (`asvhil calibrate` finds it). An
-    anemometer that does not move for `stuck_after_s` though it should is stuck; absent: nobody looks.
+    anemometer that does not move for `stuck_after_s` though it should is stuck; absent: nobody looks. A wind above
+    `speed_max_mps` is none; one that differs by more than `leap_max_mps` from the wind so far is believed when it has
+    stayed for `leap_after_s`.
     """
 
     time_constant_s: Positive = 4.0
@@ -94,6 +96,9 @@ class WindFilterConfig(Section):
     stale_after_s: Positive = 3.0
     vane_offset_deg: Degrees = 0.0
     stuck_after_s: Positive | None = 2.0
+    speed_max_mps: Positive = 60.0
+    leap_max_mps: Positive = 10.0
+    leap_after_s: Positive = 2.0
 
 
 class MonitorConfig(Section):

@@ -46,6 +46,8 @@ class WindFilter:
         self._offset_rad = math.radians(config.vane_offset_deg)
         self._t_ns: int | None = None
         self._vn = self._ve = self._variance = 0.0
+        self._leap_ns: int | None = None  # since when each sample has been far from the wind so far
+        self._refused_ns: int | None = None
         self._cups = Track()
         self._vane_rad = math.nan
         self._vane_since_ns = 0
@@ -88,14 +90,19 @@ class WindFilter:
         )
 
     def notes(self, t_ns: int) -> tuple[Note, ...]:
-        """Whether the anemometer is stuck or silent."""
+        """Whether the anemometer is stuck, silent, or tells what no wind is."""
         text = self._stuck
+        if not text and self._refused_ns is not None and t_ns - self._refused_ns <= self._config.stale_after_s * 1e9:
+            text = "implausible"
         if self._t_ns is not None and t_ns - max(self._t_ns, self._cups.heard_ns) > self._config.stale_after_s * 1e9:
             text = "silent"
         return (Note(subject="anemometer", text=text, ok=False),) if text else ()
 
     def _take(self, t_ns: int, vn: float, ve: float) -> None:
         if not (math.isfinite(vn) and math.isfinite(ve)):
+            return
+        if not self._plausible(t_ns, vn, ve):
+            self._refused_ns = t_ns
             return
         config = self._config
         if self._t_ns is None or t_ns - self._t_ns > config.stale_after_s * 1e9:
@@ -116,6 +123,18 @@ class WindFilter:
                 self._vn, self._ve = speed * math.cos(toward_rad), speed * math.sin(toward_rad)
             self._variance += turn_gain * (0.5 * (dn * dn + de * de) - self._variance)
         self._t_ns = t_ns
+
+    def _plausible(self, t_ns: int, vn: float, ve: float) -> bool:
+        """Whether a sample can be wind: a single wild one would throw the prediction, and with it the position."""
+        config = self._config
+        if math.hypot(vn, ve) > config.speed_max_mps:
+            return False
+        known = self._t_ns is not None and t_ns - self._t_ns <= config.stale_after_s * 1e9
+        if not known or math.hypot(vn - self._vn, ve - self._ve) <= config.leap_max_mps:
+            self._leap_ns = None
+            return True
+        self._leap_ns = t_ns if self._leap_ns is None else self._leap_ns
+        return t_ns - self._leap_ns >= config.leap_after_s * 1e9
 
     def _why_stuck(self, sample: WindSample, estimate: Estimate) -> str:
         """What of the anemometer does not move though it should, in words; empty where nothing is wrong.

@@ -128,6 +128,28 @@ def test_a_vane_that_stays_while_the_boat_turns_is_stuck_and_one_on_a_steady_boa
     assert now is not None and not now.valid
 
 
+def test_one_wild_sample_is_refused_and_named() -> None:
+    """A right checksum does not make a wind: 999 is what a counter that ran away prints."""
+    wind_filter = WindFilter(WindFilterConfig())
+    for k in range(20):
+        wild = {10: 999.0, 12: 59.0}.get(k, 5.0 + 0.1 * noisy(k))
+        wind_filter.on_sample(sample(wild, 0.0, k * 200_000_000), boat())
+        wind = wind_filter.wind(k * 200_000_000)
+        assert wind is not None and wind.valid and math.hypot(wind.vn_mps, wind.ve_mps) < 6.0
+        assert [note.text for note in wind_filter.notes(k * 200_000_000)] == (["implausible"] if k >= 10 else [])
+
+
+def test_a_wind_that_has_leapt_and_stays_is_believed_and_one_above_the_highest_never() -> None:
+    for speed, believed in ((25.0, True), (80.0, False)):
+        wind_filter = WindFilter(WindFilterConfig())
+        for k in range(40):
+            wind_filter.on_sample(sample(speed + noisy(k) if k >= 10 else 5.0 + noisy(k), 0.0, k * 200_000_000), boat())
+        wind = wind_filter.wind(39 * 200_000_000)
+        assert wind is not None
+        assert wind.valid is believed
+        assert (math.hypot(wind.vn_mps, wind.ve_mps) > 20.0) is believed
+
+
 def test_a_silent_anemometer_is_named() -> None:
     wind = WindFilter(WindFilterConfig())
     at = run(wind, 2.0, noisy)
