@@ -11,6 +11,7 @@ from typing import NamedTuple
 NEVER = -(2**62)
 LEAST_REPEATS = 4  # a stream that says all twice makes three of one chance repeat
 JITTER_GAIN = 0.05
+STEPS_OF_NOISE = 3.0  # noise of fewer steps of the resolution repeats itself often enough
 TOLD_AFTER = 2  # refusals in a row: a single outlier is not worth a word
 
 
@@ -30,6 +31,7 @@ class Track(NamedTuple):
     value: tuple[float, float] = (math.nan, math.nan)
     expected: tuple[float, float] = (math.nan, math.nan)
     jitter: float = 0.0
+    step: float = math.inf  # the least change of an axis so far: its resolution, if that is coarser than its noise
     repeats: int = 0
     repeated_since_ns: int = NEVER
     frozen: bool = False
@@ -47,7 +49,10 @@ def hear(
 ) -> Track:
     """Take note of a reading and of what was expected in its place; tells whether the sensor is frozen."""
     if value != track.value:
-        jitter = track.jitter
+        jitter, step = track.jitter, track.step
+        for new, old in zip(value, track.value, strict=True):
+            if new != old and new - old == new - old:
+                step = min(step, abs(new - old))
         if track.used > 1 and not track.frozen:
             change = abs(value[0] - track.value[0]) + abs(value[1] - track.value[1])
             if change == change:  # the first has none before it
@@ -61,6 +66,7 @@ def hear(
             value=value,
             expected=expected,
             jitter=jitter,
+            step=step,
             repeats=0,
             repeated_since_ns=t_ns,
             frozen=False,
@@ -71,7 +77,10 @@ def hear(
         # Motion is that of the prediction since the first of them; only if it agreed with the reading then.
         off = math.hypot(value[0] - track.expected[0], value[1] - track.expected[1])
         moved = math.hypot(expected[0] - track.expected[0], expected[1] - track.expected[1])
-        frozen = track.jitter > alive.noise or (moved > alive.motion and off < alive.motion)
+        # A velocity of exactly zero is what many receivers tell of a boat that is slow.
+        noisy = track.jitter > max(alive.noise, STEPS_OF_NOISE * track.step) and value != (0.0, 0.0)
+        motion = max(alive.motion, track.step if math.isfinite(track.step) else 0.0)
+        frozen = noisy or (moved > motion and off < motion)
     return track._replace(heard_ns=t_ns, repeats=repeats, frozen=frozen)
 
 
