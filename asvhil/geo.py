@@ -33,6 +33,11 @@ def ned_to_body(psi_rad: float, n: float, e: float) -> tuple[float, float]:
     return c * n + s * e, -s * n + c * e
 
 
+def is_place(lat_deg: float, lon_deg: float) -> bool:
+    """Whether a latitude and a longitude are a place on earth. 0, 0 is none: many receivers send it without a fix."""
+    return abs(lat_deg) <= 90.0 and abs(lon_deg) <= 180.0 and (lat_deg != 0.0 or lon_deg != 0.0)  # False for NaN
+
+
 @record
 class LocalFrame:
     """A plane tangent to the WGS 84 ellipsoid at an origin; within 2 km of it good to a few centimetres.

@@ -20,6 +20,7 @@ PORT = "autopilot"
 HEARTBEAT_NS = 1_000_000_000
 REQUEST_NS = 1_000_000_000
 IGNORE_CHANNEL = 65535
+FROM_ANYONE = (dialect.MAVLINK_MSG_ID_HEARTBEAT, dialect.MAVLINK_MSG_ID_TIMESYNC)
 MAKES = {dialect.MAV_AUTOPILOT_ARDUPILOTMEGA: "ardurover", dialect.MAV_AUTOPILOT_PX4: "px4"}
 
 
@@ -85,6 +86,8 @@ class Conversation:
             if system_id != self._config.autopilot_system_id or component_id == self._config.component_id:
                 continue
             msg_id = message_id(data)
+            if not self._is_its_own(component_id, msg_id):
+                continue
             self._streams.seen(msg_id)
             handler = self._handlers.get(msg_id)
             if handler is None:
@@ -97,6 +100,14 @@ class Conversation:
             if measurement is not None:
                 found.append((message.msgname, measurement))
         return found
+
+    def _is_its_own(self, component_id: int, msg_id: int) -> bool:
+        """Whether a message of the vehicle is to be heard: a gimbal or a second computer has sensors and clocks too.
+
+        Heartbeats tell which component the autopilot is, and anyone may ask for the time.
+        """
+        known = self._autopilot_component_id
+        return known is None or component_id == known or msg_id in FROM_ANYONE
 
     @property
     def clock(self) -> TimeOffset | None:

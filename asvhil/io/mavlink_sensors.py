@@ -10,6 +10,7 @@ import math
 from collections.abc import Callable
 from typing import Any
 
+from asvhil.geo import is_place
 from asvhil.io.mavlink import dialect
 from asvhil.types import Attitude, GnssFix, Imu, Measurement, TrueWind
 
@@ -69,12 +70,13 @@ class MavlinkSensors:
         }
 
     def _global_position(self, t_ns: int, m: Any) -> Measurement | None:
-        if not self._ready():
+        lat_deg, lon_deg = m.lat * 1e-7, m.lon * 1e-7
+        if not self._ready() or not is_place(lat_deg, lon_deg):
             return None
         return GnssFix(
             t_ns=t_ns,
-            lat_deg=m.lat * 1e-7,
-            lon_deg=m.lon * 1e-7,
+            lat_deg=lat_deg,
+            lon_deg=lon_deg,
             vn_mps=m.vx * 0.01,
             ve_mps=m.vy * 0.01,
             h_acc_m=self._h_acc_m,
@@ -88,6 +90,8 @@ class MavlinkSensors:
         message = m.get_msgId()
         if m.fix_type < dialect.GPS_FIX_TYPE_3D_FIX or m.time_usec == self._fix_times_us.get(message):
             return None  # none, or the same fix streamed again
+        if not is_place(m.lat * 1e-7, m.lon * 1e-7):
+            return None
         self._fix_times_us[message] = m.time_usec
         return _raw_fix(t_ns, m)
 

@@ -12,6 +12,7 @@ import math
 from collections.abc import Callable
 from typing import Any
 
+from asvhil.geo import is_place
 from asvhil.types import Attitude, BowWind, GnssFix, Measurement, TrueWind, UtcTime, WindSample, record
 
 KNOTS_TO_MPS = 1852.0 / 3600.0
@@ -49,7 +50,7 @@ def _signed(value: Any, side: Any, positive: str, negative: str) -> float:
 def _place(m: Any) -> tuple[float, float]:
     """Latitude and longitude in degrees; the parser has applied the hemispheres that are there."""
     lat_deg, lon_deg = _number(m.lat), _number(m.lon)
-    if m.NS not in ("N", "S") or m.EW not in ("E", "W") or abs(lat_deg) > 90.0 or abs(lon_deg) > 180.0:
+    if m.NS not in ("N", "S") or m.EW not in ("E", "W") or not is_place(lat_deg, lon_deg):
         raise ValueError("no place on earth")
     return lat_deg, lon_deg
 

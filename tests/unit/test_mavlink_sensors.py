@@ -49,6 +49,26 @@ def test_both_receivers(kind: type, name: str) -> None:
     assert isinstance(fix, GnssFix) and math.isnan(fix.vn_mps) and math.isnan(fix.ve_mps)
 
 
+@pytest.mark.parametrize("place", [(2**31 - 1, 2**31 - 1), (0, 0), (404237000, -1869212000), (-910000000, 0)])
+def test_what_is_no_place_on_earth_is_no_fix(place: tuple[int, int]) -> None:
+    raw = d.MAVLink_gps_raw_int_message(1, 3, *place, 0, 100, 100, 250, 9000, 12, 0, 1500, 0, 0, 0, 0)
+    whole = d.MAVLink_global_position_int_message(0, *place, 0, 0, 0, 0, 0, 0)
+    assert read(link(), READY, raw, whole) == []
+
+
+def test_only_the_component_that_is_the_autopilot_is_heard() -> None:
+    """A gimbal has a gyro and a boot clock of its own: neither the boat's yaw nor a reboot of the autopilot."""
+    beat = d.MAVLink_heartbeat_message(10, 3, 0, 0, 4, 3)
+    attitude = d.MAVLink_attitude_message(60_000, 0.0, 0.0, 1.0, 0.0, 0.0, 0.1)
+    gimbal = d.MAVLink(None, srcSystem=1, srcComponent=154)
+    ardurover = link()
+    assert [pair[0] for pair in read(ardurover, beat, READY, attitude)] == ["ATTITUDE"]
+    other = d.MAVLink_attitude_message(1_000, 0.0, 0.0, 2.0, 0.0, 0.0, 0.5).pack(gimbal)
+    assert ardurover.read(Frame(t_ns=8, port="autopilot", data=bytes(other))) == []
+    assert ardurover.reboots == 0
+    assert [pair[0] for pair in read(ardurover, attitude)] == ["ATTITUDE"]
+
+
 def test_the_two_receivers_do_not_share_their_memory() -> None:
     messages = gps(d.MAVLink_gps_raw_int_message, 1000, 3), gps(d.MAVLink_gps2_raw_message, 1000, 3)
     assert [name for name, _ in read(link(), *messages)] == ["GPS_RAW_INT", "GPS2_RAW"]

