@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from asvhil.commands.options import JsonOption
-from asvhil.errors import AsvhilError
+from asvhil.errors import AsvhilError, ConfigError
 
 
 def calibrate(
@@ -29,6 +29,8 @@ def calibrate(
     from asvhil.commands.views import progress, write_json
     from asvhil.study.calibration import COEFFICIENTS, calibrate
 
+    if output is not None:
+        _check_output(output, base)
     console = Console()
     with progress(console, spinner=True) as bar:
         task = bar.add_task(f"calibrate {log.name}", total=None)
@@ -51,3 +53,16 @@ def calibrate(
     for words in found.missing:
         console.print(words, markup=False, highlight=False, soft_wrap=True)
     console.print(text, markup=False, highlight=False, soft_wrap=True, end="")
+
+
+def _check_output(output: Path, base: str) -> None:
+    """Before the work: what is there is not lost, and what is written can be loaded. Raises AsvhilError."""
+    from asvhil.config.loading import find_config
+
+    if output.exists():
+        raise AsvhilError(f"--output {output}: is there already; name a new file, and the old one with --base")
+    if base and not (output.parent / base).is_file():
+        try:
+            find_config(base)
+        except ConfigError:
+            raise AsvhilError(f"--base {base}: no such config file beside {output}, and none shipped") from None

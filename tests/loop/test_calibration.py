@@ -49,6 +49,34 @@ def test_the_keys_that_it_writes_make_a_config(turns: Path, tmp_path: Path) -> N
     assert json.loads(figures.read_text())["compass"]["sectors"] == 12
 
 
+@pytest.mark.parametrize(
+    ("output", "base", "words"),
+    [
+        ("boat.yaml", "boat.yaml", "boat.yaml: is there already"),
+        ("new.yaml", "nosuch.yaml", "--base nosuch.yaml: no such config file"),
+    ],
+)
+def test_the_config_of_the_boat_is_not_overwritten_and_its_base_must_be_there(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    output: str,
+    base: str,
+    words: str,
+) -> None:
+    """Told before the log is read."""
+    boat = tmp_path / "boat.yaml"
+    boat.write_text("base: field.yaml\n")
+    arguments = ["asvhil", "calibrate", str(tmp_path / "no.mcap"), "-o", str(tmp_path / output), "--base", base]
+    monkeypatch.setattr("sys.argv", arguments)
+    with pytest.raises(SystemExit) as stopped:
+        main()
+    assert stopped.value.code
+    lines = capsys.readouterr().err.strip().splitlines()
+    assert len(lines) == 1 and words in lines[0]
+    assert boat.read_text() == "base: field.yaml\n" and not (tmp_path / "new.yaml").exists()
+
+
 def test_a_boat_that_did_not_turn_tells_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
