@@ -16,6 +16,7 @@ from asvhil.config import Config, load_config
 from asvhil.geo import LocalFrame, wrap_rad
 from asvhil.simplant.lockstep import Lockstep
 from asvhil.study.runner import Job, Progress, Result, run_jobs
+from asvhil.study.statistics import other_code
 from asvhil.study.trial import run_key
 from asvhil.types import record
 
@@ -209,6 +210,8 @@ def markdown(figures: dict[str, Any]) -> str:
         f"| largest distance over the last {SETTLED_S:g} s (m) | | {spread('settled_max_m', 2)} |",
         f"| mean magnitude of the heading error over the same (°) | | {spread('settled_heading_deg', 2)} |",
     ]
+    for line in other_code(figures["runs_of_other_code"]):
+        lines += ["", line]
     for row in figures["bad"]:
         lines += ["", f"Lost or too soon: {json.dumps(row)}"]
     return "\n".join(lines) + "\n"
