@@ -15,6 +15,7 @@ import numpy as np
 from asvhil.config import Config, load_config
 from asvhil.geo import LocalFrame, wrap_rad
 from asvhil.simplant.lockstep import Lockstep
+from asvhil.study.rows import refuse_own
 from asvhil.study.runner import Job, Progress, Result, run_jobs
 from asvhil.study.statistics import other_code
 from asvhil.study.trial import run_key
@@ -145,9 +146,12 @@ def study_approach(
 ) -> tuple[dict[str, Any], list[Outcome]]:
     """Figures of `runs` random starts as a JSON-ready tree, and the runs themselves.
 
-    Runs that the store holds are not run again (`runner.run_jobs`).
+    Runs that the store holds are not run again (`runner.run_jobs`). ConfigError for an override of what a start sets.
     """
-    jobs = [_job(start, overrides, duration_s) for start in draw_starts(runs, seed)]
+    starts = draw_starts(runs, seed)
+    load_config("sitl", overrides)  # so that what is wrong in them is named first
+    refuse_own(overrides, start_overrides(starts[0]))
+    jobs = [_job(start, overrides, duration_s) for start in starts]
     finished = run_jobs(run_named_start, jobs, store, workers=workers, tell=tell)
     outcomes = [_outcome(result) for result in finished.results]
     figures = {

@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import Any
 
 from asvhil.config import VesselConfig
-from asvhil.study.rows import row_overrides, title
+from asvhil.study.rows import ROWS, refuse_own, row_overrides, station_heading_deg, title
 from asvhil.study.runner import Finished, Progress, run_jobs
 from asvhil.study.statistics import mean_ci95
-from asvhil.study.trial import run_named_trial, trial_job
+from asvhil.study.trial import NO_SLOW_ERROR, run_named_trial, trial_job
 
 Scores = dict[tuple[str, str], dict[int, float]]  # (setup, row): {seed: ps}
 Held = dict[tuple[str, str], float]  # (setup, row): least share of the window with the motors, over the seeds
@@ -30,11 +30,19 @@ def run_setups(
 ) -> tuple[Scores, Held, Finished]:
     """ps against the truth by setup, row and seed, whether they had the motors, and what the runs took.
 
-    `setups` are config keys by name. Runs that the store holds are not run again (`runner.run_jobs`).
+    `setups` are config keys by name. Runs that the store holds are not run again (`runner.run_jobs`). ConfigError
+    where a setup has a key that makes another run of a row: its wind or its seed.
     """
     rows, seeds = list(rows), list(seeds)
+    headings_deg = {}
+    for name, keys in setups.items():
+        headings_deg[name] = station_heading_deg(base, keys)
+        refuse_own(keys, (text for text in row_overrides(next(iter(ROWS)), 1) if text not in NO_SLOW_ERROR))
     names = [(setup, row, seed) for seed in seeds for row in rows for setup in setups]
-    jobs = [trial_job(name, base, (*row_overrides(row, seed), *setups[name]), window_s) for name, row, seed in names]
+    jobs = [
+        trial_job(name, base, (*row_overrides(row, seed, heading_deg=headings_deg[name]), *setups[name]), window_s)
+        for name, row, seed in names
+    ]
     finished = run_jobs(run_named_trial, jobs, store, workers=workers, tell=tell)
     scores: Scores = {}
     held: Held = {}

@@ -9,7 +9,7 @@ from typing import Any
 from asvhil.build import model_file
 from asvhil.config import LEARNED, load_config
 from asvhil.errors import ConfigError
-from asvhil.study.rows import FROM_S, ROWS, TO_S, row_overrides, wind_of
+from asvhil.study.rows import FROM_S, ROWS, TO_S, refuse_own, row_overrides, station_heading_deg, wind_of
 from asvhil.study.runner import Finished, Progress, run_jobs
 from asvhil.study.statistics import mean_ci95, mean_of_all
 from asvhil.study.trial import run_named_trial, trial_job
@@ -88,12 +88,22 @@ def study_six_tests(
 ) -> dict[str, Any]:
     """The table of all runs, of which those that the store holds are not run again (`runner.run_jobs`).
 
-    `controllers` as `available` gives them. `bounds` are penalty scores by wind (`bound.read_bounds`).
+    `controllers` as `available` gives them. `bounds` are penalty scores by wind (`bound.read_bounds`). ConfigError
+    where a config key of a controller is one that the rows set.
     """
     rows, seeds = list(rows), list(seeds)
+    headings_deg = {}
+    for label, keys in controllers.items():
+        headings_deg[label] = station_heading_deg(base, keys)
+        refuse_own(keys, row_overrides(next(iter(ROWS)), 1, noise=noise))
     names = [(row, label, seed) for seed in seeds for row in rows for label in controllers]
     jobs = [
-        trial_job(label, base, (*controllers[label], *row_overrides(row, seed, noise=noise)), window_s)
+        trial_job(
+            label,
+            base,
+            (*controllers[label], *row_overrides(row, seed, noise=noise, heading_deg=headings_deg[label])),
+            window_s,
+        )
         for row, label, seed in names
     ]
     finished = run_jobs(run_named_trial, jobs, store, workers=workers, tell=tell)

@@ -1,6 +1,7 @@
 """The six tests: what a run is, who wins a row, what the tables say."""
 
 import json
+import re
 import shutil
 from pathlib import Path
 
@@ -9,8 +10,19 @@ import pytest
 
 from asvhil.config import load_config
 from asvhil.errors import ConfigError
+from asvhil.study import comparison, six_tests
+from asvhil.study.approach import study_approach
 from asvhil.study.metrics import PoseErrors, score
-from asvhil.study.rows import ROWS, along_the_wind, checked, row_overrides, title, wind_of
+from asvhil.study.rows import (
+    ROWS,
+    along_the_wind,
+    checked,
+    refuse_own,
+    row_overrides,
+    station_heading_deg,
+    title,
+    wind_of,
+)
 from asvhil.study.six_tests import CONTROLLERS, REFERENCE, available, study_six_tests, tabulate, verdict
 from asvhil.study.six_tests_report import draw_bars, report, verdict_line
 from asvhil.study.statistics import plus_minus
@@ -82,6 +94,62 @@ def test_without_noise_there_is_neither_a_gust_nor_any_error_of_a_sensor():
     loud = config.plant
     assert loud.seed == 7 and loud.sensors.gnss.white_m > 0.0 and loud.sensors.gnss.slow_bias_m == 0.0
     assert config.estimator.ekf.position_bias_std_m == 0.0 < load_config("sitl").estimator.ekf.position_bias_std_m
+
+
+def test_the_wind_of_a_row_is_from_the_stations_heading():
+    east = row_overrides("6", 1, heading_deg=90.0)
+    assert load_config("sitl", ("supervisor.station.heading_deg=90", *east)).plant.weather.wind.toward_deg == 180.0
+    assert "plant.weather.wind.toward_deg=45.0" in row_overrides("diagonal mirrored", 1, heading_deg=90.0)
+    # Stored runs are known by these.
+    assert row_overrides("6 mirrored", 1)[-1] == "plant.weather.wind.toward_deg=-90.0"
+    assert row_overrides("6 mirrored", 1, heading_deg=0.0) == row_overrides("6 mirrored", 1)
+    assert station_heading_deg("sitl", ("supervisor.station.heading_deg=90",)) == 90.0
+    assert station_heading_deg("sitl", ("supervisor.engage=command", "supervisor.station=null")) == 0.0
+
+
+def test_the_jobs_of_both_studies_have_the_wind_from_the_stations_heading(tmp_path, monkeypatch):
+    seen = []
+
+    def note(function, jobs, store, **rest):
+        seen.extend(load_config(*job.arguments[:2]).plant.weather.wind.toward_deg for job in jobs)
+        raise InterruptedError
+
+    monkeypatch.setattr(six_tests, "run_jobs", note)
+    monkeypatch.setattr(comparison, "run_jobs", note)
+    setups = {"LOITER": ("supervisor.station.heading_deg=90", "controller.name=loiter")}
+    with pytest.raises(InterruptedError):
+        study_six_tests(tmp_path / "x", controllers=setups, rows=["6"], seeds=[1])
+    with pytest.raises(InterruptedError):
+        comparison.run_setups(tmp_path / "x", setups, ["6"], [1], (1.0, 2.0))
+    assert seen == [180.0, 180.0]
+
+
+@pytest.mark.parametrize(
+    ("override", "key"),
+    [
+        ("plant.seed=7", "plant.seed"),
+        ("plant.weather.wind.speed_mps=9", "plant.weather.wind.speed_mps"),
+        ("plant.weather.wind={toward_deg: 9}", "plant.weather.wind.toward_deg"),
+        ("plant={seed: 7}", "plant.seed"),
+    ],
+)
+def test_a_key_that_a_study_sets_itself_is_refused(tmp_path, override, key):
+    words = re.escape(f"--set {override}: key {key} is set by the study itself; leave it out")
+    with pytest.raises(ConfigError, match=words):
+        study_six_tests(tmp_path / "x", controllers={"LOITER": (override,)}, rows=["1"], workers=0)
+    with pytest.raises(ConfigError, match=words):
+        comparison.run_setups(tmp_path / "x", {"LOITER": (override,)}, ["1"], [1], (1.0, 2.0), workers=0)
+    with pytest.raises(ConfigError, match=words):
+        study_approach(tmp_path / "x", 1, overrides=(override,), workers=0)
+    assert not (tmp_path / "x").exists()
+
+
+def test_other_keys_are_not_refused_and_the_approach_refuses_its_starts(tmp_path):
+    refuse_own(("plant.weather.wind={gust_along: 0}", "plant.seeds=1"), row_overrides("1", 1))
+    with pytest.raises(ConfigError, match=r"key plant\.start_n_m is set by the study itself"):
+        study_approach(tmp_path / "x", 1, overrides=("plant.start_n_m=5",), workers=0)
+    with pytest.raises(ConfigError, match="the value is not valid YAML"):
+        study_approach(tmp_path / "x", 1, overrides=("plant.seed=[",), workers=0)
 
 
 def test_the_best_mean_wins_and_the_reference_does_not_take_part():
