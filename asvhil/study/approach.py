@@ -15,7 +15,9 @@ import numpy as np
 from asvhil.config import Config, load_config
 from asvhil.geo import LocalFrame, wrap_rad
 from asvhil.simplant.lockstep import Lockstep
+from asvhil.study.rows import refuse_own
 from asvhil.study.runner import Job, Progress, Result, run_jobs
+from asvhil.study.statistics import other_code
 from asvhil.study.trial import run_key
 from asvhil.types import record
 
@@ -144,9 +146,12 @@ def study_approach(
 ) -> tuple[dict[str, Any], list[Outcome]]:
     """Figures of `runs` random starts as a JSON-ready tree, and the runs themselves.
 
-    Runs that the store holds are not run again (`runner.run_jobs`).
+    Runs that the store holds are not run again (`runner.run_jobs`). ConfigError for an override of what a start sets.
     """
-    jobs = [_job(start, overrides, duration_s) for start in draw_starts(runs, seed)]
+    starts = draw_starts(runs, seed)
+    load_config("sitl", overrides)  # so that what is wrong in them is named first
+    refuse_own(overrides, start_overrides(starts[0]))
+    jobs = [_job(start, overrides, duration_s) for start in starts]
     finished = run_jobs(run_named_start, jobs, store, workers=workers, tell=tell)
     outcomes = [_outcome(result) for result in finished.results]
     figures = {
@@ -209,6 +214,8 @@ def markdown(figures: dict[str, Any]) -> str:
         f"| largest distance over the last {SETTLED_S:g} s (m) | | {spread('settled_max_m', 2)} |",
         f"| mean magnitude of the heading error over the same (°) | | {spread('settled_heading_deg', 2)} |",
     ]
+    for line in other_code(figures["runs_of_other_code"]):
+        lines += ["", line]
     for row in figures["bad"]:
         lines += ["", f"Lost or too soon: {json.dumps(row)}"]
     return "\n".join(lines) + "\n"

@@ -7,6 +7,7 @@ least penalty score ps = e_d + s_d + |e_h| + s_h (m, degrees) over all periodic 
 from __future__ import annotations
 
 import dataclasses
+import hashlib
 import json
 import math
 from collections.abc import Callable, Mapping
@@ -17,6 +18,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from asvhil.config import Config, VesselConfig
 from asvhil.dynamics.integrate import advance
 from asvhil.dynamics.protocol import Dynamics
 from asvhil.errors import AsvhilError
@@ -106,6 +108,22 @@ def guesses(count: int) -> list[Guess]:
     return (grid + drawn)[:count]
 
 
+def plant_vessel(config: Config) -> VesselConfig:
+    """The vessel that the plant is: the bound is that of the boat, whatever a controller believes of it."""
+    return config.plant.vessel or config.vehicle.vessel
+
+
+def vessel_hash(vessel: VesselConfig) -> str:
+    """First 16 hex digits of the SHA-256 over a vessel's values."""
+    text = json.dumps(vessel.model_dump(mode="json"), sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def bounds_tree(config: Config, winds: Mapping[str, Any]) -> dict[str, Any]:
+    """What bound.json holds: whose bounds they are, and `figures` by wind as SPEED@DEG."""
+    return {"vehicle": config.vehicle.name, "vessel_hash": vessel_hash(plant_vessel(config)), "winds": dict(winds)}
+
+
 def figures(orbit: Orbit) -> dict[str, Any]:
     """A bound as a JSON-ready tree."""
     (e_d, s_d), (e_h, s_h) = orbit.distance_m, orbit.heading_deg
@@ -141,8 +159,11 @@ def markdown(study: Mapping[str, Any]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def read_bounds(path: Path, vehicle: str) -> dict[str, float]:
-    """{wind as SPEED@DEG: ps} of what `asvhil study bound` wrote. AsvhilError where it is damaged or another boat's."""
+def read_bounds(path: Path, vehicle: str, vessel: VesselConfig | None = None) -> dict[str, float]:
+    """{wind as SPEED@DEG: ps} of what `asvhil study bound` wrote. AsvhilError where it is damaged or another boat's.
+
+    A boat is another with another name, or, where `vessel` is given, with other values.
+    """
     try:
         tree = json.loads(path.read_text(encoding="utf-8"))
         bounds = {str(wind): float(row["penalty_score"]) for wind, row in tree["winds"].items()}
@@ -153,6 +174,12 @@ def read_bounds(path: Path, vehicle: str) -> dict[str, float]:
         raise AsvhilError(f"{path}: not what `asvhil study bound -o` writes") from None
     if of != vehicle:
         raise AsvhilError(f"{path}: holds the bounds of {of}, not of {vehicle}")
+    if vessel is not None and tree.get("vessel_hash") != vessel_hash(vessel):
+        held = f"vessel_hash {tree['vessel_hash']}" if "vessel_hash" in tree else "no vessel_hash"
+        words = (
+            f"{held}, but the plant's vessel has {vessel_hash(vessel)}; `asvhil study bound -o DIR` finds its bounds"
+        )
+        raise AsvhilError(f"{path}: {words}")
     return bounds
 
 

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from asvhil.config import VesselConfig
-from asvhil.study.rows import row_overrides
+from asvhil.study.rows import ROWS, refuse_own, row_overrides, station_heading_deg, title
 from asvhil.study.runner import Finished, Progress, run_jobs
 from asvhil.study.statistics import mean_ci95
-from asvhil.study.trial import run_named_trial, trial_job
+from asvhil.study.trial import NO_SLOW_ERROR, run_named_trial, trial_job
 
 Scores = dict[tuple[str, str], dict[int, float]]  # (setup, row): {seed: ps}
+Held = dict[tuple[str, str], float]  # (setup, row): least share of the window with the motors, over the seeds
 
 
 def run_setups(
@@ -26,19 +27,43 @@ def run_setups(
     base: str = "sitl",
     workers: int | None = None,
     tell: Callable[[Progress], None] = lambda progress: None,
-) -> tuple[Scores, Finished]:
-    """ps against the truth by setup, row and seed, and what the runs took.
+) -> tuple[Scores, Held, Finished]:
+    """ps against the truth by setup, row and seed, whether they had the motors, and what the runs took.
 
-    `setups` are config keys by name. Runs that the store holds are not run again (`runner.run_jobs`).
+    `setups` are config keys by name. Runs that the store holds are not run again (`runner.run_jobs`). ConfigError
+    where a setup has a key that makes another run of a row: its wind or its seed.
     """
     rows, seeds = list(rows), list(seeds)
+    headings_deg = {}
+    for name, keys in setups.items():
+        headings_deg[name] = station_heading_deg(base, keys)
+        refuse_own(keys, (text for text in row_overrides(next(iter(ROWS)), 1) if text not in NO_SLOW_ERROR))
     names = [(setup, row, seed) for seed in seeds for row in rows for setup in setups]
-    jobs = [trial_job(name, base, (*row_overrides(row, seed), *setups[name]), window_s) for name, row, seed in names]
+    jobs = [
+        trial_job(name, base, (*row_overrides(row, seed, heading_deg=headings_deg[name]), *setups[name]), window_s)
+        for name, row, seed in names
+    ]
     finished = run_jobs(run_named_trial, jobs, store, workers=workers, tell=tell)
     scores: Scores = {}
+    held: Held = {}
     for (name, row, seed), result in zip(names, finished.results, strict=True):
         scores.setdefault((name, row), {})[seed] = result["truth"]["penalty_score"]
-    return scores, finished
+        held[name, row] = min(held.get((name, row), 1.0), result["held"])
+    return scores, held, finished
+
+
+def not_held(held: Held) -> list[dict[str, Any]]:
+    """Setups that had not the motors for the whole window, JSON-ready, as `held_words` takes them."""
+    return [{"row": row, "controller": name, "held": share} for (name, row), share in held.items() if share < 1.0]
+
+
+def held_words(cells: Sequence[Mapping[str, Any]], verdict: str) -> list[str]:
+    """Those cells in words, a line each, with what they cannot be; nothing where there are none."""
+    if not cells:
+        return []
+    lines = [f"- {title(cell['row'])}, {cell['controller']}: {cell['held']:.3f} at least" for cell in cells]
+    head = f"Without the motors for a part of the window, so {verdict}; the least share with them:"
+    return ["\n".join([head, "", *lines])]
 
 
 def compare(tried: Mapping[int, float], against: Mapping[int, float]) -> dict[str, Any]:

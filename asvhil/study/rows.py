@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+import math
+from collections.abc import Collection, Iterable, Iterator
+from typing import Any
 
+import yaml
+
+from asvhil.config import load_config
 from asvhil.errors import ConfigError
 from asvhil.study.trial import NO_NOISE, NO_SLOW_ERROR
 
@@ -39,9 +44,11 @@ def wind_of(row: str) -> str:
     return f"{speed_mps:g}@{abs(toward_deg):g}"
 
 
-def row_overrides(row: str, seed: int, *, noise: bool = True) -> tuple[str, ...]:
-    """The config keys of one run of a row; without `noise` neither gusts nor sensor noise."""
+def row_overrides(row: str, seed: int, *, noise: bool = True, heading_deg: float = 0.0) -> tuple[str, ...]:
+    """The config keys of one run of a row at a station of that heading; without `noise` no gusts, no sensor noise."""
     speed_mps, toward_deg = ROWS[row]
+    if heading_deg:  # at none the direction stays as the row has it: stored runs are known by it
+        toward_deg = math.remainder(toward_deg + heading_deg, 360.0)
     return (
         *NO_SLOW_ERROR,
         f"plant.seed={seed}",
@@ -49,6 +56,31 @@ def row_overrides(row: str, seed: int, *, noise: bool = True) -> tuple[str, ...]
         f"plant.weather.wind.toward_deg={toward_deg}",
         *(() if noise else NO_NOISE),
     )
+
+
+def station_heading_deg(base: str, overrides: tuple[str, ...]) -> float:
+    """The heading of a config's station, 0 without one. ConfigError where a key is wrong."""
+    station = load_config(base, overrides).supervisor.station
+    return 0.0 if station is None else station.heading_deg
+
+
+def refuse_own(overrides: Iterable[str], own: Iterable[str]) -> None:
+    """ConfigError where an override sets a key that the study sets itself; both as KEY=VALUE."""
+    keys = {text.partition("=")[0] for text in own}
+    for override in overrides:
+        key, _, text = override.partition("=")
+        for leaf in _leaves(key, yaml.safe_load(text)):
+            if leaf in keys:
+                raise ConfigError(f"--set {override}: key {leaf} is set by the study itself; leave it out")
+
+
+def _leaves(key: str, value: Any) -> Iterator[str]:
+    """The keys that a value sets: those below where it is a section."""
+    if not isinstance(value, dict):
+        yield key
+        return
+    for name, part in value.items():
+        yield from _leaves(f"{key}.{name}", part)
 
 
 def checked(names: list[str], known: Collection[str], option: str) -> list[str]:

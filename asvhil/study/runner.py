@@ -26,8 +26,9 @@ PACKAGE = Path(__file__).resolve().parents[1]
 # What decides how a run comes out; how studies count, draw and show their runs does not.
 DECISIVE = (
     *("types.py", "geo.py", "config", "dynamics", "io", "estimator", "controller", "supervisor.py", "backseat.py"),
-    *("build.py", "simplant", "study/trial.py", "study/metrics.py", "study/approach.py", "study/estimation.py"),
-    "study/abrupt.py",
+    *("build.py", "cadence.py", "known.py", "operations.py", "stations.py", "tunables.py", "mode_keeper.py"),
+    *("motor_check.py", "output_models.py", "output_watch.py", "pilot_watch.py", "simplant"),
+    *("study/trial.py", "study/metrics.py", "study/approach.py", "study/estimation.py", "study/abrupt.py"),
 )
 
 Result = dict[str, Any]

@@ -9,9 +9,9 @@ from typing import Any
 from asvhil.build import model_file
 from asvhil.config import LEARNED, load_config
 from asvhil.errors import ConfigError
-from asvhil.study.rows import FROM_S, ROWS, TO_S, row_overrides, wind_of
+from asvhil.study.rows import FROM_S, ROWS, TO_S, refuse_own, row_overrides, station_heading_deg, wind_of
 from asvhil.study.runner import Finished, Progress, run_jobs
-from asvhil.study.statistics import mean_ci95
+from asvhil.study.statistics import mean_ci95, mean_of_all
 from asvhil.study.trial import run_named_trial, trial_job
 
 CONTROLLERS: dict[str, str] = {  # label in the table: controller.name
@@ -88,12 +88,22 @@ def study_six_tests(
 ) -> dict[str, Any]:
     """The table of all runs, of which those that the store holds are not run again (`runner.run_jobs`).
 
-    `controllers` as `available` gives them. `bounds` are penalty scores by wind (`bound.read_bounds`).
+    `controllers` as `available` gives them. `bounds` are penalty scores by wind (`bound.read_bounds`). ConfigError
+    where a config key of a controller is one that the rows set.
     """
     rows, seeds = list(rows), list(seeds)
+    headings_deg = {}
+    for label, keys in controllers.items():
+        headings_deg[label] = station_heading_deg(base, keys)
+        refuse_own(keys, row_overrides(next(iter(ROWS)), 1, noise=noise))
     names = [(row, label, seed) for seed in seeds for row in rows for label in controllers]
     jobs = [
-        trial_job(label, base, (*controllers[label], *row_overrides(row, seed, noise=noise)), window_s)
+        trial_job(
+            label,
+            base,
+            (*controllers[label], *row_overrides(row, seed, noise=noise, heading_deg=headings_deg[label])),
+            window_s,
+        )
         for row, label, seed in names
     ]
     finished = run_jobs(run_named_trial, jobs, store, workers=workers, tell=tell)
@@ -145,16 +155,17 @@ def tabulate(runs: Sequence[Mapping[str, Any]], bounds: Mapping[str, float]) -> 
 def verdict(line: Mapping[str, Sequence[Mapping[str, Any]]]) -> dict[str, Any]:
     """Which controller has the lowest mean ps in a row, and by how much: differences of runs of the same seed.
 
-    `behind` are the differences of the others' ps to the winner's; `kind` is "ours" or "baseline". The reference does
-    not take part.
+    `behind` are the differences of the others' ps to the winner's; `kind` is "ours" or "baseline". Neither the
+    reference takes part nor those `barred`: without the motors all the time a score is not the controller's.
     """
+    barred = [label for label, part in line.items() if label != REFERENCE and any(run["held"] < 1.0 for run in part)]
     scores = {
         label: {run["seed"]: run["truth"]["penalty_score"] for run in part}
         for label, part in line.items()
-        if label != REFERENCE
+        if label != REFERENCE and label not in barred
     }
     if not scores:
-        return {"winner": None, "kind": None, "penalty_score": None, "behind": {}}
+        return {"winner": None, "kind": None, "penalty_score": None, "behind": {}, "barred": barred}
     means = {label: sum(part.values()) / len(part) for label, part in scores.items()}
     winner = min(means, key=lambda label: means[label])
     behind = {
@@ -167,6 +178,7 @@ def verdict(line: Mapping[str, Sequence[Mapping[str, Any]]]) -> dict[str, Any]:
         "kind": "ours" if winner in OURS else "baseline",
         "penalty_score": mean_ci95(list(scores[winner].values())),
         "behind": behind,
+        "barred": barred,
     }
 
 
@@ -177,21 +189,25 @@ def _cell(runs: Sequence[Mapping[str, Any]], limit: float) -> dict[str, Any]:
         "ps_by_seed": {str(run["seed"]): run["truth"]["penalty_score"] for run in runs},
         "truth": truth,
         "measured": _errors([run["measured"] for run in runs]),
-        "regret": ps / limit if limit > 0.0 else None,
+        "regret": ps / limit if limit > 0.0 and ps is not None else None,
         "energy_n2": mean_ci95([run["energy_n2"] for run in runs]),
         "held": min(run["held"] for run in runs),
     }
 
 
 def _errors(parts: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """Means over seeds; of the heading error both as it is and its magnitude, of which the score is made."""
+    """Means over seeds; of the heading error both as it is and its magnitude, of which the score is made.
+
+    All are None where a run has none: as measured, of a run that had no estimate in the window.
+    """
     distance, heading = [part["distance_m"] for part in parts], [part["heading_deg"] for part in parts]
+    farthest = [part["max_settled"] for part in distance]
     return {
-        "penalty_score": mean_ci95([part["penalty_score"] for part in parts]),
-        "e_d_m": mean_ci95([part["mean"] for part in distance]),
-        "s_d_m": mean_ci95([part["std"] for part in distance]),
-        "e_h_deg": mean_ci95([part["mean"] for part in heading]),
-        "abs_e_h_deg": mean_ci95([abs(part["mean"]) for part in heading]),
-        "s_h_deg": mean_ci95([part["std"] for part in heading]),
-        "max_distance_m": max(part["max_settled"] for part in distance),
+        "penalty_score": mean_of_all([part["penalty_score"] for part in parts]),
+        "e_d_m": mean_of_all([part["mean"] for part in distance]),
+        "s_d_m": mean_of_all([part["std"] for part in distance]),
+        "e_h_deg": mean_of_all([part["mean"] for part in heading]),
+        "abs_e_h_deg": mean_of_all([None if part["mean"] is None else abs(part["mean"]) for part in heading]),
+        "s_h_deg": mean_of_all([part["std"] for part in heading]),
+        "max_distance_m": None if None in farthest else max(farthest),
     }

@@ -14,9 +14,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from asvhil.study.comparison import held_words
 from asvhil.study.rows import along_the_wind, title
 from asvhil.study.six_tests import MAIN, OURS, REFERENCE
-from asvhil.study.statistics import count_of_seeds, plus_minus
+from asvhil.study.statistics import count_of_seeds, in_digits, other_code, plus_minus
 
 CUT = 2.2  # the axis ends at this many times our own highest bar: a law that drifts away must not set the scale
 
@@ -32,16 +33,17 @@ def report(study: Mapping[str, Any]) -> str:
         "Penalty score ps = e_d + s_d + |e_h| + s_h (m, degrees): mean ± half of the 95 % interval, lowest in bold; "
         "in brackets mean distance and magnitude of the mean heading error.",
         _table(study, _score, rows),
+        *held_words(_not_held(study), "no winner of its row"),
         *_words(study),
     ]
     if bounded:
         words = (
             "Regret: ps over the physical bound of the wind (`asvhil study bound`). Along the wind the bound is zero."
         )
-        parts += [words, _table(study, lambda cell, best: f"{cell['regret']:.3f}", bounded)]
+        parts += [words, _table(study, lambda cell, best: in_digits(cell["regret"], 3), bounded)]
     parts += [
         "Maximum distance to the station within the window, over all seeds (m).",
-        _table(study, lambda cell, best: f"{cell['truth']['max_distance_m']:.2f}", rows),
+        _table(study, lambda cell, best: in_digits(cell["truth"]["max_distance_m"]), rows),
         "Energy: mean squared thrust of a motor (1000 N²).",
         _table(study, _energy, rows),
         *study.get("left_out", []),
@@ -53,8 +55,9 @@ def report(study: Mapping[str, Any]) -> str:
 def verdict_line(row: str, verdict: Mapping[str, Any]) -> str:
     """Who wins a row and by how much, in words; a baseline's win is said first."""
     winner, behind = verdict["winner"], verdict["behind"]
+    barred = f"; barred: {', '.join(verdict['barred'])}" if verdict["barred"] else ""
     if winner is None:
-        return f"{title(row)}: no controller to compare."
+        return f"{title(row)}: no controller to compare{barred}."
     text = f"{title(row)}: {'**a baseline wins**: ' if verdict['kind'] == 'baseline' else ''}"
     text += f"{winner} has the lowest mean ps, {plus_minus(verdict['penalty_score'])}"
     told = []
@@ -64,7 +67,7 @@ def verdict_line(row: str, verdict: Mapping[str, Any]) -> str:
     baselines = [label for label in rest if label not in OURS]
     for label in dict.fromkeys([*rest[:1], *baselines[:1]]):
         told.append(f"{label} is {plus_minus(behind[label])} higher")
-    return f"{'; '.join([text, *told])}."
+    return f"{'; '.join([text, *told])}{barred}."
 
 
 def draw_bars(study: Mapping[str, Any], path: Path) -> None:
@@ -139,13 +142,22 @@ def _score(cell: Mapping[str, Any], best: bool) -> str:
     truth = cell["truth"]
     text = plus_minus(truth["penalty_score"])
     text = f"**{text}**" if best else text
-    return f"{text} ({truth['e_d_m']['mean']:.2f} m, {truth['abs_e_h_deg']['mean']:.2f}°)"
+    return f"{text} ({in_digits(truth['e_d_m']['mean'])} m, {in_digits(truth['abs_e_h_deg']['mean'])}°)"
 
 
 def _energy(cell: Mapping[str, Any], best: bool) -> str:
     energy = cell["energy_n2"]
     thousands = {"mean": energy["mean"] * 1e-3, "ci95": None if energy["ci95"] is None else energy["ci95"] * 1e-3}
     return plus_minus(thousands)
+
+
+def _not_held(study: Mapping[str, Any]) -> list[dict[str, Any]]:
+    return [
+        {"row": row, "controller": label, "held": cell["held"]}
+        for row, line in study["rows"].items()
+        for label, cell in line.items()
+        if cell["held"] < 1.0
+    ]
 
 
 def _words(study: Mapping[str, Any]) -> list[str]:
@@ -162,6 +174,4 @@ def _cost(study: Mapping[str, Any]) -> str:
     cost = study["cost"]
     spent = ", ".join(f"{label} {seconds / 60.0:.1f}" for label, seconds in cost["process_s"].items())
     text = f"Minutes of one process: {spent}; on {cost['processes']} processes {cost['minutes']:.1f} in all."
-    if cost["runs_of_other_code"]:
-        text += f" {cost['runs_of_other_code']} runs were made by another version of the code."
-    return text
+    return " ".join([text, *other_code(cost["runs_of_other_code"])])

@@ -10,6 +10,7 @@ import json
 import math
 import multiprocessing
 import os
+import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
@@ -19,6 +20,7 @@ from typing import Any
 import numpy as np
 
 from asvhil.config import Config, load_config
+from asvhil.errors import AsvhilError, ConfigError
 from asvhil.study.trial import NO_SLOW_ERROR, run_trial
 from asvhil.types import record
 
@@ -152,9 +154,13 @@ def tune(
 
     With a path every batch is saved there, and a search that was begun there with the same settings is taken up.
     The result depends on neither workers (0: none but this process) nor interruptions. KeyError where the controller
-    has no space.
+    has no space, ConfigError for a budget, seed or workers that cannot be, AsvhilError where the file at the path is
+    not of this search: it is left as it is.
     """
     space = SPACES[name]
+    for option, value, least in (("--budget", budget, 1), ("--seed", seed, 0), ("--workers", workers, 0)):
+        if value < least:
+            raise ConfigError(f"{option} {value}: at least {least} is expected")
     result: dict[str, Any] = {
         "controller": name,
         "command": f"python -m asvhil.study.tuning {name} --budget {budget} --seed {seed}",
@@ -173,9 +179,7 @@ def tune(
     }
     done: list[dict[str, Any]] = result["evaluations"]
     if path is not None and path.exists():
-        stored = json.loads(path.read_text(encoding="utf-8"))
-        if (stored["controller"], stored["settings"]) == (name, result["settings"]):
-            done += stored["evaluations"]
+        done += _stored(path, result)
     with _mapper(workers) as run:
         while len(done) < budget:
             batch = candidates(space, budget, seed, done)
@@ -219,6 +223,27 @@ def candidates(
     return batch
 
 
+def _stored(path: Path, result: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """The evaluations of a search that was begun. AsvhilError where the file is damaged or of other settings."""
+    try:
+        stored = json.loads(path.read_text(encoding="utf-8"))
+        had = {"controller": stored["controller"], **stored["settings"]}
+        done = [
+            {"values": dict(row["values"]), "ps": list(row["ps"]), "typical_ps": float(row["typical_ps"])}
+            for row in stored["evaluations"]
+        ]
+    except OSError as error:
+        raise AsvhilError(f"{path}: cannot be read ({error.strerror})") from None
+    except (ValueError, KeyError, TypeError):
+        raise AsvhilError(f"{path}: not a whole record of a search; move it away to begin anew") from None
+    asked = {"controller": result["controller"], **result["settings"]}
+    for key in [*asked, *had]:
+        if had.get(key) != asked.get(key):
+            words = f"its search had {key} {json.dumps(had.get(key))}, and this one has {json.dumps(asked.get(key))}"
+            raise AsvhilError(f"{path}: {words}; move it away to begin anew")
+    return done
+
+
 def _typical_ps(evaluation: dict[str, Any]) -> float:
     return float(evaluation["typical_ps"])
 
@@ -248,7 +273,11 @@ def main() -> None:
     parser.add_argument("--workers", type=int, default=2)
     given = parser.parse_args()
     path = RESULTS / f"{given.name}.json"
-    result = tune(given.name, given.budget, given.seed, print, path=path, workers=given.workers)
+    try:
+        result = tune(given.name, given.budget, given.seed, print, path=path, workers=given.workers)
+    except AsvhilError as error:
+        print(f"asvhil: {error}", file=sys.stderr)
+        sys.exit(2)
     print(json.dumps(result["best"], indent=1))
 
 

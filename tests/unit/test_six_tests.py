@@ -1,23 +1,38 @@
 """The six tests: what a run is, who wins a row, what the tables say."""
 
 import json
+import re
 import shutil
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from asvhil.config import load_config
 from asvhil.errors import ConfigError
-from asvhil.study.rows import ROWS, along_the_wind, checked, row_overrides, title, wind_of
+from asvhil.study import comparison, six_tests
+from asvhil.study.approach import study_approach
+from asvhil.study.metrics import PoseErrors, score
+from asvhil.study.rows import (
+    ROWS,
+    along_the_wind,
+    checked,
+    refuse_own,
+    row_overrides,
+    station_heading_deg,
+    title,
+    wind_of,
+)
 from asvhil.study.six_tests import CONTROLLERS, REFERENCE, available, study_six_tests, tabulate, verdict
 from asvhil.study.six_tests_report import draw_bars, report, verdict_line
+from asvhil.study.statistics import plus_minus
 from asvhil.study.trial import trial_job
 
 MODELS = Path(__file__).resolve().parents[2] / "config" / "models"
 SHIPPED = load_config("sitl").vehicle.name
 
 
-def run(row: str, controller: str, seed: int, ps: float, e_h_deg: float = 0.1) -> dict:
+def run(row: str, controller: str, seed: int, ps: float, e_h_deg: float = 0.1, held: float = 1.0) -> dict:
     errors = {
         "distance_m": {"mean": ps / 4, "std": ps / 8, "max": 14.3, "max_settled": ps / 2 + seed},
         "heading_deg": {"mean": e_h_deg, "std": ps / 2},
@@ -31,7 +46,7 @@ def run(row: str, controller: str, seed: int, ps: float, e_h_deg: float = 0.1) -
         "truth": errors,
         "measured": measured,
         "energy_n2": 1000.0 * seed,
-        "held": 1.0 - 0.1 * seed,
+        "held": held,
     }
 
 
@@ -81,6 +96,62 @@ def test_without_noise_there_is_neither_a_gust_nor_any_error_of_a_sensor():
     assert config.estimator.ekf.position_bias_std_m == 0.0 < load_config("sitl").estimator.ekf.position_bias_std_m
 
 
+def test_the_wind_of_a_row_is_from_the_stations_heading():
+    east = row_overrides("6", 1, heading_deg=90.0)
+    assert load_config("sitl", ("supervisor.station.heading_deg=90", *east)).plant.weather.wind.toward_deg == 180.0
+    assert "plant.weather.wind.toward_deg=45.0" in row_overrides("diagonal mirrored", 1, heading_deg=90.0)
+    # Stored runs are known by these.
+    assert row_overrides("6 mirrored", 1)[-1] == "plant.weather.wind.toward_deg=-90.0"
+    assert row_overrides("6 mirrored", 1, heading_deg=0.0) == row_overrides("6 mirrored", 1)
+    assert station_heading_deg("sitl", ("supervisor.station.heading_deg=90",)) == 90.0
+    assert station_heading_deg("sitl", ("supervisor.engage=command", "supervisor.station=null")) == 0.0
+
+
+def test_the_jobs_of_both_studies_have_the_wind_from_the_stations_heading(tmp_path, monkeypatch):
+    seen = []
+
+    def note(function, jobs, store, **rest):
+        seen.extend(load_config(*job.arguments[:2]).plant.weather.wind.toward_deg for job in jobs)
+        raise InterruptedError
+
+    monkeypatch.setattr(six_tests, "run_jobs", note)
+    monkeypatch.setattr(comparison, "run_jobs", note)
+    setups = {"LOITER": ("supervisor.station.heading_deg=90", "controller.name=loiter")}
+    with pytest.raises(InterruptedError):
+        study_six_tests(tmp_path / "x", controllers=setups, rows=["6"], seeds=[1])
+    with pytest.raises(InterruptedError):
+        comparison.run_setups(tmp_path / "x", setups, ["6"], [1], (1.0, 2.0))
+    assert seen == [180.0, 180.0]
+
+
+@pytest.mark.parametrize(
+    ("override", "key"),
+    [
+        ("plant.seed=7", "plant.seed"),
+        ("plant.weather.wind.speed_mps=9", "plant.weather.wind.speed_mps"),
+        ("plant.weather.wind={toward_deg: 9}", "plant.weather.wind.toward_deg"),
+        ("plant={seed: 7}", "plant.seed"),
+    ],
+)
+def test_a_key_that_a_study_sets_itself_is_refused(tmp_path, override, key):
+    words = re.escape(f"--set {override}: key {key} is set by the study itself; leave it out")
+    with pytest.raises(ConfigError, match=words):
+        study_six_tests(tmp_path / "x", controllers={"LOITER": (override,)}, rows=["1"], workers=0)
+    with pytest.raises(ConfigError, match=words):
+        comparison.run_setups(tmp_path / "x", {"LOITER": (override,)}, ["1"], [1], (1.0, 2.0), workers=0)
+    with pytest.raises(ConfigError, match=words):
+        study_approach(tmp_path / "x", 1, overrides=(override,), workers=0)
+    assert not (tmp_path / "x").exists()
+
+
+def test_other_keys_are_not_refused_and_the_approach_refuses_its_starts(tmp_path):
+    refuse_own(("plant.weather.wind={gust_along: 0}", "plant.seeds=1"), row_overrides("1", 1))
+    with pytest.raises(ConfigError, match=r"key plant\.start_n_m is set by the study itself"):
+        study_approach(tmp_path / "x", 1, overrides=("plant.start_n_m=5",), workers=0)
+    with pytest.raises(ConfigError, match="the value is not valid YAML"):
+        study_approach(tmp_path / "x", 1, overrides=("plant.seed=[",), workers=0)
+
+
 def test_the_best_mean_wins_and_the_reference_does_not_take_part():
     found = STUDY["verdicts"]["5"]
     assert (found["winner"], found["kind"]) == ("NNSEM-MPC", "ours")
@@ -101,12 +172,42 @@ def test_a_row_of_the_reference_alone_has_no_winner():
     assert verdict({REFERENCE: [run("5", REFERENCE, 1, 3.0)]})["winner"] is None
 
 
+def test_without_the_motors_all_the_time_nobody_wins_and_it_is_said():
+    """A boat that drifts, or that somebody else drives, may have the lowest score."""
+    runs = [
+        *(run("1", "NNSEM-MPC", seed, 1.0, held=held) for seed, held in ((1, 1.0), (2, 0.25))),
+        *(run("1", "LOITER", seed, 2.0) for seed in (1, 2)),
+        run("2", "LOITER", 1, 1.0, held=0.0),
+        run("2", REFERENCE, 1, 1.0, held=0.5),
+    ]
+    study = json.loads(json.dumps({**STUDY, **tabulate(runs, {})}))
+    found = study["verdicts"]
+    assert (found["1"]["winner"], found["1"]["barred"], found["1"]["behind"]) == ("LOITER", ["NNSEM-MPC"], {})
+    assert (found["2"]["winner"], found["2"]["barred"]) == (None, ["LOITER"])
+    text = report(study)
+    assert "- 1 (3 m/s toward 0°), NNSEM-MPC: 0.250 at least\n- 2 (6 m/s toward 0°), LOITER: 0.000 at least\n" in text
+    assert f"- 2 (6 m/s toward 0°), {REFERENCE}: 0.500 at least" in text
+    assert "2 (6 m/s toward 0°): no controller to compare; barred: LOITER." in text
+    assert "Without the motors" not in report(STUDY)
+
+
+def test_a_run_without_an_estimate_in_the_window_has_no_measured_errors():
+    blind = run("1", "LOITER", 1, 2.0, held=0.0)
+    empty = np.zeros(0)
+    blind["measured"] = score(PoseErrors(t_s=empty, distance_m=empty, heading_deg=empty), 60.0)
+    study = {**STUDY, **tabulate([blind, run("1", "LOITER", 2, 3.0)], {})}
+    measured = study["rows"]["1"]["LOITER"]["measured"]
+    assert measured["penalty_score"] == measured["abs_e_h_deg"] == {"mean": None, "ci95": None}
+    assert measured["max_distance_m"] is None and plus_minus(measured["penalty_score"]) == "-"
+    assert "LOITER: 0.000 at least" in report(study)
+
+
 def test_the_figures_of_a_cell_by_hand():
     cell = STUDY["rows"]["5"]["NNSEM-MPC"]
     assert cell["ps_by_seed"] == {"1": 4.0, "2": 5.0}
     assert cell["truth"]["penalty_score"]["mean"] == 4.5 and cell["measured"]["penalty_score"]["mean"] == 5.0
     assert cell["truth"]["max_distance_m"] == 4.5  # the larger of 2 + 1 and 2.5 + 2
-    assert cell["energy_n2"]["mean"] == 1500.0 and cell["held"] == 0.8
+    assert cell["energy_n2"]["mean"] == 1500.0 and cell["held"] == 1.0
     assert cell["regret"] == 4.5 / 3.6
     along = STUDY["rows"]["1"]["NNSEM-MPC"]
     assert along["regret"] is None

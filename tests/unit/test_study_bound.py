@@ -11,7 +11,18 @@ from asvhil.config import load_config
 from asvhil.dynamics.integrate import advance
 from asvhil.dynamics.rigid_body import SimplifiedDynamics
 from asvhil.errors import AsvhilError
-from asvhil.study.bound import INTERVALS, PERIODS_S, bound, figures, guesses, markdown, read_bounds
+from asvhil.study.bound import (
+    INTERVALS,
+    PERIODS_S,
+    bound,
+    bounds_tree,
+    figures,
+    guesses,
+    markdown,
+    plant_vessel,
+    read_bounds,
+    vessel_hash,
+)
 from asvhil.study.rows import ROWS, along_the_wind, wind_of
 
 CONFIG = load_config("sitl")
@@ -60,6 +71,33 @@ def test_the_file_comes_back_and_belongs_to_a_boat(orbit, tmp_path):
     assert line.startswith(f"| 3@90 | {orbit.penalty_score:.3f} | {orbit.period_s:.2f} |") and line.endswith("3 | 3 |")
 
 
+def test_the_bound_is_of_the_boat_and_not_of_what_the_controller_believes():
+    vessel = CONFIG.vehicle.vessel
+    heavy, light = (vessel.model_copy(update={"mass_kg": m_kg}) for m_kg in (500.0, 100.0))
+    vessels = {"plant.vessel": heavy, "controller.vessel": light}
+    keys = [f"{key}={json.dumps(part.model_dump(mode='json'))}" for key, part in vessels.items()]
+    config = load_config("sitl", ("controller.name=sd-mpc", *keys))
+    assert plant_vessel(CONFIG) == vessel and plant_vessel(config) == heavy
+    assert bounds_tree(config, {})["vessel_hash"] == vessel_hash(heavy) != vessel_hash(vessel)
+
+
+def test_bounds_of_other_values_of_a_vessel_are_one_line(tmp_path):
+    file = tmp_path / "bound.json"
+    tree = bounds_tree(CONFIG, {"3@90": {"penalty_score": 3.4}})
+    file.write_text(json.dumps(tree))
+    vessel = CONFIG.vehicle.vessel
+    assert read_bounds(file, "wamv16", vessel) == {"3@90": 3.4}
+    other = vessel.model_copy(update={"wind_sway_n_per_mps2": 9.0})
+    with pytest.raises(
+        AsvhilError, match=rf"bound\.json: vessel_hash \w{{16}}, but .* has {vessel_hash(other)}; .*DIR"
+    ):
+        read_bounds(file, "wamv16", other)
+    del tree["vessel_hash"]
+    file.write_text(json.dumps(tree))
+    with pytest.raises(AsvhilError, match=r"bound\.json: no vessel_hash, but"):
+        read_bounds(file, "wamv16", vessel)
+
+
 @pytest.mark.parametrize("text", ["", "[]", '{"vehicle": "wamv16"}', '{"vehicle": "wamv16", "winds": {"3@90": {}}}'])
 def test_another_file_is_one_line(tmp_path, text):
     file = tmp_path / "bound.json"
@@ -71,7 +109,7 @@ def test_another_file_is_one_line(tmp_path, text):
 
 
 def test_the_shipped_bounds_are_those_of_every_row_across_the_wind(orbit):
-    shipped = read_bounds(SHIPPED, CONFIG.vehicle.name)
+    shipped = read_bounds(SHIPPED, CONFIG.vehicle.name, plant_vessel(CONFIG))
     assert {wind_of(row) for row in ROWS if not along_the_wind(row)} == set(shipped)
     # Found from many starts; a few give the same.
     assert shipped["3@90"] == pytest.approx(orbit.penalty_score, rel=2e-3)

@@ -6,7 +6,7 @@ import pytest
 
 from asvhil.config import load_config
 from asvhil.simplant.lockstep import Lockstep
-from asvhil.study import learned_loop, robustness
+from asvhil.study import approach, learned_loop, robustness
 from asvhil.study.comparison import compare, vessel_override
 from asvhil.study.learned_loop import COEFFICIENTS, TRUE, off_name, off_vessel, signs, study_learned_loop
 from asvhil.study.robustness import CURRENT, PAIRS, crude_vessel, judge, setups, study_robustness
@@ -75,8 +75,12 @@ def test_the_setups_differ_in_what_they_say_alone():
 )
 def test_each_row_is_held_against_what_is_asked_of_it(pair, row, tried, what, met):
     names = PAIRS[pair]
-    found = judge(pair, row, {(names[0], row): {1: tried}, (names[1], row): {1: 1.0}})
+    scores = {(names[0], row): {1: tried}, (names[1], row): {1: 1.0}}
+    held = dict.fromkeys(scores, 1.0)
+    found = judge(pair, row, scores, held)
     assert list(found["asked"]) == [what] and found["met"] is met
+    for key in held:  # without the motors all the time nothing is met
+        assert judge(pair, row, scores, {**held, key: 0.9})["met"] is False
 
 
 def test_the_patterns_put_every_coefficient_off_by_thirty_percent():
@@ -104,6 +108,12 @@ def test_robustness_in_short(tmp_path):
         assert 0.5 < row["5"]["ratio"] < 2.0 and row["5"]["ps"]["mean"] > 3.0
     text = robustness.markdown(json.loads(json.dumps(found)))
     assert text.count("| 5 (3 m/s toward 90°) |") == 3 and "ratio at most 1.15" in text
+    assert found["not_held"] == [] and "Without the motors" not in text
+    lost = {**found, "not_held": [{"row": "5", "controller": "true model", "held": 0.5}]}
+    assert "- 5 (3 m/s toward 90°), true model: 0.500 at least" in robustness.markdown(lost)
+    assert "another version of the code" not in text
+    old = {**found, "cost": {**found["cost"], "runs_of_other_code": 6}}
+    assert "6 runs were made by another version of the code." in robustness.markdown(old)
     again = study_robustness(tmp_path / "trials.jsonl", controller=main, **keys)
     assert again == found  # nothing was run anew: the times are those of the first
 
@@ -126,4 +136,14 @@ def test_learned_models_in_short(tmp_path):
     assert set(found["cost"]["process_s"]) == {"NNSEM-MPC", TRUE, off_name(1), off_name(2)}
     text = learned_loop.markdown(json.loads(json.dumps(found)))
     assert "| 3 (3 m/s toward 180°) | NNSEM-MPC |" in text and "| thrust_curve | " in text
+    lost = {**found, "not_held": [{"row": "3", "controller": TRUE, "held": 0.5}]}
+    assert f"- 3 (3 m/s toward 180°), {TRUE}: 0.500 at least" in learned_loop.markdown(lost)
     assert {line.count("|") for line in text.splitlines() if line.startswith("| 3 ")} == {7}
+
+
+def test_the_approach_says_how_many_runs_other_code_made():
+    figures = {"duration_s": 180.0, **approach.summarise_approach([]), "runs_of_other_code": 0}
+    assert "another version" not in approach.markdown(figures)
+    assert "\n\n1 run was made by another version of the code.\n" in approach.markdown(
+        {**figures, "runs_of_other_code": 1}
+    )

@@ -126,6 +126,35 @@ def test_the_version_of_the_code_follows_the_sources_that_decide(tmp_path, monke
     assert runner.code_version.__wrapped__() != first
 
 
+# Loaded by a run in lockstep, without a say in how it comes out.
+NOT_DECISIVE = {
+    "__init__.py",  # the version's number
+    "errors.py",  # kinds of errors: what raises them is covered
+    "study/__init__.py",  # empty
+    "study/rows.py",  # makes the config of a run, whose hash is in the run's key
+    "study/runner.py",  # stores runs, and does not make them
+    "study/statistics.py",  # words of a report
+}
+LOADED = """
+import sys
+from asvhil.config import load_config
+from asvhil.study import abrupt, approach, estimation, trial
+for keys in ((), ("controller.name=loiter", "controller.procedure.enabled=true")):
+    trial.run_trial(load_config("sitl", keys), 0.5, 1.0)
+for name, module in list(sys.modules.items()):
+    if name.partition(".")[0] == "asvhil":
+        print(module.__file__)
+"""
+
+
+def test_all_that_a_run_in_lockstep_loads_is_in_the_version_of_the_code_or_excepted():
+    done = subprocess.run([sys.executable, "-c", LOADED], capture_output=True, text=True, check=True)
+    loaded = {str(Path(line).relative_to(runner.PACKAGE)) for line in done.stdout.splitlines()}
+    assert {"backseat.py", "simplant/plant.py", "study/trial.py", "controller/loiter.py"} <= loaded
+    covered = {name for name in loaded for part in runner.DECISIVE if Path(name).is_relative_to(part)}
+    assert loaded - covered == NOT_DECISIVE
+
+
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGINT])
 def test_a_study_that_is_killed_leaves_no_process_and_goes_on_where_it_was(tmp_path, number):
     store = tmp_path / "store.jsonl"

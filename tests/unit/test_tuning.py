@@ -1,11 +1,14 @@
 """The tuner: its search, its memory, and that its spaces fit the config."""
 
 import json
+import re
+import sys
 
 import numpy as np
 import pytest
 
 from asvhil.config import load_config
+from asvhil.errors import AsvhilError
 from asvhil.study import tuning
 from asvhil.study.tuning import SPACES, Parameter, candidates, overrides_of, tune, typical
 
@@ -28,6 +31,10 @@ def test_every_key_of_a_space_reaches_the_config_at_both_ends_of_its_range(name)
                 assert node == value
 
 
+# Every search on record is older than this key of NO_SLOW_ERROR: the filter looked for no slow error then, by default.
+SINCE_THE_RECORDS = {"estimator.ekf.position_bias_std_m=0"}
+
+
 def stored(name: str) -> list[dict]:
     """All evaluations on record: of the pilot search, and of the one that began at its best."""
     found = []
@@ -35,6 +42,9 @@ def stored(name: str) -> list[dict]:
         search = json.loads(path.read_text(encoding="utf-8"))
         assert search["settings"]["winds_mps_toward_deg"] == [list(wind) for wind in tuning.WINDS]
         assert search["settings"]["plant_seed"] == tuning.PLANT_SEED
+        assert search["settings"]["window_s"] == [tuning.FROM_S, tuning.TO_S] and search["settings"]["base"] == "sitl"
+        fixed = search["settings"]["fixed"]
+        assert fixed == [key for key in tuning.NO_SLOW_ERROR if key not in SINCE_THE_RECORDS]
         found += search["evaluations"]
     return found
 
@@ -99,11 +109,52 @@ def test_an_interrupted_search_goes_on_where_it_was_and_ends_alike(tmp_path):
     said.clear()
     assert tune("loiter", 6, 3, said.append, path=path, **SHORT) == whole
     assert len(said) == 1  # only the second batch was run
-    # A finished one runs nothing; another seed begins anew.
+    # A finished one runs nothing; a search with another seed leaves it alone.
     said.clear()
     assert tune("loiter", 6, 3, said.append, path=path, **SHORT) == whole and not said
-    other = tune("loiter", 1, 4, None, path=path, **SHORT)
-    assert len(other["evaluations"]) == 1 and len(json.loads(path.read_text())["evaluations"]) == 1
+    with pytest.raises(AsvhilError, match=r"its search had seed 3, and this one has 4; move it away"):
+        tune("loiter", 6, 4, None, path=path, **SHORT)
+    assert json.loads(path.read_text()) == whole
+
+
+def refused(monkeypatch, capsys, *arguments: str) -> str:
+    """The one line with which the command ends, before any run."""
+    monkeypatch.setattr(tuning, "evaluate", None)
+    monkeypatch.setattr(sys, "argv", ["tuning", "loiter", "--workers", "0", *arguments])
+    with pytest.raises(SystemExit) as ended:
+        tuning.main()
+    assert ended.value.code == 2
+    lines = capsys.readouterr().err.splitlines()
+    assert len(lines) == 1
+    return lines[0]
+
+
+def test_a_record_of_other_settings_is_named_and_left_as_it_is(tmp_path, monkeypatch, capsys):
+    before = (tuning.RESULTS / "loiter.json").read_bytes()
+    path = tmp_path / "loiter.json"
+    path.write_bytes(before)
+    monkeypatch.setattr(tuning, "RESULTS", tmp_path)
+    line = refused(monkeypatch, capsys)
+    assert line.startswith(f"asvhil: {path}: its search had fixed [") and line.endswith("move it away to begin anew")
+    assert path.read_bytes() == before
+
+
+@pytest.mark.parametrize("text", ['{"controller": "loiter", "settings"', "[]", "{}", "\x00", '{"settings": 1}'])
+def test_a_damaged_record_is_one_line_and_left_as_it_is(tmp_path, monkeypatch, capsys, text):
+    path = tmp_path / "loiter.json"
+    path.write_text(text)
+    monkeypatch.setattr(tuning, "RESULTS", tmp_path)
+    assert re.fullmatch(r"asvhil: .*loiter\.json: not a whole record of a search; .*", refused(monkeypatch, capsys))
+    assert path.read_text() == text
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [(("--budget", "0"), "--budget 0: at least 1"), (("--seed=-1",), "--seed -1"), (("--workers=-1",), "--workers -1")],
+)
+def test_a_number_that_cannot_be_is_one_line(tmp_path, monkeypatch, capsys, arguments, words):
+    monkeypatch.setattr(tuning, "RESULTS", tmp_path)
+    assert words in refused(monkeypatch, capsys, *arguments)
 
 
 def test_a_controller_without_a_space_is_an_error():
