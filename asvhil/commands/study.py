@@ -9,6 +9,7 @@ import typer
 
 from asvhil.commands import study_runs
 from asvhil.commands.options import JsonOption
+from asvhil.commands.study_views import check_output
 from asvhil.commands.views import progress, write_json
 
 app = typer.Typer(no_args_is_help=True, help="Studies behind the tables under docs/results.")
@@ -39,6 +40,7 @@ def models(
                 raise LogError(f"{run.log}: the manoeuvres ended after {run.held_s:.0f} s: {run.reason}")
         return [run.log for run in runs]
 
+    check_output(output, "models", json_)
     rough = any(job.waves for job in chosen_jobs(only, ode_iterations))
     console = Console()
     with progress(console) as bar:

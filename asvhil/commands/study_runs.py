@@ -10,7 +10,7 @@ from typing import Annotated, Any
 import typer
 
 from asvhil.commands.options import JsonOption, SetOption
-from asvhil.commands.study_views import bounds_at_hand, finish, folder, say, watching
+from asvhil.commands.study_views import bounds_at_hand, check_output, finish, say, watching
 from asvhil.commands.views import progress
 from asvhil.errors import ConfigError
 
@@ -46,6 +46,7 @@ def bound(
     from asvhil.study.bound import markdown
 
     settings = load_config(config, tuple(set_))
+    check_output(output, "bound", json_)
     model = SimplifiedDynamics(settings.controller.vessel or settings.vehicle.vessel)
     winds: dict[str, Any] = {}
     console = Console()
@@ -95,9 +96,11 @@ def six_tests(
     if not chosen:
         raise ConfigError("no controller is left to run")
     limits = bounds_at_hand(console, bounds, config, tuple(set_))
+    stem = "six-tests" if noise else "six-tests-no-noise"
+    check_output(output, stem, json_)
     with watching(console, "six tests") as tell:
         figures = study_six_tests(
-            folder(output) / "trials.jsonl",
+            output / "trials.jsonl",
             controllers=chosen,
             rows=rows,
             seeds=range(1, 2 if quick or not noise else seeds + 1),
@@ -109,9 +112,7 @@ def six_tests(
             tell=tell,
         )
     figures["left_out"] = left_out
-    stem = "six-tests" if noise else "six-tests-no-noise"
-    draw_bars(figures, output / f"{stem}.png")
-    finish(console, output, stem, figures, report, json_)
+    finish(console, output, stem, figures, report, json_, lambda path: draw_bars(figures, path))
 
 
 def solvers(
@@ -145,7 +146,7 @@ def solvers(
     if not settings.controller.name.endswith("-mpc"):
         raise ConfigError(f"key controller.name: {settings.controller.name} has no solver; an MPC is needed")
     file = model_file(settings)
-    folder(output)
+    check_output(output, "solvers", json_)
     console = Console()
     with progress(console) as bar:
         task = bar.add_task("solvers", total=None)
@@ -161,8 +162,7 @@ def solvers(
             peer_model_file="" if file is None else str(file),
             progress=lambda what, done, of: bar.update(task, description=what, completed=done, total=of),
         )
-    draw_solvers(figures, output / "solvers.png")
-    finish(console, output, "solvers", figures, solver_table, json_)
+    finish(console, output, "solvers", figures, solver_table, json_, lambda path: draw_solvers(figures, path))
 
 
 def approach(
@@ -180,10 +180,11 @@ def approach(
     from asvhil.study.approach import DURATION_S, markdown, study_approach
     from asvhil.study.approach_figure import draw_tracks
 
+    check_output(output, "approach", json_)
     console = Console()
     with watching(console, "approach") as tell:
         figures, outcomes = study_approach(
-            folder(output) / "approach.jsonl",
+            output / "approach.jsonl",
             min(runs, 4) if quick else runs,
             seed,
             overrides=tuple(set_),
@@ -191,8 +192,7 @@ def approach(
             workers=workers,
             tell=tell,
         )
-    draw_tracks(outcomes, output / "approach.png")
-    finish(console, output, "approach", figures, markdown, json_)
+    finish(console, output, "approach", figures, markdown, json_, lambda path: draw_tracks(outcomes, path))
 
 
 def robustness(
@@ -214,11 +214,13 @@ def robustness(
     from asvhil.study.six_tests import MAIN, controller_overrides
 
     rows = checked(row, ROWS, "--row")
+    controller = controller_overrides(MAIN, models, config, tuple(set_))
+    check_output(output, "robustness", json_)
     console = Console()
     with watching(console, "robustness") as tell:
         figures = study_robustness(
-            folder(output) / "trials.jsonl",
-            controller=controller_overrides(MAIN, models, config, tuple(set_)),
+            output / "trials.jsonl",
+            controller=controller,
             rows=rows,
             seeds=range(1, 2 if quick else seeds + 1),
             window_s=QUICK_S if quick else (FROM_S, TO_S),
@@ -250,10 +252,11 @@ def learned_loop(
 
     overrides = tuple(set_)
     learned = {name: controller_overrides(name, models, config, overrides) for name in LEARNED}
+    check_output(output, "learned-loop", json_)
     console = Console()
     with watching(console, "learned models") as tell:
         figures = study_learned_loop(
-            folder(output) / "trials.jsonl",
+            output / "trials.jsonl",
             learned=learned,
             seeds=range(1, 2 if quick else seeds + 1),
             patterns=min(patterns, 2) if quick else patterns,
@@ -286,14 +289,18 @@ def estimator(
 
     sets = checked(set_of, SETS, "--sensors")
     plan = QUICK if quick else dataclasses.replace(FULL, seeds=range(1, seeds + 1))
+    check_output(output, "estimator", json_)
     console = Console()
     with watching(console, "estimators") as tell:
         figures = study_estimators(
-            folder(output) / "estimator.jsonl", plan=plan, sets=sets, overrides=tuple(set_), workers=workers, tell=tell
+            output / "estimator.jsonl", plan=plan, sets=sets, overrides=tuple(set_), workers=workers, tell=tell
         )
-    draw_estimators(figures, output / "estimator.png")
-    figures.pop("traces")  # for the picture alone
-    finish(console, output, "estimator", figures, report, json_)
+    traces = figures.pop("traces")  # for the picture alone
+
+    def draw(path: Path) -> None:
+        draw_estimators(figures | {"traces": traces}, path)
+
+    finish(console, output, "estimator", figures, report, json_, draw)
 
 
 COMMANDS: dict[str, Callable[..., None]] = {

@@ -1,0 +1,77 @@
+"""What `asvhil study` leaves: checked before anything runs, tables before pictures, and a line for what cannot be."""
+
+import json
+import sys
+from pathlib import Path
+
+import pytest
+from rich.console import Console
+
+from asvhil.cli import main
+from asvhil.commands.study_views import check_output, finish
+from asvhil.errors import AsvhilError
+
+
+def mistake(arguments: list[str], monkeypatch, capsys) -> str:
+    """The one line that a command ends with."""
+    monkeypatch.setattr(sys, "argv", ["asvhil", "study", *arguments])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == 2
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1
+    return said
+
+
+def nothing_runs(*arguments, **keys):
+    raise AssertionError("it was to be refused before anything runs")
+
+
+@pytest.fixture
+def idle(monkeypatch):
+    """No study, search or solver may begin."""
+    for name in ("six_tests", "approach", "estimators", "robustness", "learned_loop"):
+        monkeypatch.setattr(f"asvhil.study.{name}.run_jobs", nothing_runs, raising=False)
+    for name in ("bound.bound", "solvers._drive", "model_logs.collect_logs"):
+        monkeypatch.setattr(f"asvhil.study.{name}", nothing_runs)
+
+
+@pytest.mark.usefixtures("idle")
+@pytest.mark.parametrize(
+    ("study", "stem"),
+    [
+        ("bound", "bound"),
+        ("six-tests", "six-tests"),
+        ("solvers", "solvers"),
+        ("approach", "approach"),
+        ("robustness", "robustness"),
+        ("learned-loop", "learned-loop"),
+        ("estimator", "estimator"),
+        ("models", "models"),
+    ],
+)
+def test_what_cannot_be_written_is_said_before_anything_runs(study, stem, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    for ending in ("png", "md", "json"):
+        Path(f"{ending}/{stem}.{ending}").mkdir(parents=True)
+        said = mistake([study, "-o", ending], monkeypatch, capsys)
+        assert f"{ending}/{stem}.{ending}: cannot be written (Is a directory)" in said
+    said = mistake([study, "-o", "out", "--json", "nowhere/figures.json"], monkeypatch, capsys)
+    assert "--json nowhere/figures.json: cannot be written (No such file or directory)" in said
+
+
+def test_a_check_leaves_nothing_but_the_folder(tmp_path):
+    check_output(tmp_path / "out", "six-tests", tmp_path / "figures.json")
+    assert [path.name for path in tmp_path.iterdir()] == ["out"] and not list((tmp_path / "out").iterdir())
+
+
+def test_a_picture_that_fails_takes_no_table_with_it(tmp_path):
+    def draw(path: Path) -> None:
+        raise OSError(28, "No space left on device")
+
+    figures = {"ps": 1.0}
+    with pytest.raises(AsvhilError, match=r"six-tests\.png: cannot be written \(No space left on device\)"):
+        finish(Console(), tmp_path, "six-tests", figures, lambda _: "| ps |\n", tmp_path / "out.json", draw)
+    assert json.loads((tmp_path / "six-tests.json").read_text()) == figures
+    assert json.loads((tmp_path / "out.json").read_text()) == figures
+    assert "| ps |" in (tmp_path / "six-tests.md").read_text(encoding="utf-8")
