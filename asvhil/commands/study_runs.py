@@ -12,7 +12,7 @@ import typer
 from asvhil.commands.options import JsonOption, SetOption
 from asvhil.commands.study_views import bounds_at_hand, check_output, finish, say, watching
 from asvhil.commands.views import progress
-from asvhil.errors import ConfigError
+from asvhil.errors import AsvhilError, ConfigError
 
 RUNS = Path("runs/study")
 
@@ -46,19 +46,22 @@ def bound(
     from asvhil.study.bound import markdown
 
     settings = load_config(config, tuple(set_))
+    sectors = [parse_wind(text) for text in wind]
     check_output(output, "bound", json_)
     model = SimplifiedDynamics(settings.controller.vessel or settings.vehicle.vessel)
     winds: dict[str, Any] = {}
     console = Console()
     with progress(console) as bar:
         task = bar.add_task("bound", total=starts * len(wind))
-        for number, text in enumerate(wind):
-            sector = parse_wind(text)
+        for number, (text, sector) in enumerate(zip(wind, sectors, strict=True)):
 
             def show(done: int, of: int, before: int = number * starts, name: str = text) -> None:
                 bar.update(task, completed=before + done, description=name)
 
-            orbit = best_orbit(model, sector.speed_mps, math.radians(sector.toward_deg), starts, show)
+            try:
+                orbit = best_orbit(model, sector.speed_mps, math.radians(sector.toward_deg), starts, show)
+            except RuntimeError as error:
+                raise AsvhilError(f"--wind {text}: {error}; give less wind, or more --starts than {starts}") from None
             winds[f"{sector.speed_mps:g}@{sector.toward_deg:g}"] = figures_of(orbit)
     finish(console, output, "bound", {"vehicle": settings.vehicle.name, "winds": winds}, markdown, json_)
 
@@ -120,7 +123,7 @@ def solvers(
     ticks: Annotated[int, typer.Option(min=2, help="Control ticks of each solver's closed loop.")] = 250,
     problems: Annotated[int, typer.Option(min=1, help="Recorded problems that are held against their optimum.")] = 200,
     solver: Annotated[list[str], typer.Option(help="One solver; repeatable. The first is the one compared to.")] = [],  # noqa: B006
-    horizon: Annotated[float, typer.Option(min=0.4, help="Seconds, on a uniform grid.")] = 4.0,
+    horizon: Annotated[float, typer.Option(help="Seconds: 2 to 200 steps of mpc.first_step_s, all alike.")] = 4.0,
     peer: Annotated[str, typer.Option(help="Command of a peer that takes a problem file, as in tests/peers.")] = "",
     config: ConfigOption = "sitl",
     quick: QuickOption = False,
@@ -128,14 +131,12 @@ def solvers(
     json_: JsonOption = None,
 ) -> None:
     """All solvers side by side on one core: time of a step, gap to the optimum, and what the boat makes of it."""
-    import shlex
-
     from rich.console import Console
 
     from asvhil.build import build_model, model_file
     from asvhil.config import load_config
     from asvhil.study.solver_report import draw_solvers, solver_table
-    from asvhil.study.solvers import SOLVERS, study_solvers
+    from asvhil.study.solvers import SOLVERS, checked_study, study_solvers
 
     for name in solver:
         if name not in SOLVERS:
@@ -145,6 +146,8 @@ def solvers(
     settings = load_config(config, tuple(set_))
     if not settings.controller.name.endswith("-mpc"):
         raise ConfigError(f"key controller.name: {settings.controller.name} has no solver; an MPC is needed")
+    command = _peer_command(peer)
+    checked_study(settings, solver or SOLVERS, horizon)
     file = model_file(settings)
     check_output(output, "solvers", json_)
     console = Console()
@@ -158,11 +161,27 @@ def solvers(
             solvers=solver or SOLVERS,
             limit_problems=min(problems, 4) if quick else problems,
             horizon_s=horizon,
-            peer=shlex.split(peer),
+            peer=command,
             peer_model_file="" if file is None else str(file),
             progress=lambda what, done, of: bar.update(task, description=what, completed=done, total=of),
         )
     finish(console, output, "solvers", figures, solver_table, json_, lambda path: draw_solvers(figures, path))
+    if "peer_failed" in figures:
+        raise AsvhilError(f"--peer {figures['peer_failed']}; the other solvers' figures are written")
+
+
+def _peer_command(text: str) -> list[str]:
+    """The words of --peer. ConfigError where they are no command, or there is no such program."""
+    import shlex
+    import shutil
+
+    try:
+        words = shlex.split(text)
+    except ValueError as error:
+        raise ConfigError(f"--peer {text}: no command ({error}); PROGRAM and its arguments are expected") from None
+    if words and shutil.which(words[0]) is None:
+        raise ConfigError(f"--peer {words[0]}: no such program, or not one that may be run")
+    return words
 
 
 def approach(

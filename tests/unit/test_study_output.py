@@ -75,3 +75,30 @@ def test_a_picture_that_fails_takes_no_table_with_it(tmp_path):
     assert json.loads((tmp_path / "six-tests.json").read_text()) == figures
     assert json.loads((tmp_path / "out.json").read_text()) == figures
     assert "| ps |" in (tmp_path / "six-tests.md").read_text(encoding="utf-8")
+
+
+@pytest.mark.usefixtures("idle")
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["solvers", "--peer", '"'], '--peer ": no command (No closing quotation)'),
+        (["solvers", "--peer", "/nowhere/python peer.py"], "--peer /nowhere/python: no such program"),
+        (["solvers", "--horizon", "inf"], "--horizon inf: 0.4 to 40 s are expected"),
+        (["solvers", "--horizon", "nan"], "--horizon nan: 0.4 to 40 s are expected"),
+        (["solvers", "--horizon", "1e9"], "--horizon 1e+09: 0.4 to 40 s are expected"),
+        (["bound", "--wind", "3@90", "--wind", "6@"], "--wind 6@: SPEED@DEG is expected"),
+    ],
+)
+def test_a_mistake_is_one_line_before_anything_runs(arguments, words, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert words in mistake(arguments, monkeypatch, capsys)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_wind_without_a_bound_is_named(tmp_path, monkeypatch, capsys):
+    def none(model, wind_mps, *arguments):
+        raise RuntimeError(f"no periodic motion was found in a wind of {wind_mps:g} m/s")
+
+    monkeypatch.setattr("asvhil.study.bound.bound", none)
+    said = mistake(["bound", "--wind", "60@90", "-o", str(tmp_path)], monkeypatch, capsys)
+    assert "--wind 60@90: no periodic motion was found in a wind of 60 m/s; give less wind" in said
