@@ -35,6 +35,8 @@ def watching(console: Any, what: str) -> Iterator[Callable[[Progress], None]]:
         task = bar.add_task(what, total=None)
 
         def tell(now: Progress) -> None:
+            if now.note:
+                say(bar.console, f"{what}: {now.note}")
             to_go = "" if now.remaining_s is None else f", {minutes(now.remaining_s)} to go"
             bar.update(task, completed=now.done, total=now.total, description=f"{what}{to_go}")
             if now.total_s is not None and not said["expected"]:
