@@ -214,6 +214,12 @@ def approach(
     finish(console, output, "approach", figures, markdown, json_, lambda path: draw_tracks(outcomes, path))
 
 
+def _check_models(models: Path | None) -> None:
+    """ConfigError where there is no such folder: the shipped models would run unnoticed."""
+    if models is not None and not models.is_dir():
+        raise ConfigError(f"--models {models}: no such folder")
+
+
 def robustness(
     output: OutOption = RUNS,
     seeds: SeedsOption = 5,
@@ -233,6 +239,7 @@ def robustness(
     from asvhil.study.six_tests import MAIN, controller_overrides
 
     rows = checked(row, ROWS, "--row")
+    _check_models(models)
     controller = controller_overrides(MAIN, models, config, tuple(set_))
     check_output(output, "robustness", json_)
     console = Console()
@@ -270,6 +277,7 @@ def learned_loop(
     from asvhil.study.six_tests import controller_overrides
 
     overrides = tuple(set_)
+    _check_models(models)
     learned = {name: controller_overrides(name, models, config, overrides) for name in LEARNED}
     check_output(output, "learned-loop", json_)
     console = Console()

@@ -86,6 +86,8 @@ def test_a_picture_that_fails_takes_no_table_with_it(tmp_path):
         (["solvers", "--horizon", "inf"], "--horizon inf: 0.4 to 40 s are expected"),
         (["solvers", "--horizon", "nan"], "--horizon nan: 0.4 to 40 s are expected"),
         (["solvers", "--horizon", "1e9"], "--horizon 1e+09: 0.4 to 40 s are expected"),
+        (["robustness", "--models", "typo"], "--models typo: no such folder"),
+        (["learned-loop", "--models", "typo"], "--models typo: no such folder"),
         (["bound", "--wind", "3@90", "--wind", "6@"], "--wind 6@: SPEED@DEG is expected"),
     ],
 )
