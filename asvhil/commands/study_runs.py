@@ -10,7 +10,7 @@ from typing import Annotated, Any
 import typer
 
 from asvhil.commands.options import JsonOption, SetOption
-from asvhil.commands.study_views import bounds_at_hand, check_output, finish, say, watching
+from asvhil.commands.study_views import bounds_at_hand, check_output, finish, say, stem_of, watching
 from asvhil.commands.views import progress
 from asvhil.errors import AsvhilError, ConfigError
 
@@ -99,7 +99,7 @@ def six_tests(
     if not chosen:
         raise ConfigError("no controller is left to run")
     limits = bounds_at_hand(console, bounds, config, tuple(set_))
-    stem = "six-tests" if noise else "six-tests-no-noise"
+    stem = stem_of("six-tests" if noise else "six-tests-no-noise", quick)
     check_output(output, stem, json_)
     with watching(console, "six tests") as tell:
         figures = study_six_tests(
@@ -149,7 +149,8 @@ def solvers(
     command = _peer_command(peer)
     checked_study(settings, solver or SOLVERS, horizon)
     file = model_file(settings)
-    check_output(output, "solvers", json_)
+    stem = stem_of("solvers", quick)
+    check_output(output, stem, json_)
     console = Console()
     with progress(console) as bar:
         task = bar.add_task("solvers", total=None)
@@ -165,7 +166,7 @@ def solvers(
             peer_model_file="" if file is None else str(file),
             progress=lambda what, done, of: bar.update(task, description=what, completed=done, total=of),
         )
-    finish(console, output, "solvers", figures, solver_table, json_, lambda path: draw_solvers(figures, path))
+    finish(console, output, stem, figures, solver_table, json_, lambda path: draw_solvers(figures, path))
     if "peer_failed" in figures:
         raise AsvhilError(f"--peer {figures['peer_failed']}; the other solvers' figures are written")
 
@@ -199,7 +200,8 @@ def approach(
     from asvhil.study.approach import DURATION_S, markdown, study_approach
     from asvhil.study.approach_figure import draw_tracks
 
-    check_output(output, "approach", json_)
+    stem = stem_of("approach", quick)
+    check_output(output, stem, json_)
     console = Console()
     with watching(console, "approach") as tell:
         figures, outcomes = study_approach(
@@ -211,7 +213,7 @@ def approach(
             workers=workers,
             tell=tell,
         )
-    finish(console, output, "approach", figures, markdown, json_, lambda path: draw_tracks(outcomes, path))
+    finish(console, output, stem, figures, markdown, json_, lambda path: draw_tracks(outcomes, path))
 
 
 def _check_models(models: Path | None) -> None:
@@ -241,7 +243,8 @@ def robustness(
     rows = checked(row, ROWS, "--row")
     _check_models(models)
     controller = controller_overrides(MAIN, models, config, tuple(set_))
-    check_output(output, "robustness", json_)
+    stem = stem_of("robustness", quick)
+    check_output(output, stem, json_)
     console = Console()
     with watching(console, "robustness") as tell:
         figures = study_robustness(
@@ -255,7 +258,7 @@ def robustness(
             workers=workers,
             tell=tell,
         )
-    finish(console, output, "robustness", figures, markdown, json_)
+    finish(console, output, stem, figures, markdown, json_)
 
 
 def learned_loop(
@@ -279,7 +282,8 @@ def learned_loop(
     overrides = tuple(set_)
     _check_models(models)
     learned = {name: controller_overrides(name, models, config, overrides) for name in LEARNED}
-    check_output(output, "learned-loop", json_)
+    stem = stem_of("learned-loop", quick)
+    check_output(output, stem, json_)
     console = Console()
     with watching(console, "learned models") as tell:
         figures = study_learned_loop(
@@ -293,7 +297,7 @@ def learned_loop(
             workers=workers,
             tell=tell,
         )
-    finish(console, output, "learned-loop", figures, markdown, json_)
+    finish(console, output, stem, figures, markdown, json_)
 
 
 def estimator(
@@ -316,7 +320,8 @@ def estimator(
 
     sets = checked(set_of, SETS, "--sensors")
     plan = QUICK if quick else dataclasses.replace(FULL, seeds=range(1, seeds + 1))
-    check_output(output, "estimator", json_)
+    stem = stem_of("estimator", quick)
+    check_output(output, stem, json_)
     console = Console()
     with watching(console, "estimators") as tell:
         figures = study_estimators(
@@ -327,7 +332,7 @@ def estimator(
     def draw(path: Path) -> None:
         draw_estimators(figures | {"traces": traces}, path)
 
-    finish(console, output, "estimator", figures, report, json_, draw)
+    finish(console, output, stem, figures, report, json_, draw)
 
 
 COMMANDS: dict[str, Callable[..., None]] = {

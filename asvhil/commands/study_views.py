@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from asvhil.commands.views import progress, write_json
 from asvhil.errors import AsvhilError
+from asvhil.study.page import head_of, write_page
 
 if TYPE_CHECKING:
     from asvhil.study.runner import Progress
@@ -54,11 +55,15 @@ def watching(console: Any, what: str) -> Iterator[Callable[[Progress], None]]:
 
 
 def check_output(output: Path | None, stem: str, json_: Path | None) -> None:
-    """Before hours of work: makes the folder. AsvhilError where it, a file of it or the --json file is out of reach."""
+    """Before hours of work: makes the folder. AsvhilError where it, a file of it or the --json file is out of reach.
+
+    Also where the page in the folder would be overwritten (`page.head_of`).
+    """
     if output is not None:
         folder(output)
         for ending in ("json", "md", "png"):
             _check_writable(output / f"{stem}.{ending}", "")
+        head_of(output / f"{stem}.md")
     if json_ is not None:
         _check_writable(json_, "--json ")
 
@@ -79,7 +84,7 @@ def finish(
         with _writing(output / f"{stem}.json") as file:
             file.write_text(json.dumps(figures, indent=1) + "\n", encoding="utf-8")
         with _writing(output / f"{stem}.md") as file:
-            file.write_text(text, encoding="utf-8")
+            write_page(file, text)
     write_json(json_, figures)
     say(console, text)
     if output is not None and draw is not None:  # after the tables: a picture that fails takes nothing with it
@@ -93,6 +98,11 @@ def folder(path: Path) -> Path:
     except OSError as error:
         raise AsvhilError(f"-o {path}: cannot be made ({error.strerror})") from None
     return path
+
+
+def stem_of(study: str, quick: bool) -> str:
+    """The name of its files: quick runs stand apart, so that they never take the place of full tables."""
+    return f"{study}-quick" if quick else study
 
 
 @contextmanager

@@ -10,6 +10,7 @@ from rich.console import Console
 from asvhil.cli import main
 from asvhil.commands.study_views import check_output, finish
 from asvhil.errors import AsvhilError
+from asvhil.study.page import MARKER
 
 
 def mistake(arguments: list[str], monkeypatch, capsys) -> str:
@@ -104,3 +105,35 @@ def test_a_wind_without_a_bound_is_named(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr("asvhil.study.bound.bound", none)
     said = mistake(["bound", "--wind", "60@90", "-o", str(tmp_path)], monkeypatch, capsys)
     assert "--wind 60@90: no periodic motion was found in a wind of 60 m/s; give less wind" in said
+
+
+def test_what_people_wrote_above_the_marker_stays_as_it_is(tmp_path):
+    page = tmp_path / "six-tests.md"
+    finish(Console(), tmp_path, "six-tests", {}, lambda _: "| first |\n", None)
+    assert page.read_text(encoding="utf-8") == f"{MARKER}\n\n| first |\n"
+    written = "# Die sechs Tests: 5 ± 1°\r\n\n".encode()
+    page.write_bytes(written + page.read_bytes())
+    finish(Console(), tmp_path, "six-tests", {}, lambda _: "| second ± |\n", None)
+    assert page.read_bytes() == written + f"{MARKER}\n\n| second ± |\n".encode()
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["six-tests.json", "six-tests.md"]
+
+
+@pytest.mark.usefixtures("idle")
+def test_a_page_without_the_marker_is_refused_and_left_alone(tmp_path, monkeypatch, capsys):
+    page = tmp_path / "robustness.md"
+    page.write_text("someone's words\n")
+    said = mistake(["robustness", "-o", str(tmp_path)], monkeypatch, capsys)
+    assert f"robustness.md: would be overwritten; add the line {MARKER}" in said
+    assert page.read_text() == "someone's words\n"
+
+
+def test_a_quick_run_stands_beside_the_full_tables(tmp_path, monkeypatch):
+    monkeypatch.setattr("asvhil.study.robustness.study_robustness", lambda *arguments, **keys: {})
+    monkeypatch.setattr("asvhil.study.robustness.markdown", lambda figures: "| quick |\n")
+    (tmp_path / "robustness.md").write_text(f"{MARKER}\n\nfull\n")
+    monkeypatch.setattr(sys, "argv", ["asvhil", "study", "robustness", "--quick", "-o", str(tmp_path)])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert not ended.value.code
+    assert "full" in (tmp_path / "robustness.md").read_text()
+    assert "| quick |" in (tmp_path / "robustness-quick.md").read_text()
