@@ -9,6 +9,7 @@ import typer
 
 from asvhil.commands import study_runs
 from asvhil.commands.options import JsonOption
+from asvhil.commands.study_views import check_output
 from asvhil.commands.views import progress, write_json
 
 app = typer.Typer(no_args_is_help=True, help="Studies behind the tables under docs/results.")
@@ -30,7 +31,7 @@ def models(
     from asvhil.errors import LogError
     from asvhil.study.model_jobs import chosen_jobs
     from asvhil.study.model_logs import collect_logs
-    from asvhil.study.models import study_models
+    from asvhil.study.models import markdown, study_models
 
     def drive(config: Any, duration_s: float, winds: list[str], path: Path) -> list[Path]:
         runs = collect(config, "lockstep", duration_s, [parse_wind(w) for w in winds], path)
@@ -39,6 +40,7 @@ def models(
                 raise LogError(f"{run.log}: the manoeuvres ended after {run.held_s:.0f} s: {run.reason}")
         return [run.log for run in runs]
 
+    check_output(output, "models", json_)
     rough = any(job.waves for job in chosen_jobs(only, ode_iterations))
     console = Console()
     with progress(console) as bar:
@@ -53,7 +55,7 @@ def models(
             calm.train, calm.test, output, waves=waves, only=only, ode_iterations=ode_iterations, tell=tell
         )
     write_json(json_, figures)
-    console.print((output / "models.md").read_text(encoding="utf-8"), markup=False, highlight=False, soft_wrap=True)
+    console.print(markdown(figures["rows"]), markup=False, highlight=False, soft_wrap=True)
 
 
 for name, command in study_runs.COMMANDS.items():

@@ -10,9 +10,9 @@ from typing import Annotated, Any
 import typer
 
 from asvhil.commands.options import JsonOption, SetOption
-from asvhil.commands.study_views import bounds_at_hand, finish, folder, say, watching
+from asvhil.commands.study_views import bounds_at_hand, check_output, finish, say, stem_of, watching
 from asvhil.commands.views import progress
-from asvhil.errors import ConfigError
+from asvhil.errors import AsvhilError, ConfigError
 
 RUNS = Path("runs/study")
 
@@ -46,18 +46,22 @@ def bound(
     from asvhil.study.bound import markdown
 
     settings = load_config(config, tuple(set_))
+    sectors = [parse_wind(text) for text in wind]
+    check_output(output, "bound", json_)
     model = SimplifiedDynamics(settings.controller.vessel or settings.vehicle.vessel)
     winds: dict[str, Any] = {}
     console = Console()
     with progress(console) as bar:
         task = bar.add_task("bound", total=starts * len(wind))
-        for number, text in enumerate(wind):
-            sector = parse_wind(text)
+        for number, (text, sector) in enumerate(zip(wind, sectors, strict=True)):
 
             def show(done: int, of: int, before: int = number * starts, name: str = text) -> None:
                 bar.update(task, completed=before + done, description=name)
 
-            orbit = best_orbit(model, sector.speed_mps, math.radians(sector.toward_deg), starts, show)
+            try:
+                orbit = best_orbit(model, sector.speed_mps, math.radians(sector.toward_deg), starts, show)
+            except RuntimeError as error:
+                raise AsvhilError(f"--wind {text}: {error}; give less wind, or more --starts than {starts}") from None
             winds[f"{sector.speed_mps:g}@{sector.toward_deg:g}"] = figures_of(orbit)
     finish(console, output, "bound", {"vehicle": settings.vehicle.name, "winds": winds}, markdown, json_)
 
@@ -95,9 +99,11 @@ def six_tests(
     if not chosen:
         raise ConfigError("no controller is left to run")
     limits = bounds_at_hand(console, bounds, config, tuple(set_))
+    stem = stem_of("six-tests" if noise else "six-tests-no-noise", quick)
+    check_output(output, stem, json_)
     with watching(console, "six tests") as tell:
         figures = study_six_tests(
-            folder(output) / "trials.jsonl",
+            output / "trials.jsonl",
             controllers=chosen,
             rows=rows,
             seeds=range(1, 2 if quick or not noise else seeds + 1),
@@ -109,9 +115,7 @@ def six_tests(
             tell=tell,
         )
     figures["left_out"] = left_out
-    stem = "six-tests" if noise else "six-tests-no-noise"
-    draw_bars(figures, output / f"{stem}.png")
-    finish(console, output, stem, figures, report, json_)
+    finish(console, output, stem, figures, report, json_, lambda path: draw_bars(figures, path))
 
 
 def solvers(
@@ -119,7 +123,7 @@ def solvers(
     ticks: Annotated[int, typer.Option(min=2, help="Control ticks of each solver's closed loop.")] = 250,
     problems: Annotated[int, typer.Option(min=1, help="Recorded problems that are held against their optimum.")] = 200,
     solver: Annotated[list[str], typer.Option(help="One solver; repeatable. The first is the one compared to.")] = [],  # noqa: B006
-    horizon: Annotated[float, typer.Option(min=0.4, help="Seconds, on a uniform grid.")] = 4.0,
+    horizon: Annotated[float, typer.Option(help="Seconds: 2 to 200 steps of mpc.first_step_s, all alike.")] = 4.0,
     peer: Annotated[str, typer.Option(help="Command of a peer that takes a problem file, as in tests/peers.")] = "",
     config: ConfigOption = "sitl",
     quick: QuickOption = False,
@@ -127,14 +131,12 @@ def solvers(
     json_: JsonOption = None,
 ) -> None:
     """All solvers side by side on one core: time of a step, gap to the optimum, and what the boat makes of it."""
-    import shlex
-
     from rich.console import Console
 
     from asvhil.build import build_model, model_file
     from asvhil.config import load_config
     from asvhil.study.solver_report import draw_solvers, solver_table
-    from asvhil.study.solvers import SOLVERS, study_solvers
+    from asvhil.study.solvers import SOLVERS, checked_study, study_solvers
 
     for name in solver:
         if name not in SOLVERS:
@@ -144,8 +146,11 @@ def solvers(
     settings = load_config(config, tuple(set_))
     if not settings.controller.name.endswith("-mpc"):
         raise ConfigError(f"key controller.name: {settings.controller.name} has no solver; an MPC is needed")
+    command = _peer_command(peer)
+    checked_study(settings, solver or SOLVERS, horizon)
     file = model_file(settings)
-    folder(output)
+    stem = stem_of("solvers", quick)
+    check_output(output, stem, json_)
     console = Console()
     with progress(console) as bar:
         task = bar.add_task("solvers", total=None)
@@ -157,12 +162,27 @@ def solvers(
             solvers=solver or SOLVERS,
             limit_problems=min(problems, 4) if quick else problems,
             horizon_s=horizon,
-            peer=shlex.split(peer),
+            peer=command,
             peer_model_file="" if file is None else str(file),
             progress=lambda what, done, of: bar.update(task, description=what, completed=done, total=of),
         )
-    draw_solvers(figures, output / "solvers.png")
-    finish(console, output, "solvers", figures, solver_table, json_)
+    finish(console, output, stem, figures, solver_table, json_, lambda path: draw_solvers(figures, path))
+    if "peer_failed" in figures:
+        raise AsvhilError(f"--peer {figures['peer_failed']}; the other solvers' figures are written")
+
+
+def _peer_command(text: str) -> list[str]:
+    """The words of --peer. ConfigError where they are no command, or there is no such program."""
+    import shlex
+    import shutil
+
+    try:
+        words = shlex.split(text)
+    except ValueError as error:
+        raise ConfigError(f"--peer {text}: no command ({error}); PROGRAM and its arguments are expected") from None
+    if words and shutil.which(words[0]) is None:
+        raise ConfigError(f"--peer {words[0]}: no such program, or not one that may be run")
+    return words
 
 
 def approach(
@@ -180,10 +200,12 @@ def approach(
     from asvhil.study.approach import DURATION_S, markdown, study_approach
     from asvhil.study.approach_figure import draw_tracks
 
+    stem = stem_of("approach", quick)
+    check_output(output, stem, json_)
     console = Console()
     with watching(console, "approach") as tell:
         figures, outcomes = study_approach(
-            folder(output) / "approach.jsonl",
+            output / "approach.jsonl",
             min(runs, 4) if quick else runs,
             seed,
             overrides=tuple(set_),
@@ -191,8 +213,13 @@ def approach(
             workers=workers,
             tell=tell,
         )
-    draw_tracks(outcomes, output / "approach.png")
-    finish(console, output, "approach", figures, markdown, json_)
+    finish(console, output, stem, figures, markdown, json_, lambda path: draw_tracks(outcomes, path))
+
+
+def _check_models(models: Path | None) -> None:
+    """ConfigError where there is no such folder: the shipped models would run unnoticed."""
+    if models is not None and not models.is_dir():
+        raise ConfigError(f"--models {models}: no such folder")
 
 
 def robustness(
@@ -214,11 +241,15 @@ def robustness(
     from asvhil.study.six_tests import MAIN, controller_overrides
 
     rows = checked(row, ROWS, "--row")
+    _check_models(models)
+    controller = controller_overrides(MAIN, models, config, tuple(set_))
+    stem = stem_of("robustness", quick)
+    check_output(output, stem, json_)
     console = Console()
     with watching(console, "robustness") as tell:
         figures = study_robustness(
-            folder(output) / "trials.jsonl",
-            controller=controller_overrides(MAIN, models, config, tuple(set_)),
+            output / "trials.jsonl",
+            controller=controller,
             rows=rows,
             seeds=range(1, 2 if quick else seeds + 1),
             window_s=QUICK_S if quick else (FROM_S, TO_S),
@@ -227,7 +258,7 @@ def robustness(
             workers=workers,
             tell=tell,
         )
-    finish(console, output, "robustness", figures, markdown, json_)
+    finish(console, output, stem, figures, markdown, json_)
 
 
 def learned_loop(
@@ -249,11 +280,14 @@ def learned_loop(
     from asvhil.study.six_tests import controller_overrides
 
     overrides = tuple(set_)
+    _check_models(models)
     learned = {name: controller_overrides(name, models, config, overrides) for name in LEARNED}
+    stem = stem_of("learned-loop", quick)
+    check_output(output, stem, json_)
     console = Console()
     with watching(console, "learned models") as tell:
         figures = study_learned_loop(
-            folder(output) / "trials.jsonl",
+            output / "trials.jsonl",
             learned=learned,
             seeds=range(1, 2 if quick else seeds + 1),
             patterns=min(patterns, 2) if quick else patterns,
@@ -263,7 +297,7 @@ def learned_loop(
             workers=workers,
             tell=tell,
         )
-    finish(console, output, "learned-loop", figures, markdown, json_)
+    finish(console, output, stem, figures, markdown, json_)
 
 
 def estimator(
@@ -286,14 +320,19 @@ def estimator(
 
     sets = checked(set_of, SETS, "--sensors")
     plan = QUICK if quick else dataclasses.replace(FULL, seeds=range(1, seeds + 1))
+    stem = stem_of("estimator", quick)
+    check_output(output, stem, json_)
     console = Console()
     with watching(console, "estimators") as tell:
         figures = study_estimators(
-            folder(output) / "estimator.jsonl", plan=plan, sets=sets, overrides=tuple(set_), workers=workers, tell=tell
+            output / "estimator.jsonl", plan=plan, sets=sets, overrides=tuple(set_), workers=workers, tell=tell
         )
-    draw_estimators(figures, output / "estimator.png")
-    figures.pop("traces")  # for the picture alone
-    finish(console, output, "estimator", figures, report, json_)
+    traces = figures.pop("traces")  # for the picture alone
+
+    def draw(path: Path) -> None:
+        draw_estimators(figures | {"traces": traces}, path)
+
+    finish(console, output, stem, figures, report, json_, draw)
 
 
 COMMANDS: dict[str, Callable[..., None]] = {

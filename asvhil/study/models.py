@@ -24,6 +24,7 @@ from asvhil.dynamics.weights import TrainedModel, read_model, save_model
 from asvhil.errors import ModelError
 from asvhil.study.model_jobs import IN_WAVES, Job, chosen_jobs
 from asvhil.study.model_logs import Logs, Tell, wave_figures
+from asvhil.study.page import write_page
 from asvhil.train.evaluate import HOLD, Case, Window, absolute_errors, predict, windows_of
 from asvhil.train.jobs import DT_S, origin_of, test_cases, training_data
 from asvhil.train.options import FitOptions, Progress
@@ -78,7 +79,7 @@ def study_models(
         result["waves"] = {**_extent(seas[True]), **wave_figures()}
     out.mkdir(parents=True, exist_ok=True)
     (out / "models.json").write_text(json.dumps(result, indent=1, sort_keys=True) + "\n")
-    (out / "models.md").write_text(markdown(table))
+    write_page(out / "models.md", markdown(table))
     calm = {name: models[0] for name, (sea, models) in rows.items() if sea is seas[False]}
     _draw(calm, seas[False], out / "models.png")
     return result

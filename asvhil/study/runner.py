@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import fcntl
 import functools
 import hashlib
@@ -46,12 +47,16 @@ class Job:
 
 @record
 class Progress:
-    """How far a study is. `remaining_s` is None until there is a run of every group to go by."""
+    """How far a study is. `remaining_s` is None until there is a run of every group to go by.
+
+    `note` is what people should know of the store, said once at the start.
+    """
 
     done: int
     total: int
     remaining_s: float | None
     total_s: float | None  # of the whole study on these processes, runs that were stored already included
+    note: str = ""
 
 
 @record
@@ -80,9 +85,9 @@ def run_jobs(
     """
     processes = 1 if workers == 0 else workers or os.cpu_count() or 1
     version = code_version()
-    with _opened(store) as (stored, file):
+    with _opened(store) as (stored, file, note):
         missing = list({job.key: job for job in jobs if job.key not in stored}.values())
-        tell(_progress(jobs, stored, processes))
+        tell(dataclasses.replace(_progress(jobs, stored, processes), note=note))
         with closing(_run(function, missing, workers, processes)) as runs:
             for job, result, wall_s in runs:
                 text = json.dumps({"key": job.key, "code": version, "wall_s": round(wall_s, 3), "result": result})
@@ -114,8 +119,8 @@ def code_version() -> str:
 
 
 @contextmanager
-def _opened(store: Path) -> Iterator[tuple[dict[str, dict[str, Any]], TextIO]]:
-    """What the store holds by key, and the file to add to, for this process alone."""
+def _opened(store: Path) -> Iterator[tuple[dict[str, dict[str, Any]], TextIO, str]]:
+    """What the store holds by key, the file to add to, for this process alone, and a note where a run was dropped."""
     try:
         store.parent.mkdir(parents=True, exist_ok=True)
         file = store.open("a+", encoding="utf-8")
@@ -126,12 +131,27 @@ def _opened(store: Path) -> Iterator[tuple[dict[str, dict[str, Any]], TextIO]]:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
             raise AsvhilError(f"{store}: another study is writing to it; wait for it, or give another -o") from None
-        file.seek(0)
-        text = file.read()
+        text, note = _text(store), ""
         whole = text[: text.rfind("\n") + 1]
-        if whole != text:  # the last line was cut off by an interrupt: its run is done again
-            file.truncate(len(whole.encode()))
-        yield _parsed(store, whole), file
+        stored, last = _parsed(store, whole), text[len(whole) :]
+        if last:
+            try:
+                stored |= _parsed(store, last)
+                file.write("\n")  # all of the run is there: only the end of its line is not
+            except AsvhilError:
+                file.truncate(len(whole.encode()))
+                note = f"{store}: the last line was cut off in writing; it is dropped, and its run done again"
+        yield stored, file, note
+
+
+def _text(store: Path) -> str:
+    try:
+        return store.read_bytes().decode()
+    except OSError as error:
+        raise AsvhilError(f"{store}: cannot be read ({error.strerror})") from None
+    except UnicodeDecodeError as error:
+        words = "is no text, so this is not a store of runs; give another -o, or delete the file"
+        raise AsvhilError(f"{store}: byte {error.start} {words}") from None
 
 
 def _parsed(store: Path, text: str) -> dict[str, dict[str, Any]]:

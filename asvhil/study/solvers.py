@@ -24,10 +24,11 @@ from asvhil.config import Config, ControllerConfig, MpcWeights
 from asvhil.controller.mpc import Array, Solution, Solver, StationProblem
 from asvhil.controller.protocol import Controller
 from asvhil.controller.solvers.choice import choose_solver
+from asvhil.controller.solvers.fatrop import available as fatrop_available
 from asvhil.controller.solvers.ipopt import Ipopt
 from asvhil.controller.station_mpc import StationMpc
 from asvhil.dynamics.protocol import Dynamics
-from asvhil.errors import AsvhilError
+from asvhil.errors import AsvhilError, ConfigError
 from asvhil.simplant.lockstep import Lockstep
 from asvhil.simplant.plant import Truth
 from asvhil.types import Control, Estimate, Station, Wind, record
@@ -38,6 +39,7 @@ LIMIT_CAPS = {"sqp": 200, "ipopt": REFERENCE_CAP, "fatrop": REFERENCE_CAP, "torc
 AGREES = 0.005  # of the optimum's cost
 SETTLED_STEPS = 50  # at the end of the run
 BOOT_S = 30.0
+STAGES = (2, 200)  # as mpc.stages may be
 
 Progress = Callable[[str, int, int], None]  # what, how many of it are done, of how many
 
@@ -117,9 +119,11 @@ def study_solvers(
     `problems` of the steps of each run are held against the optimum; `limit_problems` (all of them where None) of the
     first run's are also solved by each solver as far as it gets. `peer` is a command that takes a problem file, such
     as tests/peers/mpc_torch_peer.py in its own environment; it needs `peer_model_file` where the model is learned.
+    Where it fails, `peer_failed` says why, beside the figures of the others.
     """
     tell = progress or (lambda what, done, total: None)
-    config = _at_horizon(config, horizon_s)
+    config = checked_study(config, solvers, horizon_s)
+    failed = {}
     with _one_core():
         runs: dict[str, tuple[list[Step], Array]] = {}
         recorded: dict[str, Problems] = {}
@@ -137,7 +141,10 @@ def study_solvers(
             row["limit"] = _limit(config.controller, name, first, limit_problems, tell)
             rows[name] = row
         if peer:
-            rows["mpc.torch"] = _peer_row(config, peer, peer_model_file, recorded["torch-lqr"], tell)
+            try:
+                rows["mpc.torch"] = _peer_row(config, peer, peer_model_file, recorded["torch-lqr"], tell)
+            except AsvhilError as error:  # the others' figures are worth keeping
+                failed["peer_failed"] = str(error)
     return {
         "model": model.name,
         "horizon_s": horizon_s,
@@ -147,7 +154,18 @@ def study_solvers(
         "seed": config.plant.seed,
         "config_hash": config.content_hash(),
         "solvers": rows,
+        **failed,
     }
+
+
+def checked_study(config: Config, solvers: Sequence[str], horizon_s: float) -> Config:
+    """The config that all of them run with. ConfigError where one of them or the horizon cannot be, before any runs."""
+    config = _at_horizon(config, horizon_s)
+    for name in solvers:
+        choose_solver(_with_solver(config.controller, name))
+    if "fatrop" in solvers and not fatrop_available():
+        raise ConfigError("--solver fatrop: this build of CasADi comes without it; name the other solvers")
+    return config
 
 
 def starts_of(problem: StationProblem, warm: Array) -> list[Array]:
@@ -160,8 +178,15 @@ def starts_of(problem: StationProblem, warm: Array) -> list[Array]:
 
 
 def _at_horizon(config: Config, horizon_s: float) -> Config:
-    """The config with a uniform grid, and without the slow error of GNSS (as `trial.NO_SLOW_ERROR`)."""
+    """The config with a uniform grid, and without the slow error of GNSS (as `trial.NO_SLOW_ERROR`).
+
+    ConfigError where the grid would have fewer or more stages than an MPC may have.
+    """
     mpc = config.controller.mpc
+    low, high = STAGES
+    if not math.isfinite(horizon_s) or not low <= round(horizon_s / mpc.first_step_s) <= high:
+        least_s, most_s = low * mpc.first_step_s, high * mpc.first_step_s
+        raise ConfigError(f"--horizon {horizon_s:g}: {least_s:g} to {most_s:g} s are expected")
     stages = round(horizon_s / mpc.first_step_s)
     mpc = mpc.model_copy(update={"stages": stages, "last_step_s": mpc.first_step_s})
     gnss = config.plant.sensors.gnss.model_copy(update={"slow_bias_m": 0.0})
@@ -333,12 +358,28 @@ def _peer_row(config: Config, peer: Sequence[str], model_file: str, recorded: Pr
             starts=np.array(recorded.starts),
             lqr_iterations=config.controller.torch_lqr.iterations,
         )
-        done = subprocess.run([*peer, str(file)], capture_output=True, text=True, check=False)
+        try:
+            done = subprocess.run([*peer, str(file)], capture_output=True, text=True, errors="replace", check=False)
+        except OSError as error:
+            raise AsvhilError(f"{peer[0]}: cannot be run ({error.strerror})") from None
     lines = done.stdout.strip().splitlines()
     if done.returncode or not lines:
         raise AsvhilError(f"{peer[0]}: failed ({(done.stderr.strip().splitlines() or ['no output'])[-1]})")
-    found = json.loads(lines[-1])
+    ms, cost = _peer_output(peer[0], lines[-1], len(recorded.parameters))
     known = np.isfinite(recorded.optima)
-    gaps = np.array(found["cost"])[known] / recorded.optima[known] - 1.0
+    gaps = cost[known] / recorded.optima[known] - 1.0
     tell("mpc.torch: recorded problems", len(recorded.parameters), len(recorded.parameters))
-    return {"step_ms": _time_figures(np.array(found["ms"])), "gap": _gap_figures(gaps) | {"problems": int(known.sum())}}
+    return {"step_ms": _time_figures(ms), "gap": _gap_figures(gaps) | {"problems": int(known.sum())}}
+
+
+def _peer_output(name: str, line: str, count: int) -> tuple[Array, Array]:
+    """Times (ms) and costs, one of each problem. AsvhilError where the peer's last line holds something else."""
+    try:
+        found = json.loads(line)
+        ms, cost = np.array(found["ms"], dtype=float), np.array(found["cost"], dtype=float)
+    except (ValueError, KeyError, TypeError):
+        ms = cost = np.empty(0)
+    if not ms.shape == cost.shape == (count,) or not count:
+        words = f'{{"ms": [...], "cost": [...]}} of {count} problems is expected in its last line'
+        raise AsvhilError(f"{name}: {words}, not {line[:40]}")
+    return ms, cost

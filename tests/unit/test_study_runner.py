@@ -51,12 +51,34 @@ def test_a_line_that_was_cut_off_is_run_again_and_leaves_a_whole_store(tmp_path)
     store = tmp_path / "store.jsonl"
     run_jobs(square, jobs(tmp_path, 3), store, workers=0)
     text = store.read_text()
-    for cut in (1, 20, len(text.splitlines()[-1])):  # the newline alone is enough
+    for cut in (2, 20, len(text.splitlines()[-1])):
         store.write_text(text[:-cut])
         (tmp_path / "ran.txt").unlink()
-        finished = run_jobs(square, jobs(tmp_path, 3), store, workers=0)
+        seen = []
+        finished = run_jobs(square, jobs(tmp_path, 3), store, workers=0, tell=seen.append)
         assert squares(finished) == [1.0, 4.0, 9.0] and ran(tmp_path) == [3]
         assert len([json.loads(line) for line in store.read_text().splitlines()]) == 3
+        assert [bool(now.note) for now in seen] == [True, False]
+        assert seen[0].note.startswith(f"{store}: the last line was cut off")
+
+
+def test_a_whole_line_without_its_end_is_kept(tmp_path):
+    store = tmp_path / "store.jsonl"
+    run_jobs(square, jobs(tmp_path, 3), store, workers=0)
+    text = store.read_text()
+    store.write_text(text[:-1])
+    seen = []
+    assert len(run_jobs(square, jobs(tmp_path, 4), store, workers=0, tell=seen.append).results) == 4
+    assert ran(tmp_path) == [1, 2, 3, 4] and store.read_text().startswith(text)
+    assert store.read_text().count("\n") == 4 and not any(now.note for now in seen)
+
+
+def test_a_store_that_is_no_text_is_left_alone_and_named_with_the_byte(tmp_path):
+    store = tmp_path / "store.jsonl"
+    store.write_bytes(b"ab\xff\xfebin\n")
+    with pytest.raises(AsvhilError, match=r"store\.jsonl: byte 2 is no text"):
+        run_jobs(square, jobs(tmp_path, 1), store, workers=0)
+    assert store.read_bytes() == b"ab\xff\xfebin\n"
 
 
 @pytest.mark.parametrize(

@@ -3,6 +3,7 @@
 import json
 import math
 import os
+import sys
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from asvhil.build import build_model
 from asvhil.config import load_config
 from asvhil.controller.mpc import StationProblem
 from asvhil.controller.solvers.ipopt import Ipopt
-from asvhil.errors import AsvhilError
+from asvhil.errors import AsvhilError, ConfigError
 from asvhil.study import solvers as study_module
 from asvhil.study.solver_report import draw_solvers, solver_table
 from asvhil.study.solvers import starts_of, study_solvers
@@ -99,7 +100,57 @@ def test_the_report_names_every_solver_and_its_gap(study, tmp_path):
     assert (tmp_path / "solvers.png").read_bytes().startswith(b"\x89PNG")
 
 
-def test_a_peer_that_fails_is_named():
-    recorded = study_module.Problems(problem=None, parameters=[], starts=[], optima=np.array([math.nan]))
-    with pytest.raises(AsvhilError, match="false: failed"):
-        study_module._peer_row(CONFIG, ["false"], "", recorded, lambda *args: None)
+PROBLEMS = study_module.Problems(
+    problem=None, parameters=[np.zeros(2)], starts=[np.zeros(2)], optima=np.array([math.nan])
+)
+
+
+@pytest.mark.parametrize(
+    ("peer", "words"),
+    [
+        (["false"], "false: failed"),
+        (["/nowhere/python"], "/nowhere/python: cannot be run"),
+        (["echo", "hello"], "echo: .* is expected in its last line, not hello"),
+        (["sh", "-c", "echo '[1]'"], "is expected in its last line"),
+        (["sh", "-c", """echo '{"ms": [1.0, 2.0], "cost": [1.0]}'"""], "of 1 problems is expected"),
+        (["sh", "-c", "printf '\\377'"], "is expected in its last line"),
+    ],
+)
+def test_a_peer_that_fails_is_named(peer, words):
+    with pytest.raises(AsvhilError, match=words):
+        study_module._peer_row(CONFIG, peer, "", PROBLEMS, lambda *args: None)
+
+
+def in_no_time(monkeypatch):
+    """Closed loops, optima and figures that are made up, and the names of the solvers that were driven."""
+    driven = []
+
+    def drive(config, model, name, steps, tell):
+        driven.append(name)
+        step = study_module.Step(
+            parameters=np.zeros(2), start=np.zeros(2), cost=1.0, ok=True, wall_ms=1.0, cpu_ms=1.0, truth=None
+        )
+        return None, [step]
+
+    monkeypatch.setattr(study_module, "_drive", drive)
+    monkeypatch.setattr(study_module, "_with_optima", lambda *args: PROBLEMS)
+    monkeypatch.setattr(study_module, "_figures", lambda *args: {})
+    return driven
+
+
+def test_a_peer_that_fails_takes_no_other_solver_with_it(monkeypatch):
+    in_no_time(monkeypatch)
+    monkeypatch.setattr(study_module, "choose_solver", lambda config: None)
+    found = study_solvers(CONFIG, MODEL, solvers=("sqp", "torch-lqr"), peer=["echo", "hello"])
+    assert list(found["solvers"]) == ["sqp", "torch-lqr"] and found["peer_failed"].startswith("echo: ")
+
+
+def test_a_solver_whose_package_is_missing_is_refused_before_any_runs(monkeypatch):
+    driven = in_no_time(monkeypatch)
+    monkeypatch.setitem(sys.modules, "asvhil.controller.solvers.torch_lqr", None)
+    with pytest.raises(ConfigError, match="torch-lqr needs torch"):
+        study_solvers(CONFIG, MODEL)
+    monkeypatch.setattr(study_module, "fatrop_available", lambda: False)
+    with pytest.raises(ConfigError, match="fatrop: this build of CasADi comes without it"):
+        study_solvers(CONFIG, MODEL, solvers=("sqp", "fatrop"))
+    assert not driven
