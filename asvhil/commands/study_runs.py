@@ -43,12 +43,12 @@ def bound(
     from asvhil.dynamics.rigid_body import SimplifiedDynamics
     from asvhil.study.bound import bound as best_orbit
     from asvhil.study.bound import figures as figures_of
-    from asvhil.study.bound import markdown
+    from asvhil.study.bound import bounds_tree, markdown, plant_vessel
 
     settings = load_config(config, tuple(set_))
     sectors = [parse_wind(text) for text in wind]
     check_output(output, "bound", json_)
-    model = SimplifiedDynamics(settings.controller.vessel or settings.vehicle.vessel)
+    model = SimplifiedDynamics(plant_vessel(settings))
     winds: dict[str, Any] = {}
     console = Console()
     with progress(console) as bar:
@@ -63,7 +63,7 @@ def bound(
             except RuntimeError as error:
                 raise AsvhilError(f"--wind {text}: {error}; give less wind, or more --starts than {starts}") from None
             winds[f"{sector.speed_mps:g}@{sector.toward_deg:g}"] = figures_of(orbit)
-    finish(console, output, "bound", {"vehicle": settings.vehicle.name, "winds": winds}, markdown, json_)
+    finish(console, output, "bound", bounds_tree(settings, winds), markdown, json_)
 
 
 def six_tests(

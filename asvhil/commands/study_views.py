@@ -127,13 +127,14 @@ def _check_writable(file: Path, option: str) -> None:
 def bounds_at_hand(console: Any, file: Path | None, config: str, overrides: tuple[str, ...]) -> dict[str, float]:
     """The bounds to hold scores against; without them a line that says what to do."""
     from asvhil.config import load_config
-    from asvhil.study.bound import read_bounds
+    from asvhil.study.bound import plant_vessel, read_bounds
 
-    vehicle = load_config(config, overrides).vehicle.name
+    settings = load_config(config, overrides)
+    whose = settings.vehicle.name, plant_vessel(settings)
     if file is not None:
-        return read_bounds(file, vehicle)
+        return read_bounds(file, *whose)
     try:
-        return read_bounds(BOUNDS, vehicle)
+        return read_bounds(BOUNDS, *whose)
     except AsvhilError as error:
         say(console, f"no regret in the tables: {error}; `asvhil study bound -o DIR`, then --bounds DIR/bound.json")
         return {}

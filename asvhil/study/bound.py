@@ -159,10 +159,10 @@ def markdown(study: Mapping[str, Any]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def read_bounds(path: Path, vehicle: str, vessel: VesselConfig | None = None) -> dict[str, float]:
+def read_bounds(path: Path, vehicle: str, vessel: VesselConfig) -> dict[str, float]:
     """{wind as SPEED@DEG: ps} of what `asvhil study bound` wrote. AsvhilError where it is damaged or another boat's.
 
-    A boat is another with another name, or, where `vessel` is given, with other values.
+    A boat is another with another name, or with other values of its vessel.
     """
     try:
         tree = json.loads(path.read_text(encoding="utf-8"))
@@ -174,7 +174,7 @@ def read_bounds(path: Path, vehicle: str, vessel: VesselConfig | None = None) ->
         raise AsvhilError(f"{path}: not what `asvhil study bound -o` writes") from None
     if of != vehicle:
         raise AsvhilError(f"{path}: holds the bounds of {of}, not of {vehicle}")
-    if vessel is not None and tree.get("vessel_hash") != vessel_hash(vessel):
+    if tree.get("vessel_hash") != vessel_hash(vessel):
         held = f"vessel_hash {tree['vessel_hash']}" if "vessel_hash" in tree else "no vessel_hash"
         words = (
             f"{held}, but the plant's vessel has {vessel_hash(vessel)}; `asvhil study bound -o DIR` finds its bounds"

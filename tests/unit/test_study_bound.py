@@ -62,11 +62,11 @@ def test_starts_are_the_same_for_the_same_count_and_within_the_bounds():
 
 def test_the_file_comes_back_and_belongs_to_a_boat(orbit, tmp_path):
     file = tmp_path / "bound.json"
-    tree = {"vehicle": "wamv16", "winds": {"3@90": figures(orbit)}}
+    tree = bounds_tree(CONFIG, {"3@90": figures(orbit)})
     file.write_text(json.dumps(tree))
-    assert read_bounds(file, "wamv16") == {"3@90": orbit.penalty_score}
+    assert read_bounds(file, "wamv16", CONFIG.vehicle.vessel) == {"3@90": orbit.penalty_score}
     with pytest.raises(AsvhilError, match="holds the bounds of wamv16, not of bream"):
-        read_bounds(file, "bream")
+        read_bounds(file, "bream", CONFIG.vehicle.vessel)
     line = markdown(tree).splitlines()[-1]
     assert line.startswith(f"| 3@90 | {orbit.penalty_score:.3f} | {orbit.period_s:.2f} |") and line.endswith("3 | 3 |")
 
@@ -103,9 +103,9 @@ def test_another_file_is_one_line(tmp_path, text):
     file = tmp_path / "bound.json"
     file.write_text(text)
     with pytest.raises(AsvhilError, match="not what `asvhil study bound -o` writes"):
-        read_bounds(file, "wamv16")
+        read_bounds(file, "wamv16", CONFIG.vehicle.vessel)
     with pytest.raises(AsvhilError, match="cannot be read"):
-        read_bounds(tmp_path / "nowhere.json", "wamv16")
+        read_bounds(tmp_path / "nowhere.json", "wamv16", CONFIG.vehicle.vessel)
 
 
 def test_the_shipped_bounds_are_those_of_every_row_across_the_wind(orbit):
