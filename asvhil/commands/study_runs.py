@@ -42,8 +42,8 @@ def bound(
     from asvhil.config import load_config
     from asvhil.dynamics.rigid_body import SimplifiedDynamics
     from asvhil.study.bound import bound as best_orbit
-    from asvhil.study.bound import figures as figures_of
     from asvhil.study.bound import bounds_tree, markdown, plant_vessel
+    from asvhil.study.bound import figures as figures_of
 
     settings = load_config(config, tuple(set_))
     sectors = [parse_wind(text) for text in wind]
