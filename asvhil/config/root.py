@@ -57,7 +57,7 @@ class Config(Section):
         for channel in overridden:
             if channel in self.supervisor.stick_channels:
                 raise ValueError(f"supervisor.stick_channels must not hold the motor channel {channel}")
-        check_sources(self.sources, self.links, self.estimator.ekf.history_s)
+        check_sources(self.sources, self.links, self.estimator.ekf.history_s, self.estimator.ekf.stale_after_s)
         return self
 
     def content_hash(self) -> str:

@@ -141,7 +141,7 @@ def _check_alike(sources: SourcesConfig, one: Quantity, other: Quantity) -> None
                 raise ValueError(f"{where} must have the delay_s and arm_m that it has under sources.{one}")
 
 
-def check_sources(sources: SourcesConfig, links: LinksConfig, history_s: float) -> None:
+def check_sources(sources: SourcesConfig, links: LinksConfig, history_s: float, stale_after_s: float) -> None:
     """ValueError naming the first source that no link can give, whose stream is not asked for, or that is too late."""
     _check_alike(sources, "position", "velocity")
     _check_alike(sources, "heading", "yaw_rate")
@@ -160,6 +160,11 @@ def check_sources(sources: SourcesConfig, links: LinksConfig, history_s: float) 
                 _check_stream(where, source, links.autopilot.streams_hz.get(source.message))
             if source.delay_s > history_s:
                 raise ValueError(f"{where}: delay_s must not be above estimator.ekf.history_s, which is {history_s:g}")
+            if source.delay_s >= stale_after_s:
+                limit = f"estimator.ekf.stale_after_s, which is {stale_after_s:g}"
+                raise ValueError(f"{where}: delay_s must be below {limit}")
+            if quantity == "wind" and source.delay_s > 0.0:
+                raise ValueError(f"{where}: wind is taken as of its arrival; leave delay_s out")
             if source.name in seen:
                 raise ValueError(f"{where} stands in the list twice")
             seen.add(source.name)

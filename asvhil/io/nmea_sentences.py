@@ -55,6 +55,22 @@ def _place(m: Any) -> tuple[float, float]:
     return lat_deg, lon_deg
 
 
+def _direction(value: Any, letter: Any, expected: str) -> float | None:
+    """A direction of 0 to 360 degrees by its letter, true (T) or magnetic (M); None where the field is empty."""
+    degrees = _optional(value)
+    if degrees is not None and (letter != expected or not 0.0 <= degrees <= 360.0):
+        raise ValueError(f"{degrees:g},{letter} is no direction ({expected}, 0 to 360)")
+    return degrees
+
+
+def _speed(value: Any, letter: Any, expected: str) -> float | None:
+    """A speed in the unit of its letter; None where the field is empty."""
+    speed = _optional(value)
+    if speed is not None and letter != expected:
+        raise ValueError(f"{speed:g},{letter} is no speed in {expected}")
+    return speed
+
+
 def _velocity(speed_mps: float | None, course_deg: float | None) -> tuple[float, float]:
     """North and east velocity; NaN where it is not known."""
     if speed_mps is None or speed_mps < 0.0:
@@ -83,10 +99,10 @@ def _rmc(t_ns: int, m: Any, compass: Compass) -> Measurement | None:
 def _vtg(t_ns: int, m: Any, compass: Compass) -> Measurement | None:
     if (getattr(m, "posMode", "A") or "A") in NO_FIX_MODES:
         return None
-    knots, km_h = _optional(m.sogn), _optional(m.sogk)
+    knots, km_h = _speed(m.sogn, m.sognUnit, "N"), _speed(m.sogk, m.sogkUnit, "K")
     speed_mps = km_h / 3.6 if knots is None and km_h is not None else None if knots is None else knots * KNOTS_TO_MPS
-    course_deg = _optional(m.cogt)
-    magnetic_deg = _optional(m.cogm)
+    course_deg = _direction(m.cogt, m.cogtUnit, "T")
+    magnetic_deg = _direction(m.cogm, m.cogmUnit, "M")
     if course_deg is None and magnetic_deg is not None and compass.declination_rad is not None:
         course_deg = magnetic_deg + math.degrees(compass.declination_rad)
     vn_mps, ve_mps = _velocity(speed_mps, course_deg)
@@ -100,12 +116,12 @@ def _heading(t_ns: int, degrees: float) -> Measurement:
 
 
 def _hdt(t_ns: int, m: Any, compass: Compass) -> Measurement | None:
-    degrees = _optional(m.headingT)
+    degrees = _direction(m.headingT, m.headingTu, "T")
     return None if degrees is None else _heading(t_ns, degrees)
 
 
 def _hdm(t_ns: int, m: Any, compass: Compass) -> Measurement | None:
-    degrees = _optional(m.headingM)
+    degrees = _direction(m.headingM, m.headingMag, "M")
     if degrees is None or compass.declination_rad is None:
         return None
     return _heading(t_ns, degrees + math.degrees(compass.declination_rad))
@@ -134,10 +150,10 @@ def _mwv(t_ns: int, m: Any, compass: Compass) -> Measurement | None:
 
 
 def _mwd(t_ns: int, m: Any, compass: Compass) -> Measurement | None:
-    from_deg, magnetic_deg = _optional(m.dirT), _optional(m.dirM)
+    from_deg, magnetic_deg = _direction(m.dirT, m.dirTu, "T"), _direction(m.dirM, m.dirMu, "M")
     if from_deg is None and magnetic_deg is not None and compass.declination_rad is not None:
         from_deg = magnetic_deg + math.degrees(compass.declination_rad)
-    speed_mps, knots = _optional(m.speedM), _optional(m.speedN)
+    speed_mps, knots = _speed(m.speedM, m.speedMu, "M"), _speed(m.speedN, m.speedNu, "N")
     if speed_mps is None and knots is not None:
         speed_mps = knots * KNOTS_TO_MPS
     if from_deg is None or speed_mps is None or speed_mps < 0.0:

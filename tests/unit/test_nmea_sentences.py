@@ -216,6 +216,13 @@ def test_time() -> None:
         ("GPVTG,,T,,M,3.0,N,,K,A", "invalid"),  # under way, whereto is not known
         ("GPHDT,,T", "invalid"),
         ("GPHDT,nan,T", "bad"),
+        ("GPHDT,100.0,M", "bad"),  # a magnetic heading where a true one belongs
+        ("HCHDT,720.5,T", "bad"),
+        ("HCHDM,100.0,T", "bad"),
+        ("GPVTG,090.0,X,,M,3.0,N,,K,A", "bad"),
+        ("GPVTG,090.0,T,,M,3.0,K,,K,A", "bad"),
+        ("WIMWD,270.0,X,,,10.0,N,5.0,M", "bad"),
+        ("WIMWD,270.0,T,,M,,N,5.0,N", "bad"),
         ("HCHDG,100.0,,,,", "invalid"),  # magnetic, and no variation known
         ("HCHDG,100.0,,,10.0,X", "bad"),
         ("HCHDM,100.0,M", "invalid"),

@@ -264,6 +264,17 @@ def test_a_reading_goes_on_with_the_time_and_the_place_at_which_it_holds() -> No
             ),
             "sources.velocity.0: autopilot.GLOBAL_POSITION_INT must have the delay_s and arm_m that it has",
         ),
+        (
+            (
+                "sources.position=[{link: autopilot, message: GLOBAL_POSITION_INT, delay_s: 0.8}]",
+                "estimator.ekf.stale_after_s=0.8",
+            ),
+            "sources.position.0: autopilot.GLOBAL_POSITION_INT: delay_s must be below estimator.ekf.stale_after_s",
+        ),
+        (
+            ("sources.wind=[{link: anemometer, message: MWV, delay_s: 0.1}]",),
+            "sources.wind.0: anemometer.MWV: wind is taken as of its arrival; leave delay_s out",
+        ),
     ],
 )
 def test_delays_and_places_that_cannot_be_are_refused(overrides: tuple[str, ...], message: str) -> None:

@@ -163,6 +163,16 @@ def test_a_place_that_is_none_is_dropped_and_the_rest_kept(lat_deg: float) -> No
     assert count(codec, "invalid") == 1
 
 
+@pytest.mark.parametrize(("north", "status", "gives"), [(0.5, 6, True), (math.nan, 6, False), (0.5, 7, False)])
+def test_a_velocity_without_a_position_is_a_velocity(north: float, status: int, gives: bool) -> None:
+    """VelNed and InsStatus alone, as of a sensor whose position comes from elsewhere."""
+    codec = VectorNavCodec("ins")
+    found = feed(codec, message("01 8010", struct.pack("<3fH", north, -0.25, 0.1, status)))
+    assert bool(found) is gives and count(codec, "invalid") == (not gives)
+    for _, fix in found:
+        assert isinstance(fix, GnssFix) and math.isnan(fix.lat_deg) and (fix.vn_mps, fix.ve_mps) == (0.5, -0.25)
+
+
 def test_zeros_are_no_place() -> None:
     codec = VectorNavCodec("ins")
     assert feed(codec, message("01 4000", struct.pack("<3d", 0.0, 0.0, 0.0))) == []

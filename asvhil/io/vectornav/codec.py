@@ -204,20 +204,22 @@ class VectorNavCodec:
         """Everything in a sample that its status stands by and that can be a measurement. The yaw rate comes once."""
         rate, accel, velocity = sample.rate_radps, sample.accel_mps2, sample.velocity_mps
         r_radps = rate[2] if rate is not None and sample.inertial_valid and _finite(rate) else math.nan
+        place: tuple[float, ...] = (math.nan, math.nan)
         if sample.lla is not None:
             if sample.position_valid and is_place(sample.lla[0], sample.lla[1]):
-                vn_mps, ve_mps = velocity[:2] if velocity is not None and _finite(velocity) else (math.nan, math.nan)
-                fix = GnssFix(
-                    t_ns=t_ns,
-                    lat_deg=sample.lla[0],
-                    lon_deg=sample.lla[1],
-                    vn_mps=vn_mps,
-                    ve_mps=ve_mps,
-                    h_acc_m=math.nan if sample.position_u_m is None else sample.position_u_m,
-                )
-                found.append((source, fix))
+                place = sample.lla[:2]
             else:
                 self.invalid += 1
+        vn_mps, ve_mps = math.nan, math.nan
+        if velocity is not None and (sample.lla is None or math.isfinite(place[0])):  # not beside a place that is none
+            if sample.position_valid and _finite(velocity):
+                vn_mps, ve_mps = velocity[:2]
+            elif sample.lla is None:
+                self.invalid += 1
+        if not (math.isnan(place[0]) and math.isnan(vn_mps)):
+            h_acc_m = math.nan if sample.position_u_m is None else sample.position_u_m
+            fix = GnssFix(t_ns=t_ns, lat_deg=place[0], lon_deg=place[1], vn_mps=vn_mps, ve_mps=ve_mps, h_acc_m=h_acc_m)
+            found.append((source, fix))
         psi_rad = math.nan
         if sample.ypr_deg is not None:
             if sample.heading_valid and _finite(sample.ypr_deg):
