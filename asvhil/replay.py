@@ -6,7 +6,8 @@ import hashlib
 import tempfile
 import time
 from base64 import b64decode
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from asvhil.backseat import Backseat
@@ -47,22 +48,33 @@ def config_of(log: LogFile, path: Path, *, known_only: bool = False) -> Config:
     return config_from_json(stored, f"{path} (config record)", known_only=known_only)
 
 
-def build_recorded(log: LogFile, path: Path) -> Backseat:
-    """A fresh backseat as the one that wrote a log: its config, and the learned model that the log holds."""
-    config = config_of(log, path)
+@contextmanager
+def recorded_model(log: LogFile, path: Path) -> Iterator[Path | None]:
+    """The file of the learned model that a log holds, for as long as it is open; None of a log without one.
+
+    LogError where it is damaged.
+    """
     stored = log.metadata.get("model")
     if stored is None:
-        return build_backseat(config)
+        yield None
+        return
     try:
         data = b64decode(stored["base64"], validate=True)
         intact = hashlib.sha256(data).hexdigest() == stored["sha256"]
     except (KeyError, ValueError):
         intact = False
     if not intact:
-        raise LogError(f"{path}: the model record is damaged; replay needs the model that the run was made with")
+        raise LogError(f"{path}: the model record is damaged; the model that the run was made with is needed")
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "model.npz"
         file.write_bytes(data)
+        yield file
+
+
+def build_recorded(log: LogFile, path: Path) -> Backseat:
+    """A fresh backseat as the one that wrote a log: its config, and the learned model that the log holds."""
+    config = config_of(log, path)
+    with recorded_model(log, path) as file:
         return build_backseat(config, file)
 
 

@@ -28,7 +28,7 @@ from asvhil.estimator.wind import WindFilter
 from asvhil.geo import body_to_ned, ned_to_body, wrap_2pi, wrap_rad
 from asvhil.io.encoding import decode_outputs
 from asvhil.io.logfile import LogFile
-from asvhil.replay import config_of
+from asvhil.replay import config_of, recorded_model
 from asvhil.types import Attitude, Estimate, FrontseatStatus, GnssFix, Imu, Outputs, WindSample, record
 
 COEFFICIENTS = ("A, constant", "B, sin psi", "C, cos psi", "D, sin 2 psi", "E, cos 2 psi")
@@ -89,7 +89,8 @@ def calibrate(path: Path, on_tick: Callable[[int], None] = lambda ticks: None) -
     """Read a log. AsvhilError where it holds nothing to calibrate from."""
     log = LogFile(path)
     config = _unknown(config_of(log, path))
-    ekf = Ekf(config.estimator, build_model(config))
+    with recorded_model(log, path) as file:
+        ekf = Ekf(config.estimator, build_model(config, file))
     link, codecs = build_link(config), build_sensors(config)
     selector = SourceSelector(config.sources.resolved(config.links), config.sources.return_after_s)
     readers = {"autopilot": link.read, **{port: codec.read for port, codec in codecs.items()}}

@@ -1,12 +1,14 @@
 """`asvhil calibrate` on turns of the simulated BREAM: what was put in comes out, and a straight run is refused."""
 
 import json
+import shutil
 from pathlib import Path
 
 import pytest
 import yaml
 from typer.testing import CliRunner
 
+from asvhil.build import model_file
 from asvhil.cli import app, main
 from asvhil.collect import collect, parse_wind
 from asvhil.config import load_config
@@ -80,7 +82,13 @@ def test_the_config_of_the_boat_is_not_overwritten_and_its_base_must_be_there(
 def test_a_boat_that_did_not_turn_tells_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    run_lockstep(load_config("sitl-bream", ("supervisor.engage=command",)), tmp_path / "log.mcap", 20.0)
+    # With a model whose file is gone by then: the log holds it.
+    shipped = model_file(load_config("sitl-bream"))
+    assert shipped is not None
+    model = Path(shutil.copy(shipped, tmp_path / "model.npz"))
+    config = load_config("sitl-bream", ("supervisor.engage=command", f"controller.model={model}"))
+    run_lockstep(config, tmp_path / "log.mcap", 20.0)
+    model.unlink()
     monkeypatch.setattr("sys.argv", ["asvhil", "calibrate", str(tmp_path / "log.mcap")])
     with pytest.raises(SystemExit) as stopped:
         main()
