@@ -17,6 +17,7 @@ from asvhil.config import load_config  # noqa: E402
 from asvhil.dynamics.weights import TrainedModel, load_model, read_model, save_model  # noqa: E402
 from asvhil.errors import ConfigError, LogError, ModelError  # noqa: E402
 from asvhil.study.models import markdown, mpc_tick_ms, study_models  # noqa: E402
+from asvhil.study.page import MARKER  # noqa: E402
 from asvhil.train.choice import TOLERANCE_MPS2, best_of, thrust_dip  # noqa: E402
 from asvhil.train.jobs import evaluate_command, is_csv, train_command  # noqa: E402
 from asvhil.train.options import Progress, chosen_options  # noqa: E402
@@ -148,7 +149,7 @@ def test_the_study_writes_its_table_and_reuses_what_is_trained(log: Path, tmp_pa
     assert [row["model"] for row in result["rows"]] == ["sd", "hold the initial value"]
     assert "sd, data set 1" in told
     table = (tmp_path / "models.md").read_text()
-    assert table == markdown(result["rows"]) and table.count("\n") == 4
+    assert table == f"{MARKER}\n\n{markdown(result['rows'])}" and table.count("\n") == 6
     assert json.loads((tmp_path / "models.json").read_text()) == result
     told.clear()
     again = study_models(
