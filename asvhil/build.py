@@ -60,7 +60,7 @@ def build_model(config: Config, file: Path | None = None) -> Dynamics:
     """
     file = file or model_file(config)
     if file is None:
-        return SimplifiedDynamics(config.controller.vessel or config.vehicle.vessel)
+        return SimplifiedDynamics(config.believed_vessel)
     kind = LEARNED[config.controller.name]
     model = load_model(file, vehicle=config.vehicle.name, dt_s=config.controller.mpc.first_step_s)
     if model.name != kind:
@@ -70,7 +70,7 @@ def build_model(config: Config, file: Path | None = None) -> Dynamics:
 
 def build_controller(config: Config, model: Dynamics) -> Controller:
     """The controller that `controller.name` asks for, within the station keeping procedure where that is enabled."""
-    section, vessel = config.controller, config.controller.vessel or config.vehicle.vessel
+    section, vessel = config.controller, config.believed_vessel
     keeper: Controller
     match section.name:
         case "backstepping":
@@ -110,7 +110,7 @@ def build_wind(config: EstimatorConfig) -> WindFilter:
 
 def build_wind_load(config: Config) -> WindFromLoad | None:
     """What makes a wind of the disturbance; None for an estimator that has none."""
-    vessel = config.controller.vessel or config.vehicle.vessel
+    vessel = config.believed_vessel
     return WindFromLoad(vessel) if config.estimator.kind == "ekf" else None
 
 

@@ -42,13 +42,13 @@ def bound(
     from asvhil.config import load_config
     from asvhil.dynamics.rigid_body import SimplifiedDynamics
     from asvhil.study.bound import bound as best_orbit
-    from asvhil.study.bound import bounds_tree, markdown, plant_vessel
+    from asvhil.study.bound import bounds_tree, markdown
     from asvhil.study.bound import figures as figures_of
 
     settings = load_config(config, tuple(set_))
     sectors = [parse_wind(text) for text in wind]
     check_output(output, "bound", json_)
-    model = SimplifiedDynamics(plant_vessel(settings))
+    model = SimplifiedDynamics(settings.plant_vessel)
     winds: dict[str, Any] = {}
     console = Console()
     with progress(console) as bar:
@@ -216,12 +216,6 @@ def approach(
     finish(console, output, stem, figures, markdown, json_, lambda path: draw_tracks(outcomes, path))
 
 
-def _check_models(models: Path | None) -> None:
-    """ConfigError where there is no such folder: the shipped models would run unnoticed."""
-    if models is not None and not models.is_dir():
-        raise ConfigError(f"--models {models}: no such folder")
-
-
 def robustness(
     output: OutOption = RUNS,
     seeds: SeedsOption = 5,
@@ -241,7 +235,6 @@ def robustness(
     from asvhil.study.six_tests import MAIN, controller_overrides
 
     rows = checked(row, ROWS, "--row")
-    _check_models(models)
     controller = controller_overrides(MAIN, models, config, tuple(set_))
     stem = stem_of("robustness", quick)
     check_output(output, stem, json_)
@@ -280,7 +273,6 @@ def learned_loop(
     from asvhil.study.six_tests import controller_overrides
 
     overrides = tuple(set_)
-    _check_models(models)
     learned = {name: controller_overrides(name, models, config, overrides) for name in LEARNED}
     stem = stem_of("learned-loop", quick)
     check_output(output, stem, json_)

@@ -127,10 +127,10 @@ def _check_writable(file: Path, option: str) -> None:
 def bounds_at_hand(console: Any, file: Path | None, config: str, overrides: tuple[str, ...]) -> dict[str, float]:
     """The bounds to hold scores against; without them a line that says what to do."""
     from asvhil.config import load_config
-    from asvhil.study.bound import plant_vessel, read_bounds
+    from asvhil.study.bound import read_bounds
 
     settings = load_config(config, overrides)
-    whose = settings.vehicle.name, plant_vessel(settings)
+    whose = settings.vehicle.name, settings.plant_vessel
     if file is not None:
         return read_bounds(file, *whose)
     try:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 from typing import Annotated, Any
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
@@ -51,3 +53,11 @@ class Section(BaseModel):
             else value
             for name, value in data.items()
         }
+
+    def content_hash(self) -> str:
+        """First 16 hex digits of the SHA-256 of it in canonical JSON."""
+        return hashlib.sha256(self.canonical_json().encode()).hexdigest()[:16]
+
+    def canonical_json(self) -> str:
+        """All of it as JSON with sorted keys, of which an equal one can be read back."""
+        return json.dumps(self.model_dump(mode="json"), sort_keys=True)

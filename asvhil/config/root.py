@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import hashlib
-import json
 from typing import Any
 
 from pydantic import model_validator
@@ -17,7 +15,7 @@ from asvhil.config.links import LinksConfig
 from asvhil.config.plant import PlantConfig
 from asvhil.config.shell import DaemonConfig, RecorderConfig, SupervisorConfig
 from asvhil.config.sources import SourcesConfig, check_sources
-from asvhil.config.vehicle import VehicleConfig
+from asvhil.config.vehicle import VehicleConfig, VesselConfig
 
 
 class Config(Section):
@@ -60,10 +58,12 @@ class Config(Section):
         check_sources(self.sources, self.links, self.estimator.ekf.history_s, self.estimator.ekf.stale_after_s)
         return self
 
-    def content_hash(self) -> str:
-        """First 16 hex digits of the SHA-256 of the config in canonical JSON."""
-        return hashlib.sha256(self.canonical_json().encode()).hexdigest()[:16]
+    @property
+    def plant_vessel(self) -> VesselConfig:
+        """What the simulated boat is."""
+        return self.plant.vessel or self.vehicle.vessel
 
-    def canonical_json(self) -> str:
-        """The whole config as JSON with sorted keys; `from_json` reads it back to an equal config."""
-        return json.dumps(self.model_dump(mode="json"), sort_keys=True)
+    @property
+    def believed_vessel(self) -> VesselConfig:
+        """What estimator and controller take the boat for."""
+        return self.controller.vessel or self.vehicle.vessel

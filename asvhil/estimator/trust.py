@@ -31,7 +31,7 @@ class Track(NamedTuple):
     value: tuple[float, float] = (math.nan, math.nan)
     expected: tuple[float, float] = (math.nan, math.nan)
     jitter: float = 0.0
-    step: float = math.inf  # the least change of an axis so far: its resolution, if that is coarser than its noise
+    step: float = 0.0  # the least change of an axis so far: its resolution, if that is coarser than its noise
     repeats: int = 0
     repeated_since_ns: int = NEVER
     frozen: bool = False
@@ -50,9 +50,9 @@ def hear(
     """Take note of a reading and of what was expected in its place; tells whether the sensor is frozen."""
     if value != track.value:
         jitter, step = track.jitter, track.step
-        for new, old in zip(value, track.value, strict=True):
-            if new != old and new - old == new - old:
-                step = min(step, abs(new - old))
+        for change in (abs(value[0] - track.value[0]), abs(value[1] - track.value[1])):
+            if change > 0.0 and (change < step or step == 0.0):  # False for the first, which has none before it
+                step = change
         if track.used > 1 and not track.frozen:
             change = abs(value[0] - track.value[0]) + abs(value[1] - track.value[1])
             if change == change:  # the first has none before it
@@ -79,7 +79,7 @@ def hear(
         moved = math.hypot(expected[0] - track.expected[0], expected[1] - track.expected[1])
         # A velocity of exactly zero is what many receivers tell of a boat that is slow.
         noisy = track.jitter > max(alive.noise, STEPS_OF_NOISE * track.step) and value != (0.0, 0.0)
-        motion = max(alive.motion, track.step if math.isfinite(track.step) else 0.0)
+        motion = max(alive.motion, track.step)
         frozen = noisy or (moved > motion and off < motion)
     return track._replace(heard_ns=t_ns, repeats=repeats, frozen=frozen)
 

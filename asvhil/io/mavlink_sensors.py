@@ -90,10 +90,9 @@ class MavlinkSensors:
         message = m.get_msgId()
         if m.fix_type < dialect.GPS_FIX_TYPE_3D_FIX or m.time_usec == self._fix_times_us.get(message):
             return None  # none, or the same fix streamed again
-        if not is_place(m.lat * 1e-7, m.lon * 1e-7):
-            return None
         self._fix_times_us[message] = m.time_usec
-        return _raw_fix(t_ns, m)
+        fix = _raw_fix(t_ns, m)
+        return fix if is_place(fix.lat_deg, fix.lon_deg) else None
 
     def _attitude_quaternion(self, t_ns: int, m: Any) -> Measurement | None:
         w, x, y, z = m.q1, m.q2, m.q3, m.q4

@@ -71,7 +71,7 @@ class Plant:
     def __init__(self, config: Config, t_ns: int, autopilot: Autopilot | None = None) -> None:
         """`autopilot` drives the motors in the place of the simulated one, `frontseat`, which is then never powered."""
         plant = config.plant
-        vessel = plant.vessel or config.vehicle.vessel
+        vessel = config.plant_vessel
         pwm = config.vehicle.pwm
         seeds = np.random.SeedSequence(plant.seed).spawn(5)
         weather_seed, navigation_seed, anemometer_seed, ins_seed, nmea_seed = seeds

@@ -7,7 +7,6 @@ least penalty score ps = e_d + s_d + |e_h| + s_h (m, degrees) over all periodic 
 from __future__ import annotations
 
 import dataclasses
-import hashlib
 import json
 import math
 from collections.abc import Callable, Mapping
@@ -108,20 +107,9 @@ def guesses(count: int) -> list[Guess]:
     return (grid + drawn)[:count]
 
 
-def plant_vessel(config: Config) -> VesselConfig:
-    """The vessel that the plant is: the bound is that of the boat, whatever a controller believes of it."""
-    return config.plant.vessel or config.vehicle.vessel
-
-
-def vessel_hash(vessel: VesselConfig) -> str:
-    """First 16 hex digits of the SHA-256 over a vessel's values."""
-    text = json.dumps(vessel.model_dump(mode="json"), sort_keys=True)
-    return hashlib.sha256(text.encode()).hexdigest()[:16]
-
-
 def bounds_tree(config: Config, winds: Mapping[str, Any]) -> dict[str, Any]:
     """What bound.json holds: whose bounds they are, and `figures` by wind as SPEED@DEG."""
-    return {"vehicle": config.vehicle.name, "vessel_hash": vessel_hash(plant_vessel(config)), "winds": dict(winds)}
+    return {"vehicle": config.vehicle.name, "vessel_hash": config.plant_vessel.content_hash(), "winds": dict(winds)}
 
 
 def figures(orbit: Orbit) -> dict[str, Any]:
@@ -174,10 +162,10 @@ def read_bounds(path: Path, vehicle: str, vessel: VesselConfig) -> dict[str, flo
         raise AsvhilError(f"{path}: not what `asvhil study bound -o` writes") from None
     if of != vehicle:
         raise AsvhilError(f"{path}: holds the bounds of {of}, not of {vehicle}")
-    if tree.get("vessel_hash") != vessel_hash(vessel):
+    if tree.get("vessel_hash") != vessel.content_hash():
         held = f"vessel_hash {tree['vessel_hash']}" if "vessel_hash" in tree else "no vessel_hash"
         words = (
-            f"{held}, but the plant's vessel has {vessel_hash(vessel)}; `asvhil study bound -o DIR` finds its bounds"
+            f"{held}, but the plant's vessel has {vessel.content_hash()}; `asvhil study bound -o DIR` finds its bounds"
         )
         raise AsvhilError(f"{path}: {words}")
     return bounds

@@ -34,9 +34,10 @@ MAIN = "NNSEM-MPC"
 def controller_overrides(label: str, models: Path | None, base: str, overrides: tuple[str, ...]) -> tuple[str, ...]:
     """The config keys that set a controller, with the model file of its kind from a folder where it holds one.
 
-    There, VEHICLE-KIND.npz comes before KIND.npz. ConfigError where a model is needed and neither the folder nor the
-    shipped ones have it.
+    There, VEHICLE-KIND.npz comes before KIND.npz. ConfigError where there is no such folder, or where a model is needed
+    and neither the folder nor the shipped ones have it.
     """
+    check_models(models)
     name = CONTROLLERS[label]
     chosen = (*overrides, f"controller.name={name}")
     kind = LEARNED.get(name)
@@ -50,6 +51,12 @@ def controller_overrides(label: str, models: Path | None, base: str, overrides: 
     return chosen
 
 
+def check_models(models: Path | None) -> None:
+    """ConfigError where there is no such folder: the shipped models would run unnoticed."""
+    if models is not None and not models.is_dir():
+        raise ConfigError(f"--models {models}: no such folder")
+
+
 def available(
     labels: Iterable[str], models: Path | None, base: str, overrides: tuple[str, ...]
 ) -> tuple[dict[str, tuple[str, ...]], list[str]]:
@@ -57,8 +64,7 @@ def available(
 
     ConfigError where the folder of models is none, or a config key is wrong.
     """
-    if models is not None and not models.is_dir():
-        raise ConfigError(f"--models {models}: no such folder")
+    check_models(models)
     load_config(base, overrides)
     found: dict[str, tuple[str, ...]] = {}
     left_out = []

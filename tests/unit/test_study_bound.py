@@ -19,9 +19,7 @@ from asvhil.study.bound import (
     figures,
     guesses,
     markdown,
-    plant_vessel,
     read_bounds,
-    vessel_hash,
 )
 from asvhil.study.rows import ROWS, along_the_wind, wind_of
 
@@ -77,8 +75,8 @@ def test_the_bound_is_of_the_boat_and_not_of_what_the_controller_believes():
     vessels = {"plant.vessel": heavy, "controller.vessel": light}
     keys = [f"{key}={json.dumps(part.model_dump(mode='json'))}" for key, part in vessels.items()]
     config = load_config("sitl", ("controller.name=sd-mpc", *keys))
-    assert plant_vessel(CONFIG) == vessel and plant_vessel(config) == heavy
-    assert bounds_tree(config, {})["vessel_hash"] == vessel_hash(heavy) != vessel_hash(vessel)
+    assert CONFIG.plant_vessel == vessel and config.plant_vessel == heavy
+    assert bounds_tree(config, {})["vessel_hash"] == heavy.content_hash() != vessel.content_hash()
 
 
 def test_bounds_of_other_values_of_a_vessel_are_one_line(tmp_path):
@@ -89,7 +87,7 @@ def test_bounds_of_other_values_of_a_vessel_are_one_line(tmp_path):
     assert read_bounds(file, "wamv16", vessel) == {"3@90": 3.4}
     other = vessel.model_copy(update={"wind_sway_n_per_mps2": 9.0})
     with pytest.raises(
-        AsvhilError, match=rf"bound\.json: vessel_hash \w{{16}}, but .* has {vessel_hash(other)}; .*DIR"
+        AsvhilError, match=rf"bound\.json: vessel_hash \w{{16}}, but .* has {other.content_hash()}; .*DIR"
     ):
         read_bounds(file, "wamv16", other)
     del tree["vessel_hash"]
@@ -109,7 +107,7 @@ def test_another_file_is_one_line(tmp_path, text):
 
 
 def test_the_shipped_bounds_are_those_of_every_row_across_the_wind(orbit):
-    shipped = read_bounds(SHIPPED, CONFIG.vehicle.name, plant_vessel(CONFIG))
+    shipped = read_bounds(SHIPPED, CONFIG.vehicle.name, CONFIG.plant_vessel)
     assert {wind_of(row) for row in ROWS if not along_the_wind(row)} == set(shipped)
     # Found from many starts; a few give the same.
     assert shipped["3@90"] == pytest.approx(orbit.penalty_score, rel=2e-3)

@@ -202,24 +202,13 @@ class VectorNavCodec:
 
     def _measurements(self, source: str, t_ns: int, sample: InsSample, found: list[tuple[str, Measurement]]) -> None:
         """Everything in a sample that its status stands by and that can be a measurement. The yaw rate comes once."""
-        rate, accel, velocity = sample.rate_radps, sample.accel_mps2, sample.velocity_mps
+        rate, accel = sample.rate_radps, sample.accel_mps2
         r_radps = rate[2] if rate is not None and sample.inertial_valid and _finite(rate) else math.nan
-        place: tuple[float, ...] = (math.nan, math.nan)
-        if sample.lla is not None:
-            if sample.position_valid and is_place(sample.lla[0], sample.lla[1]):
-                place = sample.lla[:2]
-            else:
-                self.invalid += 1
-        vn_mps, ve_mps = math.nan, math.nan
-        if velocity is not None and (sample.lla is None or math.isfinite(place[0])):  # not beside a place that is none
-            if sample.position_valid and _finite(velocity):
-                vn_mps, ve_mps = velocity[:2]
-            elif sample.lla is None:
-                self.invalid += 1
-        if not (math.isnan(place[0]) and math.isnan(vn_mps)):
-            h_acc_m = math.nan if sample.position_u_m is None else sample.position_u_m
-            fix = GnssFix(t_ns=t_ns, lat_deg=place[0], lon_deg=place[1], vn_mps=vn_mps, ve_mps=ve_mps, h_acc_m=h_acc_m)
+        fix = _fix(t_ns, sample)
+        if fix is not None:
             found.append((source, fix))
+        elif sample.lla is not None or sample.velocity_mps is not None:
+            self.invalid += 1
         psi_rad = math.nan
         if sample.ypr_deg is not None:
             if sample.heading_valid and _finite(sample.ypr_deg):
@@ -244,6 +233,19 @@ def _measure_sentence(buffer: bytes, at: int) -> int:
     if end >= 0:
         return end + 1 - at
     return binary.INCOMPLETE if stop - at < sentences.MAX_SENTENCE else binary.IMPOSSIBLE
+
+
+def _fix(t_ns: int, sample: InsSample) -> GnssFix | None:
+    """Place and velocity, each NaN where the message has none; None without both, and beside a place that is none."""
+    place, velocity = sample.lla, sample.velocity_mps
+    if not sample.position_valid or (place is not None and not is_place(place[0], place[1])):
+        return None
+    lat_deg, lon_deg = place[:2] if place is not None else (math.nan, math.nan)
+    vn_mps, ve_mps = velocity[:2] if velocity is not None and _finite(velocity) else (math.nan, math.nan)
+    if math.isnan(lat_deg) and math.isnan(vn_mps):
+        return None
+    h_acc_m = math.nan if sample.position_u_m is None else sample.position_u_m
+    return GnssFix(t_ns=t_ns, lat_deg=lat_deg, lon_deg=lon_deg, vn_mps=vn_mps, ve_mps=ve_mps, h_acc_m=h_acc_m)
 
 
 def _finite(values: tuple[float, ...]) -> bool:
