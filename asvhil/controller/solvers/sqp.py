@@ -9,8 +9,9 @@ from asvhil.controller.mpc import POSE_AND_VELOCITY, Array, Solution, StationPro
 from asvhil.controller.solvers.outcome import bounded, failure
 from asvhil.dynamics.buffers import bind
 
-ARMIJO = 1e-4  # least part of the decrease promised by the slope that a step must bring
+ARMIJO = 0.25  # least part of the decrease promised by the slope that a step must bring: overlong steps zigzag
 SHORTEST_STEP = 1.0 / 64.0
+SHORTENED_TO = (0.25, 0.8)  # least and most of a step's length that is tried after it
 TOLERANCE = 3e-4  # stop where the slope promises less than this part of the cost
 USUAL = 3  # steps that are enough for a plan followed from tick to tick; more are taken only where they bring much
 COARSE = 1e-3  # the tolerance of those
@@ -125,12 +126,19 @@ class Sqp:
         return step, 2.0 * float(gradient @ step)
 
     def _search(self, u: Array, step: Array, slope: float, cost: float) -> tuple[Array, float] | None:
-        """The first of the halved steps that lowers the true cost enough, and its cost."""
+        """The first of ever shorter steps that lowers the true cost enough, and its cost.
+
+        The next length is the minimum of the parabola through what is known (Nocedal and Wright 2006, eq. 3.58): where
+        the heading swings, the Gauss-Newton step is several times too long, and halving would hit it only by chance.
+        """
         length = 1.0
+        least, most = SHORTENED_TO
         while length >= SHORTEST_STEP:
             trial = bounded(u + length * step, self._lower, self._upper)
             trial_cost = self._cost_of(trial)
             if trial_cost <= cost + ARMIJO * length * slope:  # False for NaN
                 return trial, trial_cost
-            length *= 0.5
+            bend = trial_cost - cost - slope * length
+            share = -0.5 * slope * length / bend if bend < np.inf else 0.0  # False for NaN too
+            length *= min(max(share, least), most)
         return None
