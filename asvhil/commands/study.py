@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from asvhil.commands import study_runs
+from asvhil.commands import study_runs, study_tune
 from asvhil.commands.options import JsonOption
 from asvhil.commands.study_views import check_output
 from asvhil.commands.views import progress, write_json
@@ -58,5 +58,5 @@ def models(
     console.print(markdown(figures["rows"]), markup=False, highlight=False, soft_wrap=True)
 
 
-for name, command in study_runs.COMMANDS.items():
+for name, command in (study_runs.COMMANDS | {"tune": study_tune.tune}).items():
     app.command(name=name)(command)

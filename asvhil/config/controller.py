@@ -123,50 +123,50 @@ Widths3 = tuple[Positive, Positive, Positive]
 class BacksteppingConfig(Section):
     """Diagonals of the paper's gain matrices."""
 
-    lambda_per_s: Gains3 = (0.3805, 0.3805, 0.6096)
-    kd: Gains3 = (433.2, 433.2, 647.6)  # N s/m, N s/m, N m s/rad
-    kp: Gains3 = (26.63, 26.63, 419.2)  # N/m, N/m, N m/rad
+    lambda_per_s: Gains3 = (0.4, 0.4, 0.8686)
+    kd: Gains3 = (324.7, 324.7, 1400.0)  # N s/m, N s/m, N m s/rad
+    kp: Gains3 = (35.94, 35.94, 1400.0)  # N/m, N/m, N m/rad
     wind_feedforward: bool = True
     steering: SteeringConfig = SteeringConfig(
-        error_max_m=3.388,
+        error_max_m=4.935,
         radius_m=21.42,
-        lean_max_deg=33.87,
-        lean_from_m=1.26,
-        lean_fade_n=3.258,
+        lean_max_deg=35.89,
+        lean_from_m=1.175,
+        lean_fade_n=2.023,
     )
 
 
 class SlidingModeConfig(Section):
     """Diagonals of the paper's gain matrices: Lambda, U (bound) and E (thickness of the boundary layer)."""
 
-    lambda_per_s: Gains3 = (0.3, 0.3, 1.2)
-    bound: Gains3 = (300.0, 300.0, 300.0)  # N, N, N m
-    layer: Widths3 = (1.2, 1.2, 1.5)  # m/s, m/s, rad/s
+    lambda_per_s: Gains3 = (0.514, 0.514, 0.5171)
+    bound: Gains3 = (1044.0, 1044.0, 530.4)  # N, N, N m
+    layer: Widths3 = (1.487, 1.487, 0.4261)  # m/s, m/s, rad/s
     integral_max: Gains3 = (10.0, 10.0, 1.0)  # m s, m s, rad s
     wind_feedforward: bool = True
     steering: SteeringConfig = SteeringConfig(
-        error_max_m=2.0,
-        radius_m=15.0,
-        lean_max_deg=12.0,
-        lean_from_m=0.4,
-        lean_fade_n=8.0,
+        error_max_m=0.6366,
+        radius_m=6.592,
+        lean_max_deg=9.98,
+        lean_from_m=1.13,
+        lean_fade_n=3.271,
     )
 
 
 class LoiterConfig(Section):
     """The autopilot's LOITER: the names of its own parameters stand beside."""
 
-    radius_m: Positive = 1.059  # LOIT_RADIUS
-    speed_gain_per_s: Positive = 1.254  # LOIT_SPEED_GAIN
+    radius_m: Positive = 1.258  # LOIT_RADIUS
+    speed_gain_per_s: Positive = 1.961  # LOIT_SPEED_GAIN
     speed_max_mps: Positive = 1.5  # WP_SPEED
-    throttle_ff_per_mps: NonNegative = 0.7338  # CRUISE_THROTTLE over CRUISE_SPEED
-    throttle_p_per_mps: NonNegative = 0.1447  # ATC_SPEED_P
-    throttle_i_per_m: NonNegative = 0.04107  # ATC_SPEED_I
-    throttle_min: Annotated[float, Field(ge=0.0, lt=1.0)] = 0.1149  # MOT_THR_MIN
-    angle_p_per_s: NonNegative = 2.319  # ATC_STR_ANG_P
+    throttle_ff_per_mps: NonNegative = 0.7262  # CRUISE_THROTTLE over CRUISE_SPEED
+    throttle_p_per_mps: NonNegative = 0.1335  # ATC_SPEED_P
+    throttle_i_per_m: NonNegative = 0.06501  # ATC_SPEED_I
+    throttle_min: Annotated[float, Field(ge=0.0, lt=1.0)] = 0.1013  # MOT_THR_MIN
+    angle_p_per_s: NonNegative = 1.406  # ATC_STR_ANG_P
     rate_max_degps: Positive = 30.0  # ATC_STR_RAT_MAX
-    rate_ff_s: NonNegative = 1.265  # ATC_STR_RAT_FF
-    rate_p_s: NonNegative = 1.111  # ATC_STR_RAT_P
+    rate_ff_s: NonNegative = 1.094  # ATC_STR_RAT_FF
+    rate_p_s: NonNegative = 0.8756  # ATC_STR_RAT_P
 
 
 # Controllers that predict with a learned model, and the kind of model file each needs.

@@ -1,16 +1,11 @@
-"""Tunes a controller in lockstep: a seeded search with the same budget for each, on winds that are not in the tests.
-
-`python -m asvhil.study.tuning NAME` writes docs/results/tuning/NAME.json; interrupted and started again it goes on.
-"""
+"""Tunes a controller in lockstep: a seeded search with the same budget for each, on winds that are not in the tests."""
 
 from __future__ import annotations
 
-import argparse
 import json
 import math
 import multiprocessing
 import os
-import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
@@ -27,8 +22,6 @@ from asvhil.types import record
 WINDS = ((4.0, 10.0), (5.0, 170.0), (4.0, 30.0), (5.0, 60.0), (4.0, 105.0))  # m/s, blowing toward degrees
 PLANT_SEED = 101
 FROM_S, TO_S = 60.0, 180.0
-BUDGET = 40  # candidates, the same for every controller
-RESULTS = Path(__file__).resolve().parents[2] / "docs" / "results" / "tuning"
 BATCH = 4  # candidates that are drawn from the same best: a constant, so that workers do not change the search
 WIDE_SHARE = 0.25  # of the budget: draws all over the ranges; the rest steps off the best so far
 FIRST_STEP, LAST_STEP = 0.25, 0.08  # standard deviation of such a step, in shares of the range
@@ -140,9 +133,9 @@ def typical(scores: Sequence[float]) -> float:
 
 def tune(
     name: str,
-    budget: int = BUDGET,
-    seed: int = 1,
-    progress: Callable[[str], None] | None = None,
+    budget: int,
+    seed: int,
+    progress: Callable[[int, float], None] | None = None,
     *,
     path: Path | None = None,
     workers: int = 2,
@@ -153,6 +146,7 @@ def tune(
     """Search the values of `SPACES[name]` with the lowest typical ps over the winds; `budget` counts candidates.
 
     With a path every batch is saved there, and a search that was begun there with the same settings is taken up.
+    `progress` hears of each batch how many candidates are done, and the lowest typical ps so far.
     The result depends on neither workers (0: none but this process) nor interruptions. KeyError where the controller
     has no space, ConfigError for a budget, seed or workers that cannot be, AsvhilError where the file at the path is
     not of this search: it is left as it is.
@@ -163,7 +157,7 @@ def tune(
             raise ConfigError(f"{option} {value}: at least {least} is expected")
     result: dict[str, Any] = {
         "controller": name,
-        "command": f"python -m asvhil.study.tuning {name} --budget {budget} --seed {seed}",
+        "command": f"asvhil study tune {name} --budget {budget} --seed {seed}",
         "settings": {
             "budget": budget,
             "seed": seed,
@@ -196,7 +190,7 @@ def tune(
             if path is not None:
                 _save(path, result)
             if progress is not None:
-                progress(f"{name}: {len(done)} of {budget}, best typical ps {result['best']['typical_ps']:.2f}")
+                progress(len(done), _typical_ps(result["best"]))
     result["best"] = min(done, key=_typical_ps)
     return result
 
@@ -263,23 +257,3 @@ def _save(path: Path, result: dict[str, Any]) -> None:
     beside = path.with_suffix(".part")
     beside.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
     os.replace(beside, path)
-
-
-def main() -> None:
-    parser = argparse.ArgumentParser(description="Tune a controller on winds that are not in the six tests.")
-    parser.add_argument("name", choices=sorted(SPACES))
-    parser.add_argument("--budget", type=int, default=BUDGET)
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--workers", type=int, default=2)
-    given = parser.parse_args()
-    path = RESULTS / f"{given.name}.json"
-    try:
-        result = tune(given.name, given.budget, given.seed, print, path=path, workers=given.workers)
-    except AsvhilError as error:
-        print(f"asvhil: {error}", file=sys.stderr)
-        sys.exit(2)
-    print(json.dumps(result["best"], indent=1))
-
-
-if __name__ == "__main__":
-    main()

@@ -33,7 +33,7 @@ def idle(monkeypatch):
     """No study, search or solver may begin."""
     for name in ("six_tests", "approach", "estimators", "robustness", "learned_loop"):
         monkeypatch.setattr(f"asvhil.study.{name}.run_jobs", nothing_runs, raising=False)
-    for name in ("bound.bound", "solvers._drive", "model_logs.collect_logs"):
+    for name in ("bound.bound", "solvers._drive", "model_logs.collect_logs", "tuning._mapper"):
         monkeypatch.setattr(f"asvhil.study.{name}", nothing_runs)
 
 
@@ -49,6 +49,7 @@ def idle(monkeypatch):
         ("learned-loop", "learned-loop"),
         ("estimator", "estimator"),
         ("models", "models"),
+        ("tune", "loiter"),
     ],
 )
 def test_what_cannot_be_written_is_said_before_anything_runs(study, stem, tmp_path, monkeypatch, capsys):

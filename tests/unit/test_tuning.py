@@ -1,17 +1,21 @@
 """The tuner: its search, its memory, and that its spaces fit the config."""
 
+import contextlib
 import json
 import re
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from asvhil.cli import main
 from asvhil.config import load_config
 from asvhil.errors import AsvhilError
 from asvhil.study import tuning
 from asvhil.study.tuning import SPACES, Parameter, candidates, overrides_of, tune, typical
 
+RESULTS = Path(__file__).resolve().parents[2] / "docs" / "results" / "tuning"
 SHORT = {"workers": 0, "winds": ((4.0, 30.0),), "window_s": (6.0, 7.0)}
 
 
@@ -31,20 +35,20 @@ def test_every_key_of_a_space_reaches_the_config_at_both_ends_of_its_range(name)
                 assert node == value
 
 
-# Every search on record is older than this key of NO_SLOW_ERROR: the filter looked for no slow error then, by default.
-SINCE_THE_RECORDS = {"estimator.ekf.position_bias_std_m=0"}
+# The first two searches are older than this key of NO_SLOW_ERROR: the filter looked for no slow error then, by default.
+SINCE_THE_SECOND = {"estimator.ekf.position_bias_std_m=0"}
 
 
 def stored(name: str) -> list[dict]:
-    """All evaluations on record: of the pilot search, and of the one that began at its best."""
+    """All evaluations on record: of the pilot search, one that was not finished, and the last."""
     found = []
-    for path in (tuning.RESULTS / "pilot" / f"{name}.json", tuning.RESULTS / f"{name}.json"):
-        search = json.loads(path.read_text(encoding="utf-8"))
+    for folder in ("pilot", "second", "."):
+        search = json.loads((RESULTS / folder / f"{name}.json").read_text(encoding="utf-8"))
         assert search["settings"]["winds_mps_toward_deg"] == [list(wind) for wind in tuning.WINDS]
         assert search["settings"]["plant_seed"] == tuning.PLANT_SEED
         assert search["settings"]["window_s"] == [tuning.FROM_S, tuning.TO_S] and search["settings"]["base"] == "sitl"
-        fixed = search["settings"]["fixed"]
-        assert fixed == [key for key in tuning.NO_SLOW_ERROR if key not in SINCE_THE_RECORDS]
+        older = set() if folder == "." else SINCE_THE_SECOND
+        assert search["settings"]["fixed"] == [key for key in tuning.NO_SLOW_ERROR if key not in older]
         found += search["evaluations"]
     return found
 
@@ -101,17 +105,22 @@ def test_one_bad_wind_does_not_outvote_the_others():
 def test_an_interrupted_search_goes_on_where_it_was_and_ends_alike(tmp_path):
     path = tmp_path / "loiter.json"
     said = []
-    whole = tune("loiter", 6, 3, said.append, path=path, **SHORT)
-    assert [line.split(",")[0] for line in said] == ["loiter: 4 of 6", "loiter: 6 of 6"]
+
+    def hear(done: int, best: float) -> None:
+        said.append((done, best))
+
+    whole = tune("loiter", 6, 3, hear, path=path, **SHORT)
+    lowest = [min(row["typical_ps"] for row in whole["evaluations"][:done]) for done in (4, 6)]
+    assert said == list(zip((4, 6), lowest, strict=True))
     assert json.loads(path.read_text()) == whole
     cut = {**whole, "evaluations": whole["evaluations"][:4]}
     path.write_text(json.dumps(cut))
     said.clear()
-    assert tune("loiter", 6, 3, said.append, path=path, **SHORT) == whole
+    assert tune("loiter", 6, 3, hear, path=path, **SHORT) == whole
     assert len(said) == 1  # only the second batch was run
     # A finished one runs nothing; a search with another seed leaves it alone.
     said.clear()
-    assert tune("loiter", 6, 3, said.append, path=path, **SHORT) == whole and not said
+    assert tune("loiter", 6, 3, hear, path=path, **SHORT) == whole and not said
     with pytest.raises(AsvhilError, match=r"its search had seed 3, and this one has 4; move it away"):
         tune("loiter", 6, 4, None, path=path, **SHORT)
     assert json.loads(path.read_text()) == whole
@@ -119,10 +128,10 @@ def test_an_interrupted_search_goes_on_where_it_was_and_ends_alike(tmp_path):
 
 def refused(monkeypatch, capsys, *arguments: str) -> str:
     """The one line with which the command ends, before any run."""
-    monkeypatch.setattr(tuning, "evaluate", None)
-    monkeypatch.setattr(sys, "argv", ["tuning", "loiter", "--workers", "0", *arguments])
+    monkeypatch.setattr(tuning, "_mapper", None)
+    monkeypatch.setattr(sys, "argv", ["asvhil", "study", "tune", *arguments])
     with pytest.raises(SystemExit) as ended:
-        tuning.main()
+        main()
     assert ended.value.code == 2
     lines = capsys.readouterr().err.splitlines()
     assert len(lines) == 1
@@ -130,12 +139,11 @@ def refused(monkeypatch, capsys, *arguments: str) -> str:
 
 
 def test_a_record_of_other_settings_is_named_and_left_as_it_is(tmp_path, monkeypatch, capsys):
-    before = (tuning.RESULTS / "loiter.json").read_bytes()
+    before = (RESULTS / "pilot" / "loiter.json").read_bytes()
     path = tmp_path / "loiter.json"
     path.write_bytes(before)
-    monkeypatch.setattr(tuning, "RESULTS", tmp_path)
-    line = refused(monkeypatch, capsys)
-    assert line.startswith(f"asvhil: {path}: its search had fixed [") and line.endswith("move it away to begin anew")
+    line = refused(monkeypatch, capsys, "loiter", "-o", str(tmp_path))
+    assert line.startswith(f"asvhil: {path}: its search had ") and line.endswith("move it away to begin anew")
     assert path.read_bytes() == before
 
 
@@ -143,18 +151,29 @@ def test_a_record_of_other_settings_is_named_and_left_as_it_is(tmp_path, monkeyp
 def test_a_damaged_record_is_one_line_and_left_as_it_is(tmp_path, monkeypatch, capsys, text):
     path = tmp_path / "loiter.json"
     path.write_text(text)
-    monkeypatch.setattr(tuning, "RESULTS", tmp_path)
-    assert re.fullmatch(r"asvhil: .*loiter\.json: not a whole record of a search; .*", refused(monkeypatch, capsys))
+    line = refused(monkeypatch, capsys, "loiter", "-o", str(tmp_path))
+    assert re.fullmatch(r"asvhil: .*loiter\.json: not a whole record of a search; .*", line)
     assert path.read_text() == text
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [(("--budget", "0"), "--budget 0: at least 1"), (("--seed=-1",), "--seed -1"), (("--workers=-1",), "--workers -1")],
-)
-def test_a_number_that_cannot_be_is_one_line(tmp_path, monkeypatch, capsys, arguments, words):
-    monkeypatch.setattr(tuning, "RESULTS", tmp_path)
-    assert words in refused(monkeypatch, capsys, *arguments)
+def test_an_unknown_controller_is_one_line_that_names_those_that_can_be(tmp_path, monkeypatch, capsys):
+    line = refused(monkeypatch, capsys, "loter", "-o", str(tmp_path))
+    assert line == "asvhil: NAME loter: unknown (known: backstepping, sliding-mode, loiter)"
+
+
+def test_the_command_tells_the_gains_and_leaves_the_search(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(tuning, "WINDS", ((4.0, 30.0),))
+    monkeypatch.setattr(tuning, "evaluate", lambda job: 3.0)
+    monkeypatch.setattr(tuning, "_mapper", lambda workers: contextlib.nullcontext(map))
+    arguments = ["loiter", "-o", str(tmp_path), "--budget", "5", "--json", str(tmp_path / "found.json")]
+    monkeypatch.setattr(sys, "argv", ["asvhil", "study", "tune", *arguments])
+    with pytest.raises(SystemExit, match=r"^0$"):
+        main()
+    said = capsys.readouterr().out
+    assert "loiter: 5 of 5, best typical ps 3.00" in said and "controller.loiter.radius_m = 1\n" in said
+    search = json.loads((tmp_path / "loiter.json").read_text())
+    assert len(search["evaluations"]) == 5
+    assert json.loads((tmp_path / "found.json").read_text()) == {"loiter": search["best"]}
 
 
 def test_a_controller_without_a_space_is_an_error():
