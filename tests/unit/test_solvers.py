@@ -81,6 +81,50 @@ def optima() -> dict[tuple[str, bool], float]:
     return best
 
 
+# --- the line search of the default ------------------------------------------------------------------------
+
+
+def searched(monkeypatch, cost_at) -> tuple[list[float], float | None]:
+    """Lengths that the search tries on a cost of the step's length (slope -1 at the start), and the one it takes."""
+    solver, tried = Sqp(PROBLEM), []
+
+    def cost_of(u: np.ndarray) -> float:
+        tried.append(float(u[0]))
+        return cost_at(tried[-1])
+
+    monkeypatch.setattr(solver, "_cost_of", cost_of)
+    step = np.zeros(2 * PROBLEM.stages)
+    step[0] = 1.0
+    taken = solver._search(np.zeros_like(step), step, -1.0, 0.0)
+    return tried, None if taken is None else float(taken[0][0])
+
+
+def test_a_step_too_long_is_cut_to_the_minimum_of_the_parabola(monkeypatch):
+    # -a + 1.25 a^2 has its minimum at 0.4; the full step costs more than the start.
+    tried, taken = searched(monkeypatch, lambda a: -a + 1.25 * a**2)
+    assert tried == [1.0, taken] and taken == pytest.approx(0.4)
+
+
+def test_a_step_that_pays_is_taken_whole(monkeypatch):
+    assert searched(monkeypatch, lambda a: -a + 0.7 * a**2) == ([1.0], 1.0)
+
+
+def test_a_step_that_pays_too_little_is_cut_though_the_cost_falls(monkeypatch):
+    tried, taken = searched(monkeypatch, lambda a: -a + 0.9 * a**2)  # a tenth of what the slope promises
+    assert len(tried) == 2 and taken == pytest.approx(1.0 / 1.8)
+
+
+@pytest.mark.parametrize("beyond", [np.nan, np.inf, 1e9])
+def test_a_cost_that_is_none_or_beyond_measure_cuts_to_a_quarter(monkeypatch, beyond):
+    tried, taken = searched(monkeypatch, lambda a: beyond if a > 0.1 else -a)
+    assert tried == [1.0, 0.25, 0.0625] and taken == 0.0625
+
+
+def test_without_descent_the_search_ends(monkeypatch):
+    tried, taken = searched(monkeypatch, lambda a: 1e-9)
+    assert taken is None and len(tried) < 10
+
+
 # --- the same optimum --------------------------------------------------------------------------------------
 
 
