@@ -58,5 +58,6 @@ def models(
     console.print(markdown(figures["rows"]), markup=False, highlight=False, soft_wrap=True)
 
 
-for name, command in (study_runs.COMMANDS | {"tune": study_tune.tune}).items():
+for name, command in study_runs.COMMANDS.items():
     app.command(name=name)(command)
+app.command()(study_tune.tune)

@@ -156,6 +156,14 @@ def test_a_damaged_record_is_one_line_and_left_as_it_is(tmp_path, monkeypatch, c
     assert path.read_text() == text
 
 
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [(("--budget", "0"), "--budget 0: at least 1"), (("--seed=-1",), "--seed -1"), (("--workers=-1",), "--workers -1")],
+)
+def test_a_number_that_cannot_be_is_one_line(tmp_path, monkeypatch, capsys, arguments, words):
+    assert words in refused(monkeypatch, capsys, "loiter", "-o", str(tmp_path), *arguments)
+
+
 def test_an_unknown_controller_is_one_line_that_names_those_that_can_be(tmp_path, monkeypatch, capsys):
     line = refused(monkeypatch, capsys, "loter", "-o", str(tmp_path))
     assert line == "asvhil: NAME loter: unknown (known: backstepping, sliding-mode, loiter)"
