@@ -1,5 +1,5 @@
 """`python -m asvhil` is the `asvhil` command."""
 
-from asvhil.cli import main
+from asvhil.commands.cli import main
 
 main()

@@ -10,13 +10,14 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
-from asvhil.clock import Clock
 from asvhil.config import Config, config_from_json
-from asvhil.daemon import Daemon
+from asvhil.daemon.daemon import Daemon
+from asvhil.daemon.status import status_of
 from asvhil.errors import AsvhilError, ConfigError
+from asvhil.links.clock import Clock
+from asvhil.logs.opening import make_run_folder, open_recorder
 from asvhil.simplant.lockstep import Lockstep
-from asvhil.sitl import make_run_folder, open_recorder, run_realtime
-from asvhil.status import status_of
+from asvhil.sitl import run_realtime
 from asvhil.types import Outputs, Phase, record
 
 Mode = Literal["lockstep", "realtime", "vehicle"]

@@ -8,6 +8,7 @@ from asvhil.types import record
 
 WGS84_A_M = 6378137.0
 WGS84_E2 = 6.69437999014e-3
+GRAVITY_MPS2 = 9.80665  # standard gravity
 
 
 def wrap_rad(angle_rad: float) -> float:

@@ -251,7 +251,7 @@ class Phase(enum.StrEnum):
 
 
 @record
-class ModelError:
+class PredictionError:
     """Root mean square errors of the model in use for (u, v, r), one step and a horizon ahead, over a sliding window.
 
     `ok` is False once the boat no longer behaves as the model says.
@@ -333,5 +333,5 @@ class Outputs:
     pwm_us: tuple[int, int] | None
     health: Health
     origin_deg: tuple[float, float] | None = None
-    model_error: ModelError | None = None
+    model_error: PredictionError | None = None
     autopilot_clock: TimeOffset | None = None

@@ -27,7 +27,7 @@ def calibrate(
     from rich.console import Console
 
     from asvhil.commands.views import progress, write_json
-    from asvhil.study.calibration import COEFFICIENTS, calibrate
+    from asvhil.preflight.calibration import COEFFICIENTS, calibrate
 
     if output is not None:
         _check_output(output, base)

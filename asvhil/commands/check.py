@@ -13,8 +13,8 @@ from asvhil.commands.views import write_json
 from asvhil.errors import ConfigError
 
 if TYPE_CHECKING:
+    from asvhil.autopilot.requirements import Finding
     from asvhil.config import Config
-    from asvhil.io.requirements import Finding
     from asvhil.preflight.checks import Check
     from asvhil.preflight.survey import Survey
 

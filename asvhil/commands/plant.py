@@ -14,7 +14,7 @@ from asvhil.errors import ConfigError
 
 if TYPE_CHECKING:
     from asvhil.config import Config
-    from asvhil.simplant.hil_server import HilServer
+    from asvhil.simplant.hil.server import HilServer
     from asvhil.simplant.plant import Truth
 
 SHOW_NS = 200_000_000
@@ -55,7 +55,7 @@ def plant(
 
 
 def _be_the_vehicle(settings: Config, duration: float | None, quiet: bool) -> None:
-    from asvhil.clock import Clock
+    from asvhil.links.clock import Clock
     from asvhil.simplant.server import PlantServer
 
     title = f"{settings.vehicle.name} on {settings.plant.links.autopilot}"
@@ -76,8 +76,8 @@ def _be_the_vehicle(settings: Config, duration: float | None, quiet: bool) -> No
 def _serve_autopilot(
     settings: Config, px4_hil: bool, endpoint: str | None, duration: float | None, quiet: bool
 ) -> None:
-    from asvhil.clock import Clock
-    from asvhil.simplant.hil_server import ArduPilotJsonServer, Px4HilServer
+    from asvhil.links.clock import Clock
+    from asvhil.simplant.hil.server import ArduPilotJsonServer, Px4HilServer
 
     hil = settings.plant.hil
     kind: type[HilServer] = Px4HilServer if px4_hil else ArduPilotJsonServer

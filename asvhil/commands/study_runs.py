@@ -133,7 +133,7 @@ def solvers(
     """All solvers side by side on one core: time of a step, gap to the optimum, and what the boat makes of it."""
     from rich.console import Console
 
-    from asvhil.build import build_model, model_file
+    from asvhil.backseat.build import build_model, model_file
     from asvhil.config import load_config
     from asvhil.study.solver_report import draw_solvers, solver_table
     from asvhil.study.solvers import SOLVERS, checked_study, study_solvers
@@ -197,8 +197,9 @@ def approach(
     """From 60 m off, at any heading, in 6 m/s of wind: random starts brought to the station and kept there."""
     from rich.console import Console
 
-    from asvhil.study.approach import DURATION_S, markdown, study_approach
+    from asvhil.study.approach import markdown, study_approach
     from asvhil.study.approach_figure import draw_tracks
+    from asvhil.study.trials.approach import DURATION_S
 
     stem = stem_of("approach", quick)
     check_output(output, stem, json_)

@@ -44,7 +44,7 @@ class LiveView:
 
     def show(self, outputs: Any, links: dict[str, str], overruns: int) -> None:
         """One tick of a daemon in this process."""
-        from asvhil.status import status_of
+        from asvhil.daemon.status import status_of
 
         self._start_ns = outputs.t_ns if self._start_ns is None else self._start_ns
         self._ticks += 1
@@ -53,7 +53,7 @@ class LiveView:
 
     def show_status(self, status: dict[str, Any]) -> None:
         """One status, however it came."""
-        from asvhil.status import render
+        from asvhil.daemon.status import render
 
         if self._as_json:
             print(json.dumps(status), flush=True)
@@ -97,14 +97,14 @@ def progress(console: Any, *, spinner: bool = False) -> Any:
 
 
 def report_run(log: Path, json_file: Path | None, picture: Path | None, console: Any, wall_s: float | None) -> None:
-    from asvhil.study.runlog import read_run, summarise
+    from asvhil.logs.run import read_run, summarise
 
     run_log = read_run(log)
     figures = summarise(run_log, wall_s)
     write_json(json_file, figures)
     print_summary(console, figures)
     if picture is not None:
-        from asvhil.study.figures import draw_run
+        from asvhil.logs.picture import draw_run
 
         wind = figures["wind"]
         title = (

@@ -8,8 +8,8 @@ from typing import Annotated, Any
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
+from asvhil.config.link_spec import parse_spec
 from asvhil.errors import ConfigError
-from asvhil.io.endpoints.spec import parse_spec
 
 Positive = Annotated[float, Field(gt=0.0)]
 NonNegative = Annotated[float, Field(ge=0.0)]

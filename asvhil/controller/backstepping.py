@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from asvhil.config import BacksteppingConfig, VesselConfig
-from asvhil.controller.classical import FAILED, FeedbackLoop, Motion, SimplifiedModel, Vector3, to_body
+from asvhil.controller.classical import FAILED, FeedbackLoop, SimplifiedModel, TrackingState, Vector3, to_body
 from asvhil.types import Control, Estimate, Station, Wind
 
 
@@ -35,7 +35,7 @@ class Backstepping:
             return FAILED
         return Control(command=result[1].command, ok=True, iterations=0, cost=0.0)
 
-    def law(self, motion: Motion) -> Vector3:
+    def law(self, motion: TrackingState) -> Vector3:
         """tau (N, N, N m) of the law above, without the wind."""
         lam, kd, kp = self._config.lambda_per_s, self._config.kd, self._config.kp
         eta_r_dot, eta_r_ddot, pull = zip(

@@ -23,7 +23,7 @@ TURN_ROUND_RAD = math.radians(120.0)  # bow or stern, once chosen, leads until i
 
 
 @record
-class Motion:
+class TrackingState:
     """The boat against its references, in the station's frame.
 
     `error` is eta_e (m, m, rad) with the heading wrapped, `rate` its derivative R(psi) nu, `nu` the velocity (m/s, m/s,
@@ -57,7 +57,7 @@ class SimplifiedModel:
             vessel.yaw_drag_nm_per_radps,
         )
 
-    def load(self, motion: Motion, eta_r_dot: Vector3, eta_r_ddot: Vector3) -> Vector3:
+    def load(self, motion: TrackingState, eta_r_dot: Vector3, eta_r_ddot: Vector3) -> Vector3:
         """M1 [R^T eta_r_ddot + Rdot^T eta_r_dot] + C1(nu) R^T eta_r_dot + D1 R^T eta_r_dot (N, N, N m)."""
         u, v, r = motion.nu
         u_r, v_r, r_r = to_body(motion.psi_rad, eta_r_dot)
@@ -150,8 +150,8 @@ class FeedbackLoop:
         return changed
 
     def step(
-        self, estimate: Estimate, wind: Wind | None, station: Station, law: Callable[[Motion], Vector3]
-    ) -> tuple[Motion, Allocation] | None:
+        self, estimate: Estimate, wind: Wind | None, station: Station, law: Callable[[TrackingState], Vector3]
+    ) -> tuple[TrackingState, Allocation] | None:
         """The motion under the final heading reference and what the motors do; None where an input is not finite."""
         nu = (estimate.u_mps, estimate.v_mps, estimate.r_radps)
         x_m, y_m = ned_to_body(station.psi_rad, estimate.n_m - station.n_m, estimate.e_m - station.e_m)
@@ -163,9 +163,9 @@ class FeedbackLoop:
         x_dot, y_dot = body_to_ned(psi_rad, nu[0], nu[1])
         short = min(1.0, self._error_max_m / max(math.hypot(x_m, y_m), 1e-9))
 
-        def motion(psi_r_rad: float) -> Motion:
+        def motion(psi_r_rad: float) -> TrackingState:
             error = (short * x_m, short * y_m, wrap_rad(psi_rad - psi_r_rad))
-            return Motion(t_ns=estimate.t_ns, error=error, rate=(x_dot, y_dot, nu[2]), nu=nu, psi_rad=psi_rad)
+            return TrackingState(t_ns=estimate.t_ns, error=error, rate=(x_dot, y_dot, nu[2]), nu=nu, psi_rad=psi_rad)
 
         load = self._wind_load(estimate, wind)
         seen = motion(reference_rad)

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Protocol
 
 import numpy as np
 
 from asvhil.config import ManoeuvresConfig
-from asvhil.controller.hand import Hand
+from asvhil.controller.human_operator import HumanOperator
+from asvhil.controller.protocol import Controller
 from asvhil.geo import wrap_rad
 from asvhil.types import Control, Estimate, Station, Wind, record
 
@@ -26,14 +26,6 @@ ZIGZAGS = ((0.35, 0.3), (0.7, 0.3), (-0.6, 0.35))  # (surge, turn)
 DEAD_BAND_SHARE = 0.25  # of the random steps, for each motor, where thrust curves start late
 DEAD_BAND = 0.25
 STEP_HOLD_S = (0.4, 4.0)
-
-
-class Keeper(Protocol):
-    """A controller that brings the boat to the station and keeps it there."""
-
-    def step(self, estimate: Estimate, wind: Wind | None, station: Station) -> Control: ...
-
-    def reset(self) -> None: ...
 
 
 @record
@@ -69,7 +61,7 @@ class Manoeuvres:
     not help (twice the radius, or too long), `Control.ok` is False from then on, and the supervisor lets go.
     """
 
-    def __init__(self, config: ManoeuvresConfig, home: Keeper) -> None:
+    def __init__(self, config: ManoeuvresConfig, home: Controller) -> None:
         self._config = config
         self._home = home
         self._drive: dict[str, Callable[[Block, float, Estimate, Station], tuple[float, float]]] = {
@@ -82,7 +74,7 @@ class Manoeuvres:
         """Begin anew, as after a time without control."""
         rng = np.random.default_rng(self._config.seed)
         self._blocks = programme(self._config.duration_s, rng)
-        self._hand = Hand(rng, self._config.reaction_s)
+        self._hand = HumanOperator(rng, self._config.reaction_s)
         self._index = 0
         self._in_block_s = 0.0
         self._begin_ns: int | None = None

@@ -16,7 +16,7 @@ from collections.abc import Callable
 from asvhil.config import ControllerConfig, ProcedureConfig, VesselConfig
 from asvhil.controller.dubins import Dubins, shortest
 from asvhil.controller.ilos import Guidance, Helm, Ilos, approach_speed
-from asvhil.controller.manoeuvres import Keeper
+from asvhil.controller.protocol import Controller
 from asvhil.geo import wrap_rad
 from asvhil.types import Control, Estimate, Station, Wind
 
@@ -50,7 +50,7 @@ class Procedure:
         self,
         config: ProcedureConfig,
         vessel: VesselConfig,
-        keeper: Keeper,
+        keeper: Controller,
         favour_position: Callable[[bool], None] | None = None,
     ) -> None:
         self._config, self._keeper = config, keeper

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from asvhil.config import SlidingModeConfig, VesselConfig
-from asvhil.controller.classical import FAILED, FeedbackLoop, Motion, SimplifiedModel, Vector3, to_body
+from asvhil.controller.classical import FAILED, FeedbackLoop, SimplifiedModel, TrackingState, Vector3, to_body
 from asvhil.types import Control, Estimate, Station, Wind
 
 LONGEST_STEP_S = 1.0  # a longer time between two steps is a pause, in which nothing is integrated
@@ -45,7 +45,7 @@ class SlidingMode:
         self._integrate(motion, allocation.saturated)
         return Control(command=allocation.command, ok=True, iterations=0, cost=0.0)
 
-    def law(self, motion: Motion) -> Vector3:
+    def law(self, motion: TrackingState) -> Vector3:
         """tau (N, N, N m) of the law above, without the wind."""
         lam, bound, layer = self._config.lambda_per_s, self._config.bound, self._config.layer
         eta_r_dot, eta_r_ddot, push = zip(
@@ -61,7 +61,7 @@ class SlidingMode:
         x_push, y_push, n_push = to_body(motion.psi_rad, push)
         return x_n - x_push, y_n - y_push, n_nm - n_push
 
-    def surface(self, motion: Motion) -> Vector3:
+    def surface(self, motion: TrackingState) -> Vector3:
         """s (m/s, m/s, rad/s) at the present integral."""
         along, across, heading = (
             de + 2.0 * g * e + g * g * i
@@ -69,7 +69,7 @@ class SlidingMode:
         )
         return along, across, heading
 
-    def _integrate(self, motion: Motion, saturated: bool) -> None:
+    def _integrate(self, motion: TrackingState, saturated: bool) -> None:
         """Anti-windup: an integral neither grows while the motors or its own sat() are at their bound, nor without end.
 
         While the boat is steered to a far station the errors are not those of keeping it, and nothing is integrated.

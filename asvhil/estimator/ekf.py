@@ -1,8 +1,8 @@
 """Extended Kalman filter over pose, velocity, disturbance and sensor biases, with vessel model and accelerometer.
 
 The state is that of `states.py`; the model's motor states are propagated, not corrected. Readings may come late: each
-is put back at its own time (`history.py`). Each is gated, and a sensor that is off, frozen or silent is done without
-for as long as the rest can bridge it (`trust.py`, `validity.py`).
+is put back at its own time (`out_of_sequence.py`). Each is gated, and a sensor that is off, frozen or silent is left
+out for as long as the rest can bridge it (`sensor_health.py`, `validity.py`).
 """
 
 from __future__ import annotations
@@ -13,9 +13,9 @@ import numpy as np
 
 from asvhil.config import EstimatorConfig
 from asvhil.dynamics.protocol import Dynamics
-from asvhil.estimator import trust
-from asvhil.estimator.filter import Filter
-from asvhil.estimator.history import History
+from asvhil.estimator import sensor_health
+from asvhil.estimator.ekf_step import Filter
+from asvhil.estimator.out_of_sequence import History
 from asvhil.estimator.states import D_E, D_N, D_R, PSI, E, FilterState, Forcing, N, R, U, V
 from asvhil.geo import LocalFrame, wrap_rad
 from asvhil.types import Attitude, Estimate, GnssFix, Imu, Note
@@ -129,7 +129,7 @@ class Ekf:
             motor=tuple(state.motor.tolist()),
             std=tuple(np.sqrt(np.maximum(np.diag(state.p)[:6], 0.0)).tolist()),
             disturbance=(x[D_N], x[D_E], x[D_R]),
-            valid=state.invalid_since_ns == trust.NEVER,
+            valid=state.invalid_since_ns == sensor_health.NEVER,
         )
 
     def notes(self, t_ns: int) -> tuple[Note, ...]:
@@ -138,7 +138,7 @@ class Ekf:
             return ()
         found = []
         for name, track in self._history.state.tracks.items():
-            text = trust.fault(track, t_ns, self._stale_ns)
+            text = sensor_health.fault(track, t_ns, self._stale_ns)
             if text:
                 found.append(Note(subject=NAMES[name], text=text, ok=False))
         return tuple(found)

@@ -12,7 +12,7 @@ from asvhil.config import MonitorConfig
 from asvhil.dynamics.buffers import bind
 from asvhil.dynamics.integrate import advance, substeps
 from asvhil.dynamics.protocol import Dynamics
-from asvhil.types import Estimate, ModelError, Wind
+from asvhil.types import Estimate, PredictionError, Wind
 
 NU = slice(3, 6)
 
@@ -44,7 +44,7 @@ class ModelMonitor:
         """The boat was not ours for a while: what was sent to it is not known."""
         self._past.clear()
 
-    def step(self, estimate: Estimate, model_input: tuple[float, float], wind: Wind | None) -> ModelError | None:
+    def step(self, estimate: Estimate, model_input: tuple[float, float], wind: Wind | None) -> PredictionError | None:
         """Take in the state of a control tick and the model's input from it on; errors once the horizon is filled."""
         if self._past and estimate.t_ns - self._past[-1][0].t_ns > self._max_gap_ns:
             self.reset()
@@ -60,7 +60,7 @@ class ModelMonitor:
         full = len(self._horizon) == self._horizon.maxlen
         # NaN compares false, so a model that runs away is not ok.
         ok = not full or all(error <= limit for error, limit in zip(horizon, limits, strict=True))
-        return ModelError(one_step=one_step, horizon=horizon, horizon_s=self._config.horizon_s, ok=ok)
+        return PredictionError(one_step=one_step, horizon=horizon, horizon_s=self._config.horizon_s, ok=ok)
 
     def _miss(
         self, rows: list[tuple[Estimate, tuple[float, float], tuple[float, float]]], now: Estimate

@@ -21,7 +21,7 @@ from asvhil.estimator.states import A_X, A_Y, B_E, B_N, D_N, D_R, MOVING, SIZE, 
 MAX_STEP_S = 0.1
 
 
-class Motion:
+class MotionModel:
     """`predict` is one midpoint step with its Jacobian; `feel` is the specific force at the inertial sensor with its.
 
     Fill `state` (SIZE + motors), `input` (2), `wind` (2, NED) and `arm` (2, m, body axes: where the inertial sensor

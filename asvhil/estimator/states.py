@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asvhil.config import EkfConfig
-from asvhil.estimator.trust import NEVER, Track
+from asvhil.estimator.sensor_health import NEVER, Track
 
 Array = NDArray[np.float64]
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 from asvhil.config import WindFilterConfig
-from asvhil.estimator import trust
-from asvhil.estimator.trust import Liveliness, Track
+from asvhil.estimator import sensor_health
+from asvhil.estimator.sensor_health import Liveliness, Track
 from asvhil.geo import body_to_ned, ned_to_body, wrap_rad
 from asvhil.types import BowWind, Estimate, Note, TrueWind, Wind, WindSample
 
@@ -147,8 +147,8 @@ class WindFilter:
         known = self._t_ns is not None
         speed, _ = apparent_wind((self._vn, self._ve), estimate) if known else (sample.speed_mps, 0.0)
         after_ns = round(self._config.stuck_after_s * 1e9)
-        self._cups = trust.hear(self._cups, sample.t_ns, (sample.speed_mps, 0.0), (speed, 0.0), CUPS, after_ns)
-        self._cups = self._cups if self._cups.frozen else trust.use(self._cups, sample.t_ns)
+        self._cups = sensor_health.hear(self._cups, sample.t_ns, (sample.speed_mps, 0.0), (speed, 0.0), CUPS, after_ns)
+        self._cups = self._cups if self._cups.frozen else sensor_health.use(self._cups, sample.t_ns)
         if self._cups.frozen and sample.speed_mps > 0.0:  # zero is what cups tell in a calm
             return "stuck"
         return "vane stuck" if self._vane_stuck(sample, estimate, after_ns) else ""

@@ -5,10 +5,10 @@ from __future__ import annotations
 import enum
 from typing import Any
 
+from asvhil.autopilot.ardurover_parameters import OPTIONAL
+from asvhil.autopilot.requirements import Finding
 from asvhil.config import AutopilotLinkConfig, Quantity
-from asvhil.io.mavlink import dialect
-from asvhil.io.requirements import Finding
-from asvhil.io.rover_parameters import OPTIONAL
+from asvhil.io.mavlink.frames import dialect
 from asvhil.preflight.survey import SourceState, Survey
 from asvhil.types import record
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import shutil
 from pathlib import Path
 
-from asvhil.build import build_model, model_file
+from asvhil.backseat.build import build_model, model_file
 from asvhil.config import Config
 from asvhil.errors import AsvhilError
 from asvhil.preflight.checks import Check, Result

@@ -7,14 +7,14 @@ import time
 from collections import deque
 from collections.abc import Callable
 
-from asvhil.clock import Clock
+from asvhil.autopilot.requirements import Finding
 from asvhil.config import Config
 from asvhil.config.mavlink import RoutingConfig
-from asvhil.daemon import Link
 from asvhil.errors import AsvhilError, LinkError
-from asvhil.hub import Hub, save_states
-from asvhil.io.mavlink import refuse_ignored_crc
-from asvhil.io.requirements import Finding
+from asvhil.io.mavlink.frames import refuse_ignored_crc
+from asvhil.links.clock import Clock
+from asvhil.links.reconnecting import ReconnectingLink
+from asvhil.links.router import MavlinkRouter, save_states
 from asvhil.preflight.survey import Survey
 from asvhil.types import Frame, Inputs
 
@@ -38,12 +38,13 @@ class Preflight:
         self.survey = Survey(config)
         self._inbox: deque[Frame] = deque()
         links = config.links.model_copy(update={"ground_stations": {}, "routing": RoutingConfig(enabled=False)})
-        self._hub = Hub(links, start_ns=self._clock.now_ns(), unix_ns=time.time_ns)
+        self._hub = MavlinkRouter(links, start_ns=self._clock.now_ns(), unix_ns=time.time_ns)
         specs = {"autopilot": links.autopilot.endpoint}
         sensors = {"anemometer": links.anemometer, "ins": links.ins, "gnss": links.gnss}
         specs |= {port: sensor.endpoint for port, sensor in sensors.items() if sensor is not None}
         self._links = {
-            port: Link(port, spec, config, self._clock, self._inbox, self._hub.receive) for port, spec in specs.items()
+            port: ReconnectingLink(port, spec, config, self._clock, self._inbox, self._hub.receive)
+            for port, spec in specs.items()
         }
 
     def states(self) -> dict[str, str]:

@@ -7,11 +7,11 @@ from collections import Counter, deque
 from collections.abc import Mapping
 from typing import Any
 
-from asvhil.build import build_firmware_watch, build_link, build_sensors
+from asvhil.autopilot.requirements import Finding
+from asvhil.backseat.build import build_firmware_watch, build_link, build_sensors
 from asvhil.config import QUANTITIES, Config, Quantity, SourceConfig
-from asvhil.io.mavlink import Parser, decode, dialect, message_id, source
-from asvhil.io.protocol import SensorCodec
-from asvhil.io.requirements import Finding
+from asvhil.io.mavlink.frames import Parser, decode, dialect, message_id, source
+from asvhil.io.sensors.protocol import SensorCodec
 from asvhil.types import (
     Attitude,
     BowWind,

@@ -5,11 +5,11 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator
 
-from asvhil.backseat import Backseat
-from asvhil.build import build_backseat
+from asvhil.backseat.backseat import Backseat
+from asvhil.backseat.build import build_backseat
 from asvhil.config import Config
-from asvhil.io.operator import encode_release
-from asvhil.io.recorder import Recorder
+from asvhil.logs.recorder import Recorder
+from asvhil.operator.session import encode_release
 from asvhil.simplant.plant import Plant
 from asvhil.types import Frame, Inputs, Outputs
 

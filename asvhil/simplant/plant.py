@@ -8,14 +8,14 @@ import numpy as np
 
 from asvhil.config import Config
 from asvhil.geo import LocalFrame, wrap_rad
-from asvhil.simplant.autopilot import PORT as AUTOPILOT_PORT
-from asvhil.simplant.devices import SimulatedNmea, SimulatedVn300
-from asvhil.simplant.faults import Faults, Present, all_faults, motor_signals_us
-from asvhil.simplant.frontseat import SimulatedArduRover
-from asvhil.simplant.px4 import SimulatedPx4
-from asvhil.simplant.sensors import Anemometer, Motion, Navigation, mwv_sentence
-from asvhil.simplant.vessel import Vessel
-from asvhil.simplant.weather import Weather
+from asvhil.simplant.ardurover.vehicle import SimulatedArduRover
+from asvhil.simplant.boat.devices import SimulatedNmea, SimulatedVn300
+from asvhil.simplant.boat.faults import Faults, Present, all_faults, motor_signals_us
+from asvhil.simplant.boat.sensors import Anemometer, Navigation, TrueMotion, mwv_sentence
+from asvhil.simplant.boat.vessel import Vessel
+from asvhil.simplant.boat.weather import Weather
+from asvhil.simplant.px4.vehicle import SimulatedPx4
+from asvhil.simplant.vehicle.autopilot import PORT as AUTOPILOT_PORT
 from asvhil.types import Frame, record
 
 ANEMOMETER_PORT = "anemometer"
@@ -38,7 +38,7 @@ class Truth:
     outputs_us: tuple[int, int]
 
 
-class Autopilot(Protocol):
+class AttachedAutopilot(Protocol):
     """What drives the motors: bytes in by `receive`, one main loop by `loop`, bytes out."""
 
     @property
@@ -68,7 +68,7 @@ class Plant:
     sensor, gust component and the waves, none of which depends on what the companion asks for.
     """
 
-    def __init__(self, config: Config, t_ns: int, autopilot: Autopilot | None = None) -> None:
+    def __init__(self, config: Config, t_ns: int, autopilot: AttachedAutopilot | None = None) -> None:
         """`autopilot` drives the motors in the place of the simulated one, `frontseat`, which is then never powered."""
         plant = config.plant
         vessel = config.plant_vessel
@@ -98,7 +98,7 @@ class Plant:
             plant.frontseat, pwm, plant.sensors.gnss, self.origin, self._navigation, self._vessel, t_ns
         )
 
-        self._autopilot: Autopilot = autopilot or self.frontseat
+        self._autopilot: AttachedAutopilot = autopilot or self.frontseat
         self._faults = Faults(all_faults(plant), t_ns)
         # A boat has the sensors that either end of their lines is configured for.
         self._devices: list[SimulatedVn300 | SimulatedNmea] = []
@@ -109,7 +109,7 @@ class Plant:
         self._moored: Moored | None = None
 
     @property
-    def motion(self) -> Motion:
+    def motion(self) -> TrueMotion:
         """The boat as its sensors see it after the last step, without their errors."""
         return self._moored or self._vessel
 

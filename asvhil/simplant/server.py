@@ -8,10 +8,10 @@ import signal
 from collections import deque
 from collections.abc import Callable
 
-from asvhil.clock import Clock
 from asvhil.config import Config
 from asvhil.errors import LinkError
-from asvhil.io.endpoint import Endpoint, open_endpoint
+from asvhil.links.clock import Clock
+from asvhil.links.endpoint import Endpoint, open_endpoint
 from asvhil.simplant.plant import Plant, Truth
 from asvhil.types import Frame
 

@@ -6,132 +6,28 @@ import dataclasses
 import json
 import math
 from collections.abc import Callable, Iterable
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from asvhil.config import Config, load_config
-from asvhil.geo import LocalFrame, wrap_rad
-from asvhil.simplant.lockstep import Lockstep
+from asvhil.config import load_config
 from asvhil.study.rows import refuse_own
 from asvhil.study.runner import Job, Progress, Result, run_jobs
 from asvhil.study.statistics import other_code
-from asvhil.study.trial import run_key
-from asvhil.types import record
-
-START_M = 60.0
-WIND_MPS = 6.0
-DURATION_S = 180.0
-SETTLED_S = 60.0  # the last of the run: the boat is to be at the station
-LOST_M = 5.0
-CHATTER_S = 10.0  # no more than one change of stage in any span of this length
-KEEPING = ("keep_heading", "keep_position")
-TRACK_S = 1.0  # from one point of a track to the next
-
-
-@record
-class Start:
-    """Where the boat is set down about the station, and the wind; radians, clockwise from north."""
-
-    seed: int
-    bearing_rad: float  # from the station to the boat
-    psi_rad: float
-    toward_rad: float  # of the wind
-
-
-@record
-class Outcome:
-    """One run against the truth. Times are seconds since the motors were taken; None where it never came to it."""
-
-    start: Start
-    handover_s: float | None
-    reached_s: float | None  # first within r_h of the station
-    end_m: float
-    settled_m: float  # mean distance over the last SETTLED_S
-    settled_max_m: float
-    settled_heading_deg: float  # mean absolute heading error over the same
-    changes: tuple[tuple[float, str], ...]  # (time, stage entered), the first stage among them
-    track_m: tuple[tuple[float, float], ...]  # north and east of the station, TRACK_S apart
-
-    @property
-    def lost(self) -> bool:
-        """Never near the station, or on the mean not there over the last seconds."""
-        return self.reached_s is None or self.settled_m > LOST_M
-
-    @property
-    def chatters(self) -> int:
-        """Changes of stage that came too soon after the one before, or after the start."""
-        return sum(b - a < CHATTER_S - 1e-6 for (a, _), (b, _) in pairwise(self.changes))
-
-
-def draw_starts(runs: int, seed: int) -> list[Start]:
-    """Random bearings, headings and wind directions; the same for the same seed."""
-    rng = np.random.default_rng(seed)
-    angles = rng.uniform(-math.pi, math.pi, (runs, 3)).tolist()
-    return [
-        Start(seed=seed * 1000 + i, bearing_rad=bearing, psi_rad=psi, toward_rad=toward)
-        for i, (bearing, psi, toward) in enumerate(angles)
-    ]
-
-
-def start_overrides(start: Start) -> tuple[str, ...]:
-    """The config keys that set a start."""
-    return (
-        f"plant.seed={start.seed}",
-        f"plant.start_n_m={START_M * math.cos(start.bearing_rad)!r}",
-        f"plant.start_e_m={START_M * math.sin(start.bearing_rad)!r}",
-        f"plant.start_heading_deg={math.degrees(start.psi_rad)!r}",
-        f"plant.weather.wind.speed_mps={WIND_MPS}",
-        f"plant.weather.wind.toward_deg={math.degrees(start.toward_rad)!r}",
-        "controller.procedure.enabled=true",
-    )
-
-
-def run_start(start: Start, overrides: tuple[str, ...] = (), duration_s: float = DURATION_S) -> Outcome:
-    """One run of the simulated boat in lockstep, sensors and gusts on. ConfigError where an override is wrong."""
-    config = load_config("sitl", (*start_overrides(start), *overrides))
-    station_n_m, station_e_m, station_rad = _station(config)
-    loop = Lockstep(config)
-    begin_ns: int | None = None
-    stage, changes = "", []
-    handover_s = reached_s = None
-    tail: list[tuple[float, float]] = []
-    track: list[tuple[float, float]] = []
-    distance_m = math.inf
-    ticks = round(duration_s * config.daemon.tick_hz)
-    for tick in range(ticks):
-        _, outputs = loop.tick()
-        truth = loop.plant.truth
-        offset_m = (truth.n_m - station_n_m, truth.e_m - station_e_m)
-        distance_m = math.hypot(*offset_m)
-        if tick % round(TRACK_S * config.daemon.tick_hz) == 0:
-            track.append((round(offset_m[0], 2), round(offset_m[1], 2)))
-        if outputs.control is not None:
-            begin_ns = outputs.t_ns if begin_ns is None else begin_ns
-            t_s = (outputs.t_ns - begin_ns) * 1e-9
-            if outputs.control.stage != stage:
-                stage = outputs.control.stage
-                changes.append((t_s, stage))
-                if handover_s is None and stage in KEEPING:
-                    handover_s = t_s
-            if reached_s is None and distance_m < config.controller.procedure.r_h_m:
-                reached_s = t_s
-        if tick >= ticks - SETTLED_S * config.daemon.tick_hz:
-            tail.append((distance_m, abs(wrap_rad(truth.psi_rad - station_rad))))
-    settled = np.array(tail)
-    return Outcome(
-        start=start,
-        handover_s=handover_s,
-        reached_s=reached_s,
-        end_m=distance_m,
-        settled_m=float(settled[:, 0].mean()),
-        settled_max_m=float(settled[:, 0].max()),
-        settled_heading_deg=math.degrees(float(settled[:, 1].mean())),
-        changes=tuple(changes),
-        track_m=tuple(track),
-    )
+from asvhil.study.trials.approach import (
+    CHATTER_S,
+    DURATION_S,
+    SETTLED_S,
+    START_M,
+    WIND_MPS,
+    Outcome,
+    Start,
+    draw_starts,
+    run_named_start,
+    start_overrides,
+)
+from asvhil.study.trials.trial import run_key
 
 
 def study_approach(
@@ -162,11 +58,6 @@ def study_approach(
         "runs_of_other_code": finished.outdated,
     }
     return figures, outcomes
-
-
-def run_named_start(start: dict[str, Any], overrides: tuple[str, ...], duration_s: float) -> Result:
-    """`run_start` for another process: JSON-ready in and out."""
-    return dataclasses.asdict(run_start(Start(**start), overrides, duration_s))
 
 
 def summarise_approach(outcomes: list[Outcome]) -> dict[str, Any]:
@@ -237,13 +128,6 @@ def _outcome(result: Result) -> Outcome:
             "track_m": tuple((n_m, e_m) for n_m, e_m in result["track_m"]),
         }
     )
-
-
-def _station(config: Config) -> tuple[float, float, float]:
-    station, plant = config.supervisor.station, config.plant
-    assert station is not None  # engage: auto has one
-    frame = LocalFrame(lat_deg=plant.origin_lat_deg, lon_deg=plant.origin_lon_deg)
-    return *frame.to_ned(station.lat_deg, station.lon_deg), math.radians(station.heading_deg)
 
 
 def _densest(outcome: Outcome) -> int:

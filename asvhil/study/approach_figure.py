@@ -12,7 +12,7 @@ matplotlib.use("Agg")
 import numpy as np
 from matplotlib.figure import Figure
 
-from asvhil.study.approach import LOST_M, TRACK_S, Outcome
+from asvhil.study.trials.approach import LOST_M, TRACK_S, Outcome
 
 BROUGHT_COLOUR, LOST_COLOUR = "tab:blue", "tab:red"
 

@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import Any
 
 from asvhil.config import VesselConfig
-from asvhil.study.rows import ROWS, refuse_own, row_overrides, station_heading_deg, title
+from asvhil.study.rows import ROWS, refuse_own, row_overrides, station_heading_deg, title, trial_job
 from asvhil.study.runner import Finished, Progress, run_jobs
 from asvhil.study.statistics import mean_ci95
-from asvhil.study.trial import NO_SLOW_ERROR, run_named_trial, trial_job
+from asvhil.study.trials.trial import NO_SLOW_ERROR, run_named_trial
 
 Scores = dict[tuple[str, str], dict[int, float]]  # (setup, row): {seed: ps}
 Held = dict[tuple[str, str], float]  # (setup, row): least share of the window with the motors, over the seeds

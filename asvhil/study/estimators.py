@@ -7,13 +7,13 @@ from pathlib import Path
 from typing import Any
 
 from asvhil.config import load_config
-from asvhil.study.abrupt import MOVE_DEG, MOVE_M, run_abrupt, run_survival
-from asvhil.study.estimation import ACTIVITIES, KINDS, METRICS, run_estimation
 from asvhil.study.rows import FROM_S, TO_S, row_overrides
 from asvhil.study.runner import Job, Progress, run_jobs
 from asvhil.study.six_tests import cost_figures
 from asvhil.study.statistics import mean_ci95
-from asvhil.study.trial import run_key
+from asvhil.study.trials.abrupt import MOVE_DEG, MOVE_M, run_abrupt, run_survival
+from asvhil.study.trials.estimation import ACTIVITIES, KINDS, METRICS, run_estimation
+from asvhil.study.trials.trial import run_key
 from asvhil.types import record
 
 SETS = {"VN-300": "sitl-vn300", "BREAM": "sitl-bream"}  # name: config

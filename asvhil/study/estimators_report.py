@@ -14,10 +14,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from asvhil.study.abrupt import MOVE_DEG, MOVE_M
-from asvhil.study.estimation import KINDS, TRUTH_COLUMNS
 from asvhil.study.estimators import ASKED, LOST_M, RAW_RATIO, RECOVERY_S
 from asvhil.study.statistics import count_of_seeds
+from asvhil.study.trials.abrupt import MOVE_DEG, MOVE_M
+from asvhil.study.trials.estimation import KINDS, TRUTH_COLUMNS
 
 NAMES = {"ekf": "EKF", "fir": "FIR fusion", "raw": "raw"}
 COLUMNS = {  # metric: (head of its column, digits)

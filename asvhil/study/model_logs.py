@@ -9,8 +9,8 @@ from typing import Any
 
 from asvhil.config import Config, load_config
 from asvhil.errors import LogError
-from asvhil.io.logfile import LogFile
-from asvhil.replay import config_of
+from asvhil.logs.reader import LogFile
+from asvhil.logs.replay import config_of
 from asvhil.types import record
 
 TRAIN_SEEDS = (100, 200, 300)  # a data set each, of TRAIN_S in each of the winds

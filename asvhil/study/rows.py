@@ -10,7 +10,8 @@ import yaml
 
 from asvhil.config import load_config
 from asvhil.errors import ConfigError
-from asvhil.study.trial import NO_NOISE, NO_SLOW_ERROR
+from asvhil.study.runner import Job
+from asvhil.study.trials.trial import NO_NOISE, NO_SLOW_ERROR, run_key
 
 FROM_S, TO_S = 60.0, 360.0
 QUICK_S = (15.0, 25.0)  # to see that it works
@@ -89,3 +90,9 @@ def checked(names: list[str], known: Collection[str], option: str) -> list[str]:
         if name not in known:
             raise ConfigError(f"{option} {name}: unknown (known: {', '.join(known)})")
     return [name for name in known if name in names or not names]
+
+
+def trial_job(group: str, base: str, overrides: tuple[str, ...], window_s: tuple[float, float]) -> Job:
+    """A trial for `runner.run_jobs` with `run_named_trial`: the same config, model file and window are the same run."""
+    key = f"trial {run_key(load_config(base, overrides))} {window_s[0]:g}-{window_s[1]:g}"
+    return Job(key=key, group=group, arguments=(base, overrides, window_s))

@@ -24,12 +24,10 @@ from asvhil.types import record
 
 WATCH_S = 0.3
 PACKAGE = Path(__file__).resolve().parents[1]
-# What decides how a run comes out; how studies count, draw and show their runs does not.
+# What decides how a run comes out: packages alone; how studies count, draw and show their runs does not.
 DECISIVE = (
-    *("types.py", "geo.py", "config", "dynamics", "io", "estimator", "controller", "supervisor.py", "backseat.py"),
-    *("build.py", "cadence.py", "known.py", "operations.py", "stations.py", "tunables.py", "mode_keeper.py"),
-    *("motor_check.py", "output_models.py", "output_watch.py", "pilot_watch.py", "simplant"),
-    *("study/trial.py", "study/metrics.py", "study/approach.py", "study/estimation.py", "study/abrupt.py"),
+    *("types.py", "geo.py", "config", "io", "dynamics", "estimator", "controller", "autopilot", "supervisor"),
+    *("operator", "backseat", "simplant", "logs", "study/trials"),
 )
 
 Result = dict[str, Any]

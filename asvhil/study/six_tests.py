@@ -6,13 +6,13 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from asvhil.build import model_file
+from asvhil.backseat.build import model_file
 from asvhil.config import LEARNED, load_config
 from asvhil.errors import ConfigError
-from asvhil.study.rows import FROM_S, ROWS, TO_S, refuse_own, row_overrides, station_heading_deg, wind_of
+from asvhil.study.rows import FROM_S, ROWS, TO_S, refuse_own, row_overrides, station_heading_deg, trial_job, wind_of
 from asvhil.study.runner import Finished, Progress, run_jobs
 from asvhil.study.statistics import mean_ci95, mean_of_all
-from asvhil.study.trial import run_named_trial, trial_job
+from asvhil.study.trials.trial import run_named_trial
 
 CONTROLLERS: dict[str, str] = {  # label in the table: controller.name
     "NNSEM-MPC": "nnsem-mpc",

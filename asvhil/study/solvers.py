@@ -19,13 +19,13 @@ from typing import Any
 
 import numpy as np
 
-from asvhil.build import build_backseat
+from asvhil.backseat.build import build_backseat
 from asvhil.config import Config, ControllerConfig, MpcWeights
-from asvhil.controller.mpc import Array, Solution, Solver, StationProblem
 from asvhil.controller.protocol import Controller
 from asvhil.controller.solvers.choice import choose_solver
 from asvhil.controller.solvers.fatrop import available as fatrop_available
 from asvhil.controller.solvers.ipopt import Ipopt
+from asvhil.controller.solvers.problem import Array, Solution, Solver, StationProblem
 from asvhil.controller.station_mpc import StationMpc
 from asvhil.dynamics.protocol import Dynamics
 from asvhil.errors import AsvhilError, ConfigError

@@ -16,7 +16,7 @@ import numpy as np
 
 from asvhil.config import Config, load_config
 from asvhil.errors import AsvhilError, ConfigError
-from asvhil.study.trial import NO_SLOW_ERROR, run_trial
+from asvhil.study.trials.trial import NO_SLOW_ERROR, run_trial
 from asvhil.types import record
 
 WINDS = ((4.0, 10.0), (5.0, 170.0), (4.0, 30.0), (5.0, 60.0), (4.0, 105.0))  # m/s, blowing toward degrees

@@ -10,8 +10,8 @@ from typing import Any
 from asvhil.dynamics.protocol import Dynamics
 from asvhil.dynamics.weights import TrainedModel, read_model, save_model
 from asvhil.errors import ConfigError, ModelError
-from asvhil.io.logfile import LogFile
-from asvhil.replay import config_of
+from asvhil.logs.reader import LogFile
+from asvhil.logs.replay import config_of
 from asvhil.train.choice import best_of
 from asvhil.train.dataset import (
     Dataset,

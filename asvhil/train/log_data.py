@@ -8,17 +8,17 @@ from typing import Literal
 
 import numpy as np
 
-from asvhil.build import build_link
+from asvhil.autopilot.mavlink_autopilot import PORT
+from asvhil.backseat.build import build_link
 from asvhil.config import Config
 from asvhil.controller.pwm import command_of_pulse
 from asvhil.errors import LogError
 from asvhil.geo import ned_to_body
-from asvhil.io.autopilot import PORT
-from asvhil.io.encoding import decode_outputs
-from asvhil.io.logfile import LogFile
-from asvhil.io.mavlink import Parser, decode, dialect, message_id
-from asvhil.io.nmea import NmeaCodec
-from asvhil.replay import config_of
+from asvhil.io.mavlink.frames import Parser, decode, dialect, message_id
+from asvhil.io.sensors.nmea import NmeaCodec
+from asvhil.logs.encoding import decode_outputs
+from asvhil.logs.reader import LogFile
+from asvhil.logs.replay import config_of
 from asvhil.train.records import Array, Dataset, Segment, source_hash
 from asvhil.train.series import (
     VELOCITY_HALF_WIDTH_S,

@@ -6,7 +6,8 @@ import fcntl
 from pathlib import Path
 
 import pytest
-from arduino_driver import BUILD, FIRMWARE, HERE, make, missing_packages, must_run
+
+from tests.support.arduino_driver import BUILD, FIRMWARE, HERE, make, missing_packages, must_run
 
 
 @pytest.fixture(scope="session", autouse=True)

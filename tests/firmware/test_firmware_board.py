@@ -7,7 +7,8 @@ import subprocess
 from pathlib import Path
 
 import pytest
-from arduino_driver import FIRMWARE, Board, make, mutated, wrong_directions, wrong_speeds
+
+from tests.support.arduino_driver import FIRMWARE, Board, make, mutated, wrong_directions, wrong_speeds
 
 FREQUENCIES_HZ = (0.5, 0.77, 1.0, 1.7, 4.3, 11.0, 30.0, 61.0, 90.0)
 

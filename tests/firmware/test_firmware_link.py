@@ -11,21 +11,21 @@ import sys
 from pathlib import Path
 
 import pytest
-from arduino_driver import BUILD, FIRMWARE, Board
 
-from asvhil.build import build_sensors
+from asvhil.backseat.build import build_sensors
 from asvhil.config import load_config
 from asvhil.errors import AsvhilError
-from asvhil.estimator.sources import SourceSelector
 from asvhil.estimator.wind import WindFilter
-from asvhil.io.encoding import decode_outputs
-from asvhil.io.endpoint import open_endpoint
-from asvhil.io.firmware import FIRMWARE as NAME
-from asvhil.io.firmware import QUERY, VERSION, FirmwareWatch
-from asvhil.io.logfile import LogFile
-from asvhil.io.nmea import NmeaCodec
-from asvhil.simplant.arduino import SimulatedArduino
+from asvhil.io.sensors.firmware import FIRMWARE as NAME
+from asvhil.io.sensors.firmware import QUERY, VERSION, FirmwareWatch
+from asvhil.io.sensors.nmea import NmeaCodec
+from asvhil.io.sensors.sources import SourceSelector
+from asvhil.links.endpoint import open_endpoint
+from asvhil.logs.encoding import decode_outputs
+from asvhil.logs.reader import LogFile
+from asvhil.simplant.boat.arduino import SimulatedArduino
 from asvhil.types import Estimate, Frame, WindSample
+from tests.support.arduino_driver import BUILD, FIRMWARE, Board
 
 
 def sentence(body: str) -> bytes:

@@ -5,7 +5,8 @@ import subprocess
 from pathlib import Path
 
 import pytest
-from arduino_driver import FIRMWARE, HERE
+
+from tests.support.arduino_driver import FIRMWARE, HERE
 
 NAMES = re.findall(r"^    TEST\((\w+)\)", (HERE / "host" / "test_logic.cpp").read_text(), re.MULTILINE)
 

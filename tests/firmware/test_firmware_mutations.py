@@ -3,7 +3,7 @@
 import itertools
 from pathlib import Path
 
-from arduino_driver import Board, mutated, wrong_directions, wrong_speeds
+from tests.support.arduino_driver import Board, mutated, wrong_directions, wrong_speeds
 
 
 def test_one_wrong_level_is_caught(tmp_path: Path) -> None:

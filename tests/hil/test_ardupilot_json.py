@@ -7,16 +7,16 @@ import struct
 from typing import Any
 
 import pytest
-from clients import NEUTRAL, as_ardupilot_reads, servo_frame
 from hypothesis import given
 from hypothesis import strategies as st
 
 from asvhil.config import Config, load_config
 from asvhil.errors import ConfigError
-from asvhil.io.mavlink import dialect as mav
-from asvhil.simplant.ardupilot_json import ArduPilotJson, ServoFrame, parse_servos
+from asvhil.io.mavlink.frames import dialect as mav
+from asvhil.simplant.hil.ardupilot_json import ArduPilotJson, ServoFrame, parse_servos
 from asvhil.simplant.plant import Plant
 from asvhil.types import Frame
+from tests.support.hil_clients import NEUTRAL, as_ardupilot_reads, servo_frame
 
 FREE = "plant.hil.neutral_first_s=0"
 CALM = "plant.weather.wind.speed_mps=0"

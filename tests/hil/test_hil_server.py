@@ -17,14 +17,14 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
-from clients import NEUTRAL, JsonAutopilot, Px4, as_ardupilot_reads, serving, servo_frame
 
-from asvhil.clock import Clock
 from asvhil.config import Config, load_config
 from asvhil.errors import ConfigError, LinkError
-from asvhil.io.mavlink import FrameSplitter, decode
-from asvhil.io.mavlink import dialect as mav
-from asvhil.simplant.hil_server import ArduPilotJsonServer, Px4HilServer
+from asvhil.io.mavlink.frames import FrameSplitter, decode
+from asvhil.io.mavlink.frames import dialect as mav
+from asvhil.links.clock import Clock
+from asvhil.simplant.hil.server import ArduPilotJsonServer, Px4HilServer
+from tests.support.hil_clients import NEUTRAL, JsonAutopilot, Px4, as_ardupilot_reads, serving, servo_frame
 
 pytestmark = pytest.mark.real_time
 

@@ -12,10 +12,10 @@ from hypothesis import strategies as st
 
 from asvhil.config import load_config
 from asvhil.errors import ConfigError
-from asvhil.io.mavlink import FrameSplitter, decode
-from asvhil.io.mavlink import dialect as mav
-from asvhil.simplant.px4_hil import NEVER_NS, Px4Hil
-from asvhil.simplant.px4_messages import standard_pressure_pa
+from asvhil.io.mavlink.frames import FrameSplitter, decode
+from asvhil.io.mavlink.frames import dialect as mav
+from asvhil.simplant.hil.px4 import NEVER_NS, Px4Hil
+from asvhil.simplant.hil.px4_messages import standard_pressure_pa
 from asvhil.types import Frame
 
 MS = 1_000_000

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from asvhil.config import WavesConfig, load_config
-from asvhil.simplant.noise import NormalSource, OrnsteinUhlenbeck
+from asvhil.simplant.boat.noise import NormalSource, OrnsteinUhlenbeck
+from asvhil.simplant.boat.waves import Waves
 from asvhil.simplant.plant import Plant
-from asvhil.simplant.waves import Waves
 
 
 def test_gusts_keep_their_spread_and_correlation_time() -> None:

@@ -6,19 +6,17 @@ import pytest
 
 from asvhil.config import load_config
 from asvhil.simplant.lockstep import Lockstep
-from asvhil.study.approach import (
+from asvhil.study.approach import markdown, study_approach, summarise_approach
+from asvhil.study.approach_figure import draw_tracks
+from asvhil.study.trials.approach import (
     CHATTER_S,
     SETTLED_S,
     Outcome,
     Start,
     draw_starts,
-    markdown,
     run_start,
     start_overrides,
-    study_approach,
-    summarise_approach,
 )
-from asvhil.study.approach_figure import draw_tracks
 
 
 @pytest.mark.parametrize(

@@ -8,12 +8,12 @@ import pytest
 import yaml
 from typer.testing import CliRunner
 
-from asvhil.build import model_file
-from asvhil.cli import app, main
+from asvhil.backseat.build import model_file
 from asvhil.collect import collect, parse_wind
+from asvhil.commands.cli import app, main
 from asvhil.config import load_config
+from asvhil.preflight.calibration import calibrate
 from asvhil.sitl import run_lockstep
-from asvhil.study.calibration import calibrate
 
 # Bias of the simulated compass (A) and its B to E: as config/bream.yaml has them.
 DEVIATION_DEG = (3.0, 4.0, 3.5, 1.0, 0.5)

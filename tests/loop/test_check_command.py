@@ -7,7 +7,8 @@ import sys
 from pathlib import Path
 
 import pytest
-from processes import Bench, bench, free_udp_port
+
+from tests.support.processes import Bench, bench, free_udp_port
 
 pytestmark = pytest.mark.real_time
 

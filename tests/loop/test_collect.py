@@ -9,19 +9,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from asvhil.clock import Clock
 from asvhil.collect import WindSector, collect, log_paths, parse_wind, with_manoeuvres
 from asvhil.config import Config, load_config
 from asvhil.errors import ConfigError, LinkError
-from asvhil.io.encoding import decode_outputs
-from asvhil.io.logfile import LogFile
-from asvhil.io.mavlink import dialect
-from asvhil.io.operator import encode_hold
-from asvhil.operator_client import send_and_wait
-from asvhil.replay import config_of, replay
+from asvhil.io.mavlink.frames import dialect
+from asvhil.links.clock import Clock
+from asvhil.links.operator_client import send_and_wait
+from asvhil.logs.encoding import decode_outputs
+from asvhil.logs.reader import LogFile
+from asvhil.logs.replay import config_of, replay
+from asvhil.operator.session import encode_hold
 from asvhil.simplant.plant import Plant
 from asvhil.types import Frame, Phase
-from tests.loop.processes import free_udp_port
+from tests.support.processes import free_udp_port
 
 CONFIG = load_config("sitl")
 

@@ -8,15 +8,16 @@ from pathlib import Path
 
 import pytest
 
-from asvhil.clock import Clock
 from asvhil.config import Config, load_config
-from asvhil.daemon import INBOX_FRAMES, SURRENDERS, Daemon, Link
+from asvhil.daemon.daemon import SURRENDERS, Daemon
 from asvhil.errors import AsvhilError
-from asvhil.io.endpoint import open_endpoint
-from asvhil.io.logfile import LogFile
-from asvhil.io.mavlink import FrameSplitter, decode
-from asvhil.io.recorder import Recorder
-from asvhil.sitl import open_recorder
+from asvhil.io.mavlink.frames import FrameSplitter, decode
+from asvhil.links.clock import Clock
+from asvhil.links.endpoint import open_endpoint
+from asvhil.links.reconnecting import INBOX_FRAMES, ReconnectingLink
+from asvhil.logs.opening import open_recorder
+from asvhil.logs.reader import LogFile
+from asvhil.logs.recorder import Recorder
 from asvhil.types import Frame, Inputs, Outputs
 
 pytestmark = pytest.mark.real_time
@@ -71,7 +72,7 @@ async def wait_until(condition, seconds: float = 5.0) -> None:  # type: ignore[n
 
 async def test_a_serial_line_is_unplugged_and_plugged_in_again(tmp_path: Path) -> None:
     clock, inbox, path = Clock(), deque[Frame](), tmp_path / "line"
-    link = Link("anemometer", f"serial:{path}:115200", config(), clock, inbox)
+    link = ReconnectingLink("anemometer", f"serial:{path}:115200", config(), clock, inbox)
     reader = asyncio.create_task(link.run())
     try:
         for round_ in range(2):
@@ -102,7 +103,7 @@ async def test_a_flooded_inbox_drops_the_oldest_and_counts() -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
-    link = Link("operator", f"udpin:127.0.0.1:{port}", config(), clock, inbox)
+    link = ReconnectingLink("operator", f"udpin:127.0.0.1:{port}", config(), clock, inbox)
     reader = asyncio.create_task(link.run())
     try:
         await wait_until(lambda: link.state == "up")
@@ -116,7 +117,7 @@ async def test_a_flooded_inbox_drops_the_oldest_and_counts() -> None:
 
 
 async def test_commands_to_a_link_that_is_down_are_dropped_and_counted() -> None:
-    link = Link("autopilot", "tcp:127.0.0.1:1", config(), Clock(), deque())
+    link = ReconnectingLink("autopilot", "tcp:127.0.0.1:1", config(), Clock(), deque())
     await link.send(Frame(t_ns=0, port="autopilot", data=b"x"))
     assert link.unsent == 1
 

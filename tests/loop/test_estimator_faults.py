@@ -4,8 +4,8 @@ import pytest
 
 from asvhil.config import load_config
 from asvhil.simplant.lockstep import Lockstep
-from asvhil.study.abrupt import run_abrupt
 from asvhil.study.rows import row_overrides
+from asvhil.study.trials.abrupt import run_abrupt
 from asvhil.types import Phase
 
 START_S = 40.0

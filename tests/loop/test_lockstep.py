@@ -1,41 +1,20 @@
 """The whole loop in virtual time: the station is kept, and the same seed gives the same bytes."""
 
-import math
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from asvhil.config import Config, load_config
-from asvhil.geo import LocalFrame, wrap_rad
-from asvhil.io.encoding import encode_outputs
+from asvhil.logs.encoding import encode_outputs
+from asvhil.logs.run import read_run, summarise
 from asvhil.simplant.lockstep import Lockstep
 from asvhil.sitl import run_lockstep
-from asvhil.study.runlog import read_run, summarise
 from asvhil.types import Phase
-
-NO_BIAS = "plant.sensors.gnss.slow_bias_m=0"
+from tests.support.settled import NO_BIAS, settled
 
 
 def config(*overrides: str) -> Config:
     return load_config("sitl", (NO_BIAS, *overrides))
-
-
-def settled(loop: Lockstep, seconds: float, from_s: float) -> tuple[float, float, float]:
-    """Mean distance (m), mean and std of the heading error (deg), of the truth against the configured station."""
-    station = loop.config.supervisor.station
-    assert station is not None
-    n_m, e_m = LocalFrame(lat_deg=loop.config.plant.origin_lat_deg, lon_deg=loop.config.plant.origin_lon_deg).to_ned(
-        station.lat_deg, station.lon_deg
-    )
-    distance, heading = [], []
-    for tick in range(round(seconds * 20)):
-        loop.tick()
-        if tick / 20 >= from_s:
-            truth = loop.plant.truth
-            distance.append(math.hypot(truth.n_m - n_m, truth.e_m - e_m))
-            heading.append(math.degrees(wrap_rad(truth.psi_rad - math.radians(station.heading_deg))))
-    return float(np.mean(distance)), float(np.mean(heading)), float(np.std(heading))
 
 
 @pytest.mark.parametrize(("wind", "heading_deg"), [((3.0, 0.0), 0.0), ((3.0, 300.0), 120.0)])

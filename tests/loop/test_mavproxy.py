@@ -15,15 +15,15 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 import pytest
-from processes import Process, end_by_its_input, free_udp_port, sets
 
 from asvhil.config import load_config
-from asvhil.replay import replay
-from asvhil.study.tlog_check import check_tlog
+from asvhil.logs.replay import replay
+from asvhil.logs.tlog_check import check_tlog
+from tests.support.paths import ROOT
+from tests.support.processes import Process, end_by_its_input, free_udp_port, sets
 
 pytestmark = pytest.mark.real_time
 
-ROOT = Path(__file__).parents[2]
 PYTHON = Path(os.environ.get("ASVHIL_MAVPROXY_PYTHON", ROOT / ".venv-mavproxy" / "bin" / "python"))
 MAVPROXY = PYTHON.parent / "mavproxy.py"
 

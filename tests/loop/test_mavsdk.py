@@ -19,16 +19,17 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from processes import Process, end_by_its_input, free_udp_port, sets
 
 from asvhil.geo import LocalFrame
-from asvhil.io.logfile import LogFile
-from asvhil.io.mavlink import FrameSplitter, decode, dialect, message_id
-from asvhil.replay import replay
+from asvhil.io.mavlink.frames import FrameSplitter, decode, dialect, message_id
+from asvhil.logs.reader import LogFile
+from asvhil.logs.replay import replay
+from tests.support.paths import ROOT
+from tests.support.processes import Process, end_by_its_input, free_udp_port, sets
 
 pytestmark = pytest.mark.real_time
 
-PEER = Path(__file__).parents[1] / "peers" / "mavsdk_peer.py"
+PEER = ROOT / "tests" / "peers" / "mavsdk_peer.py"
 ORIGIN = LocalFrame(lat_deg=40.4237, lon_deg=-86.9212)
 
 try:

@@ -4,11 +4,11 @@ import random
 from dataclasses import replace
 
 import pytest
-from motor_faults import BLIND_WORDS, WRONG, Lossy, Trial
 
 from asvhil.config import load_config
 from asvhil.simplant.lockstep import Lockstep
 from asvhil.types import Frame, Phase
+from tests.support.motor_faults import BLIND_WORDS, WRONG, Lossy, Trial
 
 LIMIT_S = 3.0
 REJECTED = 1

@@ -10,12 +10,12 @@ from typing import Any
 import pytest
 
 from asvhil.config import load_config
-from asvhil.io.mavlink import FrameSplitter, decode, dialect
-from asvhil.io.operator import encode_hold, encode_release
-from asvhil.io.operator_reports import TextReader
-from asvhil.replay import replay
+from asvhil.io.mavlink.frames import FrameSplitter, decode, dialect
+from asvhil.logs.opening import open_recorder
+from asvhil.logs.replay import replay
+from asvhil.operator.reports import TextReader
+from asvhil.operator.session import encode_hold, encode_release
 from asvhil.simplant.lockstep import Lockstep
-from asvhil.sitl import open_recorder
 from asvhil.types import Outputs, Phase
 
 GCS = dialect.MAVLink(None, srcSystem=255, srcComponent=190)

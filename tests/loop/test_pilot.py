@@ -5,8 +5,8 @@ import random
 import pytest
 
 from asvhil.config import load_config
-from asvhil.io.mavlink import FrameSplitter, decode, dialect
-from asvhil.io.operator import encode_hold
+from asvhil.io.mavlink.frames import FrameSplitter, decode, dialect
+from asvhil.operator.session import encode_hold
 from asvhil.simplant.lockstep import Lockstep
 from asvhil.types import Inputs, Outputs, Phase
 

@@ -7,13 +7,13 @@ import time
 from pathlib import Path
 
 import pytest
-from processes import bench, listen
 
 from asvhil.config import load_config
-from asvhil.io.logfile import LogFile
-from asvhil.replay import replay
+from asvhil.logs.reader import LogFile
+from asvhil.logs.replay import replay
+from asvhil.logs.run import read_run, summarise
 from asvhil.sitl import run_realtime
-from asvhil.study.runlog import read_run, summarise
+from tests.support.processes import bench, listen
 
 pytestmark = pytest.mark.real_time
 

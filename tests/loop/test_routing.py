@@ -14,21 +14,21 @@ from pathlib import Path
 
 import pytest
 
-from asvhil.clock import Clock
 from asvhil.config import Config, load_config
-from asvhil.daemon import Daemon
+from asvhil.daemon.daemon import Daemon
 from asvhil.errors import ConfigError
-from asvhil.hub import Hub
-from asvhil.io.endpoint import Endpoint, open_endpoint
-from asvhil.io.keyfile import read_state
-from asvhil.io.logfile import LogFile
-from asvhil.io.mavlink import Parser, decode, dialect, message_id, source
-from asvhil.io.operator import encode_hold, encode_release
-from asvhil.io.signing import Signer, SigningClock, derive_key, is_signed, sign, timestamp_of
-from asvhil.operator_client import send_and_wait
-from asvhil.replay import replay
+from asvhil.io.mavlink.frames import Parser, decode, dialect, message_id, source
+from asvhil.io.mavlink.signing import Signer, SigningClock, derive_key, is_signed, sign, timestamp_of
+from asvhil.links.clock import Clock
+from asvhil.links.endpoint import Endpoint, open_endpoint
+from asvhil.links.keyfile import read_state
+from asvhil.links.operator_client import send_and_wait
+from asvhil.links.router import MavlinkRouter
+from asvhil.logs.opening import open_recorder
+from asvhil.logs.reader import LogFile
+from asvhil.logs.replay import replay
+from asvhil.operator.session import encode_hold, encode_release
 from asvhil.simplant.lockstep import Lockstep
-from asvhil.sitl import open_recorder
 from asvhil.types import Frame, Outputs, Phase
 
 pytestmark = pytest.mark.real_time
@@ -432,8 +432,8 @@ def test_an_override_of_somebody_else_takes_the_boat_from_us() -> None:
 # --- what is wrong is told in one line -----------------------------------------------------------------------------
 
 
-def hub(tmp_path: Path, *overrides: str) -> Hub:
-    return Hub(config(*overrides).links, start_ns=0, unix_ns=lambda: 0)
+def hub(tmp_path: Path, *overrides: str) -> MavlinkRouter:
+    return MavlinkRouter(config(*overrides).links, start_ns=0, unix_ns=lambda: 0)
 
 
 def test_keys_that_cannot_be_used(tmp_path: Path) -> None:

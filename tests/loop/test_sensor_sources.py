@@ -7,18 +7,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from asvhil.clock import Clock
 from asvhil.config import Config, load_config
-from asvhil.daemon import Daemon
+from asvhil.daemon.daemon import Daemon
 from asvhil.geo import LocalFrame, wrap_rad
-from asvhil.io.endpoint import open_endpoint
-from asvhil.io.logfile import LogFile
-from asvhil.io.mavlink import FrameSplitter, decode
-from asvhil.io.operator import encode_hold
-from asvhil.replay import replay
+from asvhil.io.mavlink.frames import FrameSplitter, decode
+from asvhil.links.clock import Clock
+from asvhil.links.endpoint import open_endpoint
+from asvhil.logs.opening import open_recorder
+from asvhil.logs.reader import LogFile
+from asvhil.logs.replay import replay
+from asvhil.operator.session import encode_hold
 from asvhil.simplant.lockstep import Lockstep
 from asvhil.simplant.plant import Plant
-from asvhil.sitl import open_recorder, run_lockstep
+from asvhil.sitl import run_lockstep
 from asvhil.types import Outputs, Phase
 
 NO_BIAS = "plant.sensors.gnss.slow_bias_m=0"

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from asvhil.cli import main
+from asvhil.commands.cli import main
 
 TWO_LAWS = ("--controller", "backstepping", "--controller", "LOITER", "--row", "1", "--row", "5")
 

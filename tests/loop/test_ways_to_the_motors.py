@@ -4,16 +4,16 @@ import math
 from pathlib import Path
 
 import pytest
-from test_lockstep import NO_BIAS, settled
 
-from asvhil.build import build_backseat
+from asvhil.backseat.build import build_backseat
 from asvhil.config import Config, load_config
-from asvhil.io.mavlink import dialect, message_id
-from asvhil.io.operator import encode_release
-from asvhil.replay import replay
+from asvhil.io.mavlink.frames import dialect, message_id
+from asvhil.logs.replay import replay
+from asvhil.operator.session import encode_release
 from asvhil.simplant.lockstep import Lockstep
 from asvhil.sitl import run_lockstep
 from asvhil.types import Frame, Inputs, Outputs, Phase
+from tests.support.settled import NO_BIAS, settled
 
 FREE = "plant.frontseat.parameters={SERVO1_FUNCTION: 0, SERVO3_FUNCTION: 0}"
 WAYS = {

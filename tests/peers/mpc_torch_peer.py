@@ -21,7 +21,7 @@ from mpc import mpc
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from asvhil.config import config_from_json
-from asvhil.controller.mpc import StationProblem
+from asvhil.controller.solvers.problem import StationProblem
 from asvhil.dynamics.integrate import advance
 from asvhil.dynamics.rigid_body import SimplifiedDynamics
 from asvhil.dynamics.weights import load_model

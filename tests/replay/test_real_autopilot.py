@@ -8,10 +8,11 @@ import pytest
 
 from asvhil.config import load_config
 from asvhil.errors import LogError
-from asvhil.io.mavlink import dialect
-from asvhil.study.tlog_check import check_tlog
+from asvhil.io.mavlink.frames import dialect
+from asvhil.logs.tlog_check import check_tlog
+from tests.support.paths import DATA
 
-TLOG = Path(__file__).parents[1] / "data" / "ardurover-4.6.3-json-boat-drive.tlog"
+TLOG = DATA / "ardurover-4.6.3-json-boat-drive.tlog"
 
 
 def independent_count() -> Counter[str]:

@@ -7,10 +7,11 @@ import pytest
 
 from asvhil.config import load_config
 from asvhil.errors import AsvhilError
-from asvhil.io.logfile import LogFile
-from asvhil.io.recorder import Recorder
-from asvhil.replay import replay
-from asvhil.sitl import log_metadata, run_lockstep
+from asvhil.logs.opening import log_metadata
+from asvhil.logs.reader import LogFile
+from asvhil.logs.recorder import Recorder
+from asvhil.logs.replay import replay
+from asvhil.sitl import run_lockstep
 from asvhil.types import Frame, Inputs
 
 
@@ -25,7 +26,7 @@ def rewrite(source: Path, target: Path, edit_tick: int, flip: tuple[str, int, in
     """Copy a log, flipping one bit of one recorded input frame: (port, byte, bit) in a tick."""
     original = LogFile(source)
     recorder = Recorder(target, metadata=original.metadata, chunk_kib=128, sync_period_s=1.0, threaded=False)
-    from asvhil.io.encoding import decode_outputs
+    from asvhil.logs.encoding import decode_outputs
 
     for tick, (inputs, recorded) in enumerate(original.ticks()):
         frames = list(inputs.frames)
@@ -71,7 +72,7 @@ def test_a_changed_config_is_noticed(log: Path, tmp_path: Path) -> None:
     recorder = Recorder(
         path, metadata=log_metadata(other, "lockstep"), chunk_kib=128, sync_period_s=1.0, threaded=False
     )
-    from asvhil.io.encoding import decode_outputs
+    from asvhil.logs.encoding import decode_outputs
 
     for inputs, recorded in original.ticks():
         recorder.write_inputs(inputs)

@@ -1,67 +1,41 @@
-"""Imports point up the layout only, and the core never touches sockets, files, clocks or torch."""
+"""Imports between packages point one way, and the core never touches sockets, files, clocks or torch.
+
+A room is a package of `asvhil/`, or one of the few modules at its top. A room never imports one that stands after it in
+the list below.
+"""
 
 import ast
 import subprocess
 import sys
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
 
-PACKAGE = Path(__file__).resolve().parents[2] / "asvhil"
+from tests.support.paths import ROOT
 
-# Lower layers may import higher ones of this list, never the other way round.
-CORE = [
-    ["types", "errors"],
-    ["geo", "io.endpoints.spec"],
-    ["config"],
-    ["dynamics"],
-    ["io.mavlink", "io.nmea", "io.nmea_sentences", "io.vectornav", "io.firmware"],
-    ["io.streams", "io.mavlink_sensors", "io.signing", "io.timesync", "io.gate", "io.router"],
-    ["io.outputs", "io.parameters", "io.requirements", "io.rover_parameters", "io.px4_parameters", "io.protocol"],
-    ["io.autopilot", "io.ardurover", "io.px4", "io.goto", "io.parameter_server"],
-    ["io.operator_reports"],
-    ["io.operator"],
-    ["estimator"],
-    ["controller"],
-    ["output_models", "mode_keeper", "pilot_watch", "stations", "known", "tunables"],
-    ["supervisor", "cadence", "output_watch"],
-    ["motor_check", "operations"],
-    ["backseat"],
-    ["build"],
-]
+PACKAGE = ROOT / "asvhil"
+CORE = ["errors", "types", "geo", "config", "io", "dynamics", "estimator", "controller", "autopilot", "supervisor"]
+CORE += ["operator", "backseat"]
 SHELL = [
-    ["clock", "io.endpoint", "io.endpoints", "io.encoding", "io.foxglove", "io.recorder", "io.logfile", "io.tlog"],
-    ["io.keyfile"],
-    ["replay", "operator_client", "status", "hub"],
-    ["simplant", "train"],
-    ["study"],
-    ["daemon"],
-    ["sitl"],
-    ["collect", "preflight"],
-    ["commands"],
-    ["cli"],
-    ["__main__"],
+    "links",
+    "logs",
+    "simplant",
+    "sitl",
+    "daemon",
+    "collect",
+    "preflight",
+    "train",
+    "study",
+    "commands",
+    "__main__",
 ]
-LAYERS = CORE + SHELL
+ORDER = CORE + SHELL
+LOOSE = {"errors", "types", "geo", "collect", "sitl", "__main__", "__init__"}
+MOST_ROOMS = 28
 IMPURE = {"asyncio", "socket", "serial", "serial_asyncio_fast", "time", "datetime", "random", "threading", "subprocess"}
 EVERYWHERE_FORBIDDEN = {"pymavlink.mavutil"}
-
-
-def modules() -> dict[str, Path]:
-    found = {}
-    for path in PACKAGE.rglob("*.py"):
-        name = ".".join(path.relative_to(PACKAGE).with_suffix("").parts)
-        if name.endswith("__init__"):
-            continue
-        found[name] = path
-    return found
-
-
-def layer_of(module: str) -> int:
-    for number, names in enumerate(LAYERS):
-        if any(module == name or module.startswith(f"{name}.") for name in names):
-            return number
-    raise AssertionError(f"{module} has no layer: give it one in this test")
+MODULES = {".".join(path.relative_to(PACKAGE).with_suffix("").parts): path for path in sorted(PACKAGE.rglob("*.py"))}
 
 
 def imports_of(path: Path) -> set[str]:
@@ -76,31 +50,70 @@ def imports_of(path: Path) -> set[str]:
     return found
 
 
-@pytest.mark.parametrize("module", sorted(modules()))
-def test_imports_point_up(module: str) -> None:
-    mine = layer_of(module)
-    known = modules()
-    for name in imports_of(modules()[module]):
-        if name.startswith("asvhil.") and name.removeprefix("asvhil.") in known:
-            other = name.removeprefix("asvhil.")
-            same_package = module.split(".")[0] == other.split(".")[0]
-            assert layer_of(other) < mine or (layer_of(other) == mine and same_package), f"{module} imports {other}"
+def own_imports(module: str) -> set[str]:
+    """Modules of the package that a module imports, without the leading `asvhil.`."""
+    names = {name.removeprefix("asvhil.") for name in imports_of(MODULES[module]) if name.startswith("asvhil.")}
+    return {name for name in names if name in MODULES or f"{name}.__init__" in MODULES}
 
 
-@pytest.mark.parametrize("module", [name for name in sorted(modules()) if layer_of(name) < len(CORE)])
+def room(module: str, depth: int = 1) -> str:
+    """The package that a module is in, down to a depth; a module at the top is a room of its own."""
+    parts = module.split(".")
+    return ".".join(parts[: min(depth, len(parts) - 1)]) or parts[0]
+
+
+def test_the_rooms_are_those_of_the_order() -> None:
+    rooms = {room(module) for module in MODULES} - {"__init__"}
+    assert rooms == set(ORDER)
+    assert len(rooms) <= MOST_ROOMS
+
+
+def test_no_module_is_loose_at_the_top() -> None:
+    assert {path.stem for path in PACKAGE.glob("*.py")} == LOOSE
+
+
+@pytest.mark.parametrize("module", [name for name in MODULES if name != "__init__"])
+def test_imports_point_one_way(module: str) -> None:
+    for other in own_imports(module):
+        assert ORDER.index(room(other)) <= ORDER.index(room(module)), f"{module} imports {other}"
+
+
+@pytest.mark.parametrize("depth", [1, 2])
+def test_no_circle_between_rooms(depth: int) -> None:
+    graph: dict[str, set[str]] = {}
+    for module in MODULES:
+        mine = room(module, depth)
+        others = {room(other, depth) for other in own_imports(module) if other in MODULES}
+        graph.setdefault(mine, set()).update(others - {mine})
+    try:
+        TopologicalSorter(graph).prepare()
+    except CycleError as error:
+        pytest.fail(f"a circle: {' imports '.join(reversed(error.args[1]))}")
+
+
+def test_the_architecture_page_names_the_same_rooms() -> None:
+    text = (ROOT / "docs" / "architecture.md").read_text()
+    table = text.partition("## Layers")[2].partition("\n## ")[0]
+    named = [
+        word for line in table.splitlines() if line.startswith("| `") for word in line.split("|")[1].split("`")[1::2]
+    ]
+    assert [name.rstrip("/") for name in named] == [name for name in ORDER if name != "__main__"]
+
+
+@pytest.mark.parametrize("module", [name for name in MODULES if room(name) in CORE])
 def test_the_core_is_pure(module: str) -> None:
-    roots = {name.split(".")[0] for name in imports_of(modules()[module])}
+    roots = {name.split(".")[0] for name in imports_of(MODULES[module])}
     assert not roots & IMPURE, f"{module} imports {roots & IMPURE}"
 
 
-@pytest.mark.parametrize("module", sorted(modules()))
+@pytest.mark.parametrize("module", MODULES)
 def test_no_mavutil(module: str) -> None:
-    assert not imports_of(modules()[module]) & EVERYWHERE_FORBIDDEN
+    assert not imports_of(MODULES[module]) & EVERYWHERE_FORBIDDEN
 
 
 def test_the_daemon_imports_neither_torch_nor_matplotlib_nor_mavutil() -> None:
     code = (
-        "import sys, asvhil.daemon, asvhil.cli\n"
+        "import sys, asvhil.daemon.daemon, asvhil.commands.cli\n"
         "bad = [m for m in ('torch', 'matplotlib', 'pymavlink.mavutil', 'asvhil.simplant.plant') if m in sys.modules]\n"
         "sys.exit(', '.join(bad) or 0)"
     )

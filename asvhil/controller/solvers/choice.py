@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from asvhil.config import ControllerConfig, MpcConfig
-from asvhil.controller.mpc import Solver, StationProblem
+from asvhil.controller.solvers.problem import Solver, StationProblem
 from asvhil.controller.solvers.sqp import Sqp
 from asvhil.errors import ConfigError
 

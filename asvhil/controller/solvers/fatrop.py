@@ -7,8 +7,8 @@ from typing import Any
 
 import casadi as ca
 
-from asvhil.controller.mpc import StationProblem
 from asvhil.controller.solvers.nlp import NlpSolver
+from asvhil.controller.solvers.problem import StationProblem
 from asvhil.errors import ConfigError
 
 

@@ -12,8 +12,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from asvhil.controller.mpc import POSE_AND_VELOCITY, Array, Solution, StationProblem
 from asvhil.controller.solvers.outcome import bounded, failure, rolled_out
+from asvhil.controller.solvers.problem import POSE_AND_VELOCITY, Array, Solution, StationProblem
 from asvhil.types import record
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from asvhil.controller.mpc import Array, Solution, StationProblem
+from asvhil.controller.solvers.problem import Array, Solution, StationProblem
 
 
 def bounded(inputs: Array, lower: Array, upper: Array) -> Array:

@@ -11,8 +11,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from asvhil.controller.mpc import POSE_AND_VELOCITY, Array, Solution, StationProblem
 from asvhil.controller.solvers.outcome import bounded, failure, rolled_out
+from asvhil.controller.solvers.problem import POSE_AND_VELOCITY, Array, Solution, StationProblem
 from asvhil.dynamics.integrate import advance
 from asvhil.types import record
 

@@ -1,0 +1,308 @@
+"""The conversation with an autopilot: what all vehicle profiles share of it. Sans-IO."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from asvhil.autopilot.motor_outputs import make_output
+from asvhil.autopilot.requirements import Finding, Requirement, judge
+from asvhil.config import AutopilotLinkConfig, PwmConfig
+from asvhil.config.autopilots import MODES
+from asvhil.io.mavlink.frames import Parser, decode, dialect, message_id, source
+from asvhil.io.mavlink.parameter_client import ParameterClient
+from asvhil.io.mavlink.streams import StreamKeeper
+from asvhil.io.mavlink.timesync import TimeSync
+from asvhil.io.sensors.mavlink_sensors import MavlinkSensors
+from asvhil.types import Attitude, Cause, Frame, FrontseatStatus, Measurement, Note, TimeOffset
+
+PORT = "autopilot"
+HEARTBEAT_NS = 1_000_000_000
+REQUEST_NS = 1_000_000_000
+IGNORE_CHANNEL = 65535
+FROM_ANYONE = (dialect.MAVLINK_MSG_ID_HEARTBEAT, dialect.MAVLINK_MSG_ID_TIMESYNC)
+MAKES = {dialect.MAV_AUTOPILOT_ARDUPILOTMEGA: "ardurover", dialect.MAV_AUTOPILOT_PX4: "px4"}
+
+
+class MavlinkAutopilot:
+    """Heartbeat, streams, time, mode, arming and motors out; status and measurements in. A profile adds its own."""
+
+    legacy_streams = False  # REQUEST_DATA_STREAM where SET_MESSAGE_INTERVAL is not to be had
+    bytewise_parameters = False  # integers in PARAM_VALUE by their bytes, not as floats
+
+    def __init__(self, config: AutopilotLinkConfig, pwm: PwmConfig) -> None:
+        self._config = config
+        self._pwm = pwm
+        self._modes = MODES[config.profile]
+        self._mode_names = {number: name for name, number in self._modes.items()}
+        self._parser = Parser()
+        self._own = dialect.MAVLink(None, srcSystem=config.system_id, srcComponent=config.component_id)
+        self._output = make_output(config, pwm)
+        self._streams = StreamKeeper(config.streams_hz, legacy=self.legacy_streams)
+        self._heartbeat_ns: int | None = None
+        self._timesync = TimeSync()
+        self._required = self._requirements()
+        self._findings: tuple[int, list[Finding]] = (-1, [])
+        names = (requirement.names for requirement in self._required)
+        self.parameters = ParameterClient(names, bytewise=self.bytewise_parameters)
+        self._autopilot_component_id: int | None = None
+        self._request_ns: dict[int, int] = {}
+        self._stranger = ""
+        self._boot_ms = -1
+        self._armed = False
+        self._mode = ""
+        self._ready = False
+        self._rc_us: tuple[int, ...] = ()
+        self._outputs_us: tuple[int, ...] = ()
+        self._rc_ns = self._outputs_ns = 0
+        self.autopilot_heartbeat_ns: int | None = None
+        self.impossible = 0
+        self.reboots = 0
+        self._handlers: dict[int, Callable[[int, Any], Measurement | None]] = {
+            dialect.MAVLINK_MSG_ID_HEARTBEAT: self._on_heartbeat,
+            dialect.MAVLINK_MSG_ID_RC_CHANNELS: self._on_rc_channels,
+            dialect.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW: self._on_servo_output,
+            dialect.MAVLINK_MSG_ID_ATTITUDE: self._on_attitude,
+            dialect.MAVLINK_MSG_ID_SYSTEM_TIME: self._on_system_time,
+            dialect.MAVLINK_MSG_ID_COMMAND_ACK: self._on_command_ack,
+            dialect.MAVLINK_MSG_ID_TIMESYNC: self._on_timesync,
+            dialect.MAVLINK_MSG_ID_PARAM_VALUE: self.parameters.heard,
+            **MavlinkSensors(lambda: self._ready).handlers,
+        }
+        other = {"GLOBAL_POSITION_INT", "GPS_RAW_INT"} - {config.position_source}
+        self._not_the_position = other.pop()
+
+    # --- in ------------------------------------------------------------------------------------------------
+
+    def decode(self, frame: Frame) -> list[Measurement]:
+        """As `read`, with positions of the configured source alone, and without names."""
+        return [measurement for name, measurement in self.read(frame) if name != self._not_the_position]
+
+    def read(self, frame: Frame) -> list[tuple[str, Measurement]]:
+        """(message name, measurement) of all in one frame of the autopilot's port; others and bad bytes give none."""
+        found: list[tuple[str, Measurement]] = []
+        for data in self._parser.feed(frame.peer, frame.data):
+            system_id, component_id = source(data)
+            if system_id != self._config.autopilot_system_id or component_id == self._config.component_id:
+                continue
+            msg_id = message_id(data)
+            if not self._is_its_own(component_id, msg_id):
+                continue
+            self._streams.seen(msg_id)
+            handler = self._handlers.get(msg_id)
+            if handler is None:
+                continue
+            message = decode(data)
+            if message is None:
+                self.impossible += 1
+                continue
+            measurement = handler(frame.t_ns, message)
+            if measurement is not None:
+                found.append((message.msgname, measurement))
+        return found
+
+    def _is_its_own(self, component_id: int, msg_id: int) -> bool:
+        """Whether a message of the vehicle is to be heard: a gimbal or a second computer has sensors and clocks too.
+
+        Heartbeats tell which component the autopilot is, and anyone may ask for the time.
+        """
+        known = self._autopilot_component_id
+        return known is None or component_id == known or msg_id in FROM_ANYONE
+
+    @property
+    def clock(self) -> TimeOffset | None:
+        """How far the autopilot's clock is from ours."""
+        return self._timesync.offset
+
+    @property
+    def findings(self) -> list[Finding]:
+        """The parameters that matter, held against what they must be."""
+        if self._findings[0] != self.parameters.answers:
+            self._findings = (self.parameters.answers, judge(self._required, self.parameters.values))
+        return self._findings[1]
+
+    @property
+    def notes(self) -> tuple[Note, ...]:
+        """The hazard of the way to the motors, whether the autopilot refuses it, and whether it is of another make."""
+        said = (
+            ("autopilot", self._stranger),
+            ("motor output", self._output.hazard),
+            ("motor commands", self._output.refused),
+        )
+        return tuple(Note(subject=subject, text=text, ok=False) for subject, text in said if text)
+
+    def counters(self) -> tuple[tuple[str, int], ...]:
+        """Cumulative counts of what came in and what was dropped."""
+        return (
+            ("autopilot.frames", self._parser.total("frames")),
+            ("autopilot.bad_crc", self._parser.total("bad_crc")),
+            ("autopilot.garbage_bytes", self._parser.total("garbage_bytes")),
+            ("autopilot.unknown", self._parser.total("unknown")),
+            ("autopilot.impossible", self.impossible),
+            ("autopilot.reboots", self.reboots),
+            ("autopilot.timesync_rejected", self._timesync.rejected),
+            ("autopilot.timesync_steps", self._timesync.steps),
+            ("autopilot.stream_requests", self._streams.requests),
+            ("autopilot.streams_denied", len(self._streams.denied)),
+            ("autopilot.parameters_known", len(self.parameters.values)),
+            ("autopilot.parameter_requests", self.parameters.requests),
+        )
+
+    def hint(self, cause: Cause, motor: str, *, blind: bool) -> str:
+        """What to look at for a cause seen on the outputs."""
+        return ""
+
+    def _requirements(self) -> tuple[Requirement, ...]:
+        """What the parameters of this autopilot must be."""
+        return ()
+
+    def _status(self, t_ns: int) -> FrontseatStatus:
+        return FrontseatStatus(
+            t_ns=t_ns,
+            armed=self._armed,
+            mode=self._mode,
+            ready=self._ready,
+            rc_us=self._rc_us,
+            outputs_us=self._outputs_us,
+            rc_ns=self._rc_ns,
+            outputs_ns=self._outputs_ns,
+        )
+
+    def _on_heartbeat(self, t_ns: int, m: Any) -> Measurement | None:
+        if m.autopilot == dialect.MAV_AUTOPILOT_INVALID:
+            return None  # another component of the vehicle, not its autopilot
+        if self.autopilot_heartbeat_ns is None:
+            self._output.greet(t_ns)
+        self.autopilot_heartbeat_ns = t_ns
+        self._autopilot_component_id = m.get_srcComponent()
+        make = MAKES.get(m.autopilot, f"of make {m.autopilot} (MAV_AUTOPILOT)")
+        profile = self._config.profile
+        self._stranger = "" if make == profile else f"is {make}, but links.autopilot.profile is {profile}"
+        self._armed = bool(m.base_mode & dialect.MAV_MODE_FLAG_SAFETY_ARMED)
+        self._mode = self._mode_names.get(m.custom_mode, f"MODE_{m.custom_mode}")
+        return self._status(t_ns)
+
+    def _on_rc_channels(self, t_ns: int, m: Any) -> Measurement:
+        values = (getattr(m, f"chan{i}_raw") for i in range(1, 19))
+        self._rc_ns = t_ns
+        self._rc_us = tuple(0 if value == IGNORE_CHANNEL else value for value in values)
+        return self._status(t_ns)
+
+    def _on_servo_output(self, t_ns: int, m: Any) -> Measurement | None:
+        if m.port != 0:
+            return None
+        self._outputs_ns = t_ns
+        self._outputs_us = tuple(getattr(m, f"servo{i}_raw") for i in range(1, 17))
+        return self._status(t_ns)
+
+    def _on_attitude(self, t_ns: int, m: Any) -> Measurement | None:
+        self._note_boot_time(t_ns, m.time_boot_ms)
+        if not self._ready:
+            return None
+        return Attitude(t_ns=t_ns, psi_rad=m.yaw, r_radps=m.yawspeed)
+
+    def _on_system_time(self, t_ns: int, m: Any) -> None:
+        self._note_boot_time(t_ns, m.time_boot_ms)
+
+    def _on_command_ack(self, t_ns: int, m: Any) -> None:
+        if m.command == dialect.MAV_CMD_SET_MESSAGE_INTERVAL:
+            self._streams.acknowledged(m.result)
+        self._output.acknowledged(m.command, m.result)
+
+    def _on_timesync(self, t_ns: int, m: Any) -> None:
+        # Other components answer our broadcast as well, by clocks of their own.
+        if m.tc1 == 0 or m.get_srcComponent() == self._autopilot_component_id:
+            self._timesync.receive(t_ns, m.tc1, m.ts1)
+
+    def _note_boot_time(self, t_ns: int, boot_ms: int) -> None:
+        """A boot clock that runs back by a second or more is a reboot: rates and readiness are gone."""
+        if boot_ms + 1000 < self._boot_ms:
+            self.reboots += 1
+            self._ready = False
+            self._streams.restart()
+            self._timesync.restart()
+            self.parameters.restart()
+            self._output.greet(t_ns)
+        self._boot_ms = boot_ms
+
+    # --- out -----------------------------------------------------------------------------------------------
+
+    def poll(self, t_ns: int) -> list[Frame]:
+        """What is due: heartbeat and time sync each second, stream requests once the autopilot is heard."""
+        due: list[Any] = []
+        if self._heartbeat_ns is None or t_ns - self._heartbeat_ns >= HEARTBEAT_NS:
+            self._heartbeat_ns = t_ns
+            due.append(
+                dialect.MAVLink_heartbeat_message(
+                    dialect.MAV_TYPE_ONBOARD_CONTROLLER,
+                    dialect.MAV_AUTOPILOT_INVALID,
+                    0,
+                    0,
+                    dialect.MAV_STATE_ACTIVE,
+                    3,
+                )
+            )
+            if self.autopilot_heartbeat_ns is not None:
+                due.append(dialect.MAVLink_timesync_message(*self._timesync.request(t_ns)))
+        due += [dialect.MAVLink_timesync_message(*answer) for answer in self._timesync.answers(t_ns)]
+        if self.autopilot_heartbeat_ns is not None:
+            request = self._streams.next_request(t_ns)
+            if request is not None:
+                msg_id, interval_us = request
+                due.append(self._command(dialect.MAV_CMD_SET_MESSAGE_INTERVAL, msg_id, interval_us))
+            due += [
+                dialect.MAVLink_request_data_stream_message(self._config.autopilot_system_id, 1, stream, rate_hz, 1)
+                for stream, rate_hz in self._streams.legacy_requests()
+            ]
+            due += self._parameter_messages(t_ns)
+        return [self._pack(t_ns, message) for message in due] + self._frames(t_ns, self._output.poll(t_ns))
+
+    def _parameter_messages(self, t_ns: int) -> list[Any]:
+        """A PARAM_SET that somebody asked for goes before what is only to be read."""
+        to = (self._config.autopilot_system_id, 1)
+        write = self.parameters.next_write(t_ns)
+        if write is not None:
+            return [dialect.MAVLink_param_set_message(*to, write.name.encode(), write.value, write.kind)]
+        name = self.parameters.next_request(t_ns)
+        return [] if name is None else [dialect.MAVLink_param_request_read_message(*to, name.encode(), -1)]
+
+    def drive(self, t_ns: int, port_us: int, starboard_us: int) -> list[Frame]:
+        """Both motors, as pulse widths (us)."""
+        return self._frames(t_ns, self._output.drive(port_us, starboard_us))
+
+    def release(self, t_ns: int) -> list[Frame]:
+        """Let go of the motors."""
+        return self._frames(t_ns, self._output.release(t_ns))
+
+    def request_mode(self, t_ns: int, mode: str) -> list[Frame]:
+        """DO_SET_MODE, at most once a second; nothing for a mode that the autopilot does not have."""
+        number = self._modes.get(mode)
+        if number is None:
+            return []
+        return self._request(t_ns, dialect.MAV_CMD_DO_SET_MODE, 1.0, *self._mode_parameters(number))
+
+    def request_arming(self, t_ns: int) -> list[Frame]:
+        """COMPONENT_ARM_DISARM with all checks, at most once a second."""
+        return self._request(t_ns, dialect.MAV_CMD_COMPONENT_ARM_DISARM, 1.0)
+
+    def _mode_parameters(self, number: int) -> tuple[float, ...]:
+        """param2 and on of DO_SET_MODE."""
+        return (float(number),)
+
+    def _request(self, t_ns: int, command: int, *parameters: float) -> list[Frame]:
+        last_ns = self._request_ns.get(command)
+        if last_ns is not None and t_ns - last_ns < REQUEST_NS:
+            return []
+        self._request_ns[command] = t_ns
+        return [self._pack(t_ns, self._command(command, *parameters))]
+
+    def _command(self, command: int, *parameters: float) -> Any:
+        return dialect.MAVLink_command_long_message(
+            self._config.autopilot_system_id, 1, command, 0, *parameters, *[0] * (7 - len(parameters))
+        )
+
+    def _frames(self, t_ns: int, packed: list[bytes]) -> list[Frame]:
+        return [Frame(t_ns=t_ns, port=PORT, data=data) for data in packed]
+
+    def _pack(self, t_ns: int, message: Any) -> Frame:
+        return Frame(t_ns=t_ns, port=PORT, data=bytes(message.pack(self._own)))

@@ -1,0 +1,222 @@
+"""Ways from two pulse widths to the motors of an autopilot, each with its own way to let go. Sans-IO.
+
+`RcOverride` and `ManualControl` take the place of the pilot's sticks, and the autopilot drops them by itself when they
+stop. `SetServo` and `SetActuator` set outputs that keep their last value for ever: nothing but neutral lets go of them,
+so neutral is said again and again, at the start and after every release.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from typing import Any, Protocol
+
+from asvhil.config import AutopilotLinkConfig, PwmConfig
+from asvhil.io.mavlink.frames import dialect
+
+RELEASE_CHANNEL = 0
+IGNORE_CHANNEL = 65535
+RELEASE_AXIS = 32767  # INT16_MAX: ArduPilot gives the channel of such an axis back
+MANUAL_CENTRE_US = 1500
+AXIS_PER_US = 2  # -1000..1000 is 1000..2000 us
+REST_NS = 3_000_000_000
+REST_EVERY_NS = 100_000_000
+
+
+class Output(Protocol):
+    """Pulse widths (us; port, starboard) in, frames out. `refused` says in words why the autopilot would not obey."""
+
+    hazard: str  # what everybody must know before using it; empty where there is nothing
+    refused: str
+
+    def drive(self, port_us: int, starboard_us: int) -> list[bytes]:
+        """Both motors; to be repeated, for lost datagrams and time-outs."""
+        ...
+
+    def release(self, t_ns: int) -> list[bytes]:
+        """Let go."""
+        ...
+
+    def poll(self, t_ns: int) -> list[bytes]:
+        """What is due without being asked for."""
+        ...
+
+    def greet(self, t_ns: int) -> None:
+        """The autopilot is heard for the first time, or has started anew."""
+        ...
+
+    def acknowledged(self, command: int, result: int) -> None:
+        """A COMMAND_ACK of the autopilot."""
+        ...
+
+
+class _Sticks:
+    """What the two ways that move the pilot's sticks have in common: the autopilot's own time-out minds the rest."""
+
+    hazard = refused = ""
+
+    def __init__(self, config: AutopilotLinkConfig, pwm: PwmConfig) -> None:
+        self._pwm = pwm
+        self._system_id = config.autopilot_system_id
+        # ArduPilot obeys both messages only from the system id of its ground station.
+        self._mav = dialect.MAVLink(None, srcSystem=config.override_system_id, srcComponent=config.component_id)
+
+    def poll(self, t_ns: int) -> list[bytes]:
+        return []
+
+    def greet(self, t_ns: int) -> None:
+        """Nothing to put right: overrides of before have timed out."""
+
+    def acknowledged(self, command: int, result: int) -> None:
+        """These messages are never acknowledged."""
+
+    def _packed(self, message: Any) -> list[bytes]:
+        return [bytes(message.pack(self._mav))]
+
+
+class RcOverride(_Sticks):
+    """RC_CHANNELS_OVERRIDE of the two motor channels; every other channel is left to the pilot."""
+
+    def drive(self, port_us: int, starboard_us: int) -> list[bytes]:
+        channels = [IGNORE_CHANNEL] * 8
+        channels[self._pwm.port_channel - 1] = port_us
+        channels[self._pwm.starboard_channel - 1] = starboard_us
+        return self._packed(dialect.MAVLink_rc_channels_override_message(self._system_id, 1, *channels))
+
+    def release(self, t_ns: int) -> list[bytes]:
+        return self.drive(RELEASE_CHANNEL, RELEASE_CHANNEL)
+
+
+class ManualControl(_Sticks):
+    """MANUAL_CONTROL: y is the port paddle (RCMAP_ROLL), z the starboard one (RCMAP_THROTTLE)."""
+
+    def drive(self, port_us: int, starboard_us: int) -> list[bytes]:
+        return self._axes(_axis(port_us), _axis(starboard_us))
+
+    def release(self, t_ns: int) -> list[bytes]:
+        return self._axes(RELEASE_AXIS, RELEASE_AXIS)
+
+    def _axes(self, y: int, z: int) -> list[bytes]:
+        return self._packed(
+            dialect.MAVLink_manual_control_message(self._system_id, RELEASE_AXIS, y, z, RELEASE_AXIS, 0)
+        )
+
+
+class _Held(ABC):
+    """Outputs that keep their value whoever falls silent. To let go is to say neutral, for a while."""
+
+    hazard = refused = ""
+    command: int
+
+    def __init__(self, config: AutopilotLinkConfig, pwm: PwmConfig) -> None:
+        self._config, self._pwm = config, pwm
+        self._mav = dialect.MAVLink(None, srcSystem=config.system_id, srcComponent=config.component_id)
+        self._rest_until_ns: int | None = None
+        self._rest_due_ns = 0
+
+    @abstractmethod
+    def _set(self, port_us: int, starboard_us: int) -> list[bytes]: ...
+
+    def drive(self, port_us: int, starboard_us: int) -> list[bytes]:
+        self._rest_until_ns = None
+        return self._set(port_us, starboard_us)
+
+    def release(self, t_ns: int) -> list[bytes]:
+        """Neutral now, and every 0.1 s for 3 s: on a bad link some of it must get through."""
+        self.greet(t_ns)
+        return self._neutral(t_ns)
+
+    def greet(self, t_ns: int) -> None:
+        """We, or it, may have died while the motors ran."""
+        self._rest_until_ns = t_ns + REST_NS
+        self._rest_due_ns = t_ns
+
+    def poll(self, t_ns: int) -> list[bytes]:
+        if self._rest_until_ns is None or t_ns < self._rest_due_ns:
+            return []
+        if t_ns >= self._rest_until_ns:
+            self._rest_until_ns = None
+        return self._neutral(t_ns)
+
+    def acknowledged(self, command: int, result: int) -> None:
+        if command == self.command and result != dialect.MAV_RESULT_IN_PROGRESS:
+            accepted = result == dialect.MAV_RESULT_ACCEPTED
+            self.refused = "" if accepted else self._refusal(_result_name(result))
+
+    @abstractmethod
+    def _refusal(self, result: str) -> str: ...
+
+    def _neutral(self, t_ns: int) -> list[bytes]:
+        self._rest_due_ns = t_ns + REST_EVERY_NS
+        return self._set(self._pwm.neutral_us, self._pwm.neutral_us)
+
+    def _command(self, *parameters: float) -> bytes:
+        message = dialect.MAVLink_command_long_message(
+            self._config.autopilot_system_id, 1, self.command, 0, *parameters, *[0.0] * (7 - len(parameters))
+        )
+        return bytes(message.pack(self._mav))
+
+
+class SetServo(_Held):
+    """MAV_CMD_DO_SET_SERVO on ArduPilot's outputs with SERVOn_FUNCTION 0; one command for each motor."""
+
+    command = int(dialect.MAV_CMD_DO_SET_SERVO)
+    hazard = (
+        "DO_SET_SERVO has no time-out: if this computer or the link dies, the motors run on as last set, "
+        "armed or not, in any mode; rc_override stops by itself"
+    )
+
+    def _set(self, port_us: int, starboard_us: int) -> list[bytes]:
+        pwm = self._pwm
+        return [self._command(pwm.port_channel, port_us), self._command(pwm.starboard_channel, starboard_us)]
+
+    def _refusal(self, result: str) -> str:
+        channels = f"SERVO{self._pwm.port_channel}_FUNCTION and SERVO{self._pwm.starboard_channel}_FUNCTION"
+        return f"the autopilot refuses DO_SET_SERVO ({result}): {channels} must be 0"
+
+
+class SetActuator(_Held):
+    """MAV_CMD_DO_SET_ACTUATOR: both motors in one command, -1..1 over the output's range; NaN leaves the others alone.
+
+    PX4 maps -1..1 linearly to PWM_MAIN_MINn..MAXn, which must be astern_us and ahead_us.
+    """
+
+    command = int(dialect.MAV_CMD_DO_SET_ACTUATOR)
+    hazard = (
+        "DO_SET_ACTUATOR has no time-out: if this computer or the link dies, PX4 runs the motors on as last set "
+        "unless COM_OBL_RC_ACT disarms (7) or terminates (6) when OFFBOARD is lost"
+    )
+
+    def _set(self, port_us: int, starboard_us: int) -> list[bytes]:
+        values = [math.nan] * 6
+        values[self._config.port_actuator - 1] = self._value(port_us)
+        values[self._config.starboard_actuator - 1] = self._value(starboard_us)
+        return [self._command(*values, 0.0)]
+
+    def _value(self, pulse_us: int) -> float:
+        low_us, high_us = self._pwm.astern_us, self._pwm.ahead_us
+        return min(max((2 * pulse_us - low_us - high_us) / (high_us - low_us), -1.0), 1.0)
+
+    def _refusal(self, result: str) -> str:
+        return f"the autopilot refuses DO_SET_ACTUATOR ({result})"
+
+
+def make_output(config: AutopilotLinkConfig, pwm: PwmConfig) -> Output:
+    """The way that `links.autopilot.output` names."""
+    kinds: dict[str, Callable[[AutopilotLinkConfig, PwmConfig], Output]] = {
+        "rc_override": RcOverride,
+        "manual_control": ManualControl,
+        "set_servo": SetServo,
+        "set_actuator": SetActuator,
+    }
+    return kinds[config.output](config, pwm)
+
+
+def _axis(pulse_us: int) -> int:
+    return max(-1000, min(1000, AXIS_PER_US * (pulse_us - MANUAL_CENTRE_US)))
+
+
+def _result_name(result: int) -> str:
+    names = dialect.enums["MAV_RESULT"]
+    return names[result].name.removeprefix("MAV_RESULT_") if result in names else f"result {result}"

@@ -1,0 +1,78 @@
+"""The PX4 profile: what is its own in the conversation with a PX4 boat. Sans-IO.
+
+From PX4's sources and documentation, untested on a real one: docs/autopilots.md says what rests on what.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from asvhil.autopilot.mavlink_autopilot import MavlinkAutopilot
+from asvhil.autopilot.px4_parameters import requirements
+from asvhil.autopilot.requirements import Requirement
+from asvhil.config import AutopilotLinkConfig, PwmConfig
+from asvhil.io.mavlink.frames import dialect
+from asvhil.types import Frame, Measurement
+
+POSITION_USED = dialect.ESTIMATOR_POS_HORIZ_ABS
+POSITION_CONSTANT = dialect.ESTIMATOR_CONST_POS_MODE
+ALIVE_NS = 100_000_000
+ALIVE_MASK = dialect.ATTITUDE_TARGET_TYPEMASK_ATTITUDE_IGNORE
+LEAST_PULSE_US, GREATEST_PULSE_US = 500.0, 2500.0
+
+
+class Px4Autopilot(MavlinkAutopilot):
+    """Ready once its estimator uses a position; modes are packed main and sub numbers.
+
+    PX4 stays in OFFBOARD only while set-points come, so they do, at 10 Hz, from the ticks of the backseat: body rates
+    and thrust of zero, which move nothing. When we die PX4 leaves OFFBOARD after COM_OF_LOSS_T, as COM_OBL_RC_ACT says.
+    """
+
+    bytewise_parameters = True
+
+    def __init__(self, config: AutopilotLinkConfig, pwm: PwmConfig, *, keeps_offboard: bool = True) -> None:
+        """`keeps_offboard`: OFFBOARD is the control mode; else its set-points are left to whoever uses it."""
+        super().__init__(config, pwm)
+        self._keeps_offboard = keeps_offboard
+        self._alive_due_ns = 0
+        self._handlers |= {
+            dialect.MAVLINK_MSG_ID_ESTIMATOR_STATUS: self._on_estimator_status,
+            dialect.MAVLINK_MSG_ID_ACTUATOR_OUTPUT_STATUS: self._on_actuator_output,
+        }
+
+    def _requirements(self) -> tuple[Requirement, ...]:
+        return requirements(self._config, self._pwm)
+
+    def poll(self, t_ns: int) -> list[Frame]:
+        """As every conversation, and the sign of life that OFFBOARD needs, before and while in that mode."""
+        frames = super().poll(t_ns)
+        heard = self.autopilot_heartbeat_ns is not None
+        if self._keeps_offboard and heard and t_ns >= self._alive_due_ns:
+            self._alive_due_ns = t_ns + ALIVE_NS
+            level = [1.0, 0.0, 0.0, 0.0]
+            alive = dialect.MAVLink_set_attitude_target_message(
+                t_ns // 1_000_000 & 0xFFFFFFFF, self._config.autopilot_system_id, 1, ALIVE_MASK, level, 0, 0, 0, 0
+            )
+            frames.append(self._pack(t_ns, alive))
+        return frames
+
+    def _mode_parameters(self, number: int) -> tuple[float, ...]:
+        return float(number >> 16 & 0xFF), float(number >> 24 & 0xFF)
+
+    def _on_estimator_status(self, t_ns: int, m: Any) -> Measurement:
+        self._ready = bool(m.flags & POSITION_USED) and not m.flags & POSITION_CONSTANT
+        return self._status(t_ns)
+
+    def _on_actuator_output(self, t_ns: int, m: Any) -> Measurement:
+        self._outputs_ns = t_ns
+        self._outputs_us = tuple(self._pulse_us(value) for value in m.actuator[:16])
+        return self._status(t_ns)
+
+    def _pulse_us(self, value: float) -> int:
+        """Microseconds of a PWM output, or of a normalised one in [-1, 1]; 0 where there is no signal, or no sense."""
+        if LEAST_PULSE_US <= value <= GREATEST_PULSE_US:
+            return round(value)
+        if not 0.0 < abs(value) <= 1.0:
+            return 0
+        low_us, high_us = self._pwm.astern_us, self._pwm.ahead_us
+        return round(0.5 * (low_us + high_us + value * (high_us - low_us)))

@@ -1,0 +1,194 @@
+"""The one constructor that every mode uses: live, in lockstep, in replay."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+from asvhil.autopilot.ardurover import ArduRoverAutopilot
+from asvhil.autopilot.motor_check import MotorCheck
+from asvhil.autopilot.px4 import Px4Autopilot
+from asvhil.autopilot.readback import Readback
+from asvhil.backseat.backseat import Backseat
+from asvhil.backseat.cadence import Cadence, EveryPeriod, EveryTicks
+from asvhil.config import LEARNED, Config, EstimatorConfig, find_shipped
+from asvhil.controller.backstepping import Backstepping
+from asvhil.controller.loiter import Loiter
+from asvhil.controller.manoeuvres import Manoeuvres
+from asvhil.controller.procedure import Procedure
+from asvhil.controller.protocol import Controller
+from asvhil.controller.pwm import command_rate_per_s
+from asvhil.controller.sliding_mode import SlidingMode
+from asvhil.controller.solvers.choice import choose_solver
+from asvhil.controller.station_mpc import StationMpc
+from asvhil.dynamics.protocol import Dynamics
+from asvhil.dynamics.rigid_body import SimplifiedDynamics
+from asvhil.dynamics.weights import load_model
+from asvhil.errors import ModelError
+from asvhil.estimator.ekf import Ekf
+from asvhil.estimator.fir_estimator import FirFusion, HeldSensors
+from asvhil.estimator.monitor import ModelMonitor
+from asvhil.estimator.protocol import StateEstimator
+from asvhil.estimator.wind import WindFilter
+from asvhil.estimator.wind_load import WindFromLoad
+from asvhil.io.sensors.firmware import FirmwareWatch
+from asvhil.io.sensors.nmea import NmeaCodec
+from asvhil.io.sensors.protocol import SensorCodec
+from asvhil.io.sensors.sources import SourceSelector
+from asvhil.io.sensors.vectornav.codec import VectorNavCodec
+from asvhil.operator.operations import STATION_PARAMETERS, Operations
+from asvhil.operator.session import OperatorSession
+from asvhil.operator.tunables import Tunables
+from asvhil.supervisor.supervisor import Supervisor
+
+HELD_S = 1e-3  # a time constant so short that a low-pass takes each sample over whole
+
+
+def model_file(config: Config) -> Path | None:
+    """The file of the learned model that the controller needs, None for one that needs none. ConfigError if missing."""
+    kind = LEARNED.get(config.controller.name)
+    if kind is None:
+        return None
+    name = config.controller.model or f"{config.vehicle.name}-{kind}"
+    return find_shipped(name, "models", (".npz",), f"model file (controller.model; {config.controller.name} needs one)")
+
+
+def build_model(config: Config, file: Path | None = None) -> Dynamics:
+    """The vessel model that the estimator and the controller share; `file` instead of the config's, as in replay.
+
+    Raises ModelError where the file is damaged, of another kind, vehicle or step than the config asks for.
+    """
+    file = file or model_file(config)
+    if file is None:
+        return SimplifiedDynamics(config.believed_vessel)
+    kind = LEARNED[config.controller.name]
+    model = load_model(file, vehicle=config.vehicle.name, dt_s=config.controller.mpc.first_step_s)
+    if model.name != kind:
+        raise ModelError(f"{file}: holds a model of kind {model.name}, but {config.controller.name} needs {kind}")
+    return model
+
+
+def build_controller(config: Config, model: Dynamics) -> Controller:
+    """The controller that `controller.name` asks for, within the station keeping procedure where that is enabled."""
+    section, vessel = config.controller, config.believed_vessel
+    keeper: Controller
+    match section.name:
+        case "backstepping":
+            keeper = Backstepping(vessel, section.backstepping)
+        case "sliding-mode":
+            keeper = SlidingMode(vessel, section.sliding_mode)
+        case "loiter":
+            keeper = Loiter(section.loiter)
+        case _:
+            mpc, make_solver = choose_solver(section)
+            rate_per_s = command_rate_per_s(config.vehicle.pwm)
+            keeper = StationMpc(model, mpc, 1.0 / config.daemon.control_hz, make_solver, rate_per_s)
+    if section.name == "manoeuvres":
+        return Manoeuvres(section.manoeuvres, keeper)
+    if section.procedure.enabled:
+        focus = keeper.favour_position if isinstance(keeper, StationMpc) else None
+        return Procedure(section.procedure, vessel, keeper, focus)
+    return keeper
+
+
+def build_estimator(config: EstimatorConfig, model: Dynamics) -> StateEstimator:
+    """The state estimator that `estimator.kind` asks for."""
+    match config.kind:
+        case "fir":
+            return FirFusion(config.ekf, config.fir, model)
+        case "raw":
+            return HeldSensors(config.ekf, model)
+        case _:
+            return Ekf(config, model)
+
+
+def build_wind(config: EstimatorConfig) -> WindFilter:
+    """The wind filter; one that holds the last sample where readings are used as they come."""
+    held = {"time_constant_s": HELD_S, "speed_time_constant_s": HELD_S, "stuck_after_s": None}
+    return WindFilter(config.wind if config.kind == "ekf" else config.wind.model_copy(update=held))
+
+
+def build_wind_load(config: Config) -> WindFromLoad | None:
+    """What makes a wind of the disturbance; None for an estimator that has none."""
+    vessel = config.believed_vessel
+    return WindFromLoad(vessel) if config.estimator.kind == "ekf" else None
+
+
+def build_cadence(config: Config) -> Cadence:
+    """When controls are due: by count where a timer cuts the ticks, by time where arrivals do."""
+    daemon = config.daemon
+    if daemon.cut_on == "timer":
+        return EveryTicks(daemon.ticks_per_control)
+    return EveryPeriod(round(1e9 / daemon.control_hz), round(0.5e9 / daemon.tick_hz))
+
+
+def build_sensors(config: Config) -> dict[str, SensorCodec]:
+    """A codec for each sensor link by its port; an NMEA line is read for what the sources name of it."""
+    wanted: dict[str, set[str]] = {"anemometer": {"RMC", "HDG"}, "gnss": {"RMC", "HDG"}}  # they tell the variation
+    for sources in config.sources.resolved(config.links).values():
+        for source in sources:
+            wanted.setdefault(source.link, set()).add(source.message)
+    links = config.links
+    codecs: dict[str, SensorCodec] = {}
+    for port, link in (("anemometer", links.anemometer), ("gnss", links.gnss)):
+        declination_deg = link.declination_deg if link is not None else None
+        if link is not None or port == "anemometer":
+            declination_rad = None if declination_deg is None else math.radians(declination_deg)
+            codecs[port] = NmeaCodec(port, wanted[port], declination_rad)
+    if links.ins is not None:
+        codecs["ins"] = VectorNavCodec("ins")
+    return codecs
+
+
+def build_link(config: Config) -> ArduRoverAutopilot | Px4Autopilot:
+    """The conversation with the autopilot, by `links.autopilot.profile`."""
+    link, pwm = config.links.autopilot, config.vehicle.pwm
+    if link.profile == "px4":
+        return Px4Autopilot(link, pwm, keeps_offboard=config.supervisor.control_mode == "OFFBOARD")
+    return ArduRoverAutopilot(link, pwm)
+
+
+def build_motor_check(config: Config, link: ArduRoverAutopilot | Px4Autopilot) -> MotorCheck:
+    """What minds whether the motors do as told."""
+    readback = config.supervisor.readback
+    watch = Readback(readback, config.vehicle.pwm, overrides_sticks=config.links.autopilot.overrides_sticks)
+    return MotorCheck(link, watch, readback.tolerate)
+
+
+def build_firmware_watch(config: Config) -> FirmwareWatch:
+    """What minds the version of the anemometer's firmware."""
+    link = config.links.anemometer
+    return FirmwareWatch("anemometer", link.firmware if link is not None else None)
+
+
+def build_backseat(
+    config: Config, file: Path | None = None, *, model: Dynamics | None = None, controller: Controller | None = None
+) -> Backseat:
+    """A backseat that is ready for its first `step`; `file` is a model file to use instead of the config's.
+
+    A `model` or `controller` that is given, as by a study, is used as it is.
+    """
+    model = model or build_model(config, file)
+    pwm, link = config.vehicle.pwm, build_link(config)
+    controller = controller or build_controller(config, model)
+    supervisor = Supervisor(config.supervisor, pwm, overrides_sticks=config.links.autopilot.overrides_sticks)
+    tunables = Tunables(config.controller, controller)
+    operator = OperatorSession(config.links.autopilot, config.links.operator, (*STATION_PARAMETERS, *tunables.names))
+    return Backseat(
+        model=model,
+        link=link,
+        sensors=build_sensors(config),
+        firmware=build_firmware_watch(config),
+        selector=SourceSelector(config.sources.resolved(config.links), config.sources.return_after_s),
+        operations=Operations(operator, supervisor, tunables),
+        estimator=build_estimator(config.estimator, model),
+        wind=build_wind(config.estimator),
+        wind_load=build_wind_load(config),
+        monitor=ModelMonitor(config.estimator.monitor, model, 1.0 / config.daemon.control_hz),
+        supervisor=supervisor,
+        motors=build_motor_check(config, link),
+        controller=controller,
+        pwm=pwm,
+        control_mode=config.supervisor.control_mode,
+        cadence=build_cadence(config),
+    )

@@ -1,0 +1,226 @@
+"""The asyncio shell on the companion computer: links, the tick, one worker thread for the step, and the log."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import gc
+import signal
+import sys
+import time
+from collections import deque
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+from asvhil.backseat.backseat import Backseat
+from asvhil.backseat.build import build_backseat
+from asvhil.config import Config
+from asvhil.daemon.allowance import Allowance
+from asvhil.errors import AsvhilError, ConfigError
+from asvhil.io.mavlink.frames import refuse_ignored_crc
+from asvhil.io.mavlink.signing import SigningState
+from asvhil.links.clock import Clock
+from asvhil.links.reconnecting import ReconnectingLink
+from asvhil.links.router import GROUND, OPERATOR, MavlinkRouter, save_states
+from asvhil.logs.recorder import Recorder
+from asvhil.operator.session import encode_release, encode_solve_time
+from asvhil.types import Frame, Inputs, Outputs
+
+FINAL_TICKS = 3
+SURRENDERS, SURRENDER_S = 3, 0.05
+SWITCH_S = 0.0005
+ARRIVALS_AT_ONCE = 20
+SOLVE_TOLD_NS = 500_000_000
+
+
+class Daemon:
+    """Runs one backseat against its links until told to stop; the log holds all that it was given and all it did."""
+
+    def __init__(
+        self,
+        config: Config,
+        recorder: Recorder,
+        clock: Clock,
+        on_tick: Callable[[Outputs, dict[str, str]], None] | None = None,
+        backseat: Backseat | None = None,
+    ) -> None:
+        """`backseat`: one that is given is used as it is, as by a benchmark."""
+        refuse_ignored_crc()
+        self._config = config
+        self._recorder = recorder
+        self._clock = clock
+        self._on_tick = on_tick
+        self._backseat: Backseat = backseat or build_backseat(config)
+        self._inbox: deque[Frame] = deque()
+        self._stop = asyncio.Event()
+        self._wake = asyncio.Event()  # a tick is asked for before its time
+        self._on_arrival = config.daemon.cut_on == "arrival"
+        self._allowance = Allowance(config.daemon.arrival_hz_max, ARRIVALS_AT_ONCE)
+        self._hub = MavlinkRouter(
+            config.links, start_ns=clock.now_ns(), unix_ns=time.time_ns, on_forward=recorder.write_forwarded
+        )
+        self._saving: asyncio.Task[None] | None = None
+        self._spoken: dict[str, str] = {}
+        specs = {"autopilot": config.links.autopilot.endpoint, "operator": config.links.operator.endpoint}
+        sensors = {"anemometer": config.links.anemometer, "ins": config.links.ins, "gnss": config.links.gnss}
+        specs |= {port: sensor.endpoint for port, sensor in sensors.items() if sensor is not None}
+        specs |= self._hub.ground_specs
+        self._links = {
+            port: ReconnectingLink(port, spec, config, clock, self._inbox, self._receive)
+            for port, spec in specs.items()
+        }
+        self._hub.attach(self._links)
+        self.ticks = 0
+        self.overruns = 0
+        self._slowest_ns = 0
+        self._solve_told_ns = 0
+
+    def stop(self) -> None:
+        """Ask for neutral, release and the end; safe from a signal handler on the loop."""
+        self._stop.set()
+        self._wake.set()
+
+    async def run(self, duration_s: float | None = None) -> None:
+        """Tick until stopped, or for a time. Raises AsvhilError when the backseat failed; motors are released first."""
+        loop = asyncio.get_running_loop()
+        for number in (signal.SIGINT, signal.SIGTERM):
+            loop.add_signal_handler(number, self.stop)
+        readers = [asyncio.create_task(link.run(), name=port) for port, link in self._links.items()]
+        for text in self._hub.warnings:
+            self._recorder.write_log(self._clock.now_ns(), "warning", text)
+        # The recorder's thread would else keep the interpreter for up to 5 ms while an answer waits to be sent.
+        sys.setswitchinterval(SWITCH_S)
+        gc.collect()
+        gc.freeze()  # what start-up built lives as long as the process: keep the collector's pauses short
+        try:
+            with ThreadPoolExecutor(1, thread_name_prefix="step") as worker:
+                await self._tick_until_stopped(loop, worker, duration_s)
+                await self._let_go(loop, worker)
+        except Exception as error:
+            await self._surrender()
+            raise AsvhilError(f"the backseat failed, motors released: {type(error).__name__}: {error}") from error
+        finally:
+            for reader in readers:
+                reader.cancel()
+            await asyncio.gather(*readers, return_exceptions=True)
+            for port, link in self._links.items():
+                if link.losses:
+                    self._recorder.write_log(self._clock.now_ns(), "warning", f"link {port}: {link.losses}")
+            for text in self._hub.all_news():
+                self._recorder.write_log(self._clock.now_ns(), "warning", text)
+            if self._saving is not None:
+                await self._saving
+            await self._save(self._hub.states())
+            for number in (signal.SIGINT, signal.SIGTERM):
+                loop.remove_signal_handler(number)
+
+    async def _receive(self, frame: Frame) -> list[Frame]:
+        """What the backseat gets of a received frame."""
+        if self._on_arrival and frame.port != OPERATOR and not frame.port.startswith(GROUND):
+            self._wake.set()
+        return await self._hub.receive(frame)
+
+    async def _send(self, frame: Frame) -> None:
+        for leaving in self._hub.outgoing(frame):
+            await self._links[leaving.port].send(leaving)
+
+    async def _save(self, states: dict[Path, SigningState]) -> None:
+        """Signing timestamps to the disk, on a thread: it may take its time."""
+        try:
+            await asyncio.to_thread(save_states, states)
+        except ConfigError as error:
+            self._recorder.write_log(self._clock.now_ns(), "warning", str(error))
+
+    async def _tick_until_stopped(
+        self, loop: asyncio.AbstractEventLoop, worker: ThreadPoolExecutor, duration_s: float | None
+    ) -> None:
+        period_s = 1.0 / self._config.daemon.tick_hz
+        due_s = loop.time()
+        end_s = None if duration_s is None else due_s + duration_s
+        while not self._stop.is_set():
+            late_s = loop.time() - due_s
+            if late_s > period_s:
+                missed = int(late_s / period_s)
+                self.overruns += missed
+                due_s += missed * period_s
+            await self._tick(loop, worker, overrun=late_s > period_s)
+            due_s += period_s
+            if end_s is not None and due_s >= end_s:
+                return
+            with contextlib.suppress(TimeoutError):
+                await asyncio.wait_for(self._wake.wait(), max(due_s - loop.time(), 0.0))
+                await asyncio.sleep(self._allowance.wait_s(loop.time()))
+                due_s = min(due_s, loop.time())
+
+    async def _let_go(self, loop: asyncio.AbstractEventLoop, worker: ThreadPoolExecutor) -> None:
+        """The shutdown is an operator's release, so that replay sees it too."""
+        data = encode_release(self._config.links.autopilot)
+        self._inbox.append(Frame(t_ns=self._clock.now_ns(), port="operator", data=data))
+        for _ in range(FINAL_TICKS):
+            await self._tick(loop, worker, overrun=False)
+
+    async def _tick(self, loop: asyncio.AbstractEventLoop, worker: ThreadPoolExecutor, *, overrun: bool) -> None:
+        frames = tuple(self._inbox)
+        self._inbox.clear()
+        self._wake.clear()
+        inputs = Inputs(t_ns=self._clock.now_ns(), frames=frames)
+        self._recorder.write_inputs(inputs)
+        outputs, step_ns = await loop.run_in_executor(worker, self._timed_step, inputs)
+        for frame in outputs.frames:
+            await self._send(frame)
+        self._recorder.write_outputs(outputs)
+        self._recorder.write_timing(inputs.t_ns, step_ns, overrun)
+        self.ticks += 1
+        if outputs.control is not None:
+            self._tell_solve_time(outputs.t_ns, step_ns)
+        self._speak(outputs)
+        self._keep_house(outputs.t_ns)
+        if self._on_tick is not None:
+            self._on_tick(outputs, {port: self._state(port) for port in self._links})
+
+    def _tell_solve_time(self, t_ns: int, step_ns: int) -> None:
+        """The core has no clock, so what it tells operators of its own speed comes in like everything else."""
+        self._slowest_ns = max(self._slowest_ns, step_ns)
+        if t_ns - self._solve_told_ns >= SOLVE_TOLD_NS:
+            data = encode_solve_time(self._config.links.autopilot, self._slowest_ns * 1e-6)
+            self._inbox.append(Frame(t_ns=self._clock.now_ns(), port=OPERATOR, data=data))
+            self._solve_told_ns, self._slowest_ns = t_ns, 0
+
+    def _timed_step(self, inputs: Inputs) -> tuple[Outputs, int]:
+        start_ns = time.perf_counter_ns()
+        outputs = self._backseat.step(inputs)
+        return outputs, time.perf_counter_ns() - start_ns
+
+    def _state(self, port: str) -> str:
+        remarks = self._hub.remarks(port)
+        return f"{self._links[port].state}; {remarks}" if remarks else self._links[port].state
+
+    def _keep_house(self, t_ns: int) -> None:
+        """What the hub has to say, and what it wants kept."""
+        for text in self._hub.news(t_ns):
+            self._recorder.write_log(t_ns, "warning", text)
+        if self._hub.save_due(t_ns) and (self._saving is None or self._saving.done()):
+            self._saving = asyncio.create_task(self._save(self._hub.states()))
+
+    def _speak(self, outputs: Outputs) -> None:
+        """Log what changed: phase and reason, and the state of each link."""
+        now = {f"link {port}": link.state for port, link in self._links.items()}
+        now["phase"] = f"{outputs.phase}: {outputs.health.reason}"
+        now |= {f"source of {quantity}:": name or "none" for quantity, name in outputs.health.sources}
+        now |= {f"{note.subject}:": note.text for note in outputs.health.notes}
+        fine = {f"{note.subject}:" for note in outputs.health.notes if note.ok}
+        for key, text in now.items():
+            if self._spoken.get(key) != text:
+                chosen = key.startswith("source") and (text != "none" or key not in self._spoken)
+                good = chosen or key == "phase" or key in fine or text in ("up", "connecting")
+                level = "info" if good else "warning"
+                self._recorder.write_log(outputs.t_ns, level, f"{key} {text}")
+        self._spoken = now
+
+    async def _surrender(self) -> None:
+        """Several times: datagrams get lost, and some outputs keep their last value for ever."""
+        for _ in range(SURRENDERS):
+            for frame in self._backseat.surrender(self._clock.now_ns()):
+                await self._send(frame)
+            await asyncio.sleep(SURRENDER_S)

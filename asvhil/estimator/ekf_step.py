@@ -1,0 +1,275 @@
+"""One step of the filter: a state and an event to the state after it, the one before left as it was."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from asvhil.config import EstimatorConfig
+from asvhil.dynamics.protocol import Dynamics
+from asvhil.estimator import fault_recovery, measurement_model, sensor_health, validity
+from asvhil.estimator.measurement_model import Group, Reading
+from asvhil.estimator.prediction import MAX_STEP_S, MotionModel
+from asvhil.estimator.sensor_health import Track
+from asvhil.estimator.states import (
+    B_E,
+    B_N,
+    D_E,
+    D_N,
+    D_R,
+    DEVIATION,
+    PSI,
+    SIZE,
+    Array,
+    E,
+    FilterState,
+    Forcing,
+    N,
+    R,
+    U,
+    V,
+    deviation_row,
+    noise_rate,
+    prior,
+)
+from asvhil.geo import LocalFrame, wrap_rad
+from asvhil.types import Attitude, GnssFix, Imu
+
+MAX_GAP_S = 5.0
+SLOWEST_INERTIAL_S = 0.2  # a residual that is held for longer says nothing of the motion meanwhile
+OVERDUE = 2.5  # intervals, after which the accelerometer is gone
+FIRST = Track()
+BIAS_SIGMA = 3.0  # no receiver's slow error is larger: the rest is motion, or a jump, and must show as that
+CARRIED_NS = 10_000_000_000  # without wind, after which its load has become part of the disturbance
+
+
+class Filter:
+    """`step` is a pure function of its arguments. (Its buffers are scratch space.)"""
+
+    def __init__(self, config: EstimatorConfig, model: Dynamics) -> None:
+        ekf = config.ekf
+        self._config = config
+        self._stale_ns = round(ekf.stale_after_s * 1e9)
+        self._frozen_ns = round(config.trust.frozen_after_s * 1e9)
+        self._return_ns = round(config.trust.return_after_s * 1e9)
+        self._gate = ekf.gate_sigma
+        self._gate2 = ekf.gate_sigma**2
+        self._n_motor = model.n_motor
+        self._motion = MotionModel(model, ekf.position_bias_time_s)
+        self._noise_rate = noise_rate(ekf)
+        self._model_density = float(self._noise_rate[U])  # the same for v
+        self._accel_density = ekf.accel_std_mps2**2  # times the interval between samples
+        # Of the states from D_N to B_E: what no disturbance and no receiver's slow error is beyond.
+        self._most: Array = np.full(B_E + 1 - D_N, np.inf)
+        self._most[: D_R - D_N] = ekf.disturbance_max_mps2
+        self._most[D_R - D_N] = ekf.disturbance_yaw_max_radps2
+        self._most[[B_N - D_N, B_E - D_N]] = BIAS_SIGMA * ekf.position_bias_std_m
+        self._least: Array = -self._most
+        heading_rad = math.radians(ekf.heading_std_deg)
+        self._attitude_noise: Array = np.diag([heading_rad**2, ekf.yaw_rate_std_radps**2])
+        self._gnss_noise: Array = np.diag([ekf.position_std_m**2] * 2 + [ekf.velocity_std_mps**2] * 2)
+        self._eye: Array = np.eye(SIZE)
+        self._frame = LocalFrame(lat_deg=0.0, lon_deg=0.0)
+
+    def start(self, m: GnssFix, attitude: Attitude, frame: LocalFrame) -> FilterState:
+        """The state at the first fix, whose position is the origin; at rest where it has no velocity."""
+        self._frame = frame
+        ekf = self._config.ekf
+        x = np.zeros(SIZE)
+        x[DEVIATION] = np.radians(ekf.compass.deviation_deg)
+        psi = attitude.psi_rad
+        psi -= float(x[DEVIATION] @ deviation_row(psi))
+        c, s = math.cos(psi), math.sin(psi)
+        has_velocity = math.isfinite(m.vn_mps) and math.isfinite(m.ve_mps)
+        vn, ve = (m.vn_mps, m.ve_mps) if has_velocity else (0.0, 0.0)
+        x[PSI] = wrap_rad(psi)
+        x[R] = attitude.r_radps if math.isfinite(attitude.r_radps) else 0.0
+        x[U], x[V] = c * vn + s * ve, -s * vn + c * ve
+        x[N], x[E] = -(c * m.arm_m[0] - s * m.arm_m[1]), -(s * m.arm_m[0] + c * m.arm_m[1])
+        state = FilterState(m.t_ns, x, np.diag(prior(ekf)), np.zeros(self._n_motor))
+        state.tracks["position"] = Track(heard_ns=m.t_ns, used_ns=m.t_ns, used=1)
+        state.tracks["heading"] = Track(heard_ns=attitude.t_ns, used_ns=attitude.t_ns, used=1)
+        return state
+
+    def step(self, before: FilterState, t_ns: int, event: Any) -> FilterState:
+        """The state after an event at a time that is not before the state's. None: the end of a tick."""
+        state = before.copy()
+        self._predict(state, t_ns)
+        match event:
+            case None:
+                if validity.of(state, t_ns, self._stale_ns, self._config.trust):
+                    state.invalid_since_ns = sensor_health.NEVER
+                elif state.invalid_since_ns == sensor_health.NEVER:
+                    state.invalid_since_ns = t_ns
+            case Forcing():
+                self._force(state, event)
+            case Attitude():
+                self._take(state, t_ns, measurement_model.of_attitude(state.x, event), self._attitude_noise)
+            case GnssFix():
+                self._on_gnss(state, event)
+            case Imu():
+                self._on_imu(state, event)
+        return state
+
+    # --- prediction ------------------------------------------------------------------------------------------
+
+    def _predict(self, state: FilterState, t_ns: int) -> None:
+        remaining_s = (t_ns - state.t_ns) * 1e-9
+        state.t_ns = t_ns
+        if remaining_s > MAX_GAP_S:
+            state.p = state.p + np.diag(self._noise_rate) * remaining_s
+            return
+        motion = self._motion
+        fused = state.interval_s > 0.0 and (t_ns - state.inertial_ns) * 1e-9 <= OVERDUE * state.interval_s
+        gain = self._gain(state.interval_s) if fused else 0.0
+        while remaining_s > 1e-9:
+            dt_s = min(remaining_s, MAX_STEP_S)
+            remaining_s -= dt_s
+            self._load(state)
+            motion.residual[:] = state.residual
+            motion.predict(dt_s, gain)
+            state.x = motion.after[:SIZE].copy()
+            state.motor = motion.after[SIZE:].copy()
+            p = motion.jacobian @ state.p @ motion.jacobian.T
+            p.reshape(-1)[:: SIZE + 1] += self._noise_rate * dt_s
+            if gain:
+                p[U, U] -= gain * self._model_density * dt_s
+                p[V, V] -= gain * self._model_density * dt_s
+            state.p = p
+
+    def _gain(self, interval_s: float) -> float:
+        """Share of the model's error that the accelerometer takes away: q_m / (q_m + q_a)."""
+        return self._model_density / (self._model_density + self._accel_density * interval_s)
+
+    def _load(self, state: FilterState) -> None:
+        motion = self._motion
+        motion.state[:SIZE] = state.x
+        motion.state[SIZE:] = state.motor
+        motion.input[:] = state.forcing.model_input
+        motion.wind[:] = state.forcing.wind_ned or (0.0, 0.0)
+
+    def _force(self, state: FilterState, forcing: Forcing) -> None:
+        """Another input and wind from now on.
+
+        A wind that is no longer known leaves its load on the boat to the disturbance, and takes it back when it
+        returns, so that neither makes the prediction jump.
+        """
+        known, was_known = forcing.wind_ned is not None, state.forcing.wind_ned is not None
+        hand_over = was_known and not known
+        if known and not was_known:
+            hand_over = state.carries_wind or state.t_ns - state.started_ns > CARRIED_NS
+        before = self._acceleration(state) if hand_over else None
+        state.forcing = forcing
+        if before is None:
+            return
+        change = before - self._acceleration(state)
+        c, s = math.cos(state.x[PSI]), math.sin(state.x[PSI])
+        x = state.x.copy()
+        x[D_N] += c * change[0] - s * change[1]
+        x[D_E] += s * change[0] + c * change[1]
+        x[D_R] += change[2]
+        state.x = x
+        self._clip(x)
+        state.carries_wind = not known
+
+    def _acceleration(self, state: FilterState) -> Array:
+        """(u, v, r) dot by the model and the disturbance (3)."""
+        self._load(state)
+        self._motion.accelerate()
+        return self._motion.acceleration.copy()
+
+    # --- readings --------------------------------------------------------------------------------------------
+
+    def _on_gnss(self, state: FilterState, m: GnssFix) -> None:
+        if math.isfinite(m.vn_mps) and math.isfinite(m.ve_mps):
+            fault_recovery.travel(state, m.t_ns, m.vn_mps, m.ve_mps)
+        self._take(state, m.t_ns, measurement_model.of_gnss(state.x, m, self._frame), self._gnss_noise)
+
+    def _on_imu(self, state: FilterState, m: Imu) -> None:
+        interval_s = (m.t_ns - state.inertial_ns) * 1e-9
+        state.inertial_ns = m.t_ns
+        if not (self._config.ekf.accelerometer and 0.0 < interval_s <= SLOWEST_INERTIAL_S):
+            state.interval_s = 0.0
+            return
+        state.interval_s = interval_s
+        self._load(state)
+        motion = self._motion
+        motion.arm[:] = m.arm_m
+        motion.feel()
+        expected = motion.force
+        innovation = np.array([m.ax_mps2, m.ay_mps2]) - expected
+        h = motion.force_jacobian.copy()
+        variance = self._model_density / interval_s + self._accel_density
+        before = state.x
+        felt = (float(expected[0]), float(expected[1]))
+        group = Group("acceleration", slice(0, 2), (m.ax_mps2, m.ay_mps2), felt)
+        if self._take(state, m.t_ns, Reading([group], innovation, h), np.diag([variance, variance])):
+            state.residual = innovation - h @ (state.x - before)
+        else:
+            state.interval_s = 0.0
+
+    # --- correction ------------------------------------------------------------------------------------------
+
+    def _take(self, state: FilterState, t_ns: int, reading: Reading, noise: Array) -> bool:
+        """Correct with those groups of rows that can be believed; True if any."""
+        groups, innovation, h = reading
+        if not groups:
+            return False
+        ph = state.p @ h.T
+        s = h @ ph + noise
+        used = []
+        for group in groups:
+            name, rows, value, expected = group
+            track = state.tracks.get(name, FIRST)
+            track = sensor_health.hear(track, t_ns, value, expected, fault_recovery.ALIVE[name], self._frozen_ns)
+            if fault_recovery.frozen(state, name, track):
+                state.tracks[name] = sensor_health.skip(track)
+                continue
+            distance2 = _distance2(s[rows, rows], innovation[rows])
+            if distance2 <= self._gate2 * (rows.stop - rows.start):
+                state.tracks[name] = sensor_health.use(track, t_ns)
+                used.append(group)
+                continue
+            off = float(innovation[rows.start]), float(innovation[rows.stop - 1])
+            slack = self._gate * math.sqrt(2.0 * noise[rows.start, rows.start])
+            steady = fault_recovery.steady_part(state, t_ns, name, off)
+            state.tracks[name] = track = sensor_health.refuse(track, t_ns, steady, off, slack)
+            if fault_recovery.convinces(state, t_ns, name, math.hypot(*off) - slack, self._return_ns):
+                fault_recovery.give_up(state, name)
+                ph = state.p @ h.T
+                s = h @ ph + noise
+                state.tracks[name] = sensor_health.use(track, t_ns)
+                used.append(group)
+        if not used:
+            return False
+        if len(used) == 1:
+            rows = used[0][1]
+            ph, s, innovation, h, noise = ph[:, rows], s[rows, rows], innovation[rows], h[rows], noise[rows, rows]
+        self._correct(state, ph, s, innovation, h, noise)
+        return True
+
+    def _correct(self, state: FilterState, ph: Array, s: Array, innovation: Array, h: Array, noise: Array) -> None:
+        """Joseph-form update, which keeps the covariance symmetric and positive."""
+        gain = np.linalg.solve(s, ph.T).T
+        x = state.x + gain @ innovation
+        x[PSI] = wrap_rad(x[PSI])
+        self._clip(x)
+        keep = self._eye - gain @ h
+        p = keep @ state.p @ keep.T + gain @ noise @ gain.T
+        state.x = x
+        state.p = 0.5 * (p + p.T)
+
+    def _clip(self, x: Array) -> None:
+        part = x[D_N : B_E + 1]
+        np.minimum(np.maximum(part, self._least, out=part), self._most, out=part)  # as np.clip, and cheaper
+
+
+def _distance2(s: Array, innovation: Array) -> float:
+    """The squared Mahalanobis distance of one or two rows."""
+    if len(innovation) == 1:
+        return float(innovation[0] * innovation[0] / s[0, 0])
+    (a, b), (c, d) = s.tolist()
+    x, y = innovation.tolist()
+    return float((d * x * x - (b + c) * x * y + a * y * y) / (a * d - b * c))

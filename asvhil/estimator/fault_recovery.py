@@ -1,0 +1,98 @@
+"""Whether a sensor that the filter refuses, or another that hangs on it, is to be believed; and what is given up then.
+
+`sensor_health.py` keeps the record of one sensor by itself; here it is held against the others and the filter's state.
+"""
+
+from __future__ import annotations
+
+import math
+
+from asvhil.estimator import sensor_health
+from asvhil.estimator.sensor_health import Liveliness, Track
+from asvhil.estimator.states import B_E, B_N, PSI, E, FilterState, N, R, U, V
+
+LONGEST_TRAVEL_S = 1.5  # between two velocities that are added up
+NEW = 20  # readings of a sensor, before which it has no record against which to hold a jump
+
+# States that are given up with a sensor's, and the variances that are left of them. The velocity over ground is known
+# in NED: with another heading it is another one in body axes.
+GIVEN_UP = {
+    "position": ((N, 1e4), (E, 1e4), (U, 4.0), (V, 4.0)),
+    "heading": ((PSI, 3.0), (U, 4.0), (V, 4.0), (R, 0.25)),
+    "velocity": ((U, 4.0), (V, 4.0)),
+    "yaw_rate": ((R, 0.25),),
+    "acceleration": (),
+}
+
+ALIVE = {
+    "position": Liveliness(noise=0.02, motion=0.1),
+    "velocity": Liveliness(noise=0.012, motion=0.1),
+    "heading": Liveliness(noise=math.radians(0.05), motion=math.radians(1.0)),
+    "yaw_rate": Liveliness(noise=0.002, motion=0.02),
+    "acceleration": Liveliness(noise=0.01, motion=0.05),
+}
+
+
+def travel(state: FilterState, t_ns: int, vn_mps: float, ve_mps: float) -> None:
+    """Add up the receiver's own velocity."""
+    elapsed_s = (t_ns - state.travelled_ns) * 1e-9
+    if elapsed_s <= LONGEST_TRAVEL_S:
+        state.travel = (state.travel[0] + vn_mps * elapsed_s, state.travel[1] + ve_mps * elapsed_s)
+    state.travelled_ns = t_ns
+
+
+def frozen(state: FilterState, name: str, track: Track) -> bool:
+    """A sensor that is frozen itself; and a velocity that repeats itself beside a frozen position, for it is as old."""
+    if track.frozen or name != "velocity":
+        return track.frozen
+    position = state.tracks.get("position")
+    return position is not None and position.frozen and track.repeats >= sensor_health.LEAST_REPEATS
+
+
+def steady_part(state: FilterState, t_ns: int, name: str, off: tuple[float, float]) -> tuple[float, float]:
+    """What stays the same while a refused sensor goes on to be consistent: its distance to what it should say.
+
+    A position is held against what the receiver's own velocity has added up to, where it has one.
+    """
+    if name != "position" or t_ns - state.travelled_ns > LONGEST_TRAVEL_S * 1e9:
+        return off
+    value = state.tracks[name].value
+    return value[0] - state.travel[0], value[1] - state.travel[1]
+
+
+def convinces(state: FilterState, t_ns: int, name: str, distance: float, return_ns: int) -> bool:
+    """Whether the filter must be wrong, and not the sensor that it goes on refusing.
+
+    It must have been steady for the return time, and one of these hold: it has no record yet; there has been no
+    valid estimate for as long; or, of a receiver, position and velocity are refused both, agree with each other,
+    and such a velocity explains how far off (m) the position is, as after a push that nothing else has seen.
+    """
+    track = state.tracks[name]
+    if track.steady_since_ns == sensor_health.NEVER or t_ns - track.steady_since_ns < return_ns:
+        return False
+    if track.used < NEW:
+        return True
+    if state.invalid_since_ns != sensor_health.NEVER and t_ns - state.invalid_since_ns >= return_ns:
+        return True
+    velocity = state.tracks.get("velocity")
+    if name != "position" or velocity is None or velocity.refused_in_row == 0:
+        return False
+    span_s = (t_ns - velocity.refused_since_ns) * 1e-9
+    return span_s * 1e9 >= return_ns and distance <= math.hypot(*velocity.off) * span_s
+
+
+def give_up(state: FilterState, name: str) -> None:
+    """Forget what is believed of what a sensor tells, and of what hangs on it."""
+    state.resets += 1
+    p = state.p.copy()
+    for i, variance in GIVEN_UP[name]:
+        p[i, :] = p[:, i] = 0.0
+        p[i, i] = variance
+    if name == "position":  # a bias that was found for the position given up says nothing of the new one
+        x = state.x.copy()
+        x[[N, E]] += x[[B_N, B_E]]  # what the reading is expected to say stays as it is
+        x[[B_N, B_E]] = 0.0
+        p[[B_N, B_E], :] = 0.0
+        p[:, [B_N, B_E]] = 0.0
+        state.x = x
+    state.p = p

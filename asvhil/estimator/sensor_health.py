@@ -1,0 +1,122 @@
+"""What is known of one sensor's readings: whether they are alive, believed, frozen, or have wandered off.
+
+A `Track` is replaced and never changed, so that the filter can go back to one when a late reading comes in.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+NEVER = -(2**62)
+LEAST_REPEATS = 4  # a stream that says all twice makes three of one chance repeat
+JITTER_GAIN = 0.05
+STEPS_OF_NOISE = 3.0  # noise of fewer steps of the resolution repeats itself often enough
+TOLD_AFTER = 2  # refusals in a row: a single outlier is not worth a word
+
+
+class Track(NamedTuple):
+    """One sensor, as far as it has been heard. Times are those of the readings."""
+
+    heard_ns: int = NEVER
+    used_ns: int = NEVER
+    used: int = 0
+    refused: int = 0
+    refused_in_row: int = 0
+    refused_since_ns: int = NEVER
+    # A refused sensor that keeps its distance to the prediction is steady: it may be right, and the filter wrong.
+    steady_since_ns: int = NEVER
+    steady: tuple[float, float] = (0.0, 0.0)
+    off: tuple[float, float] = (0.0, 0.0)
+    value: tuple[float, float] = (math.nan, math.nan)
+    expected: tuple[float, float] = (math.nan, math.nan)
+    jitter: float = 0.0
+    step: float = 0.0  # the least change of an axis so far: its resolution, if that is coarser than its noise
+    repeats: int = 0
+    repeated_since_ns: int = NEVER
+    frozen: bool = False
+
+
+class Liveliness(NamedTuple):
+    """When a repeated reading is a frozen one: its usual noise, or the boat's motion meanwhile, is above these."""
+
+    noise: float
+    motion: float
+
+
+def hear(
+    track: Track, t_ns: int, value: tuple[float, float], expected: tuple[float, float], alive: Liveliness, after_ns: int
+) -> Track:
+    """Take note of a reading and of what was expected in its place; tells whether the sensor is frozen."""
+    if value != track.value:
+        jitter, step = track.jitter, track.step
+        for change in (abs(value[0] - track.value[0]), abs(value[1] - track.value[1])):
+            if change > 0.0 and (change < step or step == 0.0):  # False for the first, which has none before it
+                step = change
+        if track.used > 1 and not track.frozen:
+            change = abs(value[0] - track.value[0]) + abs(value[1] - track.value[1])
+            if change == change:  # the first has none before it
+                moved = math.hypot(
+                    value[0] - track.value[0] - expected[0] + track.expected[0],
+                    value[1] - track.value[1] - expected[1] + track.expected[1],
+                )
+                jitter += JITTER_GAIN * (min(moved, 10.0 * alive.noise) - jitter)
+        return track._replace(
+            heard_ns=t_ns,
+            value=value,
+            expected=expected,
+            jitter=jitter,
+            step=step,
+            repeats=0,
+            repeated_since_ns=t_ns,
+            frozen=False,
+        )
+    repeats = track.repeats + 1
+    frozen = track.frozen
+    if not frozen and repeats >= LEAST_REPEATS and t_ns - track.repeated_since_ns >= after_ns:
+        # MotionModel is that of the prediction since the first of them; only if it agreed with the reading then.
+        off = math.hypot(value[0] - track.expected[0], value[1] - track.expected[1])
+        moved = math.hypot(expected[0] - track.expected[0], expected[1] - track.expected[1])
+        # A velocity of exactly zero is what many receivers tell of a boat that is slow.
+        noisy = track.jitter > max(alive.noise, STEPS_OF_NOISE * track.step) and value != (0.0, 0.0)
+        motion = max(alive.motion, track.step)
+        frozen = noisy or (moved > motion and off < motion)
+    return track._replace(heard_ns=t_ns, repeats=repeats, frozen=frozen)
+
+
+def use(track: Track, t_ns: int) -> Track:
+    """The reading has gone into the estimate."""
+    return track._replace(used_ns=t_ns, used=track.used + 1, refused_in_row=0, steady_since_ns=NEVER)
+
+
+def refuse(track: Track, t_ns: int, steady: tuple[float, float], off: tuple[float, float], slack: float) -> Track:
+    """The reading is `off` the prediction. It is steady while `steady` changes by no more than `slack`."""
+    since_ns, first = track.steady_since_ns, track.steady
+    if since_ns == NEVER or math.hypot(steady[0] - first[0], steady[1] - first[1]) > slack:
+        since_ns, first = t_ns, steady
+    return track._replace(
+        refused=track.refused + 1,
+        refused_in_row=track.refused_in_row + 1,
+        refused_since_ns=track.refused_since_ns if track.refused_in_row else t_ns,
+        steady_since_ns=since_ns,
+        steady=first,
+        off=off,
+    )
+
+
+def skip(track: Track) -> Track:
+    """The reading says nothing: it is a frozen sensor's."""
+    return track._replace(refused=track.refused + 1, refused_in_row=0, steady_since_ns=NEVER)
+
+
+def fault(track: Track, t_ns: int, stale_ns: int) -> str:
+    """What is wrong with the sensor now, in words; empty where nothing is, or where it was never heard."""
+    if track.heard_ns == NEVER:
+        return ""
+    if t_ns - track.heard_ns > stale_ns:
+        return "silent"
+    if track.frozen:
+        return "frozen"
+    if track.refused_in_row >= TOLD_AFTER:
+        return "jump rejected"
+    return ""

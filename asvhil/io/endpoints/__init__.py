@@ -1,1 +1,0 @@
-"""The kinds of link behind `asvhil.io.endpoint`; nobody else imports them."""

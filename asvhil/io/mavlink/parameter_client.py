@@ -1,0 +1,190 @@
+"""Parameters of an autopilot over the PARAM protocol: asked for by name, kept, changed and read back. Sans-IO."""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from asvhil.io.mavlink.frames import dialect
+from asvhil.types import record
+
+SPACING_NS = 40_000_000  # between two requests: a slow radio must not drown in them
+ANSWER_NS = 500_000_000
+ATTEMPTS = 4  # of each name, before it is left alone for a while
+AGAIN_NS = 30_000_000_000
+REFRESH_NS = 60_000_000_000  # a change that another station made may have been lost on the way
+NEVER_NS = 2**63
+
+_INTEGERS = {
+    dialect.MAV_PARAM_TYPE_UINT8: "<Bxxx",
+    dialect.MAV_PARAM_TYPE_INT8: "<bxxx",
+    dialect.MAV_PARAM_TYPE_UINT16: "<Hxx",
+    dialect.MAV_PARAM_TYPE_INT16: "<hxx",
+    dialect.MAV_PARAM_TYPE_UINT32: "<I",
+    dialect.MAV_PARAM_TYPE_INT32: "<i",
+}
+
+
+def from_wire(value: float, kind: int, *, bytewise: bool) -> float:
+    """The value of a PARAM_VALUE: the float itself, or the integer whose bytes stand in its place."""
+    form = _INTEGERS.get(kind) if bytewise else None
+    return value if form is None else float(struct.unpack(form, struct.pack("<f", value))[0])
+
+
+def to_wire(value: float, kind: int, *, bytewise: bool) -> float:
+    """The float of a PARAM_SET. Raises ValueError where an integer type cannot hold the value."""
+    form = _INTEGERS.get(kind) if bytewise else None
+    if form is None:
+        return value
+    try:
+        return float(struct.unpack("<f", struct.pack(form, round(value)))[0])
+    except struct.error:
+        raise ValueError(f"{value:g} does not fit the parameter's type") from None
+
+
+@record
+class Write:
+    """A PARAM_SET that is due."""
+
+    name: str
+    value: float
+    kind: int
+
+
+class _Asking:
+    """Where the asking for one thing stands."""
+
+    def __init__(self) -> None:
+        self.attempts = 0
+        self.due_ns = 0
+        self.given_up = False
+
+
+class ParameterClient:
+    """Keeps a few parameters known, each under the names that firmware versions give it: the one that answers counts.
+
+    Every name is asked for up to four times, half a second apart, and if nothing comes again half a minute later. What
+    is known is asked for again once a minute, and any PARAM_VALUE that comes by is taken. `bytewise`: the autopilot
+    sends integers by their bytes (PX4), not as floats (ArduPilot).
+    """
+
+    def __init__(self, groups: Iterable[tuple[str, ...]], *, bytewise: bool = False) -> None:
+        self._groups = tuple(dict.fromkeys(groups))
+        self._group_of = {name: group for group in self._groups for name in group}
+        self._bytewise = bytewise
+        self._values: dict[str, float] = {}
+        self._kinds: dict[str, int] = {}
+        self._asking: dict[tuple[str, ...], _Asking] = {}
+        self._next_ns = 0
+        self._spoken_ns: int | None = None
+        self._writes: dict[str, tuple[float, _Asking]] = {}
+        self.requests = 0
+        self.answers = 0
+        self.restart()
+
+    def restart(self) -> None:
+        """The autopilot has rebooted: ask for everything again; what was known stands until it is answered."""
+        self._asking = {group: _Asking() for group in self._groups}
+        self._next_ns = 0
+
+    @property
+    def values(self) -> Mapping[str, float]:
+        """What is known, by the name that answered."""
+        return self._values
+
+    @property
+    def complete(self) -> bool:
+        """Whether every parameter is known or has been given up for now."""
+        return all(self._known(group) or self._asking[group].given_up for group in self._groups)
+
+    @property
+    def silent(self) -> tuple[str, ...]:
+        """The first names of those that were given up."""
+        return tuple(g[0] for g in self._groups if not self._known(g) and self._asking[g].given_up)
+
+    def heard(self, t_ns: int, message: Any) -> None:
+        """A PARAM_VALUE of the autopilot."""
+        name = message.param_id
+        group = self._group_of.get(name)
+        if group is None:
+            return
+        value = from_wire(message.param_value, message.param_type, bytewise=self._bytewise)
+        if not math.isfinite(value):
+            return
+        self.answers += 1
+        self._values[name] = value
+        self._kinds[name] = message.param_type
+        asking = self._asking[group]
+        asking.attempts, asking.given_up = 0, False
+        asking.due_ns = t_ns + REFRESH_NS
+        write = self._writes.get(name)
+        if write is not None and same_value(write[0], value):
+            del self._writes[name]
+
+    def next_request(self, t_ns: int) -> str | None:
+        """The name to ask for now, or None."""
+        if t_ns < self._next_ns or self._too_soon(t_ns):
+            return None
+        for group in self._groups:
+            asking = self._asking[group]
+            if asking.due_ns > t_ns:
+                continue
+            names = tuple(name for name in group if name in self._values) or group
+            if asking.attempts >= ATTEMPTS * len(names):
+                asking.attempts, asking.given_up, asking.due_ns = 0, True, t_ns + AGAIN_NS
+                continue
+            name = names[asking.attempts % len(names)]
+            asking.attempts += 1
+            whole_round = asking.attempts % len(names) == 0
+            asking.due_ns = t_ns + (ANSWER_NS if whole_round else SPACING_NS)
+            self._spoken_ns = t_ns
+            self.requests += 1
+            return name
+        self._next_ns = min((asking.due_ns for asking in self._asking.values()), default=NEVER_NS)
+        return None
+
+    # --- changes, which the daemon never asks for ----------------------------------------------------------
+
+    def write(self, name: str, value: float) -> None:
+        """Change a parameter that has been read; `next_write` says when, and `writing` until it was read back."""
+        self._writes[name] = (value, _Asking())
+
+    @property
+    def writing(self) -> frozenset[str]:
+        """Names whose new value has not come back yet, and may still."""
+        return frozenset(name for name, (_, asking) in self._writes.items() if not asking.given_up)
+
+    @property
+    def unwritten(self) -> frozenset[str]:
+        """Names whose new value never came back."""
+        return frozenset(name for name, (_, asking) in self._writes.items() if asking.given_up)
+
+    def next_write(self, t_ns: int) -> Write | None:
+        """The PARAM_SET to send now, or None."""
+        if self._too_soon(t_ns):
+            return None
+        for name, (value, asking) in self._writes.items():
+            if asking.given_up or asking.due_ns > t_ns:
+                continue
+            if asking.attempts >= ATTEMPTS:
+                asking.given_up = True
+                continue
+            asking.attempts += 1
+            asking.due_ns = t_ns + ANSWER_NS
+            self._spoken_ns = t_ns
+            kind = self._kinds.get(name, int(dialect.MAV_PARAM_TYPE_REAL32))
+            return Write(name=name, value=to_wire(value, kind, bytewise=self._bytewise), kind=kind)
+        return None
+
+    def _known(self, group: tuple[str, ...]) -> bool:
+        return any(name in self._values for name in group)
+
+    def _too_soon(self, t_ns: int) -> bool:
+        return self._spoken_ns is not None and 0 <= t_ns - self._spoken_ns < SPACING_NS
+
+
+def same_value(a: float, b: float) -> bool:
+    """Equal as the wire's 32-bit floats."""
+    return math.isclose(a, b, rel_tol=1e-6, abs_tol=1e-6)

@@ -1,0 +1,252 @@
+"""A VectorNav INS on a serial line: binary messages and ASCII sentences, mixed as they come, to measurements. Sans-IO.
+
+The sources that it gives, by name:
+- BINARY: the INS solution of a binary message (Common, Attitude, Ins and Imu groups): position, velocity, heading,
+  yaw rate, specific force, whatever of them the message holds;
+- GNSS1: the position and velocity of the receiver alone, where a binary message holds them;
+- VNINS: the ASCII INS solution, also as the answer to reading register 63: position, velocity, heading;
+- VNYMR: yaw rate and specific force in ASCII. Its heading comes without a status, so it is not used.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+
+from asvhil.geo import is_place
+from asvhil.io.sensors.vectornav import binary, sentences
+from asvhil.types import Attitude, Frame, GnssFix, Imu, Measurement, record
+
+# Bits of the INS status word.
+MODE = 0x0003
+GNSS_FIX = 0x0004
+IMU_ERROR = 0x0010
+GNSS_ERROR = 0x0040
+NOT_TRACKING, ALIGNING, TRACKING, GNSS_LOST = range(4)
+
+FIX_2D = 2
+FIX_TYPES = 10  # 0 none, 1 time alone, 2 2D, 3 3D, then kinds of 3D with corrections
+
+_START = re.compile(rb"[\xfa$]")
+_NO_TEXT = re.compile(rb"[^\x20-\x7e\r\n]")
+
+
+@record
+class InsSample:
+    """What one message of the INS says; a part that it does not hold is None. Angles in degrees, as on the wire."""
+
+    time_startup_ns: int | None = None
+    time_gps_ns: int | None = None
+    ypr_deg: tuple[float, ...] | None = None
+    ypr_u_deg: tuple[float, ...] | None = None
+    rate_radps: tuple[float, ...] | None = None
+    lla: tuple[float, ...] | None = None
+    velocity_mps: tuple[float, ...] | None = None
+    accel_mps2: tuple[float, ...] | None = None
+    status: int | None = None
+    position_u_m: float | None = None
+    velocity_u_mps: float | None = None
+
+    @property
+    def position_valid(self) -> bool:
+        """Position and velocity are kept up to date: the filter runs and has GNSS. Without a status: assumed."""
+        if self.status is None:
+            return True
+        running = self.status & MODE in (ALIGNING, TRACKING)
+        return running and bool(self.status & GNSS_FIX) and not self.status & GNSS_ERROR
+
+    @property
+    def heading_valid(self) -> bool:
+        """Heading is within specification; it stays so for a while after GNSS is lost. Without a status: assumed."""
+        return self.status is None or self.status & MODE in (TRACKING, GNSS_LOST)
+
+    @property
+    def inertial_valid(self) -> bool:
+        """Rates and specific force are measured. Without a status: assumed."""
+        return self.status is None or not self.status & IMU_ERROR
+
+
+def sample_of(values: binary.Values) -> InsSample:
+    """The INS solution in the fields of a binary message; the same quantity in two groups is taken from the first."""
+
+    def vector(*names: str) -> tuple[float, ...] | None:
+        for name in names:
+            if name in values:
+                return tuple(values[name])
+        return None
+
+    def number(*names: str) -> float | None:
+        found = vector(*names)
+        return None if found is None else found[0]
+
+    def whole(*names: str) -> int | None:
+        found = number(*names)
+        return None if found is None else int(found)
+
+    return InsSample(
+        time_startup_ns=whole("Common.TimeStartup", "Time.TimeStartup"),
+        time_gps_ns=whole("Common.TimeGps", "Time.TimeGps"),
+        ypr_deg=vector("Common.YawPitchRoll", "Attitude.YawPitchRoll"),
+        ypr_u_deg=vector("Attitude.YprU"),
+        rate_radps=vector("Common.AngularRate", "Imu.AngularRate"),
+        lla=vector("Common.PosLla", "Ins.PosLla"),
+        velocity_mps=vector("Common.VelNed", "Ins.VelNed"),
+        accel_mps2=vector("Common.Accel", "Imu.Accel"),
+        status=whole("Common.InsStatus", "Ins.InsStatus"),
+        position_u_m=number("Ins.PosU"),
+        velocity_u_mps=number("Ins.VelU"),
+    )
+
+
+class VectorNavCodec:
+    """Bytes of one port to (source, measurement). Never raises; what is damaged or not valid is dropped and counted.
+
+    `latest` is the last INS sample, of use to diagnostics. The buffer never holds more than one message of the largest
+    size.
+    """
+
+    MAX_BUFFER = binary.MAX_PACKET
+
+    def __init__(self, port: str) -> None:
+        self._port = port
+        self._buffer = b""
+        self.latest: InsSample | None = None
+        self.packets = 0
+        self.sentences = 0
+        self.bad_crc = 0
+        self.garbage_bytes = 0
+        self.invalid = 0  # parts that the sensor itself does not stand by, or that are no numbers
+        self.errors = 0  # $VNERR
+        self.ignored = 0  # sentences of other kinds
+
+    def read(self, frame: Frame) -> list[tuple[str, Measurement]]:
+        """Measurements in one chunk of the stream, each with the name of its source."""
+        buffer = self._buffer + frame.data if self._buffer else frame.data
+        found: list[tuple[str, Measurement]] = []
+        at = 0
+        while True:
+            start = _START.search(buffer, at)
+            if start is None:
+                self.garbage_bytes += len(buffer) - at
+                at = len(buffer)
+                break
+            self.garbage_bytes += start.start() - at
+            at = start.start()
+            length = binary.measure(buffer, at) if buffer[at] == binary.SYNC else _measure_sentence(buffer, at)
+            if length == binary.INCOMPLETE or at + length > len(buffer):
+                break
+            if length == binary.IMPOSSIBLE or not self._take(frame.t_ns, buffer[at : at + length], found):
+                self.garbage_bytes += 1
+                length = 1  # what is inside may be a message all the same
+            at += length
+        self._buffer = bytes(buffer[at:])
+        return found
+
+    def counters(self) -> tuple[tuple[str, int], ...]:
+        """Cumulative counts of what came in and what was dropped."""
+        names = ("packets", "sentences", "bad_crc", "garbage_bytes", "invalid", "errors", "ignored")
+        return tuple((f"{self._port}.{name}", getattr(self, name)) for name in names)
+
+    def _take(self, t_ns: int, message: bytes, found: list[tuple[str, Measurement]]) -> bool:
+        """Take in a complete message; False where its checksum does not hold."""
+        if message[0] == binary.SYNC:
+            if not binary.is_intact(message):
+                self.bad_crc += 1
+                return False
+            self.packets += 1
+            self._binary(t_ns, binary.decode(message), found)
+            return True
+        parts = sentences.split(message)
+        if parts is None:
+            self.bad_crc += 1
+            return False
+        self.sentences += 1
+        self._sentence(t_ns, parts, found)
+        return True
+
+    def _binary(self, t_ns: int, values: binary.Values, found: list[tuple[str, Measurement]]) -> None:
+        self.latest = sample_of(values)
+        self._measurements("BINARY", t_ns, self.latest, found)
+        lla, fix = values.get("Gnss1.PosLla"), values.get("Gnss1.Fix")
+        if lla is None:
+            return
+        velocity = values.get("Gnss1.VelNed")
+        if fix is None or not FIX_2D <= int(fix[0]) < FIX_TYPES:
+            self.invalid += 1
+            return
+        uncertainty = tuple(values.get("Gnss1.PosU", ()))
+        radius_m = math.hypot(*uncertainty[:2]) if uncertainty else None
+        sample = InsSample(lla=tuple(lla), velocity_mps=tuple(velocity) if velocity else None, position_u_m=radius_m)
+        self._measurements("GNSS1", t_ns, sample, found)
+
+    def _sentence(self, t_ns: int, parts: list[str], found: list[tuple[str, Measurement]]) -> None:
+        if parts[0] == "VNERR":
+            self.errors += 1
+            return
+        solution, inertial = sentences.ins_solution(parts), sentences.inertial(parts)
+        if solution is not None:
+            self.latest = InsSample(
+                ypr_deg=solution.ypr_deg,
+                lla=solution.lla,
+                velocity_mps=solution.velocity_mps,
+                status=solution.status,
+                position_u_m=solution.position_u_m,
+                velocity_u_mps=solution.velocity_u_mps,
+            )
+            self._measurements("VNINS", t_ns, self.latest, found)
+        elif inertial is not None:
+            sample = InsSample(accel_mps2=inertial.accel_mps2, rate_radps=inertial.rate_radps)
+            self._measurements("VNYMR", t_ns, sample, found)
+        else:
+            self.ignored += 1
+
+    def _measurements(self, source: str, t_ns: int, sample: InsSample, found: list[tuple[str, Measurement]]) -> None:
+        """Everything in a sample that its status stands by and that can be a measurement. The yaw rate comes once."""
+        rate, accel = sample.rate_radps, sample.accel_mps2
+        r_radps = rate[2] if rate is not None and sample.inertial_valid and _finite(rate) else math.nan
+        fix = _fix(t_ns, sample)
+        if fix is not None:
+            found.append((source, fix))
+        elif sample.lla is not None or sample.velocity_mps is not None:
+            self.invalid += 1
+        psi_rad = math.nan
+        if sample.ypr_deg is not None:
+            if sample.heading_valid and _finite(sample.ypr_deg):
+                psi_rad = math.radians(sample.ypr_deg[0])
+            else:
+                self.invalid += 1
+        if not (math.isnan(psi_rad) and math.isnan(r_radps)):
+            found.append((source, Attitude(t_ns=t_ns, psi_rad=psi_rad, r_radps=r_radps)))
+        if accel is not None:
+            if sample.inertial_valid and _finite(accel):
+                found.append((source, Imu(t_ns=t_ns, ax_mps2=accel[0], ay_mps2=accel[1], r_radps=math.nan)))
+            else:
+                self.invalid += 1
+
+
+def _measure_sentence(buffer: bytes, at: int) -> int:
+    """The length of the sentence that starts at `at`, as `binary.measure` tells that of a message."""
+    end = buffer.find(b"\n", at, at + sentences.MAX_SENTENCE)
+    stop = end + 1 if end >= 0 else min(len(buffer), at + sentences.MAX_SENTENCE)
+    if _NO_TEXT.search(buffer, at, stop):
+        return binary.IMPOSSIBLE
+    if end >= 0:
+        return end + 1 - at
+    return binary.INCOMPLETE if stop - at < sentences.MAX_SENTENCE else binary.IMPOSSIBLE
+
+
+def _fix(t_ns: int, sample: InsSample) -> GnssFix | None:
+    """Place and velocity, each NaN where the message has none; None without both, and beside a place that is none."""
+    place, velocity = sample.lla, sample.velocity_mps
+    if not sample.position_valid or (place is not None and not is_place(place[0], place[1])):
+        return None
+    lat_deg, lon_deg = place[:2] if place is not None else (math.nan, math.nan)
+    vn_mps, ve_mps = velocity[:2] if velocity is not None and _finite(velocity) else (math.nan, math.nan)
+    if math.isnan(lat_deg) and math.isnan(vn_mps):
+        return None
+    h_acc_m = math.nan if sample.position_u_m is None else sample.position_u_m
+    return GnssFix(t_ns=t_ns, lat_deg=lat_deg, lon_deg=lon_deg, vn_mps=vn_mps, ve_mps=ve_mps, h_acc_m=h_acc_m)
+
+
+def _finite(values: tuple[float, ...]) -> bool:
+    return all(math.isfinite(value) for value in values)

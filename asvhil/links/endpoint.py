@@ -1,0 +1,69 @@
+"""The links of the daemon and the plant: UDP, TCP, serial, pseudo terminal, memory, behind one protocol.
+
+Links are one-shot: a broken one is never repaired, whoever owns it opens a new one. Nothing here waits for a slow
+peer: what is not read or cannot be sent in time is dropped, oldest first, and counted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Awaitable, Callable
+from typing import Protocol
+
+from asvhil.config.link_spec import FORMS, LinkSpec, parse_spec
+from asvhil.links.memory import memory_pair
+from asvhil.links.tcp import open_tcp, open_tcpin
+from asvhil.links.tty import open_pty, open_serial
+from asvhil.links.udp import open_udp
+from asvhil.types import Frame
+
+__all__ = ["FORMS", "Endpoint", "LinkSpec", "memory_pair", "open_endpoint", "parse_spec"]
+
+
+class Endpoint(Protocol):
+    """One open link. `spec` is as configured; `address` is where it really is (bound port, slave of the pty)."""
+
+    spec: str
+    address: str
+
+    async def recv(self) -> Frame:
+        """The next datagram, or up to 4096 bytes of a stream, stamped on arrival; LinkError when the link is gone."""
+        ...
+
+    async def send(self, data: bytes, peer: str = "") -> None:
+        """Send to `peer`, else to all that were heard lately; drops rather than waits; LinkError when gone."""
+        ...
+
+    async def close(self) -> None:
+        """Free the link; idempotent; a pending recv() raises LinkError."""
+        ...
+
+    @property
+    def dropped(self) -> int:
+        """Received frames that were dropped, oldest first, because nobody read them."""
+        ...
+
+    @property
+    def unsent(self) -> int:
+        """Sends that did not go out: no peer yet, or a reader too slow."""
+        ...
+
+    @property
+    def congested(self) -> bool:
+        """Whether sends wait behind others: then only what matters should be sent."""
+        ...
+
+
+_OPENERS: dict[str, Callable[[LinkSpec, str, Callable[[], int]], Awaitable[Endpoint]]] = {
+    "udpin": open_udp,
+    "udpout": open_udp,
+    "tcp": open_tcp,
+    "tcpin": open_tcpin,
+    "serial": open_serial,
+    "pty": open_pty,
+}
+
+
+async def open_endpoint(spec: str, port: str, now_ns: Callable[[], int]) -> Endpoint:
+    """Open a link named `port`; ConfigError on a bad spec, LinkError (one line with the spec) when it cannot open."""
+    parsed = parse_spec(spec)
+    return await _OPENERS[parsed.scheme](parsed, port, now_ns)

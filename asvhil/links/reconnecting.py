@@ -1,0 +1,101 @@
+"""A configured link that is opened again with bounded back-off whenever it is gone."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from collections import deque
+from collections.abc import Awaitable, Callable
+
+from asvhil.config import Config
+from asvhil.errors import LinkError
+from asvhil.links.clock import Clock
+from asvhil.links.endpoint import Endpoint, open_endpoint
+from asvhil.types import Frame
+
+INBOX_FRAMES = 20_000  # four seconds of a flooded link; beyond it the oldest are dropped and counted
+
+
+class ReconnectingLink:
+    """One configured port: opens its endpoint, reads it, and opens it again with bounded back-off when it is gone."""
+
+    def __init__(
+        self,
+        port: str,
+        spec: str,
+        config: Config,
+        clock: Clock,
+        inbox: deque[Frame],
+        take: Callable[[Frame], Awaitable[list[Frame]]] | None = None,
+    ) -> None:
+        self.port = port
+        self._spec = spec
+        self._first_s = config.links.reconnect_first_s
+        self._max_s = config.links.reconnect_max_s
+        self._clock = clock
+        self._inbox = inbox
+        self._take = take
+        self._endpoint: Endpoint | None = None
+        self.state = "connecting"
+        self.unsent = 0
+        self.overflowed = 0
+
+    async def run(self) -> None:
+        """Read frames into the inbox until cancelled."""
+        wait_s = self._first_s
+        try:
+            while True:
+                try:
+                    self._endpoint = await open_endpoint(self._spec, self.port, self._clock.now_ns)
+                    self.state = "up"
+                    while True:
+                        frame = await self._endpoint.recv()
+                        wait_s = self._first_s
+                        for taken in (frame,) if self._take is None else await self._take(frame):
+                            if len(self._inbox) >= INBOX_FRAMES:
+                                self._inbox.popleft()
+                                self.overflowed += 1
+                            self._inbox.append(taken)
+                except LinkError as error:
+                    self.state = str(error)
+                await self._close()
+                await asyncio.sleep(wait_s)
+                wait_s = min(2.0 * wait_s, self._max_s)
+        finally:
+            await self._close()
+
+    async def send(self, frame: Frame) -> None:
+        """Send now or never: a motor command is worth nothing later."""
+        endpoint = self._endpoint
+        if endpoint is None:
+            self.unsent += 1
+            return
+        try:
+            await endpoint.send(frame.data, frame.peer)
+        except LinkError as error:
+            self.unsent += 1
+            self.state = str(error)
+
+    async def forward(self, data: bytes) -> bool:
+        """Pass on a frame of others where the link has room for it: ours must not wait behind theirs."""
+        endpoint = self._endpoint
+        if endpoint is None or endpoint.congested:
+            return False
+        unsent = endpoint.unsent
+        with contextlib.suppress(LinkError):
+            await endpoint.send(data)
+            return endpoint.unsent == unsent
+        return False
+
+    @property
+    def losses(self) -> str:
+        """What was not sent or not read, in words; empty where nothing was."""
+        return f"{self.unsent} sends and {self.overflowed} frames dropped" if self.unsent or self.overflowed else ""
+
+    async def _close(self) -> None:
+        endpoint, self._endpoint = self._endpoint, None
+        if endpoint is not None:
+            self.unsent += endpoint.unsent
+            self.overflowed += endpoint.dropped
+            with contextlib.suppress(LinkError):
+                await endpoint.close()

@@ -1,0 +1,238 @@
+"""Between the daemon's MAVLink links and the backseat: filters, signatures, and routing to ground stations.
+
+What the backseat is given has passed all of this already and is what the log keeps, and what it says is signed after
+the log has it: so a replay needs neither key nor clock, and no key is ever in a log.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Protocol
+
+from asvhil.config.links import LinksConfig
+from asvhil.config.mavlink import MavlinkLinkConfig, SigningConfig
+from asvhil.errors import ConfigError
+from asvhil.io.mavlink.frames import message_number, source, target
+from asvhil.io.mavlink.routing import Hops, LinkRules, RoutingTable
+from asvhil.io.mavlink.signature_filter import SignatureFilter
+from asvhil.io.mavlink.signing import Signer, SigningClock, SigningState, Verdict, Verifier
+from asvhil.links.keyfile import read_key, read_state, write_state
+from asvhil.operator.goto import is_goto
+from asvhil.types import Frame
+
+AUTOPILOT, OPERATOR = "autopilot", "operator"
+GROUND = "ground."
+VIA = "|"  # in a peer: the link that an operator is reached by, then his address on it
+NEWS_NS = 5_000_000_000
+SAVE_NS = 10_000_000_000
+
+
+class ForwardingLink(Protocol):
+    """What the hub needs of a link."""
+
+    async def forward(self, data: bytes) -> bool:
+        """Pass a frame on if there is room for it; whether there was."""
+        ...
+
+
+class MavlinkRouter:
+    """The MAVLink links of one daemon. Raises ConfigError where a key, a message or a file is not what it should be.
+
+    `unix_ns` is the computer's time of day, for signatures alone; `t_ns` of frames is the daemon's own clock.
+    `on_forward` is told of every frame of others that goes to the autopilot.
+    """
+
+    def __init__(
+        self,
+        config: LinksConfig,
+        *,
+        start_ns: int,
+        unix_ns: Callable[[], int],
+        on_forward: Callable[[Frame], None] = lambda frame: None,
+    ) -> None:
+        self._unix_ns = unix_ns
+        self._on_forward = on_forward
+        self._autopilot_system_id = config.autopilot.autopilot_system_id
+        self._claim_goto = config.operator.claim_goto
+        self.ground_specs = {f"{GROUND}{name}": link.endpoint for name, link in config.ground_stations.items()}
+        links: dict[str, MavlinkLinkConfig] = {AUTOPILOT: config.autopilot, OPERATOR: config.operator}
+        links |= {f"{GROUND}{name}": link for name, link in config.ground_stations.items()}
+        self.warnings: list[str] = []
+        self._clock = SigningClock()
+        self._signers: dict[str, Signer] = {}
+        self._state_files: dict[str, Path] = {}
+        self._gates = {
+            port: SignatureFilter(link.senders, self._verifier(port, link, start_ns)) for port, link in links.items()
+        }
+        self._router = self._make_router(config, links)
+        self._carriers: Mapping[str, ForwardingLink] = {}
+        self._unforwarded: Counter[str] = Counter()
+        self._told: dict[str, str] = {}
+        self._news_ns = start_ns
+        self._save_ns = start_ns
+        self._saved_last = self._clock.last
+
+    def attach(self, carriers: Mapping[str, ForwardingLink]) -> None:
+        """The links to forward on, by port."""
+        self._carriers = carriers
+
+    async def receive(self, frame: Frame) -> list[Frame]:
+        """What the backseat gets of one received frame; what is for others is passed on meanwhile."""
+        gate = self._gates.get(frame.port)
+        if gate is None:
+            return [frame]
+        routed = self._router is not None and frame.port != OPERATOR
+        if not routed and not gate.guards:
+            return [frame]  # untouched: the codec behind counts the garbage
+        accepted = gate.feed(frame, self._unix_ns())
+        operators: list[Frame] = []
+        if routed:
+            for data in accepted:
+                operators += await self._route(frame, data)
+        if frame.port.startswith(GROUND):
+            return operators
+        if not gate.guards:
+            return [frame, *operators]
+        whole = b"".join(accepted)
+        return [*([Frame(t_ns=frame.t_ns, port=frame.port, data=whole, peer=frame.peer)] if whole else []), *operators]
+
+    def outgoing(self, frame: Frame) -> list[Frame]:
+        """What leaves, and where, of one frame of the backseat; signed where the link asks for it."""
+        port, _, peer = frame.peer.rpartition(VIA)
+        if frame.port == OPERATOR and port:
+            return [self._signed(Frame(t_ns=frame.t_ns, port=port, data=frame.data, peer=peer))]
+        ports = [frame.port]
+        if frame.port == OPERATOR and not frame.peer and self._router is not None:
+            ports += self._router.originate(frame.data, besides=(AUTOPILOT,))
+        return [self._signed(Frame(t_ns=frame.t_ns, port=name, data=frame.data, peer=frame.peer)) for name in ports]
+
+    def remarks(self, port: str) -> str:
+        """What was dropped on a link and why, in words; empty where nothing was."""
+        gate = self._gates.get(port)
+        parts = [f"{count} {reason}" for reason, count in sorted(gate.rejected.items())] if gate else []
+        words = f"frames dropped: {', '.join(parts)}" if parts else ""
+        if gate is not None and gate.rejected[Verdict.FUTURE.value]:
+            words += " (is this computer's clock right?)"
+        unforwarded = self._unforwarded[port]
+        if unforwarded:
+            words += f"{'; ' if words else ''}{unforwarded} forwarded frames found no room"
+        return words
+
+    def news(self, t_ns: int) -> list[str]:
+        """New remarks on all links, at most every 5 s, so that an attack does not fill the log."""
+        if t_ns - self._news_ns < NEWS_NS:
+            return []
+        self._news_ns = t_ns
+        return self.all_news()
+
+    def all_news(self) -> list[str]:
+        """Remarks that were not told yet."""
+        now = {port: words for port in self._gates if (words := self.remarks(port))}
+        fresh = [f"link {port}: {words}" for port, words in now.items() if self._told.get(port) != words]
+        self._told = now
+        return fresh
+
+    def save_due(self, t_ns: int) -> bool:
+        """Whether timestamps should be written; true at most every 10 s, and only where they have changed."""
+        if not self._state_files or t_ns - self._save_ns < SAVE_NS or self._clock.last == self._saved_last:
+            return False
+        self._save_ns, self._saved_last = t_ns, self._clock.last
+        return True
+
+    def states(self) -> dict[Path, SigningState]:
+        """The signing timestamps of every link and the file each belongs in: a copy, for a thread to write."""
+        found = {}
+        for port, path in self._state_files.items():
+            verifier = self._gates[port].verifier
+            if verifier is not None:
+                found[path] = verifier.state()
+        return found
+
+    # --- parts ---------------------------------------------------------------------------------------------
+
+    async def _route(self, frame: Frame, data: bytes) -> list[Frame]:
+        assert self._router is not None
+        hops = self._router.route(frame.port, data, frame.t_ns)
+        if self._claim_goto and AUTOPILOT in hops.links and is_goto(data):
+            hops = Hops(tuple(name for name in hops.links if name != AUTOPILOT), True)
+        for name in hops.links:
+            if not await self._carriers[name].forward(data):
+                self._unforwarded[name] += 1
+            elif name == AUTOPILOT:
+                self._on_forward(Frame(t_ns=frame.t_ns, port=AUTOPILOT, data=data, peer=frame.port))
+        if not hops.local:
+            return []
+        if frame.port == AUTOPILOT and (source(data)[0] == self._autopilot_system_id or target(data)[0] == 0):
+            return []  # the vehicle's own talk, which the codec of that port reads; an operator asks us by name
+        return [Frame(t_ns=frame.t_ns, port=OPERATOR, data=data, peer=f"{frame.port}{VIA}{frame.peer}")]
+
+    def _signed(self, frame: Frame) -> Frame:
+        signer = self._signers.get(frame.port)
+        if signer is None:
+            return frame
+        data = signer.sign(frame.data, self._unix_ns())
+        return Frame(t_ns=frame.t_ns, port=frame.port, data=data, peer=frame.peer)
+
+    def _verifier(self, port: str, link: MavlinkLinkConfig, start_ns: int) -> Verifier | None:
+        signing = link.signing
+        if signing is None:
+            return None
+        key, warning = read_key(Path(signing.key_file).expanduser())
+        if warning is not None and warning not in self.warnings:
+            self.warnings.append(warning)
+        path = self._state_files[port] = state_file(signing, port)
+        state = read_state(path)
+        save_states({path: state})  # now is the time to hear that it cannot be written
+        self._signers[port] = Signer(key, signing.link_id, self._clock)
+        return Verifier(
+            key,
+            self._clock,
+            accept_unsigned=_numbers(port, "signing.accept_unsigned", signing.accept_unsigned),
+            max_behind_s=signing.max_behind_s,
+            max_ahead_s=signing.max_ahead_s,
+            state=state,
+            start_ns=start_ns,
+        )
+
+    @staticmethod
+    def _make_router(config: LinksConfig, links: Mapping[str, MavlinkLinkConfig]) -> RoutingTable | None:
+        enabled = config.routing.enabled
+        if not (bool(config.ground_stations) if enabled is None else enabled):
+            return None
+        rules = {
+            port: LinkRules(
+                **{
+                    key: _numbers(port, key, getattr(link, key))
+                    for key in ("allow_in", "block_in", "allow_out", "block_out")
+                }
+            )
+            for port, link in links.items()
+            if port != OPERATOR
+        }
+        own = config.autopilot
+        local = {(own.system_id, own.component_id), (own.override_system_id, own.component_id)}
+        return RoutingTable(rules, local, duplicates_ns=round(config.routing.duplicates_s * 1e9))
+
+
+def save_states(states: Mapping[Path, SigningState]) -> None:
+    """Write timestamps to their files. ConfigError names the file that cannot be written."""
+    for path, state in states.items():
+        try:
+            write_state(path, state)
+        except OSError as error:
+            raise ConfigError(f"{path}: signing timestamps cannot be written ({error.strerror})") from None
+
+
+def state_file(signing: SigningConfig, port: str) -> Path:
+    """Where the timestamps of a signed link are kept."""
+    return Path(signing.state_file or f"{signing.key_file}.{port}.timestamps").expanduser()
+
+
+def _numbers(port: str, key: str, names: tuple[str, ...]) -> frozenset[int]:
+    try:
+        return frozenset(message_number(name) for name in names)
+    except ConfigError as error:
+        place = f"ground_stations.{port.removeprefix(GROUND)}" if port.startswith(GROUND) else port
+        raise ConfigError(f"key links.{place}.{key}: {error}") from None

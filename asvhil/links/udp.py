@@ -1,0 +1,119 @@
+"""UDP links: `udpin` binds and learns its peers, `udpout` calls one peer. Datagrams stay whole and are never queued."""
+
+from __future__ import annotations
+
+import asyncio
+import errno
+import socket
+from collections.abc import Callable
+from typing import Any
+
+from asvhil.config.link_spec import LinkSpec, host_port
+from asvhil.errors import LinkError
+from asvhil.links.link import Link, resolve, why
+
+MAX_PEERS = 16
+PEER_LIFE_NS = 10_000_000_000
+DATAGRAM_BYTES = 65536
+# What the kernel keeps while the process waits for a core; its default is some 50 ms of 5000 datagrams a second. It
+# grants less where net.core.rmem_max is smaller.
+RECEIVE_BUFFER_BYTES = 2 * 1024 * 1024
+BURST = 64  # datagrams per turn of the loop: a flood must not starve the control tick
+# What the network reports of earlier sends: the peer, or the way to it, is not there yet. Each is reported once.
+_PASSING = {errno.ECONNREFUSED, errno.EHOSTUNREACH, errno.ENETUNREACH, errno.ENETDOWN, errno.EHOSTDOWN, errno.EINTR}
+
+
+class UdpLink(Link):
+    """What both ends share: reading in bursts, and errors that pass."""
+
+    def __init__(self, spec: LinkSpec, address: str, port: str, now_ns: Callable[[], int], sock: socket.socket) -> None:
+        super().__init__(spec.text, address, port, now_ns)
+        self._sock = sock
+        self._loop = asyncio.get_running_loop()
+        self._loop.add_reader(sock, self._readable)
+
+    def _readable(self) -> None:
+        for _ in range(BURST):
+            try:
+                data, source = self._sock.recvfrom(DATAGRAM_BYTES)
+            except BlockingIOError:
+                return
+            except OSError as exc:
+                if exc.errno not in _PASSING:
+                    self._lose(why(exc))
+                return
+            peer = host_port(source[0], source[1])
+            self._heard(peer, source, self._received(data, peer))
+
+    def _heard(self, peer: str, source: Any, t_ns: int) -> None:
+        """A datagram came from this address."""
+
+    def _release(self) -> None:
+        if self._sock.fileno() >= 0:
+            self._loop.remove_reader(self._sock)
+            self._sock.close()
+
+
+class UdpIn(UdpLink):
+    """Bound; sends without a peer go to all that were heard in the last 10 s, at most 16 peers are remembered."""
+
+    def __init__(self, *args: Any) -> None:
+        super().__init__(*args)
+        self._peers: dict[str, tuple[Any, int]] = {}  # text -> (socket address, heard_ns), least recent first
+
+    def _heard(self, peer: str, source: Any, t_ns: int) -> None:
+        self._peers.pop(peer, None)
+        self._peers[peer] = (source, t_ns)
+        if len(self._peers) > MAX_PEERS:
+            del self._peers[next(iter(self._peers))]
+
+    def _transmit(self, data: bytes, peer: str) -> None:
+        if peer:
+            known = self._peers.get(peer)
+            targets = [known[0]] if known else []
+        else:
+            oldest_ns = self._now_ns() - PEER_LIFE_NS
+            targets = [source for source, heard_ns in self._peers.values() if heard_ns >= oldest_ns]
+        sent = False
+        for target in targets:
+            try:
+                self._sock.sendto(data, target)
+                sent = True
+            except OSError:  # no buffer, no route: a datagram may be lost, the link stays
+                continue
+        if not sent:
+            self._count_unsent(1)
+
+
+class UdpOut(UdpLink):
+    """Connected to one peer, which may start later, restart, or be out of reach for a while."""
+
+    def _transmit(self, data: bytes, peer: str) -> None:
+        for _ in range(2):  # an ICMP error of an earlier datagram is reported instead of sending this one
+            try:
+                self._sock.send(data)
+                return
+            except ConnectionRefusedError:
+                continue
+            except OSError:
+                break
+        self._count_unsent(1)
+
+
+async def open_udp(spec: LinkSpec, port: str, now_ns: Callable[[], int]) -> UdpLink:
+    """Bind (udpin) or connect (udpout) a socket; LinkError when no address of the host will do."""
+    reason = ""
+    for family, target in await resolve(spec, socket.SOCK_DGRAM):
+        sock = socket.socket(family, socket.SOCK_DGRAM)
+        try:
+            sock.setblocking(False)
+            sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER_BYTES)
+            if spec.scheme == "udpin":
+                sock.bind(target)
+                return UdpIn(spec, host_port(*sock.getsockname()[:2]), port, now_ns, sock)
+            sock.connect(target)
+            return UdpOut(spec, host_port(*sock.getpeername()[:2]), port, now_ns, sock)
+        except OSError as exc:
+            sock.close()
+            reason = why(exc)
+    raise LinkError(f"{spec.text}: {reason}")

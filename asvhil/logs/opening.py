@@ -1,0 +1,71 @@
+"""Opening the log of a run: its folder, its recorder, and the records that make it replayable."""
+
+from __future__ import annotations
+
+import hashlib
+import platform
+from base64 import b64encode
+from datetime import UTC, datetime
+from importlib.metadata import version
+from pathlib import Path
+
+from asvhil import __version__
+from asvhil.backseat.build import build_model, model_file
+from asvhil.config import Config
+from asvhil.errors import AsvhilError
+from asvhil.logs.recorder import Recorder
+
+PACKAGES = ("numpy", "casadi", "daqp", "pymavlink", "mcap", "msgspec")
+
+
+def make_run_folder(config: Config, name: str) -> Path:
+    """A new folder for one run's log and picture, named by UTC time and what it is."""
+    stamp = datetime.now(UTC).strftime("%Y%m%dT%H%M%SZ")
+    base = Path(config.recorder.directory)
+    for attempt in range(100):
+        folder = base / (f"{stamp}-{name}" if attempt == 0 else f"{stamp}-{name}-{attempt}")
+        try:
+            folder.mkdir(parents=True)
+        except FileExistsError:
+            continue
+        except OSError as error:
+            raise AsvhilError(f"{folder}: the run folder cannot be made ({error.strerror})") from None
+        return folder
+    raise AsvhilError(f"{base}: no free name for a run folder")
+
+
+def log_metadata(config: Config, mode: str) -> dict[str, dict[str, str]]:
+    """The metadata records that make a log replayable: the whole config, versions, seed and mode."""
+    model = model_file(config)
+    if model is not None:
+        build_model(config, model)  # one that will not do is told before there is a log
+    data = model.read_bytes() if model is not None else b""
+    # The model itself goes into the log: a replay must not depend on a file that training may write again.
+    stored = (
+        {"model": {"file": model.name, "sha256": hashlib.sha256(data).hexdigest(), "base64": b64encode(data).decode()}}
+        if model is not None
+        else {}
+    )
+    versions = {name: version(name) for name in PACKAGES}
+    return {
+        "config": {"json": config.canonical_json(), "hash": config.content_hash()},
+        "versions": {
+            "asvhil": __version__,
+            "python": platform.python_version(),
+            "machine": platform.machine(),
+            **versions,
+        },
+        "run": {"mode": mode, "seed": str(config.plant.seed), "vehicle": config.vehicle.name},
+        **stored,
+    }
+
+
+def open_recorder(config: Config, path: Path, mode: str, *, threaded: bool = True) -> Recorder:
+    """A recorder for one run."""
+    return Recorder(
+        path,
+        metadata=log_metadata(config, mode),
+        chunk_kib=config.recorder.chunk_kib,
+        sync_period_s=config.recorder.sync_period_s,
+        threaded=threaded,
+    )

@@ -1,0 +1,330 @@
+"""The log of a run: an MCAP file from which replay gets exactly the bytes that the live run had.
+
+Layout, version 1 (profile "asvhil"):
+- Metadata records stand at the start of the file, synced before the first tick: what the caller gives (config,
+  versions, seed, ...), then the record `asvhil` with the layout's version and the number of the others.
+- `/frames/<port>/in` and `/frames/<port>/out`: raw frames, one channel per (port, direction, peer), with these three
+  in the channel's metadata. log_time is the frame's t_ns. Message encodings are mavlink, nmea, vectornav, or octets.
+- `/frames/<port>/forwarded`: frames of others that the daemon passed on to that port, the link that they came by as
+  peer. No part of inputs or outputs; what is passed on to ground stations is not kept, it stands where it came in.
+- `/asvhil/inputs`: the cut of a tick, JSON {"t_ns", "frames"}. An Inputs is this marker and the last `frames` inbound
+  frames before it in FILE order. The sequence number counts ticks from 1; a step of more than 1 means that ticks were
+  dropped because the disk stalled.
+- `/asvhil/outputs`: JSON of `encoding.encode_outputs`, after the marker of its tick. Its frames also stand on their
+  own channels.
+- `/asvhil/timing`: JSON {"t_ns", "step_ns", "overrun"}; a diagnostic, never compared.
+- `/asvhil/fix`, `/asvhil/pose`, `/tf`, `/asvhil/plan`, `/asvhil/log`: for viewers, see `foxglove.py`.
+Chunks are compressed with zstd and closed every sync period, so a crash loses no more than that period.
+"""
+
+from __future__ import annotations
+
+import os
+import queue
+import threading
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import IO, Any, cast
+
+import msgspec
+from mcap.writer import CompressionType, Writer
+
+from asvhil import __version__
+from asvhil.errors import LogError
+from asvhil.logs.encoding import encode_outputs
+from asvhil.logs.foxglove import LOG_TOPIC, SCHEMAS, TOPIC_SCHEMAS, convert_outputs, log_message
+from asvhil.types import Frame, Inputs, Outputs
+
+PROFILE = "asvhil"
+LAYOUT = "1"
+LAYOUT_RECORD = "asvhil"  # the name of the metadata record that closes the others
+INPUTS_TOPIC = "/asvhil/inputs"
+OUTPUTS_TOPIC = "/asvhil/outputs"
+TIMING_TOPIC = "/asvhil/timing"
+ENCODINGS: Mapping[str, str] = {
+    "autopilot": "mavlink",
+    "operator": "mavlink",
+    "anemometer": "nmea",
+    "gnss": "nmea",
+    "ins": "vectornav",
+}
+
+_VIEW_PERIOD_NS = 200_000_000
+_CLOSE_TIMEOUT_S = 10.0
+_RECORD_BYTES = 300  # about what a record costs in the queue beside its text or data
+_OUTPUTS_BYTES = 8000
+
+
+class Recorder:
+    """Writes a log on a thread of its own; no call blocks, and no failure of the disk reaches the caller.
+
+    When the disk fails, `error` is set and recording stops. When it stalls until `queue_bytes` wait, whole ticks are
+    dropped (an Inputs with its Outputs). `dropped` counts the calls that were not written. LogError is raised by the
+    constructor alone: the file exists already, or cannot be made.
+    `threaded=False` writes in the caller's time and syncs at `close` only.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        *,
+        metadata: dict[str, dict[str, str]],
+        chunk_kib: int,
+        sync_period_s: float,
+        threaded: bool = True,
+        encodings: Mapping[str, str] = ENCODINGS,
+        queue_bytes: int = 64 * 1024 * 1024,
+    ) -> None:
+        self.path = path
+        self.error: LogError | None = None
+        try:
+            self._file = _LogWriter(path, metadata, chunk_kib * 1024, encodings)
+        except OSError as error:
+            raise LogError(f"{path}: the log cannot be made ({error.strerror})") from None
+        self._sync_period_s = sync_period_s
+        self._queue_bytes = queue_bytes
+        # Each counter is written by one thread only, so none needs a lock.
+        self._entered_bytes = 0
+        self._left_bytes = 0
+        self._refused = 0
+        self._discarded = 0
+        self._tick = 0
+        self._gap = 0
+        self._closed = False
+        self._queue: queue.SimpleQueue[tuple[int, Callable[..., None], tuple[Any, ...]] | None] = queue.SimpleQueue()
+        self._thread: threading.Thread | None = None
+        if threaded:
+            self._thread = threading.Thread(target=self._work, name="recorder", daemon=True)
+            self._thread.start()
+
+    @property
+    def dropped(self) -> int:
+        """How many write calls were lost to a full queue, a failed disk, or came after `close`."""
+        return self._refused + self._discarded
+
+    def write_inputs(self, inputs: Inputs) -> None:
+        """The frames of a tick, then its marker."""
+        self._tick += 1
+        size = _RECORD_BYTES + sum(len(frame.data) + _RECORD_BYTES for frame in inputs.frames)
+        if not self._submit(size, self._file.write_inputs, inputs, self._tick):
+            self._gap += 1
+        elif self._gap:
+            gap, self._gap = self._gap, 0
+            self.write_log(inputs.t_ns, "error", f"recorder: {gap} ticks before this one were dropped")
+
+    def write_outputs(self, outputs: Outputs) -> None:
+        """The record of a tick, its outbound frames, and what viewers draw of it."""
+        if self._gap:  # never an outcome without its inputs
+            self._refused += 1
+            return
+        size = _OUTPUTS_BYTES + sum(len(sent.data) + _RECORD_BYTES for sent in outputs.frames)
+        self._submit(size, self._file.write_outputs, outputs, always=True)
+
+    def write_timing(self, t_ns: int, step_ns: int, overrun: bool) -> None:
+        """How long the step of a tick took; a diagnostic, never compared."""
+        self._submit(_RECORD_BYTES, self._file.write_timing, t_ns, step_ns, overrun)
+
+    def write_forwarded(self, frame: Frame) -> None:
+        """A frame of others that was passed on."""
+        self._submit(_RECORD_BYTES + len(frame.data), self._file.write_forwarded, frame)
+
+    def write_log(self, t_ns: int, level: str, text: str) -> None:
+        """A line of text at a level of `logging` (debug, info, warning, error, critical)."""
+        self._submit(_RECORD_BYTES + len(text), self._file.write_log, t_ns, level, text)
+
+    def close(self) -> None:
+        """Write what waits, finish the file, sync and close it. May be called again."""
+        if self._closed:
+            return
+        self._closed = True
+        if self._thread is None:
+            self._finish()
+            return
+        self._queue.put(None)
+        self._thread.join(_CLOSE_TIMEOUT_S)
+        if self._thread.is_alive() and self.error is None:
+            self.error = LogError(f"{self.path}: not finished: the disk did not answer for {_CLOSE_TIMEOUT_S:.0f} s")
+
+    def _submit(self, size: int, write: Callable[..., None], *args: Any, always: bool = False) -> bool:
+        full = self._entered_bytes - self._left_bytes + size > self._queue_bytes
+        if self._closed or self.error is not None or (full and not always):
+            self._refused += 1
+            return False
+        if self._thread is None:
+            if not self._attempt(write, *args):
+                self._refused += 1
+        else:
+            self._entered_bytes += size
+            self._queue.put((size, write, args))
+        return True
+
+    def _work(self) -> None:
+        """The thread: write what comes, sync every period, finish at the end of the queue."""
+        sync_at_s = time.monotonic() + self._sync_period_s
+        while True:
+            try:
+                item = self._queue.get(timeout=max(0.0, sync_at_s - time.monotonic()))
+            except queue.Empty:
+                pass
+            else:
+                if item is None:
+                    break
+                size, write, args = item
+                if not self._attempt(write, *args):
+                    self._discarded += 1
+                self._left_bytes += size
+            if time.monotonic() >= sync_at_s:
+                self._attempt(self._file.sync)
+                sync_at_s = time.monotonic() + self._sync_period_s
+        self._finish()
+
+    def _finish(self) -> None:
+        self._attempt(self._file.finish)
+        self._attempt(self._file.close, even_after_error=True)
+
+    def _attempt(self, write: Callable[..., None], *args: Any, even_after_error: bool = False) -> bool:
+        """Whether the write went well; the first that does not ends the recording."""
+        if self.error is not None and not even_after_error:
+            return False
+        try:
+            write(*args)
+        except Exception as error:  # whatever it is, the boat sails on without its log
+            reason = error.strerror if isinstance(error, OSError) else f"{type(error).__name__}: {error}"
+            self.error = self.error or LogError(f"{self.path}: recording stopped: {reason}")
+            return False
+        return True
+
+
+class _LogWriter:
+    """The file in its layout; raises OSError. Not safe to use after it has raised, but for `close`."""
+
+    def __init__(
+        self, path: Path, metadata: dict[str, dict[str, str]], chunk_bytes: int, encodings: Mapping[str, str]
+    ) -> None:
+        self._sink = _Sink(path)
+        self._encodings = encodings
+        self._written = False
+        self._viewed_ns: int | None = None
+        self._frame_channels: dict[tuple[str, str, str], int] = {}
+        try:
+            # The writer only writes, tells and flushes, which is all that the sink can do.
+            self._mcap = Writer(
+                cast(IO[Any], self._sink), chunk_size=chunk_bytes, compression=CompressionType.ZSTD, enable_crcs=True
+            )
+            self._mcap.start(profile=PROFILE, library=f"asvhil {__version__}")
+            for name, values in metadata.items():
+                self._mcap.add_metadata(name, values)
+            self._mcap.add_metadata(LAYOUT_RECORD, {"layout": LAYOUT, "records": str(len(metadata))})
+            self._sink.sync()
+            _sync_folder(path.parent)
+        except BaseException:
+            self._sink.close()
+            raise
+        self._inputs = self._register(INPUTS_TOPIC)
+        self._outputs = self._register(OUTPUTS_TOPIC)
+        self._timing = self._register(TIMING_TOPIC)
+        self._views = {topic: self._register(topic, schema) for topic, schema in TOPIC_SCHEMAS.items()}
+
+    def write_inputs(self, inputs: Inputs, tick: int) -> None:
+        for frame in inputs.frames:
+            self._add_frame(frame, "in")
+        self._add(self._inputs, inputs.t_ns, _json({"t_ns": inputs.t_ns, "frames": len(inputs.frames)}), tick)
+
+    def write_outputs(self, outputs: Outputs) -> None:
+        self._add(self._outputs, outputs.t_ns, encode_outputs(outputs))
+        for sent in outputs.frames:
+            self._add_frame(sent, "out")
+        fresh = self._viewed_ns is not None and outputs.t_ns - self._viewed_ns < _VIEW_PERIOD_NS
+        if outputs.control is not None or not fresh:
+            self._viewed_ns = outputs.t_ns
+            for topic, data in convert_outputs(outputs):
+                self._add(self._views[topic], outputs.t_ns, data)
+
+    def write_timing(self, t_ns: int, step_ns: int, overrun: bool) -> None:
+        self._add(self._timing, t_ns, _json({"t_ns": t_ns, "step_ns": step_ns, "overrun": overrun}))
+
+    def write_forwarded(self, frame: Frame) -> None:
+        self._add_frame(frame, "forwarded")
+
+    def write_log(self, t_ns: int, level: str, text: str) -> None:
+        self._add(self._views[LOG_TOPIC], t_ns, log_message(t_ns, level, text))
+
+    def sync(self) -> None:
+        """End the chunk and bring it to the disk."""
+        if self._written:
+            self._mcap.flush()  # type: ignore[no-untyped-call]
+            self._sink.sync()
+            self._written = False
+
+    def finish(self) -> None:
+        """The summary that makes the file whole."""
+        self._mcap.finish()  # type: ignore[no-untyped-call]
+        self._sink.sync()
+
+    def close(self) -> None:
+        self._sink.close()
+
+    def _register(self, topic: str, schema: str = "") -> int:
+        schema_id = self._mcap.register_schema(schema, "jsonschema", _json(SCHEMAS[schema])) if schema else 0
+        return self._mcap.register_channel(topic, "json", schema_id)
+
+    def _add_frame(self, frame: Frame, direction: str) -> None:
+        key = (frame.port, direction, frame.peer)
+        channel = self._frame_channels.get(key)
+        if channel is None:
+            channel = self._frame_channels[key] = self._mcap.register_channel(
+                f"/frames/{frame.port}/{direction}",
+                self._encodings.get(frame.port, "octets"),
+                0,
+                {"port": frame.port, "direction": direction, "peer": frame.peer},
+            )
+        self._add(channel, frame.t_ns, frame.data)
+
+    def _add(self, channel: int, t_ns: int, data: bytes, sequence: int = 0) -> None:
+        self._mcap.add_message(channel, log_time=t_ns, data=data, publish_time=t_ns, sequence=sequence)
+        self._written = True
+
+
+class _Sink:
+    """A new file, unbuffered: the MCAP writer hands over whole chunks, and a failed write leaves nothing behind in
+    a buffer that would fail once more at close."""
+
+    def __init__(self, path: Path) -> None:
+        # Exclusively: a log is never overwritten.
+        self._fd = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o644)
+        self._offset = 0
+        self._open = True
+
+    def write(self, data: bytes) -> int:
+        left = memoryview(data)
+        while left:
+            left = left[os.write(self._fd, left) :]
+        self._offset += len(data)
+        return len(data)
+
+    def tell(self) -> int:
+        return self._offset
+
+    def flush(self) -> None:
+        """Nothing is held back."""
+
+    def sync(self) -> None:
+        os.fsync(self._fd)
+
+    def close(self) -> None:
+        if self._open:
+            self._open = False
+            os.close(self._fd)
+
+
+def _sync_folder(folder: Path) -> None:
+    """Bring the name of a new file to the disk too."""
+    fd = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        os.fsync(fd)
+    finally:
+        os.close(fd)
+
+
+_json = msgspec.json.encode

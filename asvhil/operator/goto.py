@@ -1,0 +1,117 @@
+"""What ground stations say to have a station kept or let go, as requests. Pure functions."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from asvhil.io.mavlink.frames import decode, dialect, message_id
+from asvhil.types import HoldCommand, ReleaseCommand, record
+
+HERE = 2**31 - 1  # INT32_MAX: "no value" of a COMMAND_INT coordinate
+REPOSITION, LOITER = dialect.MAV_CMD_DO_REPOSITION, dialect.MAV_CMD_NAV_LOITER_UNLIM
+GUIDED = dialect.MAV_CMD_NAV_GUIDED_ENABLE
+SETPOINT = dialect.MAVLINK_MSG_ID_SET_POSITION_TARGET_GLOBAL_INT
+COMMANDS = (dialect.MAVLINK_MSG_ID_COMMAND_INT, dialect.MAVLINK_MSG_ID_COMMAND_LONG)
+# Latitude and longitude, whatever the height is above: a boat has none.
+GLOBAL_FRAMES = frozenset(
+    {
+        dialect.MAV_FRAME_GLOBAL,
+        dialect.MAV_FRAME_GLOBAL_RELATIVE_ALT,
+        dialect.MAV_FRAME_GLOBAL_INT,
+        dialect.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT,
+        dialect.MAV_FRAME_GLOBAL_TERRAIN_ALT,
+        dialect.MAV_FRAME_GLOBAL_TERRAIN_ALT_INT,
+    }
+)
+IGNORE_XY = dialect.POSITION_TARGET_TYPEMASK_X_IGNORE | dialect.POSITION_TARGET_TYPEMASK_Y_IGNORE
+IGNORE_YAW = dialect.POSITION_TARGET_TYPEMASK_YAW_IGNORE
+# What a station cannot follow: bit that leaves it out, field.
+RATES = (
+    (dialect.POSITION_TARGET_TYPEMASK_VX_IGNORE, "vx"),
+    (dialect.POSITION_TARGET_TYPEMASK_VY_IGNORE, "vy"),
+    (dialect.POSITION_TARGET_TYPEMASK_AX_IGNORE, "afx"),
+    (dialect.POSITION_TARGET_TYPEMASK_AY_IGNORE, "afy"),
+    (dialect.POSITION_TARGET_TYPEMASK_YAW_RATE_IGNORE, "yaw_rate"),
+)
+YAW_MAX_RAD = 2.0 * math.pi + 1e-6
+
+
+@record
+class Refusal:
+    """Why a request cannot be meant, in words, and the MAV_RESULT that says so."""
+
+    result: int
+    words: str
+
+
+DENIED = int(dialect.MAV_RESULT_DENIED)
+Meaning = HoldCommand | ReleaseCommand | Refusal
+
+
+def is_goto(data: bytes) -> bool:
+    """Whether a complete frame asks a vehicle to go somewhere and stay there."""
+    msg_id = message_id(data)
+    if msg_id == SETPOINT:
+        return True
+    message = decode(data) if msg_id in COMMANDS else None
+    return message is not None and message.command in (REPOSITION, LOITER)
+
+
+def meaning_of_command(t_ns: int, m: Any) -> Meaning | None:
+    """The request of a COMMAND_INT or COMMAND_LONG; None where the command is about something else."""
+    if m.command == GUIDED:
+        if m.param1 == 0.0:
+            return ReleaseCommand(t_ns=t_ns, reason="released by the operator")
+        return HoldCommand(t_ns=t_ns) if m.param1 == 1.0 else Refusal(result=DENIED, words="param1 must be 0 or 1")
+    if m.command not in (REPOSITION, LOITER):
+        return None
+    whole = m.get_type() == "COMMAND_INT"
+    if m.command == REPOSITION and not whole:
+        return Refusal(result=int(dialect.MAV_RESULT_COMMAND_INT_ONLY), words="DO_REPOSITION comes as COMMAND_INT")
+    if whole and m.frame not in GLOBAL_FRAMES:
+        return Refusal(result=DENIED, words=f"frame {m.frame} is not latitude and longitude")
+    # By the protocol the heading of DO_REPOSITION is in radians and that of NAV_LOITER_UNLIM in degrees.
+    yaw_rad = m.param4 if m.command == REPOSITION else math.radians(m.param4)
+    if whole:
+        here = m.x == HERE and m.y == HERE
+        lat_deg, lon_deg = m.x * 1e-7, m.y * 1e-7
+    else:
+        here = math.isnan(m.param5) and math.isnan(m.param6)
+        lat_deg, lon_deg = m.param5, m.param6
+    if m.command == LOITER:
+        here = here or (lat_deg == 0.0 and lon_deg == 0.0)
+    return _station(t_ns, None if here else (lat_deg, lon_deg), yaw_rad)
+
+
+def meaning_of_setpoint(t_ns: int, m: Any, *, move_only: bool) -> HoldCommand | Refusal:
+    """The request of a SET_POSITION_TARGET_GLOBAL_INT; its type mask tells which fields are meant."""
+    if m.coordinate_frame not in GLOBAL_FRAMES:
+        return Refusal(result=DENIED, words=f"frame {m.coordinate_frame} is not latitude and longitude")
+    if m.type_mask & IGNORE_XY:
+        return Refusal(result=DENIED, words="a set-point without a position")
+    for bit, field in RATES:
+        value = getattr(m, field)
+        if not m.type_mask & bit and value != 0.0 and not math.isnan(value):
+            return Refusal(result=DENIED, words=f"a set-point with {field}: a station stands still")
+    yaw_rad = math.nan if m.type_mask & IGNORE_YAW else m.yaw
+    return _station(t_ns, (m.lat_int * 1e-7, m.lon_int * 1e-7), yaw_rad, move_only=move_only)
+
+
+def _station(
+    t_ns: int, place_deg: tuple[float, float] | None, yaw_rad: float, *, move_only: bool = False
+) -> HoldCommand | Refusal:
+    lat_deg, lon_deg = place_deg if place_deg is not None else (None, None)
+    if lat_deg is not None and lon_deg is not None:
+        on_earth = abs(lat_deg) <= 90.0 and abs(lon_deg) <= 180.0
+        if not on_earth or (lat_deg == 0.0 and lon_deg == 0.0):
+            return Refusal(result=DENIED, words="no place on earth that a boat is sent to")
+    if not math.isnan(yaw_rad) and not abs(yaw_rad) <= YAW_MAX_RAD:
+        return Refusal(result=DENIED, words="a heading beyond a full turn: are its units right?")
+    return HoldCommand(
+        t_ns=t_ns,
+        lat_deg=lat_deg,
+        lon_deg=lon_deg,
+        psi_rad=None if math.isnan(yaw_rad) else yaw_rad,
+        move_only=move_only,
+    )

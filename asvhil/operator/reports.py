@@ -1,0 +1,216 @@
+"""What operators are told unasked: heartbeat, named values, the station as a position target, and texts. Sans-IO."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from typing import Any
+
+from asvhil import __version__
+from asvhil.io.mavlink.frames import dialect
+from asvhil.operator.goto import DENIED
+from asvhil.types import Phase, record
+
+ACCEPTED = int(dialect.MAV_RESULT_ACCEPTED)
+HEARTBEAT_ID = dialect.MAVLINK_MSG_ID_HEARTBEAT
+VERSION_ID = dialect.MAVLINK_MSG_ID_AUTOPILOT_VERSION
+INTERVAL_ID = dialect.MAVLINK_MSG_ID_MESSAGE_INTERVAL
+VALUES_ID = dialect.MAVLINK_MSG_ID_NAMED_VALUE_FLOAT
+TARGET_ID = dialect.MAVLINK_MSG_ID_POSITION_TARGET_GLOBAL_INT
+FASTEST_US = 100_000.0  # the slowest daemon has a tick for no more
+SLOWEST_US = 2e9  # MESSAGE_INTERVAL tells no more
+CAPABILITIES = (
+    dialect.MAV_PROTOCOL_CAPABILITY_MAVLINK2
+    | dialect.MAV_PROTOCOL_CAPABILITY_COMMAND_INT
+    | dialect.MAV_PROTOCOL_CAPABILITY_PARAM_ENCODE_C_CAST
+    | dialect.MAV_PROTOCOL_CAPABILITY_SET_POSITION_TARGET_GLOBAL_INT
+)
+TEXT_BYTES = 50
+PHASES = (Phase.STANDBY, Phase.PREPARE, Phase.HOLD, Phase.FAILSAFE)
+STATES = {
+    Phase.STANDBY: dialect.MAV_STATE_STANDBY,
+    Phase.PREPARE: dialect.MAV_STATE_STANDBY,
+    Phase.HOLD: dialect.MAV_STATE_ACTIVE,
+    Phase.FAILSAFE: dialect.MAV_STATE_CRITICAL,
+}
+# Of POSITION_TARGET_GLOBAL_INT: position and yaw are meant, nothing else.
+STATION_MASK = sum(
+    getattr(dialect, f"POSITION_TARGET_TYPEMASK_{name}_IGNORE")
+    for name in ("Z", "VX", "VY", "VZ", "AX", "AY", "AZ", "YAW_RATE")
+)
+
+
+@record
+class OperatorReport:
+    """What there is to tell: errors to the station that is held, the latest solution, and the station itself.
+
+    What is not known is NaN; `station` is (latitude, longitude in degrees, heading in rad), None where none is held.
+    """
+
+    phase: Phase = Phase.STANDBY
+    distance_m: float = math.nan
+    heading_error_rad: float = math.nan
+    solve_ms: float = math.nan
+    iterations: float = math.nan
+    control_ok: bool = True
+    station: tuple[float, float, float] | None = None
+
+
+class Reports:
+    """The rates at which things are told, as MAV_CMD_SET_MESSAGE_INTERVAL may change them, and the messages."""
+
+    def __init__(self, report_hz: float) -> None:
+        report_us = 1e6 / report_hz if report_hz > 0.0 else -1.0
+        self._usual_us = {HEARTBEAT_ID: 1e6, VALUES_ID: report_us, TARGET_ID: report_us}
+        self._interval_us = dict(self._usual_us)
+        self._due_ns: dict[int, int] = {}
+        self._start_ns: int | None = None
+        self._interval_asked: int = VALUES_ID
+
+    def command(self, m: Any) -> tuple[int, int | None]:
+        """Commands about messages: the MAV_RESULT, and the id of a message to `build` after its acknowledgement."""
+        msg_id = int(m.param1) if abs(m.param1) < 2.0**24 else -1  # also not where it is NaN
+        match m.command:
+            case dialect.MAV_CMD_SET_MESSAGE_INTERVAL:
+                return self._set_interval(msg_id, m.param2), None
+            case dialect.MAV_CMD_GET_MESSAGE_INTERVAL if msg_id in self._interval_us:
+                self._interval_asked = msg_id
+                return ACCEPTED, INTERVAL_ID
+            case dialect.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES:
+                return ACCEPTED, VERSION_ID
+            case dialect.MAV_CMD_REQUEST_MESSAGE if msg_id in (*self._interval_us, VERSION_ID):
+                return ACCEPTED, msg_id
+            case dialect.MAV_CMD_REQUEST_MESSAGE | dialect.MAV_CMD_GET_MESSAGE_INTERVAL:
+                return DENIED, None
+            case _:
+                return int(dialect.MAV_RESULT_UNSUPPORTED), None
+
+    def _set_interval(self, msg_id: int, interval_us: float) -> int:
+        """-1 stops, 0 is the usual rate; the MAV_RESULT. The heartbeat's rate is not to be changed."""
+        if msg_id not in self._interval_us or msg_id == HEARTBEAT_ID or math.isnan(interval_us):
+            return DENIED
+        if interval_us not in (-1.0, 0.0) and not FASTEST_US <= interval_us <= SLOWEST_US:
+            return DENIED
+        self._interval_us[msg_id] = self._usual_us[msg_id] if interval_us == 0.0 else interval_us
+        self._due_ns.pop(msg_id, None)
+        return ACCEPTED
+
+    def due(self, t_ns: int, situation: OperatorReport, *, quiet: bool = False) -> list[Any]:
+        """Messages whose time has come; `quiet`: the heartbeat alone."""
+        found: list[Any] = []
+        for msg_id, interval_us in self._interval_us.items():
+            if interval_us < 0.0 or (quiet and msg_id != HEARTBEAT_ID) or t_ns < self._due_ns.get(msg_id, t_ns):
+                continue
+            interval_ns = round(interval_us * 1e3)
+            due_ns = self._due_ns.get(msg_id, t_ns) + interval_ns
+            self._due_ns[msg_id] = due_ns if due_ns > t_ns else t_ns + interval_ns  # after a pause no burst
+            found += self.build(t_ns, msg_id, situation)
+        return found
+
+    def build(self, t_ns: int, msg_id: int, situation: OperatorReport) -> list[Any]:
+        """The messages of one kind as things stand; none where there is nothing to tell."""
+        self._start_ns = t_ns if self._start_ns is None else self._start_ns
+        t_ms = (t_ns - self._start_ns) // 1_000_000 % 2**32
+        if msg_id == HEARTBEAT_ID:
+            return [self._heartbeat(situation.phase)]
+        if msg_id == VERSION_ID:
+            return [_version()]
+        if msg_id == INTERVAL_ID:
+            asked = self._interval_asked
+            return [dialect.MAVLink_message_interval_message(asked, round(self._interval_us[asked]))]
+        if msg_id == VALUES_ID:
+            return [dialect.MAVLink_named_value_float_message(t_ms, *row) for row in _rows(situation)]
+        return [] if situation.station is None else [_target(t_ms, situation.station)]
+
+    @staticmethod
+    def _heartbeat(phase: Phase) -> Any:
+        mode = dialect.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED | (
+            dialect.MAV_MODE_FLAG_GUIDED_ENABLED if phase is Phase.HOLD else 0
+        )
+        return dialect.MAVLink_heartbeat_message(
+            dialect.MAV_TYPE_ONBOARD_CONTROLLER,
+            dialect.MAV_AUTOPILOT_INVALID,
+            mode,
+            PHASES.index(phase),
+            STATES[phase],
+            3,
+        )
+
+
+def _rows(situation: OperatorReport) -> Sequence[tuple[bytes, float]]:
+    """Names of at most 10 bytes, and values; those that are not known are left out."""
+    rows = (
+        (b"phase", float(PHASES.index(situation.phase))),
+        (b"dist_err", situation.distance_m),
+        (b"head_err", math.degrees(situation.heading_error_rad)),
+        (b"solve_ms", situation.solve_ms),
+        (b"solve_iter", situation.iterations),
+        (b"solve_ok", float(situation.control_ok)),
+    )
+    return [row for row in rows if math.isfinite(row[1])]
+
+
+def _version() -> Any:
+    """AUTOPILOT_VERSION: what we are and what we can."""
+    major, minor, patch = [*(int(part) for part in re.findall(r"\d+", __version__)), 0, 0, 0][:3]
+    number = major << 24 | minor << 16 | patch << 8 | int(dialect.FIRMWARE_VERSION_TYPE_OFFICIAL)
+    return dialect.MAVLink_autopilot_version_message(CAPABILITIES, number, 0, 0, 0, [0] * 8, [0] * 8, [0] * 8, 0, 0, 0)
+
+
+def _target(t_ms: int, station: tuple[float, float, float]) -> Any:
+    lat_deg, lon_deg, psi_rad = station
+    return dialect.MAVLink_position_target_global_int_message(
+        t_ms,
+        dialect.MAV_FRAME_GLOBAL_INT,
+        STATION_MASK,
+        round(lat_deg * 1e7),
+        round(lon_deg * 1e7),
+        0.0,
+        0.0,
+        0.0,
+        0.0,
+        0.0,
+        0.0,
+        0.0,
+        psi_rad,
+        0.0,
+    )
+
+
+class Texts:
+    """STATUSTEXT: texts beyond 50 bytes go in pieces with a number in common, as MAVLink 2 has it."""
+
+    def __init__(self) -> None:
+        self._number = 0
+
+    def messages(self, severity: int, text: str) -> list[Any]:
+        """The pieces, in order. A short text is one message without a number."""
+        data = text.encode("ascii", "replace")
+        if len(data) <= TEXT_BYTES:
+            return [dialect.MAVLink_statustext_message(severity, data)]
+        self._number = self._number % 65535 + 1
+        # The last piece is known by the zeros at its end, so a text that fills its pieces needs an empty one.
+        return [
+            dialect.MAVLink_statustext_message(severity, data[at : at + TEXT_BYTES], self._number, at // TEXT_BYTES)
+            for at in range(0, len(data) + 1, TEXT_BYTES)
+        ]
+
+
+class TextReader:
+    """Puts the pieces of a sender's texts together again; a piece that is lost takes its text with it."""
+
+    def __init__(self) -> None:
+        self._number = 0
+        self._pieces: list[str] = []
+
+    def feed(self, message: Any) -> str | None:
+        """The text that a STATUSTEXT brings to an end, if it does."""
+        if message.id == 0:
+            return str(message.text)
+        if message.chunk_seq == 0:
+            self._number, self._pieces = message.id, []
+        elif message.id != self._number or message.chunk_seq != len(self._pieces):
+            return None
+        self._pieces.append(message.text)
+        return "".join(self._pieces) if len(message.text) < TEXT_BYTES else None

@@ -1,0 +1,91 @@
+"""The ArduPilot parameters that decide whether motor commands reach the motors unbent, and what follows if they stop.
+
+Those that the simulation acts on can be set, within ArduPilot's range; the rest are listed and stand as they are.
+"""
+
+from __future__ import annotations
+
+from asvhil.config import FrontseatConfig, PwmConfig
+from asvhil.simplant.vehicle.parameter_table import INT8, INT16, INT32, REAL32, ParameterTable, Row
+from asvhil.simplant.vehicle.rc import Calibration
+
+FIXED = None  # not modelled: the value stands whatever is asked
+PULSES = (800.0, 2200.0)
+PORT_MOTOR, STARBOARD_MOTOR = 73, 74  # SERVOn_FUNCTION: throttle left and right
+
+STICK_DEFAULTS = (("MIN", 1000.0), ("TRIM", 1500.0), ("MAX", 2000.0), ("DZ", 0.0), ("REVERSED", 0.0))  # not a motor's
+
+
+def _identity(config: FrontseatConfig) -> tuple[Row, ...]:
+    """Names that changed with firmware 4.7."""
+    old = config.firmware == "4.6"
+    return (
+        ("SYSID_THISMAV" if old else "MAV_SYSID", config.system_id, INT16, FIXED),
+        ("SYSID_MYGCS" if old else "MAV_GCS_SYSID", config.mygcs_system_id, INT16, (1.0, 255.0)),
+        ("ARMING_CHECK", 1, INT32, (0.0, 2.0**20)) if old else ("ARMING_SKIPCHK", 0, INT32, (-1.0, 2.0**20)),
+    )
+
+
+def _channel(number: int, dead_zone_us: int, function: int) -> tuple[Row, ...]:
+    """A motor's stick and its output, which have the same travel."""
+    rc, servo = f"RC{number}", f"SERVO{number}"
+    return (
+        (f"{rc}_MIN", 1000, INT16, PULSES),
+        (f"{rc}_TRIM", 1500, INT16, PULSES),
+        (f"{rc}_MAX", 2000, INT16, PULSES),
+        (f"{rc}_REVERSED", 0, INT8, (0.0, 1.0)),
+        (f"{rc}_DZ", dead_zone_us, INT16, (0.0, 200.0)),
+        (f"{servo}_MIN", 1000, INT16, PULSES),
+        (f"{servo}_TRIM", 1500, INT16, PULSES),
+        (f"{servo}_MAX", 2000, INT16, PULSES),
+        (f"{servo}_REVERSED", 0, INT8, (0.0, 1.0)),
+        (f"{servo}_FUNCTION", function, INT16, (-1.0, 188.0)),
+    )
+
+
+class Parameters(ParameterTable):
+    """Every type travels as a float, as ArduPilot sends them."""
+
+    def __init__(self, config: FrontseatConfig, pwm: PwmConfig) -> None:
+        port, starboard = pwm.port_channel, pwm.starboard_channel
+        rows: tuple[Row, ...] = (
+            *_identity(config),
+            ("PILOT_STEER_TYPE", 1, INT8, (0.0, 3.0)),
+            *_channel(port, config.rc1_dz_us, PORT_MOTOR),
+            *_channel(starboard, config.rc3_dz_us, STARBOARD_MOTOR),
+            ("RC_OVERRIDE_TIME", config.override_timeout_s, REAL32, (-1.0, 120.0)),
+            ("RC_OPTIONS", 32, INT32, (0.0, 32767.0)),
+            ("MOT_SLEWRATE", 0, INT16, (0.0, 1000.0)),
+            ("MOT_THR_MIN", 0, INT8, (0.0, 20.0)),
+            ("MOT_THST_EXPO", 0, REAL32, (-1.0, 1.0)),
+            ("FS_ACTION", 2, INT8, (0.0, 5.0)),
+            ("FS_THR_ENABLE", 1, INT8, (0.0, 2.0)),
+            ("FS_TIMEOUT", 1.5, REAL32, FIXED),
+            ("FS_GCS_ENABLE", 0, INT8, (0.0, 2.0)),
+            ("FS_GCS_TIMEOUT", 5.0, REAL32, (2.0, 120.0)),
+            ("BRD_SAFETY_DEFLT", 0, INT8, (0.0, 1.0)),
+            ("RCMAP_ROLL", port, INT8, (1.0, 16.0)),
+            ("RCMAP_THROTTLE", starboard, INT8, (1.0, 16.0)),
+            ("FRAME_CLASS", 2, INT8, FIXED),
+            ("INITIAL_MODE", 0, INT8, FIXED),
+            ("SCHED_LOOP_RATE", config.loop_hz, INT16, FIXED),
+        )
+        self._sticks: dict[int, Calibration] = {}
+        self.mygcs_name = rows[1][0]
+        super().__init__("simulated ArduRover", rows, config.parameters)
+
+    def stick(self, channel: int) -> Calibration:
+        """How a stick is read."""
+        found = self._sticks.get(channel)
+        if found is None:
+            low_us, trim_us, high_us, dead_zone_us, reverse = (
+                self._values.get(f"RC{channel}_{part}", default) for part, default in STICK_DEFAULTS
+            )
+            found = self._sticks[channel] = Calibration(
+                low_us=low_us, trim_us=trim_us, high_us=high_us, dead_zone_us=dead_zone_us, reversed=reverse != 0.0
+            )
+        return found
+
+    def _put(self, name: str, value: float) -> None:
+        super()._put(name, value)
+        self._sticks.clear()

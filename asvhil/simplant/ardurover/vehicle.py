@@ -1,0 +1,96 @@
+"""A simulated ArduRover 4.6 boat on the link, sans-IO: streams, commands and parameters, as a real one was measured."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from asvhil.config import FrontseatConfig, GnssSensorConfig, PwmConfig
+from asvhil.geo import LocalFrame
+from asvhil.simplant.ardurover.rover import Rover
+from asvhil.simplant.ardurover.telemetry import FLIGHT_SW_VERSIONS, RoverTelemetry
+from asvhil.simplant.boat.sensors import Navigation
+from asvhil.simplant.boat.vessel import Vessel
+from asvhil.simplant.vehicle.autopilot import ACCEPTED, CUSTOM_MODE, DENIED, FAILED, SimulatedAutopilot, whole
+from asvhil.simplant.vehicle.rc import CHANNELS
+from asvhil.simplant.vehicle.schedule import Schedule
+
+# What each stream of the legacy REQUEST_DATA_STREAM holds; stream 0 is all of them.
+DATA_STREAMS = {
+    dialect.MAV_DATA_STREAM_RAW_SENSORS: ("RAW_IMU", "SCALED_IMU2"),
+    dialect.MAV_DATA_STREAM_EXTENDED_STATUS: ("SYS_STATUS", "GPS_RAW_INT"),
+    dialect.MAV_DATA_STREAM_RC_CHANNELS: ("SERVO_OUTPUT_RAW", "RC_CHANNELS"),
+    dialect.MAV_DATA_STREAM_POSITION: ("GLOBAL_POSITION_INT", "LOCAL_POSITION_NED"),
+    dialect.MAV_DATA_STREAM_EXTRA1: ("ATTITUDE",),
+    dialect.MAV_DATA_STREAM_EXTRA2: ("VFR_HUD",),
+    dialect.MAV_DATA_STREAM_EXTRA3: ("SYSTEM_TIME", "EKF_STATUS_REPORT"),
+}
+
+
+class SimulatedArduRover(SimulatedAutopilot):
+    """An autopilot with overrides, servo commands and legacy streams as ArduRover has them."""
+
+    def __init__(
+        self,
+        config: FrontseatConfig,
+        pwm: PwmConfig,
+        gnss: GnssSensorConfig,
+        origin: LocalFrame,
+        nav: Navigation,
+        truth: Vessel,
+        t_ns: int,
+    ) -> None:
+        self._loop_hz = config.loop_hz
+        self.rover = Rover(config, pwm, t_ns)
+        self._messages = RoverTelemetry(self.rover, nav, truth, origin, gnss, FLIGHT_SW_VERSIONS[config.firmware])
+        super().__init__(self.rover, self.rover.parameters, self._messages, config.system_id, t_ns)
+        self._handlers |= {
+            dialect.MAVLINK_MSG_ID_HEARTBEAT: self._on_heartbeat,
+            dialect.MAVLINK_MSG_ID_RC_CHANNELS_OVERRIDE: self._on_override,
+            dialect.MAVLINK_MSG_ID_MANUAL_CONTROL: self._on_manual_control,
+            dialect.MAVLINK_MSG_ID_SET_MODE: self._on_set_mode,
+            dialect.MAVLINK_MSG_ID_REQUEST_DATA_STREAM: self._on_data_stream,
+        }
+        self._commands[dialect.MAV_CMD_DO_SET_SERVO] = self._do_set_servo
+
+    def _new_schedule(self, boot_ns: int) -> Schedule:
+        return Schedule(self._messages.streamed, self._messages.on_request, self._loop_hz, boot_ns)
+
+    def _tell_of_change(self, t_ns: int) -> None:
+        self._outbox.append(("", self._messages.heartbeat(t_ns)))
+
+    def _do_set_mode(self, peer: str, m: Any) -> int:
+        base_mode, number = whole(m.param1), whole(m.param2)
+        if base_mode is None or number is None or not base_mode & CUSTOM_MODE:
+            return DENIED
+        return ACCEPTED if self.rover.enter_mode(number) else FAILED
+
+    def _do_set_servo(self, peer: str, m: Any) -> int:
+        channel, pulse_us = whole(m.param1), whole(m.param2)
+        if channel is None or pulse_us is None:
+            return FAILED
+        return ACCEPTED if self.rover.set_servo(channel, pulse_us) else FAILED
+
+    def _on_heartbeat(self, peer: str, sender: tuple[int, int], m: Any) -> None:
+        self.rover.heartbeat(sender[0])
+
+    def _on_override(self, peer: str, sender: tuple[int, int], m: Any) -> None:
+        self.rover.override(sender[0], [getattr(m, f"chan{i}_raw") for i in range(1, CHANNELS + 1)])
+
+    def _on_manual_control(self, peer: str, sender: tuple[int, int], m: Any) -> None:
+        self.rover.manual_control(sender[0], m.y, m.z)
+
+    def _on_set_mode(self, peer: str, sender: tuple[int, int], m: Any) -> None:
+        result = DENIED
+        if m.base_mode & CUSTOM_MODE:
+            result = ACCEPTED if self.rover.enter_mode(m.custom_mode) else FAILED
+        # ArduPilot acknowledges this message as if it were a command with the message's number.
+        self._acknowledge(peer, sender, dialect.MAVLINK_MSG_ID_SET_MODE, result)
+
+    def _on_data_stream(self, peer: str, sender: tuple[int, int], m: Any) -> None:
+        rate_hz = float(m.req_message_rate) if m.start_stop else 0.0
+        for stream, names in DATA_STREAMS.items():
+            if m.req_stream_id in (dialect.MAV_DATA_STREAM_ALL, stream):
+                for name in names:
+                    self._schedule.set_rate(self.rover.t_ns, getattr(dialect, f"MAVLINK_MSG_ID_{name}"), rate_hz)

@@ -1,0 +1,130 @@
+"""The anemometer's real firmware on a simulated Arduino, blown on by the simulated weather, in real time.
+
+The simulator around the firmware is a program of the tests (tests/firmware/harness), found where `make firmware-sim`
+leaves it; it is no part of this package. It opens the pseudo terminal that the daemon reads as its serial port.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import os
+import socket
+import subprocess
+import tempfile
+import threading
+from pathlib import Path
+from types import TracebackType
+
+from asvhil.errors import AsvhilError
+from asvhil.io.sensors.nmea import NmeaCodec
+from asvhil.types import Frame
+
+TREE = Path(__file__).resolve().parents[3]
+FOLDER = TREE / "tests" / "firmware" / "build"
+HARNESS, ELF = "simulated-arduino", "uno.elf"
+START_S = 10.0
+STOP_S = 5.0
+LISTEN_S = 0.2
+HARNESS_MAX_MPS = 100.0
+
+
+class SimulatedArduino:
+    """A context: inside it `pty` is the serial port of the running board, and wind sent to `udp_port` blows on it.
+
+    The wind comes as the sentences of the simulated anemometer, one or more a datagram. Raises AsvhilError on entry
+    where the simulator or the firmware is not built or does not start.
+    """
+
+    def __init__(self, folder: Path | None = None) -> None:
+        self._harness, self._elf = ((folder or FOLDER) / name for name in (HARNESS, ELF))
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._blow, name="wind", daemon=True)
+        self.pty = ""
+        self.udp_port = 0
+
+    def check(self) -> None:
+        """Raise AsvhilError where a file is missing."""
+        for file in (self._harness, self._elf):
+            if not file.is_file():
+                raise AsvhilError(f"{file}: not built; run `make firmware-sim` in the source tree first")
+
+    def __enter__(self) -> SimulatedArduino:
+        self.check()
+        self._words = tempfile.TemporaryFile("w+")
+        try:
+            self._child = subprocess.Popen(
+                [self._harness, self._elf, "--real"],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=self._words,
+                text=True,
+                start_new_session=True,  # an interrupt at the terminal is for the daemon: the wind blows on until then
+            )
+        except OSError as error:
+            self._words.close()
+            raise AsvhilError(f"{self._harness}: cannot be run ({error.strerror})") from None
+        assert self._child.stdout is not None
+        watch = threading.Timer(START_S, self._child.kill)
+        watch.start()
+        word, _, self.pty = self._child.stdout.readline().strip().partition(" ")
+        watch.cancel()
+        if word != "pty":
+            self._child.kill()
+            self._child.wait()
+            words = self._last_words()
+            self._end()
+            raise AsvhilError(f"{self._harness}: did not start: {words}")
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket.bind(("127.0.0.1", 0))
+        self._socket.settimeout(LISTEN_S)
+        self.udp_port = int(self._socket.getsockname()[1])
+        self._thread.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._stop.set()
+        self._thread.join()
+        self._socket.close()
+        self._end()
+
+    @property
+    def failure(self) -> str | None:
+        """Why the board no longer runs, None while it does."""
+        status = self._child.poll()
+        return None if status is None else f"the simulated Arduino ended early ({status}): {self._last_words()}"
+
+    def _blow(self) -> None:
+        assert self._child.stdin is not None
+        codec = NmeaCodec("weather")
+        while not self._stop.is_set():
+            try:
+                data = self._socket.recv(4096)
+            except TimeoutError:
+                continue
+            for sample in codec.decode(Frame(t_ns=0, port="weather", data=data)):
+                speed_mps, degrees = min(sample.speed_mps, HARNESS_MAX_MPS), math.degrees(sample.from_rad)
+                try:
+                    os.write(self._child.stdin.fileno(), f"wind {speed_mps:.3f} {degrees:.2f}\n".encode())
+                except OSError:  # the board is gone: `failure` tells
+                    return
+
+    def _last_words(self) -> str:
+        self._words.seek(0)
+        lines = self._words.read().split("\n")
+        return next((line for line in reversed(lines) if line.strip()), "it said nothing")
+
+    def _end(self) -> None:
+        """The board ends with its standard input."""
+        for stream in (self._child.stdin, self._child.stdout):
+            if stream is not None:
+                with contextlib.suppress(OSError):
+                    stream.close()
+        try:
+            self._child.wait(STOP_S)
+        except subprocess.TimeoutExpired:
+            self._child.kill()
+            self._child.wait()
+        self._words.close()

@@ -1,0 +1,226 @@
+"""What the boat's sensors say of the truth: a GNSS/INS as good as a VN-300, and an anemometer on the mast."""
+
+from __future__ import annotations
+
+import math
+from typing import Protocol
+
+import numpy as np
+
+from asvhil.config import AnemometerSensorConfig, SensorsConfig
+from asvhil.geo import ned_to_body, wrap_2pi
+from asvhil.simplant.boat.faults import SOUND, SensorFaults
+from asvhil.simplant.boat.noise import NormalSource, OrnsteinUhlenbeck
+
+RETRY_NS = 10_000_000_000  # AP_NavEKF3.h: posRetryTimeUseVel_ms and magFailTimeLimit_ms are 10000
+Jump = tuple[float, float, float]  # north, east (m), heading (rad)
+VANE_STALL_MPS = 0.01  # without wind nothing turns the vane: it stays where it was
+
+
+class TrueMotion(Protocol):
+    """The truth that sensors look at."""
+
+    n_m: float
+    e_m: float
+    psi_rad: float
+    r_radps: float
+    ax_mps2: float
+    ay_mps2: float
+
+    def ground_velocity_ned(self) -> tuple[float, float]: ...
+
+
+class Follower:
+    """How a filter with innovation gates follows a jump of its sensor: not at all, until it has lasted `RETRY_NS`."""
+
+    __slots__ = ("_asked", "_since_ns", "value")
+
+    def __init__(self) -> None:
+        self.value: Jump = (0.0, 0.0, 0.0)
+        self._asked = self.value
+        self._since_ns = 0
+
+    def step(self, t_ns: int, asked: Jump) -> Jump:
+        """What the filter has taken over of a jump by now."""
+        if asked != self._asked:
+            self._asked, self._since_ns = asked, t_ns
+        if t_ns - self._since_ns >= RETRY_NS:
+            self.value = asked
+        return self.value
+
+
+class Navigation:
+    """GNSS/INS, sampled at each loop of the autopilot; the attributes are the latest measurements, NED and body axes.
+
+    Fixes come at `gnss.rate_hz`; their errors (slow bias, white position and velocity noise) also ride on the fused
+    position, which follows the truth between fixes. Each error has its own seeded source, drawn at the sensor's own
+    rate, so neither another sensor's rate nor a telemetry stream changes it.
+
+    A jump shows in the fix at once. Where a `filtered` set of sensors tells its own estimate, as an autopilot does, it
+    shows in the fused position and the heading only after the 10 s for which ArduPilot's filter holds out against it.
+    """
+
+    __slots__ = (
+        "_accel_bias",
+        "_accel_std",
+        "_bias_e",
+        "_bias_n",
+        "_deviation",
+        "_err_e",
+        "_err_n",
+        "_err_ve",
+        "_err_vn",
+        "_fix_due_ns",
+        "_follower",
+        "_gyro_std",
+        "_heading_bias",
+        "_heading_std",
+        "_period_ns",
+        "_sources",
+        "_velocity_std",
+        "_white_std",
+        "ax_mps2",
+        "ay_mps2",
+        "compass_error_rad",
+        "compass_silent",
+        "e_m",
+        "fix_e_m",
+        "fix_n_m",
+        "fix_ns",
+        "fix_ve_mps",
+        "fix_vn_mps",
+        "fixes",
+        "imu_silent",
+        "n_m",
+        "psi_rad",
+        "r_radps",
+        "ve_mps",
+        "vn_mps",
+    )
+
+    def __init__(
+        self,
+        config: SensorsConfig,
+        loop_hz: float,
+        t_ns: int,
+        seed: np.random.SeedSequence,
+        *,
+        filtered: bool = False,
+    ) -> None:
+        gnss, imu = config.gnss, config.imu
+        bias_n, bias_e, white, velocity, heading, gyro, accel, turn_on = (NormalSource(part) for part in seed.spawn(8))
+        self._sources = white, velocity, heading, gyro, accel
+        period_s = 1.0 / min(gnss.rate_hz, loop_hz)  # a fix faster than the loop that reads it would be lost
+        self._period_ns = round(1e9 * period_s)
+        self._fix_due_ns = t_ns
+        self._bias_n = OrnsteinUhlenbeck(gnss.slow_bias_m, gnss.slow_bias_time_s, period_s, bias_n)
+        self._bias_e = OrnsteinUhlenbeck(gnss.slow_bias_m, gnss.slow_bias_time_s, period_s, bias_e)
+        self._white_std, self._velocity_std = gnss.white_m, gnss.velocity_white_mps
+        self._heading_std = math.radians(config.heading.white_deg)
+        self._heading_bias = math.radians(config.heading.bias_deg)
+        self._deviation = tuple(math.radians(part) for part in config.heading.deviation_deg)
+        self._follower = Follower() if filtered else None
+        self._gyro_std, self._accel_std = imu.gyro_white_radps, imu.accel_white_mps2
+        self._accel_bias = imu.accel_bias_mps2 * turn_on.next(), imu.accel_bias_mps2 * turn_on.next()
+        self._err_n = self._err_e = self._err_vn = self._err_ve = 0.0
+        self.fixes = 0
+        self.imu_silent = self.compass_silent = False
+        self.compass_error_rad = 0.0  # of the compass alone, before any filter
+        self.fix_ns = t_ns
+        self.fix_n_m = self.fix_e_m = self.fix_vn_mps = self.fix_ve_mps = 0.0
+        self.n_m = self.e_m = self.vn_mps = self.ve_mps = 0.0
+        self.psi_rad = self.r_radps = self.ax_mps2 = self.ay_mps2 = 0.0
+
+    def sample(self, t_ns: int, truth: TrueMotion, faults: SensorFaults = SOUND) -> None:
+        """Measure the truth at a loop of the autopilot; psi in [0, 2 pi).
+
+        Without satellites, what came of them stays; of a frozen receiver it comes again as if it were new.
+        """
+        white, velocity, heading, gyro, accel = self._sources
+        vn, ve = truth.ground_velocity_ned()
+        jump = (faults.jump_n_m, faults.jump_e_m, faults.turn_rad)
+        fused_n_m, fused_e_m, turn_rad = jump if self._follower is None else self._follower.step(t_ns, jump)
+        due = t_ns >= self._fix_due_ns
+        if due:
+            self._fix_due_ns += self._period_ns
+        if due and not faults.gnss_silent:
+            if self.fixes:
+                self._bias_n.advance()
+                self._bias_e.advance()
+            self._err_n = self._bias_n.value + self._white_std * white.next()
+            self._err_e = self._bias_e.value + self._white_std * white.next()
+            self._err_vn = self._velocity_std * velocity.next()
+            self._err_ve = self._velocity_std * velocity.next()
+            self.fixes += 1
+            self.fix_ns = t_ns
+            if not faults.gnss_frozen or self.fixes == 1:
+                self.fix_n_m = truth.n_m + self._err_n + faults.jump_n_m
+                self.fix_e_m = truth.e_m + self._err_e + faults.jump_e_m
+                self.fix_vn_mps, self.fix_ve_mps = vn + self._err_vn, ve + self._err_ve
+        if not (faults.gnss_silent or faults.gnss_frozen):
+            self.n_m, self.e_m = truth.n_m + self._err_n + fused_n_m, truth.e_m + self._err_e + fused_e_m
+            self.vn_mps, self.ve_mps = vn + self._err_vn, ve + self._err_ve
+        bias_rad = self._heading_bias + self._deviation_at(truth.psi_rad)
+        self.compass_error_rad = bias_rad + faults.turn_rad
+        self.psi_rad = wrap_2pi(truth.psi_rad + bias_rad + turn_rad + self._heading_std * heading.next())
+        self.r_radps = truth.r_radps + self._gyro_std * gyro.next()
+        self.ax_mps2 = truth.ax_mps2 + self._accel_bias[0] + self._accel_std * accel.next()
+        self.ay_mps2 = truth.ay_mps2 + self._accel_bias[1] + self._accel_std * accel.next()
+        self.imu_silent, self.compass_silent = faults.imu_silent, faults.heading_silent
+
+    def _deviation_at(self, psi_rad: float) -> float:
+        """What the iron of the boat adds to the compass (`HeadingSensorConfig`), without its constant part."""
+        if not any(self._deviation):
+            return 0.0
+        b, c, d, e = self._deviation
+        s1, c1 = math.sin(psi_rad), math.cos(psi_rad)
+        return b * s1 + c * c1 + 2.0 * d * s1 * c1 + e * (c1 * c1 - s1 * s1)
+
+
+class Anemometer:
+    """Cup and vane on the moving, turning boat: apparent wind against the velocity over ground.
+
+    The vane has `directions` positions; its zero is turned clockwise from the bow by `misalignment_deg`, so it reads
+    that much less than the true angle.
+    """
+
+    def __init__(self, config: AnemometerSensorConfig, seed: np.random.SeedSequence) -> None:
+        self._speed_std = config.speed_white_mps
+        self._positions = config.directions
+        self._misalignment_rad = math.radians(config.misalignment_deg)
+        self._source = NormalSource(seed)
+        self._position = 0
+        self._speed_mps = 0.0
+
+    def sample(
+        self,
+        truth: TrueMotion,
+        wind_n_mps: float,
+        wind_e_mps: float,
+        *,
+        vane_stuck: bool = False,
+        cups_stuck: bool = False,
+    ) -> tuple[float, float]:
+        """Speed (m/s) and direction (degrees FROM, clockwise from the bow, [0, 360)) of the apparent wind.
+
+        What is stuck stays as it was.
+        """
+        vn, ve = truth.ground_velocity_ned()
+        ahead, abeam = ned_to_body(truth.psi_rad, wind_n_mps - vn, wind_e_mps - ve)
+        apparent_mps = math.hypot(ahead, abeam)
+        if apparent_mps > VANE_STALL_MPS and not vane_stuck:
+            from_rad = math.atan2(-abeam, -ahead) - self._misalignment_rad
+            self._position = round(from_rad * self._positions / math.tau) % self._positions
+        speed_mps = max(0.0, apparent_mps + self._speed_std * self._source.next())
+        if not cups_stuck:
+            self._speed_mps = speed_mps
+        return self._speed_mps, self._position * 360.0 / self._positions
+
+
+def mwv_sentence(speed_mps: float, from_deg: float) -> bytes:
+    """NMEA 0183 wind sentence, apparent wind: `$WIMWV,<deg>,R,<m/s>,M,A*hh`."""
+    body = f"WIMWV,{from_deg:.1f},R,{speed_mps:.2f},M,A".encode()
+    checksum = 0
+    for byte in body:
+        checksum ^= byte
+    return b"$%s*%02X\r\n" % (body, checksum)

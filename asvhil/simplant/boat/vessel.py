@@ -1,0 +1,195 @@
+"""The true motion of the simulated boat: 3-DOF rigid body in wind, waves and a current, two lagging motors."""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_right
+
+from asvhil.config import PwmConfig, VesselConfig
+from asvhil.dynamics.rigid_body import RigidBody
+from asvhil.simplant.boat.waves import Waves
+
+NO_SIGNAL_US = 0
+
+
+class MotorTable:
+    """Pulse width (us) to the thrust (N) that a motor settles at: the measured curve, linear between its rows."""
+
+    def __init__(self, vessel: VesselConfig, pwm: PwmConfig) -> None:
+        self._commands = [row[0] for row in vessel.thrust_curve]
+        self._thrusts_n = [row[1] for row in vessel.thrust_curve]
+        self._pwm = pwm
+
+    def command(self, pulse_us: float) -> float:
+        """The command in [-1, 1] of a pulse width."""
+        pwm = self._pwm
+        if pulse_us >= pwm.neutral_us:
+            return min(1.0, (pulse_us - pwm.neutral_us) / (pwm.ahead_us - pwm.neutral_us))
+        return max(-1.0, (pulse_us - pwm.neutral_us) / (pwm.neutral_us - pwm.astern_us))
+
+    def thrust_n(self, pulse_us: float) -> float:
+        """Steady thrust of a pulse width; no signal is a motor that is off. Held at the ends of the curve."""
+        if pulse_us == NO_SIGNAL_US:
+            return 0.0
+        command = self.command(pulse_us)
+        x, y = self._commands, self._thrusts_n
+        if command <= x[0]:
+            return y[0]
+        if command >= x[-1]:
+            return y[-1]
+        i = bisect_right(x, command)
+        return y[i - 1] + (y[i] - y[i - 1]) * (command - x[i - 1]) / (x[i] - x[i - 1])
+
+
+class Vessel:
+    """Truth: pose in NED, velocity through the water in body axes, thrusts; integrated by Heun's method in fixed steps.
+
+    The state moves with the water, so a constant current is exact: the Coriolis terms see only the relative velocity
+    (Fossen 2011, property 8.1). Waves carry the whole of it: their motion is added to what is integrated, and every
+    attribute shows the sum. Plain attributes and floats, because `step` is the hot path of every simulation.
+    """
+
+    __slots__ = (
+        "_body",
+        "_current_e",
+        "_current_n",
+        "_demand_port_n",
+        "_demand_starboard_n",
+        "_lag_gain",
+        "_motor_lag_s",
+        "_motors",
+        "_step_s",
+        "_still",
+        "_waves",
+        "ax_mps2",
+        "ay_mps2",
+        "e_m",
+        "n_m",
+        "outputs_us",
+        "psi_rad",
+        "r_radps",
+        "thrust_port_n",
+        "thrust_starboard_n",
+        "u_mps",
+        "v_mps",
+    )
+
+    def __init__(
+        self,
+        vessel: VesselConfig,
+        pwm: PwmConfig,
+        step_s: float,
+        pose: tuple[float, float, float],
+        current_mps: tuple[float, float] = (0.0, 0.0),
+        waves: Waves | None = None,
+    ) -> None:
+        self._body = RigidBody(vessel)
+        self._motors = MotorTable(vessel, pwm)
+        self._motor_lag_s = vessel.motor_lag_s
+        self.set_step(step_s)
+        self._current_n, self._current_e = current_mps
+        self._demand_port_n = self._demand_starboard_n = 0.0
+        self.outputs_us: tuple[int, int] = (NO_SIGNAL_US, NO_SIGNAL_US)
+        self._still: tuple[float, ...] = ()
+        self.n_m, self.e_m, self.psi_rad = pose
+        self.thrust_port_n = self.thrust_starboard_n = 0.0
+        self.ax_mps2 = self.ay_mps2 = 0.0  # acceleration over ground in body axes, at the end of the last step
+        # A boat left alone before the start drifts with the water: at rest relative to it.
+        self.u_mps = self.v_mps = self.r_radps = 0.0
+        self._waves = waves
+        if waves is not None:
+            self._ride(waves)
+
+    def set_step(self, step_s: float) -> None:
+        """Steps of another length from now on."""
+        self._step_s = step_s
+        self._lag_gain = -math.expm1(-step_s / self._motor_lag_s)
+
+    def drive(self, outputs_us: tuple[int, int]) -> None:
+        """Set the pulse widths (port, starboard) that the motors see from now on."""
+        if outputs_us != self.outputs_us:
+            self.outputs_us = outputs_us
+            self._demand_port_n = self._motors.thrust_n(outputs_us[0])
+            self._demand_starboard_n = self._motors.thrust_n(outputs_us[1])
+
+    def ground_velocity_ned(self) -> tuple[float, float]:
+        """North and east velocity over ground (m/s)."""
+        c, s = math.cos(self.psi_rad), math.sin(self.psi_rad)
+        return (
+            c * self.u_mps - s * self.v_mps + self._current_n,
+            s * self.u_mps + c * self.v_mps + self._current_e,
+        )
+
+    def ground_velocity_body(self) -> tuple[float, float]:
+        """Surge and sway velocity over ground (m/s)."""
+        c, s = math.cos(self.psi_rad), math.sin(self.psi_rad)
+        return (
+            self.u_mps + c * self._current_n + s * self._current_e,
+            self.v_mps - s * self._current_n + c * self._current_e,
+        )
+
+    def step(self, wind_n_mps: float, wind_e_mps: float) -> None:
+        """One step under a true wind that is held over it; the motor lag is exact, the rest second order."""
+        if self._waves is not None:
+            self.n_m, self.e_m, self.psi_rad, self.u_mps, self.v_mps, self.r_radps = self._still
+        dt = self._step_s
+        air_n, air_e = wind_n_mps - self._current_n, wind_e_mps - self._current_e
+        n, e, psi = self.n_m, self.e_m, self.psi_rad
+        u, v, r = self.u_mps, self.v_mps, self.r_radps
+        port, starboard = self.thrust_port_n, self.thrust_starboard_n
+
+        n1, e1, u1, v1, r1 = self._rates(psi, u, v, r, port, starboard, air_n, air_e)
+
+        self.thrust_port_n = port = port + self._lag_gain * (self._demand_port_n - port)
+        self.thrust_starboard_n = starboard = starboard + self._lag_gain * (self._demand_starboard_n - starboard)
+        psi_end, u_end, v_end, r_end = psi + dt * r, u + dt * u1, v + dt * v1, r + dt * r1
+        n2, e2, u2, v2, r2 = self._rates(psi_end, u_end, v_end, r_end, port, starboard, air_n, air_e)
+
+        half = 0.5 * dt
+        self.n_m = n + half * (n1 + n2)
+        self.e_m = e + half * (e1 + e2)
+        self.psi_rad = psi + half * (r + r_end)
+        self.u_mps = u = u + half * (u1 + u2)
+        self.v_mps = v = v + half * (v1 + v2)
+        self.r_radps = r = r + half * (r1 + r2)
+        # Inertial acceleration in body axes, nu_dot + S(r) nu: what an accelerometer at the origin feels.
+        self.ax_mps2 = u2 - r * v
+        self.ay_mps2 = v2 + r * u
+        if self._waves is not None:
+            self._waves.advance()
+            self._ride(self._waves)
+
+    def _ride(self, waves: Waves) -> None:
+        """Keep the motion as it is without waves for the next step, and show the sum: pose, velocity, acceleration."""
+        psi, u, v, ax, ay = self.psi_rad, self.u_mps, self.v_mps, self.ax_mps2, self.ay_mps2
+        self._still = self.n_m, self.e_m, psi, u, v, self.r_radps
+        c, s = math.cos(psi), math.sin(psi)
+        vn, ve = c * u - s * v + waves.vn_mps, s * u + c * v + waves.ve_mps
+        an, ae = c * ax - s * ay + waves.an_mps2, s * ax + c * ay + waves.ae_mps2
+        psi += waves.psi_rad
+        c, s = math.cos(psi), math.sin(psi)
+        self.n_m += waves.n_m
+        self.e_m += waves.e_m
+        self.psi_rad = psi
+        self.r_radps += waves.r_radps
+        self.u_mps, self.v_mps = c * vn + s * ve, c * ve - s * vn
+        self.ax_mps2, self.ay_mps2 = c * an + s * ae, c * ae - s * an
+
+    def _rates(
+        self,
+        psi: float,
+        u: float,
+        v: float,
+        r: float,
+        port_n: float,
+        starboard_n: float,
+        air_n: float,
+        air_e: float,
+    ) -> tuple[float, float, float, float, float]:
+        """(n_dot, e_dot over ground, u_dot, v_dot, r_dot); `air` is the wind relative to the water."""
+        body = self._body
+        c, s = math.cos(psi), math.sin(psi)
+        x_n, n_nm = body.motor_forces(port_n, starboard_n)
+        x_w, y_w, n_w = body.wind_forces(c * air_n + s * air_e - u, c * air_e - s * air_n - v)
+        u_dot, v_dot, r_dot = body.acceleration(u, v, r, x_n + x_w, y_w, n_nm + n_w)
+        return c * u - s * v + self._current_n, s * u + c * v + self._current_e, u_dot, v_dot, r_dot

@@ -1,0 +1,70 @@
+"""Wind with gusts, waves, and a constant current, over the whole (small) sea of the simulated boat."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from asvhil.config import WeatherConfig
+from asvhil.simplant.boat.noise import NormalSource, OrnsteinUhlenbeck
+from asvhil.simplant.boat.waves import Waves
+
+
+class Weather:
+    """Mean wind plus Ornstein-Uhlenbeck gusts along and across it, and the current, as NED velocities (m/s).
+
+    `waves` are for the vessel to ride on, which steps them itself; None where there are none.
+    """
+
+    __slots__ = (
+        "_across",
+        "_along",
+        "_east",
+        "_north",
+        "_speed_mps",
+        "_still",
+        "current_e_mps",
+        "current_n_mps",
+        "waves",
+        "wind_e_mps",
+        "wind_n_mps",
+    )
+
+    def __init__(self, config: WeatherConfig, step_s: float, seed: np.random.SeedSequence) -> None:
+        wind, current = config.wind, config.current
+        along_seed, across_seed, wave_seed = seed.spawn(3)
+        self._speed_mps = wind.speed_mps
+        self._north = math.cos(math.radians(wind.toward_deg))
+        self._east = math.sin(math.radians(wind.toward_deg))
+        along_std, across_std = wind.gust_along * wind.speed_mps, wind.gust_across * wind.speed_mps
+        self._along = OrnsteinUhlenbeck(along_std, wind.gust_time_s, step_s, NormalSource(along_seed))
+        self._across = OrnsteinUhlenbeck(across_std, wind.gust_time_s, step_s, NormalSource(across_seed))
+        self._still = along_std == 0.0 and across_std == 0.0
+        self.current_n_mps = current.speed_mps * math.cos(math.radians(current.toward_deg))
+        self.current_e_mps = current.speed_mps * math.sin(math.radians(current.toward_deg))
+        self.wind_n_mps = self.wind_e_mps = 0.0
+        rough = config.waves.orbital_std_mps > 0.0 or config.waves.yaw_std_radps > 0.0
+        self.waves = Waves(config.waves, wind.toward_deg, step_s, wave_seed) if rough else None
+        self._compose()
+
+    def set_step(self, step_s: float) -> None:
+        """Steps of another length from now on, of the waves too."""
+        self._along.set_step(step_s)
+        self._across.set_step(step_s)
+        if self.waves is not None:
+            self.waves.set_step(step_s)
+
+    def advance(self) -> None:
+        """One step of the gusts."""
+        if self._still:
+            return
+        self._along.advance()
+        self._across.advance()
+        self._compose()
+
+    def _compose(self) -> None:
+        along = self._speed_mps + self._along.value
+        across = self._across.value
+        self.wind_n_mps = self._north * along - self._east * across
+        self.wind_e_mps = self._east * along + self._north * across

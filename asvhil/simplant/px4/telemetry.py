@@ -1,0 +1,135 @@
+"""The messages that a simulated PX4 sends, built from its sensors and its state."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from asvhil.config import GnssSensorConfig
+from asvhil.geo import LocalFrame
+from asvhil.simplant.boat.sensors import Navigation
+from asvhil.simplant.boat.vessel import Vessel
+from asvhil.simplant.px4.commander import OFFBOARD, STICK_MODES, Px4Vehicle
+from asvhil.simplant.vehicle.telemetry import VehicleTelemetry
+
+FLIGHT_SW_VERSION = 0x010F04FF  # 1.15.4
+CAPABILITIES = (
+    dialect.MAV_PROTOCOL_CAPABILITY_COMMAND_INT
+    | dialect.MAV_PROTOCOL_CAPABILITY_PARAM_ENCODE_BYTEWISE
+    | dialect.MAV_PROTOCOL_CAPABILITY_SET_ATTITUDE_TARGET
+    | dialect.MAV_PROTOCOL_CAPABILITY_MAVLINK2
+)
+
+ALIGNED = dialect.ESTIMATOR_ATTITUDE | dialect.ESTIMATOR_CONST_POS_MODE
+READY = (
+    dialect.ESTIMATOR_ATTITUDE
+    | dialect.ESTIMATOR_VELOCITY_HORIZ
+    | dialect.ESTIMATOR_VELOCITY_VERT
+    | dialect.ESTIMATOR_POS_HORIZ_REL
+    | dialect.ESTIMATOR_POS_HORIZ_ABS
+    | dialect.ESTIMATOR_POS_VERT_ABS
+    | dialect.ESTIMATOR_PRED_POS_HORIZ_REL
+    | dialect.ESTIMATOR_PRED_POS_HORIZ_ABS
+)
+OUTPUTS = 8  # of the module that drives PWM MAIN
+
+# Of MAVLink in "normal" mode; the rest of what is streamed comes at 1 Hz.
+RATES_HZ = {
+    dialect.MAVLINK_MSG_ID_ATTITUDE: 15.0,
+    dialect.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: 5.0,
+    dialect.MAVLINK_MSG_ID_RC_CHANNELS: 5.0,
+    dialect.MAVLINK_MSG_ID_VFR_HUD: 4.0,
+    dialect.MAVLINK_MSG_ID_ESTIMATOR_STATUS: 0.5,
+}
+
+
+class Px4Telemetry(VehicleTelemetry):
+    """One builder per message id; a builder gives None where the vehicle has nothing to say (yet)."""
+
+    def __init__(
+        self, vehicle: Px4Vehicle, nav: Navigation, truth: Vessel, origin: LocalFrame, gnss: GnssSensorConfig
+    ) -> None:
+        super().__init__(vehicle, nav, truth, origin, gnss)
+        self._px4 = vehicle
+        d = dialect
+        self.streamed = {
+            d.MAVLINK_MSG_ID_HEARTBEAT: self.heartbeat,
+            d.MAVLINK_MSG_ID_ATTITUDE: self._attitude,
+            d.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: self._global_position_once_valid,
+            d.MAVLINK_MSG_ID_LOCAL_POSITION_NED: self._local_position,
+            d.MAVLINK_MSG_ID_VFR_HUD: self._vfr_hud,
+            d.MAVLINK_MSG_ID_SYS_STATUS: self._sys_status,
+            d.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: self._extended_sys_state,
+            d.MAVLINK_MSG_ID_ESTIMATOR_STATUS: self._estimator_status,
+            d.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW: self._servo_output,
+            d.MAVLINK_MSG_ID_RC_CHANNELS: self._rc_channels,
+            d.MAVLINK_MSG_ID_GPS_RAW_INT: self._gps_raw,
+            d.MAVLINK_MSG_ID_SYSTEM_TIME: self._system_time,
+        }
+        self.on_request = {
+            d.MAVLINK_MSG_ID_ACTUATOR_OUTPUT_STATUS: self._actuator_output_status,
+            d.MAVLINK_MSG_ID_ATTITUDE_QUATERNION: self._attitude_quaternion,
+            d.MAVLINK_MSG_ID_HIGHRES_IMU: self._highres_imu,
+            d.MAVLINK_MSG_ID_SCALED_IMU: self._scaled_imu,
+            d.MAVLINK_MSG_ID_AUTOPILOT_VERSION: self._autopilot_version,
+            d.MAVLINK_MSG_ID_HOME_POSITION: self._home_position,
+            d.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN: self._global_origin,
+            d.MAVLINK_MSG_ID_SIM_STATE: self._sim_state,  # the truth, for the summary: no real PX4 sends it
+        }
+
+    def heartbeat(self, t_ns: int) -> Any:
+        vehicle = self._px4
+        base_mode = dialect.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
+        if vehicle.mode in STICK_MODES:
+            base_mode |= dialect.MAV_MODE_FLAG_MANUAL_INPUT_ENABLED
+        elif vehicle.mode != OFFBOARD:
+            base_mode |= dialect.MAV_MODE_FLAG_AUTO_ENABLED
+        if vehicle.armed:
+            base_mode |= dialect.MAV_MODE_FLAG_SAFETY_ARMED
+        if vehicle.terminated:
+            state = dialect.MAV_STATE_FLIGHT_TERMINATION
+        elif vehicle.failsafe:
+            state = dialect.MAV_STATE_CRITICAL
+        else:
+            state = dialect.MAV_STATE_ACTIVE if vehicle.armed else dialect.MAV_STATE_STANDBY
+        return dialect.MAVLink_heartbeat_message(
+            dialect.MAV_TYPE_SURFACE_BOAT, dialect.MAV_AUTOPILOT_PX4, base_mode, vehicle.mode, state, 3
+        )
+
+    def _global_position_once_valid(self, t_ns: int) -> Any:
+        return self._global_position(t_ns) if self._px4.ready(t_ns) else None
+
+    def _sys_status(self, t_ns: int) -> Any:
+        """MAV_SYS_STATUS_PREARM_CHECK is healthy where the vehicle would arm in its mode."""
+        d = dialect
+        sensors = d.MAV_SYS_STATUS_SENSOR_3D_GYRO | d.MAV_SYS_STATUS_SENSOR_3D_ACCEL | d.MAV_SYS_STATUS_SENSOR_GPS
+        healthy = sensors if self._px4.ready(t_ns) else sensors & ~d.MAV_SYS_STATUS_SENSOR_GPS
+        if self._px4.arming_refusal() is None:
+            healthy |= d.MAV_SYS_STATUS_PREARM_CHECK
+        sensors |= d.MAV_SYS_STATUS_PREARM_CHECK
+        return d.MAVLink_sys_status_message(sensors, sensors, healthy, 0, 12600, -1, -1, 0, 0, 0, 0, 0, 0)
+
+    def _extended_sys_state(self, t_ns: int) -> Any:
+        """A rover is on the ground while it is disarmed."""
+        landed = dialect.MAV_LANDED_STATE_IN_AIR if self._px4.armed else dialect.MAV_LANDED_STATE_ON_GROUND
+        return dialect.MAVLink_extended_sys_state_message(dialect.MAV_VTOL_STATE_UNDEFINED, landed)
+
+    def _estimator_status(self, t_ns: int) -> Any:
+        flags = READY if self._px4.ready(t_ns) else ALIGNED
+        return dialect.MAVLink_estimator_status_message(
+            self._us(t_ns), flags, 0.05, 0.05, 0.05, 0.1, 0.0, 0.0, self._h_acc_mm * 1e-3, 1.0
+        )
+
+    def _actuator_output_status(self, t_ns: int) -> Any:
+        """Pulse widths in microseconds; PX4 fills `active` with the number of outputs."""
+        values = [float(pulse_us) for pulse_us in self._px4.servo_us[:OUTPUTS]]
+        return dialect.MAVLink_actuator_output_status_message(
+            self._us(t_ns), OUTPUTS, [*values, *[0.0] * (32 - OUTPUTS)]
+        )
+
+    def _autopilot_version(self, t_ns: int) -> Any:
+        none = [0] * 8
+        return dialect.MAVLink_autopilot_version_message(
+            CAPABILITIES, FLIGHT_SW_VERSION, 0, 0, 0, none, none, none, 0, 0, 0
+        )

@@ -1,0 +1,91 @@
+"""A simulated PX4 boat on the link, sans-IO, by PX4's sources and documentation: none of it was seen on a real one."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from asvhil.config import FrontseatConfig, GnssSensorConfig, PwmConfig
+from asvhil.config.autopilots import px4_custom_mode
+from asvhil.geo import LocalFrame
+from asvhil.simplant.boat.sensors import Navigation
+from asvhil.simplant.boat.vessel import Vessel
+from asvhil.simplant.px4.commander import Px4Vehicle
+from asvhil.simplant.px4.telemetry import RATES_HZ, Px4Telemetry
+from asvhil.simplant.vehicle.autopilot import ACCEPTED, CUSTOM_MODE, DENIED, FAILED, SimulatedAutopilot, whole
+from asvhil.simplant.vehicle.schedule import Schedule
+
+TEMPORARILY_REJECTED = int(dialect.MAV_RESULT_TEMPORARILY_REJECTED)
+ROLL_PITCH_RATE_IGNORE = (
+    dialect.ATTITUDE_TARGET_TYPEMASK_BODY_ROLL_RATE_IGNORE | dialect.ATTITUDE_TARGET_TYPEMASK_BODY_PITCH_RATE_IGNORE
+)
+POSITION_IGNORE, VELOCITY_IGNORE, ACCELERATION_IGNORE = 0b111, 0b111000, 0b111000000  # of a position target's mask
+
+
+class SimulatedPx4(SimulatedAutopilot):
+    """An autopilot with OFFBOARD, actuator sets and packed modes. News of mode and arming wait for the heartbeat."""
+
+    arming_refused = TEMPORARILY_REJECTED
+
+    def __init__(
+        self,
+        config: FrontseatConfig,
+        pwm: PwmConfig,
+        gnss: GnssSensorConfig,
+        origin: LocalFrame,
+        nav: Navigation,
+        truth: Vessel,
+        t_ns: int,
+    ) -> None:
+        self._loop_hz = config.loop_hz
+        self.vehicle = Px4Vehicle(config, pwm, t_ns)
+        self._messages = Px4Telemetry(self.vehicle, nav, truth, origin, gnss)
+        super().__init__(self.vehicle, self.vehicle.parameters, self._messages, config.system_id, t_ns)
+        self._handlers |= {
+            dialect.MAVLINK_MSG_ID_SET_ATTITUDE_TARGET: self._on_attitude_target,
+            dialect.MAVLINK_MSG_ID_SET_POSITION_TARGET_LOCAL_NED: self._on_position_target,
+            dialect.MAVLINK_MSG_ID_SET_POSITION_TARGET_GLOBAL_INT: self._on_position_target,
+        }
+        self._commands[dialect.MAV_CMD_DO_SET_ACTUATOR] = self._do_set_actuator
+
+    def _new_schedule(self, boot_ns: int) -> Schedule:
+        messages = self._messages
+        return Schedule(messages.streamed, messages.on_request, self._loop_hz, boot_ns, RATES_HZ, limited=False)
+
+    def _tell_of_change(self, t_ns: int) -> None:
+        """Nothing: the next heartbeat tells."""
+
+    def _set_message_interval(self, peer: str, m: Any) -> int:
+        """The rate of HEARTBEAT cannot be changed; a stream that does not exist gives FAILED."""
+        if m.param1 == dialect.MAVLINK_MSG_ID_HEARTBEAT:
+            return FAILED
+        return ACCEPTED if super()._set_message_interval(peer, m) == ACCEPTED else FAILED
+
+    def _do_set_mode(self, peer: str, m: Any) -> int:
+        base_mode, main, sub = whole(m.param1), whole(m.param2), whole(m.param3)
+        if base_mode is None or main is None or sub is None or not base_mode & CUSTOM_MODE:
+            return DENIED
+        if not (0 <= main <= 255 and 0 <= sub <= 255):
+            return DENIED
+        return ACCEPTED if self.vehicle.enter_mode(px4_custom_mode(main, sub)) else TEMPORARILY_REJECTED
+
+    def _do_set_actuator(self, peer: str, m: Any) -> int:
+        """Accepted whatever it says, as by PX4's commander; sets other than the first move nothing."""
+        if m.get_type() == "COMMAND_LONG":
+            fifth, sixth, index = m.param5, m.param6, m.param7
+        else:
+            fifth, sixth, index = float(m.x), float(m.y), m.z
+        if whole(index + 0.5) == 0:
+            self.vehicle.set_actuators([m.param1, m.param2, m.param3, m.param4, fifth, sixth])
+        return ACCEPTED
+
+    def _on_attitude_target(self, peer: str, sender: tuple[int, int], m: Any) -> None:
+        attitude = not m.type_mask & dialect.ATTITUDE_TARGET_TYPEMASK_ATTITUDE_IGNORE
+        if attitude or not m.type_mask & ROLL_PITCH_RATE_IGNORE:
+            self.vehicle.offboard_signal()
+
+    def _on_position_target(self, peer: str, sender: tuple[int, int], m: Any) -> None:
+        given = [mask for mask in (POSITION_IGNORE, VELOCITY_IGNORE, ACCELERATION_IGNORE) if m.type_mask & mask != mask]
+        if given:
+            self.vehicle.offboard_signal()

@@ -1,0 +1,27 @@
+"""What the vehicles inside the simulated autopilots have in common: power, the radio, and what is reported of them."""
+
+from __future__ import annotations
+
+from asvhil.config import FrontseatConfig
+from asvhil.simplant.vehicle.rc import RcInputs
+
+
+class PoweredVehicle:
+    """State without bytes. `texts` and `changed` collect what the link has to tell the stations."""
+
+    def __init__(self, config: FrontseatConfig, t_ns: int) -> None:
+        self._config = config
+        self.rc = RcInputs(config.rc_receiver, t_ns)
+        self.texts: list[tuple[int, str]] = []
+        self.servo_us = [0] * 16
+        self.restart(t_ns)
+
+    def restart(self, t_ns: int) -> None:
+        """Power on: everything but the parameters and the pilot's sticks is forgotten."""
+        self.t_ns = self.power_on_ns = t_ns
+        self.boot_ns = t_ns + round(1e9 * self._config.boot_s)
+        self.ready_ns = max(self.boot_ns, t_ns + round(1e9 * self._config.ready_after_s))
+        self.rc.restart(self.boot_ns)
+        self.armed = self.changed = False
+        self.texts.clear()
+        self.servo_us[:] = [0] * 16

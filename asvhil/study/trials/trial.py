@@ -1,0 +1,104 @@
+"""One run in lockstep without a log, scored against the truth and as measured: what every study is made of."""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import math
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from asvhil.backseat.build import model_file
+from asvhil.config import Config, load_config
+from asvhil.errors import ConfigError
+from asvhil.geo import LocalFrame, wrap_rad
+from asvhil.logs.metrics import PoseErrors, score
+from asvhil.simplant.lockstep import Lockstep
+from asvhil.types import Phase
+
+# A receiver without its slow error, and a filter that looks for none: that error is a floor under every controller.
+NO_SLOW_ERROR = ("plant.sensors.gnss.slow_bias_m=0", "estimator.ekf.position_bias_std_m=0")
+NO_NOISE = (
+    "plant.weather.wind.gust_along=0",
+    "plant.weather.wind.gust_across=0",
+    *NO_SLOW_ERROR,
+    "plant.sensors.gnss.white_m=0",
+    "plant.sensors.gnss.velocity_white_mps=0",
+    "plant.sensors.heading.white_deg=0",
+    "plant.sensors.imu.gyro_white_radps=0",
+    "plant.sensors.imu.accel_white_mps2=0",
+    "plant.sensors.imu.accel_bias_mps2=0",
+    "plant.sensors.anemometer.speed_white_mps=0",
+    "plant.sensors.anemometer.directions=360",
+)
+
+
+def run_trial(config: Config, from_s: float, to_s: float) -> dict[str, Any]:
+    """Scores over [from_s, to_s] since the first tick, against truth and as measured (`metrics.score`), and energy.
+
+    Energy is the mean squared thrust of one motor (N^2). `held` is the share of the window in which the controller had
+    the motors. Raises ConfigError where the config has no station to keep.
+    """
+    at = config.supervisor.station
+    if at is None:
+        raise ConfigError("key supervisor.station: a study needs a station to keep")
+    loop = Lockstep(config)
+    origin = LocalFrame(lat_deg=config.plant.origin_lat_deg, lon_deg=config.plant.origin_lon_deg)
+    n_m, e_m = origin.to_ned(at.lat_deg, at.lon_deg)
+    psi_rad = math.radians(at.heading_deg)
+    truth_rows: list[tuple[float, float, float]] = []
+    measured_rows: list[tuple[float, float, float]] = []
+    thrust_n2 = held = ticks = 0.0
+    control_ms: list[float] = []
+    for tick in range(1, round(to_s * config.daemon.tick_hz) + 1):
+        start_s = time.perf_counter()
+        _, outputs = loop.tick()
+        elapsed_ms = (time.perf_counter() - start_s) * 1e3
+        t_s = tick / config.daemon.tick_hz
+        truth = loop.plant.truth
+        truth_rows.append(
+            (t_s, math.hypot(truth.n_m - n_m, truth.e_m - e_m), math.degrees(wrap_rad(truth.psi_rad - psi_rad)))
+        )
+        estimate, station = outputs.estimate, outputs.station
+        if estimate is not None and station is not None:
+            distance_m = math.hypot(estimate.n_m - station.n_m, estimate.e_m - station.e_m)
+            measured_rows.append((t_s, distance_m, math.degrees(wrap_rad(estimate.psi_rad - station.psi_rad))))
+        if outputs.control is not None:
+            control_ms.append(elapsed_ms)
+        if t_s >= from_s:
+            ticks += 1
+            held += outputs.phase is Phase.HOLD
+            thrust_n2 += 0.5 * (truth.thrust_n[0] ** 2 + truth.thrust_n[1] ** 2)
+    return {
+        "truth": _score(truth_rows, from_s),
+        "measured": _score(measured_rows, from_s),
+        "energy_n2": thrust_n2 / ticks,
+        "held": held / ticks,
+        "control_tick_ms": {"p50": float(np.percentile(control_ms, 50)), "p99": float(np.percentile(control_ms, 99))}
+        if control_ms
+        else None,
+    }
+
+
+def run_key(config: Config) -> str:
+    """Hashes of the whole config and of the model file it names: all that a run in lockstep depends on but the code."""
+    file = model_file(config)
+    return f"{config.content_hash()} {'physics' if file is None else _file_hash(file)}"
+
+
+def run_named_trial(base: str, overrides: tuple[str, ...], window_s: tuple[float, float]) -> dict[str, Any]:
+    """`run_trial` from what names a config, so that another process can run it."""
+    return run_trial(load_config(base, overrides), *window_s)
+
+
+@functools.cache
+def _file_hash(file: Path) -> str:
+    return hashlib.sha256(file.read_bytes()).hexdigest()[:16]
+
+
+def _score(rows: list[tuple[float, float, float]], from_s: float) -> dict[str, Any]:
+    t_s, distance, heading = np.array(rows).reshape(-1, 3).T
+    return score(PoseErrors(t_s=t_s, distance_m=distance, heading_deg=heading), from_s)

@@ -1,0 +1,40 @@
+"""Jobs for the tests of the study runner: importable, so that other processes find them."""
+
+import os
+import sys
+import time
+from pathlib import Path
+
+from asvhil.study.runner import Job, run_jobs
+
+
+def square(number: int, folder: str) -> dict[str, float]:
+    """Leaves a line for each time that it runs."""
+    with (Path(folder) / "ran.txt").open("a") as file:
+        file.write(f"{number}\n")
+    return {"square": float(number**2), "pid": os.getpid()}
+
+
+def fail_at_three(number: int, folder: str) -> dict[str, float]:
+    if number == 3:
+        raise ValueError("three")
+    return square(number, folder)
+
+
+def linger(number: int, folder: str) -> dict[str, float]:
+    """The first two are quick, the others last far longer than any test."""
+    result = square(number, folder)
+    if number > 2:
+        time.sleep(600.0)
+    return result
+
+
+def jobs(folder: Path, count: int, group: str = "squares") -> list[Job]:
+    return [Job(key=f"square {n}", group=group, arguments=(n, str(folder))) for n in range(1, count + 1)]
+
+
+if __name__ == "__main__":  # a study that never ends by itself, for the test that kills it
+    place = Path(sys.argv[1])
+    from tests.support.study_jobs import linger as lasting
+
+    run_jobs(lasting, jobs(place, 6), place / "store.jsonl", workers=2)

@@ -1,0 +1,137 @@
+"""Ways to the motors, byte for byte: what each says to drive, and how each lets go."""
+
+import math
+
+import pytest
+
+from asvhil.autopilot.motor_outputs import Output, make_output
+from asvhil.config import AutopilotLinkConfig, PwmConfig, load_config
+from asvhil.errors import ConfigError
+from asvhil.io.mavlink.frames import FrameSplitter, decode, dialect
+
+MS = 1_000_000
+PWM = PwmConfig(port_channel=1, starboard_channel=3, astern_us=1100, neutral_us=1480, ahead_us=1900)
+
+
+def output(kind: str, **changes: object) -> Output:
+    profile = "px4" if kind == "set_actuator" else "ardurover"
+    return make_output(AutopilotLinkConfig(endpoint="udpin:127.0.0.1:0", profile=profile, output=kind, **changes), PWM)
+
+
+def messages(packed: list[bytes]) -> list[object]:
+    return [decode(data) for frame in packed for data in FrameSplitter().feed(frame)]
+
+
+def said(packed: list[bytes]) -> list[tuple[float, ...]]:
+    """What the motors are told, whatever the message: (port, starboard) or (channel, pulse) or six actuators."""
+    found = []
+    for m in messages(packed):
+        match m.get_type():  # type: ignore[attr-defined]
+            case "RC_CHANNELS_OVERRIDE":
+                found.append((m.chan1_raw, m.chan3_raw))  # type: ignore[attr-defined]
+            case "MANUAL_CONTROL":
+                found.append((m.y, m.z))  # type: ignore[attr-defined]
+            case _:
+                found.append((m.command, m.param1, m.param2))  # type: ignore[attr-defined]
+    return found
+
+
+def test_manual_control_bytes() -> None:
+    (data,) = output("manual_control", override_system_id=7).drive(1600, 1420)
+    # Target 1; x and r are no value; y = 200, z = -160; MAVLink 2, from 7/191; the extension fields are zeros and cut.
+    assert data[:10] == bytes.fromhex("fd0b0000000 7bf450000".replace(" ", ""))
+    assert data[10:21] == bytes.fromhex("ff7fc80060ffff7f000001")
+
+
+def test_manual_control_reaches_its_ends_and_releases_by_axes_without_value() -> None:
+    way = output("manual_control")
+    assert said(way.drive(900, 2100)) == [(-1000, 1000)]
+    assert said(way.drive(1500, 1499)) == [(0, -2)]
+    assert said(way.release(0)) == [(32767, 32767)]
+
+
+def test_servo_commands_name_both_channels() -> None:
+    way = output("set_servo")
+    assert said(way.drive(1600, 1420)) == [(183, 1.0, 1600.0), (183, 3.0, 1420.0)]
+    for m in messages(way.drive(1, 2)):
+        assert (m.target_system, m.target_component, m.get_srcComponent()) == (1, 1, 191)  # type: ignore[attr-defined]
+
+
+def test_actuators_span_the_output_range_and_leave_the_others_alone() -> None:
+    (m,) = messages(output("set_actuator", port_actuator=4, starboard_actuator=2).drive(1900, 1480))
+    values = [m.param1, m.param2, m.param3, m.param4, m.param5, m.param6]  # type: ignore[attr-defined]
+    assert (m.command, m.param7) == (187, 0.0)  # type: ignore[attr-defined]
+    assert values[3] == 1.0 and values[1] == pytest.approx(-0.05)  # 1480 is 20 us below the middle of 1100..1900
+    assert [number for number, value in enumerate(values, 1) if math.isnan(value)] == [1, 3, 5, 6]
+    (m,) = messages(output("set_actuator").drive(1000, 2100))  # beyond the range
+    assert (m.param1, m.param2) == (-1.0, 1.0)  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize("kind", ["rc_override", "manual_control"])
+def test_sticks_are_given_back_once_and_need_no_more(kind: str) -> None:
+    way = output(kind)
+    way.greet(0)
+    assert way.poll(0) == [] and len(way.release(0)) == 1
+    assert all(way.poll(t_ns) == [] for t_ns in range(0, 4000 * MS, 50 * MS))
+    assert way.hazard == ""
+
+
+@pytest.mark.parametrize(
+    ("kind", "neutral"),
+    [
+        ("set_servo", [(183, 1.0, 1480.0), (183, 3.0, 1480.0)]),
+        ("set_actuator", [(187, pytest.approx(-0.05), pytest.approx(-0.05))]),
+    ],
+)
+def test_held_outputs_are_let_go_by_saying_neutral_for_three_seconds(kind: str, neutral: list[object]) -> None:
+    way = output(kind)
+    assert "has no time-out" in way.hazard
+    way.greet(0)  # whoever was there before may have died with the motors running
+    assert said(way.poll(0)) == neutral
+    way.drive(1600, 1600)
+    assert all(way.poll(t_ns) == [] for t_ns in range(0, 4000 * MS, 50 * MS))  # neutral never fights a command
+    assert said(way.release(5000 * MS)) == neutral
+    again = [t_ns for t_ns in range(5000 * MS, 12_000 * MS, 50 * MS) if said(way.poll(t_ns)) == neutral]
+    assert len(again) == 30 and again[0] == 5100 * MS and again[-1] == 8000 * MS
+
+
+def test_a_refusal_is_told_in_words_and_forgotten_when_it_is_over() -> None:
+    way = output("set_servo")
+    way.acknowledged(dialect.MAV_CMD_DO_SET_SERVO, dialect.MAV_RESULT_IN_PROGRESS)
+    way.acknowledged(dialect.MAV_CMD_DO_SET_MODE, dialect.MAV_RESULT_FAILED)
+    assert way.refused == ""
+    way.acknowledged(dialect.MAV_CMD_DO_SET_SERVO, dialect.MAV_RESULT_FAILED)
+    assert "refuses DO_SET_SERVO (FAILED): SERVO1_FUNCTION and SERVO3_FUNCTION must be 0" in way.refused
+    way.acknowledged(dialect.MAV_CMD_DO_SET_SERVO, dialect.MAV_RESULT_ACCEPTED)
+    assert way.refused == ""
+
+
+@pytest.mark.parametrize(
+    ("overrides", "words"),
+    [
+        (("links.autopilot.output=set_actuator",), "output set_actuator does not go with profile ardurover"),
+        (("links.autopilot.profile=px4", "links.autopilot.output=rc_override"), "does not go with profile px4"),
+        (("links.autopilot.profile=px4", "links.autopilot.output=manual_control"), "PX4 mixes sticks"),
+        (("links.autopilot.profile=px4", "links.autopilot.output=set_servo"), "PX4 has no MAV_CMD_DO_SET_SERVO"),
+        (("links.autopilot.profile=pixhawk",), "key links.autopilot.profile"),
+        (("links.autopilot.profile=px4", "links.autopilot.starboard_actuator=1"), "must differ"),
+        (("links.autopilot.profile=px4", "links.autopilot.port_actuator=7"), "links.autopilot.port_actuator"),
+        (("links.autopilot.profile=px4", "supervisor.control_mode=GUIDED"), "control_mode must be one of px4: MANUAL"),
+        (("supervisor.control_mode=OFFBOARD",), "control_mode must be one of ardurover: MANUAL"),
+        (("links.autopilot.output=manual_control", "vehicle.pwm.ahead_us=2100"), "reaches 1000 to 2000 us"),
+    ],
+)
+def test_what_cannot_be_is_one_line(overrides: tuple[str, ...], words: str) -> None:
+    with pytest.raises(ConfigError) as caught:
+        load_config("sitl", overrides)
+    assert words in str(caught.value) and "\n" not in str(caught.value)
+
+
+def test_each_profile_brings_its_own_defaults() -> None:
+    px4 = load_config("wamv16", ("links.autopilot={endpoint: 'udpin:127.0.0.1:1', profile: px4}",))
+    assert (px4.links.autopilot.output, px4.supervisor.control_mode) == ("set_actuator", "OFFBOARD")
+    assert "ESTIMATOR_STATUS" in px4.links.autopilot.streams_hz
+    assert list(px4.links.autopilot.streams_hz) == sorted(px4.links.autopilot.streams_hz)
+    rover = load_config("wamv16", ("links.autopilot={endpoint: 'udpin:127.0.0.1:1'}",))
+    assert (rover.links.autopilot.output, rover.supervisor.control_mode) == ("rc_override", "MANUAL")
+    assert list(rover.links.autopilot.streams_hz) == sorted(rover.links.autopilot.streams_hz)

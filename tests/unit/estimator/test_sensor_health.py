@@ -1,0 +1,77 @@
+"""When a reading that repeats itself is a frozen sensor's, and when only a coarse one's."""
+
+import math
+import random
+
+import pytest
+
+from asvhil.estimator import sensor_health
+from asvhil.estimator.fault_recovery import ALIVE
+from asvhil.estimator.sensor_health import Liveliness, Track
+
+HZ = 5
+AFTER_NS = 300_000_000
+
+
+def verdicts(alive: Liveliness, step: float, noise: float, speed: float = 0.0, stops: int = 50, stuck: int = 10**9):
+    """Whether each of 30 s of readings is called frozen: rounded to steps, of a boat that moves for `stops` readings.
+
+    From reading `stuck` on the sensor repeats the one before, while the boat goes on as it did.
+    """
+    chance, track, value, found = random.Random(1), Track(), (0.0, 0.0), []
+    for k in range(30 * HZ):
+        true = speed * min(k, stops) / HZ
+        if k < stuck:
+            read = (true + chance.gauss(0.0, noise), chance.gauss(0.0, noise))
+            value = (round(read[0] / step) * step, round(read[1] / step) * step)
+        track = sensor_health.hear(track, k * 10**9 // HZ, value, (true, 0.0), alive, AFTER_NS)
+        found.append(track.frozen)
+        track = track if track.frozen else sensor_health.use(track, k * 10**9 // HZ)
+    return found
+
+
+@pytest.mark.parametrize(
+    ("name", "step", "noise", "speed"),
+    [
+        ("position", 0.185, 0.01, 1.0),  # minutes with four decimals
+        ("heading", math.radians(0.5), math.radians(0.1), math.radians(6.0)),
+        ("heading", math.radians(1.0), math.radians(0.3), math.radians(6.0)),
+        ("velocity", 0.05, 0.02, 0.1),
+    ],
+)
+def test_a_coarse_sensor_of_a_boat_that_has_come_to_rest_is_not_frozen(name, step, noise, speed):
+    assert not any(verdicts(ALIVE[name], step, noise, speed))
+
+
+@pytest.mark.parametrize(
+    ("name", "step", "noise"),
+    [
+        ("position", 0.02, 0.07),
+        ("velocity", 0.01, 0.05),
+        ("heading", 1e-6, math.radians(0.25)),
+        ("yaw_rate", 1e-3, 9e-3),
+    ],
+)
+def test_a_fine_and_noisy_sensor_that_repeats_itself_is_frozen_within_a_second(name, step, noise):
+    found = verdicts(ALIVE[name], step, noise, stuck=100)
+    assert not any(found[:100])
+    assert all(found[100 + HZ :])
+
+
+@pytest.mark.parametrize("first", [0, 25])
+def test_a_sensor_that_stays_while_the_boat_moves_is_frozen_however_coarse(first):
+    found = verdicts(ALIVE["position"], 0.185, 0.01, 1.0, stops=10**9, stuck=first)
+    assert not any(found[:first])
+    assert all(found[first + HZ :])
+
+
+def test_a_velocity_of_exactly_zero_is_no_frozen_one():
+    chance, track = random.Random(1), Track()
+    for k in range(100):
+        moving = k < 50
+        value = (0.3 + chance.gauss(0.0, 0.05), chance.gauss(0.0, 0.05)) if moving else (0.0, 0.0)
+        expected = (0.3, 0.0) if moving else (0.02, 0.0)
+        track = sensor_health.use(
+            sensor_health.hear(track, k * 200_000_000, value, expected, ALIVE["velocity"], AFTER_NS), k
+        )
+        assert not track.frozen

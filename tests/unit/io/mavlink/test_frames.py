@@ -1,0 +1,104 @@
+"""MAVLink framing: every frame of a stream is found however it is cut, and garbage costs nothing but itself."""
+
+import random
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from asvhil.errors import LinkError
+from asvhil.io.mavlink.frames import FrameSplitter, Parser, decode, dialect, message_id, refuse_ignored_crc, source
+
+# HEARTBEAT of a companion computer 1/191, sequence 0, by hand from the protocol: header, payload, CRC-16/MCRF4XX.
+HEARTBEAT = bytes.fromhex("fd09000000 01bf 000000 00000000 12080004 03".replace(" ", ""))
+ATTITUDE = bytes(dialect.MAVLink_attitude_message(1, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6).pack(dialect.MAVLink(None, 1, 1)))
+SERVO = bytes(
+    dialect.MAVLink_servo_output_raw_message(1, 0, *range(1500, 1508)).pack(
+        dialect.MAVLink(None, 1, 1), force_mavlink1=True
+    )
+)
+
+
+def heartbeat() -> bytes:
+    message = dialect.MAVLink_heartbeat_message(18, 8, 0, 0, 4, 3)
+    return bytes(message.pack(dialect.MAVLink(None, 1, 191)))
+
+
+def test_heartbeat_bytes_are_those_of_the_protocol() -> None:
+    assert heartbeat()[:-2] == HEARTBEAT
+    assert FrameSplitter().feed(heartbeat()) == [heartbeat()]
+    assert message_id(heartbeat()) == 0 and source(heartbeat()) == (1, 191)
+    assert message_id(SERVO) == 36 and source(SERVO) == (1, 1)
+
+
+@given(st.lists(st.integers(1, 60), min_size=1, max_size=40))
+def test_any_chunking_gives_the_same_frames(cuts: list[int]) -> None:
+    frames = [heartbeat(), ATTITUDE, SERVO] * 3
+    stream = b"".join(frames)
+    splitter = FrameSplitter()
+    found, at = [], 0
+    for cut in cuts:
+        found += splitter.feed(stream[at : at + cut])
+        at += cut
+    found += splitter.feed(stream[at:])
+    assert found == frames and splitter.garbage_bytes == 0
+
+
+@settings(max_examples=50)
+@given(st.binary(max_size=300), st.binary(max_size=300))
+def test_garbage_between_frames_loses_no_frame(before: bytes, after: bytes) -> None:
+    splitter = FrameSplitter()
+    found = splitter.feed(before + ATTITUDE + after + ATTITUDE)
+    found += splitter.feed(ATTITUDE * 10)  # enough to end any length that garbage has promised
+    assert found.count(ATTITUDE) >= 11
+
+
+def test_a_flipped_bit_drops_one_frame_only() -> None:
+    for bit in range(8 * len(ATTITUDE)):
+        damaged = bytearray(ATTITUDE)
+        damaged[bit // 8] ^= 1 << bit % 8
+        splitter = FrameSplitter()
+        found = splitter.feed(bytes(damaged) + heartbeat() * 40)
+        assert ATTITUDE not in found and found.count(heartbeat()) == 40, bit
+
+
+def test_a_datagram_ends_its_frames() -> None:
+    splitter = FrameSplitter(datagrams=True)
+    assert splitter.feed(ATTITUDE[:20]) == []
+    assert splitter.feed(ATTITUDE) == [ATTITUDE]
+    assert splitter.garbage_bytes == 20
+
+
+def test_a_megabyte_of_noise_is_bounded_and_survived() -> None:
+    noise = random.Random(1)
+    splitter = FrameSplitter()
+    for _ in range(256):
+        splitter.feed(noise.randbytes(4096))
+    assert len(splitter._buffer) <= FrameSplitter.MAX_BUFFER
+    assert splitter.garbage_bytes > 1_000_000
+    assert splitter.feed(ATTITUDE * 20)[-1] == ATTITUDE
+
+
+def test_peers_are_kept_apart_and_bounded() -> None:
+    parser = Parser()
+    assert parser.feed("", ATTITUDE[:20]) == []
+    assert parser.feed("10.0.0.1:5", b"\xfd\xff") == []
+    assert parser.feed("", ATTITUDE[20:]) == [ATTITUDE]
+    for number in range(100):
+        parser.feed(f"10.0.0.1:{number}", ATTITUDE + b"x")
+    assert len(parser._splitters) == Parser.MAX_PEERS
+    assert parser.total("frames") == 101 and parser.total("garbage_bytes") == 102
+
+
+def test_decode_gives_the_fields_or_none() -> None:
+    message = decode(ATTITUDE)
+    assert message is not None and message.yaw == pytest.approx(0.3)
+    assert decode(ATTITUDE[:-1]) is None
+
+
+def test_ignored_checksums_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("MAV_IGNORE_CRC", raising=False)
+    refuse_ignored_crc()
+    monkeypatch.setenv("MAV_IGNORE_CRC", "1")
+    with pytest.raises(LinkError, match="MAV_IGNORE_CRC"):
+        refuse_ignored_crc()

@@ -1,0 +1,150 @@
+"""The autopilot's sensor messages as sources: units, frames, what is not valid, and the name that each comes by."""
+
+import math
+
+import pytest
+
+from asvhil.autopilot.ardurover import ArduRoverAutopilot
+from asvhil.config import AutopilotLinkConfig, PwmConfig
+from asvhil.config.sources import MESSAGES
+from asvhil.io.mavlink.frames import dialect as d
+from asvhil.types import Attitude, Frame, GnssFix, Imu, Measurement, TrueWind
+
+AUTOPILOT = d.MAVLink(None, srcSystem=1, srcComponent=1)
+READY = d.MAVLink_ekf_status_report_message(831, 0, 0, 0, 0, 0)
+U16 = 65535
+
+
+def link() -> ArduRoverAutopilot:
+    return ArduRoverAutopilot(AutopilotLinkConfig(endpoint="udpin:127.0.0.1:0"), PwmConfig())
+
+
+def read(ardurover: ArduRoverAutopilot, *messages: object) -> list[tuple[str, Measurement]]:
+    data = b"".join(bytes(message.pack(AUTOPILOT)) for message in messages)  # type: ignore[attr-defined]
+    return [pair for pair in ardurover.read(Frame(t_ns=7, port="autopilot", data=data)) if pair[0] in NAMES]
+
+
+NAMES = set(MESSAGES["autopilot"])
+
+
+def gps(kind: type, time_us: int, fix: int, vel: int = 250, cog: int = 9000) -> object:
+    common = (time_us, fix, 404237000, -869212000, 0, 100, 100, vel, cog, 12)
+    if kind is d.MAVLink_gps2_raw_message:
+        return kind(*common, 0, 0, 0, 0, 1500, 0, 0, 0)
+    return kind(*common, 0, 1500, 0, 0, 0, 0)
+
+
+@pytest.mark.parametrize(
+    ("kind", "name"), [(d.MAVLink_gps_raw_int_message, "GPS_RAW_INT"), (d.MAVLink_gps2_raw_message, "GPS2_RAW")]
+)
+def test_both_receivers(kind: type, name: str) -> None:
+    ardurover = link()
+    ((source, fix),) = read(ardurover, gps(kind, 1000, 3))
+    assert source == name and isinstance(fix, GnssFix) and (fix.t_ns, fix.h_acc_m) == (7, 1.5)
+    assert (fix.lat_deg, fix.lon_deg) == pytest.approx((40.4237, -86.9212))
+    assert (fix.vn_mps, fix.ve_mps) == pytest.approx((0.0, 2.5), abs=1e-12)
+    assert read(ardurover, gps(kind, 1000, 3)) == []  # the same fix, streamed again
+    assert read(ardurover, gps(kind, 2000, 2)) == []  # no height, no fix
+    ((_, fix),) = read(ardurover, gps(kind, 3000, 6, vel=U16))
+    assert isinstance(fix, GnssFix) and math.isnan(fix.vn_mps) and math.isnan(fix.ve_mps)
+
+
+@pytest.mark.parametrize("place", [(2**31 - 1, 2**31 - 1), (0, 0), (404237000, -1869212000), (-910000000, 0)])
+def test_what_is_no_place_on_earth_is_no_fix(place: tuple[int, int]) -> None:
+    raw = d.MAVLink_gps_raw_int_message(1, 3, *place, 0, 100, 100, 250, 9000, 12, 0, 1500, 0, 0, 0, 0)
+    whole = d.MAVLink_global_position_int_message(0, *place, 0, 0, 0, 0, 0, 0)
+    assert read(link(), READY, raw, whole) == []
+
+
+def test_only_the_component_that_is_the_autopilot_is_heard() -> None:
+    """A gimbal has a gyro and a boot clock of its own: neither the boat's yaw nor a reboot of the autopilot."""
+    beat = d.MAVLink_heartbeat_message(10, 3, 0, 0, 4, 3)
+    attitude = d.MAVLink_attitude_message(60_000, 0.0, 0.0, 1.0, 0.0, 0.0, 0.1)
+    gimbal = d.MAVLink(None, srcSystem=1, srcComponent=154)
+    ardurover = link()
+    assert [pair[0] for pair in read(ardurover, beat, READY, attitude)] == ["ATTITUDE"]
+    other = d.MAVLink_attitude_message(1_000, 0.0, 0.0, 2.0, 0.0, 0.0, 0.5).pack(gimbal)
+    assert ardurover.read(Frame(t_ns=8, port="autopilot", data=bytes(other))) == []
+    assert ardurover.reboots == 0
+    assert [pair[0] for pair in read(ardurover, attitude)] == ["ATTITUDE"]
+
+
+def test_the_two_receivers_do_not_share_their_memory() -> None:
+    messages = gps(d.MAVLink_gps_raw_int_message, 1000, 3), gps(d.MAVLink_gps2_raw_message, 1000, 3)
+    assert [name for name, _ in read(link(), *messages)] == ["GPS_RAW_INT", "GPS2_RAW"]
+
+
+@pytest.mark.parametrize("degrees", [-179.0, -90.0, 0.0, 45.0, 120.0])
+@pytest.mark.parametrize("tilt", [0.0, 0.3])
+def test_a_quaternion_gives_the_yaw_of_its_euler_angles(degrees: float, tilt: float) -> None:
+    half, roll = math.radians(degrees) / 2, tilt / 2
+    q = (  # yaw, then roll
+        math.cos(half) * math.cos(roll),
+        math.cos(half) * math.sin(roll),
+        math.sin(half) * math.sin(roll),
+        math.sin(half) * math.cos(roll),
+    )
+    message = d.MAVLink_attitude_quaternion_message(1000, *q, 0.0, 0.0, -0.25)
+    ardurover = link()
+    assert read(ardurover, message) == []  # before the autopilot's own filter is ready
+    ((name, attitude),) = read(ardurover, READY, message)
+    assert name == "ATTITUDE_QUATERNION" and isinstance(attitude, Attitude) and attitude.r_radps == -0.25
+    assert math.degrees(attitude.psi_rad) == pytest.approx(degrees, abs=1e-4)
+
+
+@pytest.mark.parametrize("q", [(0.0, 0.0, 0.0, 0.0), (math.nan, 0.0, 0.0, 1.0), (3.0, 0.0, 0.0, 0.0)])
+def test_what_is_no_rotation_gives_none(q: tuple[float, ...]) -> None:
+    assert read(link(), READY, d.MAVLink_attitude_quaternion_message(1000, *q, 0.0, 0.0, 0.0)) == []
+
+
+SCALED = (100, -200, -1000, 0, 0, 250, 0, 0, 0)  # milli-g, mrad/s
+
+
+@pytest.mark.parametrize(
+    "message",
+    [
+        d.MAVLink_raw_imu_message(1000, *SCALED),
+        d.MAVLink_scaled_imu_message(1000, *SCALED),
+        d.MAVLink_scaled_imu2_message(1000, *SCALED),
+        d.MAVLink_scaled_imu3_message(1000, *SCALED),
+    ],
+)
+def test_inertial_messages_in_milli_g(message: object) -> None:
+    ((name, imu),) = read(link(), message)
+    assert name == type(message).msgname and isinstance(imu, Imu)  # type: ignore[attr-defined]
+    assert (imu.ax_mps2, imu.ay_mps2, imu.r_radps) == pytest.approx((0.980665, -1.96133, 0.25))
+
+
+@pytest.mark.parametrize(
+    ("updated", "accel", "rate"),
+    [(0x3F, True, True), (0x03, True, False), (0x20, False, True), (0x01, False, False), (0x1C, False, False)],
+)
+def test_highres_imu_gives_what_was_updated(updated: int, accel: bool, rate: bool) -> None:
+    message = d.MAVLink_highres_imu_message(1, 0.5, -0.25, -9.75, 0, 0, 0.125, 0, 0, 0, 0, 0, 0, 0, updated)
+    found = read(link(), message)
+    assert bool(found) is (accel or rate)
+    for name, imu in found:
+        assert name == "HIGHRES_IMU" and isinstance(imu, Imu)
+        assert (math.isfinite(imu.ax_mps2), math.isfinite(imu.r_radps)) == (accel, rate)
+        assert not accel or (imu.ax_mps2, imu.ay_mps2) == (0.5, -0.25)
+        assert not rate or imu.r_radps == 0.125
+
+
+def test_wind_comes_from_and_wind_cov_goes_to() -> None:
+    west = d.MAVLink_wind_message(270.0, 5.0, 0.0)
+    north_east = d.MAVLink_wind_cov_message(0, 3.0, 4.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    (one, first), (two, second) = read(link(), west, north_east)
+    assert (one, two) == ("WIND", "WIND_COV") and isinstance(first, TrueWind) and isinstance(second, TrueWind)
+    assert (first.vn_mps, first.ve_mps) == pytest.approx((0.0, 5.0), abs=1e-12)
+    assert (second.vn_mps, second.ve_mps) == (3.0, 4.0)
+
+
+def test_wind_that_is_not_known_gives_none() -> None:
+    nan = math.nan
+    assert read(link(), d.MAVLink_wind_message(nan, 5.0, 0.0), d.MAVLink_wind_message(1.0, -1.0, 0.0)) == []
+    assert read(link(), d.MAVLink_wind_cov_message(0, nan, 4.0, 0, 0, 0, 0, 0, 0)) == []
+
+
+def test_decode_keeps_to_the_position_source_of_the_link() -> None:
+    data = bytes(gps(d.MAVLink_gps_raw_int_message, 1000, 3).pack(AUTOPILOT))  # type: ignore[attr-defined]
+    assert link().decode(Frame(t_ns=7, port="autopilot", data=data)) == []

@@ -1,0 +1,266 @@
+"""GNSS, heading and wind sentences by literal bytes, worked by hand; magnetic against true; units; what is refused."""
+
+import functools
+import math
+import operator
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from asvhil.io.sensors.nmea import EVERYTHING, NmeaCodec
+from asvhil.types import Attitude, BowWind, Frame, GnssFix, Measurement, TrueWind, UtcTime, WindSample
+
+KNOT = 1852.0 / 3600.0
+
+
+def sentence(body: str) -> bytes:
+    checksum = functools.reduce(operator.xor, body.encode(), 0)
+    return f"${body}*{checksum:02X}\r\n".encode()
+
+
+def codec(declination_deg: float | None = None) -> NmeaCodec:
+    return NmeaCodec("gnss", EVERYTHING, None if declination_deg is None else math.radians(declination_deg))
+
+
+def feed(reader: NmeaCodec, data: bytes) -> list[tuple[str, Measurement]]:
+    return reader.read(Frame(t_ns=7, port="gnss", data=data))
+
+
+def one(data: bytes | str, declination_deg: float | None = None) -> tuple[str, Measurement]:
+    (pair,) = feed(codec(declination_deg), data if isinstance(data, bytes) else sentence(data))
+    return pair
+
+
+def fix_of(data: bytes | str, **options: float) -> tuple[float, ...]:
+    _, fix = one(data, **options)
+    assert isinstance(fix, GnssFix) and fix.t_ns == 7 and math.isnan(fix.h_acc_m)
+    return fix.lat_deg, fix.lon_deg, fix.vn_mps, fix.ve_mps
+
+
+def heading_deg(data: str, declination_deg: float | None = None) -> float:
+    _, attitude = one(data, declination_deg)
+    assert isinstance(attitude, Attitude) and math.isnan(attitude.r_radps)
+    return math.degrees(attitude.psi_rad)
+
+
+def nan_ok(*values: float) -> object:
+    return pytest.approx(values, nan_ok=True)
+
+
+NAN = math.nan
+
+
+# --- position and velocity -------------------------------------------------------------------------------------
+
+
+def test_gga() -> None:
+    data = b"$GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,*47\r\n"  # of the literature
+    assert fix_of(data) == nan_ok(48 + 7.038 / 60, 11 + 31 / 60, NAN, NAN)
+    assert one(data)[0] == "GGA"
+
+
+def test_rmc_south_and_west() -> None:
+    north, east = 10.0 * KNOT * math.cos(math.radians(135.0)), 10.0 * KNOT * math.sin(math.radians(135.0))
+    body = "GNRMC,120000.00,A,3352.12345,S,15112.54321,W,10.0,135.0,190126,,,A"
+    assert fix_of(body) == nan_ok(-(33 + 52.12345 / 60), -(151 + 12.54321 / 60), north, east)
+
+
+def test_rmc_of_the_literature() -> None:
+    data = b"$GPRMC,225446,A,4916.45,N,12311.12,W,000.5,054.7,191194,020.3,E*68\r\n"
+    lat, lon, vn, ve = fix_of(data)
+    assert (lat, lon) == pytest.approx((49.2741667, -123.1853333))
+    assert math.hypot(vn, ve) == pytest.approx(0.5 * KNOT) and math.degrees(math.atan2(ve, vn)) == pytest.approx(54.7)
+
+
+@pytest.mark.parametrize(
+    ("body", "vn", "ve"),
+    [
+        ("GPVTG,090.0,T,,,10.0,N,18.5,K,A", 0.0, 10.0 * KNOT),  # knots before km/h, as they are finer
+        ("GPVTG,000.0,T,,,,N,36.0,K,A", 10.0, 0.0),
+        ("GPVTG,,T,080.0,M,,N,36.0,K", 0.0, 10.0),  # magnetic course, 10 degrees east declination
+        ("GPVTG,,T,,M,0.2,N,0.4,K,A", 0.0, 0.0),  # at rest receivers leave the course empty
+    ],
+)
+def test_vtg(body: str, vn: float, ve: float) -> None:
+    assert fix_of(body, declination_deg=10.0) == nan_ok(NAN, NAN, vn, ve)
+
+
+def test_rmc_at_rest_without_course_is_no_velocity_and_under_way_an_unknown_one() -> None:
+    rest = "GPRMC,120000.00,A,4025.422,N,08655.272,W,0.02,,190126,,,A"
+    assert fix_of(rest)[2:] == (0.0, 0.0)
+    assert fix_of(rest.replace("0.02", "3.0"))[2:] == nan_ok(NAN, NAN)
+    assert fix_of(rest.replace("0.02", ""))[2:] == nan_ok(NAN, NAN)
+
+
+@pytest.mark.parametrize("talker", ["GP", "GN", "GL", "GA", "BD", "II", "IN", "XX", "ZZ"])
+def test_any_talker(talker: str) -> None:
+    assert one(f"{talker}HDT,12.5,T")[0] == "HDT"
+    assert one(f"{talker}RMC,120000.00,A,4025.422,N,08655.272,W,0.5,10,190126,,,A")[0] == "RMC"
+
+
+@given(st.floats(-89.9, 89.9), st.floats(-179.9, 179.9))
+def test_any_place_is_read_within_a_millimetre(lat_deg: float, lon_deg: float) -> None:
+    def text(value: float, width: int) -> str:
+        degrees, minutes = divmod(abs(value) * 60.0, 60.0)
+        return f"{int(degrees):0{width}d}{minutes:010.7f}"
+
+    if "60.0000000" in (text(lat_deg, 2)[2:], text(lon_deg, 3)[3:]):
+        return
+    if not any(digit in text(lat_deg, 2) + text(lon_deg, 3) for digit in "123456789"):
+        return  # what receivers without a fix send
+    place = f"{text(lat_deg, 2)},{'NS'[lat_deg < 0]},{text(lon_deg, 3)},{'EW'[lon_deg < 0]}"
+    found = fix_of(f"GPGGA,120000.00,{place},4,12,0.7,0.0,M,0.0,M,,")
+    assert found[:2] == pytest.approx((lat_deg, lon_deg), abs=1e-8)
+
+
+# --- heading ---------------------------------------------------------------------------------------------------
+
+
+def test_true_heading() -> None:
+    assert one(b"$GPHDT,274.07,T*03\r\n") == (
+        "HDT",
+        Attitude(t_ns=7, psi_rad=math.radians(274.07), r_radps=pytest.approx(NAN, nan_ok=True)),
+    )
+
+
+@pytest.mark.parametrize(
+    ("body", "declination_deg", "degrees"),
+    [
+        ("HCHDG,100.0,,,10.0,E", None, 110.0),
+        ("HCHDG,100.0,,,10.0,W", None, 90.0),
+        ("HCHDG,100.0,2.0,E,10.0,W", None, 92.0),  # deviation of the compass, then variation of the place
+        ("HCHDG,100.0,2.0,W,,", -4.5, 93.5),
+        ("HCHDG,5.0,,,10.0,W", None, 355.0),
+        ("HCHDM,100.0,M", 3.5, 103.5),
+        ("HCHDM,359.0,M", 3.5, 2.5),
+    ],
+)
+def test_magnetic_heading(body: str, declination_deg: float | None, degrees: float) -> None:
+    assert heading_deg(body, declination_deg) == pytest.approx(degrees)
+
+
+def test_a_variation_that_the_line_has_told_serves_the_other_sentences() -> None:
+    reader = codec()
+    assert feed(reader, sentence("HCHDM,100.0,M")) == []  # not known yet
+    feed(reader, sentence("GPRMC,120000.00,A,4025.422,N,08655.272,W,0.5,10,190126,4.5,W,A"))
+    ((_, attitude),) = feed(reader, sentence("HCHDM,100.0,M"))
+    assert isinstance(attitude, Attitude) and math.degrees(attitude.psi_rad) == pytest.approx(95.5)
+    feed(reader, sentence("HCHDG,1.0,,,3.0,E"))
+    ((_, attitude),) = feed(reader, sentence("HCHDM,100.0,M"))
+    assert isinstance(attitude, Attitude) and math.degrees(attitude.psi_rad) == pytest.approx(103.0)
+
+
+def test_a_configured_declination_is_not_overruled_for_headings_without_their_own() -> None:
+    reader = codec(1.0)
+    feed(reader, sentence("GPRMC,120000.00,A,4025.422,N,08655.272,W,0.5,10,190126,4.5,W,A"))
+    ((_, attitude),) = feed(reader, sentence("HCHDM,100.0,M"))
+    assert isinstance(attitude, Attitude) and math.degrees(attitude.psi_rad) == pytest.approx(101.0)
+
+
+# --- wind and time ---------------------------------------------------------------------------------------------
+
+
+def test_apparent_and_true_wind_from_the_bow() -> None:
+    assert one("WIMWV,45.0,R,10.0,N,A") == (
+        "MWV",
+        WindSample(t_ns=7, speed_mps=pytest.approx(10.0 * KNOT), from_rad=math.pi / 4),
+    )
+    assert one("WIMWV,90.0,T,36.0,K,A") == (
+        "MWV_T",
+        BowWind(t_ns=7, speed_mps=pytest.approx(10.0), from_rad=math.pi / 2),
+    )
+
+
+@pytest.mark.parametrize(
+    ("body", "vn", "ve"),
+    [
+        ("WIMWD,270.0,T,280.0,M,10.0,N,5.0,M", 0.0, 5.0),  # from the west: blows east
+        ("WIMWD,000.0,T,,M,10.0,N,,M", -10.0 * KNOT, 0.0),
+        ("WIMWD,,T,080.0,M,,N,3.0,M", 0.0, -3.0),  # from magnetic 80, 10 east: from true 90
+    ],
+)
+def test_true_wind_from_the_earth(body: str, vn: float, ve: float) -> None:
+    source, wind = one(body, declination_deg=10.0)
+    assert source == "MWD" and isinstance(wind, TrueWind)
+    assert (wind.vn_mps, wind.ve_mps) == pytest.approx((vn, ve), abs=1e-12)
+
+
+def test_time() -> None:
+    assert one(b"$GPZDA,160012.71,11,03,2004,-1,00*7D\r\n") == (
+        "ZDA",
+        UtcTime(t_ns=7, utc_ns=1_079_020_812_710_000_000),  # date -u -d '2004-03-11 16:00:12.71' +%s.%N
+    )
+
+
+# --- what is refused -------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("body", "counter"),
+    [
+        ("GPGGA,1,4025.422,N,08655.272,W,0,00,,,M,,M,,", "invalid"),  # no fix
+        ("GPGGA,1,4025.422,N,08655.272,W,6,00,,,M,,M,,", "invalid"),  # dead reckoning
+        ("GPGGA,1,4025.422,N,08655.272,W,8,00,,,M,,M,,", "invalid"),  # simulator
+        ("GPGGA,1,9025.422,N,08655.272,W,1,08,,,M,,M,,", "bad"),  # beyond the pole
+        ("GPGGA,1,4025.422,N,19055.272,W,1,08,,,M,,M,,", "bad"),
+        ("GPGGA,1,4025.422,,08655.272,W,1,08,,,M,,M,,", "bad"),  # no hemisphere
+        ("GPGGA,1,,N,,W,1,08,,,M,,M,,", "bad"),
+        ("GPGGA,1,nan,N,08655.272,W,1,08,,,M,,M,,", "bad"),
+        ("GPGGA,1,4025.422,N", "bad"),  # cut short, with a checksum that fits
+        ("GPRMC,1,V,4025.422,N,08655.272,W,0.5,10,190126,,,A", "invalid"),
+        ("GPRMC,1,A,4025.422,N,08655.272,W,0.5,10,190126,,,N", "invalid"),
+        ("GPRMC,1,A,4025.422,N,08655.272,W,0.5,10,190126,,,E", "invalid"),
+        ("GPRMC,1,A,4025.422,N,08655.272,W,inf,10,190126,,,A", "bad"),
+        ("GPVTG,090.0,T,,M,3.0,N,,K,N", "invalid"),
+        ("GPVTG,,T,,M,3.0,N,,K,A", "invalid"),  # under way, whereto is not known
+        ("GPHDT,,T", "invalid"),
+        ("GPHDT,nan,T", "bad"),
+        ("GPHDT,100.0,M", "bad"),  # a magnetic heading where a true one belongs
+        ("HCHDT,720.5,T", "bad"),
+        ("HCHDM,100.0,T", "bad"),
+        ("GPVTG,090.0,X,,M,3.0,N,,K,A", "bad"),
+        ("GPVTG,090.0,T,,M,3.0,K,,K,A", "bad"),
+        ("WIMWD,270.0,X,,,10.0,N,5.0,M", "bad"),
+        ("WIMWD,270.0,T,,M,,N,5.0,N", "bad"),
+        ("HCHDG,100.0,,,,", "invalid"),  # magnetic, and no variation known
+        ("HCHDG,100.0,,,10.0,X", "bad"),
+        ("HCHDM,100.0,M", "invalid"),
+        ("WIMWD,,T,080.0,M,,N,3.0,M", "invalid"),
+        ("WIMWD,10.0,T,,M,,N,,M", "invalid"),
+        ("WIMWD,10.0,T,,M,,N,-3.0,M", "invalid"),
+        ("WIMWV,10.0,Q,3.0,M,A", "ignored"),
+        ("GPZDA,,11,03,2004,00,00", "invalid"),
+        ("GPZDA,160012.71,31,02,2004,00,00", "bad"),  # there is no such day
+        ("GPGSV,1,1,00", "ignored"),
+        ("PGRME,15.0,M,45.0,M,25.0,M", "ignored"),
+    ],
+)
+def test_what_gives_nothing_is_counted(body: str, counter: str) -> None:
+    reader = codec()
+    assert feed(reader, sentence(body)) == []
+    counts = dict(reader.counters())
+    assert counts[f"gnss.{counter}"] == 1, counts
+    assert counts["gnss.bad"] + counts["gnss.sentences"] == 1
+
+
+@pytest.mark.parametrize("data", [b"$GPHDT,274.07,T*04\r\n", b"$GPHDT,274.07,T*\r\n", b"$GPHDT,274.07,T\r\n"])
+def test_without_a_right_checksum_nothing_is_taken(data: bytes) -> None:
+    reader = codec()
+    assert (
+        feed(reader, data) == [] and dict(reader.counters())["gnss.bad"] + dict(reader.counters())["gnss.ignored"] == 1
+    )
+
+
+def test_sentences_that_nobody_wants_are_ignored() -> None:
+    reader = NmeaCodec("gnss", {"HDT"})
+    assert [source for source, _ in feed(reader, sentence("GPHDT,1.0,T") + sentence("WIMWV,10,R,3,M,A"))] == ["HDT"]
+    assert dict(reader.counters())["gnss.ignored"] == 1
+
+
+def test_split_at_every_byte_gives_the_same() -> None:
+    data = sentence("GPHDT,1.0,T") + sentence("GPGGA,1,4025.422,N,08655.272,W,1,08,,,M,,M,,") + sentence("XXHDT,2,T")
+    whole = str(feed(codec(), data))
+    for cut in range(len(data)):
+        reader = codec()
+        assert str(feed(reader, data[:cut]) + feed(reader, data[cut:])) == whole

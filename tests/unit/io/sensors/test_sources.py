@@ -1,0 +1,282 @@
+"""The choice among sources: priority, fail-over, return, one never mixed with another; and what the config refuses."""
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from asvhil.config import Config, SourceConfig, config_from_json, load_config
+from asvhil.errors import ConfigError
+from asvhil.io.sensors.sources import Choice, SourceSelector
+from asvhil.types import Attitude, BowWind, FrontseatStatus, GnssFix, Imu, Measurement, TrueWind, UtcTime, WindSample
+
+S = 1_000_000_000
+MS = 1_000_000
+NAN = math.nan
+
+
+def source(name: str, timeout_s: float = 1.0) -> SourceConfig:
+    link, message = name.split(".")
+    return SourceConfig(link=link, message=message, timeout_s=timeout_s)  # type: ignore[arg-type]
+
+
+A, B, C = "ins.BINARY", "autopilot.GPS_RAW_INT", "gnss.RMC"
+
+
+def choice(*names: str, timeout_s: float = 1.0, return_after_s: float = 5.0) -> Choice:
+    return Choice(tuple(source(name, timeout_s) for name in names), return_after_s)
+
+
+def test_a_source_alone_is_always_the_one() -> None:
+    only = choice(A)
+    assert all(only.offer(t_s * S, A) for t_s in (0, 1, 50, 3600))
+    assert not only.offer(3600 * S, B)
+
+
+def test_the_first_that_speaks_is_used_until_a_better_one_has_been_heard_for_the_return_time() -> None:
+    two = choice(A, B)
+    assert two.current(0) == "" and two.offer(0, B)
+    for tenth in range(1, 100):
+        t_ns = tenth * S // 10
+        used_a, used_b = two.offer(t_ns, A), two.offer(t_ns, B)
+        assert used_a != used_b
+        assert used_a is (t_ns >= 5 * S + S // 10), t_ns
+
+
+def test_a_silent_source_loses_after_its_time_out_and_wins_back_after_the_return_time() -> None:
+    two = choice(A, B, timeout_s=0.5)
+    seen = []
+    for tick in range(400):  # 20 Hz: A is silent from 2 s to 6 s
+        t_ns = tick * 50 * MS
+        if not 2 * S <= t_ns < 6 * S:
+            two.offer(t_ns, A)
+        two.offer(t_ns, B)
+        if not seen or seen[-1][1] != two.current(t_ns):
+            seen.append((t_ns / S, two.current(t_ns)))
+    assert seen == [(0.0, A), (2.5, B), (11.0, A)]  # last heard 1.95, 0.5 s later gone; 6.0 and 5 s
+
+
+def test_a_break_starts_the_return_time_again() -> None:
+    two = choice(A, B, timeout_s=0.3)
+    two.offer(0, B)
+    for tick in range(1, 300):
+        t_ns = tick * 50 * MS
+        if t_ns % (4 * S) >= S:  # A fails for a second in every four
+            assert not two.offer(t_ns, A)
+        two.offer(t_ns, B)
+
+
+def test_when_all_are_silent_none_is_in_use_and_the_best_that_comes_back_is_taken() -> None:
+    three = choice(A, B, C)
+    for name in (C, B, A):
+        three.offer(0, name)
+    assert three.current(2 * S) == ""
+    assert three.offer(3 * S, C)  # the first to speak
+    assert not three.offer(3 * S, B) and three.current(3 * S) == C
+
+
+def test_fail_over_goes_to_the_best_of_those_alive() -> None:
+    three = choice(A, B, C)
+    three.offer(0, A)
+    for t_ns in range(0, 2 * S, S // 10):
+        three.offer(t_ns, C)
+        three.offer(t_ns, B)
+    assert three.current(2 * S) == B
+
+
+events = st.lists(st.tuples(st.integers(1, 2 * S), st.sampled_from([A, B, C])), max_size=80)
+
+
+@given(events)
+def test_whatever_happens_the_one_in_use_is_alive_and_only_it_is_taken(history: list[tuple[int, str]]) -> None:
+    three = choice(A, B, C)
+    heard: dict[str, int] = {}
+    t_ns = 0
+    for step_ns, name in history:
+        t_ns += step_ns
+        taken = three.offer(t_ns, name)
+        heard[name] = t_ns
+        using = three.current(t_ns)
+        assert taken is (using == name)
+        assert using and t_ns - heard[using] <= S  # someone was heard just now, so someone is in use
+
+
+# --- measurements ----------------------------------------------------------------------------------------------
+
+
+def selector(**lists: list[str]) -> SourceSelector:
+    quantities = ("position", "velocity", "heading", "yaw_rate", "acceleration", "wind")
+    return SourceSelector(
+        {quantity: tuple(source(name) for name in lists.get(quantity, [])) for quantity in quantities},  # type: ignore[misc]
+        5.0,
+    )
+
+
+def pick(chooser: SourceSelector, name: str, m: Measurement) -> list[Measurement]:
+    return chooser.select(*name.split("."), m)
+
+
+FIX = GnssFix(t_ns=0, lat_deg=1.0, lon_deg=2.0, vn_mps=3.0, ve_mps=4.0, h_acc_m=0.5)
+ATTITUDE = Attitude(t_ns=0, psi_rad=1.0, r_radps=0.1)
+IMU = Imu(t_ns=0, ax_mps2=0.1, ay_mps2=0.2, r_radps=0.3)
+
+
+def test_what_is_used_whole_passes_as_it_is() -> None:
+    chooser = selector(position=[A], velocity=[A], heading=[A], yaw_rate=[A])
+    assert pick(chooser, A, FIX)[0] is FIX and pick(chooser, A, ATTITUDE)[0] is ATTITUDE
+    assert pick(chooser, B, FIX) == pick(chooser, B, ATTITUDE) == []
+
+
+def test_position_and_velocity_of_two_receivers_are_kept_apart() -> None:
+    chooser = selector(position=[A], velocity=[B])
+    (place,) = pick(chooser, A, FIX)
+    (motion,) = pick(chooser, B, FIX)
+    assert isinstance(place, GnssFix) and isinstance(motion, GnssFix)
+    assert (place.lat_deg, place.lon_deg) == (1.0, 2.0) and math.isnan(place.vn_mps) and math.isnan(place.ve_mps)
+    assert (motion.vn_mps, motion.ve_mps) == (3.0, 4.0) and math.isnan(motion.lat_deg) and math.isnan(motion.lon_deg)
+
+
+def test_heading_and_yaw_rate_of_two_sensors_are_kept_apart() -> None:
+    chooser = selector(heading=["gnss.HDG"], yaw_rate=["autopilot.RAW_IMU"], acceleration=["autopilot.RAW_IMU"])
+    (heading,) = pick(chooser, "gnss.HDG", ATTITUDE)
+    assert isinstance(heading, Attitude) and heading.psi_rad == 1.0 and math.isnan(heading.r_radps)
+    rate, force = pick(chooser, "autopilot.RAW_IMU", IMU)
+    assert isinstance(rate, Attitude) and math.isnan(rate.psi_rad) and rate.r_radps == 0.3
+    assert force is IMU
+
+
+@pytest.mark.parametrize(
+    "m",
+    [
+        GnssFix(t_ns=9, lat_deg=NAN, lon_deg=2.0, vn_mps=NAN, ve_mps=4.0, h_acc_m=0.5),
+        Attitude(t_ns=9, psi_rad=math.inf, r_radps=NAN),
+        Imu(t_ns=9, ax_mps2=NAN, ay_mps2=0.0, r_radps=NAN),
+    ],
+)
+def test_what_is_not_valid_is_silence(m: Measurement) -> None:
+    chooser = selector(position=[A], velocity=[A], heading=[A], yaw_rate=[A], acceleration=[A])
+    assert pick(chooser, A, m) == []
+    assert all(name == "" for _, name in chooser.current(9))
+
+
+@pytest.mark.parametrize(
+    "m",
+    [
+        WindSample(t_ns=0, speed_mps=1.0, from_rad=0.0),
+        BowWind(t_ns=0, speed_mps=1.0, from_rad=0.0),
+        TrueWind(t_ns=0, vn_mps=1.0, ve_mps=0.0),
+    ],
+)
+def test_every_kind_of_wind_has_its_source(m: Measurement) -> None:
+    chooser = selector(wind=["gnss.MWD"])
+    assert pick(chooser, "gnss.MWD", m) == [m] and pick(chooser, "anemometer.MWV", m) == []
+
+
+def test_what_no_sensor_says_passes_and_time_does_not() -> None:
+    status = FrontseatStatus(t_ns=0, armed=True, mode="MANUAL", ready=True, rc_us=(), outputs_us=())
+    assert pick(selector(), "autopilot.HEARTBEAT", status) == [status]
+    assert pick(selector(), "gnss.ZDA", UtcTime(t_ns=0, utc_ns=1)) == []
+
+
+def test_switches_are_told_once_and_only_where_there_is_a_choice() -> None:
+    chooser = selector(position=[A, B], velocity=[A])
+    pick(chooser, B, FIX)
+    pick(chooser, A, FIX)
+    assert [(s.quantity, s.before, s.after) for s in chooser.switches(0)] == [("position", "", B)]
+    assert chooser.switches(S // 2) == []
+    assert [(s.quantity, s.before, s.after) for s in chooser.switches(3 * S)] == [("position", B, "")]
+
+
+# --- config ----------------------------------------------------------------------------------------------------
+
+
+def config(*overrides: str) -> Config:
+    return load_config("sitl-vn300", overrides)
+
+
+def test_the_defaults_are_what_the_links_give() -> None:
+    plain = load_config("sitl")
+    names = {q: [s.name for s in list_] for q, list_ in plain.sources.resolved(plain.links).items()}
+    assert names["position"] == names["velocity"] == ["autopilot.GLOBAL_POSITION_INT"]
+    assert names["heading"] == names["yaw_rate"] == ["autopilot.ATTITUDE"] and names["wind"] == ["anemometer.MWV"]
+    raw = load_config("sitl", ("links.autopilot.position_source=GPS_RAW_INT",))
+    assert [s.name for s in raw.sources.resolved(raw.links)["position"]] == ["autopilot.GPS_RAW_INT"]
+
+
+def test_a_word_and_a_mapping_are_the_same_and_survive_the_log() -> None:
+    word, mapping = config("sources.wind=[anemometer.MWV]"), config("sources.wind=[{link: anemometer, message: MWV}]")
+    assert word == mapping == config_from_json(word.canonical_json(), "log")
+
+
+@pytest.mark.parametrize(
+    ("override", "words"),
+    [
+        ("sources.position=[gnss.RMC]", "sources.position.0: gnss.RMC: there is no links.gnss"),
+        ("sources.heading=[ins.GNSS1]", "ins.GNSS1 gives no heading; of links.ins can: BINARY, VNINS"),
+        ("sources.wind=[ins.BINARY]", "ins.BINARY gives no wind; of links.ins can: nothing"),
+        ("sources.wind=[autopilot.WIND]", "give links.autopilot.streams_hz.WIND a rate"),
+        ("sources.position=[autopilot.GPS_RAW_INT]", "comes at 1 Hz: timeout_s of at least 2"),
+        ("sources.heading=[ins.BINARY, ins.BINARY]", "sources.heading.1: ins.BINARY stands in the list twice"),
+        ("sources.heading=[HDT]", "a source is LINK.MESSAGE"),
+        ("sources.heading=[radar.HDT]", "key sources.heading.0.link"),
+        ("sources.heading=[{link: ins, message: VNINS, timeout_s: 0}]", "key sources.heading.0.timeout_s"),
+        ("sources.headings=[]", "unknown key, did you mean heading?"),
+        ("links.ins.endpoint=serial:x", "key links.ins.endpoint"),
+        ("sources.return_after_s=-1", "key sources.return_after_s"),
+    ],
+)
+def test_wrong_sources_are_one_line_that_names_the_key(override: str, words: str) -> None:
+    with pytest.raises(ConfigError) as caught:
+        config(override)
+    assert words in str(caught.value) and "\n" not in str(caught.value)
+
+
+def test_a_reading_goes_on_with_the_time_and_the_place_at_which_it_holds() -> None:
+    late = SourceConfig(link="gnss", message="RMC", delay_s=0.2, arm_m=(1.5, -0.4))
+    compass = SourceConfig(link="gnss", message="HDG", delay_s=0.05)
+    imu = SourceConfig(link="autopilot", message="RAW_IMU", arm_m=(-1.0, 0.0))
+    selector = SourceSelector(
+        {"position": (late,), "velocity": (late,), "heading": (compass,), "yaw_rate": (imu,), "acceleration": (imu,)},
+        0.0,
+    )
+    (fix,) = selector.select(
+        "gnss", "RMC", GnssFix(t_ns=S, lat_deg=1.0, lon_deg=2.0, vn_mps=0.1, ve_mps=0.2, h_acc_m=0)
+    )
+    assert isinstance(fix, GnssFix) and (fix.t_ns, fix.arm_m) == (800 * MS, (1.5, -0.4))
+    (turn,) = selector.select("gnss", "HDG", Attitude(t_ns=S, psi_rad=1.0, r_radps=NAN))
+    assert turn.t_ns == 950 * MS
+    rate, force = selector.select("autopilot", "RAW_IMU", Imu(t_ns=S, ax_mps2=0.1, ay_mps2=0.2, r_radps=0.3))
+    assert isinstance(force, Imu) and (rate.t_ns, force.t_ns, force.arm_m) == (S, S, (-1.0, 0.0))
+
+
+@pytest.mark.parametrize(
+    ("overrides", "message"),
+    [
+        (
+            ("sources.position=[{link: autopilot, message: GLOBAL_POSITION_INT, delay_s: 2}]",),
+            "sources.position.0: autopilot.GLOBAL_POSITION_INT: delay_s must not be above estimator.ekf.history_s",
+        ),
+        (
+            (
+                "sources.position=[{link: autopilot, message: GLOBAL_POSITION_INT, arm_m: [1, 0]}]",
+                "sources.velocity=[autopilot.GLOBAL_POSITION_INT]",
+            ),
+            "sources.velocity.0: autopilot.GLOBAL_POSITION_INT must have the delay_s and arm_m that it has",
+        ),
+        (
+            (
+                "sources.position=[{link: autopilot, message: GLOBAL_POSITION_INT, delay_s: 0.8}]",
+                "estimator.ekf.stale_after_s=0.8",
+            ),
+            "sources.position.0: autopilot.GLOBAL_POSITION_INT: delay_s must be below estimator.ekf.stale_after_s",
+        ),
+        (
+            ("sources.wind=[{link: anemometer, message: MWV, delay_s: 0.1}]",),
+            "sources.wind.0: anemometer.MWV: wind is taken as of its arrival; leave delay_s out",
+        ),
+    ],
+)
+def test_delays_and_places_that_cannot_be_are_refused(overrides: tuple[str, ...], message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
+        load_config("sitl", overrides)

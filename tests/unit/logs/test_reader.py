@@ -1,0 +1,252 @@
+from __future__ import annotations
+
+import struct
+from pathlib import Path
+
+import pytest
+from mcap.reader import make_reader
+from mcap.writer import CompressionType, Writer
+
+from asvhil.errors import LogError
+from asvhil.logs.reader import LogFile
+from asvhil.types import Inputs
+from tests.support.log_samples import METADATA, make_recorder, record_ticks, sample_inputs
+
+TICKS = 160
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> bytes:
+    """A log of several chunks."""
+    path = tmp_path_factory.mktemp("log") / "whole.mcap"
+    recorder = make_recorder(path)
+    record_ticks(recorder, range(TICKS))
+    recorder.close()
+    return path.read_bytes()
+
+
+def chunk_spans(data: bytes) -> list[tuple[int, int]]:
+    """(offset, end) of each chunk, by a walk of its own over opcodes and lengths."""
+    spans, offset = [], 8
+    while offset < len(data) - 8:
+        opcode, length = struct.unpack_from("<BQ", data, offset)
+        if opcode == 0x06:
+            spans.append((offset, offset + 9 + length))
+        offset += 9 + length
+    return spans
+
+
+def metadata_end(data: bytes) -> int:
+    ends, offset = [], 8
+    while offset < len(data) - 8:
+        opcode, length = struct.unpack_from("<BQ", data, offset)
+        offset += 9 + length
+        if opcode == 0x0C:
+            ends.append(offset)
+    return ends[-1]
+
+
+def read_all(log: LogFile) -> list[Inputs]:
+    return [inputs for inputs, _ in log.ticks()]
+
+
+def ticks_by_chunk(path: Path, spans: list[tuple[int, int]]) -> list[int]:
+    """How many tick markers there are up to the end of each chunk, by the mcap package's own reader."""
+    counts = [0] * len(spans)
+    with path.open("rb") as file:
+        reader = make_reader(file)
+        summary = reader.get_summary()
+        assert summary is not None
+        assert [index.chunk_start_offset for index in summary.chunk_indexes] == [start for start, _ in spans]
+        for _, _, message in reader.iter_messages("/asvhil/inputs", log_time_order=False):
+            t_ns = message.log_time
+            first = next(i for i, c in enumerate(summary.chunk_indexes) if c.message_end_time >= t_ns)
+            for i in range(first, len(spans)):
+                counts[i] += 1
+    return counts
+
+
+def test_cut_at_any_byte_gives_all_intact_ticks(whole: bytes, tmp_path: Path) -> None:
+    path = tmp_path / "cut.mcap"
+    path.write_bytes(whole)
+    spans = chunk_spans(whole)
+    assert len(spans) >= 5
+    marks = ticks_by_chunk(path, spans)
+    assert marks[-1] == TICKS
+    expected = [sample_inputs(tick, tick % 4) for tick in range(TICKS)]
+    ready = metadata_end(whole)
+    borders = {border + by for span in spans for border in span for by in (-1, 0, 1)}
+    sizes = sorted(borders | {*range(0, ready + 2), *range(0, len(whole), 997), len(whole) - 1})
+    for size in sizes:
+        path.write_bytes(whole[:size])
+        if size < ready:
+            with pytest.raises(LogError, match=r"cut\.mcap: not a log") as caught:
+                LogFile(path)
+            assert "\n" not in str(caught.value)
+            continue
+        log = LogFile(path)
+        assert log.truncated, size
+        assert str(size) in str(log.damage)
+        intact = sum(end <= size for _, end in spans)
+        ticks = read_all(log)
+        assert ticks == expected[: len(ticks)], size
+        assert len(ticks) == (marks[intact - 1] if intact else 0), size
+    path.write_bytes(whole)
+    assert not LogFile(path).truncated
+    assert read_all(LogFile(path)) == expected
+
+
+@pytest.mark.parametrize("at", [0.0, 0.3, 0.999])
+def test_damage_in_the_middle_is_told_with_its_offset(whole: bytes, tmp_path: Path, at: float) -> None:
+    path = tmp_path / "bad.mcap"
+    spans = chunk_spans(whole)
+    start, end = spans[2]
+    data = bytearray(whole)
+    position = start + 9 + 44 + int(at * (end - start - 9 - 45))  # in the packed bytes, behind the chunk's header
+    data[position] ^= 0x40
+    path.write_bytes(data)
+    log = LogFile(path)
+    assert not log.truncated
+    read = []
+    with pytest.raises(LogError, match=rf"bad\.mcap: chunk at byte {start}: "):
+        for inputs, _ in log.ticks():
+            read.append(inputs)
+    assert read == [sample_inputs(tick, tick % 4) for tick in range(len(read))]
+    assert len(read) > 0
+    for iterator in (log.frames("autopilot", "in"), log.timing()):
+        with pytest.raises(LogError, match=rf"byte {start}"):
+            list(iterator)
+
+
+def test_a_damaged_tail_is_left_out(whole: bytes, tmp_path: Path) -> None:
+    """As after a power cut: the length of the last chunks is there, their content is not."""
+    path = tmp_path / "tail.mcap"
+    spans = chunk_spans(whole)
+    start, end = spans[-2]
+    path.write_bytes(whole[: start + 100] + bytes(end - start - 100) + bytes(5000))
+    log = LogFile(path)
+    assert log.truncated
+    assert f"byte {start}" in str(log.damage)
+    ticks = read_all(log)
+    path.write_bytes(whole[:start])
+    assert ticks == read_all(LogFile(path))
+
+
+def test_a_hole_in_a_file_that_has_its_end(whole: bytes, tmp_path: Path) -> None:
+    path = tmp_path / "hole.mcap"
+    spans = chunk_spans(whole)
+    start = spans[3][0]
+    path.write_bytes(whole[:start] + bytes(50) + whole[start + 50 :])
+    log = LogFile(path)
+    assert not log.truncated
+    read = []
+    with pytest.raises(LogError, match=rf"hole\.mcap: damaged at byte {start}"):
+        for inputs, _ in log.ticks():
+            read.append(inputs)
+    assert len(read) > 0
+
+
+def test_any_flipped_byte_raises_nothing_but_log_error(whole: bytes, tmp_path: Path) -> None:
+    path = tmp_path / "flip.mcap"
+    for position in range(0, len(whole), 211):
+        data = bytearray(whole)
+        data[position] ^= 0xFF
+        path.write_bytes(data)
+        try:
+            log = LogFile(path)
+            count = sum(1 for _ in log.ticks())
+        except LogError as error:
+            assert str(path) in str(error) and "\n" not in str(error)
+        else:
+            assert count == TICKS or log.truncated
+
+
+def test_a_chunk_that_has_lost_its_name_is_missed(whole: bytes, tmp_path: Path) -> None:
+    """A flipped bit in the opcode makes another kind of record of a chunk, even of the last."""
+    path = tmp_path / "opcode.mcap"
+    for start, _ in chunk_spans(whole):
+        for bit in range(8):
+            data = bytearray(whole)
+            data[start] ^= 1 << bit
+            path.write_bytes(data)
+            with pytest.raises(LogError, match=r"opcode\.mcap: "):
+                list(LogFile(path).ticks())
+
+
+def test_a_metadata_record_that_has_lost_its_name_is_missed(whole: bytes, tmp_path: Path) -> None:
+    path = tmp_path / "meta.mcap"
+    start = whole.index(b"\x0c", 30)
+    assert whole[start + 9 + 4 :].startswith(b"config")
+    path.write_bytes(whole[:start] + b"\x0d" + whole[start + 1 :])
+    with pytest.raises(LogError, match="2 of 3 metadata records"):
+        LogFile(path)
+
+
+@pytest.mark.parametrize("told_bytes", [2**62, 1000])
+def test_a_length_of_exabytes_asks_for_no_memory(whole: bytes, tmp_path: Path, told_bytes: int) -> None:
+    """A zstd frame that says it holds 2^62 bytes, in a chunk that says the same, or less."""
+    path = tmp_path / "long.mcap"
+    start, end = chunk_spans(whole)[1]
+    packed = bytes.fromhex("28b52ffd e0") + struct.pack("<Q", 2**62) + bytes.fromhex("010000")
+    content = struct.pack("<QQQII", 0, 0, told_bytes, 1, 4) + b"zstd" + struct.pack("<Q", len(packed)) + packed
+    path.write_bytes(whole[:start] + struct.pack("<BQ", 0x06, len(content)) + content + whole[end:])
+    with pytest.raises(LogError, match=rf"byte {start}: damaged"):
+        list(LogFile(path).ticks())
+
+
+@pytest.mark.parametrize("content", [b"", b"\x89MCAP0\r\n", b"hello, world", b"\x00" * 1000])
+def test_what_is_no_log(tmp_path: Path, content: bytes) -> None:
+    path = tmp_path / "other.bin"
+    path.write_bytes(content)
+    with pytest.raises(LogError, match=r"other\.bin: not a log.*byte \d"):
+        LogFile(path)
+
+
+def test_a_log_of_another_program(tmp_path: Path) -> None:
+    path = tmp_path / "ros.mcap"
+    writer = Writer(str(path))
+    writer.start(profile="ros2")
+    writer.finish()
+    with pytest.raises(LogError, match="profile 'ros2', not 'asvhil'"):
+        LogFile(path)
+
+
+def test_a_log_of_another_layout(whole: bytes, tmp_path: Path) -> None:
+    path = tmp_path / "new.mcap"
+    entry = struct.pack("<I", 6) + b"layout" + struct.pack("<I", 1)
+    assert entry + b"1" in whole
+    path.write_bytes(whole.replace(entry + b"1", entry + b"9"))
+    with pytest.raises(LogError, match="layout is '9', and this asvhil reads '1'"):
+        LogFile(path)
+
+
+def test_missing_files_and_folders(tmp_path: Path) -> None:
+    with pytest.raises(LogError, match="No such file"):
+        LogFile(tmp_path / "none.mcap")
+    with pytest.raises(LogError, match="cannot be read"):
+        LogFile(tmp_path)
+
+
+def test_uncompressed_chunks_are_read_too(whole: bytes, tmp_path: Path) -> None:
+    """A log that another tool has unpacked, with the channels where that tool puts them."""
+    source, target = tmp_path / "a.mcap", tmp_path / "b.mcap"
+    source.write_bytes(whole)
+    writer = Writer(str(target), compression=CompressionType.NONE)
+    writer.start(profile="asvhil")
+    with source.open("rb") as file:
+        reader = make_reader(file)
+        for item in reader.iter_metadata():
+            writer.add_metadata(item.name, item.metadata)
+        channels: dict[int, int] = {}
+        for _, channel, message in reader.iter_messages(log_time_order=False):
+            if channel.id not in channels:
+                channels[channel.id] = writer.register_channel(
+                    channel.topic, channel.message_encoding, 0, channel.metadata
+                )
+            writer.add_message(
+                channels[channel.id], message.log_time, message.data, message.publish_time, message.sequence
+            )
+    writer.finish()
+    log = LogFile(target)
+    assert log.metadata == METADATA
+    assert list(log.ticks()) == list(LogFile(source).ticks())

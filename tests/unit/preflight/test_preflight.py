@@ -1,0 +1,306 @@
+"""`asvhil check` against the simulated vehicle in virtual time: each mistake is found, named, mended, and gone."""
+
+from collections.abc import Collection
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from asvhil.config import load_config
+from asvhil.io.mavlink.frames import FrameSplitter, decode, dialect, message_id
+from asvhil.preflight import computer
+from asvhil.preflight.checks import Check, Result, as_json, checks_of, folded, worst
+from asvhil.preflight.computer import computer_checks
+from asvhil.preflight.survey import Survey
+from asvhil.simplant.lockstep import EPOCH_NS
+from asvhil.simplant.plant import Plant
+from asvhil.types import Frame, Inputs
+
+TICK_NS = 50_000_000
+S = 1_000_000_000
+
+# A wrong value for each parameter that can be mended, by firmware.
+WRONG: dict[str, float] = {
+    "SYSID_MYGCS": 255,
+    "RC_OPTIONS": 34,
+    "RC_OVERRIDE_TIME": 0,
+    "PILOT_STEER_TYPE": 0,
+    "MOT_SLEWRATE": 100,
+    "MOT_THR_MIN": 5,
+    "MOT_THST_EXPO": 0.4,
+    "RCMAP_ROLL": 2,
+    "RCMAP_THROTTLE": 2,
+    "FS_THR_ENABLE": 0,
+    "FS_ACTION": 0,
+    "FS_GCS_ENABLE": 1,
+    "FS_GCS_TIMEOUT": 60,
+    "ARMING_CHECK": 0,
+    **{
+        f"{name}{n}_{part}": value
+        for n in (1, 3)
+        for name, part, value in (
+            ("SERVO", "FUNCTION", 0),
+            ("SERVO", "REVERSED", 1),
+            ("SERVO", "TRIM", 1480),
+            ("SERVO", "MIN", 1200),
+            ("SERVO", "MAX", 1800),
+            ("RC", "DZ", 30),
+            ("RC", "REVERSED", 1),
+            ("RC", "TRIM", 1520),
+            ("RC", "MIN", 1100),
+            ("RC", "MAX", 1900),
+        )
+    },
+}
+ONLY_WARNS = {"FS_GCS_ENABLE", "FS_GCS_TIMEOUT", "ARMING_CHECK", "ARMING_SKIPCHK"}
+
+
+class Dock:
+    """A simulated vehicle and a survey on one virtual clock; all that the survey says is kept."""
+
+    def __init__(self, *overrides: str, config: str = "sitl", lost: Collection[str] = (), dead: str = "") -> None:
+        self.config = load_config(config, overrides)
+        self.plant = Plant(self.config, EPOCH_NS)
+        self.t_ns = EPOCH_NS
+        self.said: list[dialect.MAVLink_message] = []
+        self._lost = {getattr(dialect, f"MAVLINK_MSG_ID_{name}") for name in lost}
+        self._dead = dead
+        self.survey = Survey(self.config)
+
+    def run(self, seconds: float) -> None:
+        for _ in range(round(seconds * S / TICK_NS)):
+            self.t_ns += TICK_NS
+            frames = [f for f in self.plant.advance(self.t_ns) if f.port != self._dead and not self._is_lost(f)]
+            for frame in self.survey.step(Inputs(t_ns=self.t_ns, frames=tuple(frames))):
+                if frame.port == "autopilot":
+                    self.said += [m for d in FrameSplitter().feed(frame.data) if (m := decode(d)) is not None]
+                self.plant.receive(frame)
+
+    def _is_lost(self, frame: Frame) -> bool:
+        return frame.port == "autopilot" and message_id(frame.data) in self._lost
+
+    def look(self) -> list[Check]:
+        """A survey from the first heartbeat to the end: what it made of the vehicle."""
+        self.survey = Survey(self.config)
+        self.run(25.0)
+        assert self.survey.stage == "done"
+        return checks_of(self.survey)
+
+
+def bad(checks: list[Check]) -> dict[str, Result]:
+    """What did not pass; a simulated vehicle has no date, so the clock of this computer is left out."""
+    return {c.item: c.result for c in checks if c.result is not Result.PASS and c.item != "clock of this computer"}
+
+
+def of(checks: list[Check], item: str) -> Check:
+    (found,) = [check for check in checks if check.item == item]
+    return found
+
+
+@pytest.mark.parametrize("firmware", ["4.6", "4.7"])
+def test_a_vehicle_that_is_set_right_passes(firmware: str) -> None:
+    dock = Dock(f"plant.frontseat.firmware='{firmware}'")
+    checks = dock.look()
+    assert bad(checks) == {}
+    assert of(checks, "firmware").found == {"4.6": "4.6.3", "4.7": "4.7.0"}[firmware]
+    assert of(checks, "heartbeat").found == "ArduPilot, boat"
+    assert of(checks, "TIMESYNC").found.startswith("round trip ")
+    assert of(checks, "wind: anemometer.MWV").found.startswith("5.0 Hz, last 0.")
+    assert {c.item for c in checks if c.section == "rates"} == set(dock.config.links.autopilot.streams_hz)
+    assert sum(c.section == "parameters" for c in checks) >= 35
+    assert [c.item for c in folded(checks) if c.section == "parameters"] == [
+        f"all {sum(c.section == 'parameters' for c in checks)}"
+    ]
+
+
+@pytest.mark.parametrize("name", [*WRONG, "MAV_GCS_SYSID", "ARMING_SKIPCHK"])
+def test_each_wrong_parameter_is_found_and_named_mended_and_passes_the_second_time(name: str) -> None:
+    newer = name in ("MAV_GCS_SYSID", "ARMING_SKIPCHK")
+    value = {"MAV_GCS_SYSID": 255.0, "ARMING_SKIPCHK": -1.0}[name] if newer else WRONG[name]
+    dock = Dock(
+        f"plant.frontseat.parameters={{{name}: {value}}}", f"plant.frontseat.firmware='{'4.7' if newer else '4.6'}'"
+    )
+    first = dock.look()
+    result = Result.WARN if name in ONLY_WARNS else Result.FAIL
+    found = bad(first)
+    assert found.pop(name) is result
+    follows = name.replace("SERVO", "RC")  # the stick's travel must go with the output's
+    assert set(found) <= {follows}
+    check = of(first, name)
+    assert check.found == f"{value:g}" and check.wanted and "--fix" in check.todo
+    assert worst(first) is result
+    written = dock.survey.fix()
+    assert {f.name for f in written} == {name, *found}
+    dock.run(2.0)
+    assert not dock.survey.fixing and not dock.survey.link.parameters.unwritten
+    assert bad(checks_of(dock.survey)) == {}
+    assert bad(dock.look()) == {}, "the second run"
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("PWM_MAIN_FUNC1", 101),
+        ("PWM_MAIN_FUNC3", 0),
+        ("PWM_MAIN_MIN3", 1000),
+        ("PWM_MAIN_MAX1", 2000),
+        ("PWM_MAIN_DIS3", 1000),
+        ("COM_OBL_RC_ACT", 0),
+        ("COM_OF_LOSS_T", 10.0),
+    ],
+)
+def test_each_wrong_parameter_of_a_px4_too(name: str, value: float) -> None:
+    dock = Dock(f"plant.frontseat.parameters={{{name}: {value}}}", config="sitl-px4")
+    assert bad(dock.look()) == {name: Result.FAIL}
+    assert {finding.name for finding in dock.survey.fix()} == {name}
+    dock.run(2.0)
+    assert bad(dock.look()) == {}, "the second run"
+
+
+def test_all_wrong_at_once_are_mended_at_once() -> None:
+    values = ", ".join(f"{name}: {value}" for name, value in WRONG.items())
+    dock = Dock(f"plant.frontseat.parameters={{{values}}}")
+    ends = {f"RC{n}_{end}" for n in (1, 3) for end in ("MIN", "MAX")}  # as their outputs' will be, once mended
+    assert set(WRONG) - ends <= set(bad(dock.look()))
+    dock.survey.fix()
+    dock.run(10.0)
+    assert bad(dock.look()) == {}
+
+
+def test_the_safety_switch_is_told_and_left_alone() -> None:
+    dock = Dock("plant.frontseat.parameters={BRD_SAFETY_DEFLT: 1}")
+    checks = dock.look()
+    assert bad(checks) == {"BRD_SAFETY_DEFLT": Result.WARN}
+    assert "until the safety switch is pressed" in of(checks, "BRD_SAFETY_DEFLT").todo
+    assert dock.survey.fix() == []
+
+
+@pytest.mark.parametrize(
+    ("config", "overrides"),
+    [
+        ("sitl", ()),
+        ("sitl", ("links.autopilot.output=set_servo",)),
+        ("sitl", ("links.autopilot.output=manual_control",)),
+        ("sitl", ("supervisor.engage=auto",)),
+        ("sitl-px4", ()),
+    ],
+)
+def test_nothing_that_arms_or_moves_a_motor_is_ever_said(config: str, overrides: tuple[str, ...]) -> None:
+    dock = Dock(*overrides, config=config)
+    dock.look()
+    dock.survey.fix()
+    dock.run(5.0)
+    kinds = {message.get_type() for message in dock.said}
+    assert kinds <= {"HEARTBEAT", "TIMESYNC", "COMMAND_LONG", "PARAM_REQUEST_READ", "PARAM_SET", "REQUEST_DATA_STREAM"}
+    commands = {message.command for message in dock.said if message.get_type() == "COMMAND_LONG"}
+    assert commands <= {dialect.MAV_CMD_SET_MESSAGE_INTERVAL, dialect.MAV_CMD_REQUEST_MESSAGE}
+
+
+def test_nothing_is_written_without_being_asked_to() -> None:
+    dock = Dock("plant.frontseat.mygcs_system_id=255")
+    dock.look()
+    assert all(message.get_type() != "PARAM_SET" for message in dock.said)
+
+
+def test_a_px4_is_looked_over_by_its_own_parameters() -> None:
+    checks = Dock(config="sitl-px4").look()
+    assert worst([c for c in checks if c.section in ("vehicle", "parameters", "sensors")]) is not Result.FAIL
+    assert of(checks, "heartbeat").found == "PX4, boat"
+    assert any(c.item == "COM_OBL_RC_ACT" for c in checks)
+
+
+def test_an_autopilot_of_another_make_fails() -> None:
+    dock = Dock(config="sitl-px4")
+    dock.config = load_config("sitl")
+    check = of(dock.look(), "heartbeat")
+    assert check.result is Result.FAIL and check.found.startswith("autopilot 12")
+
+
+def test_messages_that_do_not_come_or_come_too_slowly_are_named() -> None:
+    checks = Dock(lost=("SERVO_OUTPUT_RAW", "SYSTEM_TIME")).look()
+    assert bad(checks) == {"SERVO_OUTPUT_RAW": Result.FAIL, "SYSTEM_TIME": Result.WARN}
+    assert of(checks, "SERVO_OUTPUT_RAW").found == "0.0 Hz"
+    dock = Dock()
+    count = iter(range(10**9))
+    advance = dock.plant.advance
+
+    def one_of_three(frame: Frame) -> bool:
+        is_attitude = frame.port == "autopilot" and message_id(frame.data) == dialect.MAVLINK_MSG_ID_ATTITUDE
+        return not is_attitude or next(count) % 3 == 0
+
+    dock.plant.advance = lambda t_ns: [f for f in advance(t_ns) if one_of_three(f)]  # type: ignore[method-assign]
+    checks = dock.look()
+    assert bad(checks) == {"ATTITUDE": Result.FAIL} and of(checks, "ATTITUDE").found in ("6.6 Hz", "6.7 Hz", "6.8 Hz")
+
+
+def test_a_sensor_that_is_silent_fails_unless_another_can_take_its_place() -> None:
+    checks = Dock(dead="anemometer").look()
+    assert bad(checks) == {"wind: anemometer.MWV": Result.FAIL}
+    assert "links.anemometer.endpoint" in of(checks, "wind: anemometer.MWV").todo
+    checks = Dock("links.anemometer=null", dead="anemometer").look()
+    assert bad(checks) == {"wind: anemometer.MWV": Result.WARN}
+    both = "sources.heading=[ins.BINARY, autopilot.ATTITUDE]"
+    checks = Dock(both, "sources.position=[ins.BINARY]", config="sitl-vn300", dead="ins").look()
+    assert of(checks, "heading: ins.BINARY").result is Result.WARN
+    assert of(checks, "heading, 2. choice: autopilot.ATTITUDE").result is Result.PASS
+    assert of(checks, "position: ins.BINARY").result is Result.FAIL
+
+
+def test_the_anemometers_firmware_is_checked() -> None:
+    dock = Dock("links.anemometer.firmware=arduino_anemometer")
+    check = of(dock.look(), "anemometer firmware")
+    assert check.result is Result.FAIL and "tells no version" in check.found
+
+
+def test_readiness_transmitter_and_arming_are_warnings() -> None:
+    dock = Dock("plant.frontseat.ready_after_s=300", "plant.frontseat.rc_receiver=false")
+    checks = dock.look()
+    assert of(checks, "position").result is Result.WARN and of(checks, "transmitter").result is Result.WARN
+    dock = Dock()
+    dock.run(5.0)
+    assert dock.plant.frontseat.arm(True)
+    assert of(dock.look(), "state").result is Result.WARN
+
+
+def test_a_link_that_carries_nothing_to_the_autopilot_fails() -> None:
+    dock = Dock()
+    dock.plant.receive = lambda frame: None  # type: ignore[method-assign]
+    checks = dock.look()
+    assert of(checks, "TIMESYNC").result is Result.FAIL
+    assert of(checks, "all").found == "none answered"
+    assert of(checks, "firmware").found == "not told"
+
+
+def test_a_third_of_all_frames_lost_is_no_wrong_parameter() -> None:
+    dock = Dock()
+    count = iter(range(10**9))
+    advance = dock.plant.advance
+    dock.plant.advance = lambda t_ns: [f for f in advance(t_ns) if next(count) % 3]  # type: ignore[method-assign]
+    checks = dock.look()
+    assert not any(c.result is Result.FAIL for c in checks if c.section == "parameters")
+
+
+def test_the_model_must_be_of_this_vehicle_and_step() -> None:
+    model = of(computer_checks(load_config("sitl")), "model")
+    assert model.result is Result.PASS and model.found == "wamv16-nnsem.npz, nnsem of wamv16"
+    for override, words in (
+        ("vehicle.name=dinghy", "dinghy"),
+        ("controller.model=bream-nnsem", "bream"),
+        ("controller.mpc.first_step_s=0.25", "0.25"),
+    ):
+        model = of(computer_checks(load_config("sitl", (override,))), "model")
+        assert model.result is Result.FAIL and words in model.found, override
+    assert of(computer_checks(load_config("sitl", ("controller.name=sd-mpc",))), "model").result is Result.PASS
+
+
+@pytest.mark.parametrize(("free_mb", "result"), [(100, Result.FAIL), (500, Result.WARN), (50_000, Result.PASS)])
+def test_room_for_the_log(free_mb: int, result: Result, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    usage = computer.shutil.disk_usage(tmp_path)
+    monkeypatch.setattr(computer.shutil, "disk_usage", lambda path: usage._replace(free=free_mb * 1_000_000))
+    config = load_config("sitl", (f"recorder.directory={tmp_path / 'not' / 'made' / 'yet'}",))
+    assert of(computer_checks(config), "log space").result is result
+
+
+def test_a_check_in_plain_types() -> None:
+    check = Check(section="rates", item="ATTITUDE", result=Result.WARN, found="9.0 Hz", wanted="20 Hz", todo="x")
+    assert as_json(check)["result"] == "warn" and as_json(replace(check, todo=""))["todo"] == ""

@@ -1,0 +1,215 @@
+"""The runner of studies: what is stored stands, what was cut off is run again, and nothing is left behind."""
+
+import contextlib
+import fcntl
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from asvhil.errors import AsvhilError
+from asvhil.study import runner
+from asvhil.study.runner import Job, run_jobs
+from tests.support.paths import ROOT
+from tests.support.study_jobs import fail_at_three, jobs, square
+
+
+def ran(folder: Path) -> list[int]:
+    file = folder / "ran.txt"
+    return [int(line) for line in file.read_text().split()] if file.exists() else []
+
+
+def squares(finished: runner.Finished) -> list[float]:
+    return [result["square"] for result in finished.results]
+
+
+def test_results_are_in_the_order_of_the_jobs_and_what_is_stored_is_not_run_again(tmp_path):
+    store = tmp_path / "store.jsonl"
+    seen = []
+    first = run_jobs(square, jobs(tmp_path, 5), store, workers=2, tell=seen.append)
+    assert squares(first) == [1.0, 4.0, 9.0, 16.0, 25.0] and first.processes == 2
+    assert os.getpid() not in {result["pid"] for result in first.results}
+    assert [now.done for now in seen] == [0, 1, 2, 3, 4, 5]
+    again = run_jobs(square, jobs(tmp_path, 6), store, workers=0)
+    assert squares(again) == [1.0, 4.0, 9.0, 16.0, 25.0, 36.0]
+    assert sorted(ran(tmp_path)) == [1, 2, 3, 4, 5, 6]
+    assert again.results[:5] == first.results
+
+
+def test_the_same_run_asked_for_twice_is_run_once(tmp_path):
+    finished = run_jobs(square, jobs(tmp_path, 2) + jobs(tmp_path, 2), tmp_path / "store.jsonl", workers=0)
+    assert squares(finished) == [1.0, 4.0, 1.0, 4.0] and ran(tmp_path) == [1, 2]
+
+
+def test_a_line_that_was_cut_off_is_run_again_and_leaves_a_whole_store(tmp_path):
+    store = tmp_path / "store.jsonl"
+    run_jobs(square, jobs(tmp_path, 3), store, workers=0)
+    text = store.read_text()
+    for cut in (2, 20, len(text.splitlines()[-1])):
+        store.write_text(text[:-cut])
+        (tmp_path / "ran.txt").unlink()
+        seen = []
+        finished = run_jobs(square, jobs(tmp_path, 3), store, workers=0, tell=seen.append)
+        assert squares(finished) == [1.0, 4.0, 9.0] and ran(tmp_path) == [3]
+        assert len([json.loads(line) for line in store.read_text().splitlines()]) == 3
+        assert [bool(now.note) for now in seen] == [True, False]
+        assert seen[0].note.startswith(f"{store}: the last line was cut off")
+
+
+def test_a_whole_line_without_its_end_is_kept(tmp_path):
+    store = tmp_path / "store.jsonl"
+    run_jobs(square, jobs(tmp_path, 3), store, workers=0)
+    text = store.read_text()
+    store.write_text(text[:-1])
+    seen = []
+    assert len(run_jobs(square, jobs(tmp_path, 4), store, workers=0, tell=seen.append).results) == 4
+    assert ran(tmp_path) == [1, 2, 3, 4] and store.read_text().startswith(text)
+    assert store.read_text().count("\n") == 4 and not any(now.note for now in seen)
+
+
+def test_a_store_that_is_no_text_is_left_alone_and_named_with_the_byte(tmp_path):
+    store = tmp_path / "store.jsonl"
+    store.write_bytes(b"ab\xff\xfebin\n")
+    with pytest.raises(AsvhilError, match=r"store\.jsonl: byte 2 is no text"):
+        run_jobs(square, jobs(tmp_path, 1), store, workers=0)
+    assert store.read_bytes() == b"ab\xff\xfebin\n"
+
+
+@pytest.mark.parametrize(
+    "line", ["not JSON", "[1, 2]", '{"key": "square 1"}', '{"key": "k", "code": "", "wall_s": "x"}']
+)
+def test_damage_is_named_with_its_line(tmp_path, line):
+    store = tmp_path / "store.jsonl"
+    run_jobs(square, jobs(tmp_path, 1), store, workers=0)
+    with store.open("a") as file:
+        file.write(f"{line}\n")
+    with pytest.raises(AsvhilError, match=r"store\.jsonl: line 2 is not a stored run"):
+        run_jobs(square, jobs(tmp_path, 2), store, workers=0)
+
+
+def test_a_store_in_use_or_out_of_reach_is_one_line(tmp_path):
+    store = tmp_path / "store.jsonl"
+    with store.open("a") as other:
+        fcntl.flock(other, fcntl.LOCK_EX)
+        with pytest.raises(AsvhilError, match="another study is writing to it"):
+            run_jobs(square, jobs(tmp_path, 1), store, workers=0)
+    with pytest.raises(AsvhilError, match=r"ran\.txt.*cannot be"):
+        (tmp_path / "ran.txt").write_text("")
+        run_jobs(square, jobs(tmp_path, 1), tmp_path / "ran.txt" / "store.jsonl", workers=0)
+
+
+def test_an_error_in_a_job_comes_through_and_what_was_done_stays(tmp_path):
+    store = tmp_path / "store.jsonl"
+    with pytest.raises(ValueError, match="three"):
+        run_jobs(fail_at_three, jobs(tmp_path, 4), store, workers=0)
+    assert squares(run_jobs(square, jobs(tmp_path, 2), store, workers=0)) == [1.0, 4.0]
+    with pytest.raises(ValueError, match="three"):
+        run_jobs(fail_at_three, jobs(tmp_path, 40), store, workers=1)
+    assert ran(tmp_path).count(1) == ran(tmp_path).count(2) == 1
+
+
+def test_the_time_to_go_is_known_once_every_group_has_a_run(tmp_path, monkeypatch):
+    ticks = iter(range(100))
+    monkeypatch.setattr(runner.time, "perf_counter", lambda: float(next(ticks)))  # every run takes 1 s
+    mixed = [*jobs(tmp_path, 3, "quick"), *[Job(key="slow 4", group="slow", arguments=(4, str(tmp_path)))]]
+    seen = []
+    finished = run_jobs(square, mixed, tmp_path / "store.jsonl", workers=0, tell=seen.append)
+    assert [now.remaining_s for now in seen] == [None, None, None, None, 0.0]
+    assert seen[-1].total_s == 4.0 and finished.group_s == {"quick": 3.0, "slow": 1.0}
+    more = [*mixed, Job(key="slow 5", group="slow", arguments=(5, str(tmp_path)))]
+    seen.clear()
+    run_jobs(square, more, tmp_path / "store.jsonl", workers=0, tell=seen.append)
+    assert (seen[0].done, seen[0].remaining_s, seen[0].total_s) == (4, 1.0, 5.0)
+
+
+def test_runs_of_other_code_are_counted(tmp_path, monkeypatch):
+    store = tmp_path / "store.jsonl"
+    assert run_jobs(square, jobs(tmp_path, 2), store, workers=0).outdated == 0
+    monkeypatch.setattr(runner, "code_version", lambda: "another")
+    assert run_jobs(square, jobs(tmp_path, 3), store, workers=0).outdated == 2
+
+
+def test_the_version_of_the_code_follows_the_sources_that_decide(tmp_path, monkeypatch):
+    assert all((runner.PACKAGE / name).exists() for name in runner.DECISIVE)
+    (tmp_path / "a.py").write_text("x = 1\n")
+    (tmp_path / "b.py").write_text("y = 1\n")
+    monkeypatch.setattr(runner, "PACKAGE", tmp_path)
+    monkeypatch.setattr(runner, "DECISIVE", ("a.py",))
+    first = runner.code_version.__wrapped__()
+    (tmp_path / "b.py").write_text("y = 2\n")
+    assert runner.code_version.__wrapped__() == first
+    (tmp_path / "a.py").write_text("x = 2\n")
+    assert runner.code_version.__wrapped__() != first
+
+
+# Loaded by a run in lockstep, without a say in how it comes out.
+NOT_DECISIVE = {
+    "__init__.py",  # the version's number
+    "errors.py",  # kinds of errors: what raises them is covered
+    "study/__init__.py",  # empty
+}
+LOADED = """
+import sys
+from asvhil.config import load_config
+from asvhil.study.trials import abrupt, approach, estimation, trial
+for keys in ((), ("controller.name=loiter", "controller.procedure.enabled=true")):
+    trial.run_trial(load_config("sitl", keys), 0.5, 1.0)
+for name, module in list(sys.modules.items()):
+    if name.partition(".")[0] == "asvhil":
+        print(module.__file__)
+"""
+
+
+def test_all_that_a_run_in_lockstep_loads_is_in_the_version_of_the_code_or_excepted():
+    done = subprocess.run([sys.executable, "-c", LOADED], capture_output=True, text=True, check=True)
+    loaded = {str(Path(line).relative_to(runner.PACKAGE)) for line in done.stdout.splitlines()}
+    assert {"backseat/backseat.py", "simplant/plant.py", "study/trials/trial.py", "controller/loiter.py"} <= loaded
+    covered = {name for name in loaded for part in runner.DECISIVE if Path(name).is_relative_to(part)}
+    assert loaded - covered == NOT_DECISIVE
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGINT])
+def test_a_study_that_is_killed_leaves_no_process_and_goes_on_where_it_was(tmp_path, number):
+    store = tmp_path / "store.jsonl"
+    study = subprocess.Popen(
+        [sys.executable, "-m", "tests.support.study_jobs", str(tmp_path)],
+        cwd=ROOT,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+    )
+    try:
+        wait_for(lambda: len(ran(tmp_path)) == 4 and store.read_text().count("\n") == 2)
+        workers = children(study.pid)
+        assert len(workers) >= 2
+        study.send_signal(number)
+        study.communicate(timeout=60.0)  # ends only when all that share its output have ended
+        wait_for(lambda: not any(Path(f"/proc/{pid}").exists() for pid in workers))
+    finally:
+        study.kill()
+        study.wait()
+    finished = run_jobs(square, jobs(tmp_path, 6), store, workers=0)
+    assert squares(finished) == [1.0, 4.0, 9.0, 16.0, 25.0, 36.0]
+    assert ran(tmp_path).count(1) == ran(tmp_path).count(2) == 1
+
+
+def children(pid: int) -> list[int]:
+    found = []
+    for path in Path("/proc").glob("[0-9]*/stat"):
+        with contextlib.suppress(OSError):
+            parent = int(path.read_text().rpartition(")")[2].split()[1])
+            if parent == pid:
+                found.append(int(path.parent.name))
+    return found
+
+
+def wait_for(condition) -> None:
+    for _ in range(600):
+        if condition():
+            return
+        time.sleep(0.1)
+    raise AssertionError("it never came")

@@ -1,0 +1,260 @@
+"""CSV files of somebody's boat: units, signs and winds by a column map, and a clear line for every broken file."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from asvhil.errors import ConfigError, LogError
+from asvhil.train.columns import load_columns
+from asvhil.train.dataset import dataset_from_csv, find_columns
+from tests.support.paths import ROOT
+
+MAP = """
+time: {column: ms, unit: ms}
+u: {column: surge, unit: m/s}
+v: {column: sway, unit: cm/s, sign: -1}
+r: {column: yaw_rate, unit: deg/s}
+psi: {column: yaw, unit: deg}
+port: {column: left, unit: us, astern_us: 1100, neutral_us: 1500, ahead_us: 1900}
+starboard: {column: right, unit: us, sign: -1, astern_us: 1100, neutral_us: 1510, ahead_us: 1900}
+"""
+HEADER = "ms,surge,sway,yaw_rate,yaw,left,right"
+ROWS = 401  # 40 s at 10 Hz
+
+
+def row(k: int) -> list[str]:
+    """u = 1 + 0.1 t, v = 0.2, r = 0.1 rad/s; port 0.5 and starboard -0.25, changing sign each second."""
+    t_s = 0.1 * k
+    sign = 1 if k // 10 % 2 == 0 else -1
+    yaw = math.degrees(0.1 * t_s + 3.0) % 360.0
+    left, right = 1500 + 200 * sign, (1510 + 0.25 * 390) if sign > 0 else (1510 - 0.25 * 410)
+    return [
+        str(5000 + 100 * k),
+        f"{1 + 0.1 * t_s:.6f}",
+        "-20",
+        f"{math.degrees(0.1):.6f}",
+        f"{yaw:.6f}",
+        str(left),
+        str(right),
+    ]
+
+
+def write(tmp_path: Path, rows: list[list[str]] | None = None, header: str = HEADER, sep: str = ",") -> Path:
+    lines = [header.replace(",", sep)] + [sep.join(fields) for fields in (rows or [row(k) for k in range(ROWS)])]
+    path = tmp_path / "run.csv"
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+def column_map(tmp_path: Path, text: str = MAP) -> Path:
+    path = tmp_path / "map.yaml"
+    path.write_text(text)
+    return path
+
+
+def test_units_signs_and_pulses(tmp_path: Path) -> None:
+    data = dataset_from_csv([write(tmp_path)], column_map(tmp_path), 0.2)
+    [segment] = data.segments
+    assert data.dt_s == 0.2 and data.outliers == 0 and data.duration_s == pytest.approx(40.0)
+    assert np.allclose(segment.t_s, 0.2 * np.arange(200))
+    assert np.allclose(segment.nu, np.stack([1 + 0.1 * segment.t_s, 0.2 + 0 * segment.t_s, 0.1 + 0 * segment.t_s], -1))
+    assert np.allclose(segment.psi, 3.0 + 0.1 * segment.t_s, atol=1e-6)  # continuous through 360 degrees
+    sign = np.where(segment.t_s % 2.0 < 0.99, 1.0, -1.0)
+    assert np.allclose(segment.command, np.stack([0.5 * sign, -0.25 * sign], -1))
+    assert (segment.wind == 0.0).all()
+
+
+def test_smoothing_and_another_step(tmp_path: Path) -> None:
+    rng = np.random.default_rng(1)
+    rows = [row(k) for k in range(ROWS)]
+    for fields in rows:
+        fields[1] = f"{float(fields[1]) + rng.normal(0.0, 0.1):.6f}"
+    path = write(tmp_path, rows)
+    errors = []
+    for smoothed in (False, True):
+        [segment] = dataset_from_csv([path], column_map(tmp_path), 0.5, smoothed=smoothed).segments
+        errors.append(np.abs(segment.nu[:, 0] - (1 + 0.1 * segment.t_s)).mean())
+        assert np.allclose(np.diff(segment.t_s), 0.5)
+    assert errors[1] < 0.6 * errors[0]
+
+
+@pytest.mark.parametrize(
+    ("lines", "header", "values", "expected"),
+    [
+        ("wind_u: {column: a, unit: m/s}\nwind_v: {column: b, unit: m/s}", "a,b", ("3", "-1"), (3.0, -1.0)),
+        ("wind_n: {column: a, unit: m/s}\nwind_e: {column: b, unit: m/s}", "a,b", ("3", "0"), None),
+        ("wind_speed: {column: a, unit: kn}\nwind_from: {column: b, unit: deg}", "a,b", ("3.8876889849", "90"), "side"),
+    ],
+)
+def test_the_ways_a_wind_is_given(tmp_path: Path, lines: str, header: str, values: tuple[str, str], expected) -> None:
+    path = write(tmp_path, [[*row(k), *values] for k in range(ROWS)], f"{HEADER},{header}")
+    [segment] = dataset_from_csv([path], column_map(tmp_path, MAP + lines), 0.2).segments
+    if expected is None:  # 3 m/s toward north, in body axes
+        wanted = 3.0 * np.stack([np.cos(segment.psi), -np.sin(segment.psi)], -1)
+    elif expected == "side":  # 2 m/s apparent from starboard: 2 m/s to port, and along with the boat
+        wanted = segment.nu[:, :2] + [0.0, -2.0]
+    else:
+        wanted = np.tile(expected, (len(segment.t_s), 1))
+    assert np.allclose(segment.wind, wanted, atol=5e-3)
+
+
+def test_a_few_missing_rows_are_bridged_and_many_split(tmp_path: Path) -> None:
+    rows = [row(k) for k in range(ROWS)]
+    for k in (100, 101, 102):
+        rows[k][2] = "nan"
+    rows[150][1] = ""
+    [segment] = dataset_from_csv([write(tmp_path, rows)], column_map(tmp_path), 0.2).segments
+    assert np.isfinite(segment.nu).all()
+    for k in range(200, 216):
+        rows[k][5] = "NaN"
+    first, second = dataset_from_csv([write(tmp_path, rows)], column_map(tmp_path), 0.2).segments
+    assert first.t_s[-1] < 20.0 and second.t_s[0] > 21.4
+
+
+def test_jumps_are_left_out(tmp_path: Path) -> None:
+    rows = [row(k) for k in range(ROWS)]
+    rows[77][1] = "9.5"
+    data = dataset_from_csv([write(tmp_path, rows)], column_map(tmp_path), 0.2)
+    assert data.outliers == 1 and data.segments[0].nu[:, 0].max() < 5.1
+
+
+def put(rows: list[list[str]], k: int, column: int, text: str) -> list[list[str]]:
+    rows[k][column] = text
+    return rows
+
+
+def all_rows() -> list[list[str]]:
+    return [row(k) for k in range(ROWS)]
+
+
+@pytest.mark.parametrize(
+    ("rows", "header", "words"),
+    [
+        (
+            all_rows(),
+            HEADER.replace("sway", "drift"),
+            r"row 1: no column 'sway' \(for v\); the header has 'ms', 'surge', 'drift'",
+        ),
+        (put(all_rows(), 41, 1, "fast"), HEADER, r"row 43, column 'surge': a number is expected, not 'fast'"),
+        (
+            [put([row(k)], 0, 3, "nan" if k % 10 == 3 else "1")[0] for k in range(ROWS)],
+            HEADER,
+            r"column 'yaw_rate': 40 of 401 values are NaN or empty, the first in row 5; up to 5%",
+        ),
+        (put(all_rows(), 60, 0, "5900"), HEADER, r"row 62, column 'ms': time does not rise \(5900 after 10900\)"),
+        ([row(k) for k in range(100)], HEADER, r"9\.[68] s of usable data, at least 30 s"),
+        (put(all_rows(), 9, 5, "15"), HEADER, r"row 11, column 'left': 15 is no pulse width"),
+        ([*all_rows(), ["1", "2"]], HEADER, r"row 403: 2 of 7 fields"),
+        ([], "", r"row 1: empty, where the names of the columns should be"),
+    ],
+)
+def test_broken_files_are_told_by_row_and_column(tmp_path: Path, rows, header: str, words: str) -> None:
+    path = tmp_path / "run.csv"
+    path.write_text("\n".join([header, *(",".join(fields) for fields in rows)]))
+    with pytest.raises(LogError, match=f"^{path}: {words}"):
+        dataset_from_csv([path], column_map(tmp_path), 0.2)
+
+
+def test_no_rows_no_file_no_text(tmp_path: Path) -> None:
+    path = tmp_path / "run.csv"
+    with pytest.raises(LogError, match=r"run\.csv: cannot be read"):
+        dataset_from_csv([path], column_map(tmp_path), 0.2)
+    path.write_text(HEADER + "\n")
+    with pytest.raises(LogError, match=r"run\.csv: holds no row of data"):
+        dataset_from_csv([path], column_map(tmp_path), 0.2)
+    path.write_bytes(b"\x89MCAP0\r\n\xff\xfe")
+    with pytest.raises(LogError, match=r"run\.csv: not UTF-8 text"):
+        dataset_from_csv([path], column_map(tmp_path), 0.2)
+
+
+def test_another_delimiter_and_a_byte_order_mark(tmp_path: Path) -> None:
+    path = write(tmp_path, sep=";")
+    path.write_bytes(b"\xef\xbb\xbf" + path.read_bytes())
+    with pytest.raises(LogError, match="no column 'ms'"):
+        dataset_from_csv([path], column_map(tmp_path), 0.2)
+    assert dataset_from_csv([path], column_map(tmp_path, 'delimiter: ";"\n' + MAP), 0.2).duration_s == pytest.approx(
+        40.0
+    )
+
+
+def test_a_pulse_of_zero_is_no_signal_and_percent_are_percent(tmp_path: Path) -> None:
+    rows = all_rows()
+    for fields in rows:
+        fields[5], fields[6] = "0", "-40"
+    text = "\n".join(line for line in MAP.splitlines() if not line.startswith("starboard"))
+    text += "\nstarboard: {column: right, unit: '%'}"
+    [segment] = dataset_from_csv([write(tmp_path, rows)], column_map(tmp_path, text), 0.2).segments
+    assert np.allclose(segment.command, [0.0, -0.4])
+    with pytest.raises(LogError, match=r"row 2, column 'right': -40 is beyond -1\.\.1"):
+        dataset_from_csv([write(tmp_path, rows)], column_map(tmp_path, text.replace("'%'", "'1'")), 0.2)
+
+
+def test_a_compass_that_the_motors_pull_aside_turns_no_speed_into_sway(tmp_path: Path) -> None:
+    # Two knots straight ahead; for six seconds the compass is 0.2 rad off, and the file's u and v were turned by it.
+    rows = []
+    for k in range(ROWS):
+        off = 0.2 if 200 <= k < 260 else 0.0
+        rows.append([str(100 * k), f"{2 * math.cos(off)}", f"{200 * math.sin(off)}", "0", f"{math.degrees(off)}"])
+        rows[-1] += ["1700", "1610"]
+    path = write(tmp_path, rows)
+    [plain] = dataset_from_csv([path], column_map(tmp_path), 0.2).segments
+    text = MAP.replace("{column: yaw, unit: deg}", "{column: yaw, unit: deg, settle_s: 60}")
+    [settled] = dataset_from_csv([path], column_map(tmp_path, text), 0.2).segments
+    assert np.abs(plain.nu[:, 1]).max() == pytest.approx(2.0 * math.sin(0.2))
+    assert np.abs(settled.nu[:, 1]).max() < 2.0 * 0.2 * 6.0 / 60.0 and np.abs(settled.nu[:, 0] - 2.0).max() < 1e-3
+    assert np.abs(settled.psi).max() < 0.2 * 6.0 / 60.0
+
+
+def test_a_settled_heading_follows_a_turn_and_starts_anew_after_a_gap(tmp_path: Path) -> None:
+    text = MAP.replace("{column: yaw, unit: deg}", "{column: yaw, unit: deg, settle_s: 60}")
+    rows = [row(k) for k in range(ROWS)]
+    [plain] = dataset_from_csv([write(tmp_path, rows)], column_map(tmp_path), 0.2).segments
+    [settled] = dataset_from_csv([write(tmp_path, rows)], column_map(tmp_path, text), 0.2).segments
+    assert np.allclose(settled.nu, plain.nu, atol=1e-5) and np.allclose(settled.psi, plain.psi, atol=1e-5)
+    for k in range(200, ROWS):  # the boat was turned by hand while nothing was recorded
+        rows[k][0] = str(25000 + 100 * k)
+        rows[k][4] = f"{(float(rows[k][4]) + 90.0) % 360.0:.6f}"
+    parts = dataset_from_csv([write(tmp_path, rows)], column_map(tmp_path, text), 0.2).segments
+    assert [np.abs(part.nu[:, 1] - 0.2).max() < 1e-3 for part in parts] == [True, True]
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (MAP.replace("unit: deg}\nport", "unit: deg, settle_s: 0}\nport"), "key psi.settle_s: Input should be greater"),
+        (MAP.replace("unit: cm/s", "unit: furlong"), "key v.unit: Input should be 'm/s'"),
+        (MAP.replace("surge", "surge, colour: red"), "key u.colour: unknown key"),
+        (MAP.replace("r: {column: yaw_rate, unit: deg/s}\n", ""), "key r: this key is required"),
+        (MAP.replace("ahead_us: 1900}", "ahead_us: 1400}"), r"key port: astern_us < neutral_us < ahead_us must hold"),
+        (MAP.replace(", astern_us: 1100, neutral_us: 1500, ahead_us: 1900", ""), "key port: unit us needs"),
+        (MAP + "wind_u: {column: a, unit: m/s}", "wind_u and wind_v go together"),
+        ("- 1", "a mapping of quantities to columns is expected"),
+        ("u: [", "not valid YAML"),
+    ],
+)
+def test_broken_column_maps(tmp_path: Path, text: str, words: str) -> None:
+    path = column_map(tmp_path, text)
+    with pytest.raises(ConfigError, match=f"^{path}: {words}"):
+        dataset_from_csv([write(tmp_path)], path, 0.2)
+
+
+def test_the_map_in_the_docs_is_a_good_one(tmp_path: Path) -> None:
+    text = (ROOT / "docs" / "models.md").read_text()
+    lines = text.partition("```yaml\n")[2].partition("```")[0]
+    columns = load_columns(column_map(tmp_path, lines))
+    assert columns.psi is not None and columns.wind_from is not None and columns.port.neutral_us == 1500.0
+
+
+def test_the_shipped_map_reads_a_boat_with_its_motors_the_other_way_round(tmp_path: Path) -> None:
+    columns = ",original_timestamp,yaw,surge,sway,yaw_rate,thr_left,thr_right"
+    turn = math.degrees(0.002)
+    lines = [f"{k},{1444243.083 + 100 * k:.3f},{74 + turn * k},1.5,0.1,0.02,1100,1510" for k in range(400)]
+    path = tmp_path / "fixed_00000001.csv"
+    path.write_text("\n".join([columns, *lines]))
+    [segment] = dataset_from_csv([path], find_columns("blueboat"), 0.2).segments
+    assert np.allclose(segment.command, [0.0, 1.0])  # thr_left is the starboard motor, and ahead at 1100 us
+    assert np.allclose(segment.nu, [1.5, 0.1, 0.02])
+    with pytest.raises(ConfigError, match="no such column map"):
+        find_columns("rowboat")

@@ -1,0 +1,426 @@
+"""Training: the rollout and its gradient, what is learned, reproducibility, resumption, and data that will not do."""
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from asvhil.dynamics.arrays import namespace_of
+from asvhil.dynamics.lagnet import skip_terms
+from asvhil.dynamics.weights import KINDS
+from asvhil.errors import ModelError
+from asvhil.train.choice import thrust_dip
+from asvhil.train.evaluate import HOLD, Case, evaluate
+from asvhil.train.fit import fit, fit_many
+from asvhil.train.fit_sd import fit_sd, skip_of_sd
+from asvhil.train.models import Batch, LagNetTrainee, NnsemTrainee
+from asvhil.train.ode import KnodeTrainee, NodeTrainee
+from asvhil.train.openloop import open_loop
+from asvhil.train.options import OPTIONS, Progress, chosen_options
+from asvhil.train.records import Dataset, Segment
+from asvhil.train.rollout import euler_rollout
+from asvhil.train.training import Training, rollout_loss
+from asvhil.train.windows import Windows, mirrored, scaling_of
+from tests.support.model_data import drive, training_set
+
+DATA = training_set(1, duration_s=120.0, winds_mps=(3.0, 6.0))
+
+
+def plain_rollout(x0, p, q, wx, wh, ws):
+    """The rollout's equations as autograd sees them."""
+    x, path = x0, []
+    for k in range(p.shape[1]):
+        push = torch.tanh(x @ wx + p[:, k]) @ wh
+        if ws is not None:
+            push = push + torch.cat([x, x * x.abs(), x * x.roll(-1, -1)], -1) @ ws
+        x = x + q[:, k] + push
+        path.append(x)
+    return torch.stack(path, 1)
+
+
+@pytest.mark.parametrize("products", [False, True])
+def test_the_rollout_and_its_gradients_are_those_of_autograd(products: bool) -> None:
+    torch.manual_seed(1)
+    shapes = [(3, 5, 3), (3, 7, 5, 4), (3, 7, 5, 3), (3, 3, 4), (3, 4, 3), (3, 9, 3)]
+    given = [0.2 * torch.randn(shape, dtype=torch.float64) for shape in shapes]
+    ours = [given[0], *(part.clone().requires_grad_() for part in given[1:])]
+    theirs = [given[0], *(part.clone().requires_grad_() for part in given[1:])]
+    if not products:
+        ours[-1] = theirs[-1] = None
+    weight = torch.randn(3, 7, 5, 3, dtype=torch.float64)
+    a, b = euler_rollout(*ours), plain_rollout(*theirs)
+    (a * weight).sum().backward()
+    (b * weight).sum().backward()
+    assert (a - b).abs().max() < 1e-12
+    for mine, wanted in zip(ours[1:], theirs[1:], strict=True):
+        if mine is not None:
+            assert (mine.grad - wanted.grad).abs().max() < 1e-11
+
+
+@pytest.mark.parametrize(
+    ("kind", "paired"), [("nnsem", False), ("nnsem", True), ("lagnet", False), ("node", False), ("knode", False)]
+)
+def test_what_is_trained_is_what_is_run(kind: str, paired: bool) -> None:
+    # The trainee's prediction of a window, and the exported run-time model over the same rows.
+    options = dataclasses.replace(
+        OPTIONS[kind], members=2 if kind == "lagnet" else 1, paired=paired, symmetric=paired or OPTIONS[kind].symmetric
+    )
+    origin = {"vehicle": "wamv16", "dt_s": 0.2, "data_hash": "", "config_hash": ""}
+    training = Training(kind, DATA, (1, 2), options, origin, None)
+    trainee, windows = training.trainee, training.windows
+    rng = np.random.default_rng(3)
+    with torch.no_grad():
+        for name, value in trainee.parameters.items():  # large skip terms would carry the state out of its range
+            value += (0.01 if name == "skip" else 0.1) * torch.from_numpy(rng.normal(size=value.shape))
+        if kind == "lagnet":  # members would be averaged in one model: make them equal, to compare one of them
+            for value in trainee.parameters.values():
+                if len(value) == 4:
+                    value[1::2] = value[::2]
+    steps, models = windows.steps, 2 * options.members
+    rows = np.array([40, 80, 333])[None, :] + np.zeros((models, 1), dtype=int)
+    grid = torch.from_numpy(rows)[:, None, :]
+    past, ahead = torch.arange(-windows.history, steps)[:, None], torch.arange(steps)[:, None]
+    nu, command, wind = (torch.from_numpy(part) for part in (windows.nu, windows.command, windows.wind))
+    batch = Batch(x0=nu[rows], command=command[grid + past], wind=wind[grid + ahead], target=nu[grid + ahead + 1])
+    predicted = trainee.predict(batch).detach().numpy()
+    half, centre = training.scaling.half[:3], training.scaling.centre[:3]
+    segment = DATA.segments[0]
+    first = [0, len(segment.t_s) * 9 // 10]
+    for number, model in enumerate(training.models_now()):
+        for j, row in enumerate(rows[0]):
+            which = int(row >= first[1])
+            start = np.array([row - first[which]])
+            path = open_loop(model.dynamics(), DATA.segments[which], start, steps, 0.2)[0, 1:]
+            ours = predicted[number * options.members, :, j] * half + centre
+            # The map's table in training, and the motor's past, are cut off where nothing can be seen of them.
+            np.testing.assert_allclose(ours, path, atol=2e-4 if kind == "lagnet" else 1e-9)
+
+
+def test_mirrored_data_are_what_a_mirrored_boat_would_do() -> None:
+    # The simulated boat is symmetric: the mirrored record obeys the same model as well as the record itself does.
+    _, truth = drive(5, 60.0, 4.0)
+    twin = mirrored(truth)
+    assert (twin.command == truth.command[:, [1, 0]]).all()
+    model = fit("sd", DATA).dynamics()
+    start = np.array([0, 50, 100])
+    straight, turned = (open_loop(model, part, start, 50, 0.2) for part in (truth, twin))
+    np.testing.assert_allclose(turned, straight * [1.0, -1.0, -1.0], atol=1e-12)
+
+
+def test_paired_neurons_answer_a_mirrored_boat_with_mirrored_motion() -> None:
+    options = chosen_options("nnsem", 0.2, paired=True, iterations=200)
+    trained = fit("nnsem", DATA, options=options)
+    assert trained.weights["w1"].shape == (12, 7) and trained.weights["w2"].shape == (3, 12)
+    model, segment = trained.dynamics(), DATA.segments[0]
+    start = np.arange(0, 240, 24)
+    straight, turned = (open_loop(model, part, start, 50, 0.2) for part in (segment, mirrored(segment)))
+    assert np.abs(straight[:, 1:] - straight[:, :1]).max() > 0.1
+    np.testing.assert_allclose(turned, straight * [1.0, -1.0, -1.0], atol=1e-12)
+
+
+def test_wrong_slopes_are_what_the_trained_network_has_of_them() -> None:
+    trainee = NnsemTrainee([np.random.default_rng(seed) for seed in (1, 2)], 12, 0.2)
+    rng = np.random.default_rng(3)
+    points = rng.uniform(-1.0, 1.0, (5, 7))
+    total, step = 0.0, 1e-6
+    for number in range(2):
+        weights = trainee.export(number)
+
+        def rates(z, weights=weights):
+            return weights["w2"] @ np.tanh(weights["w1"] @ z + weights["b1"]) + weights["b2"]
+
+        slopes = []
+        for z in points:
+            for motor, turn in ((3, 1.0), (4, -1.0)):
+                rise = (rates(z + step * np.eye(7)[motor]) - rates(z - step * np.eye(7)[motor])) / (2.0 * step)
+                slopes += [rise[0], turn * rise[2]]
+        total += float(np.maximum(0.0, -np.array(slopes)).mean())
+    state = torch.from_numpy(np.stack([points, points]))
+    found = trainee.wrong_slopes(state[..., :3], state[..., 3:5], state[..., 5:])
+    assert total > 0.01 and found.item() == pytest.approx(total, rel=1e-6)
+
+
+def test_a_price_on_wrong_slopes_takes_the_dip_out_of_the_thrust() -> None:
+    plain, priced = (
+        fit("nnsem", DATA, options=chosen_options("nnsem", 0.2, paired=True, iterations=1500, rate=5e-3, monotone=m))
+        for m in (None, 1.0)
+    )
+    assert thrust_dip(plain) > 1e-3 and thrust_dip(priced) < 0.1 * thrust_dip(plain)
+
+
+def test_skip_terms_from_sd_are_its_rates_in_still_air() -> None:
+    sd = fit("sd", DATA)
+    scaling = scaling_of(DATA, symmetric=True)
+    skip = skip_of_sd(sd.weights["parameters"], scaling).T * scaling.half[:3, None]
+    rates = sd.dynamics()
+    for seed in range(20):
+        nu, thrust = np.split(np.random.default_rng(seed).uniform(-0.9, 0.9, 5) * scaling.half[:5], [3])
+        z = np.concatenate([nu, thrust, np.zeros(2)])
+        ours = skip @ skip_terms(namespace_of(z), z, scaling.half)
+        np.testing.assert_allclose(ours, rates.derivative(nu, thrust, np.zeros(2)), atol=1e-12)
+
+
+def test_weight_decay_holds_networks_at_nothing_and_skip_terms_where_they_start() -> None:
+    def trained(decay: float) -> dict[str, np.ndarray]:
+        options = chosen_options("lagnet", 0.2, iterations=200, members=1, from_sd=True, weight_decay=decay)
+        return dict(fit("lagnet", DATA, options=dataclasses.replace(options, validation_fraction=0.0)).weights)
+
+    free, held = trained(0.0), trained(1.0)
+    start = skip_of_sd(fit_sd(DATA)[0], scaling_of(DATA, symmetric=True)).T
+    assert np.abs(held["w2"]).max() < 0.02 < 0.1 < np.abs(free["w2"]).max()
+    assert np.abs(held["skip"] - start).max() < 0.02 < 0.1 < np.abs(free["skip"] - start).max()
+
+
+def test_the_robust_loss_is_the_square_of_small_errors_and_lets_go_of_large_ones() -> None:
+    error = 0.01 * torch.randn((2, 5, 4, 3), dtype=torch.float64, generator=torch.Generator().manual_seed(1))
+    plain = (error * error).mean((1, 2, 3))
+    assert (rollout_loss(error, 0.0) == plain).all()
+    torch.testing.assert_close(rollout_loss(error, 1.0), plain, rtol=2e-4, atol=0.0)
+    error[:, :, 0] += 3.0  # one window of the four has gone wrong
+    error.requires_grad_()
+    for robust, largest in ((0.0, 100.0), (0.03, 2.0)):
+        (pull,) = torch.autograd.grad(rollout_loss(error, robust).sum(), error)
+        ratio = (pull[:, :, 0].abs().mean() / pull[:, :, 1:].abs().mean()).item()
+        assert (ratio > largest) == (robust == 0.0)
+    e = error.detach()[0, :, 1].square().mean()
+    alone = rollout_loss(error.detach()[:1, :, 1:2], 0.03)
+    assert alone.item() == pytest.approx(0.0009 * np.log(1.0 + e.item() / 0.0009), rel=1e-12)
+
+
+def test_a_robust_training_is_not_drawn_aside_by_a_span_that_no_model_can_know() -> None:
+    # For a fifth of the record the motors did the opposite of what they were told.
+    spoilt = []
+    for part in DATA.segments:
+        command = part.command.copy()
+        command[: len(command) // 5] *= -1.0
+        spoilt.append(dataclasses.replace(part, command=command))
+    data = dataclasses.replace(DATA, segments=tuple(spoilt))
+    cases = [Case(name="clean", seen=part, reference=part) for part in DATA.segments]
+
+    def error(robust: float | None) -> float:
+        options = chosen_options("lagnet", 0.2, iterations=600, members=1, robust=robust, validation_share=0.0)
+        model = fit("lagnet", data, options=options).dynamics()
+        return float(evaluate({"m": model}, cases, 0.2, 20.0, 5.0)["m"]["all"]["mae_u"])
+
+    plain, robust = error(None), error(0.03)
+    assert robust < 0.7 * plain, (robust, plain)
+
+
+def test_scaling_brings_the_training_set_to_one() -> None:
+    scaling = scaling_of(DATA, symmetric=False)
+    windows = Windows(DATA.segments, scaling, 20, 0)
+    for part in (windows.nu, windows.command, windows.wind):
+        np.testing.assert_allclose(
+            [part.min(axis=0), part.max(axis=0)], [[-1.0] * part.shape[1], [1.0] * part.shape[1]]
+        )
+    assert (scaling_of(DATA, symmetric=True).centre == 0.0).all()
+
+
+def test_a_wind_that_is_not_measured_is_not_scaled() -> None:
+    still = dataclasses.replace(DATA.segments[0], wind=np.zeros_like(DATA.segments[0].wind))
+    scaling = scaling_of(Dataset(dt_s=0.2, segments=(still,), source_hash=""), symmetric=False)
+    assert scaling.half[5:].tolist() == [1.0, 1.0] and scaling.centre[5:].tolist() == [0.0, 0.0]
+
+
+@pytest.mark.parametrize(("kind", "iterations"), [("sd", 0), ("nnsem", 2000), ("lagnet", 400)])
+def test_a_little_training_beats_holding_the_initial_value(kind: str, iterations: int) -> None:
+    options = dataclasses.replace(OPTIONS[kind], members=1)
+    model = fit(kind, DATA, options=options, iterations=iterations, vehicle="wamv16", config_hash="c")
+    assert (model.kind, model.vehicle, model.config_hash, model.data_hash) == (kind, "wamv16", "c", "simulated-1")
+    seen, truth = drive(77, 100.0, 6.0)
+    rows = evaluate({kind: model.dynamics()}, [Case(name="test", seen=seen, reference=truth)], 0.2, horizon_s=20.0)
+    ours, hold = rows[kind]["all"], rows[HOLD]["all"]
+    assert all(ours[f"mae_{axis}"] < 0.9 * hold[f"mae_{axis}"] for axis in "uvr")
+
+
+@pytest.mark.parametrize("kind", ["node", "knode"])
+def test_the_adjoint_training_lessens_the_loss(kind: str) -> None:
+    options = dataclasses.replace(OPTIONS[kind], iterations=30, block=10, batch=16, rate=5e-3, last_rate=5e-3)
+    model = fit(kind, DATA, options=options)
+    losses = [row[1] for row in model.figures["curve"]]
+    assert losses[-1] < 0.97 * losses[0]
+
+
+@pytest.mark.parametrize("kind", ["nnsem", "lagnet"])
+def test_the_same_seed_gives_the_same_weights(kind: str) -> None:
+    first, second, other = (fit(kind, DATA, seed=seed, iterations=60) for seed in (3, 3, 4))
+    assert all((first.weights[name] == second.weights[name]).all() for name in first.weights)
+    assert (first.weights["w1"] != other.weights["w1"]).all()
+
+
+class Interrupted(Exception):
+    pass
+
+
+@pytest.mark.parametrize("kind", ["nnsem", "lagnet"])
+def test_an_interrupted_training_goes_on_to_the_same_weights(kind: str, tmp_path: Path) -> None:
+    options = dataclasses.replace(OPTIONS[kind], iterations=90, block=30, members=1)
+    checkpoint = tmp_path / "model.npz.checkpoint"
+
+    def stop(progress: Progress) -> None:
+        if progress.iteration == 60:
+            raise Interrupted
+
+    with pytest.raises(Interrupted):
+        fit(kind, DATA, seed=5, options=options, checkpoint=checkpoint, progress=stop)
+    assert checkpoint.exists()
+    seen: list[int] = []
+    resumed = fit(
+        kind, DATA, seed=5, options=options, checkpoint=checkpoint, progress=lambda p: seen.append(p.iteration)
+    )
+    whole = fit(kind, DATA, seed=5, options=options)
+    assert seen == [90]
+    assert not checkpoint.exists()
+    assert all((resumed.weights[name] == whole.weights[name]).all() for name in whole.weights)
+    assert resumed.figures == whole.figures
+
+
+def test_the_checkpoint_of_another_training_is_refused(tmp_path: Path) -> None:
+    options = dataclasses.replace(OPTIONS["nnsem"], iterations=60, block=30)
+    checkpoint = tmp_path / "checkpoint"
+
+    def stop(progress: Progress) -> None:
+        raise Interrupted
+
+    with pytest.raises(Interrupted):
+        fit("nnsem", DATA, seed=5, options=options, checkpoint=checkpoint, progress=stop)
+    with pytest.raises(ModelError, match="belongs to a training with other data, options or seed"):
+        fit("nnsem", DATA, seed=6, options=options, checkpoint=checkpoint)
+    checkpoint.write_bytes(b"PK\x03\x04 nothing")
+    with pytest.raises(ModelError, match="damaged"):
+        fit("nnsem", DATA, seed=5, options=options, checkpoint=checkpoint)
+
+
+def test_training_stops_early_and_keeps_the_best() -> None:
+    # At this rate the network soon gets worse: the best is an early one.
+    options = dataclasses.replace(OPTIONS["nnsem"], iterations=2000, block=20, patience=100, rate=0.3, last_rate=0.3)
+    model = fit("nnsem", DATA, seed=1, options=options)
+    figures = model.figures
+    assert figures["iterations_run"] < 2000
+    assert figures["iterations_run"] - figures["best_iteration"] >= 100
+    assert figures["best_validation"] == min(row[2] for row in figures["curve"])
+
+
+def test_seeds_side_by_side_are_models_of_their_own() -> None:
+    models = fit_many("nnsem", DATA, seeds=(1, 2), iterations=40)
+    assert [model.seed for model in models] == [1, 2]
+    alone = fit("nnsem", DATA, seed=2, iterations=40)
+    for name, value in alone.weights.items():
+        np.testing.assert_allclose(models[1].weights[name], value, atol=1e-9)
+
+
+def test_an_ensemble_is_one_wide_network_of_the_mean() -> None:
+    rngs = [np.random.default_rng(i) for i in range(3)]
+    three = LagNetTrainee(rngs, 4, 0.2, 10, 3)
+    weights = three.export(0)
+    assert weights["w1"].shape == (12, 7) and weights["w2"].shape == (3, 12)
+    z = np.random.default_rng(9).normal(size=7)
+    mean = np.zeros(3)
+    for i in range(3):
+        w1, b1, w2, b2 = (three.parameters[name][i].detach().numpy() for name in ("w1", "b1", "w2", "b2"))
+        mean += (np.tanh(z @ w1 + b1[0]) @ w2 + b2[0]) / 3.0
+    wide = weights["w2"] @ np.tanh(weights["w1"] @ z + weights["b1"]) + weights["b2"]
+    np.testing.assert_allclose(wide, mean, atol=1e-12)
+
+
+def test_a_frozen_map_is_straight_and_frozen_skip_terms_are_none() -> None:
+    options = dataclasses.replace(OPTIONS["lagnet"], members=1, frozen=("map", "skip"), iterations=30)
+    weights = fit("lagnet", DATA, seed=1, options=options).weights
+    assert not weights["skip"].any()
+    model = fit("lagnet", DATA, seed=1, options=options).dynamics()
+    assert model.input_of_command((0.5, -0.5)) == pytest.approx((0.5, -0.5), abs=1e-3)
+
+
+def changed(**changes: np.ndarray) -> Dataset:
+    return Dataset(dt_s=0.2, segments=(dataclasses.replace(DATA.segments[0], **changes),), source_hash="")
+
+
+def still() -> Segment:
+    count = 500
+    return Segment(
+        t_s=0.2 * np.arange(count), nu=np.zeros((count, 3)), command=np.zeros((count, 2)),
+        wind=np.zeros((count, 2)), psi=np.zeros(count),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_data_that_will_not_do_are_one_line(kind: str) -> None:
+    nu = DATA.segments[0].nu.copy()
+    nu[[7, 8], 1] = np.nan
+    short = dataclasses.replace(
+        DATA.segments[0],
+        **{name: getattr(DATA.segments[0], name)[:50] for name in ("t_s", "nu", "command", "wind", "psi")},
+    )
+    steady = np.full_like(DATA.segments[0].command, 0.3)
+    for data, words in (
+        (changed(nu=nu), "segment 0: nu is not finite in 2 rows, first at 1.4 s"),
+        (Dataset(dt_s=0.2, segments=(short,), source_hash=""), "last 10.0 s: at least 60 s are needed"),
+        (Dataset(dt_s=0.2, segments=(still(),), source_hash=""), "hold no motion: u spans 0.000 m/s"),
+        (changed(command=steady), "no motion of the motors"),
+        (Dataset(dt_s=0.2, segments=(), source_hash=""), "no usable segment"),
+    ):
+        with pytest.raises(ModelError) as caught:
+            fit(kind, data, iterations=10)
+        assert words in str(caught.value) and "\n" not in str(caught.value)
+
+
+def test_an_unknown_kind() -> None:
+    with pytest.raises(ModelError, match=r"unknown model kind 'oracle' \(known: sd, nnsem, node, knode, lagnet\)"):
+        fit("oracle", DATA)
+
+
+def test_gaps_leave_no_window_across_them() -> None:
+    scaling = scaling_of(DATA, symmetric=True)
+    windows = Windows(DATA.segments, scaling, 20, 10)
+    first = len(DATA.segments[0].t_s)
+    inside = (windows.starts - 10 >= 0) & (windows.starts + 20 < first)
+    after = (windows.starts - 10 >= first) & (windows.starts + 20 < 2 * first)
+    assert (inside | after).all() and inside.any() and after.any()
+
+
+def test_a_share_of_each_batch_comes_from_windows_in_motion() -> None:
+    # A boat that lies idle for nine tenths of its record.
+    nu = np.zeros((1000, 3))
+    nu[450:550, 0] = 1.0
+    idle = Segment(
+        t_s=0.2 * np.arange(1000), nu=nu, command=np.zeros((1000, 2)), wind=np.zeros((1000, 2)), psi=np.zeros(1000)
+    )
+    windows = Windows((idle,), scaling_of(changed(nu=nu), symmetric=False), 20, 0)
+
+    def moving(share: float) -> float:
+        starts = windows.starts[windows.draw(np.random.default_rng(1), 200, 64, share)]
+        # More than a fifth of the 21 samples at 1 m/s: from 4 after the window's end to as many before its start.
+        return float(((starts + 20 >= 454) & (starts < 546)).mean())
+
+    assert moving(1.0) == 1.0
+    assert moving(0.0) == pytest.approx(0.11, abs=0.02)
+    assert moving(0.5) == pytest.approx(0.5 + 0.5 * moving(0.0), abs=0.02)
+    rest = dataclasses.replace(idle, nu=np.zeros((1000, 3)))
+    nothing = Windows((rest,), scaling_of(changed(nu=nu), symmetric=False), 20, 0)
+    even = nothing.draw(np.random.default_rng(2), 3, 8, 1.0)
+    assert (even == np.random.default_rng(2).integers(980, size=(3, 8))).all()
+
+
+def test_without_a_validation_share_the_last_weights_of_all_iterations_are_kept() -> None:
+    # At this rate an early state is the best; held-back data would have kept it and ended the training.
+    options = dataclasses.replace(
+        OPTIONS["nnsem"], iterations=160, block=20, patience=40, rate=0.3, last_rate=0.3, validation_fraction=0.0
+    )
+    figures = fit("nnsem", DATA, seed=1, options=options).figures
+    assert figures["iterations_run"] == figures["best_iteration"] == 160
+    assert figures["best_validation"] == figures["curve"][-1][2] > min(row[2] for row in figures["curve"])
+
+
+def test_trainees_start_differently_by_seed_and_alike_by_kind() -> None:
+    scaling = scaling_of(DATA, symmetric=False)
+
+    def rngs() -> list[np.random.Generator]:
+        return [np.random.default_rng([1, 0]), np.random.default_rng([2, 0])]
+
+    nnsem, node = NnsemTrainee(rngs(), 12, 0.2), NodeTrainee(rngs(), 12, 0.2)
+    knode = KnodeTrainee(rngs(), 12, 0.2, scaling, np.ones(13), np.ones(3))
+    for name, value in nnsem.parameters.items():
+        assert (value == node.parameters[name]).all() and (value == knode.parameters[name]).all()
+    assert (nnsem.parameters["w1"][0] != nnsem.parameters["w1"][1]).all()

@@ -1,0 +1,190 @@
+"""`asvhil train`, `asvhil evaluate` and `asvhil study models` below the command line, on a short collected log."""
+
+import csv
+import dataclasses
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.support.model_data import drive
+from tests.support.model_samples import sample
+
+torch = pytest.importorskip("torch")
+
+from asvhil.collect import collect, parse_wind  # noqa: E402
+from asvhil.config import load_config  # noqa: E402
+from asvhil.dynamics.weights import TrainedModel, load_model, read_model, save_model  # noqa: E402
+from asvhil.errors import ConfigError, LogError, ModelError  # noqa: E402
+from asvhil.study.models import markdown, mpc_tick_ms, study_models  # noqa: E402
+from asvhil.study.page import MARKER  # noqa: E402
+from asvhil.train.choice import TOLERANCE_MPS2, best_of, thrust_dip  # noqa: E402
+from asvhil.train.jobs import evaluate_command, is_csv, train_command  # noqa: E402
+from asvhil.train.options import Progress, chosen_options  # noqa: E402
+from tests.support.paths import ROOT  # noqa: E402
+
+MODELS = ROOT / "config" / "models"
+COLUMNS = """
+time: {column: t, unit: s}
+u: {column: u, unit: m/s}
+v: {column: v, unit: m/s}
+r: {column: r, unit: rad/s}
+port: {column: left, unit: "1"}
+starboard: {column: right, unit: "1"}
+"""
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("logs")
+    config = load_config("sitl", ("plant.seed=7", "controller.manoeuvres.seed=7"))
+    (run,) = collect(config, "lockstep", 70.0, [parse_wind("6@90")], folder / "log.mcap")
+    assert run.complete
+    return run.log
+
+
+@pytest.fixture(scope="module")
+def trained(log: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    output = tmp_path_factory.mktemp("models") / "wamv16-nnsem.npz"
+    seen: list[Progress] = []
+    figures = train_command(
+        "nnsem", [log], output, seed=3, options=chosen_options("nnsem", 0.2, iterations=600), progress=seen.append
+    )
+    assert figures["vehicle"] == "wamv16" and figures["iterations_run"] == 600
+    assert [state.iteration for state in seen] == [500, 600]
+    assert Path(figures["picture"]).stat().st_size > 1000
+    json.dumps(figures)
+    return output
+
+
+def written_csv(path: Path, seconds: float) -> Path:
+    segment, _ = drive(11, seconds, 0.0)
+    with path.open("w", newline="") as file:
+        table = csv.writer(file)
+        table.writerow(["t", "u", "v", "r", "left", "right"])
+        for row in np.column_stack([segment.t_s, segment.nu, segment.command]):
+            table.writerow([f"{value:.6f}" for value in row])
+    return path
+
+
+def test_a_trained_model_knows_where_it_comes_from(log: Path, trained: Path) -> None:
+    model = read_model(trained)
+    assert (model.vehicle, model.dt_s, model.seed) == ("wamv16", 0.2, 3)
+    assert len(model.data_hash) == 64 and len(model.config_hash) == 16
+    assert load_model(trained, vehicle="wamv16", dt_s=0.2).name == "nnsem"
+    assert not trained.with_name("wamv16-nnsem.npz.checkpoint").exists()
+
+
+def test_evaluate_gives_a_row_for_each_model_and_for_holding(log: Path, trained: Path, tmp_path: Path) -> None:
+    sd = tmp_path / "sd.npz"
+    train_command("sd", [log], sd)
+    figure = tmp_path / "sheet.png"
+    result = evaluate_command([trained, sd], [log], horizon_s=20.0, every_s=5.0, truth=True, figure=figure)
+    rows = result["rows"]
+    assert list(rows) == ["nnsem", "sd", "hold the initial value"]
+    assert rows["sd"]["all"]["windows"] == 10
+    assert rows["sd"]["all"]["mae_u"] < rows["hold the initial value"]["all"]["mae_u"]
+    assert figure.read_bytes()[:4] == b"\x89PNG"
+    json.dumps(result)
+    measured = evaluate_command([sd], [log], horizon_s=20.0, every_s=5.0)["rows"]["sd"]["all"]
+    assert measured["mae_v"] > rows["sd"]["all"]["mae_v"]  # the noise of the measurement comes on top
+
+
+def test_evaluate_refuses_another_vehicle_another_step_and_short_data(log: Path, trained: Path, tmp_path: Path) -> None:
+    other = tmp_path / "other.npz"
+    stranger = sample("nnsem")
+    save_model(other, type(stranger)(**{**_fields(stranger), "vehicle": "bream"}))
+    with pytest.raises(ModelError, match=r"other\.npz: .* trained for vehicle 'bream', the logs are of 'wamv16'"):
+        evaluate_command([trained, other], [log])
+    save_model(other, type(stranger)(**{**_fields(stranger), "dt_s": 0.1}))
+    with pytest.raises(ModelError, match=r"other\.npz: .* steps of 0\.1 s, the first one 0\.2 s"):
+        evaluate_command([trained, other], [log])
+    with pytest.raises(LogError, match=r"no stretch for a rollout of 300 s"):
+        evaluate_command([trained], [log], horizon_s=300.0)
+    with pytest.raises(ConfigError, match="no model is given"):
+        evaluate_command([], [log])
+
+
+def _fields(model: object) -> dict[str, object]:
+    return {name: getattr(model, name) for name in model.__dataclass_fields__}  # type: ignore[attr-defined]
+
+
+def test_csv_files_train_a_model_with_a_column_map(tmp_path: Path) -> None:
+    columns = tmp_path / "columns.yaml"
+    columns.write_text(COLUMNS)
+    run = written_csv(tmp_path / "run.csv", 120.0)
+    with pytest.raises(ConfigError, match="which vehicle"):
+        train_command("sd", [run], tmp_path / "sd.npz", columns=str(columns))
+    with pytest.raises(ConfigError, match="need a column map"):
+        train_command("sd", [run], tmp_path / "sd.npz", vehicle="boat")
+    figures = train_command("sd", [run], tmp_path / "sd.npz", columns=str(columns), vehicle="boat")
+    assert figures["data_s"] > 100.0
+    rows = evaluate_command([tmp_path / "sd.npz"], [run], columns=str(columns))["rows"]
+    assert (
+        rows["sd"]["moving"]["windows"] + rows["sd"].get("idle", {}).get("windows", 0) == rows["sd"]["all"]["windows"]
+    )
+
+
+def test_data_of_two_kinds_or_of_none(tmp_path: Path) -> None:
+    for names in (["a.csv", "b.mcap"], ["a.txt"], []):
+        with pytest.raises(ConfigError, match="all of one kind"):
+            is_csv([tmp_path / name for name in names])
+
+
+def test_too_short_a_csv_and_an_unknown_kind(tmp_path: Path, log: Path) -> None:
+    columns = tmp_path / "columns.yaml"
+    columns.write_text(COLUMNS)
+    with pytest.raises((LogError, ModelError), match="s are needed"):
+        train_command(
+            "nnsem", [written_csv(tmp_path / "a.csv", 10.0)], tmp_path / "m.npz", columns=str(columns), vehicle="b"
+        )
+    with pytest.raises(ModelError, match="unknown model kind 'oracle'"):
+        train_command("oracle", [log], tmp_path / "m.npz")
+
+
+def test_the_study_writes_its_table_and_reuses_what_is_trained(log: Path, tmp_path: Path) -> None:
+    told: list[str] = []
+    result = study_models(
+        [[log]], [log], tmp_path, only=("sd",), mpc_ticks=2, tell=lambda name, share: told.append(name)
+    )
+    assert [row["model"] for row in result["rows"]] == ["sd", "hold the initial value"]
+    assert "sd, data set 1" in told
+    table = (tmp_path / "models.md").read_text()
+    assert table == f"{MARKER}\n\n{markdown(result['rows'])}" and table.count("\n") == 6
+    assert json.loads((tmp_path / "models.json").read_text()) == result
+    told.clear()
+    again = study_models(
+        [[log]], [log], tmp_path, only=("sd",), mpc_ticks=2, tell=lambda name, share: told.append(name)
+    )
+    assert not told
+    for before, after in zip(result["rows"], again["rows"], strict=True):
+        assert {**before, "mpc_ms": 0} == {**after, "mpc_ms": 0}
+
+
+@pytest.mark.parametrize("kind", ["nnsem", "lagnet"])
+def test_an_mpc_tick_is_timed(kind: str) -> None:
+    assert 0.0 < mpc_tick_ms(sample(kind).dynamics(), ticks=2) < 5000.0
+
+
+def net(seed: int, validation: float, surge: tuple[float, float]) -> TrainedModel:
+    """A model whose surge rate is the sum of two tanh of the commands: rising ones, or one that falls in the middle."""
+    model = sample("nnsem", seed)
+    w1, w2 = np.zeros((12, 7)), np.zeros((3, 12))
+    w1[0, 3:5], w1[1, 3:5] = 0.5, 5.0
+    w2[0, :2] = surge
+    weights = {"w1": w1, "b1": np.zeros(12), "w2": w2, "b2": np.zeros(3)}
+    return dataclasses.replace(model, weights=weights, figures={"best_validation": validation})
+
+
+def test_a_model_whose_thrust_falls_as_the_command_rises_comes_last() -> None:
+    rising, better, dipped = net(1, 0.04, (1.0, 0.1)), net(2, 0.035, (1.0, 0.1)), net(3, 0.03, (1.0, -0.3))
+    assert thrust_dip(rising) == 0.0 < 0.01 < thrust_dip(dipped)
+    best = best_of([rising, better, dipped])
+    assert best.seed == 2 and best.weights is better.weights
+    assert best.figures["validation_of_seeds"] == {"1": 0.04, "2": 0.035, "3": 0.03}
+    assert best_of([dipped, net(4, 0.05, (1.0, -0.3))]).seed == 3
+
+
+def test_the_shipped_nnsems_thrust_rises_with_the_command() -> None:
+    assert thrust_dip(read_model(MODELS / "wamv16-nnsem.npz")) <= TOLERANCE_MPS2
