@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import enum
-from typing import Any, dataclass_transform
+from typing import Any, NamedTuple, dataclass_transform
 
 
 @dataclass_transform(frozen_default=True, kw_only_default=True)
@@ -19,13 +19,30 @@ class Frame:
 
     `t_ns` is stamped once, at the boundary. `port` is the link's name in the config (autopilot, anemometer,
     operator). `peer` is the remote address on links that have many, so that one peer's garbage never mixes
-    with another's stream and answers go back to the asker; empty elsewhere.
+    with another's stream and answers go back to the asker; empty elsewhere. `via` is the link that carried the frame
+    where that is not the port's own, as for an operator behind a ground station's link; empty elsewhere.
     """
 
     t_ns: int
     port: str
     data: bytes
     peer: str = ""
+    via: str = ""
+
+    @property
+    def address(self) -> Address:
+        """Where the frame came from, or goes to, within its port."""
+        return Address(self.via, self.peer)
+
+
+class Address(NamedTuple):
+    """An end of a port: the link in the place of its own, and the remote address on that link, both as in `Frame`."""
+
+    via: str = ""
+    peer: str = ""
+
+
+EVERYONE = Address()
 
 
 @record
@@ -133,16 +150,27 @@ class FrontseatStatus:
 
 @record
 class HoldCommand:
-    """The operator asks to keep a station. A missing field means: as the boat is now.
-
-    `move_only`: a station that is held is moved, missing fields stay as they are, and the motors are not taken.
-    """
+    """The operator asks to keep a station, and so to take the motors. A missing field means: as the boat is now."""
 
     t_ns: int
     lat_deg: float | None = None
     lon_deg: float | None = None
     psi_rad: float | None = None
-    move_only: bool = False
+
+
+@record
+class MoveCommand:
+    """The operator moves the station that is held; the motors are not taken for it. What is None stays as it is.
+
+    `n_m` and `e_m` are in the local NED frame, and hold over latitude and longitude.
+    """
+
+    t_ns: int
+    lat_deg: float | None = None
+    lon_deg: float | None = None
+    n_m: float | None = None
+    e_m: float | None = None
+    psi_rad: float | None = None
 
 
 @record
@@ -150,7 +178,6 @@ class ReleaseCommand:
     """The operator, or the shell at shutdown, asks to let go of the motors."""
 
     t_ns: int
-    reason: str
 
 
 @record
@@ -298,8 +325,9 @@ class Note:
 
 @record
 class Health:
-    """Diagnostics of one tick. `reason` says in words why the phase is not HOLD; counters are cumulative.
+    """Diagnostics of one tick. `reason` tells people why the phase is what it is; counters are cumulative.
 
+    `code` is the value of that reason in `supervisor.reasons.Reason`, for programs; empty in logs of before it.
     `sources` names the source in use for each quantity (position, velocity, heading, ...); empty text: none is heard.
     """
 
@@ -312,6 +340,7 @@ class Health:
     counters: tuple[tuple[str, int], ...]
     sources: tuple[tuple[str, str], ...] = ()
     notes: tuple[Note, ...] = ()
+    code: str = ""
 
 
 @record

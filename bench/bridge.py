@@ -59,6 +59,9 @@ class Trivial:
         value = 0.01 + 0.19 * (self._count % 76) / 76.0  # within the dead band: the boat of this bench stands still
         return Control(command=(value, value), ok=True, iterations=0, cost=0.0)
 
+    def new_station(self) -> None:
+        """Nothing is remembered that matters."""
+
     def reset(self) -> None:
         """Nothing is remembered that matters."""
 

@@ -15,7 +15,8 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
-from tests.support.motor_faults import BLIND_WORDS, WRONG, Trial
+from asvhil.supervisor.reasons import Reason
+from tests.support.motor_faults import BLIND_REASON, WRONG, Trial
 
 LOST = {"parameters read": (), "no PARAM_VALUE": ("PARAM_VALUE",), "nor RC_CHANNELS": ("PARAM_VALUE", "RC_CHANNELS")}
 WINDS = ((3.0, 0.0), (6.0, 90.0), (1.0, 45.0))  # m/s, toward degrees
@@ -29,9 +30,9 @@ def trial(parameters: dict[str, float], lost: tuple[str, ...], seed: int, wind: 
 
 def measure(name: str, lost: str, seeds: int) -> dict[str, Any]:
     """The slowest of all seeds and winds, and how many were named right."""
-    parameters, words = WRONG[name]
-    if lost == "nor RC_CHANNELS" and words == "overrides are ignored":
-        words = BLIND_WORDS
+    parameters, reason = WRONG[name]
+    if lost == "nor RC_CHANNELS" and reason is Reason.OVERRIDES_IGNORED:
+        reason = BLIND_REASON
     seconds: list[float | None] = []
     named, said = 0, ""
     for seed in range(1, seeds + 1):
@@ -39,7 +40,8 @@ def measure(name: str, lost: str, seeds: int) -> dict[str, Any]:
             run = trial(parameters, LOST[lost], seed, wind)
             found_s, outputs = run.hold()
             said = run.words[-1] if found_s == 0.0 else outputs.health.reason
-            right = any(part in said for part in (*parameters, "RC1_MIN")) if found_s == 0.0 else words in said
+            named_parameter = any(part in said for part in (*parameters, "RC1_MIN"))
+            right = named_parameter if found_s == 0.0 else outputs.health.code == reason
             named += right and found_s is not None
             seconds.append(found_s)
     found = [s for s in seconds if s is not None]

@@ -264,29 +264,3 @@ class SentPulses:
         """The least of a value of the pulses among those that a report may answer, by report and motor."""
         found: Pulses = np.where(self._answers[:, :, None], values[None, :, :], np.inf).min(axis=1)
         return found
-
-
-def words(fault: Fault, hint: str) -> str:
-    """A fault in a line that fits a STATUSTEXT; `hint` names what to look at."""
-    motor, verb = (f"{fault.motor} ", " is") if fault.motor else ("", "s are")
-    match fault.cause:
-        case Cause.IGNORED:
-            text = "overrides are ignored"
-        case Cause.MIXED:
-            text = "commands are mixed"
-        case Cause.DEAD_ZONE:
-            text = f"{motor}dead zone of about {fault.size:.0f} us"
-        case Cause.SLEW:
-            text = "outputs lag behind"
-        case Cause.SWAPPED:
-            text = "outputs are swapped"
-        case Cause.REVERSED:
-            text = f"{motor}output{verb} reversed"
-        case Cause.SCALED:
-            text = f"{motor}command{verb} bent"
-        case Cause.STUCK:
-            text = f"{motor}motor does not answer" if fault.motor else "no motor answers"
-            text = "outputs stay" if fault.blind else text
-        case _:
-            text = "outputs do not follow the commands"
-    return f"{text} ({hint})" if hint else text

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 
-from asvhil.autopilot.motor_check import MotorCheck
 from asvhil.autopilot.protocol import Autopilot
-from asvhil.backseat.cadence import Cadence
+from asvhil.backseat.actuation import Actuation
+from asvhil.backseat.command import PORT as OPERATOR
+from asvhil.backseat.command import Command
 from asvhil.config import PwmConfig
-from asvhil.controller.protocol import Controller
-from asvhil.controller.pwm import PulseLimiter, command_of_pulse
+from asvhil.controller.pwm import command_of_pulse
 from asvhil.dynamics.protocol import Dynamics
 from asvhil.estimator.monitor import ModelMonitor
 from asvhil.estimator.protocol import StateEstimator
@@ -19,13 +19,12 @@ from asvhil.geo import LocalFrame
 from asvhil.io.sensors.firmware import FirmwareWatch
 from asvhil.io.sensors.protocol import SensorCodec
 from asvhil.io.sensors.sources import SourceSelector
-from asvhil.operator.operations import Operations
+from asvhil.supervisor.reasons import describe
 from asvhil.supervisor.situation import Situation
-from asvhil.supervisor.supervisor import Decision, Supervisor
+from asvhil.supervisor.supervisor import Decision
 from asvhil.types import (
     Attitude,
     BowWind,
-    Control,
     Estimate,
     Frame,
     FrontseatStatus,
@@ -36,14 +35,10 @@ from asvhil.types import (
     Measurement,
     Note,
     Outputs,
-    Phase,
-    Station,
     TrueWind,
     Wind,
     WindSample,
 )
-
-OPERATOR = "operator"
 
 REMEMBERED_NS = 30_000_000_000  # for so long a wind that was told is a better guess than the disturbance
 
@@ -55,49 +50,36 @@ class Backseat:
         self,
         *,
         model: Dynamics,
-        link: Autopilot,
+        autopilot: Autopilot,
         sensors: Mapping[str, SensorCodec],
         firmware: FirmwareWatch,
         selector: SourceSelector,
-        operations: Operations,
         estimator: StateEstimator,
         wind: WindFilter,
         wind_load: WindFromLoad | None,
         monitor: ModelMonitor,
-        supervisor: Supervisor,
-        motors: MotorCheck,
-        controller: Controller,
         pwm: PwmConfig,
-        control_mode: str,
-        cadence: Cadence,
+        command: Command,
+        actuation: Actuation,
     ) -> None:
         self._model = model
-        self._link = link
+        self._autopilot = autopilot
         self._sensors = sensors
         self._firmware = firmware
-        self._notes: tuple[Note, ...] = ()
         self._selector = selector
-        self._operations = operations
         self._estimator = estimator
         self._wind = wind
         self._wind_load = wind_load
         self._monitor = monitor
         self._model_ok = True
-        self._supervisor = supervisor
-        self._motors = motors
-        self._controller = controller
         self._pwm = pwm
-        self._control_mode = control_mode
-        self._cadence = cadence
-        self._limiter = PulseLimiter(pwm)
+        self._command = command
+        self._actuation = actuation
         self._status: FrontseatStatus | None = None
-        self._command = (0.0, 0.0)
-        self._pulses_us: tuple[int, int] | None = None
         self._forcing_wind: Wind | None = None
         self._wind_ns = -REMEMBERED_NS
-        self._station: Station | None = None
         self._readers: dict[str, Callable[[Frame], Sequence[tuple[str, Measurement]]]] = {
-            "autopilot": link.read,
+            "autopilot": autopilot.read,
             **{port: codec.read for port, codec in sensors.items()},
         }
 
@@ -120,17 +102,12 @@ class Backseat:
             self._wind_ns = t_ns
         elif estimate is not None and self._wind_load is not None and t_ns - self._wind_ns > REMEMBERED_NS:
             wind = self._wind_load.wind(estimate)
-        known = self._known(t_ns, estimate)
-        answers, begun = self._operations.answer(known)
-        if begun:
-            self._cadence.restart()
-        decision = self._supervisor.step(known)
-        if decision.station is None and self._station is not None:
-            self._controller.reset()
-        self._station = decision.station
+        self._actuation.inspect(t_ns)
+        situation = self._situation(t_ns, estimate)
+        decision = self._command.step(situation)
         fresh = any(frame.port != OPERATOR for frame in inputs.frames)
-        control = self._control(t_ns, decision, estimate, usable_wind, fresh)
-        motor_frames = self._actuate(t_ns, decision, control)
+        control = self._actuation.solve(t_ns, decision, estimate, usable_wind, fresh=fresh)
+        frames = self._actuation.drive(t_ns, decision)
         model_input = self._model_input()
         self._force(usable_wind)
         model_error = None
@@ -140,11 +117,10 @@ class Backseat:
         firmware = self._firmware.note()
         own = () if firmware is None else (firmware,)
         sensors = (*self._estimator.notes(t_ns), *self._wind.notes(t_ns))
-        self._notes = (*self._link.notes, *self._motors.notes, *sensors, *own)
-        polled = (*self._link.poll(t_ns), *self._firmware.poll(t_ns))
-        switches = self._selector.switches(t_ns)
-        reports = self._operations.report(t_ns, decision, estimate, control, switches, self._notes)
-        frames = [*motor_frames, *answers, *polled, *reports]
+        notes = (*self._autopilot.notes, *self._actuation.notes, *sensors, *own)
+        frames += self._autopilot.poll(t_ns)
+        frames += self._firmware.poll(t_ns)
+        frames += self._command.data_to_send(situation, decision, control, self._selector.switches(t_ns), notes)
         return Outputs(
             t_ns=t_ns,
             phase=decision.phase,
@@ -153,25 +129,24 @@ class Backseat:
             wind=wind,
             station=decision.station,
             control=control,
-            pwm_us=self._pulses_us,
-            health=self._health(t_ns, decision, estimate, wind),
-            origin_deg=None if known.frame is None else (known.frame.lat_deg, known.frame.lon_deg),
+            pwm_us=self._actuation.pulses_us,
+            health=self._health(t_ns, decision, estimate, wind, notes),
+            origin_deg=None if self.frame is None else (self.frame.lat_deg, self.frame.lon_deg),
             model_error=model_error,
-            autopilot_clock=self._link.clock,
+            autopilot_clock=self._autopilot.clock,
         )
 
-    def surrender(self, t_ns: int) -> list[Frame]:
+    def release_to_pilot(self, t_ns: int) -> list[Frame]:
         """Neutral and release, for a shell that can no longer call `step`."""
-        neutral_us = self._pwm.neutral_us
-        return [*self._link.drive(t_ns, neutral_us, neutral_us), *self._link.release(t_ns)]
+        return self._actuation.release_to_pilot(t_ns)
 
     # --- stages --------------------------------------------------------------------------------------------
 
     def _take_in(self, inputs: Inputs) -> None:
-        """Decode every frame: each measurement to its estimator, what the operator asks to `operations`."""
+        """Decode every frame: each measurement to its estimator, what operators ask for to `command`."""
         for frame in inputs.frames:
             if frame.port == OPERATOR:
-                self._operations.take(frame)
+                self._command.receive(frame)
                 continue
             if frame.port == self._firmware.port:
                 self._firmware.read(frame)
@@ -190,7 +165,7 @@ class Backseat:
                 self._estimator.on_imu(measurement)
             case FrontseatStatus():
                 self._status = measurement
-                self._motors.on_status(measurement)
+                self._actuation.on_status(measurement)
             case WindSample():
                 estimate = self._estimator.estimate(measurement.t_ns)
                 if estimate is not None:
@@ -204,50 +179,9 @@ class Backseat:
             case _:
                 pass
 
-    def _control(
-        self, t_ns: int, decision: Decision, estimate: Estimate | None, wind: Wind | None, fresh: bool
-    ) -> Control | None:
-        """A new solution when one is due; otherwise None. In FAILSAFE it is tried too, and not sent: it may recover."""
-        if decision.station is None or estimate is None or not estimate.valid:
-            self._cadence.restart()
-            self._command = (0.0, 0.0)
-            return None
-        if not self._cadence.due(t_ns, fresh):
-            return None
-        control = self._controller.step(estimate, wind, decision.station)
-        self._command = control.command if control.ok else (0.0, 0.0)
-        self._supervisor.note_control(control.ok)
-        return control
-
-    def _actuate(self, t_ns: int, decision: Decision, control: Control | None) -> list[Frame]:
-        """The motors in this tick: said in every tick, from a command no older than one control period."""
-        failed = control is not None and not control.ok
-        if decision.drive and not failed:
-            self._pulses_us = self._limiter.step(t_ns, self._command)
-        elif decision.drive or decision.neutral:
-            self._pulses_us = self._limiter.neutral()
-        else:
-            self._limiter.reset()
-            self._pulses_us = None
-        frames: list[Frame] = []
-        if self._pulses_us is not None:
-            frames += self._link.drive(t_ns, *self._pulses_us)
-            self._supervisor.note_sent(t_ns, self._pulses_us)
-        driving = decision.phase in (Phase.HOLD, Phase.FAILSAFE)
-        self._motors.drove(t_ns, self._pulses_us if driving else None)
-        if decision.release:
-            frames += self._link.release(t_ns)
-            self._pulses_us = None
-        if decision.prepare:
-            frames += self._link.request_mode(t_ns, self._control_mode)
-            frames += self._link.request_arming(t_ns)
-        if decision.ask_mode is not None:
-            frames += self._link.request_mode(t_ns, decision.ask_mode)
-        return frames
-
     def _model_input(self) -> tuple[float, float]:
         """The model's input under what drives the boat from now on: our pulses, or else the autopilot's outputs."""
-        pulses = self._pulses_us
+        pulses = self._actuation.pulses_us
         if pulses is None:
             status = self._status
             outputs = status.outputs_us if status is not None else ()
@@ -262,37 +196,39 @@ class Backseat:
         self._forcing_wind = wind
         self._estimator.set_forcing(self._model_input(), None if wind is None else (wind.vn_mps, wind.ve_mps))
 
-    def _known(self, t_ns: int, estimate: Estimate | None) -> Situation:
+    def _situation(self, t_ns: int, estimate: Estimate | None) -> Situation:
         """What this tick is decided by."""
+        heard_ns = self._autopilot.autopilot_heartbeat_ns
         return Situation(
             t_ns=t_ns,
             status=self._status,
-            heartbeat_age_s=self._heartbeat_age_s(t_ns),
+            heartbeat_age_s=None if heard_ns is None else (t_ns - heard_ns) * 1e-9,
             estimate=estimate,
             frame=self._estimator.frame,
-            fault=self._motors.step(t_ns),
-            unheard=self._motors.unheard,
+            fault=self._actuation.fault,
+            unverified=self._actuation.unverified,
+            control_ok=self._actuation.control_ok,
+            sent=self._actuation.sent,
         )
 
-    def _heartbeat_age_s(self, t_ns: int) -> float | None:
-        heard_ns = self._link.autopilot_heartbeat_ns
-        return None if heard_ns is None else (t_ns - heard_ns) * 1e-9
-
-    def _health(self, t_ns: int, decision: Decision, estimate: Estimate | None, wind: Wind | None) -> Health:
-        age_s = self._heartbeat_age_s(t_ns)
+    def _health(
+        self, t_ns: int, decision: Decision, estimate: Estimate | None, wind: Wind | None, notes: tuple[Note, ...]
+    ) -> Health:
+        solved_ok = self._actuation.control_ok
         return Health(
-            reason=decision.reason,
-            link_ok=self._supervisor.link_ok(age_s),
+            reason=describe(decision.why),
+            code=decision.why.reason.value,
+            link_ok=decision.link_ok,
             estimate_ok=estimate is not None and estimate.valid,
             wind_ok=wind is not None and wind.valid,
-            control_ok=self._supervisor.control_ok,
+            control_ok=decision.control_ok if solved_ok is None else solved_ok,
             model_ok=self._model_ok,
             counters=(
-                *self._link.counters(),
+                *self._autopilot.counters(),
                 *(counter for codec in self._sensors.values() for counter in codec.counters()),
-                *self._operations.counters(),
+                *self._command.counters(),
                 *self._estimator.counters(),
             ),
             sources=self._selector.current(t_ns),
-            notes=self._notes,
+            notes=notes,
         )

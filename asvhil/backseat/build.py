@@ -9,8 +9,10 @@ from asvhil.autopilot.ardurover import ArduRoverAutopilot
 from asvhil.autopilot.motor_check import MotorCheck
 from asvhil.autopilot.px4 import Px4Autopilot
 from asvhil.autopilot.readback import Readback
+from asvhil.backseat.actuation import Actuation
 from asvhil.backseat.backseat import Backseat
 from asvhil.backseat.cadence import Cadence, EveryPeriod, EveryTicks
+from asvhil.backseat.command import Command
 from asvhil.config import LEARNED, Config, EstimatorConfig, find_shipped
 from asvhil.controller.backstepping import Backstepping
 from asvhil.controller.loiter import Loiter
@@ -36,8 +38,9 @@ from asvhil.io.sensors.nmea import NmeaCodec
 from asvhil.io.sensors.protocol import SensorCodec
 from asvhil.io.sensors.sources import SourceSelector
 from asvhil.io.sensors.vectornav.codec import VectorNavCodec
-from asvhil.operator.operations import STATION_PARAMETERS, Operations
+from asvhil.operator.operations import Operations
 from asvhil.operator.session import OperatorSession
+from asvhil.operator.station_parameters import STATION_PARAMETERS
 from asvhil.operator.tunables import Tunables
 from asvhil.supervisor.supervisor import Supervisor
 
@@ -149,10 +152,19 @@ def build_link(config: Config) -> ArduRoverAutopilot | Px4Autopilot:
 
 
 def build_motor_check(config: Config, link: ArduRoverAutopilot | Px4Autopilot) -> MotorCheck:
-    """What minds whether the motors do as told."""
+    """The check of whether the motors follow the commands."""
     readback = config.supervisor.readback
     watch = Readback(readback, config.vehicle.pwm, overrides_sticks=config.links.autopilot.overrides_sticks)
     return MotorCheck(link, watch, readback.tolerate)
+
+
+def build_command(config: Config, controller: Controller) -> Command:
+    """Operators and the supervisor; operators may tune `controller` while it runs."""
+    links = config.links
+    supervisor = Supervisor(config.supervisor, config.vehicle.pwm, overrides_sticks=links.autopilot.overrides_sticks)
+    tunables = Tunables(config.controller, controller)
+    session = OperatorSession(links.autopilot, links.operator, (*STATION_PARAMETERS, *tunables.names))
+    return Command(Operations(session, tunables), supervisor)
 
 
 def build_firmware_watch(config: Config) -> FirmwareWatch:
@@ -171,24 +183,24 @@ def build_backseat(
     model = model or build_model(config, file)
     pwm, link = config.vehicle.pwm, build_link(config)
     controller = controller or build_controller(config, model)
-    supervisor = Supervisor(config.supervisor, pwm, overrides_sticks=config.links.autopilot.overrides_sticks)
-    tunables = Tunables(config.controller, controller)
-    operator = OperatorSession(config.links.autopilot, config.links.operator, (*STATION_PARAMETERS, *tunables.names))
     return Backseat(
         model=model,
-        link=link,
+        autopilot=link,
         sensors=build_sensors(config),
         firmware=build_firmware_watch(config),
         selector=SourceSelector(config.sources.resolved(config.links), config.sources.return_after_s),
-        operations=Operations(operator, supervisor, tunables),
         estimator=build_estimator(config.estimator, model),
         wind=build_wind(config.estimator),
         wind_load=build_wind_load(config),
         monitor=ModelMonitor(config.estimator.monitor, model, 1.0 / config.daemon.control_hz),
-        supervisor=supervisor,
-        motors=build_motor_check(config, link),
-        controller=controller,
         pwm=pwm,
-        control_mode=config.supervisor.control_mode,
-        cadence=build_cadence(config),
+        command=build_command(config, controller),
+        actuation=Actuation(
+            autopilot=link,
+            check=build_motor_check(config, link),
+            cadence=build_cadence(config),
+            controller=controller,
+            pwm=pwm,
+            control_mode=config.supervisor.control_mode,
+        ),
     )

@@ -6,10 +6,10 @@ from typing import Protocol
 
 
 class Cadence(Protocol):
-    """Asked once a tick in which the controller may run."""
+    """Advanced once in each tick in which the controller may run."""
 
-    def due(self, t_ns: int, fresh: bool = True) -> bool:
-        """Whether this tick solves; `fresh`: it has brought something from the autopilot or a sensor."""
+    def advance(self, t_ns: int, fresh: bool = True) -> bool:
+        """Go on by a tick. Whether it solves; `fresh`: it has brought something from the autopilot or a sensor."""
         ...
 
     def restart(self) -> None:
@@ -24,8 +24,8 @@ class EveryTicks:
         self._ticks = ticks
         self._left = 0
 
-    def due(self, t_ns: int, fresh: bool = True) -> bool:
-        """Whether this tick solves."""
+    def advance(self, t_ns: int, fresh: bool = True) -> bool:
+        """Go on by a tick. Whether it solves."""
         if self._left > 0:
             self._left -= 1
             return False
@@ -51,8 +51,8 @@ class EveryPeriod:
         self._patience_most_ns = period_ns + 2 * slack_ns
         self._patience_ns = self._patience_most_ns
 
-    def due(self, t_ns: int, fresh: bool = True) -> bool:
-        """Whether this tick solves: it is due, or nearly so."""
+    def advance(self, t_ns: int, fresh: bool = True) -> bool:
+        """Go on by a tick. Whether it solves: it is due, or nearly so."""
         due_ns = t_ns if self._due_ns is None else self._due_ns
         if t_ns < due_ns - self._slack_ns + (0 if fresh else self._patience_ns):
             return False

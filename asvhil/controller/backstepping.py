@@ -24,12 +24,14 @@ class Backstepping:
 
     def reset(self) -> None:
         """Forget which way the boat was steered; the law itself remembers nothing."""
-        self._loop.reset()
+        self._loop.steering.reset()
+
+    def new_station(self) -> None:
+        """As `reset`."""
+        self.reset()
 
     def step(self, estimate: Estimate, wind: Wind | None, station: Station) -> Control:
         """One control tick. Neutral and not ok where an input is not finite."""
-        if self._loop.moved(station):
-            self._loop.steering.reset()
         result = self._loop.step(estimate, wind, station, self.law)
         if result is None:
             return FAILED

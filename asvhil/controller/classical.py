@@ -136,18 +136,7 @@ class FeedbackLoop:
         self._allocator = Allocator(ThrustCurve(vessel.thrust_curve), vessel.motor_arm_m)
         self._wind_feedforward = wind_feedforward
         self._error_max_m = steering.error_max_m
-        self._station: Station | None = None
         self.steering = Steering(steering)
-
-    def reset(self) -> None:
-        self._station = None
-        self.steering.reset()
-
-    def moved(self, station: Station) -> bool:
-        """Whether the station is another one than at the last call, or than before a reset."""
-        changed = station != self._station
-        self._station = station
-        return changed
 
     def step(
         self, estimate: Estimate, wind: Wind | None, station: Station, law: Callable[[TrackingState], Vector3]

@@ -33,6 +33,9 @@ class Loiter:
         self._integral = 0.0
         self._t_ns: int | None = None
 
+    def new_station(self) -> None:
+        """Nothing to forget: the speed integral is of the motors, not of the station."""
+
     def step(self, estimate: Estimate, wind: Wind | None, station: Station) -> Control:
         """One control tick; the wind and the station's heading go unused. Not ok where an input is not finite."""
         north_m, east_m = station.n_m - estimate.n_m, station.e_m - estimate.e_m

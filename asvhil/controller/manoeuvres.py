@@ -85,6 +85,10 @@ class Manoeuvres:
         self.stage = "start"  # what is being done: the block's kind, or return, done, out
         self._home.reset()
 
+    def new_station(self) -> None:
+        """The programme goes on about another station."""
+        self._home.new_station()
+
     @property
     def done(self) -> bool:
         """Whether the programme's time is over and the station is kept instead."""

@@ -70,10 +70,14 @@ class Procedure:
         """Forget stage and path, as after a time without control."""
         self.stage: Stage | None = None
         self._since_ns = self._last_ns = self._planned_ns = 0
-        self._station: Station | None = None
         self._path: Dubins | None = None
         self._keeper.reset()
         self._keeper_idle = False  # others have had the motors since its last step
+
+    def new_station(self) -> None:
+        """Begin anew with an approach, or within r_s with the keeper, which goes on driving."""
+        self.stage, self._path = None, None
+        self._keeper.new_station()
 
     def step(self, estimate: Estimate, wind: Wind | None, station: Station) -> Control:
         """One control tick. Neutral and not ok where the estimate or the wind is not finite or the keeper fails."""
@@ -82,8 +86,6 @@ class Procedure:
         pose = (station.n_m, station.e_m, station.psi_rad)
         if not all(map(math.isfinite, (*numbers, *estimate.disturbance, *air, *pose))):
             return Control(command=(0.0, 0.0), ok=False, iterations=0, cost=0.0, stage=self.stage or "")
-        if station != self._station:
-            self.stage, self._station, self._path = None, station, None
         distance_m = math.hypot(estimate.n_m - station.n_m, estimate.e_m - station.e_m)
         stage = self._next(estimate.t_ns, distance_m)
         if stage is not self.stage:

@@ -8,8 +8,19 @@ from asvhil.types import Control, Estimate, Station, Wind
 
 
 class Controller(Protocol):
-    """Keeps a station: one solution per control period."""
+    """Keeps a station: one solution per control period.
 
-    def step(self, estimate: Estimate, wind: Wind | None, station: Station) -> Control: ...
+    It need not compare stations: the supervisor holds the one in use, and `new_station` says that it is another.
+    """
 
-    def reset(self) -> None: ...
+    def step(self, estimate: Estimate, wind: Wind | None, station: Station) -> Control:
+        """The motor commands of one control period."""
+        ...
+
+    def new_station(self) -> None:
+        """The station is another one from the next step on: forget what was found for the last."""
+        ...
+
+    def reset(self) -> None:
+        """Forget everything: the motors have not been ours since the last step."""
+        ...

@@ -29,15 +29,16 @@ class SlidingMode:
 
     def reset(self) -> None:
         """Empty the integral, as after a time without control."""
-        self._loop.reset()
+        self._loop.steering.reset()
         self.integral: Vector3 = (0.0, 0.0, 0.0)  # of eta_e (m s, m s, rad s)
         self._t_ns: int | None = None
 
+    def new_station(self) -> None:
+        """As `reset`: what was integrated is of the last station."""
+        self.reset()
+
     def step(self, estimate: Estimate, wind: Wind | None, station: Station) -> Control:
         """One control tick. Neutral and not ok where an input is not finite; the integral then stays as it is."""
-        if self._loop.moved(station):
-            self._loop.steering.reset()
-            self.integral, self._t_ns = (0.0, 0.0, 0.0), None
         result = self._loop.step(estimate, wind, station, self.law)
         if result is None:
             return FAILED

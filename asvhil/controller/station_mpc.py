@@ -46,12 +46,16 @@ class StationMpc:
         """Forget the plan, the trim and the last input, as after a time without control."""
         self._plan: Array | None = None
         self._input = self._neutral()
-        self._near = self._position_only = False
-        self._trim_rad = self._near_s = 0.0
+        self._position_only = False
         self._side_load_mps2: float | None = None
-        self._psi_rad: float | None = None
-        self._station: Station | None = None
         self._ticks = 0
+        self.new_station()
+
+    def new_station(self) -> None:
+        """Forget what was found for the last station, the trim and the way round to it; the plan is where to start."""
+        self._near = False
+        self._trim_rad = self._near_s = 0.0
+        self._psi_rad: float | None = None
 
     def favour_position(self, on: bool) -> None:
         """Keep position at any heading (True), or heading too (False), from the next step on and until `reset`."""
@@ -79,23 +83,21 @@ class StationMpc:
 
         # In the station's frame the problem does not know where the station is or where it points.
         x, y = ned_to_body(station.psi_rad, estimate.n_m - station.n_m, estimate.e_m - station.e_m)
-        if station != self._station:
-            self._station, self._psi_rad, self._near, self._trim_rad = station, None, False, 0.0
-            self._near_s = 0.0
         psi_rad = self._heading_error_rad(estimate.psi_rad - station.psi_rad)
         distance_m = math.hypot(x, y)
         self._near = distance_m < (self._config.far_radius_m if self._near else self._config.near_radius_m)
-        self._lean(psi_rad)
+        self._update_trim(psi_rad)
         state = (x, y, psi_rad, *nu, *estimate.motor)
         wind_here = ned_to_body(station.psi_rad, *air)
         push_here = (*ned_to_body(station.psi_rad, push[0], push[1]), push[2])
         if self._delay_s > 0.0:
             state = self._problem.ahead(state, self._input, wind_here, push_here, self._delay_s)
+        self._update_side_load(wind_here, push_here)
         parameters = self._parameters(state, wind_here, push_here)
         solution, iterations = self._solve(parameters, distance_m)
         return self._control(solution, iterations, station) if solution.ok else self._give_up(iterations)
 
-    def _lean(self, psi_rad: float) -> None:
+    def _update_trim(self, psi_rad: float) -> None:
         """Integrate the heading error into the trim, once the boat has been near for a while."""
         config = self._config
         self._near_s = self._near_s + self._period_s if self._near else 0.0
@@ -114,7 +116,7 @@ class StationMpc:
 
         config = self._config
         # An offset is worth swings of the heading too: a heavy heading weight would park the boat beside the station.
-        share = max(self._side_load_share(wind, disturbance), _ramp(math.hypot(state[0], state[1]), config.offset_m))
+        share = max(self._side_load_share, _ramp(math.hypot(state[0], state[1]), config.offset_m))
         if self._position_only:
             return packed(config.position_only)
         if not self._near:
@@ -122,18 +124,22 @@ class StationMpc:
         # The cost is linear in its weights, so a mean of the two is a problem of the same kind.
         return share * packed(config.near) + (1.0 - share) * packed(config.along)
 
-    def _side_load_share(self, wind: tuple[float, float], disturbance: tuple[float, float, float]) -> float:
-        """0 where nothing pushes the boat sideways at the station's heading, 1 where it has a side load to carry.
-
-        Two fixed motors carry a side load by swings of the heading alone, and these a heavy heading weight would
-        forbid. Without one there is no reason to swing, and a light weight would only follow noise.
-        """
+    def _update_side_load(self, wind: tuple[float, float], disturbance: tuple[float, float, float]) -> None:
+        """The acceleration that pushes the boat sideways at the station's heading, by a low-pass."""
         mps2 = abs(self._problem.side_acceleration(wind, disturbance))
         if self._side_load_mps2 is None:
             self._side_load_mps2 = mps2
         gain = min(self._period_s / self._config.side_load_time_s, 1.0)
         self._side_load_mps2 += gain * (mps2 - self._side_load_mps2)
-        return _ramp(self._side_load_mps2, self._config.side_load_mps2)
+
+    @property
+    def _side_load_share(self) -> float:
+        """0 where nothing pushes the boat sideways at the station's heading, 1 where it has a side load to carry.
+
+        Two fixed motors carry a side load by swings of the heading alone, and these a heavy heading weight would
+        forbid. Without one there is no reason to swing, and a light weight would only follow noise.
+        """
+        return _ramp(self._side_load_mps2 or 0.0, self._config.side_load_mps2)
 
     def _solve(self, parameters: Array, distance_m: float) -> tuple[Solution, int]:
         """The cheaper of the shifted last plan and, far off or after a failure, one alternate start in turn.

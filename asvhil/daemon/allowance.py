@@ -12,8 +12,8 @@ class Allowance:
         self._left = self._burst
         self._at_s: float | None = None
 
-    def wait_s(self, now_s: float) -> float:
-        """Take one event; the seconds it has to wait for its turn."""
+    def take_s(self, now_s: float) -> float:
+        """Take one event. Returns the seconds that it has to wait for its turn."""
         elapsed_s = 0.0 if self._at_s is None else now_s - self._at_s
         self._at_s = now_s
         self._left = min(self._burst, self._left + elapsed_s * self._rate_hz) - 1.0

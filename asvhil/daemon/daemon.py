@@ -28,7 +28,7 @@ from asvhil.operator.session import encode_release, encode_solve_time
 from asvhil.types import Frame, Inputs, Outputs
 
 FINAL_TICKS = 3
-SURRENDERS, SURRENDER_S = 3, 0.05
+RELEASES, RELEASE_S = 3, 0.05
 SWITCH_S = 0.0005
 ARRIVALS_AT_ONCE = 20
 SOLVE_TOLD_NS = 500_000_000
@@ -57,7 +57,7 @@ class Daemon:
         self._wake = asyncio.Event()  # a tick is asked for before its time
         self._on_arrival = config.daemon.cut_on == "arrival"
         self._allowance = Allowance(config.daemon.arrival_hz_max, ARRIVALS_AT_ONCE)
-        self._hub = MavlinkRouter(
+        self._router = MavlinkRouter(
             config.links, start_ns=clock.now_ns(), unix_ns=time.time_ns, on_forward=recorder.write_forwarded
         )
         self._saving: asyncio.Task[None] | None = None
@@ -65,12 +65,12 @@ class Daemon:
         specs = {"autopilot": config.links.autopilot.endpoint, "operator": config.links.operator.endpoint}
         sensors = {"anemometer": config.links.anemometer, "ins": config.links.ins, "gnss": config.links.gnss}
         specs |= {port: sensor.endpoint for port, sensor in sensors.items() if sensor is not None}
-        specs |= self._hub.ground_specs
+        specs |= self._router.ground_specs
         self._links = {
             port: ReconnectingLink(port, spec, config, clock, self._inbox, self._receive)
             for port, spec in specs.items()
         }
-        self._hub.attach(self._links)
+        self._router.attach(self._links)
         self.ticks = 0
         self.overruns = 0
         self._slowest_ns = 0
@@ -87,7 +87,7 @@ class Daemon:
         for number in (signal.SIGINT, signal.SIGTERM):
             loop.add_signal_handler(number, self.stop)
         readers = [asyncio.create_task(link.run(), name=port) for port, link in self._links.items()]
-        for text in self._hub.warnings:
+        for text in self._router.warnings:
             self._recorder.write_log(self._clock.now_ns(), "warning", text)
         # The recorder's thread would else keep the interpreter for up to 5 ms while an answer waits to be sent.
         sys.setswitchinterval(SWITCH_S)
@@ -98,7 +98,7 @@ class Daemon:
                 await self._tick_until_stopped(loop, worker, duration_s)
                 await self._let_go(loop, worker)
         except Exception as error:
-            await self._surrender()
+            await self._release_to_pilot()
             raise AsvhilError(f"the backseat failed, motors released: {type(error).__name__}: {error}") from error
         finally:
             for reader in readers:
@@ -107,11 +107,11 @@ class Daemon:
             for port, link in self._links.items():
                 if link.losses:
                     self._recorder.write_log(self._clock.now_ns(), "warning", f"link {port}: {link.losses}")
-            for text in self._hub.all_news():
+            for text in self._router.take_all_news():
                 self._recorder.write_log(self._clock.now_ns(), "warning", text)
             if self._saving is not None:
                 await self._saving
-            await self._save(self._hub.states())
+            await self._save(self._router.states())
             for number in (signal.SIGINT, signal.SIGTERM):
                 loop.remove_signal_handler(number)
 
@@ -119,10 +119,10 @@ class Daemon:
         """What the backseat gets of a received frame."""
         if self._on_arrival and frame.port != OPERATOR and not frame.port.startswith(GROUND):
             self._wake.set()
-        return await self._hub.receive(frame)
+        return await self._router.receive(frame)
 
     async def _send(self, frame: Frame) -> None:
-        for leaving in self._hub.outgoing(frame):
+        for leaving in self._router.outgoing(frame):
             await self._links[leaving.port].send(leaving)
 
     async def _save(self, states: dict[Path, SigningState]) -> None:
@@ -150,7 +150,7 @@ class Daemon:
                 return
             with contextlib.suppress(TimeoutError):
                 await asyncio.wait_for(self._wake.wait(), max(due_s - loop.time(), 0.0))
-                await asyncio.sleep(self._allowance.wait_s(loop.time()))
+                await asyncio.sleep(self._allowance.take_s(loop.time()))
                 due_s = min(due_s, loop.time())
 
     async def _let_go(self, loop: asyncio.AbstractEventLoop, worker: ThreadPoolExecutor) -> None:
@@ -193,15 +193,15 @@ class Daemon:
         return outputs, time.perf_counter_ns() - start_ns
 
     def _state(self, port: str) -> str:
-        remarks = self._hub.remarks(port)
+        remarks = self._router.remarks(port)
         return f"{self._links[port].state}; {remarks}" if remarks else self._links[port].state
 
     def _keep_house(self, t_ns: int) -> None:
-        """What the hub has to say, and what it wants kept."""
-        for text in self._hub.news(t_ns):
+        """Log the router's news, and save its signing timestamps when that is due."""
+        for text in self._router.take_news(t_ns):
             self._recorder.write_log(t_ns, "warning", text)
-        if self._hub.save_due(t_ns) and (self._saving is None or self._saving.done()):
-            self._saving = asyncio.create_task(self._save(self._hub.states()))
+        if self._router.take_save_due(t_ns) and (self._saving is None or self._saving.done()):
+            self._saving = asyncio.create_task(self._save(self._router.states()))
 
     def _speak(self, outputs: Outputs) -> None:
         """Log what changed: phase and reason, and the state of each link."""
@@ -218,9 +218,9 @@ class Daemon:
                 self._recorder.write_log(outputs.t_ns, level, f"{key} {text}")
         self._spoken = now
 
-    async def _surrender(self) -> None:
+    async def _release_to_pilot(self) -> None:
         """Several times: datagrams get lost, and some outputs keep their last value for ever."""
-        for _ in range(SURRENDERS):
-            for frame in self._backseat.surrender(self._clock.now_ns()):
+        for _ in range(RELEASES):
+            for frame in self._backseat.release_to_pilot(self._clock.now_ns()):
                 await self._send(frame)
-            await asyncio.sleep(SURRENDER_S)
+            await asyncio.sleep(RELEASE_S)

@@ -10,6 +10,7 @@ from rich.table import Table
 from rich.text import Text
 
 from asvhil.geo import wrap_rad
+from asvhil.supervisor.reasons import remedy
 from asvhil.types import Outputs
 
 COLOURS = {"hold": "green", "standby": "yellow", "prepare": "cyan", "failsafe": "red"}
@@ -26,6 +27,8 @@ def status_of(outputs: Outputs, links: dict[str, str], start_ns: int, overruns: 
         "t_s": round((outputs.t_ns - start_ns) * 1e-9, 2),
         "phase": outputs.phase.value,
         "reason": outputs.health.reason,
+        "code": outputs.health.code,
+        "remedy": remedy(outputs.health.code),
         "distance_m": distance_m,
         "heading_error_deg": heading_deg,
         "heading_deg": math.degrees(estimate.psi_rad) % 360.0 if estimate else None,
@@ -51,6 +54,7 @@ def render(status: dict[str, Any], title: str) -> Group:
     phase = str(status["phase"])
     table.add_row("time", f"{status['t_s']:.0f} s")
     table.add_row("phase", Text(f"{phase}: {status['reason']}", style=COLOURS.get(phase, "")))
+    table.add_row("what to do", status["remedy"])
     table.add_row(
         "to the station", f"{_show(status['distance_m'], 'm')}, {_show(status['heading_error_deg'], 'deg', 1)}"
     )

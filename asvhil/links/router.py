@@ -24,13 +24,12 @@ from asvhil.types import Frame
 
 AUTOPILOT, OPERATOR = "autopilot", "operator"
 GROUND = "ground."
-VIA = "|"  # in a peer: the link that an operator is reached by, then his address on it
 NEWS_NS = 5_000_000_000
 SAVE_NS = 10_000_000_000
 
 
 class ForwardingLink(Protocol):
-    """What the hub needs of a link."""
+    """What the router needs of a link."""
 
     async def forward(self, data: bytes) -> bool:
         """Pass a frame on if there is room for it; whether there was."""
@@ -63,79 +62,79 @@ class MavlinkRouter:
         self._clock = SigningClock()
         self._signers: dict[str, Signer] = {}
         self._state_files: dict[str, Path] = {}
-        self._gates = {
+        self._filters = {
             port: SignatureFilter(link.senders, self._verifier(port, link, start_ns)) for port, link in links.items()
         }
-        self._router = self._make_router(config, links)
-        self._carriers: Mapping[str, ForwardingLink] = {}
+        self._table = self._make_table(config, links)
+        self._links: Mapping[str, ForwardingLink] = {}
         self._unforwarded: Counter[str] = Counter()
         self._told: dict[str, str] = {}
         self._news_ns = start_ns
         self._save_ns = start_ns
         self._saved_last = self._clock.last
 
-    def attach(self, carriers: Mapping[str, ForwardingLink]) -> None:
+    def attach(self, links: Mapping[str, ForwardingLink]) -> None:
         """The links to forward on, by port."""
-        self._carriers = carriers
+        self._links = links
 
     async def receive(self, frame: Frame) -> list[Frame]:
         """What the backseat gets of one received frame; what is for others is passed on meanwhile."""
-        gate = self._gates.get(frame.port)
-        if gate is None:
+        signature_filter = self._filters.get(frame.port)
+        if signature_filter is None:
             return [frame]
-        routed = self._router is not None and frame.port != OPERATOR
-        if not routed and not gate.guards:
+        routed = self._table is not None and frame.port != OPERATOR
+        if not routed and not signature_filter.guards:
             return [frame]  # untouched: the codec behind counts the garbage
-        accepted = gate.feed(frame, self._unix_ns())
+        accepted = signature_filter.feed(frame, self._unix_ns())
         operators: list[Frame] = []
         if routed:
             for data in accepted:
                 operators += await self._route(frame, data)
         if frame.port.startswith(GROUND):
             return operators
-        if not gate.guards:
+        if not signature_filter.guards:
             return [frame, *operators]
         whole = b"".join(accepted)
         return [*([Frame(t_ns=frame.t_ns, port=frame.port, data=whole, peer=frame.peer)] if whole else []), *operators]
 
     def outgoing(self, frame: Frame) -> list[Frame]:
         """What leaves, and where, of one frame of the backseat; signed where the link asks for it."""
-        port, _, peer = frame.peer.rpartition(VIA)
-        if frame.port == OPERATOR and port:
-            return [self._signed(Frame(t_ns=frame.t_ns, port=port, data=frame.data, peer=peer))]
+        if frame.port == OPERATOR and frame.via:
+            return [self._signed(Frame(t_ns=frame.t_ns, port=frame.via, data=frame.data, peer=frame.peer))]
         ports = [frame.port]
-        if frame.port == OPERATOR and not frame.peer and self._router is not None:
-            ports += self._router.originate(frame.data, besides=(AUTOPILOT,))
+        if frame.port == OPERATOR and not frame.peer and self._table is not None:
+            ports += self._table.originate(frame.data, besides=(AUTOPILOT,))
         return [self._signed(Frame(t_ns=frame.t_ns, port=name, data=frame.data, peer=frame.peer)) for name in ports]
 
     def remarks(self, port: str) -> str:
-        """What was dropped on a link and why, in words; empty where nothing was."""
-        gate = self._gates.get(port)
-        parts = [f"{count} {reason}" for reason, count in sorted(gate.rejected.items())] if gate else []
-        words = f"frames dropped: {', '.join(parts)}" if parts else ""
-        if gate is not None and gate.rejected[Verdict.FUTURE.value]:
-            words += " (is this computer's clock right?)"
+        """What was dropped on a link and why; empty where nothing was."""
+        signature_filter = self._filters.get(port)
+        rejected = signature_filter.rejected if signature_filter is not None else Counter[str]()
+        parts = [f"{count} {reason}" for reason, count in sorted(rejected.items())]
+        text = f"frames dropped: {', '.join(parts)}" if parts else ""
+        if rejected[Verdict.FUTURE.value]:
+            text += " (is this computer's clock right?)"
         unforwarded = self._unforwarded[port]
         if unforwarded:
-            words += f"{'; ' if words else ''}{unforwarded} forwarded frames found no room"
-        return words
+            text += f"{'; ' if text else ''}{unforwarded} forwarded frames found no room"
+        return text
 
-    def news(self, t_ns: int) -> list[str]:
+    def take_news(self, t_ns: int) -> list[str]:
         """New remarks on all links, at most every 5 s, so that an attack does not fill the log."""
         if t_ns - self._news_ns < NEWS_NS:
             return []
         self._news_ns = t_ns
-        return self.all_news()
+        return self.take_all_news()
 
-    def all_news(self) -> list[str]:
-        """Remarks that were not told yet."""
-        now = {port: words for port in self._gates if (words := self.remarks(port))}
-        fresh = [f"link {port}: {words}" for port, words in now.items() if self._told.get(port) != words]
+    def take_all_news(self) -> list[str]:
+        """Remarks that were not taken yet."""
+        now = {port: text for port in self._filters if (text := self.remarks(port))}
+        fresh = [f"link {port}: {text}" for port, text in now.items() if self._told.get(port) != text]
         self._told = now
         return fresh
 
-    def save_due(self, t_ns: int) -> bool:
-        """Whether timestamps should be written; true at most every 10 s, and only where they have changed."""
+    def take_save_due(self, t_ns: int) -> bool:
+        """Whether to write the timestamps now; true at most every 10 s, and only where they have changed."""
         if not self._state_files or t_ns - self._save_ns < SAVE_NS or self._clock.last == self._saved_last:
             return False
         self._save_ns, self._saved_last = t_ns, self._clock.last
@@ -145,7 +144,7 @@ class MavlinkRouter:
         """The signing timestamps of every link and the file each belongs in: a copy, for a thread to write."""
         found = {}
         for port, path in self._state_files.items():
-            verifier = self._gates[port].verifier
+            verifier = self._filters[port].verifier
             if verifier is not None:
                 found[path] = verifier.state()
         return found
@@ -153,20 +152,20 @@ class MavlinkRouter:
     # --- parts ---------------------------------------------------------------------------------------------
 
     async def _route(self, frame: Frame, data: bytes) -> list[Frame]:
-        assert self._router is not None
-        hops = self._router.route(frame.port, data, frame.t_ns)
+        assert self._table is not None
+        hops = self._table.route(frame.port, data, frame.t_ns)
         if self._claim_goto and AUTOPILOT in hops.links and is_goto(data):
             hops = Hops(tuple(name for name in hops.links if name != AUTOPILOT), True)
         for name in hops.links:
-            if not await self._carriers[name].forward(data):
+            if not await self._links[name].forward(data):
                 self._unforwarded[name] += 1
             elif name == AUTOPILOT:
-                self._on_forward(Frame(t_ns=frame.t_ns, port=AUTOPILOT, data=data, peer=frame.port))
+                self._on_forward(Frame(t_ns=frame.t_ns, port=AUTOPILOT, data=data, via=frame.port))
         if not hops.local:
             return []
         if frame.port == AUTOPILOT and (source(data)[0] == self._autopilot_system_id or target(data)[0] == 0):
             return []  # the vehicle's own talk, which the codec of that port reads; an operator asks us by name
-        return [Frame(t_ns=frame.t_ns, port=OPERATOR, data=data, peer=f"{frame.port}{VIA}{frame.peer}")]
+        return [Frame(t_ns=frame.t_ns, port=OPERATOR, data=data, peer=frame.peer, via=frame.port)]
 
     def _signed(self, frame: Frame) -> Frame:
         signer = self._signers.get(frame.port)
@@ -197,7 +196,7 @@ class MavlinkRouter:
         )
 
     @staticmethod
-    def _make_router(config: LinksConfig, links: Mapping[str, MavlinkLinkConfig]) -> RoutingTable | None:
+    def _make_table(config: LinksConfig, links: Mapping[str, MavlinkLinkConfig]) -> RoutingTable | None:
         enabled = config.routing.enabled
         if not (bool(config.ground_stations) if enabled is None else enabled):
             return None

@@ -51,6 +51,7 @@ class _Channel(NamedTuple):
     port: str
     direction: str  # "in", "out", or empty where the channel holds no frames
     peer: str
+    via: str
 
 
 class _Message(NamedTuple):
@@ -94,7 +95,7 @@ class LogFile:
         tick = 0
         for channel, sequence, t_ns, data, chunk_at in self._messages():
             if channel.direction == "in":
-                frames.append(Frame(t_ns=t_ns, port=channel.port, data=data, peer=channel.peer))
+                frames.append(Frame(t_ns=t_ns, port=channel.port, data=data, peer=channel.peer, via=channel.via))
             elif channel.topic == INPUTS_TOPIC:
                 if inputs is not None:
                     yield inputs, None
@@ -119,7 +120,7 @@ class LogFile:
         """The frames of a port, `in` or `out`, of all its peers in the order of the file."""
         for channel, _, t_ns, data, _ in self._messages():
             if channel.direction == direction and channel.port == port:
-                yield Frame(t_ns=t_ns, port=port, data=data, peer=channel.peer)
+                yield Frame(t_ns=t_ns, port=port, data=data, peer=channel.peer, via=channel.via)
 
     def timing(self) -> Iterator[Timing]:
         """How long each step took."""
@@ -296,4 +297,7 @@ def _read_channel(content: bytes) -> tuple[int, _Channel]:
     topic, position = _read_text(content, 4)
     _encoding, position = _read_text(content, position)
     values = _read_map(content, position)
-    return number, _Channel(topic, values.get("port", ""), values.get("direction", ""), values.get("peer", ""))
+    port, peer, via = values.get("port", ""), values.get("peer", ""), values.get("via")
+    if via is None and port == "operator":  # written before there was one
+        via, _, peer = peer.rpartition("|")
+    return number, _Channel(topic, port, values.get("direction", ""), peer, via or "")

@@ -3,10 +3,11 @@
 Layout, version 1 (profile "asvhil"):
 - Metadata records stand at the start of the file, synced before the first tick: what the caller gives (config,
   versions, seed, ...), then the record `asvhil` with the layout's version and the number of the others.
-- `/frames/<port>/in` and `/frames/<port>/out`: raw frames, one channel per (port, direction, peer), with these three
-  in the channel's metadata. log_time is the frame's t_ns. Message encodings are mavlink, nmea, vectornav, or octets.
+- `/frames/<port>/in` and `/frames/<port>/out`: raw frames, one channel per (port, direction, peer, via), with these
+  four in the channel's metadata. log_time is the frame's t_ns. Message encodings are mavlink, nmea, vectornav, or
+  octets. Logs of before `via` have `<via>|<peer>` for the peer of an operator behind another link.
 - `/frames/<port>/forwarded`: frames of others that the daemon passed on to that port, the link that they came by as
-  peer. No part of inputs or outputs; what is passed on to ground stations is not kept, it stands where it came in.
+  `via`. No part of inputs or outputs; what is passed on to ground stations is not kept, it stands where it came in.
 - `/asvhil/inputs`: the cut of a tick, JSON {"t_ns", "frames"}. An Inputs is this marker and the last `frames` inbound
   frames before it in FILE order. The sequence number counts ticks from 1; a step of more than 1 means that ticks were
   dropped because the disk stalled.
@@ -206,7 +207,7 @@ class _LogWriter:
         self._encodings = encodings
         self._written = False
         self._viewed_ns: int | None = None
-        self._frame_channels: dict[tuple[str, str, str], int] = {}
+        self._frame_channels: dict[tuple[str, str, str, str], int] = {}
         try:
             # The writer only writes, tells and flushes, which is all that the sink can do.
             self._mcap = Writer(
@@ -270,14 +271,14 @@ class _LogWriter:
         return self._mcap.register_channel(topic, "json", schema_id)
 
     def _add_frame(self, frame: Frame, direction: str) -> None:
-        key = (frame.port, direction, frame.peer)
+        key = (frame.port, direction, frame.peer, frame.via)
         channel = self._frame_channels.get(key)
         if channel is None:
             channel = self._frame_channels[key] = self._mcap.register_channel(
                 f"/frames/{frame.port}/{direction}",
                 self._encodings.get(frame.port, "octets"),
                 0,
-                {"port": frame.port, "direction": direction, "peer": frame.peer},
+                {"port": frame.port, "direction": direction, "peer": frame.peer, "via": frame.via},
             )
         self._add(channel, frame.t_ns, frame.data)
 

@@ -1,4 +1,4 @@
-"""What ground stations say to have a station kept or let go, as requests. Pure functions."""
+"""What ground stations send to have a station kept or let go, as requests. Pure functions."""
 
 from __future__ import annotations
 
@@ -6,7 +6,8 @@ import math
 from typing import Any
 
 from asvhil.io.mavlink.frames import decode, dialect, message_id
-from asvhil.types import HoldCommand, ReleaseCommand, record
+from asvhil.supervisor.reasons import Explanation, Reason, explain
+from asvhil.types import HoldCommand, MoveCommand, ReleaseCommand, record
 
 HERE = 2**31 - 1  # INT32_MAX: "no value" of a COMMAND_INT coordinate
 REPOSITION, LOITER = dialect.MAV_CMD_DO_REPOSITION, dialect.MAV_CMD_NAV_LOITER_UNLIM
@@ -24,6 +25,7 @@ GLOBAL_FRAMES = frozenset(
         dialect.MAV_FRAME_GLOBAL_TERRAIN_ALT_INT,
     }
 )
+DENIED = int(dialect.MAV_RESULT_DENIED)
 IGNORE_XY = dialect.POSITION_TARGET_TYPEMASK_X_IGNORE | dialect.POSITION_TARGET_TYPEMASK_Y_IGNORE
 IGNORE_YAW = dialect.POSITION_TARGET_TYPEMASK_YAW_IGNORE
 # What a station cannot follow: bit that leaves it out, field.
@@ -39,14 +41,13 @@ YAW_MAX_RAD = 2.0 * math.pi + 1e-6
 
 @record
 class Refusal:
-    """Why a request cannot be meant, in words, and the MAV_RESULT that says so."""
+    """Why a request makes no sense, and the MAV_RESULT that says so."""
 
-    result: int
-    words: str
+    why: Explanation
+    result: int = DENIED
 
 
-DENIED = int(dialect.MAV_RESULT_DENIED)
-Meaning = HoldCommand | ReleaseCommand | Refusal
+Meaning = HoldCommand | MoveCommand | ReleaseCommand | Refusal
 
 
 def is_goto(data: bytes) -> bool:
@@ -62,15 +63,15 @@ def meaning_of_command(t_ns: int, m: Any) -> Meaning | None:
     """The request of a COMMAND_INT or COMMAND_LONG; None where the command is about something else."""
     if m.command == GUIDED:
         if m.param1 == 0.0:
-            return ReleaseCommand(t_ns=t_ns, reason="released by the operator")
-        return HoldCommand(t_ns=t_ns) if m.param1 == 1.0 else Refusal(result=DENIED, words="param1 must be 0 or 1")
+            return ReleaseCommand(t_ns=t_ns)
+        return HoldCommand(t_ns=t_ns) if m.param1 == 1.0 else Refusal(why=explain(Reason.GUIDED_ENABLE_VALUE))
     if m.command not in (REPOSITION, LOITER):
         return None
     whole = m.get_type() == "COMMAND_INT"
     if m.command == REPOSITION and not whole:
-        return Refusal(result=int(dialect.MAV_RESULT_COMMAND_INT_ONLY), words="DO_REPOSITION comes as COMMAND_INT")
+        return Refusal(why=explain(Reason.COMMAND_INT_ONLY), result=int(dialect.MAV_RESULT_COMMAND_INT_ONLY))
     if whole and m.frame not in GLOBAL_FRAMES:
-        return Refusal(result=DENIED, words=f"frame {m.frame} is not latitude and longitude")
+        return Refusal(why=explain(Reason.FRAME_NOT_GLOBAL, frame=m.frame))
     # By the protocol the heading of DO_REPOSITION is in radians and that of NAV_LOITER_UNLIM in degrees.
     yaw_rad = m.param4 if m.command == REPOSITION else math.radians(m.param4)
     if whole:
@@ -81,37 +82,36 @@ def meaning_of_command(t_ns: int, m: Any) -> Meaning | None:
         lat_deg, lon_deg = m.param5, m.param6
     if m.command == LOITER:
         here = here or (lat_deg == 0.0 and lon_deg == 0.0)
-    return _station(t_ns, None if here else (lat_deg, lon_deg), yaw_rad)
+    return _hold(t_ns, None if here else (lat_deg, lon_deg), yaw_rad)
 
 
-def meaning_of_setpoint(t_ns: int, m: Any, *, move_only: bool) -> HoldCommand | Refusal:
-    """The request of a SET_POSITION_TARGET_GLOBAL_INT; its type mask tells which fields are meant."""
+def meaning_of_setpoint(t_ns: int, m: Any, *, streaming: bool) -> HoldCommand | MoveCommand | Refusal:
+    """The request of a SET_POSITION_TARGET_GLOBAL_INT; its type mask tells which fields are meant.
+
+    `streaming`: it is not the first of its stream, and so only moves the station that the first took.
+    """
     if m.coordinate_frame not in GLOBAL_FRAMES:
-        return Refusal(result=DENIED, words=f"frame {m.coordinate_frame} is not latitude and longitude")
+        return Refusal(why=explain(Reason.FRAME_NOT_GLOBAL, frame=m.coordinate_frame))
     if m.type_mask & IGNORE_XY:
-        return Refusal(result=DENIED, words="a set-point without a position")
+        return Refusal(why=explain(Reason.SETPOINT_WITHOUT_POSITION))
     for bit, field in RATES:
         value = getattr(m, field)
         if not m.type_mask & bit and value != 0.0 and not math.isnan(value):
-            return Refusal(result=DENIED, words=f"a set-point with {field}: a station stands still")
+            return Refusal(why=explain(Reason.SETPOINT_WITH_RATE, field=field))
     yaw_rad = math.nan if m.type_mask & IGNORE_YAW else m.yaw
-    return _station(t_ns, (m.lat_int * 1e-7, m.lon_int * 1e-7), yaw_rad, move_only=move_only)
+    hold = _hold(t_ns, (m.lat_int * 1e-7, m.lon_int * 1e-7), yaw_rad)
+    if isinstance(hold, Refusal) or not streaming:
+        return hold
+    return MoveCommand(t_ns=t_ns, lat_deg=hold.lat_deg, lon_deg=hold.lon_deg, psi_rad=hold.psi_rad)
 
 
-def _station(
-    t_ns: int, place_deg: tuple[float, float] | None, yaw_rad: float, *, move_only: bool = False
-) -> HoldCommand | Refusal:
+def _hold(t_ns: int, place_deg: tuple[float, float] | None, yaw_rad: float) -> HoldCommand | Refusal:
     lat_deg, lon_deg = place_deg if place_deg is not None else (None, None)
     if lat_deg is not None and lon_deg is not None:
         on_earth = abs(lat_deg) <= 90.0 and abs(lon_deg) <= 180.0
         if not on_earth or (lat_deg == 0.0 and lon_deg == 0.0):
-            return Refusal(result=DENIED, words="no place on earth that a boat is sent to")
+            return Refusal(why=explain(Reason.PLACE_IMPOSSIBLE))
     if not math.isnan(yaw_rad) and not abs(yaw_rad) <= YAW_MAX_RAD:
-        return Refusal(result=DENIED, words="a heading beyond a full turn: are its units right?")
-    return HoldCommand(
-        t_ns=t_ns,
-        lat_deg=lat_deg,
-        lon_deg=lon_deg,
-        psi_rad=None if math.isnan(yaw_rad) else yaw_rad,
-        move_only=move_only,
-    )
+        return Refusal(why=explain(Reason.HEADING_IMPOSSIBLE))
+    psi_rad = None if math.isnan(yaw_rad) else yaw_rad
+    return HoldCommand(t_ns=t_ns, lat_deg=lat_deg, lon_deg=lon_deg, psi_rad=psi_rad)

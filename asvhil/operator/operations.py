@@ -1,4 +1,4 @@
-"""What operators ask for, and what they are told: the operator's link, the supervisor and the parameters together."""
+"""Operators' frames to requests, and what has become of them to answers and reports."""
 
 from __future__ import annotations
 
@@ -6,160 +6,135 @@ import dataclasses
 import math
 from collections.abc import Iterable
 
-from asvhil.geo import LocalFrame, wrap_rad
+from asvhil.geo import wrap_rad
 from asvhil.io.mavlink.frames import dialect
 from asvhil.io.sensors.sources import Switch
 from asvhil.operator.reports import OperatorReport
-from asvhil.operator.session import OperatorSession, Request
+from asvhil.operator.session import OperatorRequest, OperatorSession
+from asvhil.operator.station_parameters import STATION_PARAMETERS, move_of_change, station_value
 from asvhil.operator.tunables import Tunables
+from asvhil.supervisor.reasons import Explanation, describe
 from asvhil.supervisor.situation import Situation
-from asvhil.supervisor.supervisor import Decision, Supervisor
-from asvhil.types import (
-    Control,
-    Estimate,
-    Frame,
-    HoldCommand,
-    Note,
-    ParameterChange,
-    Phase,
-    ReleaseCommand,
-    Station,
-)
+from asvhil.supervisor.supervisor import Decision, Request
+from asvhil.types import Control, Frame, Note, ParameterChange, Phase, record
 
 NOTICE, WARNING = dialect.MAV_SEVERITY_NOTICE, dialect.MAV_SEVERITY_WARNING
-# The station that is held, NaN while none is: degrees on the ellipsoid, and metres from the first position heard,
-# which a 32-bit float tells to a tenth of a millimetre while it tells degrees to half a metre.
-STATION_PARAMETERS = ("ST_LAT", "ST_LON", "ST_HDG", "ST_NORTH", "ST_EAST")
+
+
+@record
+class _Unanswered:
+    """A request that waits for its answer: what was decided here, or, with `asked`, what the supervisor will."""
+
+    request: OperatorRequest
+    asked: bool
+    refusal: Explanation | None = None
 
 
 class Operations:
-    """Takes requests in, has them decided, answers them, and reports."""
+    """What operators ask for and are told. In each tick: `receive`, `take_requests`, `answer`, `data_to_send`."""
 
-    def __init__(self, link: OperatorSession, supervisor: Supervisor, tunables: Tunables) -> None:
-        self._link = link
-        self._supervisor = supervisor
+    def __init__(self, session: OperatorSession, tunables: Tunables) -> None:
+        self._session = session
         self._tunables = tunables
-        self._requests: list[Request] = []
+        self._received: list[OperatorRequest] = []
+        self._unanswered: list[_Unanswered] = []
         self._phase = Phase.STANDBY
         self._notes: tuple[Note, ...] = ()
         self._control: Control | None = None
-        self._station: Station | None = None
-        self._frame: LocalFrame | None = None
 
-    def take(self, frame: Frame) -> None:
+    def receive(self, frame: Frame) -> None:
         """Take in a frame of the operator's port."""
-        self._requests += self._link.decode(frame)
+        self._received += self._session.receive(frame)
 
-    def answer(self, known: Situation) -> tuple[list[Frame], bool]:
-        """Decide what was asked for, in order: the answers, and whether a hold has begun."""
-        self._frame = known.frame
-        answers: list[Frame] = []
-        begun = False
-        requests, self._requests = self._requests, []
-        for request in requests:
-            command = request.command
-            refusal: str | None = None
-            match command:
-                case HoldCommand():
-                    refusal = self._supervisor.on_hold(command, known)
-                    begun = begun or (refusal is None and not command.move_only)
-                case ReleaseCommand():
-                    self._supervisor.on_release(command)
-                case ParameterChange():
-                    refusal = self._change(command, known)
-            answers += self._link.answer(known.t_ns, request, refusal)
-        if begun:
-            self._link.tell_parameters(STATION_PARAMETERS)
-        return answers, begun
+    def take_requests(self) -> list[Request]:
+        """What the supervisor has to decide of what was received, in turn; the controller's parameters are set here."""
+        asked: list[Request] = []
+        received, self._received = self._received, []
+        for request in received:
+            wanted = self._meaning(request)
+            if wanted is None or isinstance(wanted, Explanation):
+                self._unanswered.append(_Unanswered(request=request, asked=False, refusal=wanted))
+            else:
+                self._unanswered.append(_Unanswered(request=request, asked=True))
+                asked.append(wanted)
+        return asked
 
-    def report(
+    def answer(self, t_ns: int, decision: Decision) -> None:
+        """Answer what was asked for, in turn."""
+        answers = iter(decision.answers)
+        for waiting in self._unanswered:
+            refusal = next(answers) if waiting.asked else waiting.refusal
+            self._session.answer(t_ns, waiting.request, refusal)
+        self._unanswered.clear()
+        if decision.begun:
+            self._session.tell_parameters(STATION_PARAMETERS)
+
+    def data_to_send(
         self,
-        t_ns: int,
+        situation: Situation,
         decision: Decision,
-        estimate: Estimate | None,
         control: Control | None,
         switches: Iterable[Switch],
         notes: tuple[Note, ...],
     ) -> list[Frame]:
-        """What this tick has to tell: texts on changes, and what is due."""
-        self._station = decision.station
+        """The answers of this tick, texts on what has changed, and the reports that are due."""
+        t_ns = situation.t_ns
         if decision.station is None:
             self._control = None
         elif control is not None:
             self._control = control
-        frames: list[Frame] = []
         if decision.phase is not self._phase:
             self._phase = decision.phase
-            frames += self._link.tell(t_ns, NOTICE, f"{decision.phase}: {decision.reason}")
+            self._session.tell(t_ns, NOTICE, f"{decision.phase}: {describe(decision.why)}")
         for switch in switches:
             severity = NOTICE if switch.after else WARNING
-            frames += self._link.tell(t_ns, severity, f"{switch.quantity} from {switch.after or 'nowhere'}")
-        for severity, text in self._remarks(notes):
-            frames += self._link.tell(t_ns, severity, text)
-        return [*frames, *self._link.poll(t_ns, self._situation(estimate), self._value)]
+            self._session.tell(t_ns, severity, f"{switch.quantity} from {switch.after or 'nowhere'}")
+        for severity, text in self._take_remarks(notes):
+            self._session.tell(t_ns, severity, text)
+
+        def value_of(name: str) -> float:
+            if name in self._tunables:
+                return self._tunables.value(name)
+            return station_value(name, decision.station, situation.frame)
+
+        return self._session.data_to_send(t_ns, self._report(situation, decision), value_of)
 
     def counters(self) -> tuple[tuple[str, int], ...]:
-        return self._link.counters()
+        """Cumulative counts of what came in and what was dropped."""
+        return self._session.counters()
 
     # --- parts ---------------------------------------------------------------------------------------------
 
-    def _situation(self, estimate: Estimate | None) -> OperatorReport:
-        station, control, frame = self._station, self._control, self._frame
-        situation = OperatorReport(phase=self._phase, solve_ms=self._link.solve_ms)
-        if control is not None:
-            iterations = float(control.iterations)
-            situation = dataclasses.replace(situation, iterations=iterations, control_ok=control.ok)
+    def _meaning(self, request: OperatorRequest) -> Request | Explanation | None:
+        """What the supervisor is to be asked; else a parameter has been set (None), or why not."""
+        command = request.command
+        if not isinstance(command, ParameterChange):
+            return command
+        if command.name in self._tunables:
+            return self._tunables.set(command.name, command.value)
+        return move_of_change(command)
+
+    def _report(self, situation: Situation, decision: Decision) -> OperatorReport:
+        station, estimate, frame = decision.station, situation.estimate, situation.frame
+        report = OperatorReport(phase=decision.phase, solve_ms=self._session.solve_ms)
+        if self._control is not None:
+            iterations = float(self._control.iterations)
+            report = dataclasses.replace(report, iterations=iterations, control_ok=self._control.ok)
         if station is None or estimate is None or frame is None:
-            return situation
+            return report
         return dataclasses.replace(
-            situation,
+            report,
             distance_m=math.hypot(estimate.n_m - station.n_m, estimate.e_m - station.e_m),
             heading_error_rad=wrap_rad(estimate.psi_rad - station.psi_rad),
             station=(*frame.to_geodetic(station.n_m, station.e_m), station.psi_rad),
         )
 
-    def _remarks(self, notes: tuple[Note, ...]) -> list[tuple[int, str]]:
-        """What has become wrong, and what has come right again, since the last tick: (severity, text)."""
+    def _take_remarks(self, notes: tuple[Note, ...]) -> list[tuple[int, str]]:
+        """What has become wrong, and what has recovered, since the last tick: (severity, text)."""
         before, self._notes = self._notes, notes
         if notes == before:
             return []
         told = [(WARNING, f"{note.subject}: {note.text}") for note in notes if not note.ok and note not in before]
         wrong = {note.subject for note in notes if not note.ok}
         right = [note.subject for note in before if not note.ok and note.subject not in wrong]
-        return [*told, *((NOTICE, f"{subject}: well again") for subject in right)]
-
-    def _value(self, name: str) -> float:
-        if name in self._tunables:
-            return self._tunables.value(name)
-        station, frame = self._station, self._frame
-        if station is None or frame is None:
-            return math.nan
-        lat_deg, lon_deg = frame.to_geodetic(station.n_m, station.e_m)
-        values = (lat_deg, lon_deg, math.degrees(station.psi_rad) % 360.0, station.n_m, station.e_m)
-        return values[STATION_PARAMETERS.index(name)]
-
-    def _change(self, change: ParameterChange, known: Situation) -> str | None:
-        """Set a parameter. Returns None, or the reason why not."""
-        name, value = change.name, change.value
-        if name in self._tunables:
-            return self._tunables.set(name, value)
-        station, frame = self._supervisor.station, known.frame
-        if station is None or frame is None:
-            return f"{name}: no station is held"
-        lat_deg, lon_deg = frame.to_geodetic(station.n_m, station.e_m)
-        psi_rad: float | None = None
-        match name:
-            case "ST_LAT" if abs(value) <= 90.0:
-                lat_deg = value
-            case "ST_LON" if abs(value) <= 180.0:
-                lon_deg = value
-            case "ST_HDG" if abs(value) <= 360.0:
-                psi_rad = wrap_rad(math.radians(value))
-            case "ST_NORTH" if math.isfinite(value):
-                lat_deg, lon_deg = frame.to_geodetic(value, station.e_m)
-            case "ST_EAST" if math.isfinite(value):
-                lat_deg, lon_deg = frame.to_geodetic(station.n_m, value)
-            case _:
-                return f"{name}: {value:g} is out of range"
-        moved = HoldCommand(t_ns=change.t_ns, lat_deg=lat_deg, lon_deg=lon_deg, psi_rad=psi_rad, move_only=True)
-        return self._supervisor.on_hold(moved, known)
+        return [*told, *((NOTICE, f"{subject}: recovered") for subject in right)]

@@ -1,4 +1,4 @@
-"""What operators are told unasked: heartbeat, named values, the station as a position target, and texts. Sans-IO."""
+"""What operators get without asking: heartbeat, named values, the station as a position target, texts. Sans-IO."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ STATION_MASK = sum(
 
 @record
 class OperatorReport:
-    """What there is to tell: errors to the station that is held, the latest solution, and the station itself.
+    """Errors to the station that is held, the latest solution, and the station itself.
 
     What is not known is NaN; `station` is (latitude, longitude in degrees, heading in rad), None where none is held.
     """
@@ -58,7 +58,7 @@ class OperatorReport:
 
 
 class Reports:
-    """The rates at which things are told, as MAV_CMD_SET_MESSAGE_INTERVAL may change them, and the messages."""
+    """The rates of the reports, as MAV_CMD_SET_MESSAGE_INTERVAL may change them, and their messages."""
 
     def __init__(self, report_hz: float) -> None:
         report_us = 1e6 / report_hz if report_hz > 0.0 else -1.0
@@ -96,8 +96,8 @@ class Reports:
         self._due_ns.pop(msg_id, None)
         return ACCEPTED
 
-    def due(self, t_ns: int, situation: OperatorReport, *, quiet: bool = False) -> list[Any]:
-        """Messages whose time has come; `quiet`: the heartbeat alone."""
+    def take_due(self, t_ns: int, report: OperatorReport, *, quiet: bool = False) -> list[Any]:
+        """Messages whose time has come, each then due again one interval on; `quiet`: the heartbeat alone."""
         found: list[Any] = []
         for msg_id, interval_us in self._interval_us.items():
             if interval_us < 0.0 or (quiet and msg_id != HEARTBEAT_ID) or t_ns < self._due_ns.get(msg_id, t_ns):
@@ -105,23 +105,23 @@ class Reports:
             interval_ns = round(interval_us * 1e3)
             due_ns = self._due_ns.get(msg_id, t_ns) + interval_ns
             self._due_ns[msg_id] = due_ns if due_ns > t_ns else t_ns + interval_ns  # after a pause no burst
-            found += self.build(t_ns, msg_id, situation)
+            found += self.build(t_ns, msg_id, report)
         return found
 
-    def build(self, t_ns: int, msg_id: int, situation: OperatorReport) -> list[Any]:
-        """The messages of one kind as things stand; none where there is nothing to tell."""
+    def build(self, t_ns: int, msg_id: int, report: OperatorReport) -> list[Any]:
+        """The messages of one kind; none where the report has nothing for it."""
         self._start_ns = t_ns if self._start_ns is None else self._start_ns
         t_ms = (t_ns - self._start_ns) // 1_000_000 % 2**32
         if msg_id == HEARTBEAT_ID:
-            return [self._heartbeat(situation.phase)]
+            return [self._heartbeat(report.phase)]
         if msg_id == VERSION_ID:
             return [_version()]
         if msg_id == INTERVAL_ID:
             asked = self._interval_asked
             return [dialect.MAVLink_message_interval_message(asked, round(self._interval_us[asked]))]
         if msg_id == VALUES_ID:
-            return [dialect.MAVLink_named_value_float_message(t_ms, *row) for row in _rows(situation)]
-        return [] if situation.station is None else [_target(t_ms, situation.station)]
+            return [dialect.MAVLink_named_value_float_message(t_ms, *row) for row in _rows(report)]
+        return [] if report.station is None else [_target(t_ms, report.station)]
 
     @staticmethod
     def _heartbeat(phase: Phase) -> Any:
@@ -138,21 +138,21 @@ class Reports:
         )
 
 
-def _rows(situation: OperatorReport) -> Sequence[tuple[bytes, float]]:
+def _rows(report: OperatorReport) -> Sequence[tuple[bytes, float]]:
     """Names of at most 10 bytes, and values; those that are not known are left out."""
     rows = (
-        (b"phase", float(PHASES.index(situation.phase))),
-        (b"dist_err", situation.distance_m),
-        (b"head_err", math.degrees(situation.heading_error_rad)),
-        (b"solve_ms", situation.solve_ms),
-        (b"solve_iter", situation.iterations),
-        (b"solve_ok", float(situation.control_ok)),
+        (b"phase", float(PHASES.index(report.phase))),
+        (b"dist_err", report.distance_m),
+        (b"head_err", math.degrees(report.heading_error_rad)),
+        (b"solve_ms", report.solve_ms),
+        (b"solve_iter", report.iterations),
+        (b"solve_ok", float(report.control_ok)),
     )
     return [row for row in rows if math.isfinite(row[1])]
 
 
 def _version() -> Any:
-    """AUTOPILOT_VERSION: what we are and what we can."""
+    """AUTOPILOT_VERSION: our version and capabilities."""
     major, minor, patch = [*(int(part) for part in re.findall(r"\d+", __version__)), 0, 0, 0][:3]
     number = major << 24 | minor << 16 | patch << 8 | int(dialect.FIRMWARE_VERSION_TYPE_OFFICIAL)
     return dialect.MAVLink_autopilot_version_message(CAPABILITIES, number, 0, 0, 0, [0] * 8, [0] * 8, [0] * 8, 0, 0, 0)

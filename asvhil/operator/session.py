@@ -13,12 +13,22 @@ from asvhil.io.mavlink.parameter_server import ParameterServer
 from asvhil.io.mavlink.timesync import TimeSync
 from asvhil.operator.goto import COMMANDS, HERE, SETPOINT, Refusal, is_goto, meaning_of_command, meaning_of_setpoint
 from asvhil.operator.reports import OperatorReport, Reports, Texts
-from asvhil.types import Frame, HoldCommand, ParameterChange, ReleaseCommand, record
+from asvhil.supervisor.reasons import Explanation, describe
+from asvhil.types import (
+    EVERYONE,
+    Address,
+    Frame,
+    HoldCommand,
+    MoveCommand,
+    ParameterChange,
+    ReleaseCommand,
+    record,
+)
 
 PORT = "operator"
-STREAM_NS = 3_000_000_000  # set-points closer than this are one stream, and its first is the command
+STREAM_NS = 3_000_000_000  # set-points closer than this are one stream, of which only the first takes a station
 LISTENING_NS = 15_000_000_000  # reports are for ground stations that are there: these send heartbeats
-REPEAT_NS = 5_000_000_000  # the same refusal of a stream is told no more often
+REPEAT_NS = 5_000_000_000  # the same refusal of a stream is sent no more often
 SOLVE_TIME = "solve_ms"
 UNSUPPORTED = int(dialect.MAV_RESULT_UNSUPPORTED)
 ACCEPTED = int(dialect.MAV_RESULT_ACCEPTED)
@@ -27,15 +37,15 @@ NOTHING = OperatorReport()
 
 
 @record
-class Request:
+class OperatorRequest:
     """What is asked, with what is needed to answer it; without a `mav_cmd` there is nothing to acknowledge.
 
-    `answer_as` is the (system, component) that was addressed.
+    `address`, `system_id` and `component_id` are the asker's; `answer_as` is the (system, component) that was asked.
     """
 
-    command: HoldCommand | ReleaseCommand | ParameterChange
+    command: HoldCommand | MoveCommand | ReleaseCommand | ParameterChange
     mav_cmd: int | None
-    peer: str
+    address: Address
     system_id: int
     component_id: int
     answer_as: tuple[int, int]
@@ -60,19 +70,19 @@ class OperatorSession:
         self._parameters = ParameterServer(parameters)
         self._reports = Reports(operator.report_hz)
         self._texts = Texts()
-        self._waiting: list[Frame] = []
-        self._asked: list[tuple[str, int]] = []
-        self._clocks: dict[str, TimeSync] = {}
-        self._setpoints_ns: dict[tuple[str, tuple[int, int]], int] = {}
-        self._told_ns: dict[str, int] = {}
+        self._to_send: list[Frame] = []
+        self._asked: list[tuple[Address, int]] = []  # for messages, by id
+        self._clocks: dict[Address, TimeSync] = {}
+        self._setpoints_ns: dict[tuple[Address, tuple[int, int]], int] = {}
+        self._refused_ns: dict[str, int] = {}
         self._heard_ns: int | None = None
         self.solve_ms = math.nan
 
-    def decode(self, frame: Frame) -> list[Request]:
-        """Requests in one frame; what needs no decision is answered at the next `poll`."""
-        found: list[Request] = []
-        for data in self._parser.feed(frame.peer, frame.data):
-            if not frame.peer and source(data) == self._us:
+    def receive(self, frame: Frame) -> list[OperatorRequest]:
+        """Requests in one frame; what needs no decision is answered by the next `data_to_send`."""
+        found: list[OperatorRequest] = []
+        for data in self._parser.feed(frame.peer, frame.data, frame.via):
+            if frame.address == EVERYONE and source(data) == self._us:
                 self._on_own(data)
                 continue
             self._heard_ns = frame.t_ns
@@ -85,49 +95,51 @@ class OperatorSession:
                     found.append(request)
         return found
 
-    def answer(self, t_ns: int, request: Request, refusal: str | None) -> list[Frame]:
+    def answer(self, t_ns: int, request: OperatorRequest, refusal: Explanation | None) -> None:
         """COMMAND_ACK: accepted, or temporarily rejected with the reason as STATUSTEXT; PARAM_VALUE for a parameter."""
-        frames: list[Frame] = []
         command = request.command
         if isinstance(command, ParameterChange):
             self._parameters.tell(command.name)
-        elif request.mav_cmd is None and refusal is not None and self._silent(t_ns, refusal):
-            return []
         if refusal is not None:
-            frames += self._text(t_ns, dialect.MAV_SEVERITY_WARNING, refusal, request.peer)
+            is_setpoint = request.mav_cmd is None and not isinstance(command, ParameterChange)
+            self._send_refusal(t_ns, refusal, request.address, seldom=is_setpoint)
         if request.mav_cmd is not None:
             result = ACCEPTED if refusal is None else int(dialect.MAV_RESULT_TEMPORARILY_REJECTED)
-            frames.append(self._ack(t_ns, request, result))
-        return frames
+            self._send_ack(t_ns, request, result)
 
-    def tell(self, t_ns: int, severity: int, text: str) -> list[Frame]:
+    def tell(self, t_ns: int, severity: int, text: str) -> None:
         """STATUSTEXT to every operator heard lately."""
-        return self._text(t_ns, severity, text, "")
+        self._send_text(t_ns, severity, text, EVERYONE)
 
     def tell_parameters(self, names: tuple[str, ...]) -> None:
-        """Have values told to every operator, as after they have changed by another way."""
+        """Send values to every operator, as after they have changed by another way."""
         if self._heard_ns is not None:
             for name in names:
                 self._parameters.tell(name)
 
-    def poll(
-        self, t_ns: int, situation: OperatorReport = NOTHING, value_of: Callable[[str], float] = lambda name: math.nan
+    def data_to_send(
+        self, t_ns: int, report: OperatorReport = NOTHING, value_of: Callable[[str], float] = lambda name: math.nan
     ) -> list[Frame]:
-        """Answers that are due; a heartbeat once somebody has spoken on this port, reports while somebody does."""
-        frames, self._waiting = self._waiting, []
+        """Answers and texts, and what is due: a heartbeat once an operator was heard, reports while one is."""
         asked, self._asked = self._asked, []
-        for peer, msg_id in asked:
-            frames += [self._pack(t_ns, message, peer) for message in self._reports.build(t_ns, msg_id, situation)]
-        frames += [self._pack(t_ns, message, peer) for peer, message in self._parameters.poll(value_of)]
-        for peer, clock in self._clocks.items():
-            frames += [self._pack(t_ns, dialect.MAVLink_timesync_message(*a), peer) for a in clock.answers(t_ns)]
+        for address, msg_id in asked:
+            for message in self._reports.build(t_ns, msg_id, report):
+                self._send(t_ns, message, address)
+        for address, message in self._parameters.data_to_send(value_of):
+            self._send(t_ns, message, address)
+        for address, clock in self._clocks.items():
+            for answer in clock.answers(t_ns):
+                self._send(t_ns, dialect.MAVLink_timesync_message(*answer), address)
         self._clocks.clear()
         if self._heard_ns is not None:
             quiet = t_ns - self._heard_ns > LISTENING_NS
-            frames += [self._pack(t_ns, message, "") for message in self._reports.due(t_ns, situation, quiet=quiet)]
+            for message in self._reports.take_due(t_ns, report, quiet=quiet):
+                self._send(t_ns, message, EVERYONE)
+        frames, self._to_send = self._to_send, []
         return frames
 
     def counters(self) -> tuple[tuple[str, int], ...]:
+        """Cumulative counts of what came in and what was dropped."""
         return (
             ("operator.frames", self._parser.total("frames")),
             ("operator.bad_crc", self._parser.total("bad_crc")),
@@ -137,18 +149,18 @@ class OperatorSession:
     # --- in ------------------------------------------------------------------------------------------------
 
     def _on_own(self, data: bytes) -> None:
-        """The shell's word on this port, where no clock is: how long solving takes."""
+        """The shell's own message on this port, for a core without a clock: how long solving takes."""
         message = decode(data)
         if message is not None and message.get_type() == "NAMED_VALUE_FLOAT" and message.name == SOLVE_TIME:
             self.solve_ms = message.value
 
     def _on_timesync(self, frame: Frame, data: bytes) -> None:
-        """A ground station asks for our time; its own is of no use to us."""
+        """A ground station asks for our time; its own clock is not used."""
         message = decode(data)
         if message is not None and message.tc1 == 0 and len(self._clocks) < Parser.MAX_PEERS:
-            self._clocks.setdefault(frame.peer, TimeSync()).receive(frame.t_ns, message.tc1, message.ts1)
+            self._clocks.setdefault(frame.address, TimeSync()).receive(frame.t_ns, message.tc1, message.ts1)
 
-    def _on_request(self, frame: Frame, data: bytes, msg_id: int) -> Request | None:
+    def _on_request(self, frame: Frame, data: bytes, msg_id: int) -> OperatorRequest | None:
         system_id, component_id = target(data)
         claimed = (
             self._claim_goto
@@ -162,34 +174,35 @@ class OperatorSession:
         if message is None:
             return None
         if msg_id in parameter_server.MESSAGES:
-            change = self._parameters.receive(frame.t_ns, frame.peer, message)
+            change = self._parameters.receive(frame.t_ns, frame.address, message)
             return None if change is None else self._request(frame, data, change, None, self._us)
         answer_as = (system_id, dialect.MAV_COMP_ID_AUTOPILOT1) if claimed else self._us
         if msg_id == SETPOINT:
             return self._on_setpoint(frame, data, message, answer_as) if claimed or to_us else None
         return self._on_command(frame, data, message, answer_as, alone=claimed or to_us)
 
-    def _on_setpoint(self, frame: Frame, data: bytes, message: Any, answer_as: tuple[int, int]) -> Request | None:
-        key = (frame.peer, source(data))
+    def _on_setpoint(
+        self, frame: Frame, data: bytes, message: Any, answer_as: tuple[int, int]
+    ) -> OperatorRequest | None:
+        key = (frame.address, source(data))
         last_ns = self._setpoints_ns.pop(key, None)
         if len(self._setpoints_ns) >= Parser.MAX_PEERS:
             self._setpoints_ns.pop(next(iter(self._setpoints_ns)))
         self._setpoints_ns[key] = frame.t_ns
         streaming = last_ns is not None and frame.t_ns - last_ns < STREAM_NS
-        meaning = meaning_of_setpoint(frame.t_ns, message, move_only=streaming)
+        meaning = meaning_of_setpoint(frame.t_ns, message, streaming=streaming)
         if isinstance(meaning, Refusal):
-            if not self._silent(frame.t_ns, meaning.words):
-                self._waiting += self._text(frame.t_ns, dialect.MAV_SEVERITY_WARNING, meaning.words, frame.peer)
+            self._send_refusal(frame.t_ns, meaning.why, frame.address, seldom=True)
             return None
         return self._request(frame, data, meaning, None, answer_as)
 
     def _on_command(
         self, frame: Frame, data: bytes, message: Any, answer_as: tuple[int, int], *, alone: bool
-    ) -> Request | None:
+    ) -> OperatorRequest | None:
         meaning = meaning_of_command(frame.t_ns, message)
         if isinstance(meaning, ReleaseCommand) or (isinstance(meaning, HoldCommand) and alone):
             return self._request(frame, data, meaning, message.command, answer_as)
-        asker = self._request(frame, data, ReleaseCommand(t_ns=frame.t_ns, reason=""), message.command, answer_as)
+        asker = self._request(frame, data, ReleaseCommand(t_ns=frame.t_ns), message.command, answer_as)
         asked: int | None = None
         if isinstance(meaning, Refusal):
             result = meaning.result
@@ -198,27 +211,27 @@ class OperatorSession:
         else:
             result, asked = self._reports.command(message)
         if not alone and result != ACCEPTED:
-            return None  # others of the system may do it: no word of ours must stand against theirs
+            return None  # others of the system may do it: no answer of ours must stand against theirs
         if isinstance(meaning, Refusal):
-            self._waiting += self._text(frame.t_ns, dialect.MAV_SEVERITY_WARNING, meaning.words, frame.peer)
-        self._waiting.append(self._ack(frame.t_ns, asker, result))
+            self._send_refusal(frame.t_ns, meaning.why, frame.address)
+        self._send_ack(frame.t_ns, asker, result)
         if asked is not None:
-            self._asked.append((frame.peer, asked))
+            self._asked.append((frame.address, asked))
         return None
 
     @staticmethod
     def _request(
         frame: Frame,
         data: bytes,
-        command: HoldCommand | ReleaseCommand | ParameterChange,
+        command: HoldCommand | MoveCommand | ReleaseCommand | ParameterChange,
         mav_cmd: int | None,
         answer_as: tuple[int, int],
-    ) -> Request:
+    ) -> OperatorRequest:
         system_id, component_id = source(data)
-        return Request(
+        return OperatorRequest(
             command=command,
             mav_cmd=mav_cmd,
-            peer=frame.peer,
+            address=frame.address,
             system_id=system_id,
             component_id=component_id,
             answer_as=answer_as,
@@ -226,31 +239,35 @@ class OperatorSession:
 
     # --- out -----------------------------------------------------------------------------------------------
 
-    def _silent(self, t_ns: int, text: str) -> bool:
-        """Whether a text was told a moment ago; if not it is now."""
-        self._told_ns = {said: at_ns for said, at_ns in self._told_ns.items() if t_ns - at_ns < REPEAT_NS}
-        if text in self._told_ns:
-            return True
-        self._told_ns[text] = t_ns
-        return False
+    def _send_refusal(self, t_ns: int, why: Explanation, address: Address, *, seldom: bool = False) -> None:
+        """Why something is not done, as STATUSTEXT; `seldom`: not where the same was sent a moment ago."""
+        text = describe(why)
+        if seldom:
+            self._refused_ns = {said: at for said, at in self._refused_ns.items() if t_ns - at < REPEAT_NS}
+            if text in self._refused_ns:
+                return
+            self._refused_ns[text] = t_ns
+        self._send_text(t_ns, dialect.MAV_SEVERITY_WARNING, text, address)
 
-    def _ack(self, t_ns: int, request: Request, result: int) -> Frame:
+    def _send_ack(self, t_ns: int, request: OperatorRequest, result: int) -> None:
         message = dialect.MAVLink_command_ack_message(
             request.mav_cmd or 0, result, 0, 0, request.system_id, request.component_id
         )
-        return self._pack(t_ns, message, request.peer, request.answer_as)
+        self._send(t_ns, message, request.address, request.answer_as)
 
-    def _text(self, t_ns: int, severity: int, text: str, peer: str) -> list[Frame]:
-        return [self._pack(t_ns, message, peer) for message in self._texts.messages(severity, text)]
+    def _send_text(self, t_ns: int, severity: int, text: str, address: Address) -> None:
+        for message in self._texts.messages(severity, text):
+            self._send(t_ns, message, address)
 
-    def _pack(self, t_ns: int, message: Any, peer: str, answer_as: tuple[int, int] | None = None) -> Frame:
+    def _send(self, t_ns: int, message: Any, address: Address, answer_as: tuple[int, int] | None = None) -> None:
+        """Put a message of ours into the next `data_to_send`."""
         sender = answer_as or self._us
         mav = self._senders.get(sender)
         if mav is None:
             mav = self._senders[sender] = dialect.MAVLink(None, srcSystem=sender[0], srcComponent=sender[1])
         data = bytes(message.pack(mav))
         mav.seq = (mav.seq + 1) % 256
-        return Frame(t_ns=t_ns, port=PORT, data=data, peer=peer)
+        self._to_send.append(Frame(t_ns=t_ns, port=PORT, data=data, peer=address.peer, via=address.via))
 
 
 def encode_hold(

@@ -13,6 +13,7 @@ from typing import Any, Protocol, runtime_checkable
 from pydantic import ValidationError
 
 from asvhil.config import ControllerConfig
+from asvhil.supervisor.reasons import Explanation, Reason, explain
 from asvhil.types import record
 
 NAME_MAX = 16
@@ -108,12 +109,12 @@ class Tunables:
             at = getattr(at, key)
         return float(at) / row.scale
 
-    def set(self, name: str, value: float) -> str | None:
-        """Use another value from now on. Returns None, or the reason why not."""
+    def set(self, name: str, value: float) -> Explanation | None:
+        """Use another value from now on. Returns None, or why not."""
         row = self._rows[name]
         assert self._controller is not None
         if not row.least <= value <= row.most:  # a NaN is not
-            return f"{name} must be {row.least:g} to {row.most:g}"
+            return explain(Reason.PARAMETER_OUT_OF_RANGE, name=name, range=f"{row.least:g} to {row.most:g}")
         tree = self._config.model_dump()
         at = tree
         for key in row.path[:-1]:
@@ -122,7 +123,8 @@ class Tunables:
         try:
             config = ControllerConfig.model_validate(tree)
         except ValidationError as error:
-            return f"{name}: {error.errors()[0]['msg'].removeprefix('Value error, ')}"
+            rule = error.errors()[0]["msg"].removeprefix("Value error, ")
+            return explain(Reason.PARAMETER_CONFLICT, name=name, rule=rule)
         self._config = config
         self._controller.retune(config)
         return None

@@ -38,12 +38,12 @@ class Preflight:
         self.survey = Survey(config)
         self._inbox: deque[Frame] = deque()
         links = config.links.model_copy(update={"ground_stations": {}, "routing": RoutingConfig(enabled=False)})
-        self._hub = MavlinkRouter(links, start_ns=self._clock.now_ns(), unix_ns=time.time_ns)
+        self._router = MavlinkRouter(links, start_ns=self._clock.now_ns(), unix_ns=time.time_ns)
         specs = {"autopilot": links.autopilot.endpoint}
         sensors = {"anemometer": links.anemometer, "ins": links.ins, "gnss": links.gnss}
         specs |= {port: sensor.endpoint for port, sensor in sensors.items() if sensor is not None}
         self._links = {
-            port: ReconnectingLink(port, spec, config, self._clock, self._inbox, self._hub.receive)
+            port: ReconnectingLink(port, spec, config, self._clock, self._inbox, self._router.receive)
             for port, spec in specs.items()
         }
 
@@ -73,7 +73,7 @@ class Preflight:
             for reader in readers:
                 reader.cancel()
             await asyncio.gather(*readers, return_exceptions=True)
-            save_states(self._hub.states())
+            save_states(self._router.states())
 
     async def _until(self, condition: Callable[[], bool], complain: Callable[[float], None] | None = None) -> None:
         start_s = time.monotonic()
@@ -81,7 +81,7 @@ class Preflight:
             frames = tuple(self._inbox)
             self._inbox.clear()
             for frame in self.survey.step(Inputs(t_ns=self._clock.now_ns(), frames=frames)):
-                for leaving in self._hub.outgoing(frame):
+                for leaving in self._router.outgoing(frame):
                     await self._links[leaving.port].send(leaving)
             self._on_tick(self.survey)
             if complain is not None:
@@ -98,7 +98,7 @@ class Preflight:
         if waited_s < self._timeout_s:
             return
         heard = self.survey.bytes_heard
-        remarks = self._hub.remarks("autopilot")
+        remarks = self._router.remarks("autopilot")
         dropped = f"; {remarks}" if remarks else ""
         if heard:
             what = f"{heard} bytes came, and no heartbeat of system {self._config.links.autopilot.autopilot_system_id}"

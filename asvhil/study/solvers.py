@@ -90,6 +90,9 @@ class Stopwatch:
         self._controller = controller
         self.last: tuple[Control, float, float] | None = None
 
+    def new_station(self) -> None:
+        self._controller.new_station()
+
     def reset(self) -> None:
         self._controller.reset()
 

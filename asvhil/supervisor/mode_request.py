@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-NOT_CHOSEN = "INITIALISING"  # a mode that nobody has asked for, and nobody can
+from asvhil.supervisor.reasons import Explanation, Reason, explain
+
+NOT_CHOSEN = "INITIALISING"  # a mode that is never asked for
 
 
 class ModeRequest:
-    """Remembers what stood before the control mode was asked for, and tells which mode to ask for now.
+    """Remembers the mode before the control mode was asked for, and which mode to ask for now.
 
-    `mode` is the one that the autopilot last told of.
+    `mode` is the one that the autopilot last reported.
     """
 
     def __init__(self, control_mode: str, timeout_s: float) -> None:
@@ -43,16 +45,16 @@ class ModeRequest:
         self.forget()
         self._restoring = None if before is None else (t_ns, before)
 
-    def failure(self, t_ns: int, mode: str) -> str | None:
-        """Why the control mode is not to be had any more, while it is being taken."""
+    def failure(self, t_ns: int, mode: str) -> Explanation | None:
+        """Why taking the control mode has failed; None while it has not."""
         if mode not in (self._control_mode, self._before, NOT_CHOSEN):
-            return f"mode changed to {mode}"
+            return explain(Reason.MODE_CHANGED, mode=mode)
         if self._taking_ns is not None and t_ns - self._taking_ns >= self._timeout_ns:
-            return f"the autopilot does not enter {self._control_mode}"
+            return explain(Reason.MODE_NOT_ENTERED, mode=self._control_mode)
         return None
 
-    def asking(self, t_ns: int, mode: str | None) -> str | None:
-        """The mode to ask for in this tick; None for `mode` where the autopilot is not heard."""
+    def advance(self, t_ns: int, mode: str | None) -> str | None:
+        """The mode to ask for in this tick, and an end to giving back once it is done; `mode` None: not known."""
         if self._taking_ns is not None:
             return self._control_mode
         if self._restoring is None:

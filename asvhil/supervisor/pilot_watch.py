@@ -1,10 +1,12 @@
-"""What the pilot does with mode, arming and sticks while the motors are ours: the signs that he wants the boat back."""
+"""Watches mode, arming and sticks while the motors are ours, for signs that the pilot wants the boat back."""
 
 from __future__ import annotations
 
 from collections import deque
 
 from asvhil.config import PwmConfig, SupervisorConfig
+from asvhil.supervisor.reasons import Explanation, Reason, explain
+from asvhil.supervisor.situation import MotorPulses
 from asvhil.types import FrontseatStatus
 
 ECHO_TOLERANCE_US = 40  # dead zones of an autopilot bend small commands by up to 30 us
@@ -18,12 +20,12 @@ class PilotWatch:
         """`overrides_sticks`: the motor commands stand in the place of the pilot's, and show as such in RC_CHANNELS."""
         self._config = config
         self._motor_channels = (pwm.port_channel, pwm.starboard_channel) if overrides_sticks else ()
-        # Where the sticks are the pilot's own, any movement of them is his.
+        # Where the sticks are the pilot's own, any movement of them is theirs.
         self._stick_channels = config.stick_channels if overrides_sticks else tuple({*STICKS, *config.stick_channels})
         self._echo_ns = round(config.override_echo_s * 1e9)
         self._engaged_ns = 0
         self._stick_baseline: dict[int, int] = {}
-        self._sent: deque[tuple[int, tuple[int, int]]] = deque()
+        self._sent: deque[MotorPulses] = deque()
 
     def begin(self, t_ns: int, status: FrontseatStatus) -> None:
         """The motors are ours from now on: as the sticks stand now they are at rest."""
@@ -32,42 +34,42 @@ class PilotWatch:
         baseline = {channel: _channel(status, channel) for channel in self._stick_channels}
         self._stick_baseline = {channel: value for channel, value in baseline.items() if value}
 
-    def note_sent(self, t_ns: int, pulses_us: tuple[int, int]) -> None:
+    def note_sent(self, pulses: MotorPulses) -> None:
         """Remember what was sent, to tell the echo of our override from the pilot's sticks."""
-        self._sent.append((t_ns, pulses_us))
-        horizon_ns = t_ns - 2 * self._echo_ns
-        while self._sent and self._sent[0][0] < horizon_ns:
+        self._sent.append(pulses)
+        horizon_ns = pulses.t_ns - 2 * self._echo_ns
+        while self._sent and self._sent[0].t_ns < horizon_ns:
             self._sent.popleft()
 
-    def acts(self, status: FrontseatStatus | None) -> str | None:
-        """What the pilot has done to have the boat back; None while he has not."""
+    def act(self, status: FrontseatStatus | None) -> Explanation | None:
+        """What the pilot has done to have the boat back; None while there is nothing."""
         if status is None:
             return None
         if not status.armed:
-            return "disarmed"
+            return explain(Reason.DISARMED)
         if status.mode != self._config.control_mode:
-            return f"mode changed to {status.mode}"
+            return explain(Reason.MODE_CHANGED, mode=status.mode)
         for channel, baseline_us in self._stick_baseline.items():
             now_us = _channel(status, channel)
             if now_us and abs(now_us - baseline_us) > self._config.stick_threshold_us:
-                return f"stick of channel {channel} moved"
+                return explain(Reason.STICK_MOVED, channel=channel)
         return None
 
-    def sticks_taken(self, t_ns: int, status: FrontseatStatus | None) -> str | None:
-        """Whether the motors' own sticks show something else than our commands: somebody else has the boat."""
+    def sticks_taken(self, t_ns: int, status: FrontseatStatus | None) -> Explanation | None:
+        """Which of the motors' own channels shows something else than our commands: somebody else has the boat."""
         if status is None:
             return None
         told_ns = status.rc_ns or t_ns
         if told_ns - self._engaged_ns < self._echo_ns:
             return None  # the echo of the first overrides may still be on its way
-        sent_us = [pulses for sent_ns, pulses in self._sent if told_ns - self._echo_ns <= sent_ns <= told_ns]
+        sent_us = [pulses.us for pulses in self._sent if told_ns - self._echo_ns <= pulses.t_ns <= told_ns]
         for motor, channel in enumerate(self._motor_channels):
             now_us = _channel(status, channel)
             if not now_us or not sent_us:
                 continue
             least_us, most_us = min(us[motor] for us in sent_us), max(us[motor] for us in sent_us)
             if not least_us - ECHO_TOLERANCE_US <= now_us <= most_us + ECHO_TOLERANCE_US:
-                return f"channel {channel} does not follow the override"
+                return explain(Reason.OVERRIDE_NOT_FOLLOWED, channel=channel)
         return None
 
 

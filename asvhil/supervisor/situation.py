@@ -3,15 +3,25 @@
 from __future__ import annotations
 
 from asvhil.geo import LocalFrame
+from asvhil.supervisor.reasons import Explanation
 from asvhil.types import Estimate, FrontseatStatus, record
+
+
+@record
+class MotorPulses:
+    """What was sent to both motors, and when."""
+
+    t_ns: int
+    us: tuple[int, int]
 
 
 @record
 class Situation:
     """None: not known, or not yet.
 
-    `fault`: why the motors do not, or would not, do as told. `unheard`: what it means if the motors' sticks do not show
-    our commands; None once they have, for then somebody else has them.
+    `fault`: why the motors do not, or would not, follow the commands. `unverified`: what it means if the motors' sticks
+    do not show our commands; None once they have, for then somebody else has them. `control_ok`: whether the solution
+    of the last tick can be used; None where there was none. `sent`: what the last tick sent to the motors.
     """
 
     t_ns: int
@@ -19,5 +29,7 @@ class Situation:
     heartbeat_age_s: float | None = None
     estimate: Estimate | None = None
     frame: LocalFrame | None = None
-    fault: str | None = None
-    unheard: str | None = None
+    fault: Explanation | None = None
+    unverified: Explanation | None = None
+    control_ok: bool | None = None
+    sent: MotorPulses | None = None

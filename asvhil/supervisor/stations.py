@@ -6,7 +6,8 @@ import math
 
 from asvhil.config import StationConfig
 from asvhil.geo import LocalFrame
-from asvhil.types import Estimate, HoldCommand, Station
+from asvhil.supervisor.reasons import Explanation, Reason, explain
+from asvhil.types import Estimate, HoldCommand, MoveCommand, Station
 
 MAX_STATION_DISTANCE_M = 2000.0  # the local plane is good to a few centimetres within it
 
@@ -17,15 +18,32 @@ def station_of_config(at: StationConfig, frame: LocalFrame) -> Station:
     return Station(n_m=n_m, e_m=e_m, psi_rad=math.radians(at.heading_deg))
 
 
-def station_of_command(
-    command: HoldCommand, otherwise: Estimate | Station, estimate: Estimate, frame: LocalFrame
-) -> Station | str:
-    """The station that is asked for, `otherwise` where nothing is said of it; or the reason why it is out of reach."""
-    n_m, e_m = otherwise.n_m, otherwise.e_m
+def station_of_hold(command: HoldCommand, estimate: Estimate, frame: LocalFrame) -> Station:
+    """The station that is asked for; what the command leaves open is as the boat is now."""
+    n_m, e_m = estimate.n_m, estimate.e_m
     if command.lat_deg is not None and command.lon_deg is not None:
         n_m, e_m = frame.to_ned(command.lat_deg, command.lon_deg)
-    psi_rad = otherwise.psi_rad if command.psi_rad is None else command.psi_rad
-    distance_m = math.hypot(n_m - estimate.n_m, e_m - estimate.e_m)
-    if not distance_m <= MAX_STATION_DISTANCE_M:
-        return f"station is {distance_m / 1000.0:.1f} km away, 2 km at most"
-    return Station(n_m=n_m, e_m=e_m, psi_rad=psi_rad)
+    return Station(n_m=n_m, e_m=e_m, psi_rad=estimate.psi_rad if command.psi_rad is None else command.psi_rad)
+
+
+def station_of_move(command: MoveCommand, held: Station, frame: LocalFrame) -> Station:
+    """The station that is held, moved as asked for."""
+    n_m, e_m = held.n_m, held.e_m
+    if command.lat_deg is not None or command.lon_deg is not None:
+        lat_deg, lon_deg = frame.to_geodetic(n_m, e_m)
+        lat_deg = lat_deg if command.lat_deg is None else command.lat_deg
+        lon_deg = lon_deg if command.lon_deg is None else command.lon_deg
+        n_m, e_m = frame.to_ned(lat_deg, lon_deg)
+    return Station(
+        n_m=n_m if command.n_m is None else command.n_m,
+        e_m=e_m if command.e_m is None else command.e_m,
+        psi_rad=held.psi_rad if command.psi_rad is None else command.psi_rad,
+    )
+
+
+def too_far(station: Station, estimate: Estimate) -> Explanation | None:
+    """Why a station is out of reach; None where it is within."""
+    distance_m = math.hypot(station.n_m - estimate.n_m, station.e_m - estimate.e_m)
+    if distance_m <= MAX_STATION_DISTANCE_M:  # a NaN is not
+        return None
+    return explain(Reason.STATION_TOO_FAR, distance_km=distance_m / 1000.0)

@@ -20,6 +20,7 @@ from asvhil.logs.reader import LogFile
 from asvhil.logs.replay import config_of, replay
 from asvhil.operator.session import encode_hold
 from asvhil.simplant.plant import Plant
+from asvhil.supervisor.reasons import Reason, describe, explain
 from asvhil.types import Frame, Phase
 from tests.support.processes import free_udp_port
 
@@ -162,7 +163,7 @@ def test_on_the_vehicle_it_waits_for_hold_and_the_pilot_ends_it(tmp_path: Path, 
         asker.join(5.0)
     assert answers[-1] == dialect.MAV_RESULT_ACCEPTED
     if stick:
-        assert not run.complete and run.reason == "stick of channel 4 moved" and run.held_s < 6.0
+        assert not run.complete and run.reason == describe(explain(Reason.STICK_MOVED, channel=4)) and run.held_s < 6.0
     else:
         assert run.complete and run.reason == ""
     log = LogFile(run.log)

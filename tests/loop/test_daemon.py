@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from asvhil.config import Config, load_config
-from asvhil.daemon.daemon import SURRENDERS, Daemon
+from asvhil.daemon.daemon import RELEASES, Daemon
 from asvhil.errors import AsvhilError
 from asvhil.io.mavlink.frames import FrameSplitter, decode
 from asvhil.links.clock import Clock
@@ -58,7 +58,7 @@ async def test_a_step_that_raises_ends_in_neutral_and_release(tmp_path: Path) ->
             while True:
                 received += [decode(data) for data in FrameSplitter().feed(autopilot.recv(4096))]
     overrides = [(m.chan1_raw, m.chan3_raw) for m in received if m and m.get_type() == "RC_CHANNELS_OVERRIDE"]
-    assert overrides == SURRENDERS * [(1500, 1500), (0, 0)]
+    assert overrides == RELEASES * [(1500, 1500), (0, 0)]
     assert not LogFile(tmp_path / "log.mcap").truncated
 
 

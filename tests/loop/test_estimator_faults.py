@@ -56,4 +56,4 @@ def test_the_notes_are_told_and_taken_back() -> None:
     for _ in range(25 * 20):
         _, outputs = loop.tick()
         texts += [frame.data for frame in outputs.frames if b"gnss position" in frame.data]
-    assert len(texts) == 2 and b"gnss position: jump rejected" in texts[0] and b"gnss position: well again" in texts[1]
+    assert len(texts) == 2 and b"gnss position: jump rejected" in texts[0] and b"gnss position: recovered" in texts[1]

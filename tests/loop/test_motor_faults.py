@@ -7,8 +7,9 @@ import pytest
 
 from asvhil.config import load_config
 from asvhil.simplant.lockstep import Lockstep
+from asvhil.supervisor.reasons import Explanation, Reason, describe, explain
 from asvhil.types import Frame, Phase
-from tests.support.motor_faults import BLIND_WORDS, WRONG, Lossy, Trial
+from tests.support.motor_faults import BLIND_REASON, WRONG, Lossy, Trial
 
 LIMIT_S = 3.0
 REJECTED = 1
@@ -45,14 +46,14 @@ def test_a_parameter_that_was_read_refuses_the_hold_at_once_and_is_named(name: s
 def test_without_parameters_the_read_back_finds_it_within_3_s_of_the_hold(
     name: str, seed: int, lost: tuple[str, ...]
 ) -> None:
-    parameters, words = WRONG[name]
+    parameters, reason = WRONG[name]
     trial = Trial(parameters, f"plant.seed={seed}", lost=lost)
     seconds, outputs = trial.hold()
     assert seconds is not None and 0.0 < seconds <= LIMIT_S
-    if lost == BLIND and words == "overrides are ignored":
-        words = BLIND_WORDS
-    assert words in outputs.health.reason
-    assert any(words[:35] in said for said in trial.words)
+    if lost == BLIND and reason is Reason.OVERRIDES_IGNORED:
+        reason = BLIND_REASON
+    assert outputs.health.code == reason
+    assert any(outputs.health.reason[:35] in said for said in trial.words)
     neutral_then_released(trial)
 
 
@@ -64,7 +65,7 @@ def test_a_parameter_that_goes_wrong_while_holding_ends_the_hold() -> None:
         outputs = trial.tick()
         if outputs.phase is Phase.STANDBY:
             break
-    assert outputs.health.reason == "commands are mixed (PILOT_STEER_TYPE)"
+    assert outputs.health.reason == describe(explain(Reason.COMMANDS_MIXED, hint="PILOT_STEER_TYPE"))
     neutral_then_released(trial)
 
 
@@ -81,7 +82,7 @@ def test_a_cause_that_is_tolerated_is_told_and_nothing_more() -> None:
     trial = Trial(WRONG["slew"][0], "supervisor.readback.tolerate=[slew]", lost=NO_ANSWER)
     assert trial.hold()[0] is None
     (note,) = [note for note in trial.tick().health.notes if note.subject == "outputs"]
-    assert note.text == "outputs lag behind (MOT_SLEWRATE)" and not note.ok
+    assert note.text == describe(explain(Reason.OUTPUTS_LAG, hint="MOT_SLEWRATE")) and not note.ok
     trial = Trial(WRONG["slew"][0], "supervisor.readback.tolerate=[slew]")
     assert trial.hold()[0] is None
 
@@ -91,6 +92,7 @@ def test_engage_auto_waits_for_the_mistake_to_be_mended_and_never_arms() -> None
     for _ in range(200):
         _, outputs = loop.tick()
     assert outputs.phase is Phase.STANDBY and not loop.plant.frontseat.rover.armed
+    assert outputs.health.code == Reason.AUTOPILOT_PARAMETER
     assert outputs.health.reason == "SYSID_MYGCS is 255, not 1: overrides are ignored"
     loop.plant.frontseat.rover.parameters.set("SYSID_MYGCS", 1.0)
     for _ in range(65 * 20):  # the change was not told: it is found within a minute
@@ -102,8 +104,10 @@ def test_engage_auto_waits_for_the_mistake_to_be_mended_and_never_arms() -> None
 
 
 @pytest.mark.parametrize("lost", [(), NO_ANSWER, BLIND], ids=["all", "no PARAM_VALUE", "nor RC_CHANNELS"])
-@pytest.mark.parametrize(("act", "words"), [("mode", "mode changed to HOLD"), ("disarm", "disarmed")])
-def test_the_pilots_act_is_named_as_his(lost: tuple[str, ...], act: str, words: str) -> None:
+@pytest.mark.parametrize(
+    ("act", "why"), [("mode", explain(Reason.MODE_CHANGED, mode="HOLD")), ("disarm", explain(Reason.DISARMED))]
+)
+def test_the_pilots_act_is_named_as_his(lost: tuple[str, ...], act: str, why: Explanation) -> None:
     trial = Trial({}, lost=lost)
     assert trial.hold()[0] is None
     frontseat = trial.loop.plant.frontseat
@@ -112,7 +116,7 @@ def test_the_pilots_act_is_named_as_his(lost: tuple[str, ...], act: str, words: 
         outputs = trial.tick()
         if outputs.phase is Phase.STANDBY:
             break
-    assert outputs.health.reason == words
+    assert (outputs.health.code, outputs.health.reason) == (why.reason, describe(why))
     assert trial.overrides[-1] == [(0, 0)], "released, and nothing else said"
 
 
@@ -124,7 +128,7 @@ def test_the_pilot_comes_first_while_a_fault_is_being_found() -> None:
         outputs = trial.tick()
         if outputs.phase is Phase.STANDBY:
             break
-    assert outputs.health.reason == "stick of channel 4 moved"
+    assert outputs.health.reason == describe(explain(Reason.STICK_MOVED, channel=4))
 
 
 def test_a_pilot_who_switches_overrides_off_is_not_a_wrong_parameter() -> None:
@@ -135,7 +139,7 @@ def test_a_pilot_who_switches_overrides_off_is_not_a_wrong_parameter() -> None:
         outputs = trial.tick()
         if outputs.phase is Phase.STANDBY:
             break
-    assert outputs.health.reason.endswith("does not follow the override")
+    assert outputs.health.code == Reason.OVERRIDE_NOT_FOLLOWED
 
 
 # --- no false alarm -----------------------------------------------------------------------------------------

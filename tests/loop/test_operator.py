@@ -16,6 +16,7 @@ from asvhil.logs.replay import replay
 from asvhil.operator.reports import TextReader
 from asvhil.operator.session import encode_hold, encode_release
 from asvhil.simplant.lockstep import Lockstep
+from asvhil.supervisor.reasons import Reason, describe, explain
 from asvhil.types import Outputs, Phase
 
 GCS = dialect.MAVLink(None, srcSystem=255, srcComponent=190)
@@ -74,7 +75,7 @@ class Loop:
 def test_parameters_take_effect_are_bounded_and_are_replayed(tmp_path: Path) -> None:
     log = tmp_path / "log.mcap"
     loop = Loop(log, "controller.name=sd-mpc", "controller.procedure.enabled=true")
-    assert math.isnan(loop.set("ST_HDG", 45.0)) and "ST_HDG: no station is held" in loop.texts
+    assert math.isnan(loop.set("ST_HDG", 45.0)) and describe(explain(Reason.NO_STATION_HELD)) in loop.texts
     loop.hold()
     loop.say(dialect.MAVLink_param_request_list_message(1, 191))
     loop.run(3.0)
@@ -86,24 +87,27 @@ def test_parameters_take_effect_are_bounded_and_are_replayed(tmp_path: Path) -> 
     assert told["PROC_R_S"].param_value == configured.procedure.r_s_m
     assert told["ST_LAT"].param_value == pytest.approx(40.4237, abs=1e-5)
     # A weight and a radius: at once, in the controller that runs.
-    keeper = loop.loop.backseat._controller._keeper  # type: ignore[attr-defined]
+    controller = loop.loop.backseat._actuation._controller
+    keeper = controller._keeper  # type: ignore[attr-defined]
     assert loop.set("W_NEAR_HDG", 300.0) == 300.0 and keeper._config.near.heading == 300.0
-    assert loop.set("PROC_R_S", 12.0) == 12.0 and loop.loop.backseat._controller._config.r_s_m == 12.0  # type: ignore[attr-defined]
+    assert loop.set("PROC_R_S", 12.0) == 12.0 and controller._config.r_s_m == 12.0  # type: ignore[attr-defined]
     # What cannot be: the old value, and why.
-    for name, value, words in (
-        ("W_NEAR_SIDE", 1.5, "W_NEAR_SIDE must be 0 to 1"),
-        ("W_NEAR_HDG", -1.0, "W_NEAR_HDG must be 0 to 100000"),
-        ("W_NEAR_HDG", math.nan, "W_NEAR_HDG must be 0 to 100000"),
-        ("W_NEAR_HDG", math.inf, "W_NEAR_HDG must be 0 to 100000"),
-        ("PROC_R_D", 10.0, "PROC_R_D: r_h_m < r_s_m < r_d_m must hold"),
-        ("MPC_NEAR_R", 50.0, "MPC_NEAR_R: near_radius_m < far_radius_m must hold"),
-        ("ST_NORTH", 1e7, "station is 10000.0 km away, 2 km at most"),
-        ("ST_LAT", 91.0, "ST_LAT: 91 is out of range"),
+    out_of_range, conflict = Reason.PARAMETER_OUT_OF_RANGE, Reason.PARAMETER_CONFLICT
+    for name, value, why in (
+        ("W_NEAR_SIDE", 1.5, explain(out_of_range, name="W_NEAR_SIDE", range="0 to 1")),
+        ("W_NEAR_HDG", -1.0, explain(out_of_range, name="W_NEAR_HDG", range="0 to 100000")),
+        ("W_NEAR_HDG", math.nan, explain(out_of_range, name="W_NEAR_HDG", range="0 to 100000")),
+        ("W_NEAR_HDG", math.inf, explain(out_of_range, name="W_NEAR_HDG", range="0 to 100000")),
+        ("PROC_R_D", 10.0, explain(conflict, name="PROC_R_D", rule="r_h_m < r_s_m < r_d_m must hold")),
+        ("MPC_NEAR_R", 50.0, explain(conflict, name="MPC_NEAR_R", rule="near_radius_m < far_radius_m must hold")),
+        ("ST_NORTH", 1e7, explain(Reason.STATION_TOO_FAR, distance_km=10000.0)),
+        ("ST_NORTH", math.nan, explain(out_of_range, name="ST_NORTH", range="a finite number")),
+        ("ST_LAT", 91.0, explain(out_of_range, name="ST_LAT", range="-90 to 90")),
     ):
         loop.texts.clear()
         before = told[name].param_value if name != "W_NEAR_HDG" else 300.0
         assert loop.set(name, value) == pytest.approx(before, abs=1e-3), name
-        assert loop.texts == [words]
+        assert loop.texts == [describe(why)]
     # The station: turned and moved, and the boat goes there.
     assert loop.set("ST_HDG", 30.0) == pytest.approx(30.0)
     station = loop.outputs.station  # type: ignore[union-attr]
@@ -171,7 +175,7 @@ def test_the_mode_is_taken_and_given_back(by: str) -> None:
     loop.say(encode_release(loop.config.links.autopilot))
     loop.run(2.0)
     assert rover.rover.mode == 15 and loop.outputs.phase is Phase.STANDBY
-    assert "standby: released by the operator" in loop.texts
+    assert f"standby: {describe(explain(Reason.RELEASED))}" in loop.texts
     # Now the pilot changes it while we hold: his choice stands.
     loop.say(encode_hold(loop.config.links.autopilot, None, None, None))
     loop.run(3.0)

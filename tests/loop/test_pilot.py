@@ -8,6 +8,7 @@ from asvhil.config import load_config
 from asvhil.io.mavlink.frames import FrameSplitter, decode, dialect
 from asvhil.operator.session import encode_hold
 from asvhil.simplant.lockstep import Lockstep
+from asvhil.supervisor.reasons import Reason, describe, explain
 from asvhil.types import Inputs, Outputs, Phase
 
 MANUAL, HOLD = 0, 4
@@ -116,7 +117,7 @@ def test_hold_is_answered_by_an_ack_and_refused_with_a_reason() -> None:
         for data in FrameSplitter().feed(frame.data)
     ]
     assert [m.get_type() for m in answers if m] == ["STATUSTEXT", "COMMAND_ACK"]
-    assert answers[0] is not None and answers[0].text == "vehicle is not armed"
+    assert answers[0] is not None and answers[0].text == describe(explain(Reason.NOT_ARMED))
     assert outputs.phase is Phase.STANDBY
 
 

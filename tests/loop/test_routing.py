@@ -29,6 +29,7 @@ from asvhil.logs.reader import LogFile
 from asvhil.logs.replay import replay
 from asvhil.operator.session import encode_hold, encode_release
 from asvhil.simplant.lockstep import Lockstep
+from asvhil.supervisor.reasons import Reason
 from asvhil.types import Frame, Outputs, Phase
 
 pytestmark = pytest.mark.real_time
@@ -347,8 +348,8 @@ async def test_signed_links(tmp_path: Path) -> None:
             await attacker.say_raw(sign(evil, key, 9, stamp - 3600 * 100_000))
 
         def heard() -> bool:
-            gate = running.daemon._hub._gates["autopilot"]
-            return len(good) > 20 and set(gate.rejected) == {
+            signature_filter = running.daemon._router._filters["autopilot"]
+            return len(good) > 20 and set(signature_filter.rejected) == {
                 "unsigned",
                 "wrongly signed",
                 "replayed",
@@ -386,7 +387,7 @@ async def test_signed_links(tmp_path: Path) -> None:
         Running(settings, tmp_path / "second.mcap") as running,
         peer(f"udpout:127.0.0.1:{autopilot_port}", 1, 1) as attacker,
     ):
-        rejected: Counter[str] = running.daemon._hub._gates["autopilot"].rejected
+        rejected: Counter[str] = running.daemon._router._filters["autopilot"].rejected
         old = itertools.cycle(good)
         await until(lambda: rejected["replayed"] > 10, lambda: attacker.say_raw(next(old)))
         assert running.outputs is not None and not running.outputs.health.link_ok
@@ -426,13 +427,13 @@ def test_an_override_of_somebody_else_takes_the_boat_from_us() -> None:
         _, outputs = loop.tick()
         if outputs.phase is Phase.STANDBY:
             break
-    assert outputs.phase is Phase.STANDBY and "does not follow the override" in outputs.health.reason
+    assert outputs.phase is Phase.STANDBY and outputs.health.code == Reason.OVERRIDE_NOT_FOLLOWED
 
 
 # --- what is wrong is told in one line -----------------------------------------------------------------------------
 
 
-def hub(tmp_path: Path, *overrides: str) -> MavlinkRouter:
+def router(tmp_path: Path, *overrides: str) -> MavlinkRouter:
     return MavlinkRouter(config(*overrides).links, start_ns=0, unix_ns=lambda: 0)
 
 
@@ -440,22 +441,22 @@ def test_keys_that_cannot_be_used(tmp_path: Path) -> None:
     key = tmp_path / "key"
     override = f"links.autopilot.signing.key_file={key}"
     with pytest.raises(ConfigError, match=f"{key}: the signing key cannot be read"):
-        hub(tmp_path, override)
+        router(tmp_path, override)
     key.write_text("\n")
     with pytest.raises(ConfigError, match=f"{key}: the signing key is empty"):
-        hub(tmp_path, override)
+        router(tmp_path, override)
     key.write_bytes(b"\xff\xfe")
     with pytest.raises(ConfigError, match=f"{key}: not text"):
-        hub(tmp_path, override)
+        router(tmp_path, override)
     key.write_text("x" * 5000)
     with pytest.raises(ConfigError, match="too long"):
-        hub(tmp_path, override)
+        router(tmp_path, override)
     key.write_text("secret words")
     key.chmod(0o644)
-    made = hub(tmp_path, override)
+    made = router(tmp_path, override)
     assert made.warnings == [f"{key}: others may read the signing key; chmod 600 it"]
     key.chmod(0o600)
-    assert hub(tmp_path, override).warnings == []
+    assert router(tmp_path, override).warnings == []
     state = tmp_path / "key.autopilot.timestamps"
     assert state.stat().st_mode & 0o777 == 0o600
     for text in (
@@ -469,16 +470,16 @@ def test_keys_that_cannot_be_used(tmp_path: Path) -> None:
     ):
         state.write_text(text)
         with pytest.raises(ConfigError, match=f"{state}: signing timestamps"):
-            hub(tmp_path, override)
+            router(tmp_path, override)
     with pytest.raises(ConfigError, match="cannot be written"):
-        hub(tmp_path, override, f"links.autopilot.signing.state_file={tmp_path}/no/such/folder")
+        router(tmp_path, override, f"links.autopilot.signing.state_file={tmp_path}/no/such/folder")
 
 
 def test_messages_that_do_not_exist(tmp_path: Path) -> None:
     with pytest.raises(
         ConfigError, match=r"key links\.ground_stations\.qgc\.block_out: no MAVLink message .* ATTITUDE\?"
     ):
-        hub(
+        router(
             tmp_path,
             "links.ground_stations.qgc.endpoint=udpin:127.0.0.1:0",
             "links.ground_stations.qgc.block_out=[ATITUDE]",

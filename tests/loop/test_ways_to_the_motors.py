@@ -12,6 +12,7 @@ from asvhil.logs.replay import replay
 from asvhil.operator.session import encode_release
 from asvhil.simplant.lockstep import Lockstep
 from asvhil.sitl import run_lockstep
+from asvhil.supervisor.reasons import Reason, describe, explain
 from asvhil.types import Frame, Inputs, Outputs, Phase
 from tests.support.settled import NO_BIAS, settled
 
@@ -120,7 +121,7 @@ def test_where_the_sticks_are_the_pilots_own_any_of_them_takes_the_boat(way: str
     loop = Loop(config(way)).driving()
     loop.plant.frontseat.set_sticks({1: 1620})
     outputs = [loop.tick()[1] for _ in range(8)][-1]
-    assert outputs.phase is Phase.STANDBY and outputs.health.reason == "stick of channel 1 moved"
+    assert outputs.phase is Phase.STANDBY and outputs.health.reason == describe(explain(Reason.STICK_MOVED, channel=1))
 
 
 @pytest.mark.parametrize("way", ["rc_override", "manual_control"])
@@ -164,7 +165,7 @@ def test_a_px4_that_is_set_wrong_is_not_driven_and_the_parameter_is_named(parame
     for _ in range(200):
         outputs = loop.tick()[1]
         assert outputs.phase is Phase.STANDBY and outputs.pwm_us is None
-    assert outputs.health.reason == words
+    assert (outputs.health.code, outputs.health.reason) == (Reason.AUTOPILOT_PARAMETER, words)
     tolerant = Loop(
         config("set_actuator", f"plant.frontseat.parameters={parameters}", "supervisor.readback.tolerate=[unbounded]")
     )

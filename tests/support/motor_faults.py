@@ -10,26 +10,30 @@ from asvhil.config import load_config
 from asvhil.io.mavlink.frames import FrameSplitter, decode, dialect, message_id
 from asvhil.operator.session import encode_hold
 from asvhil.simplant.lockstep import Lockstep
+from asvhil.supervisor.reasons import Reason
 from asvhil.types import Frame, Outputs, Phase
 
-# What may be wrong: parameters of the vehicle, and the words by which a fault is known.
-WRONG: dict[str, tuple[dict[str, float], str]] = {
-    "overrides ignored": ({"SYSID_MYGCS": 255}, "overrides are ignored"),
-    "RC_OPTIONS": ({"RC_OPTIONS": 34}, "overrides are ignored"),
-    "dead zones": ({"RC1_DZ": 30, "RC3_DZ": 30}, "dead zone"),
-    "one dead zone": ({"RC3_DZ": 40}, "dead zone"),
-    "slew": ({"MOT_SLEWRATE": 100}, "outputs lag behind"),
-    "swapped": ({"SERVO1_FUNCTION": 74, "SERVO3_FUNCTION": 73}, "outputs are swapped"),
-    "reversed": ({"SERVO1_REVERSED": 1}, "reversed"),
-    "both reversed": ({"SERVO1_REVERSED": 1, "SERVO3_REVERSED": 1}, "reversed"),
-    "mixed": ({"PILOT_STEER_TYPE": 0}, "mixed"),
-    "no motor": ({"SERVO1_FUNCTION": 0, "SERVO3_FUNCTION": 0}, "no motor answers"),
-    "no port motor": ({"SERVO1_FUNCTION": 0}, "port motor"),
-    "scaled": ({f"SERVO{n}_{end}": us for n in (1, 3) for end, us in (("MIN", 1100), ("MAX", 1900))}, "bent"),
+# What may be wrong: parameters of the vehicle, and the reason that is found without reading them.
+WRONG: dict[str, tuple[dict[str, float], Reason]] = {
+    "overrides ignored": ({"SYSID_MYGCS": 255}, Reason.OVERRIDES_IGNORED),
+    "RC_OPTIONS": ({"RC_OPTIONS": 34}, Reason.OVERRIDES_IGNORED),
+    "dead zones": ({"RC1_DZ": 30, "RC3_DZ": 30}, Reason.OUTPUT_DEAD_ZONE),
+    "one dead zone": ({"RC3_DZ": 40}, Reason.OUTPUT_DEAD_ZONE),
+    "slew": ({"MOT_SLEWRATE": 100}, Reason.OUTPUTS_LAG),
+    "swapped": ({"SERVO1_FUNCTION": 74, "SERVO3_FUNCTION": 73}, Reason.OUTPUTS_SWAPPED),
+    "reversed": ({"SERVO1_REVERSED": 1}, Reason.OUTPUT_REVERSED),
+    "both reversed": ({"SERVO1_REVERSED": 1, "SERVO3_REVERSED": 1}, Reason.OUTPUT_REVERSED),
+    "mixed": ({"PILOT_STEER_TYPE": 0}, Reason.COMMANDS_MIXED),
+    "no motor": ({"SERVO1_FUNCTION": 0, "SERVO3_FUNCTION": 0}, Reason.OUTPUT_STUCK),
+    "no port motor": ({"SERVO1_FUNCTION": 0}, Reason.OUTPUT_STUCK),
+    "scaled": (
+        {f"SERVO{n}_{end}": us for n in (1, 3) for end, us in (("MIN", 1100), ("MAX", 1900))},
+        Reason.OUTPUT_SCALED,
+    ),
 }
 
-# As much as can be known of overrides that are ignored where neither parameters nor sticks are told.
-BLIND_WORDS = "outputs stay (SYSID_MYGCS or SERVO1/3_FUNCTION)"
+# As much as can be known of overrides that are ignored where neither parameters nor sticks are reported.
+BLIND_REASON = Reason.OUTPUTS_UNCHANGED
 
 
 class Lossy:

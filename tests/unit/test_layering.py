@@ -15,7 +15,7 @@ import pytest
 from tests.support.paths import ROOT
 
 PACKAGE = ROOT / "asvhil"
-CORE = ["errors", "types", "geo", "config", "io", "dynamics", "estimator", "controller", "autopilot", "supervisor"]
+CORE = ["errors", "types", "geo", "config", "supervisor", "io", "dynamics", "estimator", "controller", "autopilot"]
 CORE += ["operator", "backseat"]
 SHELL = [
     "links",

@@ -190,23 +190,23 @@ def decode(frame: bytes) -> Any | None:
 
 
 class Parser:
-    """Frames of one port, kept apart by peer: one splitter each, the oldest forgotten beyond 16."""
+    """Frames of one port, kept apart by where they come from: one splitter each, the oldest forgotten beyond 16."""
 
     MAX_PEERS = 16
 
     def __init__(self) -> None:
-        self._splitters: dict[str, FrameSplitter] = {}
+        self._splitters: dict[tuple[str, str], FrameSplitter] = {}
         self._forgotten = FrameSplitter()
 
-    def feed(self, peer: str, data: bytes) -> list[bytes]:
-        """Complete frames from one peer; an empty peer is a stream, a named one sends datagrams."""
-        splitter = self._splitters.get(peer)
+    def feed(self, peer: str, data: bytes, via: str = "") -> list[bytes]:
+        """Complete frames from one peer (of another link, `via`): datagrams; a stream where neither is named."""
+        splitter = self._splitters.get((via, peer))
         if splitter is None:
             if len(self._splitters) >= self.MAX_PEERS:
                 gone = self._splitters.pop(next(iter(self._splitters)))
                 for name in ("frames", "bad_crc", "unknown", "garbage_bytes"):
                     setattr(self._forgotten, name, getattr(self._forgotten, name) + getattr(gone, name))
-            splitter = self._splitters[peer] = FrameSplitter(datagrams=bool(peer))
+            splitter = self._splitters[via, peer] = FrameSplitter(datagrams=bool(via or peer))
         return splitter.feed(data)
 
     def total(self, name: str) -> int:

@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from asvhil.io.mavlink.frames import dialect
-from asvhil.types import ParameterChange
+from asvhil.types import EVERYONE, Address, ParameterChange
 
 LIST, READ, SET = (
     dialect.MAVLINK_MSG_ID_PARAM_REQUEST_LIST,
@@ -21,35 +21,35 @@ WAITING_MAX = 2000
 
 
 class ParameterServer:
-    """Who asked for what, and the answers; values are the caller's. Unknown names and indices get none."""
+    """Who asked for what, and the answers; values are the caller's. Unknown names and indices get no answer."""
 
     def __init__(self, names: Sequence[str]) -> None:
         self.names = tuple(names)
         self._index = {name: number for number, name in enumerate(self.names)}
-        self._waiting: deque[tuple[str, str]] = deque()
+        self._waiting: deque[tuple[Address, str]] = deque()
 
-    def receive(self, t_ns: int, peer: str, m: Any) -> ParameterChange | None:
-        """Take in one of MESSAGES; what it wants to set, if anything."""
+    def receive(self, t_ns: int, address: Address, m: Any) -> ParameterChange | None:
+        """Take in one of MESSAGES. Returns what it asks to set, if anything."""
         match m.get_msgId():
             case number if number == LIST:
                 for name in self.names:
-                    self._ask(peer, name)
+                    self._ask(address, name)
             case number if number == READ:
                 by_index = self.names[m.param_index] if 0 <= m.param_index < len(self.names) else ""
-                self._ask(peer, m.param_id if m.param_index == -1 else by_index)
+                self._ask(address, m.param_id if m.param_index == -1 else by_index)
             case _ if m.param_id in self._index:
                 return ParameterChange(t_ns=t_ns, name=m.param_id, value=float(m.param_value))
         return None
 
     def tell(self, name: str) -> None:
-        """Have a value told to everybody, as after it was set or refused."""
-        self._ask("", name)
+        """Send a value to everyone, as after it was set or refused."""
+        self._ask(EVERYONE, name)
 
-    def poll(self, value_of: Callable[[str], float]) -> list[tuple[str, Any]]:
-        """(peer, PARAM_VALUE) of what is due in this tick."""
+    def data_to_send(self, value_of: Callable[[str], float]) -> list[tuple[Address, Any]]:
+        """PARAM_VALUE messages of this tick, each with where it goes."""
         due = []
         for _ in range(min(AT_ONCE, len(self._waiting))):
-            peer, name = self._waiting.popleft()
+            address, name = self._waiting.popleft()
             value = value_of(name)
             message = dialect.MAVLink_param_value_message(
                 name.encode("ascii"),
@@ -58,9 +58,9 @@ class ParameterServer:
                 len(self.names),
                 self._index[name],
             )
-            due.append((peer, message))
+            due.append((address, message))
         return due
 
-    def _ask(self, peer: str, name: str) -> None:
-        if name in self._index and (peer, name) not in self._waiting and len(self._waiting) < WAITING_MAX:
-            self._waiting.append((peer, name))
+    def _ask(self, address: Address, name: str) -> None:
+        if name in self._index and (address, name) not in self._waiting and len(self._waiting) < WAITING_MAX:
+            self._waiting.append((address, name))

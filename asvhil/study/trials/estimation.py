@@ -40,6 +40,9 @@ class NoController:
     def step(self, estimate: Estimate, wind: Wind | None, station: Station) -> Control:
         return Control(command=(0.0, 0.0), ok=True, iterations=0, cost=0.0)
 
+    def new_station(self) -> None:
+        """Nothing to forget."""
+
     def reset(self) -> None:
         """Nothing to forget."""
 

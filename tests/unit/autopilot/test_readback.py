@@ -9,10 +9,12 @@ import pytest
 from asvhil.autopilot.ardurover import ArduRoverAutopilot
 from asvhil.autopilot.ardurover_parameters import names_for
 from asvhil.autopilot.distortions import slewed, ways
-from asvhil.autopilot.readback import Fault, Readback, words
+from asvhil.autopilot.motor_check import explain_fault
+from asvhil.autopilot.readback import Fault, Readback
 from asvhil.config import PwmConfig, ReadbackConfig, load_config
 from asvhil.io.mavlink.frames import FrameSplitter, decode
 from asvhil.logs.tlog import read_tlog
+from asvhil.supervisor.reasons import describe
 from asvhil.types import Cause, Frame, FrontseatStatus
 from tests.support.paths import DATA
 
@@ -205,5 +207,6 @@ def test_every_way_touches_the_motor_that_it_names_and_leaves_neutral_sense() ->
 @pytest.mark.parametrize("blind", [False, True])
 def test_words_fit_a_statustext(cause: Cause, motor: str, blind: bool) -> None:
     channels = {"port": (1,), "starboard": (8,)}.get(motor, (1, 8))
-    text = words(Fault(cause=cause, motor=motor, size=200.0, blind=blind), names_for(cause, channels, blind=blind))
+    fault = Fault(cause=cause, motor=motor, size=200.0, blind=blind)
+    text = describe(explain_fault(fault, names_for(cause, channels, blind=blind)))
     assert len(text) <= 50 and text.isascii()

@@ -201,7 +201,9 @@ def test_reset_and_a_new_station_forget_the_steering():
     used.reset()
     assert used.step(at, None, ORIGIN) == fresh
     moved = Station(n_m=5.0, e_m=0.0, psi_rad=0.0)
+    used.new_station()
     used.step(boat(n_m=-9.0), None, moved)
+    used.new_station()
     assert used.step(at, None, ORIGIN) == fresh
 
 

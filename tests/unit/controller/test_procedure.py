@@ -27,12 +27,15 @@ class Idle:
     """A keeper that keeps its motors still and counts."""
 
     def __init__(self) -> None:
-        self.steps = self.resets = 0
+        self.steps = self.resets = self.stations = 0
         self.position_only: list[bool] = []
 
     def step(self, estimate: Estimate, wind: Wind | None, station: Station) -> Control:
         self.steps += 1
         return Control(command=(0.11, 0.22), ok=True, iterations=3, cost=4.0, plan=((0.0, 1.0, 2.0, 3.0),))
+
+    def new_station(self) -> None:
+        self.stations += 1
 
     def reset(self) -> None:
         self.steps, self.resets = 0, self.resets + 1
@@ -130,6 +133,7 @@ def test_a_new_station_or_a_reset_begins_anew():
     subject, _ = procedure()
     assert stages(subject, [1.0, 1.0]) == ["keep_heading"] * 2
     far = Station(n_m=50.0, e_m=0.0, psi_rad=1.0)
+    subject.new_station()
     assert subject.step(at(1.0, 2.0), None, far).stage == "approach"
     subject.reset()
     assert subject.stage is None
@@ -142,12 +146,16 @@ def test_the_keeper_begins_anew_where_a_new_station_ends_an_approach():
     stages(subject, [1.0, 1.0])
     before = keeper.resets
     far = Station(n_m=50.0, e_m=0.0, psi_rad=1.0)
+    subject.new_station()
     assert subject.step(at(1.0, 2.0), None, far).stage == "approach"
+    subject.new_station()
     assert subject.step(at(1.0, 60.0), None, ORIGIN).stage == "keep_heading"
     assert keeper.resets == before + 1
     near = Station(n_m=0.0, e_m=2.0, psi_rad=0.0)
+    subject.new_station()
     assert subject.step(at(1.0, 61.0), None, near).stage == "keep_heading"
     assert keeper.resets == before + 1  # it has had the motors all the while
+    assert keeper.stations == 3
 
 
 @pytest.mark.parametrize("change", [{"u_mps": math.nan}, {"disturbance": (0.0, math.inf, 0.0)}, {"psi_rad": math.nan}])

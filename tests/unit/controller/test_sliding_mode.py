@@ -153,7 +153,9 @@ def test_reset_and_a_new_station_empty_the_integral():
     keeper.reset()
     assert keeper.step(at, None, ORIGIN) == fresh
     held(keeper, 3.0, n_m=0.5)
+    keeper.new_station()
     keeper.step(at, None, Station(n_m=1.0, e_m=0.0, psi_rad=0.0))
+    keeper.new_station()
     assert keeper.step(at, None, ORIGIN) == fresh
 
 

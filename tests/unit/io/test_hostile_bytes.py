@@ -53,7 +53,7 @@ def px4() -> Subject:
 
 def operator() -> Subject:
     codec = OperatorSession(OURS)
-    return Subject(codec.decode, lambda: parsers_hold(codec), FrameSplitter.MAX_BUFFER)
+    return Subject(codec.receive, lambda: parsers_hold(codec), FrameSplitter.MAX_BUFFER)
 
 
 def nmea() -> Subject:

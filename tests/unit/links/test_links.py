@@ -9,6 +9,7 @@ from asvhil.config import AutopilotLinkConfig, PwmConfig
 from asvhil.io.mavlink.frames import FrameSplitter, decode, dialect
 from asvhil.io.mavlink.streams import StreamKeeper
 from asvhil.operator.session import OperatorSession, encode_hold, encode_release
+from asvhil.supervisor.reasons import Reason, describe, explain
 from asvhil.types import Attitude, Frame, FrontseatStatus, GnssFix, HoldCommand, Imu, Measurement, ReleaseCommand
 
 MS, S = 1_000_000, 1_000_000_000
@@ -176,7 +177,7 @@ def test_requests_are_made_once_a_second() -> None:
 
 
 def ask(operator: OperatorSession, data: bytes, peer: str = "127.0.0.1:9") -> list[object]:
-    return list(operator.decode(Frame(t_ns=3, port="operator", data=data, peer=peer)))
+    return list(operator.receive(Frame(t_ns=3, port="operator", data=data, peer=peer)))
 
 
 def test_hold_here_hold_there_and_release() -> None:
@@ -192,12 +193,15 @@ def test_hold_here_hold_there_and_release() -> None:
 def test_answers_go_to_the_asker() -> None:
     operator = OperatorSession(CONFIG)
     (request,) = ask(operator, encode_hold(CONFIG, None, None, None), peer="127.0.0.1:77")
-    (frame,) = operator.answer(4, request, None)  # type: ignore[arg-type]
+    operator.answer(4, request, None)  # type: ignore[arg-type]
+    frame = operator.data_to_send(4)[0]
     (ack,) = messages([frame])
     assert frame.peer == "127.0.0.1:77"
     assert (ack.command, ack.result, ack.target_system) == (192, 0, 255)  # type: ignore[attr-defined]
-    text, ack = messages(operator.answer(4, request, "vehicle is not armed"))  # type: ignore[arg-type]
-    assert (text.text, ack.result) == ("vehicle is not armed", dialect.MAV_RESULT_TEMPORARILY_REJECTED)  # type: ignore[attr-defined]
+    refusal = explain(Reason.NOT_ARMED)
+    operator.answer(5, request, refusal)  # type: ignore[arg-type]
+    text, ack = messages(operator.data_to_send(5))[:2]
+    assert (text.text, ack.result) == (describe(refusal), dialect.MAV_RESULT_TEMPORARILY_REJECTED)  # type: ignore[attr-defined]
 
 
 @pytest.mark.parametrize(
@@ -219,7 +223,7 @@ def test_answers_go_to_the_asker() -> None:
 def test_what_is_not_understood_is_refused_in_words_of_the_protocol(message: object, result: int) -> None:
     operator = OperatorSession(CONFIG)
     assert ask(operator, bytes(message.pack(dialect.MAVLink(None, 255, 190)))) == []  # type: ignore[attr-defined]
-    acks = [m for m in messages(operator.poll(4)) if m.get_type() == "COMMAND_ACK"]  # type: ignore[attr-defined]
+    acks = [m for m in messages(operator.data_to_send(4)) if m.get_type() == "COMMAND_ACK"]  # type: ignore[attr-defined]
     assert [ack.result for ack in acks] == [result]  # type: ignore[attr-defined]
 
 
@@ -227,4 +231,4 @@ def test_commands_to_others_are_none_of_our_business() -> None:
     operator = OperatorSession(CONFIG)
     other = dialect.MAVLink_command_long_message(1, 1, 92, 0, 0, 0, 0, 0, 0, 0, 0)
     assert ask(operator, bytes(other.pack(dialect.MAVLink(None, 255, 190)))) == []
-    assert "COMMAND_ACK" not in [m.get_type() for m in messages(operator.poll(4))]  # type: ignore[attr-defined]
+    assert "COMMAND_ACK" not in [m.get_type() for m in messages(operator.data_to_send(4))]  # type: ignore[attr-defined]

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 import math
 
 import numpy as np
@@ -42,7 +43,7 @@ def test_record_starts_as_written_here() -> None:
     data = encode_outputs(sample_outputs(0))
     assert data.startswith(
         b'{"t_ns":1790000000123456789,"phase":"hold","frames":[{"t_ns":1790000000123456789,"port":"autopilot",'
-        b'"data":"AAECAwQFBgcICQoLDA0ODxAREhMUFRYXGBkaGxwd","peer":""}],"estimate":{'
+        b'"data":"AAECAwQFBgcICQoLDA0ODxAREhMUFRYXGBkaGxwd","peer":"","via":""}],"estimate":{'
     )
     assert b'"v_mps":-0.0,' in data
     assert b'"n_m":0.3333333333333333,' in data
@@ -155,3 +156,12 @@ def test_other_kinds_of_difference() -> None:
 def test_long_values_are_shortened() -> None:
     found = first_difference(b'{"a":"' + b"x" * 500 + b'"}', b'{"a":"y"}')
     assert found is not None and len(found) < 120 and "..." in found
+
+
+def test_records_of_before_the_code_and_the_way_of_a_frame_are_read() -> None:
+    outputs = sample_outputs(5)
+    plain = json.loads(encode_outputs(outputs))
+    del plain["health"]["code"]
+    for frame in plain["frames"]:
+        del frame["via"]
+    assert decode_outputs(json.dumps(plain).encode()) == outputs

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import struct
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -9,7 +10,7 @@ from mcap.writer import CompressionType, Writer
 
 from asvhil.errors import LogError
 from asvhil.logs.reader import LogFile
-from asvhil.types import Inputs
+from asvhil.types import Frame, Inputs
 from tests.support.log_samples import METADATA, make_recorder, record_ticks, sample_inputs
 
 TICKS = 160
@@ -231,6 +232,34 @@ def test_uncompressed_chunks_are_read_too(whole: bytes, tmp_path: Path) -> None:
     """A log that another tool has unpacked, with the channels where that tool puts them."""
     source, target = tmp_path / "a.mcap", tmp_path / "b.mcap"
     source.write_bytes(whole)
+    rewrite(source, target)
+    log = LogFile(target)
+    assert log.metadata == METADATA
+    assert list(log.ticks()) == list(LogFile(source).ticks())
+
+
+def test_logs_of_before_via_have_it_in_the_peer(tmp_path: Path) -> None:
+    source, target = tmp_path / "a.mcap", tmp_path / "b.mcap"
+    frames = (
+        Frame(t_ns=1, port="operator", data=b"1", peer="10.0.0.1:5", via="ground.qgc"),
+        Frame(t_ns=2, port="operator", data=b"2", via="ground.radio"),
+        Frame(t_ns=3, port="operator", data=b"3", peer="10.0.0.1:5"),
+        Frame(t_ns=4, port="autopilot", data=b"4", peer="10.0.0.1:6"),
+    )
+    recorder = make_recorder(source)
+    recorder.write_inputs(Inputs(t_ns=5, frames=frames))
+    recorder.close()
+
+    def as_before(values: dict[str, str]) -> dict[str, str]:
+        via = values.pop("via", "")
+        return values | {"peer": f"{via}|{values['peer']}"} if via else values
+
+    rewrite(source, target, as_before)
+    assert [inputs.frames for inputs, _ in LogFile(target).ticks()] == [frames]
+
+
+def rewrite(source: Path, target: Path, change: Callable[[dict[str, str]], dict[str, str]] = lambda v: v) -> None:
+    """Write a log anew, without compression, with the metadata of its channels changed."""
     writer = Writer(str(target), compression=CompressionType.NONE)
     writer.start(profile="asvhil")
     with source.open("rb") as file:
@@ -241,12 +270,9 @@ def test_uncompressed_chunks_are_read_too(whole: bytes, tmp_path: Path) -> None:
         for _, channel, message in reader.iter_messages(log_time_order=False):
             if channel.id not in channels:
                 channels[channel.id] = writer.register_channel(
-                    channel.topic, channel.message_encoding, 0, channel.metadata
+                    channel.topic, channel.message_encoding, 0, change(dict(channel.metadata))
                 )
             writer.add_message(
                 channels[channel.id], message.log_time, message.data, message.publish_time, message.sequence
             )
     writer.finish()
-    log = LogFile(target)
-    assert log.metadata == METADATA
-    assert list(log.ticks()) == list(LogFile(source).ticks())

@@ -65,13 +65,16 @@ def test_what_goes_in_comes_out(tmp_path: Path, threaded: bool) -> None:
     ]
 
 
-def test_odd_frames_keep_their_bytes_peers_and_order(tmp_path: Path) -> None:
+def test_odd_frames_keep_their_bytes_addresses_and_order(tmp_path: Path) -> None:
     """Equal and falling times, empty data, many ports and peers: the order of the file is what counts."""
     frames = (
         Frame(t_ns=START_NS + 5, port="autopilot", data=b"", peer="10.0.0.1:1"),
         Frame(t_ns=START_NS + 5, port="operator", data=b"\x00" * 70_000, peer="[fe80::1%eth0]:14550"),
         Frame(t_ns=START_NS + 4, port="a port", data=bytes(range(256)), peer="péer"),
         Frame(t_ns=START_NS + 5, port="autopilot", data=b"\xfd", peer="10.0.0.1:2"),
+        Frame(t_ns=START_NS + 5, port="operator", data=b"1", peer="10.0.0.1:1", via="ground.qgc"),
+        Frame(t_ns=START_NS + 5, port="operator", data=b"2", peer="10.0.0.1:1"),
+        Frame(t_ns=START_NS + 5, port="operator", data=b"3", via="ground.radio"),
         *(Frame(t_ns=0, port=f"p{i % 7}", data=bytes([i]), peer=str(i)) for i in range(200)),
     )
     recorder = make_recorder(tmp_path / "run.mcap")

@@ -11,8 +11,9 @@ from hypothesis import strategies as st
 from asvhil.config import OperatorLinkConfig, load_config
 from asvhil.io.mavlink.frames import FrameSplitter, decode, dialect
 from asvhil.operator.reports import OperatorReport, TextReader, Texts
-from asvhil.operator.session import STREAM_NS, OperatorSession, Request
-from asvhil.types import Frame, HoldCommand, ParameterChange, Phase, ReleaseCommand
+from asvhil.operator.session import STREAM_NS, OperatorRequest, OperatorSession
+from asvhil.supervisor.reasons import Explanation, Reason, describe, explain
+from asvhil.types import EVERYONE, Address, Frame, HoldCommand, MoveCommand, ParameterChange, Phase, ReleaseCommand
 
 S = 1_000_000_000
 CONFIG = load_config("sitl").links.autopilot
@@ -29,14 +30,20 @@ class Bench:
         self.link = OperatorSession(CONFIG, OperatorLinkConfig(**operator), parameters)  # type: ignore[arg-type]
         self.t_ns = 0
 
-    def say(self, message, peer: str = "gcs:1", after_ns: int = 100_000_000) -> list[Request]:  # type: ignore[no-untyped-def]
+    def say(self, message, peer: str = "gcs:1", after_ns: int = 100_000_000) -> list[OperatorRequest]:  # type: ignore[no-untyped-def]
         self.t_ns += after_ns
         data = bytes(message.pack(GCS))
-        return self.link.decode(Frame(t_ns=self.t_ns, port="operator", data=data, peer=peer))
+        return self.link.receive(Frame(t_ns=self.t_ns, port="operator", data=data, peer=peer))
 
     def hear(self, situation: OperatorReport = OperatorReport(), values=lambda name: 0.5) -> list:  # type: ignore[no-untyped-def,type-arg]  # noqa: B008
         self.t_ns += 1
-        return messages(self.link.poll(self.t_ns, situation, values))
+        return messages(self.link.data_to_send(self.t_ns, situation, values))
+
+    def answer(self, request: OperatorRequest, refusal: Explanation | None, after_ns: int = 0) -> list:  # type: ignore[type-arg]
+        """The acknowledgement and the texts that answer a request."""
+        self.t_ns += after_ns
+        self.link.answer(self.t_ns, request, refusal)
+        return [m for m in self.hear() if m.get_type() in ("COMMAND_ACK", "STATUSTEXT")]
 
 
 def messages(frames: list[Frame]) -> list:  # type: ignore[type-arg]
@@ -79,7 +86,7 @@ def test_positions_in_any_global_frame(frame: int) -> None:
     for message in (reposition(frame), setpoint(frame=frame)):
         (request,) = bench.say(message, after_ns=2 * STREAM_NS)
         command = request.command
-        assert isinstance(command, HoldCommand) and not command.move_only
+        assert isinstance(command, HoldCommand)
         assert (command.lat_deg, command.lon_deg, command.psi_rad) == (LAT * 1e-7, LON * 1e-7, None)
 
 
@@ -89,9 +96,8 @@ def test_local_and_unknown_frames_are_refused(frame: int) -> None:
     assert bench.say(reposition(frame)) == [] and bench.say(setpoint(frame=frame)) == []
     heard = bench.hear()
     assert acks(heard) == [(192, dialect.MAV_RESULT_DENIED, 191)]
-    assert [m.text for m in heard if m.get_type() == "STATUSTEXT"] == 2 * [
-        f"frame {frame} is not latitude and longitude"
-    ]
+    why = describe(explain(Reason.FRAME_NOT_GLOBAL, frame=frame))
+    assert [m.text for m in heard if m.get_type() == "STATUSTEXT"] == 2 * [why]
 
 
 def test_headings_are_radians_or_degrees_as_the_protocol_has_them() -> None:
@@ -160,19 +166,21 @@ def test_set_points_that_are_no_station_are_refused_once_in_a_while(mask: int, f
 def test_only_the_first_of_a_stream_takes_a_station() -> None:
     bench = Bench()
     commands = [bench.say(setpoint(x=LAT + step))[0].command for step in range(5)]
-    assert [command.move_only for command in commands] == [False, True, True, True, True]  # type: ignore[union-attr]
-    assert not bench.say(setpoint(), peer="gcs:2")[0].command.move_only  # type: ignore[union-attr]
-    assert bench.say(setpoint(), after_ns=STREAM_NS - S)[0].command.move_only  # type: ignore[union-attr]
-    assert not bench.say(setpoint(), after_ns=STREAM_NS + 1)[0].command.move_only  # type: ignore[union-attr]
+    assert [type(command) for command in commands] == [HoldCommand, *[MoveCommand] * 4]
+    assert isinstance(bench.say(setpoint(), peer="gcs:2")[0].command, HoldCommand)
+    assert isinstance(bench.say(setpoint(), after_ns=STREAM_NS - S)[0].command, MoveCommand)
+    assert isinstance(bench.say(setpoint(), after_ns=STREAM_NS + 1)[0].command, HoldCommand)
 
 
 def test_set_points_are_not_acknowledged() -> None:
     bench = Bench()
     (request,) = bench.say(setpoint())
-    assert bench.link.answer(bench.t_ns, request, None) == []
-    (text,) = messages(bench.link.answer(bench.t_ns, request, "vehicle is not armed"))
-    assert text.text == "vehicle is not armed"
-    assert bench.link.answer(bench.t_ns + S, request, "vehicle is not armed") == []
+    assert bench.answer(request, None) == []
+    refusal = explain(Reason.NOT_ARMED)
+    (text,) = bench.answer(request, refusal)
+    assert text.text == describe(refusal)
+    assert bench.answer(request, refusal, after_ns=S) == []
+    assert len(bench.answer(request, refusal, after_ns=5 * S)) == 1
 
 
 # --- who is meant --------------------------------------------------------------------------------------------------
@@ -183,7 +191,7 @@ def test_gotos_to_the_autopilot_are_claimed_only_where_that_is_asked_for() -> No
         assert Bench().say(reposition(to=to)) == [] and Bench().say(setpoint(to=to)) == []
         bench = Bench(claim_goto=True)
         (request,) = bench.say(reposition(to=to))
-        (ack,) = messages(bench.link.answer(0, request, None))
+        (ack,) = bench.answer(request, None)
         assert (ack.get_srcSystem(), ack.get_srcComponent(), ack.result) == (1, 1, 0)
         assert len(bench.say(setpoint(to=to))) == 1
     bench = Bench(claim_goto=True)
@@ -202,6 +210,35 @@ def test_what_is_for_all_components_is_answered_only_where_we_do_it() -> None:
     assert acks(bench.hear()) == []
     bench.say(dialect.MAVLink_command_long_message(1, 0, 512, 0, 148, 0, 0, 0, 0, 0, 0))
     assert acks(bench.hear()) == [(512, 0, 191)]
+
+
+def test_answers_go_back_by_the_link_and_to_the_peer_that_asked() -> None:
+    link = OperatorSession(CONFIG, OperatorLinkConfig(), NAMES)
+    askers = [Address("", "gcs:1"), Address("ground.qgc", "gcs:1"), Address("ground.radio", "")]
+    asked = (
+        reposition(),
+        dialect.MAVLink_command_long_message(1, 191, 512, 0, 148, 0, 0, 0, 0, 0, 0),
+        dialect.MAVLink_param_request_read_message(1, 191, b"P_3", -1),
+        dialect.MAVLink_timesync_message(0, 42),
+    )
+    for via, peer in askers:
+        for message in asked:
+            data = bytes(message.pack(GCS))
+            for request in link.receive(Frame(t_ns=S, port="operator", data=data, peer=peer, via=via)):
+                link.answer(S, request, None)
+    frames = link.data_to_send(S)
+    for name, count in (("COMMAND_ACK", 2), ("AUTOPILOT_VERSION", 1), ("PARAM_VALUE", 1), ("TIMESYNC", 1)):
+        sent_to = [frame.address for frame in frames if messages([frame])[0].get_type() == name]
+        assert sorted(sent_to) == sorted(askers * count), name
+
+
+def test_what_another_link_brings_in_pieces_is_no_stream_of_ours() -> None:
+    """Frames that come by another link are whole; half of one is dropped, and joined with nobody's next bytes."""
+    link = OperatorSession(CONFIG)
+    data = bytes(reposition().pack(GCS))
+    for part, via in ((data[:20], "ground.radio"), (data[20:], "ground.radio"), (data[20:], "")):
+        assert link.receive(Frame(t_ns=S, port="operator", data=part, via=via)) == []
+    assert len(link.receive(Frame(t_ns=S, port="operator", data=data, via="ground.radio"))) == 1
 
 
 # --- messages ------------------------------------------------------------------------------------------------------
@@ -245,7 +282,7 @@ def rates(bench: Bench, seconds: float = 10.0) -> dict[str, float]:
     counts: dict[str, int] = {}
     for _ in range(round(seconds * 20)):
         bench.t_ns += S // 20
-        for message in messages(bench.link.poll(bench.t_ns, station)):
+        for message in messages(bench.link.data_to_send(bench.t_ns, station)):
             name = getattr(message, "name", message.get_type())
             counts[name] = counts.get(name, 0) + 1
     return {name: count / seconds for name, count in counts.items()}
@@ -307,7 +344,7 @@ def test_what_the_reports_say() -> None:
 def test_frames_are_numbered() -> None:
     bench = Bench()
     bench.say(dialect.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3))
-    numbers = [frame.data[4] for _ in range(3) for frame in bench.link.poll(bench.t_ns + S)]
+    numbers = [frame.data[4] for _ in range(3) for frame in bench.link.data_to_send(bench.t_ns + S)]
     assert numbers == list(range(len(numbers))) and numbers
 
 
@@ -337,10 +374,14 @@ def test_setting_is_answered_to_everybody_with_the_value_that_holds() -> None:
     bench = Bench(NAMES)
     (request,) = bench.say(dialect.MAVLink_param_set_message(1, 191, b"P_3", 8.25, 9))
     assert request.command == ParameterChange(t_ns=bench.t_ns, name="P_3", value=8.25)
-    (text,) = messages(bench.link.answer(bench.t_ns, request, "P_3 must be 0 to 1"))
-    assert text.text == "P_3 must be 0 to 1"
-    (value,) = (f for f in bench.link.poll(bench.t_ns, OperatorReport(), lambda name: 0.25) if b"P_3" in f.data)
-    assert value.peer == "" and messages([value])[0].param_value == 0.25
+    refusal = explain(Reason.PARAMETER_OUT_OF_RANGE, name="P_3", range="0 to 1")
+    bench.link.answer(bench.t_ns, request, refusal)
+    frames = bench.link.data_to_send(bench.t_ns, OperatorReport(), lambda name: 0.25)
+    heard = [(frame, messages([frame])[0]) for frame in frames]
+    (text,) = (m for _, m in heard if m.get_type() == "STATUSTEXT")
+    assert text.text == describe(refusal)
+    ((frame, value),) = (pair for pair in heard if pair[1].get_type() == "PARAM_VALUE")
+    assert frame.address == EVERYONE and (value.param_id, value.param_value) == ("P_3", 0.25)
     assert bench.say(dialect.MAVLink_param_set_message(1, 191, b"NONE", 8.25, 9)) == []
     assert bench.say(dialect.MAVLink_param_set_message(1, 1, b"P_3", 8.25, 9)) == []
 
@@ -399,12 +440,21 @@ SAID = st.one_of(
 )  # fmt: skip
 
 
-@given(st.lists(st.tuples(SAID, st.sampled_from([None, "no", "a" * 70])), max_size=12), st.booleans())
+@given(
+    st.lists(
+        st.tuples(
+            SAID,
+            st.sampled_from([None, explain(Reason.NOT_ARMED), explain(Reason.AUTOPILOT_PARAMETER, finding="a" * 70)]),
+        ),
+        max_size=12,
+    ),
+    st.booleans(),
+)
 def test_nothing_that_is_asked_raises(said: list, claim: bool) -> None:  # type: ignore[type-arg]
     bench = Bench(NAMES, claim_goto=claim)
     for message, refusal in said:
         for request in bench.say(message):
-            messages(bench.link.answer(bench.t_ns, request, refusal))
+            bench.link.answer(bench.t_ns, request, refusal)
         bench.t_ns += S
         bench.hear(
             OperatorReport(phase=Phase.HOLD, distance_m=math.inf, station=(40.0, -86.0, 1.0)), lambda name: math.inf

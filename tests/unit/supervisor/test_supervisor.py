@@ -7,9 +7,10 @@ import pytest
 
 from asvhil.config import PwmConfig, StationConfig, SupervisorConfig
 from asvhil.geo import LocalFrame
-from asvhil.supervisor.situation import Situation
-from asvhil.supervisor.supervisor import Decision, Supervisor
-from asvhil.types import Estimate, FrontseatStatus, HoldCommand, Phase, ReleaseCommand
+from asvhil.supervisor.reasons import Explanation, Reason, explain
+from asvhil.supervisor.situation import MotorPulses, Situation
+from asvhil.supervisor.supervisor import Decision, Request, Supervisor
+from asvhil.types import Estimate, FrontseatStatus, HoldCommand, MoveCommand, Phase, ReleaseCommand, Station
 
 MS = 1_000_000
 FRAME = LocalFrame(lat_deg=40.0, lon_deg=-86.0)
@@ -36,25 +37,39 @@ class Bench:
         self.status: FrontseatStatus | None = status()
         self.age_s: float | None = 0.1
         self.estimate: Estimate | None = ESTIMATE
+        self.sent: MotorPulses | None = None  # in the last tick
+        self.control_ok: bool | None = None
 
-    def known(self) -> Situation:
-        return Situation(
-            t_ns=self.t_ns, status=self.status, heartbeat_age_s=self.age_s, estimate=self.estimate, frame=FRAME
-        )
+    def hold(self, **fields: float) -> Explanation | None:
+        """Ask to hold; the answer."""
+        return self.step(0, HoldCommand(t_ns=self.t_ns, **fields)).answers[0]
 
-    def hold(self, **fields: float) -> str | None:
-        command = HoldCommand(t_ns=self.t_ns, **fields)
-        return self.supervisor.on_hold(command, self.known())
+    def move(self, **fields: float) -> Explanation | None:
+        """Ask to move the station; the answer."""
+        return self.step(0, MoveCommand(t_ns=self.t_ns, **fields)).answers[0]
 
-    def step(self, ms: int = 50) -> Decision:
+    def release(self) -> Decision:
+        return self.step(0, ReleaseCommand(t_ns=self.t_ns))
+
+    def step(self, ms: int = 50, *requests: Request) -> Decision:
         self.t_ns += ms * MS
-        return self.supervisor.step(self.known())
+        situation = Situation(
+            t_ns=self.t_ns,
+            status=self.status,
+            heartbeat_age_s=self.age_s,
+            estimate=self.estimate,
+            frame=FRAME,
+            control_ok=self.control_ok,
+            sent=self.sent,
+        )
+        self.control_ok = self.sent = None
+        return self.supervisor.step(situation, requests)
 
     def drive(self, seconds: float = 2.0, pulses: tuple[int, int] = (1600, 1400)) -> Decision:
         """Hold with the echo of the override on the motor channels, as an autopilot shows it."""
         for _ in range(round(seconds * 20)):
             decision = self.step()
-            self.supervisor.note_sent(self.t_ns, pulses)
+            self.sent = MotorPulses(t_ns=self.t_ns, us=pulses)
             self.status = status(rc_us=(pulses[0], 1500, pulses[1], *STICKS[3:]))
         return decision
 
@@ -79,49 +94,50 @@ def test_hold_here_and_hold_there() -> None:
 
 
 @pytest.mark.parametrize(
-    ("spoil", "words"),
+    ("spoil", "why"),
     [
-        ({"status": None}, "no heartbeat"),
-        ({"age_s": None}, "no heartbeat"),
-        ({"age_s": 3.0}, "no heartbeat"),
-        ({"status": status(armed=False)}, "not armed"),
-        ({"status": status(mode="HOLD")}, "mode is HOLD, MANUAL is needed"),
-        ({"estimate": None}, "no valid position"),
-        ({"estimate": replace(ESTIMATE, valid=False)}, "no valid position"),
+        ({"status": None}, explain(Reason.NO_HEARTBEAT)),
+        ({"age_s": None}, explain(Reason.NO_HEARTBEAT)),
+        ({"age_s": 3.0}, explain(Reason.NO_HEARTBEAT)),
+        ({"status": status(armed=False)}, explain(Reason.NOT_ARMED)),
+        ({"status": status(mode="HOLD")}, explain(Reason.WRONG_MODE, mode="HOLD", needed="MANUAL")),
+        ({"estimate": None}, explain(Reason.NO_ESTIMATE)),
+        ({"estimate": replace(ESTIMATE, valid=False)}, explain(Reason.NO_ESTIMATE)),
     ],
 )
-def test_hold_is_refused_with_the_reason(spoil: dict[str, object], words: str) -> None:
+def test_hold_is_refused_with_the_reason(spoil: dict[str, object], why: Explanation) -> None:
     bench = Bench()
     for name, value in spoil.items():
         setattr(bench, name, value)
-    refusal = bench.hold()
-    assert refusal is not None and words in refusal
+    assert bench.hold() == why
     assert bench.step().phase is Phase.STANDBY
 
 
 def test_a_station_in_another_county_is_refused() -> None:
     lat, lon = FRAME.to_geodetic(3000.0, 0.0)
-    assert "km away" in (Bench().hold(lat_deg=lat, lon_deg=lon) or "")
+    refusal = Bench().hold(lat_deg=lat, lon_deg=lon)
+    assert refusal is not None and refusal.reason is Reason.STATION_TOO_FAR
+    assert dict(refusal.detail)["distance_km"] == pytest.approx(3.0, abs=0.01)
 
 
 @pytest.mark.parametrize(
-    ("act", "words"),
+    ("act", "why"),
     [
-        (status(armed=False), "disarmed"),
-        (status(mode="HOLD"), "mode changed to HOLD"),
-        (status(rc_us=(1600, 1600, 1400, 1500)), "stick of channel 2 moved"),
-        (status(rc_us=(1600, 1500, 1400, 1430)), "stick of channel 4 moved"),
-        (status(rc_us=(1500, 1500, 1500, 1500)), "channel 1 does not follow the override"),
-        (status(rc_us=(1600, 1500, 1900, 1500)), "channel 3 does not follow the override"),
+        (status(armed=False), explain(Reason.DISARMED)),
+        (status(mode="HOLD"), explain(Reason.MODE_CHANGED, mode="HOLD")),
+        (status(rc_us=(1600, 1600, 1400, 1500)), explain(Reason.STICK_MOVED, channel=2)),
+        (status(rc_us=(1600, 1500, 1400, 1430)), explain(Reason.STICK_MOVED, channel=4)),
+        (status(rc_us=(1500, 1500, 1500, 1500)), explain(Reason.OVERRIDE_NOT_FOLLOWED, channel=1)),
+        (status(rc_us=(1600, 1500, 1900, 1500)), explain(Reason.OVERRIDE_NOT_FOLLOWED, channel=3)),
     ],
 )
-def test_the_pilot_gets_the_motors_in_the_same_tick_and_keeps_them(act: FrontseatStatus, words: str) -> None:
+def test_the_pilot_gets_the_motors_in_the_same_tick_and_keeps_them(act: FrontseatStatus, why: Explanation) -> None:
     bench = Bench()
     bench.hold()
     assert bench.drive().drive
     bench.status = act
     decision = bench.step()
-    assert decision.phase is Phase.STANDBY and words in decision.reason
+    assert decision.phase is Phase.STANDBY and decision.why == why
     assert decision.release and not decision.drive and not decision.neutral
     bench.status = status()
     for _ in range(100):  # all well again: still not ours without a new command
@@ -140,24 +156,25 @@ def test_small_stick_noise_and_our_own_echo_are_not_the_pilot() -> None:
 
 
 @pytest.mark.parametrize(
-    ("spoil", "words"),
+    ("spoil", "why"),
     [
-        ({"age_s": 3.0}, "heartbeat lost"),
-        ({"estimate": replace(ESTIMATE, valid=False)}, "stale"),
-        ({"estimate": None}, "stale"),
+        ({"age_s": 3.0}, Reason.HEARTBEAT_LOST),
+        ({"estimate": replace(ESTIMATE, valid=False)}, Reason.ESTIMATE_STALE),
+        ({"estimate": None}, Reason.ESTIMATE_STALE),
     ],
 )
-def test_a_failing_input_means_neutral_then_release(spoil: dict[str, object], words: str) -> None:
+def test_a_failing_input_means_neutral_then_release(spoil: dict[str, object], why: Reason) -> None:
     bench = Bench()
     bench.hold()
     bench.drive()
     for name, value in spoil.items():
         setattr(bench, name, value)
     decision = bench.step()
-    assert decision.phase is Phase.FAILSAFE and decision.neutral and not decision.drive and words in decision.reason
+    assert decision.phase is Phase.FAILSAFE and decision.neutral and not decision.drive
+    assert decision.why.reason is why
     for _ in range(50):
         decision = bench.step()
-    assert decision.phase is Phase.STANDBY and not decision.drive
+    assert decision.phase is Phase.STANDBY and not decision.drive and decision.why.reason is why
     bench.age_s, bench.estimate = 0.1, ESTIMATE
     assert not bench.step().drive
 
@@ -176,22 +193,25 @@ def test_a_failed_controller_means_neutral_until_it_finds_a_solution() -> None:
     bench = Bench()
     bench.hold()
     bench.drive()
-    bench.supervisor.note_control(False)
-    assert bench.step().neutral and not bench.supervisor.control_ok
-    bench.supervisor.note_control(True)
+    bench.control_ok = False
+    decision = bench.step()
+    assert decision.neutral and not decision.control_ok
+    assert bench.step().neutral  # the latest solution counts until there is another
+    bench.control_ok = True
     assert bench.step().drive
-    bench.supervisor.note_control(False)
+    bench.control_ok = False
     for _ in range(60):
         decision = bench.step()
-    assert decision.phase is Phase.STANDBY and "no solution" in decision.reason
+    assert decision.phase is Phase.STANDBY and decision.why.reason is Reason.NO_SOLUTION
+    assert bench.hold() is None and bench.step().drive  # what failed before a hold does not count in it
 
 
 def test_release_is_always_granted_neutral_first() -> None:
     bench = Bench()
     bench.hold()
     bench.drive()
-    bench.supervisor.on_release(ReleaseCommand(t_ns=bench.t_ns, reason="released by the operator"))
-    decision = bench.step()
+    decision = bench.release()
+    assert decision.answers == (None,) and decision.why.reason is Reason.RELEASED
     assert decision.neutral and decision.release and decision.phase is Phase.STANDBY
 
 
@@ -227,7 +247,7 @@ def taking() -> Bench:
 def test_another_mode_is_a_refusal_unless_it_may_be_taken() -> None:
     bench = Bench()
     bench.status = status(mode="GUIDED")
-    assert bench.hold() == "mode is GUIDED, MANUAL is needed"
+    assert bench.hold() == explain(Reason.WRONG_MODE, mode="GUIDED", needed="MANUAL")
     decision = taking().step()
     assert (decision.phase, decision.ask_mode, decision.prepare) == (Phase.PREPARE, "MANUAL", False)
     assert decision.neutral and not decision.drive and decision.station is None
@@ -240,8 +260,7 @@ def test_the_mode_that_was_taken_is_given_back_after_a_release() -> None:
     decision = bench.step()
     assert decision.phase is Phase.HOLD and decision.ask_mode is None and decision.station is not None
     bench.drive()
-    bench.supervisor.on_release(ReleaseCommand(t_ns=bench.t_ns, reason="released by the operator"))
-    assert (decision := bench.step()).ask_mode == "GUIDED" and decision.release and decision.neutral
+    assert (decision := bench.release()).ask_mode == "GUIDED" and decision.release and decision.neutral
     bench.step()
     bench.status = status(mode="GUIDED")
     assert bench.step().ask_mode is None
@@ -257,8 +276,7 @@ def test_a_mode_that_the_pilot_chooses_stands() -> None:
     bench.status = status(mode="HOLD")
     decision = bench.step()
     assert decision.phase is Phase.STANDBY and decision.ask_mode is None
-    bench.supervisor.on_release(ReleaseCommand(t_ns=bench.t_ns, reason="released by the operator"))
-    assert bench.step().ask_mode is None
+    assert bench.release().ask_mode is None
     bench = taking()
     bench.step()
     bench.status = status(mode="LOITER")  # neither what stood nor what was asked for
@@ -279,29 +297,78 @@ def test_a_mode_that_is_not_entered_ends_the_attempt() -> None:
     bench = taking()
     decisions = [bench.step() for _ in range(70)]
     assert decisions[55].ask_mode == "MANUAL" and decisions[-1].phase is Phase.STANDBY
-    assert any(d.release for d in decisions) and "does not enter MANUAL" in decisions[-1].reason
+    assert any(d.release for d in decisions)
+    assert decisions[-1].why == explain(Reason.MODE_NOT_ENTERED, mode="MANUAL")
     bench = taking()
     bench.step()
     bench.status = status(mode="GUIDED", armed=False)
-    assert bench.step().reason == "vehicle is not armed"
+    assert bench.step().why.reason is Reason.NOT_ARMED
 
 
 def test_a_mode_that_stood_already_is_not_touched() -> None:
     bench = Bench(SupervisorConfig(take_mode=True))
     assert bench.hold() is None
     bench.drive()
-    bench.supervisor.on_release(ReleaseCommand(t_ns=bench.t_ns, reason="released by the operator"))
-    assert bench.step().ask_mode is None
+    assert bench.release().ask_mode is None
 
 
 def test_a_station_is_moved_only_where_one_is_held() -> None:
     bench = Bench()
-    assert "no station is held" in (bench.hold(lat_deg=40.0, lon_deg=-86.0, move_only=True) or "")
+    assert bench.move(lat_deg=40.0, lon_deg=-86.0) == explain(Reason.NO_STATION_HELD)
     assert bench.step().phase is Phase.STANDBY
     assert bench.hold() is None
     lat, lon = FRAME.to_geodetic(30.0, -40.0)
-    assert bench.hold(lat_deg=lat, lon_deg=lon, move_only=True) is None
+    assert bench.move(lat_deg=lat, lon_deg=lon) is None
     station = bench.step().station
     assert station is not None and station.n_m == pytest.approx(30.0) and station.psi_rad == 0.5
-    assert "km away" in (bench.hold(lat_deg=41.0, lon_deg=lon, move_only=True) or "")
+    refusal = bench.move(lat_deg=41.0, lon_deg=lon)
+    assert refusal is not None and refusal.reason is Reason.STATION_TOO_FAR
     assert bench.step().station == station
+
+
+def test_what_a_move_leaves_open_stays_as_it_is() -> None:
+    bench = Bench()
+    bench.hold()  # at 1 m north, 2 m east, 0.5 rad
+    lat, _ = FRAME.to_geodetic(30.0, 0.0)
+    moves = ({"psi_rad": 1.0}, {"n_m": 5.0}, {"e_m": -3.0}, {"lat_deg": lat})
+    t_ns = bench.t_ns
+    decision = bench.step(50, *(MoveCommand(t_ns=t_ns, **move) for move in moves))
+    assert decision.answers == (None,) * 4 and not decision.begun
+    station = decision.station
+    assert station is not None and station.psi_rad == 1.0
+    assert (station.n_m, station.e_m) == pytest.approx((30.0, -3.0), abs=1e-6)
+    bench.move(n_m=7.0, e_m=8.0)
+    assert bench.step().station == Station(n_m=7.0, e_m=8.0, psi_rad=1.0)
+
+
+# --- one call ------------------------------------------------------------------------------------------------------
+
+
+def test_requests_are_decided_in_turn_and_answered_in_their_tick() -> None:
+    bench = Bench()
+    here, release = HoldCommand(t_ns=0), ReleaseCommand(t_ns=0)
+    decision = bench.step(50, MoveCommand(t_ns=0, psi_rad=1.0), here, MoveCommand(t_ns=0, psi_rad=1.0))
+    assert [answer and answer.reason for answer in decision.answers] == [Reason.NO_STATION_HELD, None, None]
+    assert decision.begun and decision.drive and decision.station is not None and decision.station.psi_rad == 1.0
+    decision = bench.step(50, release, here)
+    assert decision.answers == (None, None) and decision.drive
+    decision = bench.step(50, here, release)
+    assert decision.answers == (None, None) and decision.phase is Phase.STANDBY and decision.release
+    assert bench.step().answers == () and not bench.step().begun
+
+
+def test_the_decision_says_when_the_station_is_another_one() -> None:
+    bench = Bench()
+    assert not bench.step().station_changed
+    decision = bench.step(50, HoldCommand(t_ns=0))
+    assert decision.station_changed and decision.station is not None
+    assert not bench.step().station_changed
+    assert not bench.step(50, HoldCommand(t_ns=0)).station_changed  # the boat is where it was
+    assert bench.step(50, MoveCommand(t_ns=0, psi_rad=1.0)).station_changed
+    assert not bench.step(50, MoveCommand(t_ns=0, psi_rad=1.0)).station_changed
+    bench.estimate = replace(ESTIMATE, valid=False)
+    decision = bench.step()
+    assert decision.phase is Phase.FAILSAFE and not decision.station_changed  # it is still held
+    decision = bench.release()
+    assert decision.station is None and decision.station_changed
+    assert not bench.step().station_changed

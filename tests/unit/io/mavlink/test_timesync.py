@@ -143,8 +143,8 @@ def test_a_ground_station_asks_and_is_answered_where_it_is() -> None:
     asked = packed(dialect.MAVLink_timesync_message(0, 42), 255, 190)
     answered = packed(dialect.MAVLink_timesync_message(7, 42), 255, 190)
     for peer, data in (("a", asked), ("b", answered)):
-        assert link.decode(Frame(t_ns=T0, port="operator", data=data, peer=peer)) == []
-    frames = [frame for frame in link.poll(T0 + 20) if timesyncs([frame])]
+        assert link.receive(Frame(t_ns=T0, port="operator", data=data, peer=peer)) == []
+    frames = [frame for frame in link.data_to_send(T0 + 20) if timesyncs([frame])]
     assert timesyncs(frames) == [(T0 + 10, 42)] and frames[0].peer == "a"
 
 

@@ -1,0 +1,43 @@
+"""The station that is held as parameters on the operator's link: read, and set to move it. Pure functions."""
+
+from __future__ import annotations
+
+import math
+
+from asvhil.geo import LocalFrame, wrap_rad
+from asvhil.supervisor.reasons import Explanation, Reason, explain
+from asvhil.types import MoveCommand, ParameterChange, Station
+
+# Degrees on the ellipsoid, and metres from the first position heard, which a 32-bit float tells to a tenth of a
+# millimetre while it tells degrees to half a metre.
+STATION_PARAMETERS = ("ST_LAT", "ST_LON", "ST_HDG", "ST_NORTH", "ST_EAST")
+BOUNDS_DEG = {"ST_LAT": 90.0, "ST_LON": 180.0, "ST_HDG": 360.0}
+
+
+def station_value(name: str, station: Station | None, frame: LocalFrame | None) -> float:
+    """The value of one of STATION_PARAMETERS; NaN while no station is held."""
+    if station is None or frame is None:
+        return math.nan
+    lat_deg, lon_deg = frame.to_geodetic(station.n_m, station.e_m)
+    values = (lat_deg, lon_deg, math.degrees(station.psi_rad) % 360.0, station.n_m, station.e_m)
+    return values[STATION_PARAMETERS.index(name)]
+
+
+def move_of_change(change: ParameterChange) -> MoveCommand | Explanation:
+    """The move that setting one of STATION_PARAMETERS asks for, or why there is none."""
+    name, value = change.name, change.value
+    most_deg = BOUNDS_DEG.get(name)
+    if not math.isfinite(value) or (most_deg is not None and abs(value) > most_deg):
+        allowed = "a finite number" if most_deg is None else f"{-most_deg:g} to {most_deg:g}"
+        return explain(Reason.PARAMETER_OUT_OF_RANGE, name=name, range=allowed)
+    match name:
+        case "ST_LAT":
+            return MoveCommand(t_ns=change.t_ns, lat_deg=value)
+        case "ST_LON":
+            return MoveCommand(t_ns=change.t_ns, lon_deg=value)
+        case "ST_HDG":
+            return MoveCommand(t_ns=change.t_ns, psi_rad=wrap_rad(math.radians(value)))
+        case "ST_NORTH":
+            return MoveCommand(t_ns=change.t_ns, n_m=value)
+        case _:
+            return MoveCommand(t_ns=change.t_ns, e_m=value)

@@ -1,0 +1,242 @@
+"""Why the motors are held, given back or refused, and why a request is: one enum, and one table of texts for people.
+
+Within the core a reason travels as an `Explanation`: the enum and what belongs to this case (a channel, a mode). It
+becomes text only at the boundary, by `describe`: in what operators are sent, in `Health`, and so in logs and status.
+"""
+
+from __future__ import annotations
+
+import enum
+import string
+from collections.abc import Mapping
+
+from asvhil.types import record
+
+
+class Reason(enum.StrEnum):
+    """The values are kept in logs (`health.code`): they are never changed, and none is used for two things."""
+
+    # Why the phase is what it is
+    WAITING_FOR_HOLD = "waiting-for-hold"
+    WAITING_FOR_AUTOPILOT = "waiting-for-autopilot"
+    TAKING_MODE = "taking-mode"
+    TAKING_MODE_AND_ARMING = "taking-mode-and-arming"
+    HOLDING = "holding"
+    RELEASED = "released"
+    # What the pilot did
+    DISARMED = "disarmed"
+    MODE_CHANGED = "mode-changed"
+    STICK_MOVED = "stick-moved"
+    OVERRIDE_NOT_FOLLOWED = "override-not-followed"
+    # What failed while a station was held, or on the way to it
+    HEARTBEAT_LOST = "heartbeat-lost"
+    ESTIMATE_STALE = "estimate-stale"
+    NO_SOLUTION = "no-solution"
+    MODE_NOT_ENTERED = "mode-not-entered"
+    # Why a hold is refused
+    NO_HEARTBEAT = "no-heartbeat"
+    NOT_ARMED = "not-armed"
+    WRONG_MODE = "wrong-mode"
+    NO_ESTIMATE = "no-estimate"
+    NO_STATION_HELD = "no-station-held"
+    STATION_TOO_FAR = "station-too-far"
+    # What is wrong with the way to the motors
+    AUTOPILOT_PARAMETER = "autopilot-parameter"
+    OVERRIDES_IGNORED = "overrides-ignored"
+    COMMANDS_MIXED = "commands-mixed"
+    OUTPUTS_SWAPPED = "outputs-swapped"
+    OUTPUT_REVERSED = "output-reversed"
+    OUTPUT_SCALED = "output-scaled"
+    OUTPUT_DEAD_ZONE = "output-dead-zone"
+    OUTPUTS_LAG = "outputs-lag"
+    OUTPUT_STUCK = "output-stuck"
+    OUTPUTS_UNCHANGED = "outputs-unchanged"
+    OUTPUTS_DIFFER = "outputs-differ"
+    # Why a request makes no sense
+    GUIDED_ENABLE_VALUE = "guided-enable-value"
+    COMMAND_INT_ONLY = "command-int-only"
+    FRAME_NOT_GLOBAL = "frame-not-global"
+    SETPOINT_WITHOUT_POSITION = "setpoint-without-position"
+    SETPOINT_WITH_RATE = "setpoint-with-rate"
+    PLACE_IMPOSSIBLE = "place-impossible"
+    HEADING_IMPOSSIBLE = "heading-impossible"
+    PARAMETER_OUT_OF_RANGE = "parameter-out-of-range"
+    PARAMETER_CONFLICT = "parameter-conflict"
+
+
+@record
+class Explanation:
+    """A reason with its details: (name, value) for each field of its text, sorted by name.
+
+    A detail `hint`, which any reason may have, names what to look at; it follows the text in brackets.
+    """
+
+    reason: Reason
+    detail: tuple[tuple[str, float | int | str], ...] = ()
+
+
+@record
+class Words:
+    """What people read of a reason, with its details as fields in braces, and what to do about it."""
+
+    text: str
+    remedy: str
+
+
+_WAIT = "Nothing: this passes by itself."
+_PILOT = "Nothing, if you meant it. To hold again, send a hold command."
+
+WORDS: Mapping[Reason, Words] = {
+    Reason.WAITING_FOR_HOLD: Words(
+        text="waiting for a hold command",
+        remedy="Send one: `asvhil hold`, or a goto from a ground station to the daemon's component.",
+    ),
+    Reason.WAITING_FOR_AUTOPILOT: Words(
+        text="waiting for the autopilot to be ready",
+        remedy="Wait until it has a position; if it takes longer than a minute, look at its GNSS and its messages.",
+    ),
+    Reason.TAKING_MODE: Words(text="asking for {mode}", remedy=_WAIT),
+    Reason.TAKING_MODE_AND_ARMING: Words(
+        text="asking for {mode} and arming",
+        remedy="If it does not pass, the autopilot refuses to arm: its messages say which check fails.",
+    ),
+    Reason.HOLDING: Words(text="holding", remedy="Nothing: the station is kept."),
+    Reason.RELEASED: Words(text="released by the operator", remedy="Nothing. To hold again, send a hold command."),
+    Reason.DISARMED: Words(text="disarmed", remedy="Arm the vehicle and send a hold command, if you want to go on."),
+    Reason.MODE_CHANGED: Words(text="mode changed to {mode}", remedy=_PILOT),
+    Reason.STICK_MOVED: Words(
+        text="stick of channel {channel} moved",
+        remedy="Nothing, if you meant it. If not: supervisor.stick_threshold_us is below the noise of the stick.",
+    ),
+    Reason.OVERRIDE_NOT_FOLLOWED: Words(
+        text="channel {channel} does not follow the override",
+        remedy="Somebody else drives the motors: the pilot by his override switch, or another ground station.",
+    ),
+    Reason.HEARTBEAT_LOST: Words(
+        text="autopilot heartbeat lost",
+        remedy="Look at the cable, baud rate and power of the autopilot link; then send a hold command.",
+    ),
+    Reason.ESTIMATE_STALE: Words(
+        text="position or heading is stale",
+        remedy="Look at which source is silent (`sources` in the status); then send a hold command.",
+    ),
+    Reason.NO_SOLUTION: Words(
+        text="the controller found no solution",
+        remedy="Send a hold command; if it happens again, keep the log and try another controller or solver.",
+    ),
+    Reason.MODE_NOT_ENTERED: Words(
+        text="the autopilot does not enter {mode}",
+        remedy="The autopilot's messages say why it refuses; a mode switch of the transmitter may hold another mode.",
+    ),
+    Reason.NO_HEARTBEAT: Words(
+        text="no heartbeat from the autopilot",
+        remedy="Look at the autopilot link: endpoint, baud rate, and links.autopilot.autopilot_system_id.",
+    ),
+    Reason.NOT_ARMED: Words(text="vehicle is not armed", remedy="Arm it and send the hold command again."),
+    Reason.WRONG_MODE: Words(
+        text="mode is {mode}, {needed} is needed",
+        remedy="Change the mode, or let the daemon do it (supervisor.take_mode: true).",
+    ),
+    Reason.NO_ESTIMATE: Words(
+        text="no valid position and heading yet",
+        remedy="Wait for the sensors; `sources` in the status names what is heard of each quantity.",
+    ),
+    Reason.NO_STATION_HELD: Words(
+        text="no station is held: send a hold command first",
+        remedy="Hold first. Of a stream of set-points only the first takes a station: pause the stream for 3 s.",
+    ),
+    Reason.STATION_TOO_FAR: Words(
+        text="station is {distance_km:.1f} km away, 2 km at most",
+        remedy="Check latitude and longitude, or drive the boat nearer first.",
+    ),
+    Reason.AUTOPILOT_PARAMETER: Words(
+        text="{finding}",
+        remedy="Set the parameter: `asvhil check --fix` does it. A cause that is meant to be so: "
+        "supervisor.readback.tolerate.",
+    ),
+    Reason.OVERRIDES_IGNORED: Words(
+        text="overrides are ignored",
+        remedy="It obeys one system id only (SYSID_MYGCS), and may have overrides switched off (RC_OPTIONS).",
+    ),
+    Reason.COMMANDS_MIXED: Words(
+        text="commands are mixed",
+        remedy="The autopilot takes the two channels as steering and throttle: each motor needs a channel of its own.",
+    ),
+    Reason.OUTPUTS_SWAPPED: Words(
+        text="outputs are swapped",
+        remedy="Swap the motor functions of the two outputs, or their channels in the config.",
+    ),
+    Reason.OUTPUT_REVERSED: Words(
+        text="reversed output: {motor}", remedy="Take the reversal out of the channel or the output."
+    ),
+    Reason.OUTPUT_SCALED: Words(
+        text="scaled output: {motor}",
+        remedy="Give channels and outputs the ends and the neutral of the config (vehicle.pwm).",
+    ),
+    Reason.OUTPUT_DEAD_ZONE: Words(
+        text="dead zone of about {size_us:.0f} us: {motor}", remedy="Set the dead zone of the channel to 0."
+    ),
+    Reason.OUTPUTS_LAG: Words(text="outputs lag behind", remedy="Take the autopilot's limit of the rate out."),
+    Reason.OUTPUT_STUCK: Words(
+        text="stuck output: {motor}", remedy="Give the output its motor function, and let it be armed."
+    ),
+    Reason.OUTPUTS_UNCHANGED: Words(
+        text="no output moves",
+        remedy="No sticks are reported either: overrides are ignored, or the outputs have no motor function.",
+    ),
+    Reason.OUTPUTS_DIFFER: Words(
+        text="outputs do not follow the commands",
+        remedy="Compare the autopilot's parameters of channels and outputs with docs/autopilots.md.",
+    ),
+    Reason.GUIDED_ENABLE_VALUE: Words(
+        text="param1 must be 0 or 1", remedy="NAV_GUIDED_ENABLE: 1 holds the station here, 0 releases."
+    ),
+    Reason.COMMAND_INT_ONLY: Words(
+        text="DO_REPOSITION comes as COMMAND_INT", remedy="Send it as COMMAND_INT: COMMAND_LONG rounds a position."
+    ),
+    Reason.FRAME_NOT_GLOBAL: Words(
+        text="frame {frame} is not latitude and longitude", remedy="Send the position in a global MAV_FRAME."
+    ),
+    Reason.SETPOINT_WITHOUT_POSITION: Words(
+        text="a set-point without a position", remedy="Clear the bits of x and y in the type mask."
+    ),
+    Reason.SETPOINT_WITH_RATE: Words(
+        text="a set-point with {field}: a station stands still", remedy="Mask velocities, accelerations and yaw rate."
+    ),
+    Reason.PLACE_IMPOSSIBLE: Words(
+        text="no latitude and longitude of a station",
+        remedy="Send degrees within 90 and 180, and not both of them 0.",
+    ),
+    Reason.HEADING_IMPOSSIBLE: Words(
+        text="a heading beyond a full turn: are its units right?",
+        remedy="DO_REPOSITION and set-points take radians, NAV_LOITER_UNLIM degrees.",
+    ),
+    Reason.PARAMETER_OUT_OF_RANGE: Words(
+        text="{name} must be {range}", remedy="The value in use stands; set one within the range."
+    ),
+    Reason.PARAMETER_CONFLICT: Words(
+        text="{name}: {rule}", remedy="The value in use stands; change the other parameter of the rule first."
+    ),
+}
+
+
+def explain(reason: Reason, **detail: float | int | str) -> Explanation:
+    """A reason with the details that its text has fields for, and perhaps a `hint`."""
+    return Explanation(reason=reason, detail=tuple(sorted(detail.items())))
+
+
+def describe(explanation: Explanation) -> str:
+    """What people read."""
+    detail = dict(explanation.detail)
+    text = WORDS[explanation.reason].text.format(**detail)
+    return f"{text} ({detail['hint']})" if detail.get("hint") else text
+
+
+def remedy(code: str) -> str:
+    """What to do about the reason of a code, as `Health` has it; empty where this version does not know it."""
+    return WORDS[Reason(code)].remedy if code in set(Reason) else ""
+
+
+def fields_of(reason: Reason) -> frozenset[str]:
+    """The details that the text of a reason needs."""
+    return frozenset(name for _, name, _, _ in string.Formatter().parse(WORDS[reason].text) if name)
