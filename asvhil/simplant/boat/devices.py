@@ -43,8 +43,8 @@ class Metronome:
         self._count = 0
         self._due_ns = t_ns + round(NS_PER_S / rate_hz)
 
-    def due(self, t_ns: int) -> bool:
-        """Whether a beat has come; those that were missed count as one."""
+    def take_due(self, t_ns: int) -> bool:
+        """Whether a beat has come, which is then taken; those that were missed count as one."""
         if t_ns < self._due_ns:
             return False
         while self._due_ns <= t_ns:
@@ -73,7 +73,7 @@ class SimulatedVn300:
 
     def advance(self, t_ns: int, truth: TrueMotion, faults: Present) -> list[Frame]:
         """The message that is due, if one is and the sensor is not silent."""
-        if not self._beat.due(t_ns):
+        if not self._beat.take_due(t_ns):
             return []
         ails = faults.of("ins")
         self._navigation.sample(t_ns, truth, ails)
@@ -136,12 +136,12 @@ class SimulatedNmea:
         """What is due, one frame for all of it."""
         bodies: list[str] = []
         ails = faults.of("nmea")
-        if self._fix.due(t_ns):
+        if self._fix.take_due(t_ns):
             self._receiver.sample(t_ns, truth, ails)
             bodies += self._no_fix_sentences(t_ns) if ails.gnss_silent else self._fix_sentences(t_ns)
-        if self._clock.due(t_ns):
+        if self._clock.take_due(t_ns):
             bodies.append(f"GPZDA,{self._utc(t_ns):%H%M%S.00,%d,%m,%Y},00,00")
-        if self._compass.due(t_ns):
+        if self._compass.take_due(t_ns):
             self._needle.sample(t_ns, truth, ails)
             magnetic_deg = math.degrees(wrap_2pi(self._needle.psi_rad)) - self._declination_deg
             if not ails.heading_silent:

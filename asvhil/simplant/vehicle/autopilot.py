@@ -172,7 +172,7 @@ class SimulatedAutopilot(ABC):
             for data in self._parser.feed(frame.peer, frame.data):
                 self._dispatch(frame.peer, data)
         vehicle.end()
-        due = self._schedule.due(t_ns)
+        due = self._schedule.take_due(t_ns)
         for msg_id in due:
             self._send_message("", msg_id)
         if vehicle.changed and dialect.MAVLINK_MSG_ID_HEARTBEAT not in due:

@@ -66,7 +66,7 @@ class Schedule:
         interval_ns = self._interval_ns.get(msg_id)
         return None if interval_ns is None else interval_ns // 1000 or -1
 
-    def due(self, t_ns: int) -> list[int]:
+    def take_due(self, t_ns: int) -> list[int]:
         """The messages to send now; each is then due again one interval on."""
         if t_ns < self._next_ns:
             return []
