@@ -1,0 +1,125 @@
+"""Operators' frames to requests, and decisions to answers: in turn, and each to whom it belongs."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from asvhil.config import load_config
+from asvhil.geo import LocalFrame
+from asvhil.io.mavlink.frames import FrameSplitter, decode, dialect
+from asvhil.operator.operations import Operations
+from asvhil.operator.session import OperatorSession, encode_hold, encode_release
+from asvhil.operator.station_parameters import STATION_PARAMETERS, move_of_change, station_value
+from asvhil.operator.tunables import Tunables
+from asvhil.supervisor.reasons import Explanation, Reason, describe, explain
+from asvhil.supervisor.situation import Situation
+from asvhil.supervisor.supervisor import Decision, Request
+from asvhil.types import Frame, HoldCommand, MoveCommand, ParameterChange, Phase, ReleaseCommand, Station
+
+CONFIG = load_config("sitl", ("controller.name=loiter",))
+LINK = CONFIG.links.autopilot
+GCS = dialect.MAVLink(None, srcSystem=255, srcComponent=190)
+STATION = Station(n_m=3.0, e_m=-4.0, psi_rad=0.5)
+FRAME = LocalFrame(lat_deg=40.0, lon_deg=-86.0)
+
+
+class Retuned:
+    """A controller that takes other settings."""
+
+    def retune(self, config: object) -> None:
+        """Nothing to do here."""
+
+
+class Bench:
+    def __init__(self) -> None:
+        tunables = Tunables(CONFIG.controller, Retuned())
+        session = OperatorSession(LINK, CONFIG.links.operator, (*STATION_PARAMETERS, *tunables.names))
+        self.operations = Operations(session, tunables)
+        self.t_ns = 0
+
+    def receive(self, message: Any) -> None:
+        data = message if isinstance(message, bytes) else bytes(message.pack(GCS))
+        self.operations.receive(Frame(t_ns=self.t_ns, port="operator", data=data, peer="gcs:1"))
+
+    def set(self, name: str, value: float) -> None:
+        self.receive(dialect.MAVLink_param_set_message(1, 191, name.encode(), value, 9))
+
+    def tick(self, *answers: Explanation | None, begun: bool = False) -> tuple[list[Request], list[Any]]:
+        """The requests of a tick, and what is sent once they are decided so."""
+        self.t_ns += 50_000_000
+        requests = self.operations.take_requests()
+        decision = Decision(
+            phase=Phase.HOLD, why=explain(Reason.HOLDING), station=STATION, answers=answers, begun=begun
+        )
+        self.operations.answer(self.t_ns, decision)
+        situation = Situation(t_ns=self.t_ns, frame=FRAME)
+        frames = self.operations.data_to_send(situation, decision, None, (), ())
+        sent = [decode(data) for frame in frames for data in FrameSplitter().feed(frame.data)]
+        return requests, [m for m in sent if m is not None]
+
+
+def of_kind(sent: list[Any], *kinds: str) -> list[Any]:
+    return [m for m in sent if m.get_type() in kinds]
+
+
+def test_each_request_gets_its_own_answer_in_turn() -> None:
+    bench = Bench()
+    bench.tick()
+    bench.receive(encode_hold(LINK, None, None, None))
+    bench.set("LOIT_RADIUS", 1e6)  # decided without the supervisor
+    bench.set("ST_NORTH", 7.0)
+    bench.receive(encode_release(LINK))
+    requests, sent = bench.tick(explain(Reason.NOT_ARMED), explain(Reason.NO_STATION_HELD), None)
+    assert [type(request) for request in requests] == [HoldCommand, MoveCommand, ReleaseCommand]
+    texts = [m.text for m in of_kind(sent, "STATUSTEXT")]
+    range_text = describe(explain(Reason.PARAMETER_OUT_OF_RANGE, name="LOIT_RADIUS", range="0.1 to 100"))
+    assert texts == [describe(explain(Reason.NOT_ARMED)), range_text, describe(explain(Reason.NO_STATION_HELD))]
+    acks = [(m.command, m.result) for m in of_kind(sent, "COMMAND_ACK")]
+    assert acks == [(192, dialect.MAV_RESULT_TEMPORARILY_REJECTED), (92, dialect.MAV_RESULT_ACCEPTED)]
+    assert [m.param_id for m in of_kind(sent, "PARAM_VALUE")] == ["LOIT_RADIUS", "ST_NORTH"]
+    requests, sent = bench.tick()
+    assert requests == [] and of_kind(sent, "STATUSTEXT", "COMMAND_ACK", "PARAM_VALUE") == []
+
+
+def test_a_parameter_of_the_controller_is_set_before_the_decision_of_its_tick() -> None:
+    bench = Bench()
+    bench.tick()
+    bench.set("LOIT_RADIUS", 2.5)
+    requests, sent = bench.tick()
+    assert requests == []
+    assert [(m.param_id, m.param_value) for m in of_kind(sent, "PARAM_VALUE")] == [("LOIT_RADIUS", 2.5)]
+
+
+def test_a_hold_that_begins_tells_the_station_to_everyone() -> None:
+    bench = Bench()
+    bench.tick()
+    bench.receive(encode_hold(LINK, None, None, None))
+    _, sent = bench.tick(None, begun=True)
+    values = {m.param_id: m.param_value for m in of_kind(sent, "PARAM_VALUE")}
+    assert list(values) == list(STATION_PARAMETERS) and (values["ST_NORTH"], values["ST_EAST"]) == (3.0, -4.0)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "meant"),
+    [
+        ("ST_LAT", 40.5, MoveCommand(t_ns=1, lat_deg=40.5)),
+        ("ST_LON", -86.5, MoveCommand(t_ns=1, lon_deg=-86.5)),
+        ("ST_NORTH", 7.0, MoveCommand(t_ns=1, n_m=7.0)),
+        ("ST_EAST", -7.0, MoveCommand(t_ns=1, e_m=-7.0)),
+        ("ST_HDG", 0.0, MoveCommand(t_ns=1, psi_rad=0.0)),
+        ("ST_LAT", 90.5, explain(Reason.PARAMETER_OUT_OF_RANGE, name="ST_LAT", range="-90 to 90")),
+        ("ST_HDG", 361.0, explain(Reason.PARAMETER_OUT_OF_RANGE, name="ST_HDG", range="-360 to 360")),
+        ("ST_EAST", float("inf"), explain(Reason.PARAMETER_OUT_OF_RANGE, name="ST_EAST", range="a finite number")),
+    ],
+)
+def test_setting_a_parameter_of_the_station_asks_for_a_move(name: str, value: float, meant: object) -> None:
+    assert move_of_change(ParameterChange(t_ns=1, name=name, value=value)) == meant
+
+
+def test_the_parameters_of_the_station_are_those_of_the_one_that_is_held() -> None:
+    values = [station_value(name, STATION, FRAME) for name in STATION_PARAMETERS]
+    assert FRAME.to_ned(values[0], values[1]) == pytest.approx((3.0, -4.0), abs=1e-6)
+    assert values[2:] == pytest.approx([28.6478898, 3.0, -4.0])
+    assert all(value != value for value in (station_value(name, None, FRAME) for name in STATION_PARAMETERS))
