@@ -172,7 +172,7 @@ class MavlinkAutopilot:
         if m.autopilot == dialect.MAV_AUTOPILOT_INVALID:
             return None  # another component of the vehicle, not its autopilot
         if self.autopilot_heartbeat_ns is None:
-            self._output.greet(t_ns)
+            self._output.on_connect(t_ns)
         self.autopilot_heartbeat_ns = t_ns
         self._autopilot_component_id = m.get_srcComponent()
         make = MAKES.get(m.autopilot, f"of make {m.autopilot} (MAV_AUTOPILOT)")
@@ -222,7 +222,7 @@ class MavlinkAutopilot:
             self._streams.restart()
             self._timesync.restart()
             self.parameters.restart()
-            self._output.greet(t_ns)
+            self._output.on_connect(t_ns)
         self._boot_ms = boot_ms
 
     # --- out -----------------------------------------------------------------------------------------------

@@ -42,7 +42,7 @@ class Output(Protocol):
         """What is due without being asked for."""
         ...
 
-    def greet(self, t_ns: int) -> None:
+    def on_connect(self, t_ns: int) -> None:
         """The autopilot is heard for the first time, or has started anew."""
         ...
 
@@ -65,7 +65,7 @@ class _Sticks:
     def poll(self, t_ns: int) -> list[bytes]:
         return []
 
-    def greet(self, t_ns: int) -> None:
+    def on_connect(self, t_ns: int) -> None:
         """Nothing to put right: overrides of before have timed out."""
 
     def acknowledged(self, command: int, result: int) -> None:
@@ -124,10 +124,10 @@ class _Held(ABC):
 
     def release(self, t_ns: int) -> list[bytes]:
         """Neutral now, and every 0.1 s for 3 s: on a bad link some of it must get through."""
-        self.greet(t_ns)
+        self.on_connect(t_ns)
         return self._neutral(t_ns)
 
-    def greet(self, t_ns: int) -> None:
+    def on_connect(self, t_ns: int) -> None:
         """We, or it, may have died while the motors ran."""
         self._rest_until_ns = t_ns + REST_NS
         self._rest_due_ns = t_ns

@@ -70,7 +70,7 @@ def test_actuators_span_the_output_range_and_leave_the_others_alone() -> None:
 @pytest.mark.parametrize("kind", ["rc_override", "manual_control"])
 def test_sticks_are_given_back_once_and_need_no_more(kind: str) -> None:
     way = output(kind)
-    way.greet(0)
+    way.on_connect(0)
     assert way.poll(0) == [] and len(way.release(0)) == 1
     assert all(way.poll(t_ns) == [] for t_ns in range(0, 4000 * MS, 50 * MS))
     assert way.hazard == ""
@@ -86,7 +86,7 @@ def test_sticks_are_given_back_once_and_need_no_more(kind: str) -> None:
 def test_held_outputs_are_let_go_by_saying_neutral_for_three_seconds(kind: str, neutral: list[object]) -> None:
     way = output(kind)
     assert "has no time-out" in way.hazard
-    way.greet(0)  # whoever was there before may have died with the motors running
+    way.on_connect(0)  # whoever was there before may have died with the motors running
     assert said(way.poll(0)) == neutral
     way.drive(1600, 1600)
     assert all(way.poll(t_ns) == [] for t_ns in range(0, 4000 * MS, 50 * MS))  # neutral never fights a command
