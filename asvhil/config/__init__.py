@@ -1,4 +1,4 @@
-"""The config: sections by subject, one file each, and how YAML becomes one."""
+"""The config: its sections, one module for each subject, and the way from YAML text to a validated `Config`."""
 
 from asvhil.config.base import Section
 from asvhil.config.controller import (
@@ -45,8 +45,8 @@ from asvhil.config.plant import (
     WindConfig,
 )
 from asvhil.config.root import Config
-from asvhil.config.shell import ReadbackConfig, StationConfig, SupervisorConfig
 from asvhil.config.sources import QUANTITIES, Quantity, SourceConfig, SourcesConfig
+from asvhil.config.supervisor import ReadbackConfig, StationConfig, SupervisorConfig
 from asvhil.config.vehicle import PwmConfig, VesselConfig
 
 __all__ = [

@@ -1,4 +1,4 @@
-"""What the vehicle profiles know of their autopilots: mode names, ways to the motors, and the streams to ask for."""
+"""Tables of the vehicle profiles: mode numbers, ways to the motors, and the message rates to request."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ def px4_custom_mode(main: int, sub: int = 0) -> int:
     return main << 16 | sub << 24
 
 
-# Mode names by the number in HEARTBEAT.custom_mode; those of PX4 as MAVROS writes them.
+# Mode name to HEARTBEAT.custom_mode; the names of PX4's modes are those of MAVROS.
 MODES: dict[Profile, dict[str, int]] = {
     "ardurover": {
         "MANUAL": 0,
@@ -55,7 +55,7 @@ MODES: dict[Profile, dict[str, int]] = {
 }
 CONTROL_MODE: dict[Profile, str] = {"ardurover": "MANUAL", "px4": "OFFBOARD"}
 
-# Ways to the motors, the default first, and why the others are none.
+# Ways to the motors, the default first; and why each of the others cannot work.
 OUTPUTS: dict[Profile, tuple[MotorOutput, ...]] = {
     "ardurover": ("rc_override", "manual_control", "set_servo"),
     "px4": ("set_actuator",),
@@ -76,7 +76,7 @@ _COMMON_STREAMS_HZ = {
 }
 STREAMS_HZ: dict[Profile, dict[str, float]] = {
     "ardurover": {**_COMMON_STREAMS_HZ, "HEARTBEAT": 5.0, "SERVO_OUTPUT_RAW": 10.0, "EKF_STATUS_REPORT": 2.0},
-    # PX4's heartbeat comes once a second whatever is asked.
+    # PX4's heartbeat has a fixed rate of 1 Hz.
     "px4": {**_COMMON_STREAMS_HZ, "ACTUATOR_OUTPUT_STATUS": 10.0, "ESTIMATOR_STATUS": 2.0},
 }
 IMU_MESSAGE: dict[Profile, str] = {"ardurover": "RAW_IMU", "px4": "HIGHRES_IMU"}

@@ -1,4 +1,4 @@
-"""The kinds of values a config is made of, and what every section of it has in common."""
+"""Value types of config keys with their ranges, and the base class of all sections."""
 
 from __future__ import annotations
 
@@ -33,16 +33,16 @@ LinkSpecText = Annotated[str, AfterValidator(_checked_link)]
 
 
 class Section(BaseModel):
-    """A part of the config: unknown keys are refused and nothing changes after loading."""
+    """Base of all sections: frozen, and unknown keys, infinities and NaN are refused. Every key has a description."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     @model_validator(mode="before")
     @classmethod
     def _over_defaults(cls, data: Any) -> Any:
-        """Keys of a section that a config leaves out are those of this place's own default, not of the section's kind.
+        """Fill the keys that a config leaves out from the default of this place, not from that of the section's class.
 
-        `mpc.near` and `mpc.along` are of one kind and have defaults of their own: setting one weight keeps the others.
+        `mpc.near` and `mpc.along` are of one class with defaults of their own: setting one weight keeps the others.
         """
         if not isinstance(data, dict):
             return data
@@ -55,9 +55,9 @@ class Section(BaseModel):
         }
 
     def content_hash(self) -> str:
-        """First 16 hex digits of the SHA-256 of it in canonical JSON."""
+        """First 16 hexadecimal digits of the SHA-256 of `canonical_json`; logs and model files name a config by it."""
         return hashlib.sha256(self.canonical_json().encode()).hexdigest()[:16]
 
     def canonical_json(self) -> str:
-        """All of it as JSON with sorted keys, of which an equal one can be read back."""
+        """The section as JSON with sorted keys; `config_from_json` reads an equal config back."""
         return json.dumps(self.model_dump(mode="json"), sort_keys=True)

@@ -1,8 +1,8 @@
-"""The controllers, their weights, gains and solvers, and the way to the station."""
+"""The controllers: their weights and gains, the solvers, and the approach to the station."""
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Literal
 
 from pydantic import Field, model_validator
 
@@ -11,43 +11,115 @@ from asvhil.config.vehicle import VesselConfig
 
 
 class MpcWeights(Section):
-    """Weights of the quadratic stage cost, per second of horizon; terminal position in seconds.
+    """One set of weights of the MPC's quadratic cost, in the station's axes.
 
-    `sideways` is the part of both position weights that offsets across the station's heading get.
+    Stage weights count per second of horizon; errors are in m, rad, m/s and rad/s. Raise the heading weight for a boat
+    that must point well, the position weight for one that must not drift. The shipped sets were chosen by the penalty
+    score of the simulated WAM-V (`asvhil study six-tests`).
     """
 
-    position: NonNegative = 1.0
-    sideways: Fraction = 1.0
-    heading: NonNegative = 200.0
-    velocity: NonNegative = 0.1
-    slew: NonNegative = 0.05
-    terminal_position_s: NonNegative = 60.0
+    position: NonNegative = Field(default=1.0, description="Weight of the squared distance to the station (1/m^2).")
+    sideways: Fraction = Field(
+        default=1.0,
+        description=(
+            "Share of both position weights that offsets across the station's heading get; 1: all directions alike."
+        ),
+    )
+    heading: NonNegative = Field(default=200.0, description="Weight of the squared heading error (1/rad^2).")
+    velocity: NonNegative = Field(
+        default=0.1, description="Weight of the squared velocities u, v (1/(m/s)^2) and r (1/(rad/s)^2)."
+    )
+    slew: NonNegative = Field(
+        default=0.05, description="Weight of the squared change of each input from one stage to the next."
+    )
+    terminal_position_s: NonNegative = Field(
+        default=60.0,
+        description="Weight of the squared distance at the end of the horizon, as seconds of a stage weight of 1.",
+    )
 
 
 class MpcConfig(Section):
-    """The optimal control problem and how hard it is worked on. Caps are iterations, never time."""
+    """The optimal control problem of every `*-mpc` controller, and the iterations that its default solver may take.
 
-    stages: Annotated[int, Field(ge=2, le=200)] = 20
-    first_step_s: Positive = 0.2
-    last_step_s: Positive = 0.9
-    near: MpcWeights = MpcWeights(heading=350.0, velocity=0.0, terminal_position_s=140.0)
-    along: MpcWeights = MpcWeights(heading=5000.0, slew=4.0)  # near too, but with no load across the heading to carry
-    far: MpcWeights = MpcWeights(heading=10.0, terminal_position_s=1.0)
-    position_only: MpcWeights = MpcWeights(heading=0.0)  # outside of the procedure's r_h, with its rule
-    side_load_mps2: tuple[NonNegative, Positive] = (0.004, 0.010)  # `along` up to the first, `near` from the second
-    side_load_time_s: Positive = 10.0
-    offset_m: tuple[NonNegative, Positive] = (0.2, 0.6)  # `near` weights from the second on, whatever the load
-    near_radius_m: Positive = 4.0
-    far_radius_m: Positive = 10.0
-    delay_s: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0  # from the estimate to the motors' answer: solving and links
-    unmodelled_lag_s: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0  # added to it for a model without motor states
-    trim_time_s: Positive = 40.0
-    trim_max_rad: NonNegative = 0.1
-    iterations: Annotated[int, Field(ge=1, le=100)] = 10
-    alternate_iterations: Annotated[int, Field(ge=0, le=200)] = 8
-    alternate_beyond_m: NonNegative = 3.0
-    wind_feedforward: bool = True
-    disturbance_feedforward: bool = True
+    Solvers are capped by iterations and never by time, so that two runs agree. The weight set in use depends on where
+    the boat is (`near`, `along`, `far`, `position_only`).
+    """
+
+    stages: int = Field(default=20, ge=2, le=200, description="Number of stages of the horizon, one input pair each.")
+    first_step_s: Positive = Field(
+        default=0.2, description="Length of the first stage; a learned model must have been trained with this step."
+    )
+    last_step_s: Positive = Field(
+        default=0.9, description="Length of the last stage; stages in between grow linearly (horizon by default: 11 s)."
+    )
+    near: MpcWeights = Field(
+        default=MpcWeights(heading=350.0, velocity=0.0, terminal_position_s=140.0),
+        description="Weights near the station, with a side load to carry or an offset to remove.",
+    )
+    # Near too, but with no load across the heading to carry.
+    along: MpcWeights = Field(
+        default=MpcWeights(heading=5000.0, slew=4.0),
+        description="Weights near the station where wind and disturbance act along the boat.",
+    )
+    far: MpcWeights = Field(
+        default=MpcWeights(heading=10.0, terminal_position_s=1.0),
+        description="Weights while the boat is not near (near_radius_m): the way back counts, the heading hardly.",
+    )
+    position_only: MpcWeights = Field(
+        default=MpcWeights(heading=0.0),
+        description="Weights of the procedure's stage keep_position, outside its r_h_m (with r_h_rule).",
+    )
+    side_load_mps2: tuple[NonNegative, Positive] = Field(
+        default=(0.004, 0.010),
+        description=(
+            "Side load, the sway acceleration at rest at the station's heading, up to which `along` holds, and from "
+            "which `near` does; between them a mean of both."
+        ),
+    )
+    side_load_time_s: Positive = Field(default=10.0, description="Time constant of the side load's low-pass.")
+    offset_m: tuple[NonNegative, Positive] = Field(
+        default=(0.2, 0.6),
+        description="Distance from which `near` begins to replace `along` whatever the side load, and fully does.",
+    )
+    near_radius_m: Positive = Field(default=4.0, description="Distance within which the boat counts as near.")
+    far_radius_m: Positive = Field(
+        default=10.0, description="Distance beyond which a boat that was near no longer is; above near_radius_m."
+    )
+    delay_s: float = Field(
+        default=0.0,
+        ge=0.0,
+        le=1.0,
+        description="Time from the estimate to the motors' answer: solving and links. The plan starts that much later.",
+    )
+    unmodelled_lag_s: float = Field(
+        default=0.0,
+        ge=0.0,
+        le=1.0,
+        description=(
+            "Added to delay_s for a model without motor states (nnsem, node, knode, sd fitted): the motors' lag as a "
+            "dead time, about two thirds of the lag."
+        ),
+    )
+    trim_time_s: Positive = Field(
+        default=40.0,
+        description="Integration time of the heading trim, which removes the mean heading error once the boat is near.",
+    )
+    trim_max_rad: NonNegative = Field(default=0.1, description="Largest heading trim; 0: none.")
+    iterations: int = Field(default=10, ge=1, le=100, description="QPs per solution from the shifted last plan (sqp).")
+    alternate_iterations: int = Field(
+        default=8, ge=0, le=200, description="QPs from the alternate start, see alternate_beyond_m; 0: none (sqp)."
+    )
+    alternate_beyond_m: NonNegative = Field(
+        default=3.0,
+        description=(
+            "Beyond this distance each solution also tries one other start (both motors off, ahead and astern in "
+            "turn), since a single start can stay in a local minimum."
+        ),
+    )
+    wind_feedforward: bool = Field(default=True, description="Whether the prediction includes the measured wind.")
+    disturbance_feedforward: bool = Field(
+        default=True, description="Whether the prediction includes the estimated disturbance."
+    )
 
     @model_validator(mode="after")
     def _check_ramps(self) -> MpcConfig:
@@ -60,44 +132,64 @@ class MpcConfig(Section):
 
 
 class ManoeuvresConfig(Section):
-    """The programme of data collection around the station, and its fence."""
+    """The manoeuvres of `asvhil collect`, which make training data around the station, and their geofence."""
 
-    duration_s: Positive = 600.0  # returns from the fence included
-    seed: Annotated[int, Field(ge=0)] = 1
-    geofence_radius_m: Positive = 60.0
-    return_fraction: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.4  # of the radius: the return ends within it
-    return_timeout_s: Positive = 120.0
-    reaction_s: NonNegative = 0.4  # of the human-like hand
-    max_command: Annotated[float, Field(gt=0.0, le=1.0)] = 1.0
-    note: str = ""  # weather and place in the operator's words, for the log
+    duration_s: Positive = Field(default=600.0, description="Length of the programme, returns from the fence included.")
+    seed: int = Field(default=1, ge=0, description="Seed of the programme's order and levels.")
+    geofence_radius_m: Positive = Field(
+        default=60.0,
+        description="Distance to the station at which the boat is brought back; at twice that it gives up.",
+    )
+    return_fraction: float = Field(
+        default=0.4, gt=0.0, lt=1.0, description="Share of the geofence's radius within which a return is complete."
+    )
+    return_timeout_s: Positive = Field(default=120.0, description="A return that takes longer ends the programme.")
+    reaction_s: NonNegative = Field(default=0.4, description="Reaction time of the simulated human operator.")
+    max_command: float = Field(
+        default=1.0, gt=0.0, le=1.0, description="Bound on every motor command of the programme."
+    )
+    note: str = Field(default="", description="Weather and place in the operator's words, for the log.")
 
 
 class ProcedureConfig(Section):
-    """The paper's way to a station and back to it: Dubins path and ILOS beyond the radii, the keeper within them.
+    """The paper's station keeping procedure: a Dubins path followed by ILOS to the station, then the controller.
 
-    `r_s_m`: the keeper takes over inside; `r_d_m`: start over outside; `r_h_m`: with `r_h_rule`, inside it heading and
-    forward distance are kept, outside it position alone.
+    Radii are distances to the station. The controller (`controller.name`) takes over within r_s_m; beyond r_d_m the
+    boat starts over.
     """
 
-    enabled: bool = False
-    r_s_m: Positive = 15.0
-    r_d_m: Positive = 20.0
-    r_h_m: Positive = 5.0
-    r_h_rule: bool = False
-    r_h_back: Fraction = 0.7  # of r_h_m: back inside it the heading counts again
-    dwell_s: NonNegative = 10.0  # least time in a stage
-    turn_radius_m: Positive = 8.0
-    speed_mps: Positive = 1.5
-    handover_speed_mps: Positive = 0.8
-    slow_down_mps2: Positive = 0.05
-    lookahead_m: Positive = 8.0
-    integral_gain: NonNegative = 0.5  # sigma of the ILOS law (m/s)
-    integral_max_m: NonNegative = 6.0  # of the cross-track error that the integral may stand for
-    replan_beyond_m: Positive = 6.0
-    surge_time_s: Positive = 2.0  # time constants of the closed loops: speed, heading, yaw rate
-    heading_time_s: Positive = 2.5
-    yaw_rate_time_s: Positive = 0.8
-    yaw_rate_max_radps: Positive = 0.3
+    enabled: bool = Field(
+        default=False, description="Whether the procedure is used; an MPC alone drives straight to its station."
+    )
+    r_s_m: Positive = Field(default=15.0, description="Within it the controller takes over from the approach.")
+    r_d_m: Positive = Field(default=20.0, description="Beyond it the approach starts over; above r_s_m.")
+    r_h_m: Positive = Field(
+        default=5.0, description="With r_h_rule: within it position and heading are kept, outside it position alone."
+    )
+    r_h_rule: bool = Field(default=False, description="Whether the controller ignores the heading beyond r_h_m.")
+    r_h_back: Fraction = Field(
+        default=0.7, description="Share of r_h_m within which the heading counts again after it was ignored."
+    )
+    dwell_s: NonNegative = Field(default=10.0, description="Least time in a stage.")
+    turn_radius_m: Positive = Field(
+        default=8.0, description="Radius of the path's turns; what the boat can do at speed_mps."
+    )
+    speed_mps: Positive = Field(default=1.5, description="Surge speed of the approach.")
+    handover_speed_mps: Positive = Field(default=0.8, description="Surge speed at which the boat reaches r_s_m.")
+    slow_down_mps2: Positive = Field(default=0.05, description="Deceleration from speed_mps toward handover_speed_mps.")
+    lookahead_m: Positive = Field(
+        default=8.0,
+        description="Look-ahead distance Delta of the ILOS law, about two boat lengths; smaller turns sharper.",
+    )
+    integral_gain: NonNegative = Field(default=0.5, description="Integral gain sigma of the ILOS law (m/s).")
+    integral_max_m: NonNegative = Field(
+        default=6.0, description="Largest cross-track error that the ILOS integral may compensate."
+    )
+    replan_beyond_m: Positive = Field(default=6.0, description="Cross-track error at which a new path is planned.")
+    surge_time_s: Positive = Field(default=2.0, description="Time constant of the closed speed loop.")
+    heading_time_s: Positive = Field(default=2.5, description="Time constant of the closed heading loop.")
+    yaw_rate_time_s: Positive = Field(default=0.8, description="Time constant of the closed yaw rate loop.")
+    yaw_rate_max_radps: Positive = Field(default=0.3, description="Largest yaw rate that the approach asks for.")
 
     @model_validator(mode="after")
     def _check_radii(self) -> ProcedureConfig:
@@ -107,13 +199,23 @@ class ProcedureConfig(Section):
 
 
 class SteeringConfig(Section):
-    """How a classical law without side force steers: see `controller/classical.py`."""
+    """Heading reference of a classical controller, for a boat whose fixed motors make no side force.
 
-    error_max_m: Positive = 4.0
-    radius_m: Positive = 5.0
-    lean_max_deg: Annotated[float, Field(ge=0.0, le=60.0)] = 10.0
-    lean_from_m: Positive = 0.5
-    lean_fade_n: Positive = 15.0
+    Far off, bow or stern points at the station; near, the heading turns off the station's by an angle (the lean) at
+    which surge force removes an offset abeam. Shipped values: `asvhil study tune`.
+    """
+
+    error_max_m: Positive = Field(
+        default=4.0, description="Position errors are shortened to this length before the feedback law."
+    )
+    radius_m: Positive = Field(
+        default=5.0, description="Beyond it bow or stern points at the station, until within half of it."
+    )
+    lean_max_deg: float = Field(default=10.0, ge=0.0, le=60.0, description="Largest lean off the station's heading.")
+    lean_from_m: Positive = Field(
+        default=0.5, description="Offset abeam at which the lean begins; at twice that it may reach lean_max_deg."
+    )
+    lean_fade_n: Positive = Field(default=15.0, description="Surge force below which the lean fades out.")
 
 
 Gains3 = tuple[NonNegative, NonNegative, NonNegative]  # along, across, heading
@@ -121,52 +223,83 @@ Widths3 = tuple[Positive, Positive, Positive]
 
 
 class BacksteppingConfig(Section):
-    """Diagonals of the paper's gain matrices."""
+    """P-D backstepping after Sarda et al. (2016): diagonals (along, across, heading) of its gain matrices.
 
-    lambda_per_s: Gains3 = (0.4, 0.4, 0.8686)
-    kd: Gains3 = (324.7, 324.7, 1400.0)  # N s/m, N s/m, N m s/rad
-    kp: Gains3 = (35.94, 35.94, 1400.0)  # N/m, N/m, N m/rad
-    wind_feedforward: bool = True
-    steering: SteeringConfig = SteeringConfig(
-        error_max_m=4.935,
-        radius_m=21.42,
-        lean_max_deg=35.89,
-        lean_from_m=1.175,
-        lean_fade_n=2.023,
+    Shipped gains: `asvhil study tune`.
+    """
+
+    lambda_per_s: Gains3 = Field(
+        default=(0.4, 0.4, 0.8686), description="Lambda, the bandwidth of the reference velocity."
+    )
+    kd: Gains3 = Field(default=(324.7, 324.7, 1400.0), description="K_d, in N s/m, N s/m, N m s/rad.")
+    kp: Gains3 = Field(default=(35.94, 35.94, 1400.0), description="K_p, in N/m, N/m, N m/rad.")
+    wind_feedforward: bool = Field(default=True, description="Whether the measured wind's load is compensated.")
+    steering: SteeringConfig = Field(
+        default=SteeringConfig(
+            error_max_m=4.935,
+            radius_m=21.42,
+            lean_max_deg=35.89,
+            lean_from_m=1.175,
+            lean_fade_n=2.023,
+        ),
+        description="Heading reference.",
     )
 
 
 class SlidingModeConfig(Section):
-    """Diagonals of the paper's gain matrices: Lambda, U (bound) and E (thickness of the boundary layer)."""
+    """Sliding mode with an integral surface and a boundary layer: diagonals (along, across, heading) of its matrices.
 
-    lambda_per_s: Gains3 = (0.514, 0.514, 0.5171)
-    bound: Gains3 = (1044.0, 1044.0, 530.4)  # N, N, N m
-    layer: Widths3 = (1.487, 1.487, 0.4261)  # m/s, m/s, rad/s
-    integral_max: Gains3 = (10.0, 10.0, 1.0)  # m s, m s, rad s
-    wind_feedforward: bool = True
-    steering: SteeringConfig = SteeringConfig(
-        error_max_m=0.6366,
-        radius_m=6.592,
-        lean_max_deg=9.98,
-        lean_from_m=1.13,
-        lean_fade_n=3.271,
+    Shipped gains: `asvhil study tune`.
+    """
+
+    lambda_per_s: Gains3 = Field(default=(0.514, 0.514, 0.5171), description="Lambda, the surface's bandwidth.")
+    bound: Gains3 = Field(
+        default=(1044.0, 1044.0, 530.4), description="U, the bound of the switching force, in N, N, N m."
+    )
+    layer: Widths3 = Field(
+        default=(1.487, 1.487, 0.4261), description="E, the thickness of the boundary layer, in m/s, m/s, rad/s."
+    )
+    integral_max: Gains3 = Field(
+        default=(10.0, 10.0, 1.0), description="Bound on the integrated error, in m s, m s, rad s."
+    )
+    wind_feedforward: bool = Field(default=True, description="Whether the measured wind's load is compensated.")
+    steering: SteeringConfig = Field(
+        default=SteeringConfig(
+            error_max_m=0.6366,
+            radius_m=6.592,
+            lean_max_deg=9.98,
+            lean_from_m=1.13,
+            lean_fade_n=3.271,
+        ),
+        description="Heading reference.",
     )
 
 
 class LoiterConfig(Section):
-    """The autopilot's LOITER: the names of its own parameters stand beside."""
+    """What ArduRover's LOITER mode does, as a baseline; each key corresponds to a parameter of the autopilot.
 
-    radius_m: Positive = 1.258  # LOIT_RADIUS
-    speed_gain_per_s: Positive = 1.961  # LOIT_SPEED_GAIN
-    speed_max_mps: Positive = 1.5  # WP_SPEED
-    throttle_ff_per_mps: NonNegative = 0.7262  # CRUISE_THROTTLE over CRUISE_SPEED
-    throttle_p_per_mps: NonNegative = 0.1335  # ATC_SPEED_P
-    throttle_i_per_m: NonNegative = 0.06501  # ATC_SPEED_I
-    throttle_min: Annotated[float, Field(ge=0.0, lt=1.0)] = 0.1013  # MOT_THR_MIN
-    angle_p_per_s: NonNegative = 1.406  # ATC_STR_ANG_P
-    rate_max_degps: Positive = 30.0  # ATC_STR_RAT_MAX
-    rate_ff_s: NonNegative = 1.094  # ATC_STR_RAT_FF
-    rate_p_s: NonNegative = 0.8756  # ATC_STR_RAT_P
+    Shipped gains: `asvhil study tune`. Speeds are in m/s and throttle and steering in [-1, 1].
+    """
+
+    radius_m: Positive = Field(default=1.258, description="LOIT_RADIUS: within it the boat drifts.")
+    speed_gain_per_s: Positive = Field(
+        default=1.961, description="LOIT_SPEED_GAIN: speed for each metre outside the radius."
+    )
+    speed_max_mps: Positive = Field(default=1.5, description="WP_SPEED: highest speed toward the station.")
+    throttle_ff_per_mps: NonNegative = Field(
+        default=0.7262, description="CRUISE_THROTTLE over CRUISE_SPEED: throttle for each m/s of speed wanted."
+    )
+    throttle_p_per_mps: NonNegative = Field(default=0.1335, description="ATC_SPEED_P, on the speed error.")
+    throttle_i_per_m: NonNegative = Field(default=0.06501, description="ATC_SPEED_I, on its integral.")
+    throttle_min: float = Field(
+        default=0.1013, ge=0.0, lt=1.0, description="MOT_THR_MIN: least command of a motor that runs."
+    )
+    angle_p_per_s: NonNegative = Field(
+        default=1.406, description="ATC_STR_ANG_P: turn rate for each radian off course."
+    )
+    rate_max_degps: Positive = Field(default=30.0, description="ATC_STR_RAT_MAX: highest turn rate.")
+    rate_ff_s: NonNegative = Field(default=1.094, description="ATC_STR_RAT_FF: steering for each rad/s of rate wanted.")
+    rate_p_s: NonNegative = Field(default=0.8756, description="ATC_STR_RAT_P: steering for each rad/s of rate error.")
 
 
 # Controllers that predict with a learned model, and the kind of model file each needs.
@@ -180,21 +313,16 @@ LEARNED = {
 
 
 class SolverCaps(Section):
-    """Iterations of a solver other than the default: from the shifted last plan, and from an alternate start (0: none).
+    """Iterations of a solver other than the default one, whose are in `controller.mpc`."""
 
-    The default solver's are those of the MPC section.
-    """
-
-    iterations: Annotated[int, Field(ge=1, le=1000)]
-    alternate_iterations: Annotated[int, Field(ge=0, le=1000)] = 0
+    iterations: int = Field(ge=1, le=1000, description="Iterations from the shifted last plan.")
+    alternate_iterations: int = Field(
+        default=0, ge=0, le=1000, description="Iterations from an alternate start; 0: none is tried."
+    )
 
 
 class ControllerConfig(Section):
-    """Which controller, and what it predicts with.
-
-    `model` is the file of a learned model: a path, or the name of a shipped one; where absent, the one shipped for
-    this vehicle. `vessel` is the physics that sd-mpc believes in; vehicle.vessel where absent.
-    """
+    """Which controller keeps the station, and what it predicts with."""
 
     name: Literal[
         "nnsem-mpc",
@@ -207,16 +335,29 @@ class ControllerConfig(Section):
         "backstepping",
         "sliding-mode",
         "loiter",
-    ] = "sd-mpc"
-    model: str | None = None
-    vessel: VesselConfig | None = None
-    mpc: MpcConfig = MpcConfig()
-    solver: Literal["sqp", "ipopt", "fatrop", "torch-lqr"] = "sqp"  # of every *-mpc
-    ipopt: SolverCaps = SolverCaps(iterations=100)
-    fatrop: SolverCaps = SolverCaps(iterations=100)
-    torch_lqr: SolverCaps = SolverCaps(iterations=2)  # LQR iterations, as in the paper
-    manoeuvres: ManoeuvresConfig = ManoeuvresConfig()
-    procedure: ProcedureConfig = ProcedureConfig()
-    backstepping: BacksteppingConfig = BacksteppingConfig()
-    sliding_mode: SlidingModeConfig = SlidingModeConfig()
-    loiter: LoiterConfig = LoiterConfig()
+    ] = Field(default="sd-mpc", description="The controller; docs/controllers.md compares them.")
+    model: str | None = Field(
+        default=None,
+        description=(
+            "File of a learned model: a path, or the name of a shipped one; where absent, the one shipped for this "
+            "vehicle (VEHICLE-KIND.npz)."
+        ),
+    )
+    vessel: VesselConfig | None = Field(
+        default=None,
+        description="Physics that estimator and controller assume, where it differs from vehicle.vessel.",
+    )
+    mpc: MpcConfig = Field(default=MpcConfig(), description="The MPC problem.")
+    solver: Literal["sqp", "ipopt", "fatrop", "torch-lqr"] = Field(
+        default="sqp", description="Solver of every `*-mpc`; torch-lqr needs the extra asvhil[train]."
+    )
+    ipopt: SolverCaps = Field(default=SolverCaps(iterations=100), description="Iterations of IPOPT.")
+    fatrop: SolverCaps = Field(default=SolverCaps(iterations=100), description="Iterations of fatrop.")
+    torch_lqr: SolverCaps = Field(
+        default=SolverCaps(iterations=2), description="Iterations of iLQR on torch; 2 as in the paper."
+    )
+    manoeuvres: ManoeuvresConfig = Field(default=ManoeuvresConfig(), description="Data collection.")
+    procedure: ProcedureConfig = Field(default=ProcedureConfig(), description="The approach to the station.")
+    backstepping: BacksteppingConfig = Field(default=BacksteppingConfig(), description="Gains of `backstepping`.")
+    sliding_mode: SlidingModeConfig = Field(default=SlidingModeConfig(), description="Gains of `sliding-mode`.")
+    loiter: LoiterConfig = Field(default=LoiterConfig(), description="Gains of `loiter`.")

@@ -1,8 +1,8 @@
-"""State and wind estimation, and the watch over the model."""
+"""State and wind estimation, and the monitor of the model's predictions."""
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Literal
 
 from pydantic import Field
 
@@ -10,116 +10,191 @@ from asvhil.config.base import Degrees, NonNegative, Positive, Section
 
 
 class CompassConfig(Section):
-    """Deviation of the compass, A to E in degrees: it adds A + B sin psi + C cos psi + D sin 2 psi + E cos 2 psi.
+    """Deviation of the compass: it reads psi + A + B sin psi + C cos psi + D sin 2 psi + E cos 2 psi.
 
-    They are what a calibration has found (`asvhil calibrate`). `std_deg` is how far each may still be from the boat's
-    own: the filter then goes on to estimate them, and lets them wander by `walk_deg` per sqrt(s). 0: they are exact.
+    `asvhil calibrate` finds the coefficients in a log of circles.
     """
 
-    deviation_deg: tuple[Degrees, Degrees, Degrees, Degrees, Degrees] = (0.0, 0.0, 0.0, 0.0, 0.0)
-    std_deg: NonNegative = 0.0
-    walk_deg: NonNegative = 0.0
+    deviation_deg: tuple[Degrees, Degrees, Degrees, Degrees, Degrees] = Field(
+        default=(0.0, 0.0, 0.0, 0.0, 0.0), description="Coefficients A to E."
+    )
+    std_deg: NonNegative = Field(
+        default=0.0,
+        description=(
+            "Standard deviation of each coefficient; above 0 the EKF goes on to estimate them from these values, 0: "
+            "they are exact."
+        ),
+    )
+    walk_deg: NonNegative = Field(
+        default=0.0, description="Random walk of each coefficient (degrees per sqrt(s)), where std_deg is above 0."
+    )
 
 
 class TrustConfig(Section):
-    """When a sensor is not believed, for how long the filter does without it, and when it is believed again.
+    """When the EKF rejects a sensor, how long it dead-reckons without it, and when it accepts it again."""
 
-    A reading farther than `ekf.gate_sigma` standard deviations from the prediction is refused. One that repeats itself
-    to the last bit for `frozen_after_s`, where it used to be noisy or the boat has moved, is frozen. Without position
-    or without heading the filter dead-reckons on the other sensors for `dead_reckoning_s` at most, and only while the
-    predicted standard deviations are within the limits. What is refused for longer is believed when it has been
-    consistent with the motion for `return_after_s` while there was no valid estimate: never by a jump under way.
-    """
-
-    frozen_after_s: Positive = 0.3
-    dead_reckoning_s: NonNegative = 35.0
-    position_std_max_m: Positive = 1.5
-    heading_std_max_deg: Positive = 6.0
-    return_after_s: Positive = 3.0
+    frozen_after_s: Positive = Field(
+        default=0.3,
+        description=(
+            "A sensor that repeats a reading exactly for this long is frozen, if it used to be noisy or the boat has "
+            "moved."
+        ),
+    )
+    dead_reckoning_s: NonNegative = Field(
+        default=35.0,
+        description=(
+            "Longest time without position, or without heading, for which the estimate stays valid on the other one "
+            "and the yaw rate."
+        ),
+    )
+    position_std_max_m: Positive = Field(
+        default=1.5, description="Predicted standard deviation of the position at which dead reckoning ends."
+    )
+    heading_std_max_deg: Positive = Field(
+        default=6.0, description="Predicted standard deviation of the heading at which dead reckoning ends."
+    )
+    return_after_s: Positive = Field(
+        default=3.0,
+        description=(
+            "A sensor that the gate rejects is accepted again only after there has been no valid estimate for this "
+            "long, and its readings have been consistent with the motion as long."
+        ),
+    )
 
 
 class EkfConfig(Section):
-    """Noise of the extended Kalman filter: random walks per sqrt(s), measurement standard deviations, priors of biases.
+    """The extended Kalman filter: random walks per sqrt(s), standard deviations of measurements, priors of biases.
 
-    The velocity walk is the model's error as white acceleration. With the accelerometer, whose white noise is
-    `accel_std_mps2`, the velocity follows what of the two is better, and the model's error is seen at once. A prior of
-    0 keeps its bias out: position is then what the receiver says, its slow error included.
+    Standard deviations of measurements come from data sheets, or from a log of the boat at rest. Random walks say how
+    far the model can be wrong: raise them where the estimate lags behind the boat, lower them where it follows noise.
+    The defaults suit a VN-300 on a WAM-V; `config/bream.yaml` has those of cheap sensors.
     """
 
-    velocity_walk_mps: Positive = 0.10
-    yaw_rate_walk_radps: Positive = 0.05
-    position_walk_m: Positive = 0.02
-    heading_walk_rad: Positive = 0.002
-    disturbance_walk_mps2: Positive = 0.006
-    disturbance_yaw_walk_radps2: Positive = 0.003
-    disturbance_max_mps2: Positive = 0.3
-    disturbance_yaw_max_radps2: Positive = 0.15
-    position_std_m: Positive = 0.15
-    velocity_std_mps: Positive = 0.06
-    heading_std_deg: Positive = 0.4
-    yaw_rate_std_radps: Positive = 0.01
-    gate_sigma: Positive = 5.0
-    stale_after_s: Positive = 1.0
-    accelerometer: bool = True
-    accel_std_mps2: Positive = 0.03
-    accel_bias_std_mps2: NonNegative = 0.05
-    accel_bias_walk_mps2: NonNegative = 0.0001
-    gyro_bias_std_radps: NonNegative = 0.001
-    gyro_bias_walk_radps: NonNegative = 1e-5
-    position_bias_std_m: NonNegative = 0.0
-    position_bias_time_s: Positive = 90.0
-    compass: CompassConfig = CompassConfig()
-    history_s: NonNegative = 1.0
+    velocity_walk_mps: Positive = Field(
+        default=0.10, description="Random walk of u and v (m/s per sqrt(s)): the model's error as white acceleration."
+    )
+    yaw_rate_walk_radps: Positive = Field(default=0.05, description="Random walk of r (rad/s per sqrt(s)).")
+    position_walk_m: Positive = Field(default=0.02, description="Random walk of the position (m per sqrt(s)).")
+    heading_walk_rad: Positive = Field(default=0.002, description="Random walk of the heading (rad per sqrt(s)).")
+    disturbance_walk_mps2: Positive = Field(
+        default=0.006, description="Random walk of the disturbance, the acceleration that the model misses, NED."
+    )
+    disturbance_yaw_walk_radps2: Positive = Field(default=0.003, description="Random walk of the disturbance in yaw.")
+    disturbance_max_mps2: Positive = Field(default=0.3, description="Bound on each of the disturbance's components.")
+    disturbance_yaw_max_radps2: Positive = Field(default=0.15, description="Bound on the disturbance in yaw.")
+    position_std_m: Positive = Field(default=0.15, description="Noise of a GNSS position, each axis.")
+    velocity_std_mps: Positive = Field(default=0.06, description="Noise of a GNSS velocity, each axis.")
+    heading_std_deg: Positive = Field(default=0.4, description="Noise of a heading.")
+    yaw_rate_std_radps: Positive = Field(default=0.01, description="Noise of a yaw rate.")
+    gate_sigma: Positive = Field(
+        default=5.0, description="A reading farther than this many standard deviations from the prediction is rejected."
+    )
+    stale_after_s: Positive = Field(default=1.0, description="A sensor without a reading for this long is silent.")
+    accelerometer: bool = Field(
+        default=True,
+        description="Whether the accelerometer takes part in the prediction; it must come at 5 Hz or more.",
+    )
+    accel_std_mps2: Positive = Field(
+        default=0.03,
+        description=(
+            "Noise of the specific force. Without an INS that levels it, add what gravity contributes: 0.17 m/s^2 per "
+            "degree of roll and pitch."
+        ),
+    )
+    accel_bias_std_mps2: NonNegative = Field(
+        default=0.05, description="Prior of the accelerometer's bias; 0: no bias is estimated."
+    )
+    accel_bias_walk_mps2: NonNegative = Field(default=0.0001, description="Random walk of the accelerometer's bias.")
+    gyro_bias_std_radps: NonNegative = Field(
+        default=0.001, description="Prior of the gyro's bias; 0: no bias is estimated."
+    )
+    gyro_bias_walk_radps: NonNegative = Field(default=1e-5, description="Random walk of the gyro's bias.")
+    position_bias_std_m: NonNegative = Field(
+        default=0.0,
+        description=(
+            "Standard deviation of the GNSS position's slow error, which is then estimated instead of being followed "
+            "by the boat; 0: none is estimated, as for an RTK receiver."
+        ),
+    )
+    position_bias_time_s: Positive = Field(
+        default=90.0, description="Correlation time of that slow error (first-order Gauss-Markov)."
+    )
+    compass: CompassConfig = Field(default=CompassConfig(), description="Deviation of the compass.")
+    history_s: NonNegative = Field(
+        default=1.0,
+        description=(
+            "Readings that arrive up to this much later than they were measured are processed at their own time; "
+            "later ones are dropped and counted."
+        ),
+    )
 
 
 class FirConfig(Section):
-    """The paper's velocity: taps of the filter on the accelerometer, and how long integration is trusted over GNSS.
+    """The paper's velocity estimate: a FIR filter on the accelerometer, integrated and fused with the GNSS velocity.
 
-    The defaults are the best of taps 1 to 15 and times 0.1 to 2 s, that have a filter at all, on both boats' sensors.
+    The paper gives neither value. Of up to 15 taps and times of 0.1 to 2 s the defaults are the best that filter at
+    all, on the simulated sensors of both boats.
     """
 
-    taps: Annotated[int, Field(ge=1, le=500)] = 3
-    fusion_time_s: Positive = 0.5
+    taps: int = Field(default=3, ge=1, le=500, description="Length of the FIR filter, in samples; 1: no filter.")
+    fusion_time_s: Positive = Field(
+        default=0.5, description="Time constant at which the integrated velocity is drawn to that of the GNSS."
+    )
 
 
 class WindFilterConfig(Section):
-    """Low-pass of the true wind, of its direction and of its speed, and when it is too old to use.
+    """Low-pass of the true wind, and when a wind measurement is too old, stuck or implausible."""
 
-    `vane_offset_deg` is how far the vane's zero is turned clockwise from the bow (`asvhil calibrate` finds it). An
-    anemometer that does not move for `stuck_after_s` though it should is stuck; absent: nobody looks. A wind above
-    `speed_max_mps` is none; one that differs by more than `leap_max_mps` from the wind so far is believed when it has
-    stayed for `leap_after_s`.
-    """
-
-    time_constant_s: Positive = 4.0
-    speed_time_constant_s: Positive = 0.5
-    stale_after_s: Positive = 3.0
-    vane_offset_deg: Degrees = 0.0
-    stuck_after_s: Positive | None = 2.0
-    speed_max_mps: Positive = 60.0
-    leap_max_mps: Positive = 10.0
-    leap_after_s: Positive = 2.0
+    time_constant_s: Positive = Field(
+        default=4.0,
+        description="Time constant for the direction; long, since a vane of 16 positions is 11 degrees off.",
+    )
+    speed_time_constant_s: Positive = Field(default=0.5, description="Time constant for the speed.")
+    stale_after_s: Positive = Field(default=3.0, description="A wind without a sample for this long is not valid.")
+    vane_offset_deg: Degrees = Field(
+        default=0.0,
+        description="How far the vane's zero is turned clockwise from the bow; `asvhil calibrate` finds it.",
+    )
+    stuck_after_s: Positive | None = Field(
+        default=2.0,
+        description=(
+            "An anemometer whose reading stays the same for this long, though it should change, is stuck; null: not "
+            "checked."
+        ),
+    )
+    speed_max_mps: Positive = Field(default=60.0, description="A higher wind speed is rejected as implausible.")
+    leap_max_mps: Positive = Field(
+        default=10.0, description="A wind that differs by more than this from the filtered one is rejected at first."
+    )
+    leap_after_s: Positive = Field(default=2.0, description="Such a wind is accepted once it has lasted for this long.")
 
 
 class MonitorConfig(Section):
-    """When the boat no longer behaves as the model says: limits of the RMS error after a horizon, over a window."""
+    """The monitor of the model: RMS errors of its open-loop predictions beyond which `health.model_ok` is false."""
 
-    horizon_s: Positive = 4.0
-    window_s: Positive = 20.0
-    max_u_mps: Positive = 0.35
-    max_v_mps: Positive = 0.25
-    max_r_radps: Positive = 0.12
+    horizon_s: Positive = Field(default=4.0, description="How far ahead the model is rolled out.")
+    window_s: Positive = Field(default=20.0, description="Sliding window over which the RMS is taken.")
+    max_u_mps: Positive = Field(default=0.35, description="Limit for the surge velocity.")
+    max_v_mps: Positive = Field(default=0.25, description="Limit for the sway velocity.")
+    max_r_radps: Positive = Field(default=0.12, description="Limit for the yaw rate.")
 
 
 class EstimatorConfig(Section):
-    """`kind`: the EKF; the paper's FIR-filtered accelerometer fused with the GNSS speed; or the readings as they come.
+    """The state estimator, the wind filter and the monitor of the model."""
 
-    The last two have the wind as the sensor gives it, turned by the heading and freed of the velocity.
-    """
-
-    kind: Literal["ekf", "fir", "raw"] = "ekf"
-    ekf: EkfConfig = EkfConfig()
-    fir: FirConfig = FirConfig()
-    trust: TrustConfig = TrustConfig()
-    wind: WindFilterConfig = WindFilterConfig()
-    monitor: MonitorConfig = MonitorConfig()
+    kind: Literal["ekf", "fir", "raw"] = Field(
+        default="ekf",
+        description=(
+            "`ekf`: extended Kalman filter with the vessel model. `fir`: the paper's FIR-filtered accelerometer fused "
+            "with the GNSS velocity. `raw`: the latest readings. The last two are for comparison and check no sensor; "
+            "their wind is not filtered."
+        ),
+    )
+    ekf: EkfConfig = Field(
+        default=EkfConfig(),
+        description="The filter; `fir` and `raw` take the standard deviations, stale_after_s and the compass from it.",
+    )
+    fir: FirConfig = Field(default=FirConfig(), description="The paper's velocity estimate.")
+    trust: TrustConfig = Field(default=TrustConfig(), description="Fault detection of the EKF.")
+    wind: WindFilterConfig = Field(default=WindFilterConfig(), description="The wind filter.")
+    monitor: MonitorConfig = Field(default=MonitorConfig(), description="The monitor of the model.")

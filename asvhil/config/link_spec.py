@@ -1,4 +1,4 @@
-"""What a link's spec says (`udpin:HOST:PORT`, `serial:PATH:BAUD`): text in, a checked record out, nothing opened."""
+"""Parses link specs such as `udpin:HOST:PORT` and `serial:PATH:BAUD`: text to a checked record; nothing is opened."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _HOST = re.compile(r"[A-Za-z0-9_]([A-Za-z0-9._-]*[A-Za-z0-9_.])?")
 
 @record
 class LinkSpec:
-    """A parsed spec; `host` and `ip_port` for udp and tcp, `path` for serial and pty, `baud` for serial."""
+    """A parsed spec; `host` and `ip_port` of udp and tcp, `path` of serial and pty, `baud` of serial."""
 
     text: str
     scheme: str
@@ -34,7 +34,7 @@ class LinkSpec:
 
 
 def parse_spec(spec: str) -> LinkSpec:
-    """A spec as a record; ConfigError, one line with the spec and what would be right, when it is none."""
+    """The spec as a record. Raises ConfigError, one line with the spec and the right form, where it is invalid."""
     scheme, _, rest = spec.partition(":")
     if scheme == "memory":
         raise ConfigError(f"link {spec!r}: memory links are made in pairs by tests and in lockstep, not from a spec")
@@ -79,5 +79,5 @@ def _host(spec: str, scheme: str, text: str) -> str:
 
 
 def host_port(host: str, ip_port: int) -> str:
-    """The one text of an address: `127.0.0.1:14560`, `[::1]:14560`."""
+    """An address as text, IPv6 in brackets: `127.0.0.1:14560`, `[::1]:14560`."""
     return f"[{host}]:{ip_port}" if ":" in host else f"{host}:{ip_port}"

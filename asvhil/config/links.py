@@ -1,4 +1,4 @@
-"""What the daemon connects to."""
+"""The links of the daemon: autopilot, sensors, operator, ground stations."""
 
 from __future__ import annotations
 
@@ -15,23 +15,46 @@ Streams = Annotated[dict[str, Positive], AfterValidator(lambda rates: dict(sorte
 
 
 class AutopilotLinkConfig(MavlinkLinkConfig):
-    """The MAVLink link to the frontseat: who we are on it, and what we ask of it."""
+    """The MAVLink link to the autopilot: the daemon's own ids, the way to the motors, and the messages to request."""
 
-    endpoint: LinkSpecText
-    profile: Profile = "ardurover"
-    output: MotorOutput = "rc_override"  # where absent: the first that the profile has
-    port_actuator: Annotated[int, Field(ge=1, le=6)] = 1  # of MAV_CMD_DO_SET_ACTUATOR
-    starboard_actuator: Annotated[int, Field(ge=1, le=6)] = 2
-    system_id: MavlinkId = 1
-    component_id: MavlinkId = 191
-    override_system_id: MavlinkId = 1  # ArduPilot obeys overrides only from SYSID_MYGCS
-    autopilot_system_id: MavlinkId = 1
-    position_source: Literal["GLOBAL_POSITION_INT", "GPS_RAW_INT"] = "GLOBAL_POSITION_INT"
-    streams_hz: Streams = Field(default_factory=lambda: dict(sorted(STREAMS_HZ["ardurover"].items())))  # the profile's
+    endpoint: LinkSpecText = Field(description="Link spec, such as serial:/dev/ttyAMA0:921600 or udpin:HOST:PORT.")
+    profile: Profile = Field(default="ardurover", description="The autopilot's firmware.")
+    output: MotorOutput = Field(
+        default="rc_override",
+        description=(
+            "Way to the motors, see docs/autopilots.md: rc_override, manual_control or set_servo with ardurover, "
+            "set_actuator with px4. Default: the first that the profile has."
+        ),
+    )
+    port_actuator: int = Field(
+        default=1, ge=1, le=6, description="Actuator of the port motor in MAV_CMD_DO_SET_ACTUATOR (set_actuator)."
+    )
+    starboard_actuator: int = Field(default=2, ge=1, le=6, description="Actuator of the starboard motor.")
+    system_id: MavlinkId = Field(default=1, description="MAVLink system id of the daemon: that of the vehicle.")
+    component_id: MavlinkId = Field(default=191, description="Its component id (191: onboard computer).")
+    override_system_id: MavlinkId = Field(
+        default=1,
+        description="System id that overrides are sent with; an ArduRover accepts only SYSID_MYGCS (MAV_GCS_SYSID).",
+    )
+    autopilot_system_id: MavlinkId = Field(default=1, description="System id of the autopilot.")
+    position_source: Literal["GLOBAL_POSITION_INT", "GPS_RAW_INT"] = Field(
+        default="GLOBAL_POSITION_INT",
+        description=(
+            "Message for position and velocity where `sources` names none: the autopilot's estimate or its receiver's "
+            "fix."
+        ),
+    )
+    streams_hz: Streams = Field(
+        default_factory=lambda: dict(sorted(STREAMS_HZ["ardurover"].items())),
+        description=(
+            "Rate to request for each message, as {MESSAGE: Hz}. Default: what the profile needs "
+            "(asvhil/config/autopilots.py). A list given here replaces the default."
+        ),
+    )
 
     @property
     def overrides_sticks(self) -> bool:
-        """Whether motor commands take the place of the pilot's sticks, and show as such in RC_CHANNELS."""
+        """Whether motor commands replace the pilot's sticks, and RC_CHANNELS shows them instead."""
         return self.output in ("rc_override", "manual_control")
 
     @model_validator(mode="before")
@@ -57,49 +80,66 @@ class AutopilotLinkConfig(MavlinkLinkConfig):
 
 
 class NmeaLinkConfig(Section):
-    """NMEA 0183 sentences: wind, GNSS, heading, each from any line.
+    """A line with NMEA 0183 sentences: GNSS, heading, wind, in any mix."""
 
-    `declination_deg` (east positive) turns magnetic directions into true ones; where absent, the variation that RMC
-    or HDG on the same line tell is used, and magnetic directions before one was heard are not.
-    """
-
-    endpoint: LinkSpecText
-    declination_deg: Degrees | None = None
+    endpoint: LinkSpecText = Field(description="Link spec, such as serial:/dev/ttyUSB1:38400.")
+    declination_deg: Degrees | None = Field(
+        default=None,
+        description=(
+            "Magnetic declination, east positive, which turns magnetic directions into true ones; null: the variation "
+            "in RMC or HDG on the same line, and no magnetic direction is used before one has arrived."
+        ),
+    )
 
 
 class AnemometerLinkConfig(NmeaLinkConfig):
-    """A wind sensor. `firmware` names the firmware that it must run: then its version is asked for and checked."""
+    """A wind sensor."""
 
-    firmware: Literal["arduino_anemometer"] | None = None
+    firmware: Literal["arduino_anemometer"] | None = Field(
+        default=None,
+        description="Firmware that it must run, whose version is requested and checked; null: another instrument.",
+    )
 
 
 class InsLinkConfig(Section):
     """A VectorNav INS (VN-300): binary output messages and ASCII sentences."""
 
-    endpoint: LinkSpecText
+    endpoint: LinkSpecText = Field(description="Link spec, such as serial:/dev/ttyUSB0:115200.")
 
 
 class OperatorLinkConfig(MavlinkLinkConfig):
-    """Where `asvhil hold` and ground stations send their commands, as MAVLink; and what all operators are told.
+    """The MAVLink link of `asvhil hold` and `asvhil release`, and what operators on all links get."""
 
-    `claim_goto`: a ground station's goto that is addressed to the autopilot is taken as ours, and answered in the
-    autopilot's name.
-    """
-
-    endpoint: LinkSpecText = "udpin:127.0.0.1:14660"
-    claim_goto: bool = False
-    report_hz: Annotated[float, Field(ge=0.0, le=10.0)] = 2.0  # NAMED_VALUE_FLOAT and the station; 0: none
+    endpoint: LinkSpecText = Field(default="udpin:127.0.0.1:14660", description="Link spec.")
+    claim_goto: bool = Field(
+        default=False,
+        description=(
+            "Whether a ground station's goto to the autopilot is taken as one to the daemon, and answered in the "
+            "autopilot's name."
+        ),
+    )
+    report_hz: float = Field(
+        default=2.0,
+        ge=0.0,
+        le=10.0,
+        description="Rate of NAMED_VALUE_FLOAT and POSITION_TARGET_GLOBAL_INT to ground stations; 0: none.",
+    )
 
 
 class LinksConfig(Section):
-    """What the daemon connects to."""
+    """The links of the daemon. A link is a spec of text: udpin:, udpout:, tcp:, tcpin:HOST:PORT, serial:PATH:BAUD.
 
-    autopilot: AutopilotLinkConfig
-    anemometer: AnemometerLinkConfig | None = None
-    ins: InsLinkConfig | None = None
-    gnss: NmeaLinkConfig | None = None
-    operator: OperatorLinkConfig = OperatorLinkConfig()
-    ground_stations: dict[LinkName, GroundStationLinkConfig] = Field(default_factory=dict)
-    routing: RoutingConfig = RoutingConfig()
-    reconnect_first_s: Positive = 0.2
-    reconnect_max_s: Positive = 5.0
+    A link that is lost is opened again with pauses that double from reconnect_first_s to reconnect_max_s.
+    """
+
+    autopilot: AutopilotLinkConfig = Field(description="The autopilot.")
+    anemometer: AnemometerLinkConfig | None = Field(default=None, description="The wind sensor's NMEA line.")
+    ins: InsLinkConfig | None = Field(default=None, description="A VectorNav INS.")
+    gnss: NmeaLinkConfig | None = Field(default=None, description="An NMEA line with GNSS, compass or wind.")
+    operator: OperatorLinkConfig = Field(default=OperatorLinkConfig(), description="The operator's commands.")
+    ground_stations: dict[LinkName, GroundStationLinkConfig] = Field(
+        default_factory=dict, description="Ground stations by name (lower case letters, digits, _ and -)."
+    )
+    routing: RoutingConfig = Field(default=RoutingConfig(), description="Routing between MAVLink links.")
+    reconnect_first_s: Positive = Field(default=0.2, description="First pause before a lost link is opened again.")
+    reconnect_max_s: Positive = Field(default=5.0, description="Longest pause.")

@@ -1,4 +1,4 @@
-"""YAML text to a validated, frozen config. Every mistake is one line that names the file and the key."""
+"""YAML text to a validated, frozen config. Every error is one line that names the file and the key."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from asvhil.errors import ConfigError
 
 
 def find_config(name: str) -> Path:
-    """The path of a config file: as given, else one of the shipped ones by its file name."""
+    """The path of a config file: as given, or a shipped one by its name. Raises ConfigError where there is neither."""
     return find_shipped(name, "", (".yaml",), "config file (give a path, or the name of a shipped one such as sitl)")
 
 
 def find_shipped(name: str, folder: str, endings: tuple[str, ...], what: str) -> Path:
-    """A file as given, else one shipped under config/`folder` by its name, with or without one of the endings.
+    """The path of a file: as given, or one shipped in config/`folder` by its name, with or without one of the endings.
 
-    Raises ConfigError saying that there is no such `what`.
+    Raises ConfigError "NAME: no such WHAT" where there is neither.
     """
     given = Path(name)
     if given.is_file():
@@ -48,10 +48,10 @@ def load_config(path: str | Path, overrides: tuple[str, ...] = ()) -> Config:
 
 
 def config_from_json(text: str, source: str, *, known_only: bool = False) -> Config:
-    """The config stored in a log. Raises ConfigError naming the source.
+    """The config stored in a log, from its canonical JSON. Raises ConfigError naming the source.
 
-    With `known_only` keys that another version knew, and this one does not, are left out: enough to read what was
-    measured, not to do the run again.
+    With `known_only`, keys of other versions that are unknown now are left out: enough to read the measurements, not to
+    replay the run.
     """
     try:
         tree = json.loads(text)
@@ -61,7 +61,7 @@ def config_from_json(text: str, source: str, *, known_only: bool = False) -> Con
 
 
 def _known(tree: Any) -> Any:
-    """A stored config without the keys that are unknown now."""
+    """A stored config without its unknown keys."""
     try:
         Config.model_validate(tree)
     except ValidationError as error:
@@ -72,7 +72,7 @@ def _known(tree: Any) -> Any:
 
 
 def _drop(tree: Any, loc: tuple[int | str, ...]) -> None:
-    """Take one key out; not where `loc` names a variant of a section on its way, and so is no path in the tree."""
+    """Remove the key at `loc`, which may name a union's variant and then is no path in the tree: nothing is removed."""
     *parents, leaf = loc
     for part in parents:
         if not isinstance(tree, dict) or part not in tree:
@@ -106,7 +106,7 @@ def _read_tree(path: Path, seen: tuple[Path, ...]) -> dict[str, Any]:
     if not isinstance(base, str):
         raise ConfigError(f"{path}: key base: the name of a config file is expected, not {base!r}")
     base_path = path.parent / base
-    if not base_path.is_file():  # a copy of a shipped config, away from the one it stands on
+    if not base_path.is_file():  # a copy of a shipped config, without its base beside it
         try:
             base_path = find_config(base)
         except ConfigError:
@@ -162,14 +162,14 @@ def _validate(tree: Any, source: str) -> Config:
 
 
 def _sorted(tree: Any) -> Any:
-    """Mappings in the order of their keys, so that a config read back from a log behaves alike to the last bit."""
+    """Mappings sorted by key, so that a config read back from a log gives bit-identical results."""
     if isinstance(tree, dict):
         return {key: _sorted(tree[key]) for key in sorted(tree, key=str)}
     return tree
 
 
 def _suggest(loc: tuple[int | str, ...]) -> str:
-    """The nearest key that exists beside an unknown one, or nothing."""
+    """ ", did you mean KEY?" with the nearest key of the same section; empty where none is near."""
     import difflib
 
     section: Any = Config

@@ -1,41 +1,42 @@
-"""The whole config."""
+"""The whole config, and the checks that span its sections."""
 
 from __future__ import annotations
 
 import contextlib
 from typing import Any
 
-from pydantic import model_validator
+from pydantic import Field, model_validator
 
 from asvhil.config.autopilots import CONTROL_MODE, MODES
 from asvhil.config.base import Section
 from asvhil.config.controller import ControllerConfig
+from asvhil.config.daemon import DaemonConfig, RecorderConfig
 from asvhil.config.estimator import EstimatorConfig
 from asvhil.config.links import LinksConfig
 from asvhil.config.plant import PlantConfig
-from asvhil.config.shell import DaemonConfig, RecorderConfig, SupervisorConfig
 from asvhil.config.sources import SourcesConfig, check_sources
+from asvhil.config.supervisor import SupervisorConfig
 from asvhil.config.vehicle import VehicleConfig, VesselConfig
 
 
 class Config(Section):
-    """The whole of it: what every mode is built from."""
+    """The whole config: what every mode (boat, simulation, replay) is built from."""
 
-    vehicle: VehicleConfig
-    links: LinksConfig
-    sources: SourcesConfig = SourcesConfig()
-    estimator: EstimatorConfig = EstimatorConfig()
-    controller: ControllerConfig = ControllerConfig()
-    supervisor: SupervisorConfig = SupervisorConfig()
-    daemon: DaemonConfig = DaemonConfig()
-    recorder: RecorderConfig = RecorderConfig()
-    plant: PlantConfig = PlantConfig()
+    vehicle: VehicleConfig = Field(description="The boat.")
+    links: LinksConfig = Field(description="The links.")
+    sources: SourcesConfig = Field(default=SourcesConfig(), description="Which sensor each quantity is taken from.")
+    estimator: EstimatorConfig = Field(default=EstimatorConfig(), description="State and wind estimation.")
+    controller: ControllerConfig = Field(default=ControllerConfig(), description="Control.")
+    supervisor: SupervisorConfig = Field(default=SupervisorConfig(), description="Who has the motors.")
+    daemon: DaemonConfig = Field(default=DaemonConfig(), description="The daemon's rates.")
+    recorder: RecorderConfig = Field(default=RecorderConfig(), description="The log.")
+    plant: PlantConfig = Field(default=PlantConfig(), description="The simulated boat.")
 
     @model_validator(mode="before")
     @classmethod
     def _fill_in(cls, tree: Any) -> Any:
-        """The control mode of the autopilot's profile where none is given."""
-        with contextlib.suppress(KeyError, TypeError, AttributeError):  # what is missing is told by the validation
+        """Without a control mode, that of the autopilot's profile."""
+        with contextlib.suppress(KeyError, TypeError, AttributeError):  # the validation reports what is missing
             mode = CONTROL_MODE[tree["links"]["autopilot"].get("profile", "ardurover")]
             return {**tree, "supervisor": {"control_mode": mode, **tree.get("supervisor", {})}}
         return tree
@@ -60,10 +61,10 @@ class Config(Section):
 
     @property
     def plant_vessel(self) -> VesselConfig:
-        """What the simulated boat is."""
+        """Physics of the simulated boat."""
         return self.plant.vessel or self.vehicle.vessel
 
     @property
     def believed_vessel(self) -> VesselConfig:
-        """What estimator and controller take the boat for."""
+        """Physics that estimator and controller assume."""
         return self.controller.vessel or self.vehicle.vessel

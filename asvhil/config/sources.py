@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any, Literal
 
-from pydantic import model_validator
+from pydantic import Field, model_validator
 
 from asvhil.config.autopilots import IMU_MESSAGE
 from asvhil.config.base import NonNegative, Positive, Section
@@ -60,17 +60,24 @@ MESSAGES: dict[SensorLink, dict[str, tuple[Quantity, ...]]] = {
 
 
 class SourceConfig(Section):
-    """One source: a message of a link. Silent for `timeout_s`, or without a valid value as long, the next one is used.
+    """One source of a quantity: a message of a link. In YAML also as one word, `LINK.MESSAGE`."""
 
-    Its values are `delay_s` old when they arrive. `arm_m` is where they hold, metres forward and to starboard of the
-    boat's origin: a GNSS antenna, an accelerometer. In YAML also as one word, `LINK.MESSAGE`.
-    """
-
-    link: SensorLink
-    message: str
-    timeout_s: Positive = 1.0
-    delay_s: NonNegative = 0.0
-    arm_m: tuple[float, float] = (0.0, 0.0)
+    link: SensorLink = Field(description="The link that it arrives on.")
+    message: str = Field(description="The message; docs/sensors.md lists those of each link and what they give.")
+    timeout_s: Positive = Field(
+        default=1.0,
+        description=(
+            "Without a valid value for this long, the next source takes over; at least two intervals of the message."
+        ),
+    )
+    delay_s: NonNegative = Field(
+        default=0.0,
+        description="How old its values are when they arrive, for the estimator to process them at their own time.",
+    )
+    arm_m: tuple[float, float] = Field(
+        default=(0.0, 0.0),
+        description="Where the antenna or sensor is: forward and to starboard of the boat's origin.",
+    )
 
     @model_validator(mode="before")
     @classmethod
@@ -92,20 +99,22 @@ Sources = tuple[SourceConfig, ...]
 
 
 class SourcesConfig(Section):
-    """Sources of each quantity, the preferred one first; several are used in turn, never mixed.
+    """Sources of each quantity in order of preference: one is used at a time, and the next one when it fails."""
 
-    Where a list is empty: `links.autopilot.position_source` for position and velocity, the autopilot's ATTITUDE for
-    heading and yaw rate, its RAW_IMU (PX4: HIGHRES_IMU) for acceleration, and the anemometer's MWV for wind. A
-    preferred source that comes back is used again once it has been heard without a break for `return_after_s`.
-    """
-
-    position: Sources = ()
-    velocity: Sources = ()
-    heading: Sources = ()
-    yaw_rate: Sources = ()
-    acceleration: Sources = ()
-    wind: Sources = ()
-    return_after_s: NonNegative = 5.0
+    position: Sources = Field(
+        default=(), description="Sources of position; empty: links.autopilot.position_source of the autopilot."
+    )
+    velocity: Sources = Field(default=(), description="Sources of velocity over ground; empty: as for position.")
+    heading: Sources = Field(default=(), description="Sources of heading; empty: autopilot.ATTITUDE.")
+    yaw_rate: Sources = Field(default=(), description="Sources of yaw rate; empty: autopilot.ATTITUDE.")
+    acceleration: Sources = Field(
+        default=(), description="Sources of specific force; empty: autopilot.RAW_IMU (PX4: HIGHRES_IMU)."
+    )
+    wind: Sources = Field(default=(), description="Sources of wind; empty: anemometer.MWV.")
+    return_after_s: NonNegative = Field(
+        default=5.0,
+        description="A preferred source is used again once it has sent valid values without a break for this long.",
+    )
 
     def resolved(self, links: LinksConfig) -> dict[Quantity, Sources]:
         """The sources of every quantity, the defaults for lists that are empty."""

@@ -1,0 +1,75 @@
+"""The daemon's own keys: the rate of its ticks, and where and how it writes its log."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import Field, model_validator
+
+from asvhil.config.base import Positive, Section
+
+
+class DaemonConfig(Section):
+    """When the daemon cuts its inputs into a tick, and how often a tick computes a new control."""
+
+    control_hz: float = Field(
+        default=5.0,
+        ge=1.0,
+        le=100.0,
+        description="Rate at which the controller computes a new command; the shipped gains are tuned at 5 Hz.",
+    )
+    tick_hz: float = Field(
+        default=20.0,
+        ge=10.0,
+        le=100.0,
+        description=(
+            "Rate of the timer's ticks, a whole multiple of control_hz. Each tick decodes what has arrived, updates "
+            "the estimate, checks for the pilot and sends the motor command again."
+        ),
+    )
+    cut_on: Literal["timer", "arrival"] = Field(
+        default="timer",
+        description=(
+            "`timer`: ticks only at tick_hz. `arrival`: also as soon as a frame of the autopilot or of a sensor has "
+            "arrived, which shortens the delay from sensor to motor; the control rate stays."
+        ),
+    )
+    arrival_hz_max: float = Field(
+        default=200.0,
+        ge=10.0,
+        le=1000.0,
+        description="With `cut_on: arrival`: the highest mean rate of ticks that arrivals may cause.",
+    )
+
+    @model_validator(mode="after")
+    def _check_rates(self) -> DaemonConfig:
+        ratio = self.tick_hz / self.control_hz
+        if abs(ratio - round(ratio)) > 1e-9:
+            raise ValueError("tick_hz must be a whole multiple of control_hz")
+        return self
+
+    @property
+    def ticks_per_control(self) -> int:
+        """How many ticks of the timer there are for each control."""
+        return round(self.tick_hz / self.control_hz)
+
+
+class RecorderConfig(Section):
+    """The log of a run: one MCAP file."""
+
+    directory: str = Field(
+        default="runs",
+        description=(
+            "Folder for the logs, absolute or relative to the working directory. Each run makes a folder in it."
+        ),
+    )
+    chunk_kib: int = Field(
+        default=128,
+        ge=16,
+        le=4096,
+        description="Size (KiB) at which a chunk of the file is compressed and written.",
+    )
+    sync_period_s: Positive = Field(
+        default=0.5,
+        description="At the latest after this time a chunk is written and synced to disk: what a power cut can cost.",
+    )

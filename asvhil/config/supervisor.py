@@ -1,0 +1,102 @@
+"""When the motors are taken and given back: engagement, the pilot's precedence, fail-safes, the outputs' readback."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from asvhil.config.base import Degrees, Latitude, Longitude, Positive, Section
+from asvhil.types import Cause
+
+
+class StationConfig(Section):
+    """The pose to keep."""
+
+    lat_deg: Latitude = Field(description="Latitude (WGS 84).")
+    lon_deg: Longitude = Field(description="Longitude (WGS 84).")
+    heading_deg: Degrees = Field(description="True heading, clockwise from north.")
+
+
+class ReadbackConfig(Section):
+    """The comparison of motor outputs, as the autopilot reports them, with the pulses that were sent."""
+
+    tolerance_us: float = Field(
+        default=8.0,
+        ge=2.0,
+        le=50.0,
+        description="An output that differs by more than this from what was sent does not follow.",
+    )
+    lag_s: float = Field(
+        default=0.5,
+        ge=0.1,
+        le=2.0,
+        description=(
+            "A report is compared with everything sent up to this long before it arrived: command, autopilot and "
+            "report together. Raise it for a slow telemetry radio."
+        ),
+    )
+    tolerate: tuple[Cause, ...] = Field(
+        default=(),
+        description=(
+            "Causes that are reported and neither refuse nor end a hold, such as `[slew]` for a boat that needs "
+            "MOT_SLEWRATE."
+        ),
+    )
+
+
+class SupervisorConfig(Section):
+    """Who has the motors: how a hold begins, what counts as the pilot's intervention, and which failures end it."""
+
+    engage: Literal["command", "auto"] = Field(
+        default="command",
+        description=(
+            "`command`: a hold begins with a hold command. `auto`: at start, with mode and arming requested from the "
+            "autopilot, at `station`; for simulation only."
+        ),
+    )
+    take_mode: bool = Field(
+        default=False,
+        description=(
+            "Whether a hold command in another mode asks the autopilot for control_mode. If false, it is refused."
+        ),
+    )
+    take_mode_timeout_s: Positive = Field(
+        default=3.0, description="A mode that the autopilot has not entered after this time is given up."
+    )
+    station: StationConfig | None = Field(default=None, description="The station of `engage: auto`, required there.")
+    control_mode: str = Field(
+        default="MANUAL",
+        description=(
+            "The autopilot's mode in which its motors may be commanded; leaving it ends a hold. Default: MANUAL for "
+            "ardurover, OFFBOARD for px4."
+        ),
+    )
+    stick_channels: tuple[Annotated[int, Field(ge=1, le=18)], ...] = Field(
+        default=(2, 4),
+        description=(
+            "RC channels, other than the motors', whose movement is the pilot's intervention and ends a hold. Where "
+            "motor commands do not override sticks, channels 1 to 4 always count."
+        ),
+    )
+    stick_threshold_us: int = Field(
+        default=60,
+        ge=10,
+        le=500,
+        description="A stick counts as moved this far from where it was when the hold began.",
+    )
+    heartbeat_timeout_s: Positive = Field(
+        default=2.5, description="Without a heartbeat of the autopilot for this long, the link counts as lost."
+    )
+    override_echo_s: Positive = Field(
+        default=1.0,
+        description=(
+            "A motor channel in RC_CHANNELS that matches nothing sent within this time shows that somebody else has "
+            "the motors, and ends a hold."
+        ),
+    )
+    failsafe_neutral_s: Positive = Field(
+        default=2.0,
+        description="After a failure (link, estimate, solver) the motors are neutral for this long, then released.",
+    )
+    readback: ReadbackConfig = Field(default=ReadbackConfig(), description="Checking that the motor outputs follow.")
