@@ -79,7 +79,9 @@ class MpcConfig(Section):
     side_load_time_s: Positive = Field(default=10.0, description="Time constant of the side load's low-pass.")
     offset_m: tuple[NonNegative, Positive] = Field(
         default=(0.2, 0.6),
-        description="Distance from which `near` begins to replace `along` whatever the side load, and fully does.",
+        description=(
+            "Distances from which `near` begins to replace `along`, and has replaced it, whatever the side load."
+        ),
     )
     near_radius_m: Positive = Field(default=4.0, description="Distance within which the boat counts as near.")
     far_radius_m: Positive = Field(
@@ -313,7 +315,7 @@ LEARNED = {
 
 
 class SolverCaps(Section):
-    """Iterations of a solver other than the default one, whose are in `controller.mpc`."""
+    """Iterations of a solver other than sqp; those of sqp are in `controller.mpc`."""
 
     iterations: int = Field(ge=1, le=1000, description="Iterations from the shifted last plan.")
     alternate_iterations: int = Field(

@@ -48,7 +48,7 @@ class AutopilotLinkConfig(MavlinkLinkConfig):
         default_factory=lambda: dict(sorted(STREAMS_HZ["ardurover"].items())),
         description=(
             "Rate to request for each message, as {MESSAGE: Hz}. Default: what the profile needs "
-            "(asvhil/config/autopilots.py). A list given here replaces the default."
+            "(asvhil/config/autopilots.py). A mapping given here replaces the default."
         ),
     )
 
@@ -138,7 +138,8 @@ class LinksConfig(Section):
     gnss: NmeaLinkConfig | None = Field(default=None, description="An NMEA line with GNSS, compass or wind.")
     operator: OperatorLinkConfig = Field(default=OperatorLinkConfig(), description="The operator's commands.")
     ground_stations: dict[LinkName, GroundStationLinkConfig] = Field(
-        default_factory=dict, description="Ground stations by name (lower case letters, digits, _ and -)."
+        default_factory=dict,
+        description="Ground stations by name (lower case letters, digits, _ and -); none by default.",
     )
     routing: RoutingConfig = Field(default=RoutingConfig(), description="Routing between MAVLink links.")
     reconnect_first_s: Positive = Field(default=0.2, description="First pause before a lost link is opened again.")

@@ -175,7 +175,8 @@ class FrontseatConfig(Section):
         default="4.6", description="Version of ArduRover, which decides the names of some parameters."
     )
     parameters: dict[str, float] = Field(
-        default_factory=dict, description="Parameters of the autopilot to set before start, as {NAME: value}."
+        default_factory=dict,
+        description="Parameters of the autopilot to set before start, as {NAME: value}; none by default.",
     )
     system_id: MavlinkId = Field(default=1, description="MAVLink system id (SYSID_THISMAV, MAV_SYSID, MAV_SYS_ID).")
     mygcs_system_id: MavlinkId = Field(
@@ -336,7 +337,7 @@ class Px4HilConfig(Section):
         default=0.01, description="In lockstep: how long an answer is awaited before the next sample is sent."
     )
     altitude_m: float = Field(default=0.0, description="Altitude of the water, for barometer and GNSS.")
-    mag_white_gauss: NonNegative = Field(default=0.001, description="White noise of the compass, each axis (gauss).")
+    mag_white_gauss: NonNegative = Field(default=0.001, description="White noise of the compass, each axis.")
     baro_white_pa: NonNegative = Field(default=1.0, description="White noise of the barometer.")
 
     @model_validator(mode="after")

@@ -27,11 +27,11 @@ class VesselConfig(Section):
     inertia_yaw_kgm2: Positive = Field(description="Moment of inertia about the vertical axis, I_z.")
     added_inertia_yaw_kgm2: NonNegative = Field(description="Added moment of inertia in yaw, -N_rdot.")
     surge_drag_n_per_mps: NonNegative = Field(description="Linear drag in surge, -X_u.")
-    surge_drag_n_per_mps2: NonNegative = Field(description="Quadratic drag in surge, -X_u|u|, in N/(m/s)^2.")
+    surge_drag_n_per_mps2: NonNegative = Field(description="Quadratic drag in surge, -X_u|u|.")
     sway_drag_n_per_mps: NonNegative = Field(description="Linear drag in sway, -Y_v.")
-    sway_drag_n_per_mps2: NonNegative = Field(description="Quadratic drag in sway, -Y_v|v|, in N/(m/s)^2.")
+    sway_drag_n_per_mps2: NonNegative = Field(description="Quadratic drag in sway, -Y_v|v|.")
     yaw_drag_nm_per_radps: NonNegative = Field(description="Linear drag in yaw, -N_r.")
-    yaw_drag_nm_per_radps2: NonNegative = Field(description="Quadratic drag in yaw, -N_r|r|, in N m/(rad/s)^2.")
+    yaw_drag_nm_per_radps2: NonNegative = Field(description="Quadratic drag in yaw, -N_r|r|.")
     motor_arm_m: Positive = Field(description="Distance of each motor's thrust line from the centre line.")
     motor_lag_s: Positive = Field(description="Time constant of the motors' first-order lag from command to thrust.")
     thrust_curve: tuple[tuple[float, float], ...] = Field(
@@ -41,13 +41,11 @@ class VesselConfig(Section):
         )
     )
     wind_surge_n_per_mps2: NonNegative = Field(
-        description=(
-            "Wind load in surge over u_rw |u_rw|, in N/(m/s)^2: half the air density times coefficient and area."
-        )
+        description=("Wind load in surge over u_rw |u_rw|: half the air density times coefficient and area.")
     )
-    wind_sway_n_per_mps2: NonNegative = Field(description="Wind load in sway over v_rw |v_rw|, in N/(m/s)^2.")
+    wind_sway_n_per_mps2: NonNegative = Field(description="Wind load in sway over v_rw |v_rw|.")
     wind_yaw_nm_per_mps2: NonNegative = Field(
-        description="Wind moment in yaw over 2 u_rw v_rw, in N m/(m/s)^2; it turns the boat across the wind."
+        description="Wind moment in yaw over 2 u_rw v_rw; it turns the boat across the wind."
     )
 
     @model_validator(mode="after")
