@@ -1,21 +1,65 @@
-"""The errors that asvhil raises on purpose; each becomes one line and a non-zero exit at the command line."""
+"""The errors that asvhil raises on purpose: one class for each kind of cause, all of them below `AsvhilError`.
+
+    Exception
+    +-- AsvhilError
+        +-- ConfigError   a config, a key or an option is wrong
+        +-- LinkError     a port cannot be opened, or its peer is gone
+        +-- LogError      a log or a data file cannot be read or written
+        +-- ModelError    a model cannot be loaded, does not fit, or cannot be trained
+
+A message is one line that names the file, key or byte and, where it can, what would be right. The command line prints
+it as `asvhil: MESSAGE` and exits with status 2. Bad bytes on a link raise nothing: codecs drop and count them.
+"""
 
 
 class AsvhilError(Exception):
-    """Root of the tree. The message is one line that names the file, key or offset, and what would be right."""
+    """Root of the tree, and raised itself for what fits no class below.
+
+    Example situations:
+      - the backseat failed in `asvhil run`; the motors were released
+      - `asvhil check --fix` on an armed vehicle
+      - the log of `asvhil calibrate` has too few circles
+    """
 
 
 class ConfigError(AsvhilError):
-    """A config file, a key in it, or a command-line override is wrong. Raised at start-up only."""
+    """A config file, a key in it, or an option of a command is wrong. Raised at start-up, before anything moves.
+
+    Example situations:
+      - an unknown key, or a value out of its range
+      - a source that no configured link can give
+      - a link spec with an unknown kind or without a port
+      - `controller.solver: torch-lqr` without torch installed
+    """
 
 
 class LinkError(AsvhilError):
-    """An endpoint cannot be opened, or its peer is gone. Endpoints are one-shot: the daemon opens a new one."""
+    """A port cannot be opened, or its peer is gone. An endpoint that raised it stays closed; the daemon opens another.
+
+    Example situations:
+      - the serial device does not exist, or was unplugged
+      - another program listens on the UDP or TCP port
+      - the peer of a TCP link closed the connection
+      - `asvhil check` got no heartbeat
+    """
 
 
 class LogError(AsvhilError):
-    """A log cannot be read or written, or does not hold what the command needs."""
+    """A log or a data file cannot be read or written, or does not hold what the command needs.
+
+    Example situations:
+      - the file is no log of asvhil, of another layout, or damaged (the message names the byte)
+      - replay of a log without a config record
+      - training from a log with less than 30 s of usable data
+      - a CSV file without a column that the column map names
+    """
 
 
 class ModelError(AsvhilError):
-    """A vessel model cannot be loaded, or does not belong to this vehicle."""
+    """A vessel model cannot be loaded, does not belong to this vehicle, step or controller, or cannot be trained.
+
+    Example situations:
+      - the model file is damaged, or holds a pickled object
+      - the model was trained for another vehicle, or with another step than `controller.mpc.first_step_s`
+      - the training data hold no motion, or training diverges
+    """

@@ -1,4 +1,4 @@
-"""Latitude and longitude to a local NED plane and back; angles and plane rotations."""
+"""Geodetic coordinates to a local NED plane and back, angle wrapping, and rotations in the plane."""
 
 from __future__ import annotations
 
@@ -12,38 +12,38 @@ GRAVITY_MPS2 = 9.80665  # standard gravity
 
 
 def wrap_rad(angle_rad: float) -> float:
-    """The same angle in [-pi, pi)."""
+    """The angle (rad) in [-pi, pi)."""
     return (angle_rad + math.pi) % (2.0 * math.pi) - math.pi
 
 
 def wrap_2pi(angle_rad: float) -> float:
-    """The same angle in [0, 2 pi)."""
+    """The angle (rad) in [0, 2 pi)."""
     wrapped = angle_rad % (2.0 * math.pi)
     return 0.0 if wrapped >= 2.0 * math.pi else wrapped
 
 
 def body_to_ned(psi_rad: float, x: float, y: float) -> tuple[float, float]:
-    """Rotate a plane vector from body axes (forward, starboard) to NED: R(psi) of Fossen (2011), eq. 2.65."""
+    """A vector in body axes (forward, starboard) as (north, east): R(psi), Fossen (2011), eq. 2.65 in the plane."""
     c, s = math.cos(psi_rad), math.sin(psi_rad)
     return c * x - s * y, s * x + c * y
 
 
 def ned_to_body(psi_rad: float, n: float, e: float) -> tuple[float, float]:
-    """Rotate a plane vector from NED to body axes: the transpose of `body_to_ned`."""
+    """A vector (north, east) in body axes (forward, starboard): R(psi)^T, the inverse of `body_to_ned`."""
     c, s = math.cos(psi_rad), math.sin(psi_rad)
     return c * n + s * e, -s * n + c * e
 
 
 def is_place(lat_deg: float, lon_deg: float) -> bool:
-    """Whether a latitude and a longitude are a place on earth. 0, 0 is none: many receivers send it without a fix."""
+    """Whether latitude and longitude (degrees) are a position. 0, 0 is not: many receivers send it without a fix."""
     return abs(lat_deg) <= 90.0 and abs(lon_deg) <= 180.0 and (lat_deg != 0.0 or lon_deg != 0.0)  # False for NaN
 
 
 @record
 class LocalFrame:
-    """A plane tangent to the WGS 84 ellipsoid at an origin; within 2 km of it good to a few centimetres.
+    """A plane tangent to the WGS 84 ellipsoid at an origin in degrees; within 2 km its error is a few centimetres.
 
-    Scale factors are the radii of curvature in the meridian and the prime vertical at the origin.
+    Degrees become metres by the radii of curvature in the meridian and in the prime vertical at the origin.
     """
 
     lat_deg: float
@@ -57,13 +57,13 @@ class LocalFrame:
         return math.radians(meridian_m), math.radians(prime_vertical_m * math.cos(math.radians(self.lat_deg)))
 
     def to_ned(self, lat_deg: float, lon_deg: float) -> tuple[float, float]:
-        """North and east in metres of a position in degrees; the antimeridian is crossed the short way."""
+        """(north, east) in metres of a position in degrees, also across the antimeridian."""
         n_per_deg, e_per_deg = self._metres_per_degree()
         dlon_deg = (lon_deg - self.lon_deg + 180.0) % 360.0 - 180.0
         return (lat_deg - self.lat_deg) * n_per_deg, dlon_deg * e_per_deg
 
     def to_geodetic(self, n_m: float, e_m: float) -> tuple[float, float]:
-        """Latitude and longitude in degrees of a position in metres."""
+        """(latitude, longitude) in degrees of (north, east) in metres; the inverse of `to_ned`."""
         n_per_deg, e_per_deg = self._metres_per_degree()
         lon_deg = self.lon_deg + e_m / e_per_deg
         return self.lat_deg + n_m / n_per_deg, (lon_deg + 180.0) % 360.0 - 180.0

@@ -1,6 +1,7 @@
-"""One spelling of the few array operations that vessel models need, for NumPy, CasADi and torch alike.
+"""The array operations that vessel models need, with one signature for NumPy, CasADi and torch.
 
-NumPy and torch arrays hold components on the last axis (so leading axes are batches); CasADi arrays are columns.
+NumPy and torch arrays have components on the last axis, so that leading axes are batches; CasADi arrays are columns.
+A model calls `namespace_of(x)` on its input and returns arrays of the same kind.
 """
 
 from __future__ import annotations
@@ -14,21 +15,32 @@ import numpy as np
 
 
 class ArrayNamespace(Protocol):
-    """What a model may do to the arrays it is given."""
+    """The operations on the arrays of one library."""
 
     @staticmethod
-    def component(x: Any, i: int) -> Any: ...
+    def component(x: Any, i: int) -> Any:
+        """Component i of x (..., n), of shape (...)."""
+
     @staticmethod
-    def stack(parts: Sequence[Any]) -> Any: ...
+    def stack(parts: Sequence[Any]) -> Any:
+        """n components of shape (...), broadcast against each other, as one array (..., n)."""
+
     @staticmethod
-    def concat(parts: Sequence[Any]) -> Any: ...
+    def concat(parts: Sequence[Any]) -> Any:
+        """Arrays (..., n_i) joined to one (..., sum of n_i)."""
+
     @staticmethod
-    def affine(weight: Any, bias: Any, x: Any) -> Any: ...
+    def affine(weight: Any, bias: Any, x: Any) -> Any:
+        """weight (m, n) x (..., n) + bias (m), of shape (..., m)."""
+
     @staticmethod
-    def tanh(x: Any) -> Any: ...
+    def tanh(x: Any) -> Any:
+        """The hyperbolic tangent of each component."""
 
 
 class NumpyArrays:
+    """The operations on NumPy arrays."""
+
     @staticmethod
     def component(x: Any, i: int) -> Any:
         return x[..., i]
@@ -51,6 +63,8 @@ class NumpyArrays:
 
 
 class CasadiArrays:
+    """The operations on CasADi's SX, MX and DM, columns of shape (n, 1)."""
+
     @staticmethod
     def component(x: Any, i: int) -> Any:
         return x[i]
@@ -73,7 +87,7 @@ class CasadiArrays:
 
 
 class TorchArrays:
-    """Used only where a torch tensor comes in, so that nothing here imports torch."""
+    """The operations on torch tensors. Torch is taken from `sys.modules`, so that nothing here imports it."""
 
     @staticmethod
     def component(x: Any, i: int) -> Any:
@@ -99,7 +113,7 @@ class TorchArrays:
 
 
 def namespace_of(x: Any) -> type[ArrayNamespace]:
-    """The operations for the kind of array that `x` is."""
+    """The operations for arrays of the kind of `x`. Raises TypeError for any other kind."""
     if isinstance(x, np.ndarray):
         return NumpyArrays
     if isinstance(x, ca.SX | ca.MX | ca.DM):

@@ -1,4 +1,4 @@
-"""SD fitted to data: the paper's simplified dynamics divided by their masses, driven by the command itself."""
+"""SD fitted to data: the paper's simplified dynamics, each equation divided by its mass, with linear thrust."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import Any
 
 from asvhil.dynamics.arrays import namespace_of
 
-# Each is a magnitude (>= 0); SI, per mass or inertia.
+# Magnitudes (>= 0) in SI units, divided by the mass (m_u, m_v) or inertia (m_r) of their equation.
 PARAMETERS = (
     "thrust_surge",  # K / m_u, per unit of command
     "thrust_yaw",  # B K / (2 m_r)
@@ -25,9 +25,9 @@ PARAMETERS = (
 
 
 class FittedSd:
-    """nu_dot of the simplified dynamics with linear thrust K (u_p + u_s), B/2 (u_p - u_s) and no motor lag.
+    """The simplified dynamics with thrust K (u_p + u_s), moment K B/2 (u_p - u_s) of the command, and no motor lag.
 
-    `parameters` (13) are in the order of PARAMETERS: numbers, or CasADi symbols while they are being fitted.
+    `parameters` (13) are in the order of PARAMETERS: numbers, or CasADi symbols during the fit.
     """
 
     name = "sd"
@@ -41,7 +41,7 @@ class FittedSd:
         self.max_step_s = max_step_s
 
     def derivative(self, x: Any, a: Any, wind: Any) -> Any:
-        """nu_dot of x = (u, v, r) under command a and true wind in body axes."""
+        """nu_dot (..., 3) of x = (u, v, r) under command a (..., 2) and the true wind in body axes (..., 2; m/s)."""
         xp = namespace_of(x)
         p = self._p
         u, v, r = (xp.component(x, i) for i in range(3))

@@ -1,6 +1,6 @@
-"""Fixed-step integration of a vessel model, and the motion of pose, velocity and motors under it.
+"""Fixed-step integration of a vessel model, and the equations of motion of pose, velocity and motors.
 
-Works on NumPy, CasADi and torch arrays alike, so that controller, estimator and studies share one integrator.
+For NumPy, CasADi and torch arrays, so that controller, estimator, training and studies share one integrator.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ from asvhil.dynamics.protocol import Dynamics
 
 
 def substeps(step_s: float, max_step_s: float) -> int:
-    """How many equal substeps, none longer than max_step_s, a step is cut into (at least 1)."""
+    """Number of equal substeps, each at most max_step_s long, of a step; at least 1."""
     return max(1, math.ceil(step_s / max_step_s - 1e-9))
 
 
 def integrate(derivative: Callable[[Any], Any], x: Any, step_s: Any, count: int, euler: bool) -> Any:
-    """x after step_s in `count` equal substeps: forward Euler, or the explicit midpoint rule (Runge-Kutta, order 2)."""
+    """x after step_s in `count` equal substeps of forward Euler, or of the explicit midpoint rule (second order)."""
     h = step_s / count
     for _ in range(count):
         slope = derivative(x)
@@ -31,10 +31,10 @@ def integrate(derivative: Callable[[Any], Any], x: Any, step_s: Any, count: int,
 
 
 def motion_derivative(model: Dynamics, s: Any, a: Any, wind: Any, disturbance: Any) -> Any:
-    """s_dot of s = (x, y, psi, u, v, r, motors ...): Fossen (2011), eq. 2.26 on the plane, and the model's nu_dot.
+    """s_dot of s = (x, y, psi, u, v, r, motors ...): R(psi) nu (Fossen 2011, eq. 2.26), and the model's x_dot.
 
-    `wind` (2, m/s) is the true wind and `disturbance` (3; m/s^2, m/s^2, rad/s^2) the acceleration that the model
-    misses, both in the earth-fixed frame in which x, y and psi are given, and both held over the step.
+    `a` (2) is the model's input, `wind` (2, m/s) the true wind, and `disturbance` (3; m/s^2, m/s^2, rad/s^2) the
+    acceleration that the model misses. Wind and disturbance are in the earth-fixed frame of x, y and psi.
     """
     xp = namespace_of(s)
     psi, u, v, r = (xp.component(s, i) for i in (2, 3, 4, 5))
@@ -58,7 +58,7 @@ def motion_derivative(model: Dynamics, s: Any, a: Any, wind: Any, disturbance: A
 
 
 def advance(model: Dynamics, s: Any, a: Any, wind: Any, disturbance: Any, step_s: Any, count: int) -> Any:
-    """The state s of `motion_derivative` after step_s under a held input, by the integrator the model asks for."""
+    """The state s of `motion_derivative` after step_s in `count` substeps of the model's integrator, inputs held."""
     return integrate(lambda x: motion_derivative(model, x, a, wind, disturbance), s, step_s, count, model.euler)
 
 

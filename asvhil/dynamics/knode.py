@@ -1,4 +1,4 @@
-"""KNODE: prior physics and a network, coupled by a second network that is trained with it (the paper's g_lambda)."""
+"""KNODE: prior physics and a network, coupled by a second network (the paper's g_lambda) that is trained with it."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from asvhil.dynamics.node import LONGEST_STEP_S
 
 
 class Knode:
-    """nu_dot = g_lambda(f_prior(x, u, w), f_theta(x, u, w)); driven by the command, without motor states."""
+    """nu_dot = g_lambda(f_prior(nu, a, w), f_theta(nu, a, w)), with the motor command as input and no motor states."""
 
     name = "knode"
     n_motor = 0
@@ -24,7 +24,7 @@ class Knode:
         self.max_step_s = max(dt_s, LONGEST_STEP_S)
 
     def derivative(self, x: Any, a: Any, wind: Any) -> Any:
-        """nu_dot of x = (u, v, r) under command a and true wind in body axes."""
+        """nu_dot (..., 3) of x = (u, v, r) under command a (..., 2) and the true wind in body axes (..., 2; m/s)."""
         xp = namespace_of(x)
         prior = self._prior.derivative(x, a, wind)
         return self._coupling(xp.concat([prior, self._network(xp.concat([x, a, wind]))]))

@@ -1,8 +1,9 @@
-"""LagNet: a learned thrust map, then a learned motor lag, then a network beside skip terms. The improved NNSEM.
+"""LagNet, an improved NNSEM: a learned thrust map, a learned motor lag, and a network with skip terms.
 
-One monotone map, shared by both motors, turns the command into thrust over full ahead thrust. Each motor follows it
-with a first-order lag, and the acceleration is what a small tanh network and a few products of the scaled velocities,
-thrusts and winds say. The map's output is the model's input, so its dead band stays out of the optimisation.
+One monotone map, shared by both motors, turns the command into thrust relative to full ahead. Each motor follows it
+with a first-order lag. The acceleration is the sum of a small tanh network and of the skip terms, weighted products of
+the scaled velocities, thrusts and winds. The map's output is the model's input, so the optimisation never meets the
+dead band.
 """
 
 from __future__ import annotations
@@ -15,18 +16,18 @@ from asvhil.dynamics.arrays import namespace_of
 from asvhil.dynamics.nnsem import Array, TanhNetwork
 
 MAP_POINTS = 4001
-# The components of z whose product a skip term is; of a component with itself, x |x|.
+# Each skip term is the product of these components of z; of a component with itself, x |x|.
 SKIP_FACTORS = (
     *((0,), (1,), (2,), (0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (2, 0)),
     *((3,), (4,), (5,), (6,), (5, 5), (6, 6), (5, 6)),
 )
-STATE_LIMIT = 2.0  # of the training range: beyond it the products of velocities stay what they are there
+STATE_LIMIT = 2.0  # times the training range: beyond it the terms of the velocities no longer grow
 
 
 class ThrustMap:
     """T(c) = (g(c) - g(0)) / (g(1) - g(0)), g(c) = sum_i gain_i tanh(slope_i (c - centre_i)), all gains and slopes > 0.
 
-    It rises everywhere, with T(0) = 0 and T(1) = 1; the inverse is read off a fine table.
+    It is strictly increasing, with T(0) = 0 and T(1) = 1. Values and inverse are interpolated in a table of MAP_POINTS.
     """
 
     def __init__(self, gain: Array, slope: Array, centre: Array) -> None:
@@ -37,19 +38,19 @@ class ThrustMap:
         self.astern = float(self._thrust[0])
 
     def thrust(self, command: float) -> float:
-        """Thrust of one motor over its full ahead thrust."""
+        """Thrust of one motor, relative to full ahead, at a command in [-1, 1]."""
         return float(np.interp(command, self._command, self._thrust))
 
     def command(self, thrust: float) -> float:
-        """The command that gives a thrust; no thrust is the command 0, and the ends are held."""
+        """The command in [-1, 1] that gives a relative thrust, clamped to the map's range."""
         return float(np.interp(thrust, self._thrust, self._command))
 
 
 class LagNet:
-    """x = (u, v, r, port, starboard thrust); input a = (port, starboard) thrust demands, 1 being full ahead.
+    """State (u, v, r, port, starboard thrust), input (port, starboard) thrust demand; thrusts relative to full ahead.
 
-    `skip` (3, 16) weighs the products listed in `skip_terms`; `half` (7) scales (u, v, r, port, starboard, w_u, w_v);
-    `direct` in [0, 1] is the part of a change of demand that acts within the Euler step that it comes in.
+    `skip` (3, 16) weighs the terms of `skip_terms`; `half` (7) scales (u, v, r, port, starboard, w_u, w_v). `direct`
+    in [0, 1] is the part of a change of demand that acts within the same Euler step.
     """
 
     name = "lagnet"
@@ -74,7 +75,7 @@ class LagNet:
         self.max_step_s = dt_s
 
     def derivative(self, x: Any, a: Any, wind: Any) -> Any:
-        """x_dot of x under thrust demands a and true wind in body axes."""
+        """x_dot (..., 5) of x under thrust demands a (..., 2) and the true wind in body axes (..., 2; m/s)."""
         xp = namespace_of(x)
         u, v, r, port, starboard = (xp.component(x, i) for i in range(5))
         to_port, to_starboard = xp.component(a, 0) - port, xp.component(a, 1) - starboard
@@ -101,7 +102,7 @@ class LagNet:
 
 
 def skip_terms(xp: Any, z: Any, half: Array) -> Any:
-    """The 16 skip terms of z = (u, v, r, port, starboard, w_u, w_v), each scaled by its half width.
+    """The 16 skip terms (..., 16) of z = (u, v, r, port, starboard, w_u, w_v), each component over its half width.
 
     (u, v, r), their x |x|, (u v, v r, r u), the two thrusts, (w_u, w_v), their w |w|, and w_u w_v.
     """
@@ -116,5 +117,5 @@ def skip_terms(xp: Any, z: Any, half: Array) -> Any:
 
 
 def clip(x: Any, limit: float) -> Any:
-    """x within +- limit, spelt with the one nonlinearity that all three array kinds share."""
+    """x clamped to +-limit, written with abs(), which all three kinds of array have."""
     return 0.5 * (abs(x + limit) - abs(x - limit))

@@ -1,4 +1,4 @@
-"""NNSEM: the paper's network of the acceleration, nu_dot = N_f(nu, u, w), trained under forward Euler steps."""
+"""NNSEM: the paper's network for the acceleration, nu_dot = N_f(nu, a, w), trained with forward Euler steps."""
 
 from __future__ import annotations
 
@@ -15,23 +15,23 @@ Array = NDArray[np.float64]
 
 @record
 class Scaling:
-    """The training set's centre and half width of each component: (z - centre) / half lies in [-1, 1]."""
+    """Centre and half width of each component of z in the training set: (z - centre) / half lies in [-1, 1]."""
 
     centre: Array
     half: Array
 
 
 class TanhNetwork:
-    """y = W2 tanh(W1 z + b1) + b2: one hidden layer, for NumPy, CasADi and torch arrays alike."""
+    """y = W2 tanh(W1 z + b1) + b2, one hidden layer; NumPy, CasADi or torch arrays."""
 
     def __init__(self, w1: Any, b1: Any, w2: Any, b2: Any) -> None:
         self._w1, self._b1, self._w2, self._b2 = w1, b1, w2, b2
 
     @classmethod
     def in_units(cls, w1: Array, b1: Array, w2: Array, b2: Array, scaling: Scaling) -> TanhNetwork:
-        """The network of scaled inputs and outputs as one of inputs in their units and nu_dot (m/s^2, rad/s^2).
+        """A network trained on scaled inputs and outputs, as one from SI units to nu_dot (m/s^2, m/s^2, rad/s^2).
 
-        The scaling goes into the weights: the outputs are rates of the scaled (u, v, r), the first three inputs.
+        The scaling is folded into the weights. The outputs are rates of the scaled (u, v, r), the first three inputs.
         """
         folded = w1 / scaling.half
         half_nu = scaling.half[:3]
@@ -43,7 +43,7 @@ class TanhNetwork:
 
 
 class Nnsem:
-    """nu_dot of (u, v, r, port, starboard, w_u, w_v); driven by the command itself and without motor states."""
+    """nu_dot = N_f(u, v, r, port, starboard, w_u, w_v), with the motor command as input and no motor states."""
 
     name = "nnsem"
     n_motor = 0
@@ -56,7 +56,7 @@ class Nnsem:
         self.max_step_s = dt_s
 
     def derivative(self, x: Any, a: Any, wind: Any) -> Any:
-        """nu_dot of x = (u, v, r) under command a and true wind in body axes."""
+        """nu_dot (..., 3) of x = (u, v, r) under command a (..., 2) and the true wind in body axes (..., 2; m/s)."""
         return self._network(namespace_of(x).concat([x, a, wind]))
 
     def command_of_input(self, a: tuple[float, float]) -> tuple[float, float]:

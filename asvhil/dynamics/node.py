@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from asvhil.dynamics.nnsem import Nnsem, TanhNetwork
 
-LONGEST_STEP_S = 0.45  # of the midpoint rule: hulls answer within seconds, and motor lags are not in these models
+LONGEST_STEP_S = 0.45  # of the midpoint rule: these models have no motor lag, and hulls respond within seconds
 
 
 class Node(Nnsem):
-    """As NNSEM, but trained through an ODE solver of fourth order, so it is no Euler model: any fine step will do."""
+    """NNSEM's network as a continuous-time model: trained through a fourth-order solver, so any small step holds."""
 
     name = "node"
     euler = False

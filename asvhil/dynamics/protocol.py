@@ -1,4 +1,4 @@
-"""What every vessel model offers to the estimator and the controller."""
+"""The interface of every vessel model, as estimator, controller and training use it."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ from typing import Any, Protocol
 
 
 class Dynamics(Protocol):
-    """A continuous-time model of nu = (u, v, r) and of the motors, for NumPy, CasADi and torch arrays alike.
+    """A continuous-time model of nu = (u, v, r) and of the motors, for NumPy, CasADi and torch arrays.
 
     The model's state is x = (u, v, r, motor states ...), of length 3 + n_motor. Its input a = (port, starboard) is
-    what the controller optimises, within [input_lower, input_upper]; `command_of_input` turns it into the paper's
-    PWM command in [-1, 1] (the identity for models that are driven by the command itself).
+    what the controller optimises, within [input_lower, input_upper]: relative thrust demands, or motor commands. The
+    motor command in [-1, 1] is the paper's PWM signal.
     """
 
     name: str
@@ -18,13 +18,16 @@ class Dynamics(Protocol):
     input_lower: float
     input_upper: float
     max_step_s: float  # longest integration step for which the model holds
-    euler: bool  # integrate by forward Euler (a network trained so) rather than by Runge-Kutta
+    euler: bool  # integrate by forward Euler, as the network was trained, instead of the midpoint rule
 
     def derivative(self, x: Any, a: Any, wind: Any) -> Any:
-        """x_dot of the state x (3 + n_motor), under input a (2) and true wind in body axes (2, m/s)."""
+        """x_dot (..., 3 + n_motor) of the state x under input a (..., 2) and true wind in body axes (..., 2; m/s).
+
+        Velocities are over ground, in m/s and rad/s. The result is an array of the kind of x.
+        """
 
     def command_of_input(self, a: tuple[float, float]) -> tuple[float, float]:
-        """The motor command in [-1, 1] that realises input a."""
+        """The motor command (port, starboard) in [-1, 1] for input a; the identity for models of the command."""
 
     def input_of_command(self, command: tuple[float, float]) -> tuple[float, float]:
-        """The model's input under a motor command in [-1, 1]."""
+        """The input for a motor command (port, starboard) in [-1, 1]."""

@@ -1,4 +1,4 @@
-"""SD: the paper's simplified 3-DOF dynamics (Fossen 2011, eq. 6.109 on the plane) with wind load and motor lag."""
+"""SD: the paper's simplified 3-DOF dynamics (Fossen 2011, eq. 6.109 in the plane) with wind load and motor lag."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from asvhil.dynamics.arrays import namespace_of
 class RigidBody:
     """M nu_dot + C(nu) nu + D(nu) nu = tau + tau_w for a body with its centre of gravity at the origin.
 
-    Works on single numbers of any kind (float, CasADi, a batch column), so plant and model share the equations.
+    Works on components of any kind (float, CasADi, NumPy or torch), so that plant and model share the equations.
     """
 
     def __init__(self, vessel: VesselConfig) -> None:
@@ -32,7 +32,7 @@ class RigidBody:
         return port_n + starboard_n, self._arm * (port_n - starboard_n)
 
     def wind_forces(self, u_air: Any, v_air: Any) -> tuple[Any, Any, Any]:
-        """Surge, sway (N) and yaw (N m) load of the air's velocity relative to the hull, body axes (m/s)."""
+        """Surge and sway force (N) and yaw moment (N m) of the air's velocity relative to the hull, body axes (m/s)."""
         return (
             self._w_u * u_air * abs(u_air),
             self._w_v * v_air * abs(v_air),
@@ -40,7 +40,7 @@ class RigidBody:
         )
 
     def acceleration(self, u: Any, v: Any, r: Any, x_n: Any, y_n: Any, n_nm: Any) -> tuple[Any, Any, Any]:
-        """nu_dot (m/s^2, m/s^2, rad/s^2) of velocities through the water under forces X, Y (N) and moment N (N m)."""
+        """nu_dot (m/s^2, m/s^2, rad/s^2) of u, v (m/s), r (rad/s) under forces X, Y (N) and moment N (N m)."""
         u_dot = (x_n + self._m_v * v * r - (self._d_u + self._d_uu * abs(u)) * u) / self._m_u
         v_dot = (y_n - self._m_u * u * r - (self._d_v + self._d_vv * abs(v)) * v) / self._m_v
         r_dot = (n_nm + (self._m_u - self._m_v) * u * v - (self._d_r + self._d_rr * abs(r)) * r) / self._m_r
@@ -48,7 +48,7 @@ class RigidBody:
 
 
 class ThrustCurve:
-    """Thrust (N) of one motor over its command, by linear interpolation, and the inverse of it."""
+    """Thrust (N) of one motor at a command in [-1, 1], by linear interpolation in a table, and its inverse."""
 
     def __init__(self, rows: tuple[tuple[float, float], ...]) -> None:
         self._command = np.array([row[0] for row in rows])
@@ -65,11 +65,11 @@ class ThrustCurve:
         self.ahead_n = float(self._thrust_n[-1])
 
     def thrust_n(self, command: float) -> float:
-        """Thrust of a command; beyond the ends of the table the end's thrust."""
+        """Thrust (N) at a command, clamped to the table's ends."""
         return float(np.interp(command, self._command, self._thrust_n))
 
     def command(self, thrust_n: float) -> float:
-        """The command that gives a thrust; for zero thrust the one nearest to 0."""
+        """The command that gives a thrust (N), clamped to the table's ends; for zero thrust, that nearest to 0."""
         if thrust_n > 0.0:
             command, thrust = self._above
         elif thrust_n < 0.0:
@@ -80,10 +80,10 @@ class ThrustCurve:
 
 
 class SimplifiedDynamics:
-    """SD model: rigid body, wind load, and one first-order lag per motor.
+    """The SD model: rigid body, wind load, and a first-order lag of each motor.
 
-    The input and the motor states are thrust demands and thrusts over the full ahead thrust, so the known thrust
-    curve is inverted outside of the optimisation and its dead band never enters it.
+    Input and motor states are thrust demands and thrusts relative to full ahead. The known thrust curve is inverted
+    outside the optimisation, which so never meets the dead band.
     """
 
     name = "sd"
@@ -100,7 +100,7 @@ class SimplifiedDynamics:
         self.input_upper = 1.0
 
     def derivative(self, x: Any, a: Any, wind: Any) -> Any:
-        """x_dot of x = (u, v, r, T_port, T_starboard) under thrust demands a and true wind in body axes."""
+        """x_dot (..., 5) of x = (u, v, r, T_port, T_starboard) under thrust demands a and true wind in body axes."""
         xp = namespace_of(x)
         u, v, r, port, starboard = (xp.component(x, i) for i in range(5))
         x_n, n_nm = self._body.motor_forces(self._scale_n * port, self._scale_n * starboard)

@@ -1,4 +1,4 @@
-"""Model files: weights, scaling, step and origin of a learned model as npz; no pickle is ever loaded."""
+"""Model files: weights, scaling, step and origin of a learned model in an npz archive. Pickles are never loaded."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from asvhil.types import record
 FORMAT = 1
 DT_TOLERANCE_S = 1e-6
 
-Shape = tuple[int | str, ...]  # a letter is a free length, the same wherever it stands
+Shape = tuple[int | str, ...]  # a letter is a free length, the same in all shapes of a file
 
 _NETWORK: dict[str, Shape] = {"w1": ("H", 7), "b1": ("H",), "w2": (3, "H"), "b2": (3,)}
 _SHAPES: dict[str, dict[str, Shape]] = {
@@ -46,7 +46,11 @@ KINDS = tuple(_SHAPES)
 
 @record
 class TrainedModel:
-    """All that a model file holds. `figures` are those of the training (JSON-able), for people to read."""
+    """The contents of a model file.
+
+    `data_hash`, `config_hash` and `seed` tell where the model comes from; `figures` are JSON-serialisable figures of
+    its training, for people to read.
+    """
 
     kind: str
     vehicle: str
@@ -59,12 +63,12 @@ class TrainedModel:
     figures: Mapping[str, Any]
 
     def dynamics(self) -> Dynamics:
-        """The run-time model."""
+        """The model as `Dynamics`."""
         return _BUILDERS[self.kind](self)
 
 
 def save_model(path: Path, model: TrainedModel) -> None:
-    """Write a model file, all or nothing. ModelError where it cannot be written, or would not be read back."""
+    """Write a model file atomically. Raises ModelError where it cannot be written or read back."""
     arrays: dict[str, Any] = {
         "format": FORMAT,
         "kind": model.kind,
@@ -90,12 +94,15 @@ def save_model(path: Path, model: TrainedModel) -> None:
 
 
 def read_model(path: str | Path) -> TrainedModel:
-    """The contents of a model file. ModelError, in one line, where it is damaged, incomplete or of another kind."""
+    """The contents of a model file. Raises ModelError where it is missing, damaged or of an unknown kind."""
     return _checked(read_arrays(Path(path)), Path(path))
 
 
 def load_model(path: str | Path, *, vehicle: str | None = None, dt_s: float | None = None) -> Dynamics:
-    """The run-time model of a file; ModelError also where it belongs to another vehicle or another step."""
+    """The `Dynamics` of a file, checked against a vehicle and a step (s) where these are given.
+
+    Raises ModelError as `read_model` does, and where the model belongs to another vehicle or step.
+    """
     model = read_model(path)
     if vehicle is not None and model.vehicle != vehicle:
         raise ModelError(f"{path}: this model was trained for vehicle {model.vehicle!r}, not for {vehicle!r}")
@@ -105,7 +112,7 @@ def load_model(path: str | Path, *, vehicle: str | None = None, dt_s: float | No
 
 
 def read_arrays(path: Path) -> dict[str, Array]:
-    """All arrays of an npz file. ModelError where it is missing, damaged, or holds pickled objects."""
+    """All arrays of an npz file. Raises ModelError where it is missing, damaged, or holds pickled objects."""
     try:
         with path.open("rb") as file:
             if file.read(4) != b"PK\x03\x04":
@@ -124,7 +131,7 @@ def read_arrays(path: Path) -> dict[str, Array]:
 
 
 def _checked(arrays: Mapping[str, Array], path: Path) -> TrainedModel:
-    """The arrays as a model, once their names, types, shapes and values are right."""
+    """The arrays as a model. Raises ModelError where a name, type, shape or value is wrong."""
 
     def text(name: str) -> str:
         value = _find(arrays, name, path)
@@ -180,7 +187,7 @@ def _find(arrays: Mapping[str, Array], name: str, path: Path) -> Array:
 
 
 def _numbers(arrays: Mapping[str, Array], name: str, shape: Shape, lengths: dict[str, int], path: Path) -> Array:
-    """A finite float64 array of that shape; letters take the first length seen."""
+    """A finite float64 array of a shape; `lengths` holds the lengths that letters stand for, set at their first use."""
     value = _find(arrays, name, path)
     if value.dtype.kind not in "fiu":
         raise ModelError(f"{path}: {name} does not hold numbers")
