@@ -38,7 +38,8 @@ def report(study: Mapping[str, Any]) -> str:
     ]
     if bounded:
         words = (
-            "Regret: ps over the physical bound of the wind (`asvhil study bound`). Along the wind the bound is zero."
+            "Regret: ps over the bound of the mean wind, held steady (`asvhil study bound`). In gusts ps can be below "
+            "that bound. Along the wind the bound is zero."
         )
         parts += [words, _table(study, lambda cell, best: in_digits(cell["regret"], 3), bounded)]
     parts += [
