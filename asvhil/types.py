@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import enum
+import math
 from typing import Any, NamedTuple, dataclass_transform
 
 
@@ -53,52 +54,62 @@ class Inputs:
     frames: tuple[Frame, ...]
 
 
-# --- measurements: what codecs make of frames -------------------------------------------------------------
+# --- measurements: what codecs make of frames, one quantity each ------------------------------------------
+#
+# `t_ns` is the time at which the value holds. `arm_m` is where the sensor is: forward and to starboard of the boat's
+# origin.
 
 
 @record
-class GnssFix:
-    """Position over ground, and velocity over ground in NED; what the source does not have is NaN.
-
-    `h_acc_m` is the receiver's own estimate; 0 or NaN where it gives none. `arm_m` is where the antenna is: forward and
-    to starboard of the boat's origin.
-    """
+class Position:
+    """Latitude and longitude of the antenna. `h_acc_m` is the receiver's own estimate of its error; 0 or NaN: none."""
 
     t_ns: int
     lat_deg: float
     lon_deg: float
-    vn_mps: float
-    ve_mps: float
-    h_acc_m: float
+    h_acc_m: float = math.nan
     arm_m: tuple[float, float] = (0.0, 0.0)
 
 
 @record
-class Attitude:
-    """True heading (clockwise from north) and yaw rate (clockwise from above); what the source does not have is NaN."""
+class GroundVelocity:
+    """Velocity of the antenna over ground, NED."""
+
+    t_ns: int
+    vn_mps: float
+    ve_mps: float
+    arm_m: tuple[float, float] = (0.0, 0.0)
+
+
+@record
+class Heading:
+    """True heading, clockwise from north."""
 
     t_ns: int
     psi_rad: float
+
+
+@record
+class YawRate:
+    """Yaw rate, clockwise from above."""
+
+    t_ns: int
     r_radps: float
 
 
 @record
-class Imu:
-    """Specific force along body x and y, and yaw rate, NaN where the source does not have it.
-
-    `arm_m` is where the sensor is: forward and to starboard of the boat's origin.
-    """
+class SpecificForce:
+    """Specific force (acceleration less gravity) at the sensor, along body x and y."""
 
     t_ns: int
     ax_mps2: float
     ay_mps2: float
-    r_radps: float
     arm_m: tuple[float, float] = (0.0, 0.0)
 
 
 @record
-class WindSample:
-    """Apparent wind: speed, and the direction it comes FROM, clockwise from the bow."""
+class ApparentWind:
+    """Wind as the moving boat feels it: speed, and the direction it comes FROM, clockwise from the bow."""
 
     t_ns: int
     speed_mps: float
@@ -107,7 +118,7 @@ class WindSample:
 
 @record
 class BowWind:
-    """True wind told from the boat: its speed over ground, and the direction it comes FROM, clockwise from the bow."""
+    """True wind told from the bow: its speed over ground, and the direction it comes FROM, clockwise from the bow."""
 
     t_ns: int
     speed_mps: float
@@ -116,19 +127,11 @@ class BowWind:
 
 @record
 class TrueWind:
-    """True wind told from the earth: the velocity of the air over ground, NED."""
+    """True wind told from north: the velocity of the air over ground, NED."""
 
     t_ns: int
     vn_mps: float
     ve_mps: float
-
-
-@record
-class UtcTime:
-    """What a receiver says that the time is: nanoseconds since 1970, UTC."""
-
-    t_ns: int
-    utc_ns: int
 
 
 @record
@@ -190,16 +193,7 @@ class ParameterChange:
 
 
 Measurement = (
-    GnssFix
-    | Attitude
-    | Imu
-    | WindSample
-    | BowWind
-    | TrueWind
-    | UtcTime
-    | FrontseatStatus
-    | HoldCommand
-    | ReleaseCommand
+    Position | GroundVelocity | Heading | YawRate | SpecificForce | ApparentWind | BowWind | TrueWind | FrontseatStatus
 )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 from asvhil.autopilot.ardurover_parameters import names_for, requirements
@@ -33,6 +34,6 @@ class ArduRoverAutopilot(MavlinkAutopilot):
         both = (self._pwm.port_channel, self._pwm.starboard_channel)
         return names_for(cause, channels.get(motor, both), blind=blind)
 
-    def _on_ekf_status(self, t_ns: int, m: Any) -> Measurement:
+    def _on_ekf_status(self, t_ns: int, m: Any) -> Sequence[Measurement]:
         self._ready = bool(m.flags & EKF_HORIZONTAL_POSITION) and not m.flags & EKF_CONSTANT_POSITION
         return self._status(t_ns)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from asvhil.autopilot.motor_outputs import make_output
@@ -14,7 +14,8 @@ from asvhil.io.mavlink.parameter_client import ParameterClient
 from asvhil.io.mavlink.streams import StreamKeeper
 from asvhil.io.mavlink.timesync import TimeSync
 from asvhil.io.sensors.mavlink_sensors import MavlinkSensors
-from asvhil.types import Attitude, Cause, Frame, FrontseatStatus, Measurement, Note, TimeOffset
+from asvhil.io.sensors.protocol import NamedMeasurement
+from asvhil.types import Cause, Frame, FrontseatStatus, Heading, Measurement, Note, TimeOffset, YawRate
 
 PORT = "autopilot"
 HEARTBEAT_NS = 1_000_000_000
@@ -58,7 +59,7 @@ class MavlinkAutopilot:
         self.autopilot_heartbeat_ns: int | None = None
         self.impossible = 0
         self.reboots = 0
-        self._handlers: dict[int, Callable[[int, Any], Measurement | None]] = {
+        self._handlers: dict[int, Callable[[int, Any], Sequence[Measurement] | None]] = {
             dialect.MAVLINK_MSG_ID_HEARTBEAT: self._on_heartbeat,
             dialect.MAVLINK_MSG_ID_RC_CHANNELS: self._on_rc_channels,
             dialect.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW: self._on_servo_output,
@@ -69,18 +70,12 @@ class MavlinkAutopilot:
             dialect.MAVLINK_MSG_ID_PARAM_VALUE: self.parameters.heard,
             **MavlinkSensors(lambda: self._ready).handlers,
         }
-        other = {"GLOBAL_POSITION_INT", "GPS_RAW_INT"} - {config.position_source}
-        self._not_the_position = other.pop()
 
     # --- in ------------------------------------------------------------------------------------------------
 
-    def decode(self, frame: Frame) -> list[Measurement]:
-        """As `read`, with positions of the configured source alone, and without names."""
-        return [measurement for name, measurement in self.read(frame) if name != self._not_the_position]
-
-    def read(self, frame: Frame) -> list[tuple[str, Measurement]]:
+    def receive(self, frame: Frame) -> list[NamedMeasurement]:
         """(message name, measurement) of all in one frame of the autopilot's port; others and bad bytes give none."""
-        found: list[tuple[str, Measurement]] = []
+        found: list[NamedMeasurement] = []
         for data in self._parser.feed(frame.peer, frame.data):
             system_id, component_id = source(data)
             if system_id != self._config.autopilot_system_id or component_id == self._config.component_id:
@@ -96,9 +91,7 @@ class MavlinkAutopilot:
             if message is None:
                 self.impossible += 1
                 continue
-            measurement = handler(frame.t_ns, message)
-            if measurement is not None:
-                found.append((message.msgname, measurement))
+            found += [(message.msgname, measurement) for measurement in handler(frame.t_ns, message) or ()]
         return found
 
     def _is_its_own(self, component_id: int, msg_id: int) -> bool:
@@ -156,8 +149,8 @@ class MavlinkAutopilot:
         """What the parameters of this autopilot must be."""
         return ()
 
-    def _status(self, t_ns: int) -> FrontseatStatus:
-        return FrontseatStatus(
+    def _status(self, t_ns: int) -> tuple[FrontseatStatus]:
+        status = FrontseatStatus(
             t_ns=t_ns,
             armed=self._armed,
             mode=self._mode,
@@ -167,10 +160,11 @@ class MavlinkAutopilot:
             rc_ns=self._rc_ns,
             outputs_ns=self._outputs_ns,
         )
+        return (status,)
 
-    def _on_heartbeat(self, t_ns: int, m: Any) -> Measurement | None:
+    def _on_heartbeat(self, t_ns: int, m: Any) -> Sequence[Measurement]:
         if m.autopilot == dialect.MAV_AUTOPILOT_INVALID:
-            return None  # another component of the vehicle, not its autopilot
+            return ()  # another component of the vehicle, not its autopilot
         if self.autopilot_heartbeat_ns is None:
             self._output.on_connect(t_ns)
         self.autopilot_heartbeat_ns = t_ns
@@ -182,24 +176,24 @@ class MavlinkAutopilot:
         self._mode = self._mode_names.get(m.custom_mode, f"MODE_{m.custom_mode}")
         return self._status(t_ns)
 
-    def _on_rc_channels(self, t_ns: int, m: Any) -> Measurement:
+    def _on_rc_channels(self, t_ns: int, m: Any) -> Sequence[Measurement]:
         values = (getattr(m, f"chan{i}_raw") for i in range(1, 19))
         self._rc_ns = t_ns
         self._rc_us = tuple(0 if value == IGNORE_CHANNEL else value for value in values)
         return self._status(t_ns)
 
-    def _on_servo_output(self, t_ns: int, m: Any) -> Measurement | None:
+    def _on_servo_output(self, t_ns: int, m: Any) -> Sequence[Measurement]:
         if m.port != 0:
-            return None
+            return ()
         self._outputs_ns = t_ns
         self._outputs_us = tuple(getattr(m, f"servo{i}_raw") for i in range(1, 17))
         return self._status(t_ns)
 
-    def _on_attitude(self, t_ns: int, m: Any) -> Measurement | None:
+    def _on_attitude(self, t_ns: int, m: Any) -> Sequence[Measurement]:
         self._note_boot_time(t_ns, m.time_boot_ms)
         if not self._ready:
-            return None
-        return Attitude(t_ns=t_ns, psi_rad=m.yaw, r_radps=m.yawspeed)
+            return ()
+        return Heading(t_ns=t_ns, psi_rad=m.yaw), YawRate(t_ns=t_ns, r_radps=m.yawspeed)
 
     def _on_system_time(self, t_ns: int, m: Any) -> None:
         self._note_boot_time(t_ns, m.time_boot_ms)

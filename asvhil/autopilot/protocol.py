@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import Protocol
 
 from asvhil.autopilot.requirements import Finding
-from asvhil.types import Cause, Frame, Measurement, Note, TimeOffset
+from asvhil.io.sensors.protocol import NamedMeasurement
+from asvhil.types import Cause, Frame, Note, TimeOffset
 
 
 class Autopilot(Protocol):
@@ -35,7 +36,7 @@ class Autopilot(Protocol):
         """What to look at for a cause seen on the outputs; empty where there is nothing to say."""
         ...
 
-    def read(self, frame: Frame) -> list[tuple[str, Measurement]]:
+    def receive(self, frame: Frame) -> list[NamedMeasurement]:
         """(message name, measurement) of all in one frame."""
         ...
 

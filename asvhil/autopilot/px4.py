@@ -5,6 +5,7 @@ From PX4's sources and documentation, untested on a real one: docs/autopilots.md
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 from asvhil.autopilot.mavlink_autopilot import MavlinkAutopilot
@@ -59,11 +60,11 @@ class Px4Autopilot(MavlinkAutopilot):
     def _mode_parameters(self, number: int) -> tuple[float, ...]:
         return float(number >> 16 & 0xFF), float(number >> 24 & 0xFF)
 
-    def _on_estimator_status(self, t_ns: int, m: Any) -> Measurement:
+    def _on_estimator_status(self, t_ns: int, m: Any) -> Sequence[Measurement]:
         self._ready = bool(m.flags & POSITION_USED) and not m.flags & POSITION_CONSTANT
         return self._status(t_ns)
 
-    def _on_actuator_output(self, t_ns: int, m: Any) -> Measurement:
+    def _on_actuator_output(self, t_ns: int, m: Any) -> Sequence[Measurement]:
         self._outputs_ns = t_ns
         self._outputs_us = tuple(self._pulse_us(value) for value in m.actuator[:16])
         return self._status(t_ns)

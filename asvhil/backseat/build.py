@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 
 from asvhil.autopilot.ardurover import ArduRoverAutopilot
@@ -13,6 +12,7 @@ from asvhil.backseat.actuation import Actuation
 from asvhil.backseat.backseat import Backseat
 from asvhil.backseat.cadence import Cadence, EveryPeriod, EveryTicks
 from asvhil.backseat.command import Command
+from asvhil.backseat.perception import Perception
 from asvhil.config import LEARNED, Config, EstimatorConfig, find_shipped
 from asvhil.controller.backstepping import Backstepping
 from asvhil.controller.loiter import Loiter
@@ -33,11 +33,8 @@ from asvhil.estimator.monitor import ModelMonitor
 from asvhil.estimator.protocol import StateEstimator
 from asvhil.estimator.wind import WindFilter
 from asvhil.estimator.wind_load import WindFromLoad
+from asvhil.io.sensors.decoder import Decoder
 from asvhil.io.sensors.firmware import FirmwareWatch
-from asvhil.io.sensors.nmea import NmeaCodec
-from asvhil.io.sensors.protocol import SensorCodec
-from asvhil.io.sensors.sources import SourceSelector
-from asvhil.io.sensors.vectornav.codec import VectorNavCodec
 from asvhil.operator.operations import Operations
 from asvhil.operator.session import OperatorSession
 from asvhil.operator.station_parameters import STATION_PARAMETERS
@@ -125,30 +122,31 @@ def build_cadence(config: Config) -> Cadence:
     return EveryPeriod(round(1e9 / daemon.control_hz), round(0.5e9 / daemon.tick_hz))
 
 
-def build_sensors(config: Config) -> dict[str, SensorCodec]:
-    """A codec for each sensor link by its port; an NMEA line is read for what the sources name of it."""
-    wanted: dict[str, set[str]] = {"anemometer": {"RMC", "HDG"}, "gnss": {"RMC", "HDG"}}  # they tell the variation
-    for sources in config.sources.resolved(config.links).values():
-        for source in sources:
-            wanted.setdefault(source.link, set()).add(source.message)
-    links = config.links
-    codecs: dict[str, SensorCodec] = {}
-    for port, link in (("anemometer", links.anemometer), ("gnss", links.gnss)):
-        declination_deg = link.declination_deg if link is not None else None
-        if link is not None or port == "anemometer":
-            declination_rad = None if declination_deg is None else math.radians(declination_deg)
-            codecs[port] = NmeaCodec(port, wanted[port], declination_rad)
-    if links.ins is not None:
-        codecs["ins"] = VectorNavCodec("ins")
-    return codecs
-
-
 def build_link(config: Config) -> ArduRoverAutopilot | Px4Autopilot:
     """The conversation with the autopilot, by `links.autopilot.profile`."""
     link, pwm = config.links.autopilot, config.vehicle.pwm
     if link.profile == "px4":
         return Px4Autopilot(link, pwm, keeps_offboard=config.supervisor.control_mode == "OFFBOARD")
     return ArduRoverAutopilot(link, pwm)
+
+
+def build_decoder(config: Config) -> Decoder:
+    """The decoder for whoever reads a log: the conversation with the autopilot is listened to, and not gone on with."""
+    return Decoder.from_config(config, build_link(config).receive)
+
+
+def build_perception(config: Config, model: Dynamics, link: ArduRoverAutopilot | Px4Autopilot) -> Perception:
+    """Decoder and estimation; the frames of the autopilot go through its conversation, `link`."""
+    return Perception(
+        decoder=Decoder.from_config(config, link.receive),
+        firmware=build_firmware_watch(config),
+        estimator=build_estimator(config.estimator, model),
+        wind=build_wind(config.estimator),
+        wind_load=build_wind_load(config),
+        monitor=ModelMonitor(config.estimator.monitor, model, 1.0 / config.daemon.control_hz),
+        model=model,
+        pwm=config.vehicle.pwm,
+    )
 
 
 def build_motor_check(config: Config, link: ArduRoverAutopilot | Px4Autopilot) -> MotorCheck:
@@ -184,16 +182,8 @@ def build_backseat(
     pwm, link = config.vehicle.pwm, build_link(config)
     controller = controller or build_controller(config, model)
     return Backseat(
-        model=model,
         autopilot=link,
-        sensors=build_sensors(config),
-        firmware=build_firmware_watch(config),
-        selector=SourceSelector(config.sources.resolved(config.links), config.sources.return_after_s),
-        estimator=build_estimator(config.estimator, model),
-        wind=build_wind(config.estimator),
-        wind_load=build_wind_load(config),
-        monitor=ModelMonitor(config.estimator.monitor, model, 1.0 / config.daemon.control_hz),
-        pwm=pwm,
+        perception=build_perception(config, model, link),
         command=build_command(config, controller),
         actuation=Actuation(
             autopilot=link,

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import math
 from typing import Literal
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from asvhil.config.base import Degrees, NonNegative, Positive, Section
+
+STEEPEST_DEG = 50.0  # a deviation that falls by 57.3 degrees per radian of heading shows two headings as one
 
 
 class CompassConfig(Section):
     """Deviation of the compass: it reads psi + A + B sin psi + C cos psi + D sin 2 psi + E cos 2 psi.
 
-    `asvhil calibrate` finds the coefficients in a log of circles.
+    `asvhil calibrate` finds the coefficients in a log of circles. The deviation is taken from every heading as it is
+    decoded, whichever source is in use.
     """
 
     deviation_deg: tuple[Degrees, Degrees, Degrees, Degrees, Degrees] = Field(
@@ -21,13 +25,24 @@ class CompassConfig(Section):
     std_deg: NonNegative = Field(
         default=0.0,
         description=(
-            "Standard deviation of each coefficient; above 0 the EKF goes on to estimate them from these values, 0: "
-            "they are exact."
+            "Standard deviation of each coefficient; above 0 the EKF goes on to estimate what is left of the "
+            "deviation, 0: they are exact."
         ),
     )
     walk_deg: NonNegative = Field(
         default=0.0, description="Random walk of each coefficient (degrees per sqrt(s)), where std_deg is above 0."
     )
+
+    @model_validator(mode="after")
+    def _check_deviation(self) -> CompassConfig:
+        _, b, c, d, e = self.deviation_deg
+        steepest_deg = math.hypot(b, c) + 2.0 * math.hypot(d, e)
+        if steepest_deg > STEEPEST_DEG:
+            raise ValueError(
+                f"deviation_deg: sqrt(B^2 + C^2) + 2 sqrt(D^2 + E^2) is {steepest_deg:.0f}, and must be at most "
+                f"{STEEPEST_DEG:g}: else two headings have one reading"
+            )
+        return self
 
 
 class TrustConfig(Section):

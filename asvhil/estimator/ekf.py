@@ -7,7 +7,7 @@ out for as long as the rest can bridge it (`sensor_health.py`, `validity.py`).
 
 from __future__ import annotations
 
-import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -15,10 +15,11 @@ from asvhil.config import EstimatorConfig
 from asvhil.dynamics.protocol import Dynamics
 from asvhil.estimator import sensor_health
 from asvhil.estimator.ekf_step import Filter
+from asvhil.estimator.measurement_model import Correction, corrections
 from asvhil.estimator.out_of_sequence import History
 from asvhil.estimator.states import D_E, D_N, D_R, PSI, E, FilterState, Forcing, N, R, U, V
 from asvhil.geo import LocalFrame, wrap_rad
-from asvhil.types import Attitude, Estimate, GnssFix, Imu, Note
+from asvhil.types import Estimate, GroundVelocity, Heading, Measurement, Note, Position, YawRate
 
 NAMES = {
     "position": "gnss position",
@@ -30,7 +31,7 @@ NAMES = {
 
 
 class Ekf:
-    """Measurements in, `Estimate` out. Starts at the first GNSS fix with a heading known."""
+    """Measurements in, `Estimate` out. Starts at the first position with a heading known."""
 
     def __init__(self, config: EstimatorConfig, model: Dynamics) -> None:
         self._config = config
@@ -38,14 +39,9 @@ class Ekf:
         self.model = model
         self._filter = Filter(config, model)
         self._history: History[FilterState] | None = None
-        self._first_attitude: Attitude | None = None
+        self._first_heading: tuple[Heading, YawRate | None] | None = None
         self._forcing = Forcing((0.0, 0.0), None)
         self.frame: LocalFrame | None = None
-
-    @property
-    def started(self) -> bool:
-        """Whether there is an estimate at all."""
-        return self._history is not None
 
     @property
     def state(self) -> FilterState | None:
@@ -74,28 +70,16 @@ class Ekf:
         if self._history is not None:
             self._history.add(self._history.t_ns, self._forcing)
 
-    def on_attitude(self, m: Attitude) -> None:
-        """Correct heading and yaw rate, or the one of them that the source has."""
-        has_heading = math.isfinite(m.psi_rad)
-        if self._history is not None:
-            if has_heading or math.isfinite(m.r_radps):
-                self._history.add(m.t_ns, m)
-        elif has_heading:
-            self._first_attitude = m
+    def on_measurements(self, measurements: Sequence[Measurement]) -> None:
+        """Correct the state with what one frame holds of position, velocity, heading and yaw rate.
 
-    def on_gnss(self, m: GnssFix) -> None:
-        """Correct position and velocity, or the one of them that the fix has."""
-        has_position = math.isfinite(m.lat_deg) and math.isfinite(m.lon_deg)
-        if self._history is not None:
-            if has_position or (math.isfinite(m.vn_mps) and math.isfinite(m.ve_mps)):
-                self._history.add(m.t_ns, m)
-        elif has_position:
-            self._start(m)
-
-    def on_imu(self, m: Imu) -> None:
-        """Predict with the specific force from now on, and learn from it what the model misses."""
-        if self._history is not None and math.isfinite(m.ax_mps2) and math.isfinite(m.ay_mps2):
-            self._history.add(m.t_ns, m)
+        With a specific force it predicts from then on, and learns from it what the model misses.
+        """
+        for event in corrections(measurements):
+            if self._history is None:
+                self._start(event)
+            else:
+                self._history.add(event[0].t_ns, event)
 
     def counters(self) -> tuple[tuple[str, int], ...]:
         """Cumulative counts of readings that were not used, of those that came too late, and of resets."""
@@ -143,11 +127,21 @@ class Ekf:
                 found.append(Note(subject=NAMES[name], text=text, ok=False))
         return tuple(found)
 
-    def _start(self, m: GnssFix) -> None:
-        attitude = self._first_attitude
-        if attitude is None or m.t_ns - attitude.t_ns > self._stale_ns:
-            return
-        self.frame = LocalFrame(lat_deg=m.lat_deg, lon_deg=m.lon_deg)
-        state = self._filter.start(m, attitude, self.frame)
-        self._history = History(self._filter.step, round(self._config.ekf.history_s * 1e9), m.t_ns, state)
-        self._history.add(m.t_ns, self._forcing)
+    def _start(self, event: Correction) -> None:
+        """Remember a heading; begin at a position, if the heading is not stale by then."""
+        match event:
+            case (Heading() as heading, *rest):
+                rate = rest[0] if rest and isinstance(rest[0], YawRate) else None
+                self._first_heading = heading, rate
+            case (Position() as position, *rest) if self._first_heading is not None:
+                heading, rate = self._first_heading
+                if position.t_ns - heading.t_ns > self._stale_ns:
+                    return
+                velocity = rest[0] if rest and isinstance(rest[0], GroundVelocity) else None
+                self.frame = LocalFrame(lat_deg=position.lat_deg, lon_deg=position.lon_deg)
+                state = self._filter.start(position, velocity, heading, rate, self.frame)
+                span_ns = round(self._config.ekf.history_s * 1e9)
+                self._history = History(self._filter.step, span_ns, position.t_ns, state)
+                self._history.add(position.t_ns, self._forcing)
+            case _:
+                pass

@@ -10,7 +10,7 @@ import numpy as np
 from asvhil.config import EstimatorConfig
 from asvhil.dynamics.protocol import Dynamics
 from asvhil.estimator import fault_recovery, measurement_model, sensor_health, validity
-from asvhil.estimator.measurement_model import Group, Reading
+from asvhil.estimator.measurement_model import Corrected, Group, Reading
 from asvhil.estimator.prediction import MAX_STEP_S, MotionModel
 from asvhil.estimator.sensor_health import Track
 from asvhil.estimator.states import (
@@ -19,7 +19,6 @@ from asvhil.estimator.states import (
     D_E,
     D_N,
     D_R,
-    DEVIATION,
     PSI,
     SIZE,
     Array,
@@ -30,12 +29,11 @@ from asvhil.estimator.states import (
     R,
     U,
     V,
-    deviation_row,
     noise_rate,
     prior,
 )
 from asvhil.geo import LocalFrame, wrap_rad
-from asvhil.types import Attitude, GnssFix, Imu
+from asvhil.types import GroundVelocity, Heading, Position, SpecificForce, YawRate
 
 MAX_GAP_S = 5.0
 SLOWEST_INERTIAL_S = 0.2  # a residual that is held for longer says nothing of the motion meanwhile
@@ -68,29 +66,37 @@ class Filter:
         self._most[[B_N - D_N, B_E - D_N]] = BIAS_SIGMA * ekf.position_bias_std_m
         self._least: Array = -self._most
         heading_rad = math.radians(ekf.heading_std_deg)
-        self._attitude_noise: Array = np.diag([heading_rad**2, ekf.yaw_rate_std_radps**2])
-        self._gnss_noise: Array = np.diag([ekf.position_std_m**2] * 2 + [ekf.velocity_std_mps**2] * 2)
+        self._variances: dict[type, list[float]] = {
+            Position: [ekf.position_std_m**2] * 2,
+            GroundVelocity: [ekf.velocity_std_mps**2] * 2,
+            Heading: [heading_rad**2],
+            YawRate: [ekf.yaw_rate_std_radps**2],
+        }
         self._eye: Array = np.eye(SIZE)
         self._frame = LocalFrame(lat_deg=0.0, lon_deg=0.0)
 
-    def start(self, m: GnssFix, attitude: Attitude, frame: LocalFrame) -> FilterState:
-        """The state at the first fix, whose position is the origin; at rest where it has no velocity."""
+    def start(
+        self,
+        position: Position,
+        velocity: GroundVelocity | None,
+        heading: Heading,
+        rate: YawRate | None,
+        frame: LocalFrame,
+    ) -> FilterState:
+        """The state at the first position, which is the origin; without a velocity or a yaw rate at rest."""
         self._frame = frame
         ekf = self._config.ekf
         x = np.zeros(SIZE)
-        x[DEVIATION] = np.radians(ekf.compass.deviation_deg)
-        psi = attitude.psi_rad
-        psi -= float(x[DEVIATION] @ deviation_row(psi))
-        c, s = math.cos(psi), math.sin(psi)
-        has_velocity = math.isfinite(m.vn_mps) and math.isfinite(m.ve_mps)
-        vn, ve = (m.vn_mps, m.ve_mps) if has_velocity else (0.0, 0.0)
-        x[PSI] = wrap_rad(psi)
-        x[R] = attitude.r_radps if math.isfinite(attitude.r_radps) else 0.0
+        c, s = math.cos(heading.psi_rad), math.sin(heading.psi_rad)
+        vn, ve = (velocity.vn_mps, velocity.ve_mps) if velocity is not None else (0.0, 0.0)
+        arm_x, arm_y = position.arm_m
+        x[PSI] = wrap_rad(heading.psi_rad)
+        x[R] = rate.r_radps if rate is not None else 0.0
         x[U], x[V] = c * vn + s * ve, -s * vn + c * ve
-        x[N], x[E] = -(c * m.arm_m[0] - s * m.arm_m[1]), -(s * m.arm_m[0] + c * m.arm_m[1])
-        state = FilterState(m.t_ns, x, np.diag(prior(ekf)), np.zeros(self._n_motor))
-        state.tracks["position"] = Track(heard_ns=m.t_ns, used_ns=m.t_ns, used=1)
-        state.tracks["heading"] = Track(heard_ns=attitude.t_ns, used_ns=attitude.t_ns, used=1)
+        x[N], x[E] = -(c * arm_x - s * arm_y), -(s * arm_x + c * arm_y)
+        state = FilterState(position.t_ns, x, np.diag(prior(ekf)), np.zeros(self._n_motor))
+        state.tracks["position"] = Track(heard_ns=position.t_ns, used_ns=position.t_ns, used=1)
+        state.tracks["heading"] = Track(heard_ns=heading.t_ns, used_ns=heading.t_ns, used=1)
         return state
 
     def step(self, before: FilterState, t_ns: int, event: Any) -> FilterState:
@@ -105,12 +111,10 @@ class Filter:
                     state.invalid_since_ns = t_ns
             case Forcing():
                 self._force(state, event)
-            case Attitude():
-                self._take(state, t_ns, measurement_model.of_attitude(state.x, event), self._attitude_noise)
-            case GnssFix():
-                self._on_gnss(state, event)
-            case Imu():
-                self._on_imu(state, event)
+            case (SpecificForce() as m,):
+                self._on_force(state, m)
+            case _:
+                self._on_correction(state, t_ns, event)
         return state
 
     # --- prediction ------------------------------------------------------------------------------------------
@@ -182,12 +186,14 @@ class Filter:
 
     # --- readings --------------------------------------------------------------------------------------------
 
-    def _on_gnss(self, state: FilterState, m: GnssFix) -> None:
-        if math.isfinite(m.vn_mps) and math.isfinite(m.ve_mps):
-            fault_recovery.travel(state, m.t_ns, m.vn_mps, m.ve_mps)
-        self._take(state, m.t_ns, measurement_model.of_gnss(state.x, m, self._frame), self._gnss_noise)
+    def _on_correction(self, state: FilterState, t_ns: int, measurements: tuple[Corrected, ...]) -> None:
+        for m in measurements:
+            if isinstance(m, GroundVelocity):
+                fault_recovery.travel(state, t_ns, m.vn_mps, m.ve_mps)
+        noise = np.diag([variance for m in measurements for variance in self._variances[type(m)]])
+        self._take(state, t_ns, measurement_model.reading_of(state.x, measurements, self._frame), noise)
 
-    def _on_imu(self, state: FilterState, m: Imu) -> None:
+    def _on_force(self, state: FilterState, m: SpecificForce) -> None:
         interval_s = (m.t_ns - state.inertial_ns) * 1e-9
         state.inertial_ns = m.t_ns
         if not (self._config.ekf.accelerometer and 0.0 < interval_s <= SLOWEST_INERTIAL_S):

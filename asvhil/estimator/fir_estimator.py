@@ -9,17 +9,16 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Sequence
 
 import numpy as np
 
 from asvhil.config import EkfConfig, FirConfig
 from asvhil.dynamics.integrate import integrate, substeps
 from asvhil.dynamics.protocol import Dynamics
-from asvhil.estimator.states import deviation_row
 from asvhil.geo import LocalFrame, body_to_ned, ned_to_body, wrap_rad
-from asvhil.types import Attitude, Estimate, GnssFix, Imu, Note
+from asvhil.types import Estimate, GroundVelocity, Heading, Measurement, Note, Position, SpecificForce, YawRate
 
-INVERSION_TURNS = 4
 MAX_GAP_S = 0.5  # between two accelerations: over a longer one nothing is integrated
 
 
@@ -45,7 +44,6 @@ class FirFilter:
 class HeldSensors:
     """Pose, velocity and yaw rate as the sensors gave them last: no filter, no gate, nothing between two readings.
 
-    A heading is freed of the deviation that the calibration of the compass has found (`estimator.ekf.compass`).
     The model's motor states are propagated, as they are in every estimator, for the controllers that need them.
     """
 
@@ -54,7 +52,6 @@ class HeldSensors:
         heading_rad = math.radians(config.heading_std_deg)
         position_m, velocity_mps = config.position_std_m, config.velocity_std_mps
         self._std = (position_m, position_m, heading_rad, velocity_mps, velocity_mps, config.yaw_rate_std_radps)
-        self._deviation_rad = np.radians(config.compass.deviation_deg)
         self._model = model
         self._input = (0.0, 0.0)
         self._motor = np.zeros(model.n_motor)
@@ -70,26 +67,22 @@ class HeldSensors:
         """The model's input moves the motor states; the wind is of no use here."""
         self._input = model_input
 
-    def on_attitude(self, m: Attitude) -> None:
-        """Take over what the source has of heading and yaw rate."""
-        if math.isfinite(m.psi_rad):
-            self._psi_rad, self._heading_ns = self._heading_of(m.psi_rad), m.t_ns
-        if math.isfinite(m.r_radps):
-            self._r_radps = m.r_radps
-
-    def on_gnss(self, m: GnssFix) -> None:
-        """Take over what the fix has of position and velocity."""
-        if math.isfinite(m.lat_deg) and math.isfinite(m.lon_deg):
-            if self.frame is None and self._fresh(self._heading_ns, m.t_ns):
-                self.frame = LocalFrame(lat_deg=m.lat_deg, lon_deg=m.lon_deg)
-            if self.frame is not None:
-                self._n_m, self._e_m = self.frame.to_ned(m.lat_deg, m.lon_deg)
-                self._position_ns = m.t_ns
-        if math.isfinite(m.vn_mps) and math.isfinite(m.ve_mps):
-            self._take_velocity(m)
-
-    def on_imu(self, m: Imu) -> None:
-        """Nothing: a GNSS measures the velocity by itself."""
+    def on_measurements(self, measurements: Sequence[Measurement]) -> None:
+        """Take over each value."""
+        for m in measurements:
+            match m:
+                case Position():
+                    self._take_position(m)
+                case GroundVelocity():
+                    self._take_velocity(m)
+                case Heading():
+                    self._psi_rad, self._heading_ns = m.psi_rad, m.t_ns
+                case YawRate():
+                    self._r_radps = m.r_radps
+                case SpecificForce():
+                    self._take_force(m)
+                case _:
+                    pass
 
     def estimate(self, t_ns: int) -> Estimate | None:
         """The readings as they stand. Not valid while position or heading is stale."""
@@ -119,16 +112,18 @@ class HeldSensors:
         """None: everything is believed."""
         return ()
 
-    def _take_velocity(self, m: GnssFix) -> None:
+    def _take_position(self, m: Position) -> None:
+        if self.frame is None and self._fresh(self._heading_ns, m.t_ns):
+            self.frame = LocalFrame(lat_deg=m.lat_deg, lon_deg=m.lon_deg)
+        if self.frame is not None:
+            self._n_m, self._e_m = self.frame.to_ned(m.lat_deg, m.lon_deg)
+            self._position_ns = m.t_ns
+
+    def _take_velocity(self, m: GroundVelocity) -> None:
         self._vn_mps, self._ve_mps = m.vn_mps, m.ve_mps
 
-    def _heading_of(self, reading_rad: float) -> float:
-        """The psi for which psi + deviation(psi) is the reading; each turn leaves a tenth of the error or less."""
-        psi_rad = reading_rad
-        if self._deviation_rad.any():
-            for _ in range(INVERSION_TURNS):
-                psi_rad = reading_rad - float(self._deviation_rad @ deviation_row(psi_rad))
-        return psi_rad
+    def _take_force(self, m: SpecificForce) -> None:
+        """Not used: a GNSS measures the velocity by itself."""
 
     def _fresh(self, at_ns: int | None, t_ns: int) -> bool:
         return at_ns is not None and t_ns - at_ns <= self._stale_ns
@@ -164,10 +159,8 @@ class FirFusion(HeldSensors):
         self._velocity_ns: int | None = None
         self._an_mps2 = self._ae_mps2 = 0.0
 
-    def on_imu(self, m: Imu) -> None:
+    def _take_force(self, m: SpecificForce) -> None:
         """Integrate one acceleration, once there is a velocity to begin from."""
-        if not (math.isfinite(m.ax_mps2) and math.isfinite(m.ay_mps2)):
-            return
         an, ae = body_to_ned(self._psi_rad, self._surge.step(m.ax_mps2), self._sway.step(m.ay_mps2))
         elapsed_s = 0.0 if self._imu_ns is None else (m.t_ns - self._imu_ns) * 1e-9
         if self._velocity_ns is not None and 0.0 < elapsed_s <= MAX_GAP_S:
@@ -175,7 +168,7 @@ class FirFusion(HeldSensors):
             self._ve_mps += 0.5 * elapsed_s * (self._ae_mps2 + ae)
         self._an_mps2, self._ae_mps2, self._imu_ns = an, ae, m.t_ns
 
-    def _take_velocity(self, m: GnssFix) -> None:
+    def _take_velocity(self, m: GroundVelocity) -> None:
         if self._velocity_ns is None:
             gain = 1.0
         else:

@@ -1,15 +1,23 @@
-"""What a compass with a gyro, and a receiver, should say in a state, and how far off it a reading of them is."""
+"""What the sensors should say in a state, and how far off it their readings are; which readings are one correction."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from asvhil.estimator.states import B_E, B_N, DEVIATION, G_R, PSI, SIZE, Array, E, N, R, U, V, deviation_row
-from asvhil.geo import LocalFrame, wrap_rad
-from asvhil.types import Attitude, GnssFix
+from asvhil.estimator.states import B_E, B_N, DEVIATION, G_R, PSI, SIZE, Array, E, N, R, U, V
+from asvhil.geo import LocalFrame, body_to_ned, wrap_rad
+from asvhil.io.sensors.compass import deviation_row
+from asvhil.types import GroundVelocity, Heading, Measurement, Position, SpecificForce, YawRate
+
+Corrected = Position | GroundVelocity | Heading | YawRate
+Correction = tuple[Corrected | SpecificForce, ...]  # one event of the filter: a pair, or one alone
+
+ROWS: dict[type, int] = {Position: 2, GroundVelocity: 2, Heading: 1, YawRate: 1}
+PAIRS = {(Position, GroundVelocity), (Heading, YawRate)}
 
 
 class Group(NamedTuple):
@@ -29,50 +37,89 @@ class Reading(NamedTuple):
     h: Array
 
 
-def of_attitude(x: Array, m: Attitude) -> Reading:
-    """Heading and yaw rate, or the one of them that the source has."""
-    has_heading, has_rate = math.isfinite(m.psi_rad), math.isfinite(m.r_radps)
-    s = x.tolist()
-    _, s1, c1, s2, c2 = row = deviation_row(s[PSI])
-    _, b, c, d, e = s[DEVIATION]
-    heading = s[PSI] + float(x[DEVIATION] @ row)
-    off = wrap_rad(m.psi_rad - heading) if has_heading else 0.0
-    rate = s[R] + s[G_R]
-    h = np.zeros((2, SIZE))
-    h[0, PSI] = 1.0 + b * c1 - c * s1 + 2.0 * (d * c2 - e * s2)
-    h[0, DEVIATION] = row
-    h[1, R] = h[1, G_R] = 1.0
+def corrections(measurements: Sequence[Measurement]) -> list[Correction]:
+    """The events that the measurements of one frame are to the filter; other records are left out.
+
+    Position and velocity of one time are one event, and so are heading and yaw rate: both are gated against the same
+    prediction, and corrected together.
+    """
+    events: list[Correction] = []
+    for m in measurements:
+        if isinstance(m, SpecificForce):
+            events.append((m,))
+        elif isinstance(m, Corrected):
+            before = events[-1][0] if events and len(events[-1]) == 1 else None
+            if before is not None and (type(before), type(m)) in PAIRS and before.t_ns == m.t_ns:
+                events[-1] = (before, m)
+            else:
+                events.append((m,))
+    return events
+
+
+def reading_of(x: Array, measurements: Sequence[Corrected], frame: LocalFrame) -> Reading:
+    """What the sensors say in one correction, held against a state."""
+    count = sum(ROWS[type(m)] for m in measurements)
+    innovation, h = np.zeros(count), np.zeros((count, SIZE))
     groups = []
-    if has_heading:
-        groups.append(Group("heading", slice(0, 1), (m.psi_rad, 0.0), (m.psi_rad - off, 0.0)))
-    if has_rate:
-        groups.append(Group("yaw_rate", slice(1, 2), (m.r_radps, 0.0), (rate, 0.0)))
-    return Reading(groups, np.array([off, m.r_radps - rate]), h)
+    first = 0
+    for m in measurements:
+        rows = slice(first, first + ROWS[type(m)])
+        match m:
+            case Position():
+                group = _position(x.tolist(), m, frame, rows, innovation[rows], h[rows])
+            case GroundVelocity():
+                group = _velocity(x.tolist(), m, rows, innovation[rows], h[rows])
+            case Heading():
+                group = _heading(x, m, rows, innovation[rows], h[rows])
+            case YawRate():
+                group = _yaw_rate(x.tolist(), m, rows, innovation[rows], h[rows])
+        groups.append(group)
+        first = rows.stop
+    return Reading(groups, innovation, h)
 
 
-def of_gnss(x: Array, m: GnssFix, frame: LocalFrame) -> Reading:
-    """Position and velocity of the antenna, or the one of them that the fix has."""
-    has_position = math.isfinite(m.lat_deg) and math.isfinite(m.lon_deg)
-    has_velocity = math.isfinite(m.vn_mps) and math.isfinite(m.ve_mps)
-    state = x.tolist()
-    c, s = math.cos(state[PSI]), math.sin(state[PSI])
-    arm_x, arm_y = m.arm_m
-    arm_n, arm_e = c * arm_x - s * arm_y, s * arm_x + c * arm_y
-    u, v = state[U] - state[R] * arm_y, state[V] + state[R] * arm_x
-    vn, ve = c * u - s * v, s * u + c * v
-    n, e = state[N] + arm_n + state[B_N], state[E] + arm_e + state[B_E]
-    h = np.zeros((4, SIZE))
+# Each writes its rows of innovation and measurement matrix.
+
+
+def _position(s: list[float], m: Position, frame: LocalFrame, rows: slice, innovation: Array, h: Array) -> Group:
+    """Of the antenna, the receiver's slow error included."""
+    arm_n, arm_e = body_to_ned(s[PSI], *m.arm_m)
+    n, e = s[N] + arm_n + s[B_N], s[E] + arm_e + s[B_E]
     h[0, N] = h[1, E] = h[0, B_N] = h[1, B_E] = 1.0
     h[0, PSI], h[1, PSI] = -arm_e, arm_n
-    h[2, PSI], h[2, U], h[2, V], h[2, R] = -ve, c, -s, -arm_e
-    h[3, PSI], h[3, U], h[3, V], h[3, R] = vn, s, c, arm_n
-    groups = []
-    innovation = np.zeros(4)
-    if has_position:
-        z_n, z_e = frame.to_ned(m.lat_deg, m.lon_deg)
-        innovation[:2] = z_n - n, z_e - e
-        groups.append(Group("position", slice(0, 2), (z_n, z_e), (n, e)))
-    if has_velocity:
-        innovation[2:] = m.vn_mps - vn, m.ve_mps - ve
-        groups.append(Group("velocity", slice(2, 4), (m.vn_mps, m.ve_mps), (vn, ve)))
-    return Reading(groups, innovation, h)
+    z_n, z_e = frame.to_ned(m.lat_deg, m.lon_deg)
+    innovation[:] = z_n - n, z_e - e
+    return Group("position", rows, (z_n, z_e), (n, e))
+
+
+def _velocity(s: list[float], m: GroundVelocity, rows: slice, innovation: Array, h: Array) -> Group:
+    """Of the antenna over ground, which moves with the turn of the boat."""
+    cos, sin = math.cos(s[PSI]), math.sin(s[PSI])
+    arm_x, arm_y = m.arm_m
+    arm_n, arm_e = body_to_ned(s[PSI], *m.arm_m)
+    u, v = s[U] - s[R] * arm_y, s[V] + s[R] * arm_x
+    vn, ve = cos * u - sin * v, sin * u + cos * v
+    h[0, PSI], h[0, U], h[0, V], h[0, R] = -ve, cos, -sin, -arm_e
+    h[1, PSI], h[1, U], h[1, V], h[1, R] = vn, sin, cos, arm_n
+    innovation[:] = m.vn_mps - vn, m.ve_mps - ve
+    return Group("velocity", rows, (m.vn_mps, m.ve_mps), (vn, ve))
+
+
+def _heading(x: Array, m: Heading, rows: slice, innovation: Array, h: Array) -> Group:
+    """With the deviation that a calibration has left."""
+    psi = float(x[PSI])
+    _, s1, c1, s2, c2 = row = deviation_row(psi)
+    _, b, c, d, e = x[DEVIATION].tolist()
+    off = wrap_rad(m.psi_rad - (psi + float(x[DEVIATION] @ row)))
+    h[0, PSI] = 1.0 + b * c1 - c * s1 + 2.0 * (d * c2 - e * s2)
+    h[0, DEVIATION] = row
+    innovation[0] = off
+    return Group("heading", rows, (m.psi_rad, 0.0), (m.psi_rad - off, 0.0))
+
+
+def _yaw_rate(s: list[float], m: YawRate, rows: slice, innovation: Array, h: Array) -> Group:
+    """With the bias of the gyro."""
+    rate = s[R] + s[G_R]
+    h[0, R] = h[0, G_R] = 1.0
+    innovation[0] = m.r_radps - rate
+    return Group("yaw_rate", rows, (m.r_radps, 0.0), (rate, 0.0))

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Protocol
 
 from asvhil.geo import LocalFrame
-from asvhil.types import Attitude, Estimate, GnssFix, Imu, Note
+from asvhil.types import Estimate, Measurement, Note
 
 
 class StateEstimator(Protocol):
-    """Measurements in, in the order of their times; the state of the boat out.
+    """Measurements in, the state of the boat out.
 
-    A measurement that lacks a part has NaN there. `frame` is the local NED frame, None before the first position with
-    a heading known; before that `estimate` gives None.
+    `frame` is the local NED frame, None before the first position with a heading known; before that `estimate` gives
+    None.
     """
 
     @property
@@ -21,11 +22,8 @@ class StateEstimator(Protocol):
     def set_forcing(self, model_input: tuple[float, float], wind_ned: tuple[float, float] | None) -> None:
         """What drives the boat from now on: the model's input, and the true wind (m/s, NED) where it is known."""
 
-    def on_attitude(self, m: Attitude) -> None: ...
-
-    def on_gnss(self, m: GnssFix) -> None: ...
-
-    def on_imu(self, m: Imu) -> None: ...
+    def on_measurements(self, measurements: Sequence[Measurement]) -> None:
+        """Take in the measurements of one frame, as the decoder gives them; kinds that it does not use are ignored."""
 
     def estimate(self, t_ns: int) -> Estimate | None:
         """The state at a time, not valid while what it needs is stale."""

@@ -2,7 +2,7 @@
 
 Position n, e (m), heading psi (rad), velocity over ground u, v (m/s, body axes), yaw rate r (rad/s); the acceleration
 that the model misses d_n, d_e (m/s^2, NED) and d_r (rad/s^2); biases of accelerometer (m/s^2, body axes), gyro (rad/s)
-and GNSS position (m, NED); and the deviation of the compass, the coefficients A to E (rad).
+and GNSS position (m, NED); and the deviation of the compass that a calibration has left, coefficients A to E (rad).
 """
 
 from __future__ import annotations
@@ -106,9 +106,3 @@ class FilterState:
         other.invalid_since_ns, other.resets = self.invalid_since_ns, self.resets
         other.started_ns, other.carries_wind = self.started_ns, self.carries_wind
         return other
-
-
-def deviation_row(psi_rad: float) -> tuple[float, ...]:
-    """What each coefficient of the compass deviation is multiplied with: 1, sin, cos, sin 2, cos 2 of the heading."""
-    c, s = math.cos(psi_rad), math.sin(psi_rad)
-    return 1.0, s, c, 2.0 * s * c, c * c - s * s

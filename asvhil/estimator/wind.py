@@ -8,7 +8,7 @@ from asvhil.config import WindFilterConfig
 from asvhil.estimator import sensor_health
 from asvhil.estimator.sensor_health import Liveliness, Track
 from asvhil.geo import body_to_ned, ned_to_body, wrap_rad
-from asvhil.types import BowWind, Estimate, Note, TrueWind, Wind, WindSample
+from asvhil.types import ApparentWind, BowWind, Estimate, Note, TrueWind, Wind
 
 CUPS = Liveliness(noise=0.03, motion=0.5)  # m/s
 VANE_TURN_RAD = math.radians(35.0)  # one and a half of the steps of a vane with 16 positions
@@ -16,14 +16,10 @@ VANE_MOVES_MPS = 1.0  # in less wind a vane may well stay where it is
 CALM_MPS = 0.5  # in less wind there is no direction to speak of
 
 
-def true_wind(sample: WindSample, estimate: Estimate, offset_rad: float = 0.0) -> tuple[float, float]:
-    """Velocity of the air over ground (m/s, NED): apparent wind by heading, plus the boat's motion.
-
-    `offset_rad` is how far the vane's zero is turned clockwise from the bow.
-    """
-    from_rad = sample.from_rad + offset_rad
-    u_air = -sample.speed_mps * math.cos(from_rad) + estimate.u_mps
-    v_air = -sample.speed_mps * math.sin(from_rad) + estimate.v_mps
+def true_wind(sample: ApparentWind, estimate: Estimate) -> tuple[float, float]:
+    """Velocity of the air over ground (m/s, NED): apparent wind by heading, plus the boat's motion."""
+    u_air = -sample.speed_mps * math.cos(sample.from_rad) + estimate.u_mps
+    v_air = -sample.speed_mps * math.sin(sample.from_rad) + estimate.v_mps
     return body_to_ned(estimate.psi_rad, u_air, v_air)
 
 
@@ -43,7 +39,6 @@ class WindFilter:
 
     def __init__(self, config: WindFilterConfig) -> None:
         self._config = config
-        self._offset_rad = math.radians(config.vane_offset_deg)
         self._t_ns: int | None = None
         self._vn = self._ve = self._variance = 0.0
         self._leap_ns: int | None = None  # since when each sample has been far from the wind so far
@@ -55,7 +50,7 @@ class WindFilter:
         self._vane_expected_rad = 0.0
         self._stuck = ""
 
-    def on_sample(self, sample: WindSample, estimate: Estimate) -> None:
+    def on_apparent_wind(self, sample: ApparentWind, estimate: Estimate) -> None:
         """Take in one anemometer sample with the estimate of its time; one of a stuck sensor is not used."""
         if not (math.isfinite(sample.speed_mps) and math.isfinite(sample.from_rad)):
             return
@@ -65,12 +60,12 @@ class WindFilter:
             return
         if was_stuck:
             self._t_ns = None  # what it has told meanwhile is worth nothing
-        self._take(sample.t_ns, *true_wind(sample, estimate, self._offset_rad))
+        self._take(sample.t_ns, *true_wind(sample, estimate))
 
     def on_bow_wind(self, sample: BowWind, estimate: Estimate) -> None:
         """Take in true wind that is told from the bow: the instrument knows the boat's motion, not its heading."""
-        from_rad = sample.from_rad + self._offset_rad
-        ahead, abeam = -sample.speed_mps * math.cos(from_rad), -sample.speed_mps * math.sin(from_rad)
+        ahead = -sample.speed_mps * math.cos(sample.from_rad)
+        abeam = -sample.speed_mps * math.sin(sample.from_rad)
         self._take(sample.t_ns, *body_to_ned(estimate.psi_rad, ahead, abeam))
 
     def on_true_wind(self, sample: TrueWind) -> None:
@@ -136,7 +131,7 @@ class WindFilter:
         self._leap_ns = t_ns if self._leap_ns is None else self._leap_ns
         return t_ns - self._leap_ns >= config.leap_after_s * 1e9
 
-    def _why_stuck(self, sample: WindSample, estimate: Estimate) -> str:
+    def _why_stuck(self, sample: ApparentWind, estimate: Estimate) -> str:
         """What of the anemometer does not move though it should, in words; empty where nothing is wrong.
 
         Cups: the same speed to the last bit, from a sensor that used to be noisy. Vane: the same direction, while the
@@ -153,7 +148,7 @@ class WindFilter:
             return "stuck"
         return "vane stuck" if self._vane_stuck(sample, estimate, after_ns) else ""
 
-    def _vane_stuck(self, sample: WindSample, estimate: Estimate, after_ns: int) -> bool:
+    def _vane_stuck(self, sample: ApparentWind, estimate: Estimate, after_ns: int) -> bool:
         if self._t_ns is None:
             return False
         if sample.from_rad != self._vane_rad:

@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from asvhil.backseat.build import build_link, build_model, build_sensors
+from asvhil.backseat.build import build_decoder, build_model
 from asvhil.config import CompassConfig, Config, PwmConfig
 from asvhil.controller.pwm import command_of_pulse
 from asvhil.errors import AsvhilError
@@ -25,11 +25,10 @@ from asvhil.estimator.ekf import Ekf
 from asvhil.estimator.states import DEVIATION
 from asvhil.estimator.wind import WindFilter
 from asvhil.geo import body_to_ned, ned_to_body, wrap_2pi, wrap_rad
-from asvhil.io.sensors.sources import SourceSelector
 from asvhil.logs.encoding import decode_outputs
 from asvhil.logs.reader import LogFile
 from asvhil.logs.replay import config_of, recorded_model
-from asvhil.types import Attitude, Estimate, FrontseatStatus, GnssFix, Imu, Outputs, WindSample, record
+from asvhil.types import ApparentWind, Estimate, FrontseatStatus, Outputs, record
 
 COEFFICIENTS = ("A, constant", "B, sin psi", "C, cos psi", "D, sin 2 psi", "E, cos 2 psi")
 UNKNOWN_DEG = 10.0  # standard deviation of each coefficient before the log
@@ -91,35 +90,27 @@ def calibrate(path: Path, on_tick: Callable[[int], None] = lambda ticks: None) -
     config = _unknown(config_of(log, path))
     with recorded_model(log, path) as file:
         ekf = Ekf(config.estimator, build_model(config, file))
-    link, codecs = build_link(config), build_sensors(config)
-    selector = SourceSelector(config.sources.resolved(config.links), config.sources.return_after_s)
-    readers = {"autopilot": link.read, **{port: codec.read for port, codec in codecs.items()}}
+    decoder = build_decoder(config)
     wind, vane, headings = WindFilter(config.estimator.wind), _Vane(), _Headings()
     status: FrontseatStatus | None = None
     first_ns = last_ns = 0
     for ticks, (inputs, recorded) in enumerate(log.ticks(), start=1):
         first_ns, last_ns = first_ns or inputs.t_ns, inputs.t_ns
         for frame in inputs.frames:
-            reader = readers.get(frame.port)
-            for message, measurement in reader(frame) if reader else ():
-                for m in selector.select(frame.port, message, measurement):
-                    match m:
-                        case Attitude():
-                            ekf.on_attitude(m)
-                        case GnssFix():
-                            ekf.on_gnss(m)
-                        case Imu():
-                            ekf.on_imu(m)
-                        case FrontseatStatus():
-                            status = m
-                        case WindSample():
-                            estimate = ekf.estimate(m.t_ns)
-                            if estimate is not None:
-                                wind.on_sample(m, estimate)
-                                if m.t_ns - first_ns > SETTLED_S * 1e9:
-                                    vane.take(m, estimate)
-                        case _:
-                            pass
+            measurements = decoder.decode(frame)
+            ekf.on_measurements(measurements)
+            for m in measurements:
+                match m:
+                    case FrontseatStatus():
+                        status = m
+                    case ApparentWind():
+                        estimate = ekf.estimate(m.t_ns)
+                        if estimate is not None:
+                            wind.on_apparent_wind(m, estimate)
+                            if m.t_ns - first_ns > SETTLED_S * 1e9:
+                                vane.take(m, estimate)
+                    case _:
+                        pass
         estimate = ekf.estimate(inputs.t_ns)
         if estimate is not None:
             headings.take(estimate)
@@ -153,7 +144,7 @@ def calibrate(path: Path, on_tick: Callable[[int], None] = lambda ticks: None) -
 
 
 def _unknown(config: Config) -> Config:
-    """The config of a log, with a compass and a vane of which nothing is known."""
+    """The config of a log, with a compass and a vane of which nothing is known: its decoder gives raw readings."""
     estimator = config.estimator
     ekf = estimator.ekf.model_copy(update={"compass": CompassConfig(std_deg=UNKNOWN_DEG)})
     wind = estimator.wind.model_copy(update={"vane_offset_deg": 0.0})
@@ -197,7 +188,7 @@ class _Vane:
         self._p = np.diag([100.0, 100.0, 1.0])
         self._t_ns: int | None = None
 
-    def take(self, sample: WindSample, estimate: Estimate) -> None:
+    def take(self, sample: ApparentWind, estimate: Estimate) -> None:
         """One sample of the apparent wind with the boat's motion at its time."""
         if not (math.isfinite(sample.speed_mps) and math.isfinite(sample.from_rad)):
             return

@@ -2,31 +2,16 @@
 
 from __future__ import annotations
 
-import math
 from collections import Counter, deque
-from collections.abc import Mapping
 from typing import Any
 
 from asvhil.autopilot.requirements import Finding
-from asvhil.backseat.build import build_firmware_watch, build_link, build_sensors
+from asvhil.backseat.build import build_firmware_watch, build_link
 from asvhil.config import QUANTITIES, Config, Quantity, SourceConfig
 from asvhil.io.mavlink.frames import Parser, decode, dialect, message_id, source
-from asvhil.io.sensors.protocol import SensorCodec
-from asvhil.types import (
-    Attitude,
-    BowWind,
-    Frame,
-    FrontseatStatus,
-    GnssFix,
-    Imu,
-    Inputs,
-    Measurement,
-    Note,
-    TimeOffset,
-    TrueWind,
-    WindSample,
-    record,
-)
+from asvhil.io.sensors.decoder import Decoder
+from asvhil.io.sensors.sources import quantity_of
+from asvhil.types import Frame, FrontseatStatus, Inputs, Measurement, Note, TimeOffset, record
 
 S = 1_000_000_000
 LEAST_SETTLE_NS = 3 * S  # of asking for streams, before rates are counted
@@ -34,13 +19,6 @@ MOST_SETTLE_NS = 12 * S
 COUNT_NS = 5 * S
 ASK_VERSION_NS = S
 ASK_VERSION_TIMES = 5
-SPEAKS_OF = {  # the value of a measurement that a quantity is
-    "position": "lat_deg",
-    "velocity": "vn_mps",
-    "heading": "psi_rad",
-    "yaw_rate": "r_radps",
-    "acceleration": "ax_mps2",
-}
 
 # All that a preflight may say; whatever else a profile would send is kept back.
 ALLOWED = frozenset(
@@ -70,7 +48,7 @@ class Survey:
     def __init__(self, config: Config) -> None:
         self.config = config
         self.link = build_link(config)
-        self._sensors: Mapping[str, SensorCodec] = build_sensors(config)
+        self._decoder = Decoder.from_config(config, self.link.receive)
         self._firmware = build_firmware_watch(config)
         self._sources: dict[Quantity, tuple[SourceConfig, ...]] = config.sources.resolved(config.links)
         self._wanted = {name: getattr(dialect, f"MAVLINK_MSG_ID_{name}") for name in config.links.autopilot.streams_hz}
@@ -80,7 +58,6 @@ class Survey:
         self._t_ns = 0
         self._heard_ns: int | None = None
         self._count_ns: int | None = None
-        self._end_ns: int | None = None
         self._counts: Counter[int] = Counter()
         self._valid: dict[tuple[Quantity, str], deque[int]] = {}
         self._version_asked_ns: int | None = None
@@ -124,7 +101,7 @@ class Survey:
                 self._counts.clear()
                 self._valid.clear()
         out = [frame for frame in self.link.poll(t_ns) if _may_be_said(frame.data)]
-        return out + self._ask_version(t_ns) + self._firmware.poll(t_ns)
+        return out + self._ask_version(t_ns) + self._firmware.data_to_send(t_ns)
 
     def fix(self) -> list[Finding]:
         """Have every wrong parameter written that has a value to be written; `fixing` until all were read back."""
@@ -189,14 +166,12 @@ class Survey:
             self.bytes_heard += len(frame.data)
             self._look(frame)
         if frame.port == self._firmware.port:
-            self._firmware.read(frame)
-        codec = self._sensors.get(frame.port)
-        reader = self.link.read if frame.port == "autopilot" else codec.read if codec is not None else None
-        for message, measurement in reader(frame) if reader is not None else ():
+            self._firmware.receive(frame)
+        for name, measurement in self._decoder.decode_every_source(frame):
             if isinstance(measurement, FrontseatStatus):
                 self.status = measurement
             elif self.stage == "counting":
-                self._note(f"{frame.port}.{message}", measurement)
+                self._note(name, measurement)
 
     def _look(self, frame: Frame) -> None:
         """What the link itself has no use for."""
@@ -222,9 +197,9 @@ class Survey:
                 self._heard_ns = frame.t_ns if self._heard_ns is None else self._heard_ns
 
     def _note(self, name: str, measurement: Measurement) -> None:
-        for quantity, sources in self._sources.items():
-            if any(s.name == name for s in sources) and _is_of(quantity, measurement):
-                self._valid.setdefault((quantity, name), deque()).append(measurement.t_ns)
+        quantity = quantity_of(measurement)
+        if quantity is not None and any(source.name == name for source in self._sources[quantity]):
+            self._valid.setdefault((quantity, name), deque()).append(measurement.t_ns)
 
     def _ask_version(self, t_ns: int) -> list[Frame]:
         if self._heard_ns is None or self.version is not None or self._version_times >= ASK_VERSION_TIMES:
@@ -260,13 +235,3 @@ def _may_be_said(data: bytes) -> bool:
         return msg_id in ALLOWED
     message = decode(data)
     return message is not None and message.command in ALLOWED_COMMANDS
-
-
-def _is_of(quantity: Quantity, m: Measurement) -> bool:
-    """Whether a measurement has a valid value of a quantity."""
-    if quantity == "wind":
-        return isinstance(m, WindSample | BowWind | TrueWind)
-    kinds = {"position": GnssFix, "velocity": GnssFix, "heading": Attitude, "acceleration": Imu}
-    kind = kinds.get(quantity)
-    right = isinstance(m, Attitude | Imu) if kind is None else isinstance(m, kind)
-    return right and math.isfinite(getattr(m, SPEAKS_OF[quantity]))

@@ -12,24 +12,27 @@ from pathlib import Path
 
 import pytest
 
-from asvhil.backseat.build import build_sensors
+from asvhil.backseat.build import build_decoder
 from asvhil.config import load_config
 from asvhil.errors import AsvhilError
 from asvhil.estimator.wind import WindFilter
 from asvhil.io.sensors.firmware import FIRMWARE as NAME
 from asvhil.io.sensors.firmware import QUERY, VERSION, FirmwareWatch
 from asvhil.io.sensors.nmea import NmeaCodec
-from asvhil.io.sensors.sources import SourceSelector
 from asvhil.links.endpoint import open_endpoint
 from asvhil.logs.encoding import decode_outputs
 from asvhil.logs.reader import LogFile
 from asvhil.simplant.boat.arduino import SimulatedArduino
-from asvhil.types import Estimate, Frame, WindSample
+from asvhil.types import ApparentWind, Estimate, Frame
 from tests.support.arduino_driver import BUILD, FIRMWARE, Board
 
 
 def sentence(body: str) -> bytes:
     return f"${body}*{functools.reduce(operator.xor, body.encode(), 0):02X}\r\n".encode()
+
+
+def winds(codec: NmeaCodec, frame: Frame) -> list[ApparentWind]:
+    return [m for _, m in codec.decode(frame) if isinstance(m, ApparentWind)]
 
 
 def test_daemon_and_firmware_agree_on_name_and_version() -> None:
@@ -41,7 +44,7 @@ def test_daemon_and_firmware_agree_on_name_and_version() -> None:
 async def test_the_daemons_serial_endpoint_reads_the_board(uno: Path) -> None:
     """Simulated time, a real pseudo terminal: every sentence arrives, also after the port was closed and opened."""
     codec, watch = NmeaCodec("anemometer"), FirmwareWatch("anemometer", NAME)
-    samples: list[WindSample] = []
+    samples: list[ApparentWind] = []
     with Board(uno) as board:
         board.tell("wind 7.5 292.5")
         for round_ in range(2):
@@ -52,8 +55,8 @@ async def test_the_daemons_serial_endpoint_reads_the_board(uno: Path) -> None:
             samples.clear()
             while len(samples) < expected:
                 frame = await asyncio.wait_for(port.recv(), 5.0)
-                samples += codec.decode(frame)
-                watch.read(frame)
+                samples += winds(codec, frame)
+                watch.receive(frame)
             await port.close()
             board.run(3.0)  # nobody listens: this is lost, not kept for the next reader
     assert dict(codec.counters())["anemometer.bad"] == 0
@@ -65,7 +68,7 @@ async def test_the_daemons_serial_endpoint_reads_the_board(uno: Path) -> None:
 @pytest.mark.real_time
 async def test_in_real_time_the_wind_of_the_weather_blows_on_the_board(uno: Path) -> None:
     codec = NmeaCodec("anemometer")
-    samples: list[WindSample] = []
+    samples: list[ApparentWind] = []
     with SimulatedArduino(BUILD) as board:
         weather = await open_endpoint(f"udpout:127.0.0.1:{board.udp_port}", "weather", lambda: 0)
         port = await open_endpoint(f"serial:{board.pty}:115200", "anemometer", lambda: 0)
@@ -73,7 +76,7 @@ async def test_in_real_time_the_wind_of_the_weather_blows_on_the_board(uno: Path
             await weather.send(sentence("WIMWV,91.0,R,12.00,M,A"))
             for _ in range(5000):  # a serial port gives a few bytes at a time
                 frame = await asyncio.wait_for(port.recv(), 10.0)
-                samples += codec.decode(frame)
+                samples += winds(codec, frame)
                 if samples and abs(samples[-1].speed_mps - 12.0) < 0.02:
                     break
             assert samples and abs(samples[-1].speed_mps - 12.0) < 0.02
@@ -162,8 +165,7 @@ def test_sitl_with_the_firmware_end_to_end(tmp_path: Path) -> None:
 def test_status_v_marks_the_wind_invalid(uno: Path) -> None:
     """A good vane and then an open one, as the board tells them: the daemon's wind is valid, and then no longer."""
     config = load_config("sitl")
-    codec = build_sensors(config)["anemometer"]
-    selector = SourceSelector(config.sources.resolved(config.links), config.sources.return_after_s)
+    decoder = build_decoder(config)
     wind = WindFilter(config.estimator.wind)
     still = dict.fromkeys(("n_m", "e_m", "psi_rad", "u_mps", "v_mps", "r_radps"), 0.0)
     with Board(uno) as board:
@@ -176,12 +178,11 @@ def test_status_v_marks_the_wind_invalid(uno: Path) -> None:
         t_ns = round(t_s * 1e9)
         frame = Frame(t_ns=t_ns, port="anemometer", data=sentence(text[1:]))
         estimate = Estimate(t_ns=t_ns, motor=(), std=(), disturbance=(0.0, 0.0, 0.0), valid=True, **still)
-        for message, measurement in codec.read(frame):
-            for chosen in selector.select("anemometer", message, measurement):
-                assert isinstance(chosen, WindSample)
-                wind.on_sample(chosen, estimate)
+        for measurement in decoder.decode(frame):
+            assert isinstance(measurement, ApparentWind)
+            wind.on_apparent_wind(measurement, estimate)
         now = wind.wind(t_ns)
         valid.append(now is not None and now.valid)
     assert valid[12] and not valid[-1]
-    assert dict(selector.current(round(board.lines[-1][0] * 1e9)))["wind"] == ""
-    assert dict(codec.counters())["anemometer.invalid"] >= 25
+    assert dict(decoder.sources(round(board.lines[-1][0] * 1e9)))["wind"] == ""
+    assert dict(decoder.counters())["anemometer.invalid"] >= 25

@@ -33,7 +33,7 @@ class FirmwareWatch:
         self._asked_ns: int | None = None
         self._told: tuple[str, str, str] | None = None  # name, version, what made it start
 
-    def read(self, frame: Frame) -> None:
+    def receive(self, frame: Frame) -> None:
         """Look for a version sentence in one chunk of the stream; what is none, or damaged, is left alone."""
         self._heard = True
         *lines, rest = (self._buffer + frame.data).split(b"\n")
@@ -46,7 +46,7 @@ class FirmwareWatch:
             start = self._told[2] if told[2] == "request" and self._told is not None else told[2]
             self._told = (told[0], told[1], start)
 
-    def poll(self, t_ns: int) -> list[Frame]:
+    def data_to_send(self, t_ns: int) -> list[Frame]:
         """The question, every 2 s until it is answered, once anything was heard on the port."""
         if self._expected is None or self._told is not None or not self._heard:
             return []

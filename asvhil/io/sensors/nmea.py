@@ -18,7 +18,8 @@ from asvhil.io.sensors.nmea_sentences import (
     Compass,
     variation_of,
 )
-from asvhil.types import Frame, Measurement, WindSample
+from asvhil.io.sensors.protocol import NamedMeasurement
+from asvhil.types import Frame
 
 __all__ = ["APPARENT_WIND", "EVERYTHING", "KNOTS_TO_MPS", "MAX_LINE", "TO_MPS", "NmeaCodec"]
 
@@ -47,20 +48,15 @@ class NmeaCodec:
         self.invalid = 0
         self.ignored = 0
 
-    def read(self, frame: Frame) -> list[tuple[str, Measurement]]:
-        """Measurements in one chunk of the stream, each with the name of its source."""
+    def decode(self, frame: Frame) -> list[NamedMeasurement]:
+        """Measurements in one chunk of the stream, each with the name of its sentence."""
         lines = (self._buffer + frame.data).split(b"\n")
         rest = lines.pop()
         if len(rest) > MAX_LINE:
             self.bad += 1
             rest = b""
         self._buffer = rest
-        found = (self._sentence(frame.t_ns, line) for line in lines)
-        return [pair for pair in found if pair is not None]
-
-    def decode(self, frame: Frame) -> list[WindSample]:
-        """The apparent wind alone."""
-        return [measurement for _, measurement in self.read(frame) if isinstance(measurement, WindSample)]
+        return [named for line in lines for named in self._sentence(frame.t_ns, line)]
 
     def counters(self) -> tuple[tuple[str, int], ...]:
         """Cumulative counts of what came in and what was dropped."""
@@ -71,29 +67,27 @@ class NmeaCodec:
             (f"{self._port}.ignored", self.ignored),
         )
 
-    def _sentence(self, t_ns: int, line: bytes) -> tuple[str, Measurement] | None:
+    def _sentence(self, t_ns: int, line: bytes) -> list[NamedMeasurement]:
         start = line.rfind(b"$")
         if start < 0 or len(line) - start > MAX_LINE:
             self.bad += bool(line.strip())
-            return None
+            return []
         try:
             message = NMEAReader.parse(line[start:].rstrip() + b"\r\n")
             source = _source(message)
             if source is None or source not in self._wanted:
                 self.sentences += 1
                 self.ignored += 1
-                return None
+                return []
             if self._listens_for_variation and source in VARIATION:
                 self._listen(message)
-            measurement = DECODERS[source](t_ns, message, self._compass)
+            found = DECODERS[source](t_ns, message, self._compass)
         except Exception:  # the parser's many errors on hostile bytes all mean one thing: a bad line
             self.bad += 1
-            return None
+            return []
         self.sentences += 1
-        if measurement is None:
-            self.invalid += 1
-            return None
-        return source, measurement
+        self.invalid += not found
+        return [(source, measurement) for measurement in found]
 
     def _listen(self, message: NMEAMessage) -> None:
         variation_rad = variation_of(message)

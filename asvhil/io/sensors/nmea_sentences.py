@@ -1,19 +1,20 @@
 """What NMEA 0183 sentences of GNSS receivers, compasses and anemometers mean, as measurements. No state, no framing.
 
-A function per sentence takes the time and the fields as pynmeagps names them, and gives a measurement, or None where
-the instrument itself does not stand by its values. ValueError on values that cannot be: the parser knows the fields,
-but takes latitude 100, an empty hemisphere (as north or east) and `inf`, so whatever is used is checked here.
+A function per sentence takes the time and the fields as pynmeagps names them, and gives the measurements in it, none
+where the instrument itself marks its values as not valid. ValueError on values that cannot be: the parser knows the
+fields, but takes latitude 100, an empty hemisphere (as north or east) and `inf`, so whatever is used is checked here.
 """
 
 from __future__ import annotations
 
-import calendar
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from asvhil.geo import is_place
-from asvhil.types import Attitude, BowWind, GnssFix, Measurement, TrueWind, UtcTime, WindSample, record
+from asvhil.types import ApparentWind, BowWind, GroundVelocity, Heading, Measurement, Position, TrueWind, record
+
+Found = Sequence[Measurement]
 
 KNOTS_TO_MPS = 1852.0 / 3600.0
 TO_MPS = {"M": 1.0, "N": KNOTS_TO_MPS, "K": 1.0 / 3.6, "S": 0.44704}
@@ -71,85 +72,84 @@ def _speed(value: Any, letter: Any, expected: str) -> float | None:
     return speed
 
 
-def _velocity(speed_mps: float | None, course_deg: float | None) -> tuple[float, float]:
-    """North and east velocity; NaN where it is not known."""
+def _velocity(t_ns: int, speed_mps: float | None, course_deg: float | None) -> tuple[GroundVelocity, ...]:
+    """The velocity of a speed and a course over ground; empty where it is not known."""
     if speed_mps is None or speed_mps < 0.0:
-        return math.nan, math.nan
+        return ()
     if course_deg is None:
-        return (0.0, 0.0) if speed_mps < SLOW_MPS else (math.nan, math.nan)
-    return speed_mps * math.cos(math.radians(course_deg)), speed_mps * math.sin(math.radians(course_deg))
+        return (GroundVelocity(t_ns=t_ns, vn_mps=0.0, ve_mps=0.0),) if speed_mps < SLOW_MPS else ()
+    course_rad = math.radians(course_deg)
+    vn_mps, ve_mps = speed_mps * math.cos(course_rad), speed_mps * math.sin(course_rad)
+    return (GroundVelocity(t_ns=t_ns, vn_mps=vn_mps, ve_mps=ve_mps),)
 
 
-def _gga(t_ns: int, m: Any, compass: Compass) -> Measurement | None:
+def _gga(t_ns: int, m: Any, compass: Compass) -> Found:
     if int(_number(m.quality)) in NO_FIX_QUALITIES:
-        return None
+        return ()
     lat_deg, lon_deg = _place(m)
-    return GnssFix(t_ns=t_ns, lat_deg=lat_deg, lon_deg=lon_deg, vn_mps=math.nan, ve_mps=math.nan, h_acc_m=math.nan)
+    return (Position(t_ns=t_ns, lat_deg=lat_deg, lon_deg=lon_deg),)
 
 
-def _rmc(t_ns: int, m: Any, compass: Compass) -> Measurement | None:
+def _rmc(t_ns: int, m: Any, compass: Compass) -> Found:
     if m.status != "A" or getattr(m, "posMode", "A") in NO_FIX_MODES:
-        return None
+        return ()
     lat_deg, lon_deg = _place(m)
     knots = _optional(m.spd)
-    vn_mps, ve_mps = _velocity(None if knots is None else knots * KNOTS_TO_MPS, _optional(m.cog))
-    return GnssFix(t_ns=t_ns, lat_deg=lat_deg, lon_deg=lon_deg, vn_mps=vn_mps, ve_mps=ve_mps, h_acc_m=math.nan)
+    velocity = _velocity(t_ns, None if knots is None else knots * KNOTS_TO_MPS, _optional(m.cog))
+    return (Position(t_ns=t_ns, lat_deg=lat_deg, lon_deg=lon_deg), *velocity)
 
 
-def _vtg(t_ns: int, m: Any, compass: Compass) -> Measurement | None:
+def _vtg(t_ns: int, m: Any, compass: Compass) -> Found:
     if (getattr(m, "posMode", "A") or "A") in NO_FIX_MODES:
-        return None
+        return ()
     knots, km_h = _speed(m.sogn, m.sognUnit, "N"), _speed(m.sogk, m.sogkUnit, "K")
     speed_mps = km_h / 3.6 if knots is None and km_h is not None else None if knots is None else knots * KNOTS_TO_MPS
     course_deg = _direction(m.cogt, m.cogtUnit, "T")
     magnetic_deg = _direction(m.cogm, m.cogmUnit, "M")
     if course_deg is None and magnetic_deg is not None and compass.declination_rad is not None:
         course_deg = magnetic_deg + math.degrees(compass.declination_rad)
-    vn_mps, ve_mps = _velocity(speed_mps, course_deg)
-    if math.isnan(vn_mps):
-        return None
-    return GnssFix(t_ns=t_ns, lat_deg=math.nan, lon_deg=math.nan, vn_mps=vn_mps, ve_mps=ve_mps, h_acc_m=math.nan)
+    return _velocity(t_ns, speed_mps, course_deg)
 
 
-def _heading(t_ns: int, degrees: float) -> Measurement:
-    return Attitude(t_ns=t_ns, psi_rad=math.radians(degrees % 360.0), r_radps=math.nan)
+def _heading(t_ns: int, degrees: float) -> Found:
+    return (Heading(t_ns=t_ns, psi_rad=math.radians(degrees % 360.0)),)
 
 
-def _hdt(t_ns: int, m: Any, compass: Compass) -> Measurement | None:
+def _hdt(t_ns: int, m: Any, compass: Compass) -> Found:
     degrees = _direction(m.headingT, m.headingTu, "T")
-    return None if degrees is None else _heading(t_ns, degrees)
+    return () if degrees is None else _heading(t_ns, degrees)
 
 
-def _hdm(t_ns: int, m: Any, compass: Compass) -> Measurement | None:
+def _hdm(t_ns: int, m: Any, compass: Compass) -> Found:
     degrees = _direction(m.headingM, m.headingMag, "M")
     if degrees is None or compass.declination_rad is None:
-        return None
+        return ()
     return _heading(t_ns, degrees + math.degrees(compass.declination_rad))
 
 
-def _hdg(t_ns: int, m: Any, compass: Compass) -> Measurement | None:
+def _hdg(t_ns: int, m: Any, compass: Compass) -> Found:
     degrees = _optional(m.headingM)
     declination_rad = variation_of(m)
     if declination_rad is None:
         declination_rad = compass.declination_rad
     if degrees is None or declination_rad is None:
-        return None
+        return ()
     deviation_deg = 0.0 if m.deviation == "" else _signed(m.deviation, m.deviationEW, "E", "W")
     return _heading(t_ns, degrees + deviation_deg + math.degrees(declination_rad))
 
 
-def _mwv(t_ns: int, m: Any, compass: Compass) -> Measurement | None:
+def _mwv(t_ns: int, m: Any, compass: Compass) -> Found:
     scale = TO_MPS.get(str(m.speedu))
     if m.status != "A" or scale is None:
-        return None
+        return ()
     angle, speed = float(m.angle), float(m.speed)
     if not (math.isfinite(angle) and math.isfinite(speed)) or speed < 0.0:
-        return None
-    kind = WindSample if m.reference == "R" else BowWind
-    return kind(t_ns=t_ns, speed_mps=speed * scale, from_rad=math.radians(angle % 360.0))
+        return ()
+    kind = ApparentWind if m.reference == "R" else BowWind
+    return (kind(t_ns=t_ns, speed_mps=speed * scale, from_rad=math.radians(angle % 360.0)),)
 
 
-def _mwd(t_ns: int, m: Any, compass: Compass) -> Measurement | None:
+def _mwd(t_ns: int, m: Any, compass: Compass) -> Found:
     from_deg, magnetic_deg = _direction(m.dirT, m.dirTu, "T"), _direction(m.dirM, m.dirMu, "M")
     if from_deg is None and magnetic_deg is not None and compass.declination_rad is not None:
         from_deg = magnetic_deg + math.degrees(compass.declination_rad)
@@ -157,19 +157,9 @@ def _mwd(t_ns: int, m: Any, compass: Compass) -> Measurement | None:
     if speed_mps is None and knots is not None:
         speed_mps = knots * KNOTS_TO_MPS
     if from_deg is None or speed_mps is None or speed_mps < 0.0:
-        return None
+        return ()
     toward_rad = math.radians(from_deg) + math.pi
-    return TrueWind(t_ns=t_ns, vn_mps=speed_mps * math.cos(toward_rad), ve_mps=speed_mps * math.sin(toward_rad))
-
-
-def _zda(t_ns: int, m: Any, compass: Compass) -> Measurement | None:
-    if "" in (m.time, m.day, m.month, m.year):
-        return None
-    year, month, day = int(m.year), int(m.month), int(m.day)
-    if not 1 <= day <= calendar.monthrange(year, month)[1]:
-        raise ValueError("no such day")
-    seconds = calendar.timegm((year, month, day, m.time.hour, m.time.minute, m.time.second))
-    return UtcTime(t_ns=t_ns, utc_ns=seconds * 1_000_000_000 + m.time.microsecond * 1000)
+    return (TrueWind(t_ns=t_ns, vn_mps=speed_mps * math.cos(toward_rad), ve_mps=speed_mps * math.sin(toward_rad)),)
 
 
 def variation_of(m: Any) -> float | None:
@@ -181,14 +171,13 @@ def variation_of(m: Any) -> float | None:
     return None if value == "" or side == "" else math.radians(_signed(value, side, "E", "W"))
 
 
-DECODERS: dict[str, Callable[[int, Any, Compass], Measurement | None]] = {
+DECODERS: dict[str, Callable[[int, Any, Compass], Found]] = {
     "GGA": _gga,
     "RMC": _rmc,
     "VTG": _vtg,
     "HDT": _hdt,
     "HDM": _hdm,
     "HDG": _hdg,
-    "ZDA": _zda,
     "MWV": _mwv,  # reference R: apparent
     "MWV_T": _mwv,  # reference T: true, but from the bow
     "MWD": _mwd,

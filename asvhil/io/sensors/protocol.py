@@ -1,4 +1,4 @@
-"""What every sensor codec offers."""
+"""The interface of a sensor codec."""
 
 from __future__ import annotations
 
@@ -7,10 +7,14 @@ from typing import Protocol
 
 from asvhil.types import Frame, Measurement
 
+NamedMeasurement = tuple[str, Measurement]  # with the name of the message that it came in
+
 
 class SensorCodec(Protocol):
-    """What turns the bytes of a sensor's port into measurements, each with the name of the message it came in."""
+    """Turns the bytes of a sensor's port into measurements. Never raises on bad bytes: it drops and counts them."""
 
-    def read(self, frame: Frame) -> Sequence[tuple[str, Measurement]]: ...
+    def decode(self, frame: Frame) -> Sequence[NamedMeasurement]:
+        """(message name, measurement) of all in one chunk of the stream, in the order of the bytes."""
 
-    def counters(self) -> tuple[tuple[str, int], ...]: ...
+    def counters(self) -> tuple[tuple[str, int], ...]:
+        """Cumulative counts of what came in and what was dropped."""

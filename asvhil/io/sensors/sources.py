@@ -5,12 +5,50 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 from asvhil.config import Quantity, SourceConfig
-from asvhil.types import Attitude, BowWind, GnssFix, Imu, Measurement, TrueWind, UtcTime, WindSample, record
+from asvhil.types import (
+    ApparentWind,
+    BowWind,
+    GroundVelocity,
+    Heading,
+    Measurement,
+    Position,
+    SpecificForce,
+    TrueWind,
+    YawRate,
+    record,
+)
 
 NS_PER_S = 1_000_000_000
+
+
+class Kind(NamedTuple):
+    """The quantity that a record is a measurement of, and the fields that must be finite."""
+
+    quantity: Quantity
+    fields: tuple[str, ...]
+
+
+KINDS: Mapping[type, Kind] = {
+    Position: Kind("position", ("lat_deg", "lon_deg")),
+    GroundVelocity: Kind("velocity", ("vn_mps", "ve_mps")),
+    Heading: Kind("heading", ("psi_rad",)),
+    YawRate: Kind("yaw_rate", ("r_radps",)),
+    SpecificForce: Kind("acceleration", ("ax_mps2", "ay_mps2")),
+    ApparentWind: Kind("wind", ("speed_mps", "from_rad")),
+    BowWind: Kind("wind", ("speed_mps", "from_rad")),
+    TrueWind: Kind("wind", ("vn_mps", "ve_mps")),
+}
+
+
+def quantity_of(m: Measurement) -> Quantity | None:
+    """The quantity of which a measurement has a valid value; None for an invalid one, and for what is no sensor's."""
+    kind = KINDS.get(type(m))
+    if kind is None or not all(math.isfinite(getattr(m, field)) for field in kind.fields):
+        return None
+    return kind.quantity
 
 
 @record
@@ -73,9 +111,9 @@ class Choice:
 
 
 class SourceSelector:
-    """Every measurement passes here: parts of it whose source is not the one in use are taken out.
+    """Every measurement passes here: those whose source is not the one in use are left out.
 
-    A pure function of the measurements and of the times in them. What passes whole is the same object as came in.
+    A pure function of the measurements and of the times in them.
     """
 
     def __init__(self, sources: Mapping[Quantity, tuple[SourceConfig, ...]], return_after_s: float) -> None:
@@ -88,22 +126,17 @@ class SourceSelector:
             if source.delay_s or any(source.arm_m)
         }
 
-    def select(self, link: str, message: str, m: Measurement) -> list[Measurement]:
-        """What is left of a measurement from a message of a link; what is no sensor's passes."""
-        name = f"{link}.{message}"
-        match m:
-            case GnssFix():
-                return self._fix(name, m)
-            case Attitude():
-                return self._attitude(name, m)
-            case Imu():
-                return self._imu(name, m)
-            case WindSample() | BowWind() | TrueWind():
-                return [self._placed("wind", name, m)] if self._offer("wind", m.t_ns, name) else []
-            case UtcTime():
-                return []
-            case _:
-                return [m]
+    def select(self, name: str, m: Measurement) -> Measurement | None:
+        """A measurement of the source `name` (LINK.MESSAGE), at the time and the place at which it holds.
+
+        None where another source is in use, or the value is not valid. The autopilot's status passes as it is.
+        """
+        if type(m) not in KINDS:
+            return m
+        quantity = quantity_of(m)
+        if quantity is None or not self._choices[quantity].offer(m.t_ns, name):
+            return None
+        return self._placed(quantity, name, m)
 
     def current(self, t_ns: int) -> tuple[tuple[str, str], ...]:
         """The source in use for each quantity, empty where none is heard."""
@@ -119,10 +152,6 @@ class SourceSelector:
                 self._shown[quantity] = name
         return changed
 
-    def _offer(self, quantity: Quantity, t_ns: int, name: str, *values: float) -> bool:
-        """Whether these values, if they are numbers, are those in use."""
-        return all(math.isfinite(value) for value in values) and self._choices[quantity].offer(t_ns, name)
-
     def _placed(self, quantity: Quantity, name: str, m: Measurement) -> Measurement:
         """A measurement at the time and the place at which it holds."""
         place = self._places.get((quantity, name))
@@ -130,38 +159,6 @@ class SourceSelector:
             return m
         delay_ns, arm_m = place
         changes: dict[str, Any] = {"t_ns": m.t_ns - delay_ns}
-        if isinstance(m, GnssFix | Imu):
+        if isinstance(m, Position | GroundVelocity | SpecificForce):
             changes["arm_m"] = arm_m
         return dataclasses.replace(m, **changes)
-
-    def _fix(self, name: str, m: GnssFix) -> list[Measurement]:
-        position = self._offer("position", m.t_ns, name, m.lat_deg, m.lon_deg)
-        velocity = self._offer("velocity", m.t_ns, name, m.vn_mps, m.ve_mps)
-        if not (position or velocity):
-            return []
-        if not position and math.isfinite(m.lat_deg):
-            m = dataclasses.replace(m, lat_deg=math.nan, lon_deg=math.nan)
-        if not velocity and math.isfinite(m.vn_mps):
-            m = dataclasses.replace(m, vn_mps=math.nan, ve_mps=math.nan)
-        return [self._placed("position" if position else "velocity", name, m)]
-
-    def _attitude(self, name: str, m: Attitude) -> list[Measurement]:
-        heading = self._offer("heading", m.t_ns, name, m.psi_rad)
-        rate = self._offer("yaw_rate", m.t_ns, name, m.r_radps)
-        if not (heading or rate):
-            return []
-        if not heading and math.isfinite(m.psi_rad):
-            m = dataclasses.replace(m, psi_rad=math.nan)
-        if not rate and math.isfinite(m.r_radps):
-            m = dataclasses.replace(m, r_radps=math.nan)
-        return [self._placed("heading" if heading else "yaw_rate", name, m)]
-
-    def _imu(self, name: str, m: Imu) -> list[Measurement]:
-        """Specific force as it is; a yaw rate that is in use goes on as an attitude without heading."""
-        found: list[Measurement] = []
-        if self._offer("yaw_rate", m.t_ns, name, m.r_radps):
-            rate = Attitude(t_ns=m.t_ns, psi_rad=math.nan, r_radps=m.r_radps)
-            found.append(self._placed("yaw_rate", name, rate))
-        if self._offer("acceleration", m.t_ns, name, m.ax_mps2, m.ay_mps2):
-            found.append(self._placed("acceleration", name, m))
-        return found

@@ -18,7 +18,7 @@ from types import TracebackType
 
 from asvhil.errors import AsvhilError
 from asvhil.io.sensors.nmea import NmeaCodec
-from asvhil.types import Frame
+from asvhil.types import ApparentWind, Frame
 
 TREE = Path(__file__).resolve().parents[3]
 FOLDER = TREE / "tests" / "firmware" / "build"
@@ -104,7 +104,9 @@ class SimulatedArduino:
                 data = self._socket.recv(4096)
             except TimeoutError:
                 continue
-            for sample in codec.decode(Frame(t_ns=0, port="weather", data=data)):
+            for _, sample in codec.decode(Frame(t_ns=0, port="weather", data=data)):
+                if not isinstance(sample, ApparentWind):
+                    continue
                 speed_mps, degrees = min(sample.speed_mps, HARNESS_MAX_MPS), math.degrees(sample.from_rad)
                 try:
                     os.write(self._child.stdin.fileno(), f"wind {speed_mps:.3f} {degrees:.2f}\n".encode())

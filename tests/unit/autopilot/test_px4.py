@@ -6,7 +6,7 @@ from asvhil.autopilot.px4 import Px4Autopilot
 from asvhil.config import AutopilotLinkConfig, PwmConfig
 from asvhil.config.autopilots import MODES, px4_custom_mode
 from asvhil.io.mavlink.frames import FrameSplitter, decode, dialect
-from asvhil.types import Attitude, Frame, FrontseatStatus, GnssFix, Measurement
+from asvhil.types import Frame, FrontseatStatus, GroundVelocity, Heading, Measurement, Position, YawRate
 
 MS, S = 1_000_000, 1_000_000_000
 CONFIG = AutopilotLinkConfig(endpoint="udpin:127.0.0.1:0", profile="px4", streams_hz={"ATTITUDE": 20.0})
@@ -19,7 +19,7 @@ def link() -> Px4Autopilot:
 
 def feed(px4: Px4Autopilot, *messages: object, t_ns: int = 5) -> list[Measurement]:
     data = b"".join(bytes(message.pack(PX4)) for message in messages)  # type: ignore[attr-defined]
-    return px4.decode(Frame(t_ns=t_ns, port="autopilot", data=data))
+    return [measurement for _, measurement in px4.receive(Frame(t_ns=t_ns, port="autopilot", data=data))]
 
 
 def sent(frames: list[Frame], name: str) -> list[object]:
@@ -69,9 +69,9 @@ def test_positions_and_attitudes_count_once_the_estimator_has_a_position() -> No
     attitude = dialect.MAVLink_attitude_message(1, 0, 0, -2.5, 0, 0, 0.125)
     assert feed(px4, POSITION, attitude) == []
     assert feed(px4, estimator(1 | 16 | 128), POSITION)[1:] == []  # constant position mode: it only pretends
-    status, fix, psi = feed(px4, estimator(831), POSITION, attitude)
+    status, *found = feed(px4, estimator(831), POSITION, attitude)
     assert isinstance(status, FrontseatStatus) and status.ready
-    assert isinstance(fix, GnssFix) and isinstance(psi, Attitude)
+    assert [type(m) for m in found] == [Position, GroundVelocity, Heading, YawRate]
     status, _ = feed(px4, estimator(1), POSITION)[0], None
     assert isinstance(status, FrontseatStatus) and not status.ready
 

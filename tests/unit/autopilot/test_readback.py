@@ -38,7 +38,7 @@ def recorded() -> list[Event]:
             assert message is not None
             if message.get_type() == "RC_CHANNELS_OVERRIDE" and message.chan1_raw:
                 events.append((t_ns, "sent", (message.chan1_raw, message.chan3_raw)))
-        for _, status in link.read(Frame(t_ns=t_ns, port="autopilot", data=data)):
+        for _, status in link.receive(Frame(t_ns=t_ns, port="autopilot", data=data)):
             if isinstance(status, FrontseatStatus):
                 if status.rc_ns == t_ns:
                     events.append((t_ns, "rc", (status.rc_us[0], status.rc_us[2])))

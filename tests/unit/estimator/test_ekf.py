@@ -9,7 +9,7 @@ from asvhil.config import Config, load_config
 from asvhil.dynamics.rigid_body import SimplifiedDynamics
 from asvhil.estimator.ekf import Ekf
 from asvhil.geo import LocalFrame
-from asvhil.types import Attitude, Estimate, GnssFix, Imu
+from asvhil.types import Estimate, GroundVelocity, Heading, Measurement, Position, SpecificForce, YawRate
 
 SHIPPED = load_config("sitl")
 CONFIG = load_config("sitl", ("estimator.ekf.position_bias_std_m=0",))  # position is what the receiver says
@@ -21,15 +21,19 @@ def make(config: Config = CONFIG) -> Ekf:
     return Ekf(config.estimator, SimplifiedDynamics(config.vehicle.vessel))
 
 
-def fix(t_ns: int, n: float, e: float, vn: float = 0.0, ve: float = 0.0) -> GnssFix:
+def fix(t_ns: int, n: float, e: float, vn: float = 0.0, ve: float = 0.0) -> list[Measurement]:
     lat, lon = ORIGIN.to_geodetic(n, e)
-    return GnssFix(t_ns=t_ns, lat_deg=lat, lon_deg=lon, vn_mps=vn, ve_mps=ve, h_acc_m=0.1)
+    return [Position(t_ns=t_ns, lat_deg=lat, lon_deg=lon, h_acc_m=0.1), GroundVelocity(t_ns=t_ns, vn_mps=vn, ve_mps=ve)]
+
+
+def attitude(t_ns: int, psi: float, r: float) -> list[Measurement]:
+    return [Heading(t_ns=t_ns, psi_rad=psi), YawRate(t_ns=t_ns, r_radps=r)]
 
 
 def started(t_ns: int = 0, psi: float = 0.0, config: Config = CONFIG) -> Ekf:
     ekf = make(config)
-    ekf.on_attitude(Attitude(t_ns=t_ns, psi_rad=psi, r_radps=0.0))
-    ekf.on_gnss(fix(t_ns, 0.0, 0.0))
+    ekf.on_measurements(attitude(t_ns, psi, 0.0))
+    ekf.on_measurements(fix(t_ns, 0.0, 0.0))
     return ekf
 
 
@@ -41,12 +45,12 @@ def now(ekf: Ekf, t_ns: int) -> Estimate:
 
 def test_nothing_before_position_and_heading() -> None:
     ekf = make()
-    ekf.on_gnss(fix(0, 0.0, 0.0))
+    ekf.on_measurements(fix(0, 0.0, 0.0))
     assert ekf.estimate(0) is None
-    ekf.on_attitude(Attitude(t_ns=0, psi_rad=1.0, r_radps=0.0))
+    ekf.on_measurements(attitude(0, 1.0, 0.0))
     assert ekf.estimate(0) is None
-    ekf.on_gnss(fix(S // 10, 0.0, 0.0))
-    assert now(ekf, S // 10).psi_rad == pytest.approx(1.0) and ekf.started
+    ekf.on_measurements(fix(S // 10, 0.0, 0.0))
+    assert now(ekf, S // 10).psi_rad == pytest.approx(1.0)
 
 
 def drive(
@@ -56,13 +60,11 @@ def drive(
     for tick in range(1, round(seconds * 20) + 1):
         t_s = start_s + tick / 20
         t_ns = round(t_s * S)
-        ekf.on_attitude(
-            Attitude(t_ns=t_ns, psi_rad=psi + rng.normal(0, math.radians(0.25)), r_radps=rng.normal(0, 0.009))
-        )
+        ekf.on_measurements(attitude(t_ns, psi + rng.normal(0, math.radians(0.25)), rng.normal(0, 0.009)))
         if tick % 2 == 0:
             n, e = speed * t_s * math.cos(psi), speed * t_s * math.sin(psi)
             vn, ve = speed * math.cos(psi) + rng.normal(0, 0.05), speed * math.sin(psi) + rng.normal(0, 0.05)
-            ekf.on_gnss(fix(t_ns, n + rng.normal(0, 0.07), e + rng.normal(0, 0.07), vn, ve))
+            ekf.on_measurements(fix(t_ns, n + rng.normal(0, 0.07), e + rng.normal(0, 0.07), vn, ve))
 
 
 def test_it_finds_a_straight_line_through_noise_and_knows_how_well() -> None:
@@ -90,10 +92,10 @@ def still(ekf: Ekf, start_s: float, seconds: float, rng: np.random.Generator, n:
     """A boat at rest whose receiver says (n, e): noisy attitude at 20 Hz, noisy fixes at 10 Hz."""
     for tick in range(1, round(seconds * 20) + 1):
         t_ns = round((start_s + tick / 20) * S)
-        ekf.on_attitude(Attitude(t_ns=t_ns, psi_rad=rng.normal(0, 0.004), r_radps=rng.normal(0, 0.009)))
+        ekf.on_measurements(attitude(t_ns, rng.normal(0, 0.004), rng.normal(0, 0.009)))
         if tick % 2 == 0:
             dn, de, vn, ve = rng.normal(0, 0.05, 4)
-            ekf.on_gnss(fix(t_ns, n + dn, e + de, vn, ve))
+            ekf.on_measurements(fix(t_ns, n + dn, e + de, vn, ve))
         ekf.predict(t_ns)
 
 
@@ -142,13 +144,13 @@ def test_a_push_that_only_the_receiver_has_seen_is_followed(
         t_s = tick / 20
         t_ns = round(t_s * S)
         push = speed if t_s > 10.0 else 0.0
-        ekf.on_attitude(Attitude(t_ns=t_ns, psi_rad=rng.normal(0, 0.004), r_radps=rng.normal(0, 0.009)))
+        ekf.on_measurements(attitude(t_ns, rng.normal(0, 0.004), rng.normal(0, 0.009)))
         dn, de, vn, ve = rng.normal(0, 0.05, 4)
         if accelerometer:
             ax, ay = rng.normal(0, 0.02, 2)
-            ekf.on_imu(Imu(t_ns=t_ns, ax_mps2=ax, ay_mps2=ay, r_radps=math.nan))
+            ekf.on_measurements([SpecificForce(t_ns=t_ns, ax_mps2=ax, ay_mps2=ay)])
         if tick % 2 == 0:
-            ekf.on_gnss(fix(t_ns, push * (t_s - 10.0) + dn, de, push + vn, ve))
+            ekf.on_measurements(fix(t_ns, push * (t_s - 10.0) + dn, de, push + vn, ve))
     end = now(ekf, t_ns)
     assert end.u_mps == pytest.approx(speed, abs=0.25) and end.n_m == pytest.approx(speed * 9.95, abs=within_m)
     assert ekf.resets == resets and end.valid
@@ -161,7 +163,7 @@ def test_without_fixes_it_dead_reckons_for_as_long_as_it_knows_where_it_is() -> 
     valid_for_s = 0.0
     for tick in range(1, 20 * 60):
         t_ns = 20 * S + tick * S // 20
-        ekf.on_attitude(Attitude(t_ns=t_ns, psi_rad=rng.normal(0, 0.004), r_radps=rng.normal(0, 0.009)))
+        ekf.on_measurements(attitude(t_ns, rng.normal(0, 0.004), rng.normal(0, 0.009)))
         at = now(ekf, t_ns)
         if at.valid:
             assert max(at.std[:2]) <= CONFIG.estimator.trust.position_std_max_m
@@ -182,9 +184,9 @@ def test_it_is_not_valid_once_nothing_is_left_to_bridge_with(silent: str) -> Non
     for tick in range(1, 30):
         t_ns = 5 * S + tick * S // 20
         if silent == "position and yaw rate":
-            ekf.on_attitude(Attitude(t_ns=t_ns, psi_rad=0.0, r_radps=math.nan))
+            ekf.on_measurements([Heading(t_ns=t_ns, psi_rad=0.0)])
         if silent == "heading and yaw rate":
-            ekf.on_gnss(fix(t_ns, 0.01 * tick % 0.03, 0.0))
+            ekf.on_measurements(fix(t_ns, 0.01 * tick % 0.03, 0.0))
     assert not now(ekf, 5 * S + 29 * S // 20).valid
 
 
@@ -192,16 +194,14 @@ def test_heading_across_south_does_not_swing_round() -> None:
     ekf = started(psi=math.pi - 0.01)
     for tick in range(1, 40):
         psi = math.pi - 0.01 + 0.001 * tick
-        ekf.on_attitude(Attitude(t_ns=tick * S // 20, psi_rad=(psi + math.pi) % (2 * math.pi) - math.pi, r_radps=0.02))
+        ekf.on_measurements(attitude(tick * S // 20, (psi + math.pi) % (2 * math.pi) - math.pi, 0.02))
     assert abs(now(ekf, 2 * S).psi_rad) == pytest.approx(math.pi - 0.029, abs=0.005) and ekf.rejected["heading"] == 0
 
 
-def test_numbers_that_are_none_late_frames_and_gaps_do_no_harm() -> None:
+def test_late_frames_and_gaps_do_no_harm() -> None:
     ekf = started()
-    ekf.on_gnss(fix(S, math.nan, 0.0))
-    ekf.on_attitude(Attitude(t_ns=S, psi_rad=math.nan, r_radps=0.0))
-    ekf.on_attitude(Attitude(t_ns=S, psi_rad=0.0, r_radps=0.0))
-    ekf.on_attitude(Attitude(t_ns=S // 2, psi_rad=0.0, r_radps=0.0))  # from the past
+    ekf.on_measurements(attitude(S, 0.0, 0.0))
+    ekf.on_measurements(attitude(S // 2, 0.0, 0.0))  # from the past
     ekf.predict(100_000 * S)
     assert all(map(math.isfinite, (now(ekf, 100_000 * S).n_m, *now(ekf, 100_000 * S).std)))
 

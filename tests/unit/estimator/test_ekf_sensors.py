@@ -10,7 +10,7 @@ from asvhil.dynamics.rigid_body import SimplifiedDynamics
 from asvhil.estimator.ekf import Ekf
 from asvhil.estimator.states import A_X, A_Y, G_R
 from asvhil.geo import LocalFrame
-from asvhil.types import Attitude, Estimate, GnssFix, Imu
+from asvhil.types import Estimate, GroundVelocity, Heading, Position, SpecificForce, YawRate
 
 CONFIG = load_config("sitl")
 ORIGIN = LocalFrame(lat_deg=40.4, lon_deg=-86.9)
@@ -29,18 +29,19 @@ def spin(ekf: Ekf, seconds: float, rate: float, *, antenna: tuple[float, float] 
         t_s = tick / 20
         t_ns, psi = round(t_s * S), rate * t_s
         c, s = math.cos(psi), math.sin(psi)
-        ekf.on_attitude(Attitude(t_ns=t_ns, psi_rad=psi + rng.normal(0, 0.004), r_radps=rate + bias[2]))
+        heading = Heading(t_ns=t_ns, psi_rad=psi + rng.normal(0, 0.004))
+        ekf.on_measurements([heading, YawRate(t_ns=t_ns, r_radps=rate + bias[2])])
         # Centripetal: towards the origin from where the accelerometer is.
         ax, ay = -(rate**2) * imu[0] + bias[0], -(rate**2) * imu[1] + bias[1]
         noise = rng.normal(0, 0.02, 2)
         arm = imu if told else (0.0, 0.0)
-        ekf.on_imu(Imu(t_ns=t_ns, ax_mps2=ax + noise[0], ay_mps2=ay + noise[1], r_radps=math.nan, arm_m=arm))
+        ekf.on_measurements([SpecificForce(t_ns=t_ns, ax_mps2=ax + noise[0], ay_mps2=ay + noise[1], arm_m=arm)])
         if tick % 4 == 0:
             n, e = c * antenna[0] - s * antenna[1], s * antenna[0] + c * antenna[1]
             lat, lon = ORIGIN.to_geodetic(n, e)
-            fix = GnssFix(t_ns=t_ns, lat_deg=lat, lon_deg=lon, vn_mps=-rate * e, ve_mps=rate * n, h_acc_m=0.1,
-                          arm_m=antenna if told else (0.0, 0.0))  # fmt: skip
-            ekf.on_gnss(fix)
+            arm = antenna if told else (0.0, 0.0)
+            position = Position(t_ns=t_ns, lat_deg=lat, lon_deg=lon, arm_m=arm)
+            ekf.on_measurements([position, GroundVelocity(t_ns=t_ns, vn_mps=-rate * e, ve_mps=rate * n, arm_m=arm)])
         ekf.set_forcing((thrust, -thrust), (0.0, 0.0))
     found = ekf.estimate(round(seconds * S))
     assert found is not None and ekf.frame is not None
@@ -81,8 +82,9 @@ def test_biases_of_accelerometer_and_gyro_are_found() -> None:
 
 def test_a_wind_that_is_lost_and_found_again_leaves_the_prediction_as_it_was() -> None:
     ekf = make()
-    ekf.on_attitude(Attitude(t_ns=0, psi_rad=0.4, r_radps=0.0))
-    ekf.on_gnss(GnssFix(t_ns=0, lat_deg=40.4, lon_deg=-86.9, vn_mps=0.0, ve_mps=0.0, h_acc_m=0.1))
+    ekf.on_measurements([Heading(t_ns=0, psi_rad=0.4), YawRate(t_ns=0, r_radps=0.0)])
+    position = Position(t_ns=0, lat_deg=40.4, lon_deg=-86.9)
+    ekf.on_measurements([position, GroundVelocity(t_ns=0, vn_mps=0.0, ve_mps=0.0)])
     ekf.set_forcing((0.1, 0.1), (5.0, 2.0))
     ekf.predict(S)
     assert ekf.state is not None

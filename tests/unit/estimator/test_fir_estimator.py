@@ -15,26 +15,37 @@ from asvhil.geo import LocalFrame
 from asvhil.logs.replay import replay
 from asvhil.simplant.lockstep import Lockstep
 from asvhil.sitl import run_lockstep
-from asvhil.types import Attitude, Estimate, GnssFix, Imu, Phase, WindSample
+from asvhil.types import (
+    ApparentWind,
+    Estimate,
+    GroundVelocity,
+    Heading,
+    Measurement,
+    Phase,
+    Position,
+    SpecificForce,
+    YawRate,
+)
 
 CONFIG = load_config("sitl")
 MODEL = SimplifiedDynamics(CONFIG.vehicle.vessel)
 ORIGIN = LocalFrame(lat_deg=40.4, lon_deg=-86.9)
-NAN = math.nan
 MS = 1_000_000
 
 
-def heading(t_ms: int, degrees: float, r_radps: float = NAN) -> Attitude:
-    return Attitude(t_ns=t_ms * MS, psi_rad=math.radians(degrees), r_radps=r_radps)
+def heading(t_ms: int, degrees: float, r_radps: float | None = None) -> list[Measurement]:
+    found: list[Measurement] = [Heading(t_ns=t_ms * MS, psi_rad=math.radians(degrees))]
+    return found if r_radps is None else [*found, YawRate(t_ns=t_ms * MS, r_radps=r_radps)]
 
 
-def fix(t_ms: int, n: float = 0.0, e: float = 0.0, vn: float = 0.0, ve: float = 0.0) -> GnssFix:
+def fix(t_ms: int, n: float = 0.0, e: float = 0.0, vn: float = 0.0, ve: float = 0.0) -> list[Measurement]:
     lat, lon = ORIGIN.to_geodetic(n, e)
-    return GnssFix(t_ns=t_ms * MS, lat_deg=lat, lon_deg=lon, vn_mps=vn, ve_mps=ve, h_acc_m=0.1)
+    position = Position(t_ns=t_ms * MS, lat_deg=lat, lon_deg=lon, h_acc_m=0.1)
+    return [position, GroundVelocity(t_ns=t_ms * MS, vn_mps=vn, ve_mps=ve)]
 
 
-def force(t_ms: int, ax: float, ay: float = 0.0) -> Imu:
-    return Imu(t_ns=t_ms * MS, ax_mps2=ax, ay_mps2=ay, r_radps=NAN)
+def force(t_ms: int, ax: float, ay: float = 0.0) -> list[Measurement]:
+    return [SpecificForce(t_ns=t_ms * MS, ax_mps2=ax, ay_mps2=ay)]
 
 
 def raw() -> HeldSensors:
@@ -46,8 +57,8 @@ def fir(taps: int = 1, fusion_time_s: float = 1.0) -> FirFusion:
 
 
 def begun(estimator: HeldSensors, degrees: float = 0.0, vn: float = 0.0, ve: float = 0.0) -> HeldSensors:
-    estimator.on_attitude(heading(0, degrees))
-    estimator.on_gnss(fix(0, vn=vn, ve=ve))
+    estimator.on_measurements(heading(0, degrees))
+    estimator.on_measurements(fix(0, vn=vn, ve=ve))
     return estimator
 
 
@@ -81,27 +92,27 @@ def test_constant_acceleration_is_integrated_in_the_direction_of_the_bow() -> No
     """Heading east, 0.2 m/s^2 along the bow for 2 s after the first reading: 0.4 m/s east, which is surge."""
     estimator = begun(fir(), 90.0)
     for t_ms in range(0, 2001, 50):
-        estimator.on_imu(force(t_ms, 0.2))
+        estimator.on_measurements(force(t_ms, 0.2))
     estimate = at(estimator, 2000)
     assert (estimate.u_mps, estimate.v_mps) == pytest.approx((0.4, 0.0), abs=1e-12)
-    estimator.on_attitude(heading(2000, 0.0))  # the same motion seen by a boat that points north: all of it sway
+    estimator.on_measurements(heading(2000, 0.0))  # the same motion seen by a boat that points north: all of it sway
     assert (at(estimator, 2000).u_mps, at(estimator, 2000).v_mps) == pytest.approx((0.0, 0.4), abs=1e-12)
 
 
 def test_the_trapezoidal_rule_between_two_accelerations() -> None:
     """0 then 1 m/s^2, 0.1 s apart: 0.05 m/s; a gap beyond 0.5 s adds nothing."""
     estimator = begun(fir())
-    estimator.on_imu(force(0, 0.0))
-    estimator.on_imu(force(100, 1.0))
+    estimator.on_measurements(force(0, 0.0))
+    estimator.on_measurements(force(100, 1.0))
     assert at(estimator, 100).u_mps == pytest.approx(0.05)
-    estimator.on_imu(force(700, 1.0))
+    estimator.on_measurements(force(700, 1.0))
     assert at(estimator, 700).u_mps == pytest.approx(0.05)
 
 
 def test_a_fix_pulls_the_velocity_by_its_share() -> None:
     """T = 1 s and 0.2 s between fixes: 1 - exp(-0.2) = 0.18127 of the difference."""
     estimator = begun(fir(), vn=1.0)
-    estimator.on_gnss(fix(200, vn=2.0))
+    estimator.on_measurements(fix(200, vn=2.0))
     assert at(estimator, 200).u_mps == pytest.approx(1.18127, abs=1e-5)
 
 
@@ -109,60 +120,48 @@ def test_a_biased_accelerometer_ends_near_the_fusion_time_times_its_bias() -> No
     """0.05 m/s^2 for 0.2 s adds 0.01: before each fix of 0 m/s it is 0.01 / 0.18127 = 0.0552, after it 0.0452."""
     estimator = begun(fir())
     for t_ms in range(0, 20001, 50):
-        estimator.on_imu(force(t_ms, 0.05))
+        estimator.on_measurements(force(t_ms, 0.05))
         if t_ms % 200 == 0 and t_ms:
             before = at(estimator, t_ms).u_mps
-            estimator.on_gnss(fix(t_ms))
+            estimator.on_measurements(fix(t_ms))
     assert before == pytest.approx(0.05517, abs=2e-5)
     assert at(estimator, 20000).u_mps == pytest.approx(0.04517, abs=2e-5)
 
 
 def test_no_acceleration_before_a_velocity_is_known() -> None:
     estimator = fir()
-    estimator.on_imu(force(0, 1.0))
-    estimator.on_imu(force(100, 1.0))
-    estimator.on_imu(Imu(t_ns=150 * MS, ax_mps2=NAN, ay_mps2=0.0, r_radps=NAN))
-    estimator.on_attitude(heading(200, 0.0))
-    estimator.on_gnss(fix(200, vn=0.7))
+    estimator.on_measurements(force(0, 1.0))
+    estimator.on_measurements(force(100, 1.0))
+    estimator.on_measurements(heading(200, 0.0))
+    estimator.on_measurements(fix(200, vn=0.7))
     assert at(estimator, 200).u_mps == pytest.approx(0.7)
 
 
 @pytest.mark.parametrize("make", [raw, fir])
 def test_pose_is_the_last_reading(make) -> None:
     estimator = make()
-    estimator.on_gnss(fix(0, 1.0, 1.0))
+    estimator.on_measurements(fix(0, 1.0, 1.0))
     assert estimator.estimate(0) is None and estimator.frame is None  # no heading yet
-    estimator.on_attitude(heading(10, 350.0, 0.1))
-    estimator.on_gnss(fix(20))
-    estimator.on_gnss(fix(220, 3.0, -4.0))
-    estimator.on_attitude(heading(300, 30.0))  # a compass: no yaw rate, the last one stays
+    estimator.on_measurements(heading(10, 350.0, 0.1))
+    estimator.on_measurements(fix(20))
+    estimator.on_measurements(fix(220, 3.0, -4.0))
+    estimator.on_measurements(heading(300, 30.0))  # a compass: no yaw rate, the last one stays
     estimate = at(estimator, 400)
     assert (estimate.n_m, estimate.e_m, math.degrees(estimate.psi_rad)) == pytest.approx((3.0, -4.0, 30.0), abs=1e-6)
     assert estimate.r_radps == 0.1 and estimate.valid and estimate.disturbance == (0.0, 0.0, 0.0)
     assert at(estimator, 1300).valid is False  # 1 s after the last fix
-    estimator.on_gnss(fix(1300, 23.0, -4.0))  # 20 m away at once: believed
+    estimator.on_measurements(fix(1300, 23.0, -4.0))  # 20 m away at once: believed
     assert at(estimator, 1300).n_m == pytest.approx(23.0, abs=1e-6) and at(estimator, 1300).valid
     assert at(estimator, 1301).valid is False  # 1 s after the last heading
 
 
 def test_raw_velocity_is_the_last_fix_turned_by_the_heading() -> None:
     estimator = begun(raw(), 90.0, vn=0.3, ve=1.0)
-    estimator.on_imu(force(0, 5.0))
-    estimator.on_imu(force(100, 5.0))
+    estimator.on_measurements(force(0, 5.0))
+    estimator.on_measurements(force(100, 5.0))
     assert (at(estimator, 100).u_mps, at(estimator, 100).v_mps) == pytest.approx((1.0, -0.3))
-    estimator.on_gnss(GnssFix(t_ns=150 * MS, lat_deg=NAN, lon_deg=NAN, vn_mps=0.0, ve_mps=2.0, h_acc_m=NAN))
+    estimator.on_measurements([GroundVelocity(t_ns=150 * MS, vn_mps=0.0, ve_mps=2.0)])
     assert at(estimator, 150).u_mps == pytest.approx(2.0)
-
-
-def test_the_deviation_that_a_calibration_has_found_is_taken_out() -> None:
-    """A 3 and C 4: a boat that points north reads 3 + 4 = 7; one that points to 120 reads 120 + 3 - 2 = 121."""
-    compass = CONFIG.estimator.ekf.compass.model_copy(update={"deviation_deg": (3.0, 0.0, 4.0, 0.0, 0.0)})
-    estimator = HeldSensors(CONFIG.estimator.ekf.model_copy(update={"compass": compass}), MODEL)
-    estimator.on_attitude(heading(0, 7.0))
-    estimator.on_gnss(fix(0))
-    assert math.degrees(at(estimator, 0).psi_rad) == pytest.approx(0.0, abs=1e-3)
-    estimator.on_attitude(heading(10, 121.0))
-    assert math.degrees(at(estimator, 10).psi_rad) == pytest.approx(120.0, abs=1e-3)
 
 
 def test_motor_states_follow_the_models_lag() -> None:
@@ -199,7 +198,7 @@ def test_the_loop_runs_and_replays_on_it(kind: str, tmp_path: Path) -> None:
 def test_the_wind_is_the_last_sample_where_readings_are_used_as_they_come(kind: str, share: float) -> None:
     """Bow north, 4 m/s from ahead; then 6 m/s 0.2 s later, of which the speed's low-pass takes 1 - exp(-0.2 / 0.5)."""
     boat, wind = at(begun(raw()), 0), build_wind(config(kind).estimator)
-    wind.on_sample(WindSample(t_ns=0, speed_mps=4.0, from_rad=0.0), boat)
-    wind.on_sample(WindSample(t_ns=200 * MS, speed_mps=6.0, from_rad=0.0), boat)
+    wind.on_apparent_wind(ApparentWind(t_ns=0, speed_mps=4.0, from_rad=0.0), boat)
+    wind.on_apparent_wind(ApparentWind(t_ns=200 * MS, speed_mps=6.0, from_rad=0.0), boat)
     seen = wind.wind(200 * MS)
     assert seen is not None and seen.vn_mps == pytest.approx(-4.0 - 2.0 * share, abs=1e-3)

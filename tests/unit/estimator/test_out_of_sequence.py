@@ -13,7 +13,7 @@ from asvhil.dynamics.rigid_body import SimplifiedDynamics
 from asvhil.estimator.ekf import Ekf
 from asvhil.estimator.out_of_sequence import History
 from asvhil.geo import LocalFrame
-from asvhil.types import Attitude, Estimate, GnssFix, Imu
+from asvhil.types import Estimate, GroundVelocity, Heading, Measurement, Position, SpecificForce, YawRate
 
 CONFIG = load_config("sitl", ("estimator.ekf.compass={std_deg: 3, walk_deg: 0.1}",))
 MODEL = SimplifiedDynamics(CONFIG.vehicle.vessel)
@@ -45,39 +45,38 @@ def test_what_is_kept_is_bounded() -> None:
     assert history.state == 5000
 
 
-def readings(seed: int) -> list[Attitude | GnssFix | Imu]:
+Readings = list[Measurement]
+
+
+def readings(seed: int) -> list[Readings]:
     """Two seconds of noisy sensors of a boat that turns, no two at the same time; some readings are far off."""
     rng = np.random.default_rng(seed)
-    found: list[Attitude | GnssFix | Imu] = []
+    found: list[Readings] = []
     for k in range(1, 41):
         t_ns = k * 50 * MS
         psi = 0.3 + 0.02 * k + rng.normal(0, 0.01) + (1.0 if rng.random() < 0.1 else 0.0)
-        found.append(Attitude(t_ns=t_ns, psi_rad=psi, r_radps=0.4 + rng.normal(0, 0.01)))
-        found.append(Imu(t_ns=t_ns + 7 * MS, ax_mps2=rng.normal(0, 0.1), ay_mps2=rng.normal(0, 0.1), r_radps=math.nan))
+        found.append([Heading(t_ns=t_ns, psi_rad=psi), YawRate(t_ns=t_ns, r_radps=0.4 + rng.normal(0, 0.01))])
+        found.append([SpecificForce(t_ns=t_ns + 7 * MS, ax_mps2=rng.normal(0, 0.1), ay_mps2=rng.normal(0, 0.1))])
         if k % 4 == 0:
             n, e, vn, ve = rng.normal(0, 0.1, 4) + (20.0 if rng.random() < 0.2 else 0.0)
             lat, lon = ORIGIN.to_geodetic(n, e)
-            found.append(GnssFix(t_ns=t_ns - 11 * MS, lat_deg=lat, lon_deg=lon, vn_mps=vn, ve_mps=ve, h_acc_m=0.1))
+            t_ns -= 11 * MS
+            position = Position(t_ns=t_ns, lat_deg=lat, lon_deg=lon)
+            found.append([position, GroundVelocity(t_ns=t_ns, vn_mps=vn, ve_mps=ve)])
     return found
 
 
-def run(arrivals: list[tuple[int, Attitude | GnssFix | Imu]]) -> tuple[Ekf, Estimate]:
+def run(arrivals: list[tuple[int, Readings]]) -> tuple[Ekf, Estimate]:
     """Each reading handed over in the first tick of 50 ms after its arrival, a new forcing in each tick."""
     ekf = Ekf(CONFIG.estimator, MODEL)
-    ekf.on_attitude(Attitude(t_ns=0, psi_rad=0.3, r_radps=0.4))
-    ekf.on_gnss(GnssFix(t_ns=0, lat_deg=ORIGIN.lat_deg, lon_deg=ORIGIN.lon_deg, vn_mps=0.0, ve_mps=0.0, h_acc_m=0.1))
+    ekf.on_measurements([Heading(t_ns=0, psi_rad=0.3), YawRate(t_ns=0, r_radps=0.4)])
+    position = Position(t_ns=0, lat_deg=ORIGIN.lat_deg, lon_deg=ORIGIN.lon_deg)
+    ekf.on_measurements([position, GroundVelocity(t_ns=0, vn_mps=0.0, ve_mps=0.0)])
     waiting = sorted(arrivals, key=lambda one: one[0])
     for tick in range(1, 60):
         t_ns = tick * 50 * MS + 3 * MS
         while waiting and waiting[0][0] <= t_ns:
-            _, m = waiting.pop(0)
-            match m:
-                case Attitude():
-                    ekf.on_attitude(m)
-                case GnssFix():
-                    ekf.on_gnss(m)
-                case Imu():
-                    ekf.on_imu(m)
+            ekf.on_measurements(waiting.pop(0)[1])
         ekf.predict(t_ns)
         ekf.set_forcing((0.1 * math.sin(tick), 0.2), (3.0, 1.0) if tick % 20 else None)
     estimate = ekf.estimate(3 * S)
@@ -90,7 +89,7 @@ def run(arrivals: list[tuple[int, Attitude | GnssFix | Imu]]) -> tuple[Ekf, Esti
 def test_readings_that_come_late_give_the_estimate_of_those_in_order_to_the_last_bit(seed: int, delays: int) -> None:
     """Delays of up to 0.6 s that differ from reading to reading, so that the order is another one; gates included."""
     random_delay = random.Random(delays)
-    ordered = [(m.t_ns, m) for m in readings(seed)]
+    ordered = [(m[0].t_ns, m) for m in readings(seed)]
     late = [(t_ns + random_delay.randrange(600 * MS), m) for t_ns, m in ordered]
     one, in_order = run(ordered)
     other, shuffled = run(late)
@@ -99,7 +98,7 @@ def test_readings_that_come_late_give_the_estimate_of_those_in_order_to_the_last
 
 
 def test_the_covariance_stays_symmetric_and_positive() -> None:
-    ekf, _ = run([(m.t_ns, m) for m in readings(1)])
+    ekf, _ = run([(m[0].t_ns, m) for m in readings(1)])
     assert ekf._history is not None
     for entry in ekf._history._entries:
         p = entry.state.p
@@ -108,6 +107,6 @@ def test_the_covariance_stays_symmetric_and_positive() -> None:
 
 
 def test_what_is_older_than_the_history_is_dropped_and_counted() -> None:
-    ekf, before = run([(m.t_ns, m) for m in readings(2)])
-    ekf.on_attitude(Attitude(t_ns=S, psi_rad=0.0, r_radps=0.0))
+    ekf, before = run([(m[0].t_ns, m) for m in readings(2)])
+    ekf.on_measurements([Heading(t_ns=S, psi_rad=0.0), YawRate(t_ns=S, r_radps=0.0)])
     assert ekf.too_late == 1 and ekf.estimate(3 * S) == before

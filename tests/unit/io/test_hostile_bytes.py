@@ -43,12 +43,12 @@ def parsers_hold(codec: object) -> int:
 
 def autopilot() -> Subject:
     codec = ArduRoverAutopilot(OURS, PwmConfig())
-    return Subject(codec.read, lambda: parsers_hold(codec), FrameSplitter.MAX_BUFFER)
+    return Subject(codec.receive, lambda: parsers_hold(codec), FrameSplitter.MAX_BUFFER)
 
 
 def px4() -> Subject:
     codec = Px4Autopilot(OURS.model_copy(update={"profile": "px4", "output": "set_actuator"}), PwmConfig())
-    return Subject(codec.read, lambda: parsers_hold(codec), FrameSplitter.MAX_BUFFER)
+    return Subject(codec.receive, lambda: parsers_hold(codec), FrameSplitter.MAX_BUFFER)
 
 
 def operator() -> Subject:
@@ -58,12 +58,12 @@ def operator() -> Subject:
 
 def nmea() -> Subject:
     codec = NmeaCodec("gnss", EVERYTHING)
-    return Subject(codec.read, lambda: len(codec._buffer), MAX_LINE)
+    return Subject(codec.decode, lambda: len(codec._buffer), MAX_LINE)
 
 
 def vectornav() -> Subject:
     codec = VectorNavCodec("ins")
-    return Subject(codec.read, lambda: len(codec._buffer), VectorNavCodec.MAX_BUFFER)
+    return Subject(codec.decode, lambda: len(codec._buffer), VectorNavCodec.MAX_BUFFER)
 
 
 CODECS = [autopilot, px4, operator, nmea, vectornav]

@@ -1,7 +1,5 @@
 """The autopilot and operator conversations, byte for byte."""
 
-import math
-
 import pytest
 
 from asvhil.autopilot.ardurover import ArduRoverAutopilot
@@ -10,7 +8,18 @@ from asvhil.io.mavlink.frames import FrameSplitter, decode, dialect
 from asvhil.io.mavlink.streams import StreamKeeper
 from asvhil.operator.session import OperatorSession, encode_hold, encode_release
 from asvhil.supervisor.reasons import Reason, describe, explain
-from asvhil.types import Attitude, Frame, FrontseatStatus, GnssFix, HoldCommand, Imu, Measurement, ReleaseCommand
+from asvhil.types import (
+    Frame,
+    FrontseatStatus,
+    GroundVelocity,
+    Heading,
+    HoldCommand,
+    Measurement,
+    Position,
+    ReleaseCommand,
+    SpecificForce,
+    YawRate,
+)
 
 MS, S = 1_000_000, 1_000_000_000
 CONFIG = AutopilotLinkConfig(endpoint="udpin:127.0.0.1:0", streams_hz={"ATTITUDE": 20.0, "GLOBAL_POSITION_INT": 10.0})
@@ -23,7 +32,7 @@ def link(**changes: object) -> ArduRoverAutopilot:
 
 def feed(ardurover: ArduRoverAutopilot, *messages: object, t_ns: int = 5, mav: object = AUTOPILOT) -> list[Measurement]:
     data = b"".join(bytes(message.pack(mav)) for message in messages)  # type: ignore[attr-defined]
-    return ardurover.decode(Frame(t_ns=t_ns, port="autopilot", data=data))
+    return [measurement for _, measurement in ardurover.receive(Frame(t_ns=t_ns, port="autopilot", data=data))]
 
 
 def messages(frames: list[Frame]) -> list[object]:
@@ -55,32 +64,34 @@ def test_position_counts_once_the_autopilots_own_filter_is_ready() -> None:
     ardurover = link()
     assert feed(ardurover, POSITION) == []
     assert feed(ardurover, NOT_READY, POSITION)[1:] == []
-    status, fix = feed(ardurover, READY, POSITION)
+    status, place, velocity = feed(ardurover, READY, POSITION)
     assert isinstance(status, FrontseatStatus) and status.ready
-    assert fix == GnssFix(t_ns=5, lat_deg=40.4237, lon_deg=-86.9212, vn_mps=0.12, ve_mps=-0.34, h_acc_m=0.0)
+    assert place == Position(t_ns=5, lat_deg=40.4237, lon_deg=-86.9212, h_acc_m=0.0)
+    assert velocity == GroundVelocity(t_ns=5, vn_mps=0.12, ve_mps=-0.34)
 
 
-def test_raw_fixes_are_used_when_configured_and_only_once() -> None:
-    ardurover = link(position_source="GPS_RAW_INT")
+def test_a_raw_fix_counts_only_once() -> None:
+    ardurover = link()
     raw = dialect.MAVLink_gps_raw_int_message(77, 6, 10, 20, 0, 121, 200, 100, 9000, 10, 0, 300)
     feed(ardurover, READY)
-    (fix,) = feed(ardurover, raw)
-    assert isinstance(fix, GnssFix) and (fix.vn_mps, fix.ve_mps) == pytest.approx((0.0, 1.0)) and fix.h_acc_m == 0.3
-    assert feed(ardurover, raw) == [] and feed(ardurover, POSITION) == []
+    place, velocity = feed(ardurover, raw)
+    assert isinstance(place, Position) and place.h_acc_m == 0.3
+    assert isinstance(velocity, GroundVelocity) and (velocity.vn_mps, velocity.ve_mps) == pytest.approx((0.0, 1.0))
+    assert feed(ardurover, raw) == []
     no_fix = dialect.MAVLink_gps_raw_int_message(78, 1, 10, 20, 0, 121, 200, 100, 9000, 10, 0, 300)
     assert feed(ardurover, no_fix) == []
     no_velocity = dialect.MAVLink_gps_raw_int_message(79, 3, 10, 20, 0, 121, 200, 65535, 65535, 10, 0, 300)
-    (fix,) = feed(ardurover, no_velocity)
-    assert isinstance(fix, GnssFix) and math.isnan(fix.vn_mps)
+    (place,) = feed(ardurover, no_velocity)
+    assert isinstance(place, Position)
 
 
 def test_attitude_and_imu_units() -> None:
     ardurover = link()
     feed(ardurover, READY)
-    (attitude,) = feed(ardurover, dialect.MAVLink_attitude_message(1, 0, 0, -2.5, 0, 0, 0.125))
-    assert attitude == Attitude(t_ns=5, psi_rad=-2.5, r_radps=0.125)
-    (imu,) = feed(ardurover, dialect.MAVLink_raw_imu_message(1, 1000, -500, 0, 0, 0, 250, 0, 0, 0))
-    assert imu == Imu(t_ns=5, ax_mps2=9.80665, ay_mps2=-4.903325, r_radps=0.25)
+    found = feed(ardurover, dialect.MAVLink_attitude_message(1, 0, 0, -2.5, 0, 0, 0.125))
+    assert found == [Heading(t_ns=5, psi_rad=-2.5), YawRate(t_ns=5, r_radps=0.125)]
+    found = feed(ardurover, dialect.MAVLink_raw_imu_message(1, 1000, -500, 0, 0, 0, 250, 0, 0, 0))
+    assert found == [YawRate(t_ns=5, r_radps=0.25), SpecificForce(t_ns=5, ax_mps2=9.80665, ay_mps2=-4.903325)]
 
 
 def test_heartbeat_each_second_as_an_onboard_controller() -> None:

@@ -13,7 +13,16 @@ from asvhil.io.sensors.vectornav import binary
 from asvhil.io.sensors.vectornav.codec import VectorNavCodec
 from asvhil.simplant.lockstep import Lockstep
 from asvhil.simplant.plant import Plant
-from asvhil.types import Attitude, Frame, GnssFix, Imu, Measurement, Phase, UtcTime
+from asvhil.types import (
+    Frame,
+    GroundVelocity,
+    Heading,
+    Measurement,
+    Phase,
+    Position,
+    SpecificForce,
+    YawRate,
+)
 
 LINKS = (
     "links.ins.endpoint=serial:ins:115200",
@@ -43,40 +52,43 @@ def test_the_vn300_tells_the_truth_at_its_rate() -> None:
     codec = VectorNavCodec("ins")
     sent = frames(boat, 30.0, "ins")
     assert len(sent) == 600 and sent[-1].t_ns == 30_000_000_000
-    found = [m for frame in sent for _, m in codec.read(frame)]
-    truth, last = boat.truth, {type(m): m for m in found[-3:]}
-    fix, attitude, imu = last[GnssFix], last[Attitude], last[Imu]
-    assert isinstance(fix, GnssFix) and isinstance(attitude, Attitude) and isinstance(imu, Imu)
+    found = [m for frame in sent for _, m in codec.decode(frame)]
+    truth = boat.truth
+    fix, velocity, heading, rate, force = found[-5:]
+    assert isinstance(fix, Position) and isinstance(velocity, GroundVelocity)
+    assert isinstance(heading, Heading) and isinstance(rate, YawRate) and isinstance(force, SpecificForce)
     assert boat.origin.to_ned(fix.lat_deg, fix.lon_deg) == pytest.approx((truth.n_m, truth.e_m), abs=1e-6)
     c, s = math.cos(truth.psi_rad), math.sin(truth.psi_rad)
     ground = c * truth.u_mps - s * truth.v_mps, s * truth.u_mps + c * truth.v_mps
-    assert (fix.vn_mps, fix.ve_mps) == pytest.approx(ground, abs=1e-6) and math.hypot(*ground) > 0.3
-    assert attitude.psi_rad == pytest.approx(truth.psi_rad, abs=1e-6)
-    assert attitude.r_radps == pytest.approx(truth.r_radps, abs=1e-6)
-    assert codec.latest is not None and codec.latest.time_startup_ns == 30_000_000_000
+    assert (velocity.vn_mps, velocity.ve_mps) == pytest.approx(ground, abs=1e-6) and math.hypot(*ground) > 0.3
+    assert heading.psi_rad == pytest.approx(truth.psi_rad, abs=1e-6)
+    assert rate.r_radps == pytest.approx(truth.r_radps, abs=1e-6)
+    values = binary.decode(sent[-1].data)
+    assert values["Common.TimeStartup"] == (30_000_000_000,)
     # 2026-01-01 00:00:30 UTC in GPS time: (20454 - 3657) days since 1980-01-06, and 18 leap seconds.
-    assert codec.latest.time_gps_ns == ((20454 - 3657) * 86400 + 30 + 18) * 1_000_000_000
+    assert values["Common.TimeGps"] == (((20454 - 3657) * 86400 + 30 + 18) * 1_000_000_000,)
 
 
 def test_the_vn300_says_nothing_of_position_and_heading_until_it_is_aligned() -> None:
     codec = VectorNavCodec("ins")
     boat = plant("plant.sensors.ins.align_s=2")
-    kinds = [(f.t_ns, type(m)) for f in frames(boat, 3.0, "ins") for _, m in codec.read(f)]
-    assert min(t_ns for t_ns, kind in kinds if kind is GnssFix) == 2_000_000_000
-    assert min(t_ns for t_ns, kind in kinds if kind is Imu) == 50_000_000
+    kinds = [(f.t_ns, type(m)) for f in frames(boat, 3.0, "ins") for _, m in codec.decode(f)]
+    assert min(t_ns for t_ns, kind in kinds if kind is Position) == 2_000_000_000
+    assert min(t_ns for t_ns, kind in kinds if kind is SpecificForce) == 50_000_000
 
 
 def test_the_vn300_without_satellites_keeps_its_heading() -> None:
     boat = plant("plant.faults=[{kind: ins-gnss, from_s: 5, until_s: 8}, {kind: ins, from_s: 10, until_s: 11}]")
     codec = VectorNavCodec("ins")
-    seen: Counter[tuple[int, str]] = Counter()
+    seen: Counter[tuple[int, type]] = Counter()
     for frame in frames(boat, 12.0, "ins"):
-        for _, m in codec.read(frame):
-            heading = isinstance(m, Attitude) and math.isfinite(m.psi_rad)
-            seen[frame.t_ns // 1_000_000_000, "heading" if heading else type(m).__name__] += 1
-    fixes = {second: seen[second, "GnssFix"] for second in range(2, 12)}
+        seen.update((frame.t_ns // 1_000_000_000, type(m)) for _, m in codec.decode(frame))
+    fixes = {second: seen[second, Position] for second in range(2, 12)}
     assert fixes == {2: 20, 3: 20, 4: 20, 5: 0, 6: 0, 7: 0, 8: 20, 9: 20, 10: 0, 11: 20}
-    assert seen[6, "heading"] == 20 and seen[10, "heading"] == 0
+    assert seen[6, Heading] == 20 and seen[10, Heading] == 0
+
+
+KINDS = {Position: "fix", GroundVelocity: "velocity", Heading: "heading", YawRate: "rate", SpecificForce: "force"}
 
 
 def readings(fault: str, port: str, from_s: float, to_s: float) -> dict[str, list[Measurement]]:
@@ -84,19 +96,11 @@ def readings(fault: str, port: str, from_s: float, to_s: float) -> dict[str, lis
     text = f"plant.faults=[{{from_s: 5, until_s: 8, {fault}}}]"
     boat = plant(*EXACT, text, "plant.weather.wind.speed_mps=8")
     codec = VectorNavCodec("ins") if port == "ins" else NmeaCodec("gnss", EVERYTHING)
-    found: dict[str, list[Measurement]] = {"fix": [], "velocity": [], "heading": [], "rate": [], "force": []}
+    found: dict[str, list[Measurement]] = {name: [] for name in KINDS.values()}
     for frame in frames(boat, to_s, port):
-        for _, m in codec.read(frame):
-            if frame.t_ns <= from_s * 1e9:
-                continue
-            if isinstance(m, GnssFix):
-                found["fix"] += [m] if math.isfinite(m.lat_deg) else []
-                found["velocity"] += [m] if math.isfinite(m.vn_mps) else []
-            elif isinstance(m, Attitude):
-                found["heading"] += [m] if math.isfinite(m.psi_rad) else []
-                found["rate"] += [m] if math.isfinite(m.r_radps) else []
-            elif isinstance(m, Imu):
-                found["force"].append(m)
+        for _, m in codec.decode(frame):
+            if frame.t_ns > from_s * 1e9:
+                found[KINDS[type(m)]].append(m)
     codec_counts = dict(codec.counters())
     assert codec_counts.get("ins.bad_crc", 0) == codec_counts.get("gnss.bad", 0) == 0
     return found
@@ -126,9 +130,9 @@ def test_a_jump_of_position_leaves_the_velocity_and_is_over_with_the_fault(port:
     def place(fault: str, from_s: float, to_s: float) -> tuple[float, float, float]:
         found = readings(fault, port, from_s, to_s)
         fix = found["fix"][-1]
-        assert isinstance(fix, GnssFix)
+        assert isinstance(fix, Position)
         velocity = found["velocity"][-1]
-        assert isinstance(velocity, GnssFix)
+        assert isinstance(velocity, GroundVelocity)
         boat = Plant(load_config("sitl"), 0)
         return (*boat.origin.to_ned(fix.lat_deg, fix.lon_deg), velocity.vn_mps)
 
@@ -140,8 +144,9 @@ def test_a_jump_of_position_leaves_the_velocity_and_is_over_with_the_fault(port:
 
 @pytest.mark.parametrize("port", ["ins", "gnss"])
 def test_a_frozen_receiver_repeats_itself_and_a_heading_jumps(port: str) -> None:
-    frozen = readings("kind: gnss-frozen", port, 5.3, 7.9)["fix"]
-    assert len({(m.lat_deg, m.lon_deg, m.vn_mps) for m in frozen if not math.isnan(m.vn_mps)}) == 1 and len(frozen) > 10
+    frozen = readings("kind: gnss-frozen", port, 5.3, 7.9)
+    assert len({(m.lat_deg, m.lon_deg) for m in frozen["fix"]}) == 1 and len(frozen["fix"]) > 10
+    assert len({m.vn_mps for m in frozen["velocity"]}) == 1
     moving = readings("kind: vane", port, 5.3, 7.9)["fix"]
     assert len({m.lat_deg for m in moving}) > 5
     turned = readings("kind: heading-jump, size: -60", port, 5.1, 7.9)["heading"]
@@ -177,7 +182,7 @@ def reading_of_compass(settings: Config, psi_rad: float) -> float:
     tree["plant"]["start_heading_deg"] = math.degrees(psi_rad)
     tree["plant"]["weather"]["wind"]["speed_mps"] = 0.0
     codec = NmeaCodec("gnss", {"HDG"})
-    found = [m for f in Plant(Config.model_validate(tree), 0).advance(12_000_000_000) for _, m in codec.read(f)]
+    found = [m for f in Plant(Config.model_validate(tree), 0).advance(12_000_000_000) for _, m in codec.decode(f)]
     assert len(found) == 120
     return math.atan2(sum(math.sin(m.psi_rad) for m in found), sum(math.cos(m.psi_rad) for m in found))
 
@@ -186,23 +191,26 @@ def test_the_receiver_and_the_compass_tell_the_truth() -> None:
     boat = plant(*EXACT, "plant.sensors.nmea.declination_deg=-4.5", "plant.start_heading_deg=2")
     boat_frames = frames(boat, 10.0, "gnss")
     codec = NmeaCodec("gnss", EVERYTHING)
-    found = [pair for frame in boat_frames for pair in codec.read(frame)]
-    counts = Counter(source for source, _ in found)
-    assert counts == {"GGA": 50, "RMC": 50, "VTG": 50, "HDG": 100, "ZDA": 10}
+    found = [pair for frame in boat_frames for pair in codec.decode(frame)]
+    counts = Counter((source, type(m)) for source, m in found)
+    assert counts == {
+        ("GGA", Position): 50,
+        ("RMC", Position): 50,
+        ("RMC", GroundVelocity): 50,
+        ("VTG", GroundVelocity): 50,
+        ("HDG", Heading): 100,
+    }
+    assert dict(codec.counters())["gnss.ignored"] == 10  # ZDA: the time
     assert dict(codec.counters())["gnss.bad"] == dict(codec.counters())["gnss.invalid"] == 0
-    last = dict(found)
+    last = {(source, type(m)): m for source, m in found}
     truth = boat.truth
     for name in ("GGA", "RMC"):
-        fix = last[name]
-        assert isinstance(fix, GnssFix)
+        fix = last[name, Position]
         assert boat.origin.to_ned(fix.lat_deg, fix.lon_deg) == pytest.approx((truth.n_m, truth.e_m), abs=0.02)
-    heading, time = last["HDG"], last["ZDA"]
-    assert isinstance(heading, Attitude) and isinstance(time, UtcTime)
+    heading = last["HDG", Heading]
     # Magnetic on the wire, rounded to a tenth of a degree; true again by the variation that goes with it.
     assert heading.psi_rad % math.tau == pytest.approx(truth.psi_rad % math.tau, abs=math.radians(0.06))
-    assert time.utc_ns == (20454 * 86400 + 10) * 1_000_000_000
-    rmc, vtg = last["RMC"], last["VTG"]
-    assert isinstance(rmc, GnssFix) and isinstance(vtg, GnssFix)
+    rmc, vtg = last["RMC", GroundVelocity], last["VTG", GroundVelocity]
     assert (rmc.vn_mps, rmc.ve_mps) == pytest.approx((vtg.vn_mps, vtg.ve_mps), abs=0.001)
 
 
@@ -220,8 +228,8 @@ def test_devices_have_errors_of_their_own() -> None:
     boat = plant("plant.sensors.ins.gnss={slow_bias_m: 0, white_m: 0}", "plant.sensors.nmea.gnss={slow_bias_m: 30}")
     codec, reader = VectorNavCodec("ins"), NmeaCodec("gnss", {"GGA"})
     sent = boat.advance(20_000_000_000)
-    ours = [m for f in sent if f.port == "ins" for _, m in codec.read(f) if isinstance(m, GnssFix)]
-    cheap = [m for f in sent if f.port == "gnss" for _, m in reader.read(f) if isinstance(m, GnssFix)]
+    ours = [m for f in sent if f.port == "ins" for _, m in codec.decode(f) if isinstance(m, Position)]
+    cheap = [m for f in sent if f.port == "gnss" for _, m in reader.decode(f) if isinstance(m, Position)]
     place = boat.truth.n_m, boat.truth.e_m
     assert boat.origin.to_ned(ours[-1].lat_deg, ours[-1].lon_deg) == pytest.approx(place, abs=0.01)
     assert math.dist(boat.origin.to_ned(cheap[-1].lat_deg, cheap[-1].lon_deg), place) > 2.0

@@ -14,8 +14,9 @@ import math
 import re
 
 from asvhil.geo import is_place
+from asvhil.io.sensors.protocol import NamedMeasurement
 from asvhil.io.sensors.vectornav import binary, sentences
-from asvhil.types import Attitude, Frame, GnssFix, Imu, Measurement, record
+from asvhil.types import Frame, GroundVelocity, Heading, Position, SpecificForce, YawRate, record
 
 # Bits of the INS status word.
 MODE = 0x0003
@@ -35,17 +36,13 @@ _NO_TEXT = re.compile(rb"[^\x20-\x7e\r\n]")
 class InsSample:
     """What one message of the INS says; a part that it does not hold is None. Angles in degrees, as on the wire."""
 
-    time_startup_ns: int | None = None
-    time_gps_ns: int | None = None
     ypr_deg: tuple[float, ...] | None = None
-    ypr_u_deg: tuple[float, ...] | None = None
     rate_radps: tuple[float, ...] | None = None
     lla: tuple[float, ...] | None = None
     velocity_mps: tuple[float, ...] | None = None
     accel_mps2: tuple[float, ...] | None = None
     status: int | None = None
     position_u_m: float | None = None
-    velocity_u_mps: float | None = None
 
     @property
     def position_valid(self) -> bool:
@@ -79,30 +76,22 @@ def sample_of(values: binary.Values) -> InsSample:
         found = vector(*names)
         return None if found is None else found[0]
 
-    def whole(*names: str) -> int | None:
-        found = number(*names)
-        return None if found is None else int(found)
-
+    status = number("Common.InsStatus", "Ins.InsStatus")
     return InsSample(
-        time_startup_ns=whole("Common.TimeStartup", "Time.TimeStartup"),
-        time_gps_ns=whole("Common.TimeGps", "Time.TimeGps"),
         ypr_deg=vector("Common.YawPitchRoll", "Attitude.YawPitchRoll"),
-        ypr_u_deg=vector("Attitude.YprU"),
         rate_radps=vector("Common.AngularRate", "Imu.AngularRate"),
         lla=vector("Common.PosLla", "Ins.PosLla"),
         velocity_mps=vector("Common.VelNed", "Ins.VelNed"),
         accel_mps2=vector("Common.Accel", "Imu.Accel"),
-        status=whole("Common.InsStatus", "Ins.InsStatus"),
+        status=None if status is None else int(status),
         position_u_m=number("Ins.PosU"),
-        velocity_u_mps=number("Ins.VelU"),
     )
 
 
 class VectorNavCodec:
     """Bytes of one port to (source, measurement). Never raises; what is damaged or not valid is dropped and counted.
 
-    `latest` is the last INS sample, of use to diagnostics. The buffer never holds more than one message of the largest
-    size.
+    The buffer never holds more than one message of the largest size.
     """
 
     MAX_BUFFER = binary.MAX_PACKET
@@ -110,7 +99,6 @@ class VectorNavCodec:
     def __init__(self, port: str) -> None:
         self._port = port
         self._buffer = b""
-        self.latest: InsSample | None = None
         self.packets = 0
         self.sentences = 0
         self.bad_crc = 0
@@ -119,10 +107,10 @@ class VectorNavCodec:
         self.errors = 0  # $VNERR
         self.ignored = 0  # sentences of other kinds
 
-    def read(self, frame: Frame) -> list[tuple[str, Measurement]]:
+    def decode(self, frame: Frame) -> list[NamedMeasurement]:
         """Measurements in one chunk of the stream, each with the name of its source."""
         buffer = self._buffer + frame.data if self._buffer else frame.data
-        found: list[tuple[str, Measurement]] = []
+        found: list[NamedMeasurement] = []
         at = 0
         while True:
             start = _START.search(buffer, at)
@@ -147,7 +135,7 @@ class VectorNavCodec:
         names = ("packets", "sentences", "bad_crc", "garbage_bytes", "invalid", "errors", "ignored")
         return tuple((f"{self._port}.{name}", getattr(self, name)) for name in names)
 
-    def _take(self, t_ns: int, message: bytes, found: list[tuple[str, Measurement]]) -> bool:
+    def _take(self, t_ns: int, message: bytes, found: list[NamedMeasurement]) -> bool:
         """Take in a complete message; False where its checksum does not hold."""
         if message[0] == binary.SYNC:
             if not binary.is_intact(message):
@@ -164,9 +152,8 @@ class VectorNavCodec:
         self._sentence(t_ns, parts, found)
         return True
 
-    def _binary(self, t_ns: int, values: binary.Values, found: list[tuple[str, Measurement]]) -> None:
-        self.latest = sample_of(values)
-        self._measurements("BINARY", t_ns, self.latest, found)
+    def _binary(self, t_ns: int, values: binary.Values, found: list[NamedMeasurement]) -> None:
+        self._measurements("BINARY", t_ns, sample_of(values), found)
         lla, fix = values.get("Gnss1.PosLla"), values.get("Gnss1.Fix")
         if lla is None:
             return
@@ -179,47 +166,43 @@ class VectorNavCodec:
         sample = InsSample(lla=tuple(lla), velocity_mps=tuple(velocity) if velocity else None, position_u_m=radius_m)
         self._measurements("GNSS1", t_ns, sample, found)
 
-    def _sentence(self, t_ns: int, parts: list[str], found: list[tuple[str, Measurement]]) -> None:
+    def _sentence(self, t_ns: int, parts: list[str], found: list[NamedMeasurement]) -> None:
         if parts[0] == "VNERR":
             self.errors += 1
             return
         solution, inertial = sentences.ins_solution(parts), sentences.inertial(parts)
         if solution is not None:
-            self.latest = InsSample(
+            sample = InsSample(
                 ypr_deg=solution.ypr_deg,
                 lla=solution.lla,
                 velocity_mps=solution.velocity_mps,
                 status=solution.status,
                 position_u_m=solution.position_u_m,
-                velocity_u_mps=solution.velocity_u_mps,
             )
-            self._measurements("VNINS", t_ns, self.latest, found)
+            self._measurements("VNINS", t_ns, sample, found)
         elif inertial is not None:
             sample = InsSample(accel_mps2=inertial.accel_mps2, rate_radps=inertial.rate_radps)
             self._measurements("VNYMR", t_ns, sample, found)
         else:
             self.ignored += 1
 
-    def _measurements(self, source: str, t_ns: int, sample: InsSample, found: list[tuple[str, Measurement]]) -> None:
-        """Everything in a sample that its status stands by and that can be a measurement. The yaw rate comes once."""
+    def _measurements(self, source: str, t_ns: int, sample: InsSample, found: list[NamedMeasurement]) -> None:
+        """Everything in a sample that its status says is valid and that can be a measurement."""
         rate, accel = sample.rate_radps, sample.accel_mps2
-        r_radps = rate[2] if rate is not None and sample.inertial_valid and _finite(rate) else math.nan
         fix = _fix(t_ns, sample)
-        if fix is not None:
-            found.append((source, fix))
-        elif sample.lla is not None or sample.velocity_mps is not None:
+        found += [(source, measurement) for measurement in fix]
+        if not fix and (sample.lla is not None or sample.velocity_mps is not None):
             self.invalid += 1
-        psi_rad = math.nan
         if sample.ypr_deg is not None:
             if sample.heading_valid and _finite(sample.ypr_deg):
-                psi_rad = math.radians(sample.ypr_deg[0])
+                found.append((source, Heading(t_ns=t_ns, psi_rad=math.radians(sample.ypr_deg[0]))))
             else:
                 self.invalid += 1
-        if not (math.isnan(psi_rad) and math.isnan(r_radps)):
-            found.append((source, Attitude(t_ns=t_ns, psi_rad=psi_rad, r_radps=r_radps)))
+        if rate is not None and sample.inertial_valid and _finite(rate):
+            found.append((source, YawRate(t_ns=t_ns, r_radps=rate[2])))
         if accel is not None:
             if sample.inertial_valid and _finite(accel):
-                found.append((source, Imu(t_ns=t_ns, ax_mps2=accel[0], ay_mps2=accel[1], r_radps=math.nan)))
+                found.append((source, SpecificForce(t_ns=t_ns, ax_mps2=accel[0], ay_mps2=accel[1])))
             else:
                 self.invalid += 1
 
@@ -235,17 +218,18 @@ def _measure_sentence(buffer: bytes, at: int) -> int:
     return binary.INCOMPLETE if stop - at < sentences.MAX_SENTENCE else binary.IMPOSSIBLE
 
 
-def _fix(t_ns: int, sample: InsSample) -> GnssFix | None:
-    """Place and velocity, each NaN where the message has none; None without both, and beside a place that is none."""
+def _fix(t_ns: int, sample: InsSample) -> list[Position | GroundVelocity]:
+    """Position and velocity, as far as the message has them; none beside coordinates that are no place on earth."""
     place, velocity = sample.lla, sample.velocity_mps
     if not sample.position_valid or (place is not None and not is_place(place[0], place[1])):
-        return None
-    lat_deg, lon_deg = place[:2] if place is not None else (math.nan, math.nan)
-    vn_mps, ve_mps = velocity[:2] if velocity is not None and _finite(velocity) else (math.nan, math.nan)
-    if math.isnan(lat_deg) and math.isnan(vn_mps):
-        return None
-    h_acc_m = math.nan if sample.position_u_m is None else sample.position_u_m
-    return GnssFix(t_ns=t_ns, lat_deg=lat_deg, lon_deg=lon_deg, vn_mps=vn_mps, ve_mps=ve_mps, h_acc_m=h_acc_m)
+        return []
+    found: list[Position | GroundVelocity] = []
+    if place is not None:
+        h_acc_m = math.nan if sample.position_u_m is None else sample.position_u_m
+        found.append(Position(t_ns=t_ns, lat_deg=place[0], lon_deg=place[1], h_acc_m=h_acc_m))
+    if velocity is not None and _finite(velocity):
+        found.append(GroundVelocity(t_ns=t_ns, vn_mps=velocity[0], ve_mps=velocity[1]))
+    return found
 
 
 def _finite(values: tuple[float, ...]) -> bool:

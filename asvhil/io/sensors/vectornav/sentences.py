@@ -22,22 +22,17 @@ _FORM = re.compile(rb"\$(VN[A-Z]{3}[^*$]*)\*([0-9A-Fa-f]{4}|[0-9A-Fa-f]{2})\r?\n
 class InsSolution:
     """Register 63: the INS solution. Angles and positions in degrees, velocity NED; uncertainties are the sensor's."""
 
-    tow_s: float
-    week: int
     status: int
     ypr_deg: tuple[float, float, float]
     lla: tuple[float, float, float]
     velocity_mps: tuple[float, float, float]
-    attitude_u_deg: float
     position_u_m: float
-    velocity_u_mps: float
 
 
 @record
 class Inertial:
-    """VNYMR: attitude (deg), specific force (m/s^2) and rates (rad/s) in body axes; the magnetic field is left out."""
+    """VNYMR: specific force (m/s^2) and rates (rad/s) in body axes; attitude and magnetic field are left out."""
 
-    ypr_deg: tuple[float, float, float]
     accel_mps2: tuple[float, float, float]
     rate_radps: tuple[float, float, float]
 
@@ -68,22 +63,18 @@ def ins_solution(parts: list[str]) -> InsSolution | None:
     if len(words) != INS_FIELDS:
         return None
     try:
-        week, status = int(words[1]), int(words[2], 16)
-        n = [float(word) for word in (words[0], *words[3:])]
+        status = int(words[2], 16)
+        n = [float(word) for word in (*words[:2], *words[3:])]  # time of week and week are checked, and not used
     except ValueError:
         return None
     if not all(math.isfinite(value) for value in n):
         return None
     return InsSolution(
-        tow_s=n[0],
-        week=week,
         status=status,
-        ypr_deg=(n[1], n[2], n[3]),
-        lla=(n[4], n[5], n[6]),
-        velocity_mps=(n[7], n[8], n[9]),
-        attitude_u_deg=n[10],
-        position_u_m=n[11],
-        velocity_u_mps=n[12],
+        ypr_deg=(n[2], n[3], n[4]),
+        lla=(n[5], n[6], n[7]),
+        velocity_mps=(n[8], n[9], n[10]),
+        position_u_m=n[12],
     )
 
 
@@ -97,4 +88,4 @@ def inertial(parts: list[str]) -> Inertial | None:
         return None
     if not all(math.isfinite(value) for value in n):
         return None
-    return Inertial(ypr_deg=(n[0], n[1], n[2]), accel_mps2=(n[6], n[7], n[8]), rate_radps=(n[9], n[10], n[11]))
+    return Inertial(accel_mps2=(n[6], n[7], n[8]), rate_radps=(n[9], n[10], n[11]))

@@ -39,7 +39,7 @@ class Wire:
             self.t_ns += TICK_NS
             for frame in self.plant.advance(self.t_ns):
                 if frame.port == "autopilot" and self._chance.random() >= self._loss:
-                    self.link.read(frame)
+                    self.link.receive(frame)
             for frame in self.link.poll(self.t_ns):
                 message = decode(frame.data)
                 assert message is not None

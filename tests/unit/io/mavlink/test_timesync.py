@@ -127,14 +127,14 @@ def timesyncs(frames) -> list[tuple[int, int]]:  # type: ignore[no-untyped-def]
 
 def test_the_autopilot_asks_and_is_answered_and_only_its_own_answers_count() -> None:
     link = ArduRoverAutopilot(config().links.autopilot, config().vehicle.pwm)
-    link.decode(Frame(t_ns=T0, port="autopilot", data=packed(dialect.MAVLink_heartbeat_message(11, 3, 81, 0, 4, 3))))
-    link.decode(Frame(t_ns=T0 + 10, port="autopilot", data=packed(dialect.MAVLink_timesync_message(0, 99))))
+    link.receive(Frame(t_ns=T0, port="autopilot", data=packed(dialect.MAVLink_heartbeat_message(11, 3, 81, 0, 4, 3))))
+    link.receive(Frame(t_ns=T0 + 10, port="autopilot", data=packed(dialect.MAVLink_timesync_message(0, 99))))
     sent = timesyncs(link.poll(T0 + 30))
     assert sent == [(0, T0 + 30), (T0 + 20, 99)]
     answer = dialect.MAVLink_timesync_message(5, T0 + 30)
-    link.decode(Frame(t_ns=T0 + 40, port="autopilot", data=packed(answer, 1, 194)))
+    link.receive(Frame(t_ns=T0 + 40, port="autopilot", data=packed(answer, 1, 194)))
     assert link.clock is None
-    link.decode(Frame(t_ns=T0 + 40, port="autopilot", data=packed(answer)))
+    link.receive(Frame(t_ns=T0 + 40, port="autopilot", data=packed(answer)))
     assert link.clock is not None and link.clock.offset_ns == 5 - (T0 + 35) and link.clock.round_trip_ns == 10
 
 

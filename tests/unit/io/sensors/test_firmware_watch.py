@@ -21,7 +21,7 @@ def sentence(body: str) -> bytes:
 
 
 def feed(watch: FirmwareWatch, data: bytes) -> None:
-    watch.read(Frame(t_ns=0, port="anemometer", data=data))
+    watch.receive(Frame(t_ns=0, port="anemometer", data=data))
 
 
 def test_the_version_at_boot_in_any_chunks() -> None:
@@ -32,21 +32,21 @@ def test_the_version_at_boot_in_any_chunks() -> None:
             feed(watch, data[at : at + size])
         note = watch.note()
         assert note is not None and note.ok and note.text == f"{FIRMWARE} {VERSION}"
-        assert watch.poll(10 * ASK_NS) == []
+        assert watch.data_to_send(10 * ASK_NS) == []
 
 
 def test_it_asks_until_it_is_answered() -> None:
     watch = FirmwareWatch("anemometer", FIRMWARE)
-    assert watch.poll(0) == [] and watch.note() is None  # nothing is heard there: nobody to ask
+    assert watch.data_to_send(0) == [] and watch.note() is None  # nothing is heard there: nobody to ask
     feed(watch, b"$WIMWV,22.5,R,0.00,M,A*25\r\n")
-    asked = [t_ns for t_ns in range(0, 4 * ASK_NS, ASK_NS // 8) if watch.poll(t_ns)]
+    asked = [t_ns for t_ns in range(0, 4 * ASK_NS, ASK_NS // 8) if watch.data_to_send(t_ns)]
     assert asked == [0, ASK_NS, 2 * ASK_NS, 3 * ASK_NS] and PATIENCE == 3
     note = watch.note()
     assert note is not None and not note.ok
     assert note.text == f"tells no version; links.anemometer.firmware expects {FIRMWARE} {VERSION}"
     feed(watch, sentence(f"PASVV,{FIRMWARE},{VERSION},request"))
     note = watch.note()
-    assert note is not None and note.ok and watch.poll(99 * ASK_NS) == []
+    assert note is not None and note.ok and watch.data_to_send(99 * ASK_NS) == []
 
 
 def test_the_question_is_one_that_the_firmware_understands() -> None:
@@ -56,7 +56,7 @@ def test_the_question_is_one_that_the_firmware_understands() -> None:
 def test_another_instrument_is_not_asked_but_may_tell() -> None:
     watch = FirmwareWatch("anemometer", None)
     feed(watch, b"$WIMWV,22.5,R,0.00,M,A*25\r\n")
-    assert watch.poll(0) == [] and watch.note() is None
+    assert watch.data_to_send(0) == [] and watch.note() is None
     feed(watch, sentence("PASVV,something,7.2,reset"))
     note = watch.note()
     assert note is not None and note.ok and note.text == "something 7.2"

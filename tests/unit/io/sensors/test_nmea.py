@@ -9,11 +9,12 @@ import pynmeagps
 import pytest
 
 from asvhil.io.sensors.nmea import NmeaCodec
-from asvhil.types import Frame, WindSample
+from asvhil.types import ApparentWind, Frame
 
 
-def feed(codec: NmeaCodec, data: bytes, t_ns: int = 7) -> list[WindSample]:
-    return codec.decode(Frame(t_ns=t_ns, port="anemometer", data=data))
+def feed(codec: NmeaCodec, data: bytes, t_ns: int = 7) -> list[ApparentWind]:
+    found = [m for _, m in codec.decode(Frame(t_ns=t_ns, port="anemometer", data=data))]
+    return [m for m in found if isinstance(m, ApparentWind)]
 
 
 def sentence(body: str) -> bytes:

@@ -9,7 +9,18 @@ from hypothesis import strategies as st
 from asvhil.config import Config, SourceConfig, config_from_json, load_config
 from asvhil.errors import ConfigError
 from asvhil.io.sensors.sources import Choice, SourceSelector
-from asvhil.types import Attitude, BowWind, FrontseatStatus, GnssFix, Imu, Measurement, TrueWind, UtcTime, WindSample
+from asvhil.types import (
+    ApparentWind,
+    BowWind,
+    FrontseatStatus,
+    GroundVelocity,
+    Heading,
+    Measurement,
+    Position,
+    SpecificForce,
+    TrueWind,
+    YawRate,
+)
 
 S = 1_000_000_000
 MS = 1_000_000
@@ -113,76 +124,75 @@ def selector(**lists: list[str]) -> SourceSelector:
     )
 
 
-def pick(chooser: SourceSelector, name: str, m: Measurement) -> list[Measurement]:
-    return chooser.select(*name.split("."), m)
+PLACE = Position(t_ns=0, lat_deg=1.0, lon_deg=2.0, h_acc_m=0.5)
+VELOCITY = GroundVelocity(t_ns=0, vn_mps=3.0, ve_mps=4.0)
+HEADING = Heading(t_ns=0, psi_rad=1.0)
+RATE = YawRate(t_ns=0, r_radps=0.1)
+FORCE = SpecificForce(t_ns=0, ax_mps2=0.1, ay_mps2=0.2)
+ALL: list[Measurement] = [PLACE, VELOCITY, HEADING, RATE, FORCE]
 
 
-FIX = GnssFix(t_ns=0, lat_deg=1.0, lon_deg=2.0, vn_mps=3.0, ve_mps=4.0, h_acc_m=0.5)
-ATTITUDE = Attitude(t_ns=0, psi_rad=1.0, r_radps=0.1)
-IMU = Imu(t_ns=0, ax_mps2=0.1, ay_mps2=0.2, r_radps=0.3)
-
-
-def test_what_is_used_whole_passes_as_it_is() -> None:
-    chooser = selector(position=[A], velocity=[A], heading=[A], yaw_rate=[A])
-    assert pick(chooser, A, FIX)[0] is FIX and pick(chooser, A, ATTITUDE)[0] is ATTITUDE
-    assert pick(chooser, B, FIX) == pick(chooser, B, ATTITUDE) == []
+@pytest.mark.parametrize("m", ALL)
+def test_what_is_used_passes_as_it_is_and_what_is_not_does_not(m: Measurement) -> None:
+    chooser = selector(position=[A], velocity=[A], heading=[A], yaw_rate=[A], acceleration=[A])
+    assert chooser.select(A, m) is m
+    assert chooser.select(B, m) is None
 
 
 def test_position_and_velocity_of_two_receivers_are_kept_apart() -> None:
     chooser = selector(position=[A], velocity=[B])
-    (place,) = pick(chooser, A, FIX)
-    (motion,) = pick(chooser, B, FIX)
-    assert isinstance(place, GnssFix) and isinstance(motion, GnssFix)
-    assert (place.lat_deg, place.lon_deg) == (1.0, 2.0) and math.isnan(place.vn_mps) and math.isnan(place.ve_mps)
-    assert (motion.vn_mps, motion.ve_mps) == (3.0, 4.0) and math.isnan(motion.lat_deg) and math.isnan(motion.lon_deg)
+    assert [chooser.select(A, m) for m in (PLACE, VELOCITY)] == [PLACE, None]
+    assert [chooser.select(B, m) for m in (PLACE, VELOCITY)] == [None, VELOCITY]
 
 
 def test_heading_and_yaw_rate_of_two_sensors_are_kept_apart() -> None:
     chooser = selector(heading=["gnss.HDG"], yaw_rate=["autopilot.RAW_IMU"], acceleration=["autopilot.RAW_IMU"])
-    (heading,) = pick(chooser, "gnss.HDG", ATTITUDE)
-    assert isinstance(heading, Attitude) and heading.psi_rad == 1.0 and math.isnan(heading.r_radps)
-    rate, force = pick(chooser, "autopilot.RAW_IMU", IMU)
-    assert isinstance(rate, Attitude) and math.isnan(rate.psi_rad) and rate.r_radps == 0.3
-    assert force is IMU
+    assert [chooser.select("gnss.HDG", m) for m in (HEADING, RATE)] == [HEADING, None]
+    assert [chooser.select("autopilot.RAW_IMU", m) for m in (HEADING, RATE, FORCE)] == [None, RATE, FORCE]
 
 
 @pytest.mark.parametrize(
     "m",
     [
-        GnssFix(t_ns=9, lat_deg=NAN, lon_deg=2.0, vn_mps=NAN, ve_mps=4.0, h_acc_m=0.5),
-        Attitude(t_ns=9, psi_rad=math.inf, r_radps=NAN),
-        Imu(t_ns=9, ax_mps2=NAN, ay_mps2=0.0, r_radps=NAN),
+        Position(t_ns=9, lat_deg=NAN, lon_deg=2.0, h_acc_m=0.5),
+        GroundVelocity(t_ns=9, vn_mps=NAN, ve_mps=4.0),
+        Heading(t_ns=9, psi_rad=math.inf),
+        YawRate(t_ns=9, r_radps=NAN),
+        SpecificForce(t_ns=9, ax_mps2=NAN, ay_mps2=0.0),
+        ApparentWind(t_ns=9, speed_mps=1.0, from_rad=NAN),
+        BowWind(t_ns=9, speed_mps=math.inf, from_rad=0.0),
+        TrueWind(t_ns=9, vn_mps=1.0, ve_mps=NAN),
     ],
 )
 def test_what_is_not_valid_is_silence(m: Measurement) -> None:
-    chooser = selector(position=[A], velocity=[A], heading=[A], yaw_rate=[A], acceleration=[A])
-    assert pick(chooser, A, m) == []
+    chooser = selector(position=[A], velocity=[A], heading=[A], yaw_rate=[A], acceleration=[A], wind=[A])
+    assert chooser.select(A, m) is None
     assert all(name == "" for _, name in chooser.current(9))
 
 
 @pytest.mark.parametrize(
     "m",
     [
-        WindSample(t_ns=0, speed_mps=1.0, from_rad=0.0),
+        ApparentWind(t_ns=0, speed_mps=1.0, from_rad=0.0),
         BowWind(t_ns=0, speed_mps=1.0, from_rad=0.0),
         TrueWind(t_ns=0, vn_mps=1.0, ve_mps=0.0),
     ],
 )
 def test_every_kind_of_wind_has_its_source(m: Measurement) -> None:
     chooser = selector(wind=["gnss.MWD"])
-    assert pick(chooser, "gnss.MWD", m) == [m] and pick(chooser, "anemometer.MWV", m) == []
+    assert chooser.select("gnss.MWD", m) == m and chooser.select("anemometer.MWV", m) is None
 
 
-def test_what_no_sensor_says_passes_and_time_does_not() -> None:
+def test_the_status_of_the_autopilot_passes() -> None:
     status = FrontseatStatus(t_ns=0, armed=True, mode="MANUAL", ready=True, rc_us=(), outputs_us=())
-    assert pick(selector(), "autopilot.HEARTBEAT", status) == [status]
-    assert pick(selector(), "gnss.ZDA", UtcTime(t_ns=0, utc_ns=1)) == []
+    assert selector().select("autopilot.HEARTBEAT", status) is status
 
 
 def test_switches_are_told_once_and_only_where_there_is_a_choice() -> None:
     chooser = selector(position=[A, B], velocity=[A])
-    pick(chooser, B, FIX)
-    pick(chooser, A, FIX)
+    for name in (B, A):
+        chooser.select(name, PLACE)
+        chooser.select(name, VELOCITY)
     assert [(s.quantity, s.before, s.after) for s in chooser.switches(0)] == [("position", "", B)]
     assert chooser.switches(S // 2) == []
     assert [(s.quantity, s.before, s.after) for s in chooser.switches(3 * S)] == [("position", B, "")]
@@ -240,14 +250,14 @@ def test_a_reading_goes_on_with_the_time_and_the_place_at_which_it_holds() -> No
         {"position": (late,), "velocity": (late,), "heading": (compass,), "yaw_rate": (imu,), "acceleration": (imu,)},
         0.0,
     )
-    (fix,) = selector.select(
-        "gnss", "RMC", GnssFix(t_ns=S, lat_deg=1.0, lon_deg=2.0, vn_mps=0.1, ve_mps=0.2, h_acc_m=0)
-    )
-    assert isinstance(fix, GnssFix) and (fix.t_ns, fix.arm_m) == (800 * MS, (1.5, -0.4))
-    (turn,) = selector.select("gnss", "HDG", Attitude(t_ns=S, psi_rad=1.0, r_radps=NAN))
-    assert turn.t_ns == 950 * MS
-    rate, force = selector.select("autopilot", "RAW_IMU", Imu(t_ns=S, ax_mps2=0.1, ay_mps2=0.2, r_radps=0.3))
-    assert isinstance(force, Imu) and (rate.t_ns, force.t_ns, force.arm_m) == (S, S, (-1.0, 0.0))
+    place = selector.select("gnss.RMC", Position(t_ns=S, lat_deg=1.0, lon_deg=2.0))
+    assert place == Position(t_ns=800 * MS, lat_deg=1.0, lon_deg=2.0, h_acc_m=NAN, arm_m=(1.5, -0.4))
+    velocity = selector.select("gnss.RMC", GroundVelocity(t_ns=S, vn_mps=0.1, ve_mps=0.2))
+    assert velocity == GroundVelocity(t_ns=800 * MS, vn_mps=0.1, ve_mps=0.2, arm_m=(1.5, -0.4))
+    assert selector.select("gnss.HDG", Heading(t_ns=S, psi_rad=1.0)) == Heading(t_ns=950 * MS, psi_rad=1.0)
+    assert selector.select("autopilot.RAW_IMU", YawRate(t_ns=S, r_radps=0.3)) == YawRate(t_ns=S, r_radps=0.3)
+    force = selector.select("autopilot.RAW_IMU", SpecificForce(t_ns=S, ax_mps2=0.1, ay_mps2=0.2))
+    assert force == SpecificForce(t_ns=S, ax_mps2=0.1, ay_mps2=0.2, arm_m=(-1.0, 0.0))
 
 
 @pytest.mark.parametrize(

@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from asvhil.io.sensors.vectornav import binary, sentences
-from asvhil.io.sensors.vectornav.codec import VectorNavCodec
+from asvhil.io.sensors.vectornav.codec import VectorNavCodec, sample_of
 from asvhil.io.sensors.vectornav.fields import BY_NAME, GROUPS
-from asvhil.types import Attitude, Frame, GnssFix, Imu, Measurement
+from asvhil.types import Frame, GroundVelocity, Heading, Measurement, Position, SpecificForce, YawRate
 
 # The example of the user manuals: group 1, yaw-pitch-roll alone.
 MANUAL_YPR = bytes.fromhex("FA 01 0800 93502E42 833EF13F 48B504BB 9288")
@@ -52,7 +52,7 @@ def ins_message(status: int = 0x0306, lat_deg: float = 40.4237, yaw_deg: float =
 
 
 def feed(codec: VectorNavCodec, data: bytes, t_ns: int = 7) -> list[tuple[str, Measurement]]:
-    return codec.read(Frame(t_ns=t_ns, port="ins", data=data))
+    return codec.decode(Frame(t_ns=t_ns, port="ins", data=data))
 
 
 def count(codec: VectorNavCodec, name: str) -> int:
@@ -64,10 +64,11 @@ def count(codec: VectorNavCodec, name: str) -> int:
 
 def test_the_example_of_the_manual() -> None:
     codec = VectorNavCodec("ins")
-    ((source, attitude),) = feed(codec, MANUAL_YPR)
-    assert source == "BINARY" and isinstance(attitude, Attitude)
-    assert math.degrees(attitude.psi_rad) == pytest.approx(43.578686) and math.isnan(attitude.r_radps)
-    assert codec.latest is not None and codec.latest.ypr_deg == pytest.approx((43.578686, 1.8847202, -0.0020249654))
+    ((source, heading),) = feed(codec, MANUAL_YPR)
+    assert source == "BINARY" and isinstance(heading, Heading)
+    assert math.degrees(heading.psi_rad) == pytest.approx(43.578686)
+    sample = sample_of(binary.decode(MANUAL_YPR))
+    assert sample.ypr_deg == pytest.approx((43.578686, 1.8847202, -0.0020249654))
     assert ccitt(MANUAL_YPR[1:]) == 0
 
 
@@ -79,24 +80,19 @@ def test_the_sizes_of_all_fields_are_those_of_the_icd() -> None:
 
 def test_every_part_of_an_ins_message_becomes_a_measurement() -> None:
     found = feed(VectorNavCodec("ins"), ins_message())
-    assert [source for source, _ in found] == ["BINARY"] * 3
-    fix, attitude, imu = (measurement for _, measurement in found)
-    assert fix == GnssFix(t_ns=7, lat_deg=40.4237, lon_deg=-86.9212, vn_mps=0.5, ve_mps=-0.25, h_acc_m=1.5)
-    assert attitude == Attitude(t_ns=7, psi_rad=math.radians(-170.25), r_radps=0.125)
-    assert isinstance(imu, Imu) and (imu.ax_mps2, imu.ay_mps2) == (0.75, -0.5)
-    assert math.isnan(imu.r_radps)  # told once, in the attitude
+    assert found == [
+        ("BINARY", Position(t_ns=7, lat_deg=40.4237, lon_deg=-86.9212, h_acc_m=1.5)),
+        ("BINARY", GroundVelocity(t_ns=7, vn_mps=0.5, ve_mps=-0.25)),
+        ("BINARY", Heading(t_ns=7, psi_rad=math.radians(-170.25))),
+        ("BINARY", YawRate(t_ns=7, r_radps=0.125)),
+        ("BINARY", SpecificForce(t_ns=7, ax_mps2=0.75, ay_mps2=-0.5)),
+    ]
 
 
-def test_the_typed_sample_has_times_status_and_uncertainties() -> None:
-    codec = VectorNavCodec("ins")
-    feed(codec, ins_message())
-    sample = codec.latest
-    assert sample is not None
-    assert (sample.time_startup_ns, sample.time_gps_ns) == (5_000_000_000, 1_450_000_000_000_000_000)
-    assert sample.status == 0x0306 and (sample.position_u_m, sample.velocity_u_mps) == pytest.approx((1.5, 0.05))
-    assert sample.ypr_u_deg == pytest.approx((0.5, 0.1, 0.1)) and sample.rate_radps == pytest.approx(
-        (0.01, 0.02, 0.125)
-    )
+def test_the_typed_sample_has_status_rates_and_uncertainty() -> None:
+    sample = sample_of(binary.decode(ins_message()))
+    assert sample.status == 0x0306 and sample.position_u_m == pytest.approx(1.5)
+    assert sample.rate_radps == pytest.approx((0.01, 0.02, 0.125))
 
 
 def test_the_same_quantities_are_found_in_the_groups_of_their_own() -> None:
@@ -104,16 +100,20 @@ def test_the_same_quantities_are_found_in_the_groups_of_their_own() -> None:
     attitude = struct.pack("<3f", 90.0, 0.0, 0.0)
     ins = struct.pack("<H3d3f", 0x0006, -33.5, 151.25, 10.0, -1.0, 2.0, 0.0)
     found = [m for _, m in feed(VectorNavCodec("ins"), message("34 0006 0200 1300", imu + attitude + ins))]
-    fix, heading, force = found
-    assert isinstance(fix, GnssFix) and (fix.lat_deg, fix.lon_deg, fix.vn_mps, fix.ve_mps) == (-33.5, 151.25, -1.0, 2.0)
-    assert math.isnan(fix.h_acc_m)
-    assert heading == Attitude(t_ns=7, psi_rad=math.pi / 2, r_radps=-0.5)
-    assert isinstance(force, Imu) and (force.ax_mps2, force.ay_mps2) == (0.25, 0.5)
+    place, *rest = found
+    assert isinstance(place, Position) and (place.lat_deg, place.lon_deg) == (-33.5, 151.25)
+    assert math.isnan(place.h_acc_m)
+    assert rest == [
+        GroundVelocity(t_ns=7, vn_mps=-1.0, ve_mps=2.0),
+        Heading(t_ns=7, psi_rad=math.pi / 2),
+        YawRate(t_ns=7, r_radps=-0.5),
+        SpecificForce(t_ns=7, ax_mps2=0.25, ay_mps2=0.5),
+    ]
 
 
-def test_rates_without_attitude_are_an_attitude_without_heading() -> None:
-    ((_, attitude),) = feed(VectorNavCodec("ins"), message("01 2000", struct.pack("<3f", 0.0, 0.0, 0.25)))
-    assert isinstance(attitude, Attitude) and math.isnan(attitude.psi_rad) and attitude.r_radps == 0.25
+def test_rates_without_attitude_are_a_yaw_rate_without_heading() -> None:
+    ((_, rate),) = feed(VectorNavCodec("ins"), message("01 2000", struct.pack("<3f", 0.0, 0.0, 0.25)))
+    assert rate == YawRate(t_ns=7, r_radps=0.25)
 
 
 @pytest.mark.parametrize(
@@ -126,40 +126,38 @@ def test_the_receiver_alone_is_a_source_of_its_own(fix: int, gives: bool) -> Non
     assert bool(found) is gives and count(codec, "invalid") == (not gives)
     if gives:
         assert found == [
-            ("GNSS1", GnssFix(t_ns=7, lat_deg=1.5, lon_deg=2.5, vn_mps=0.5, ve_mps=0.25, h_acc_m=5.0)),
+            ("GNSS1", Position(t_ns=7, lat_deg=1.5, lon_deg=2.5, h_acc_m=5.0)),
+            ("GNSS1", GroundVelocity(t_ns=7, vn_mps=0.5, ve_mps=0.25)),
         ]
+
+
+FIX: set[type] = {Position, GroundVelocity}
+INERTIAL: set[type] = {YawRate, SpecificForce}
 
 
 @pytest.mark.parametrize(
     ("status", "kinds"),
     [
-        (0x0000, {Imu, "rate"}),  # not tracking
-        (0x0004, {Imu, "rate"}),  # GNSS is there, the filter is not
-        (0x0005, {GnssFix, Imu, "rate"}),  # aligning: the attitude is not within specification
-        (0x0006, {GnssFix, "heading", Imu, "rate"}),  # tracking
-        (0x8206, {GnssFix, "heading", Imu, "rate"}),  # reserved bits mean nothing
-        (0x0002, {"heading", Imu, "rate"}),  # tracking, no satellites
-        (0x0003, {"heading", Imu, "rate"}),  # satellites lost for long: position is frozen, attitude goes on
-        (0x0007, {"heading", Imu, "rate"}),
-        (0x0016, {GnssFix, "heading"}),  # IMU error
-        (0x0046, {"heading", Imu, "rate"}),  # GNSS error
+        (0x0000, INERTIAL),  # not tracking
+        (0x0004, INERTIAL),  # GNSS is there, the filter is not
+        (0x0005, FIX | INERTIAL),  # aligning: the attitude is not within specification
+        (0x0006, FIX | {Heading} | INERTIAL),  # tracking
+        (0x8206, FIX | {Heading} | INERTIAL),  # reserved bits mean nothing
+        (0x0002, {Heading} | INERTIAL),  # tracking, no satellites
+        (0x0003, {Heading} | INERTIAL),  # satellites lost for long: position is frozen, attitude goes on
+        (0x0007, {Heading} | INERTIAL),
+        (0x0016, FIX | {Heading}),  # IMU error
+        (0x0046, {Heading} | INERTIAL),  # GNSS error
     ],
 )
-def test_only_what_the_status_stands_by_is_taken(status: int, kinds: set[object]) -> None:
-    seen: set[object] = set()
-    for _, measurement in feed(VectorNavCodec("ins"), ins_message(status)):
-        if isinstance(measurement, Attitude):
-            seen |= {"heading"} if math.isfinite(measurement.psi_rad) else set()
-            seen |= {"rate"} if math.isfinite(measurement.r_radps) else set()
-        else:
-            seen.add(type(measurement))
-    assert seen == kinds
+def test_only_what_the_status_stands_by_is_taken(status: int, kinds: set[type]) -> None:
+    assert {type(m) for _, m in feed(VectorNavCodec("ins"), ins_message(status))} == kinds
 
 
 @pytest.mark.parametrize("lat_deg", [math.nan, math.inf, 90.5, -91.0])
 def test_a_place_that_is_none_is_dropped_and_the_rest_kept(lat_deg: float) -> None:
     codec = VectorNavCodec("ins")
-    assert [type(m) for _, m in feed(codec, ins_message(lat_deg=lat_deg))] == [Attitude, Imu]
+    assert [type(m) for _, m in feed(codec, ins_message(lat_deg=lat_deg))] == [Heading, YawRate, SpecificForce]
     assert count(codec, "invalid") == 1
 
 
@@ -169,8 +167,8 @@ def test_a_velocity_without_a_position_is_a_velocity(north: float, status: int, 
     codec = VectorNavCodec("ins")
     found = feed(codec, message("01 8010", struct.pack("<3fH", north, -0.25, 0.1, status)))
     assert bool(found) is gives and count(codec, "invalid") == (not gives)
-    for _, fix in found:
-        assert isinstance(fix, GnssFix) and math.isnan(fix.lat_deg) and (fix.vn_mps, fix.ve_mps) == (0.5, -0.25)
+    for _, velocity in found:
+        assert velocity == GroundVelocity(t_ns=7, vn_mps=0.5, ve_mps=-0.25)
 
 
 def test_zeros_are_no_place() -> None:
@@ -180,9 +178,8 @@ def test_zeros_are_no_place() -> None:
 
 
 def test_a_heading_that_is_no_number_leaves_the_rate() -> None:
-    found = feed(VectorNavCodec("ins"), ins_message(yaw_deg=math.nan))
-    (attitude,) = (m for _, m in found if isinstance(m, Attitude))
-    assert math.isnan(attitude.psi_rad) and attitude.r_radps == 0.125
+    found = [m for _, m in feed(VectorNavCodec("ins"), ins_message(yaw_deg=math.nan))]
+    assert YawRate(t_ns=7, r_radps=0.125) in found and not any(isinstance(m, Heading) for m in found)
 
 
 def test_satellites_and_raw_measurements_have_as_many_bytes_as_they_say() -> None:
@@ -261,7 +258,7 @@ VNINS = (
 def test_split_at_every_byte_and_merged_gives_the_same() -> None:
     data = ins_message() + VNINS + MANUAL_YPR
     whole = feed(VectorNavCodec("ins"), data)
-    assert len(whole) == 3 + 2 + 1
+    assert len(whole) == 5 + 3 + 1
     for cut in range(len(data) + 1):
         codec = VectorNavCodec("ins")
         assert str(feed(codec, data[:cut]) + feed(codec, data[cut:])) == str(whole)
@@ -279,7 +276,7 @@ def test_every_wrong_bit_is_found_and_the_next_message_read() -> None:
             codec = VectorNavCodec("ins")
             # Enough behind it to end the longest message that the damaged header can ask for.
             found = feed(codec, bytes(data) + good * 20)
-            assert str(found[-3:]) == str(feed(VectorNavCodec("ins"), good)), (at, bit)
+            assert str(found[-5:]) == str(feed(VectorNavCodec("ins"), good)), (at, bit)
             assert count(codec, "packets") <= 20, (at, bit)
 
 
@@ -310,10 +307,10 @@ def test_a_sentence_without_end_does_not_hold_up_the_line() -> None:
 
 
 def test_a_recorded_ins_sentence() -> None:
-    fix, attitude = (m for source, m in feed(VectorNavCodec("ins"), VNINS) if source == "VNINS")
-    assert fix == GnssFix(t_ns=7, lat_deg=51.51992529, lon_deg=-0.11006359, vn_mps=-0.001, ve_mps=-0.008, h_acc_m=1.2)
-    assert isinstance(attitude, Attitude) and math.degrees(attitude.psi_rad) == pytest.approx(82.014)
-    assert math.isnan(attitude.r_radps)
+    place, velocity, heading = (m for source, m in feed(VectorNavCodec("ins"), VNINS) if source == "VNINS")
+    assert place == Position(t_ns=7, lat_deg=51.51992529, lon_deg=-0.11006359, h_acc_m=1.2)
+    assert velocity == GroundVelocity(t_ns=7, vn_mps=-0.001, ve_mps=-0.008)
+    assert isinstance(heading, Heading) and math.degrees(heading.psi_rad) == pytest.approx(82.014)
 
 
 def test_the_register_read_back_is_the_same_as_the_sentence() -> None:
@@ -323,17 +320,12 @@ def test_the_register_read_back_is_the_same_as_the_sentence() -> None:
     )
     codec = VectorNavCodec("ins")
     assert feed(codec, line) == [] and count(codec, "invalid") == 2
-    assert codec.latest is not None and codec.latest.lla == (32.95602815, -96.71424297, 171.195)
-    assert codec.latest.status == 4 and codec.latest.ypr_deg == (9.5, -4.754, -0.225)
-    assert (codec.latest.position_u_m, codec.latest.velocity_u_mps) == (1.6, 0.23)
     parts = sentences.split(line)
     assert parts is not None
     solution = sentences.ins_solution(parts)
-    assert solution is not None and (solution.tow_s, solution.week, solution.attitude_u_deg) == (
-        333811.902862,
-        1694,
-        7.8,
-    )
+    assert solution is not None and solution.lla == (32.95602815, -96.71424297, 171.195)
+    assert solution.status == 4 and solution.ypr_deg == (9.5, -4.754, -0.225)
+    assert solution.velocity_mps == (-0.84, -0.396, -0.109) and solution.position_u_m == 1.6
 
 
 def test_sixteen_bit_checksums() -> None:
@@ -349,9 +341,10 @@ def test_rates_and_force_in_ascii() -> None:
         b"$VNYMR,+100.949,-007.330,+000.715,-00.0049,-00.2449,+00.5397,-01.258,-00.100,-09.701,"
         b"-00.000018,+00.001122,-00.000551*69\r\n"
     )
-    (_, attitude), (_, imu) = feed(VectorNavCodec("ins"), line)
-    assert isinstance(attitude, Attitude) and attitude.r_radps == -0.000551 and math.isnan(attitude.psi_rad)
-    assert isinstance(imu, Imu) and (imu.ax_mps2, imu.ay_mps2) == (-1.258, -0.1)
+    assert feed(VectorNavCodec("ins"), line) == [
+        ("VNYMR", YawRate(t_ns=7, r_radps=-0.000551)),
+        ("VNYMR", SpecificForce(t_ns=7, ax_mps2=-1.258, ay_mps2=-0.1)),
+    ]
 
 
 def with_checksum(body: str) -> bytes:

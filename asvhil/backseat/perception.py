@@ -1,0 +1,191 @@
+"""Perception: frames to what is known of the boat and the wind, by the end of a tick."""
+
+from __future__ import annotations
+
+from asvhil.config import PwmConfig
+from asvhil.controller.pwm import command_of_pulse
+from asvhil.dynamics.protocol import Dynamics
+from asvhil.estimator.monitor import ModelMonitor
+from asvhil.estimator.protocol import StateEstimator
+from asvhil.estimator.wind import WindFilter
+from asvhil.estimator.wind_load import WindFromLoad
+from asvhil.geo import LocalFrame
+from asvhil.io.sensors.decoder import Decoder
+from asvhil.io.sensors.firmware import FirmwareWatch
+from asvhil.io.sensors.sources import Switch
+from asvhil.types import (
+    ApparentWind,
+    BowWind,
+    Estimate,
+    Frame,
+    FrontseatStatus,
+    Inputs,
+    Measurement,
+    Note,
+    PredictionError,
+    TrueWind,
+    Wind,
+    record,
+)
+
+REMEMBERED_NS = 30_000_000_000  # for so long a measured wind is a better guess than the disturbance
+
+
+@record
+class Perceived:
+    """What is known by the end of the frames of a tick.
+
+    `statuses` are those of the autopilot that came in this tick, `status` is the last so far. `wind` is the one to
+    show, `usable_wind` the one to predict with: of a sensor, and valid. `frame` is the local NED frame. None: not
+    known.
+    """
+
+    t_ns: int
+    statuses: tuple[FrontseatStatus, ...]
+    status: FrontseatStatus | None
+    estimate: Estimate | None
+    wind: Wind | None
+    usable_wind: Wind | None
+    frame: LocalFrame | None
+
+
+class Perception:
+    """Decoder, state and wind estimation, and the watch over model and firmware.
+
+    In each tick `step` comes first, and `note_pulses` once the pulses of the motors are known: they drive the
+    estimator's prediction from then on.
+    """
+
+    def __init__(
+        self,
+        *,
+        decoder: Decoder,
+        firmware: FirmwareWatch,
+        estimator: StateEstimator,
+        wind: WindFilter,
+        wind_load: WindFromLoad | None,
+        monitor: ModelMonitor,
+        model: Dynamics,
+        pwm: PwmConfig,
+    ) -> None:
+        self._decoder = decoder
+        self._firmware = firmware
+        self._estimator = estimator
+        self._wind = wind
+        self._wind_load = wind_load
+        self._monitor = monitor
+        self._model = model
+        self._pwm = pwm
+        self._status: FrontseatStatus | None = None
+        self._statuses: list[FrontseatStatus] = []
+        self._pulses_us: tuple[int, int] | None = None
+        self._forcing_wind: Wind | None = None
+        self._wind_ns = -REMEMBERED_NS
+        self._model_input = (0.0, 0.0)
+        self.model_ok = True  # the boat behaves as the model says
+
+    @property
+    def frame(self) -> LocalFrame | None:
+        """The local NED frame, once the first position is known."""
+        return self._estimator.frame
+
+    def step(self, inputs: Inputs) -> Perceived:
+        """Take in the frames of a tick; those of other ports than the autopilot's and the sensors' are ignored."""
+        t_ns = inputs.t_ns
+        self._statuses.clear()
+        for frame in inputs.frames:
+            self._take(frame)
+        wind = self._wind.wind(t_ns)
+        usable_wind = wind if wind is not None and wind.valid else None
+        if (usable_wind is None) != (self._forcing_wind is None):
+            # Before the estimate, so that the controller gets wind and disturbance of one mind.
+            self._force(usable_wind)
+        estimate = self._estimator.estimate(t_ns)
+        if usable_wind is not None:
+            self._wind_ns = t_ns
+        elif estimate is not None and self._wind_load is not None and t_ns - self._wind_ns > REMEMBERED_NS:
+            wind = self._wind_load.wind(estimate)
+        return Perceived(
+            t_ns=t_ns,
+            statuses=tuple(self._statuses),
+            status=self._status,
+            estimate=estimate,
+            wind=wind,
+            usable_wind=usable_wind,
+            frame=self._estimator.frame,
+        )
+
+    def note_pulses(self, pulses_us: tuple[int, int] | None, wind: Wind | None) -> None:
+        """The pulses (us) that are sent from now on, None where the autopilot has the motors, and the usable wind."""
+        self._pulses_us = pulses_us
+        self._force(wind)
+
+    def check_model(self, seen: Perceived) -> PredictionError | None:
+        """In a control tick, after `note_pulses`: the errors of the model's prediction, once its horizon is filled."""
+        if seen.estimate is None:
+            return None
+        error = self._monitor.step(seen.estimate, self._model_input, seen.usable_wind)
+        self.model_ok = error is None or error.ok
+        return error
+
+    def notes(self, t_ns: int) -> tuple[Note, ...]:
+        """The sensors that are not as they should be, and the anemometer's firmware."""
+        firmware = self._firmware.note()
+        own = () if firmware is None else (firmware,)
+        return (*self._estimator.notes(t_ns), *self._wind.notes(t_ns), *own)
+
+    def data_to_send(self, t_ns: int) -> list[Frame]:
+        """Questions to the sensors."""
+        return self._firmware.data_to_send(t_ns)
+
+    def sources(self, t_ns: int) -> tuple[tuple[str, str], ...]:
+        """The source in use for each quantity, empty where none is heard."""
+        return self._decoder.sources(t_ns)
+
+    def switches(self, t_ns: int) -> list[Switch]:
+        """The changes of source since the last call."""
+        return self._decoder.switches(t_ns)
+
+    def counters(self) -> tuple[tuple[str, int], ...]:
+        """Cumulative counts of the sensor links and of the estimator."""
+        return (*self._decoder.counters(), *self._estimator.counters())
+
+    def _take(self, frame: Frame) -> None:
+        if frame.port == self._firmware.port:
+            self._firmware.receive(frame)
+        measurements = self._decoder.decode(frame)
+        self._estimator.on_measurements(measurements)
+        for measurement in measurements:
+            self._take_rest(measurement)
+
+    def _take_rest(self, measurement: Measurement) -> None:
+        """What is not the estimator's: wind, and the autopilot's status."""
+        match measurement:
+            case FrontseatStatus():
+                self._status = measurement
+                self._statuses.append(measurement)
+            case ApparentWind():
+                estimate = self._estimator.estimate(measurement.t_ns)
+                if estimate is not None:
+                    self._wind.on_apparent_wind(measurement, estimate)
+            case BowWind():
+                estimate = self._estimator.estimate(measurement.t_ns)
+                if estimate is not None:
+                    self._wind.on_bow_wind(measurement, estimate)
+            case TrueWind():
+                self._wind.on_true_wind(measurement)
+            case _:
+                pass
+
+    def _force(self, wind: Wind | None) -> None:
+        """What drives the estimator's prediction from now on: our pulses, or else the autopilot's outputs; and wind."""
+        pulses = self._pulses_us
+        if pulses is None:
+            outputs = self._status.outputs_us if self._status is not None else ()
+            channels = (self._pwm.port_channel, self._pwm.starboard_channel)
+            port_us, starboard_us = (outputs[c - 1] if len(outputs) >= c else 0 for c in channels)
+            pulses = (port_us, starboard_us)
+        command = (command_of_pulse(self._pwm, pulses[0]), command_of_pulse(self._pwm, pulses[1]))
+        self._model_input = self._model.input_of_command(command)
+        self._forcing_wind = wind
+        self._estimator.set_forcing(self._model_input, None if wind is None else (wind.vn_mps, wind.ve_mps))

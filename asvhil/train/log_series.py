@@ -1,0 +1,163 @@
+"""What one log holds, by quantity: measured as the backseat did, through the decoder of the log's config."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+
+from asvhil.autopilot.mavlink_autopilot import PORT
+from asvhil.backseat.build import build_decoder
+from asvhil.config import Config
+from asvhil.controller.pwm import command_of_pulse
+from asvhil.errors import LogError
+from asvhil.geo import ned_to_body
+from asvhil.io.mavlink.frames import Parser, decode, dialect, message_id
+from asvhil.logs.encoding import decode_outputs
+from asvhil.logs.reader import LogFile
+from asvhil.logs.replay import config_of
+from asvhil.train.series import Series, interpolate, rotate, series, without_outliers
+from asvhil.types import (
+    ApparentWind,
+    BowWind,
+    Frame,
+    FrontseatStatus,
+    GroundVelocity,
+    Heading,
+    TrueWind,
+    YawRate,
+    record,
+)
+
+
+@record
+class LogSeries:
+    """Each quantity with its own times (s since the first tick), jumps that no boat makes left out."""
+
+    heading: Series  # psi (continuous)
+    yaw_rate: Series  # r
+    velocity: Series  # vn, ve of the boat's origin
+    wind: Series  # speed, from; whether that is from the bow (1) or from north (0); whether it is apparent (1) or true
+    command: Series  # port, starboard in [-1, 1]; stretches where it is unknown are missing
+    estimate: Series  # u, v, r, psi (continuous)
+    truth: Series  # u, v, r, psi (continuous)
+    outliers: int  # how many jumps
+
+
+def read_log_series(path: Path) -> LogSeries:
+    """Read one log. LogError where the file is none, or holds no tick."""
+    log = LogFile(path)
+    config = config_of(log, path, known_only=True)
+    reader: _Reader | None = None
+    for inputs, recorded in log.ticks():
+        reader = _Reader(config, inputs.t_ns) if reader is None else reader
+        for frame in inputs.frames:
+            reader.take_in(frame)
+        if recorded is not None:
+            reader.take_out(inputs.t_ns, recorded)
+    if reader is None:
+        raise LogError(f"{path}: holds no tick")
+    heading, jumps_psi = without_outliers(_unwrapped(series(reader.heading, 1), 0), 0.5, 2.0, np.inf)
+    yaw_rate, jumps_r = without_outliers(series(reader.yaw_rate, 1), 0.5, 2.0, np.inf)
+    velocity = _at_origin(series(reader.velocity, 4), heading, yaw_rate)
+    velocity, jumps_v = without_outliers(velocity, 1.0, 3.0, 30.0)
+    return LogSeries(
+        heading=heading,
+        yaw_rate=yaw_rate,
+        velocity=velocity,
+        wind=series(reader.wind, 4),
+        command=series(reader.command, 2),
+        estimate=_unwrapped(series(reader.estimate, 4), 3),
+        truth=_unwrapped(series(reader.truth, 4), 3),
+        outliers=jumps_psi + jumps_r + jumps_v,
+    )
+
+
+class _Reader:
+    """Decodes the frames of one log anew, as the backseat did, and keeps the measurements with their times.
+
+    The truth is read from the simulated autopilot's SIM_STATE, which the backseat never decodes.
+    """
+
+    def __init__(self, config: Config, start_ns: int) -> None:
+        self._start_ns = start_ns
+        self._pwm = config.vehicle.pwm
+        self._decoder = build_decoder(config)
+        self._truth_parser = Parser()
+        self._outputs_us: tuple[int, ...] = ()
+        self.heading: list[tuple[float, ...]] = []
+        self.yaw_rate: list[tuple[float, ...]] = []
+        self.velocity: list[tuple[float, ...]] = []
+        self.wind: list[tuple[float, ...]] = []
+        self.command: list[tuple[float, ...]] = []
+        self.estimate: list[tuple[float, ...]] = []
+        self.truth: list[tuple[float, ...]] = []
+
+    def take_in(self, frame: Frame) -> None:
+        """A frame that the backseat was given."""
+        for m in self._decoder.decode(frame):
+            t_s = self._t_s(m.t_ns)
+            match m:
+                case Heading():
+                    self.heading.append((t_s, m.psi_rad))
+                case YawRate():
+                    self.yaw_rate.append((t_s, m.r_radps))
+                case GroundVelocity():
+                    self.velocity.append((t_s, m.vn_mps, m.ve_mps, *m.arm_m))
+                case ApparentWind():
+                    self.wind.append((t_s, m.speed_mps, m.from_rad, 1.0, 1.0))
+                case BowWind():
+                    self.wind.append((t_s, m.speed_mps, m.from_rad, 1.0, 0.0))
+                case TrueWind():
+                    from_rad = math.atan2(-m.ve_mps, -m.vn_mps)
+                    self.wind.append((t_s, math.hypot(m.vn_mps, m.ve_mps), from_rad, 0.0, 0.0))
+                case FrontseatStatus():
+                    self._outputs_us = m.outputs_us
+                case _:
+                    pass
+        if frame.port == PORT:
+            self._take_truth(frame)
+
+    def _take_truth(self, frame: Frame) -> None:
+        t_s = self._t_s(frame.t_ns)
+        for data in self._truth_parser.feed(frame.peer, frame.data):
+            if message_id(data) == dialect.MAVLINK_MSG_ID_SIM_STATE and (m := decode(data)) is not None:
+                u_mps, v_mps = ned_to_body(m.yaw, m.vn, m.ve)
+                self.truth.append((t_s, u_mps, v_mps, m.zgyro, m.yaw))
+
+    def take_out(self, t_ns: int, recorded: bytes) -> None:
+        """What the backseat did in a tick: its pulses; where it let go, the outputs that the autopilot reports."""
+        outputs = decode_outputs(recorded)
+        t_s = self._t_s(t_ns)
+        pulses = outputs.pwm_us
+        if pulses is None:
+            port, starboard = (self._output_us(c) for c in (self._pwm.port_channel, self._pwm.starboard_channel))
+            pulses = (port, starboard) if port is not None and starboard is not None else None
+        if pulses is not None:
+            self.command.append((t_s, *(command_of_pulse(self._pwm, pulse_us) for pulse_us in pulses)))
+        if outputs.estimate is not None and outputs.estimate.valid:
+            e = outputs.estimate
+            self.estimate.append((t_s, e.u_mps, e.v_mps, e.r_radps, e.psi_rad))
+
+    def _output_us(self, channel: int) -> int | None:
+        return self._outputs_us[channel - 1] if len(self._outputs_us) >= channel else None
+
+    def _t_s(self, t_ns: int) -> float:
+        return (t_ns - self._start_ns) * 1e-9
+
+
+def _at_origin(antenna: Series, heading: Series, yaw_rate: Series) -> Series:
+    """Velocity of the boat's origin (vn, ve) from that of an antenna (vn, ve, arm forward, arm to starboard)."""
+    velocity, arm = antenna.values[:, :2], antenna.values[:, 2:]
+    if arm.any() and len(heading.t_s) and len(yaw_rate.t_s):
+        arm_n, arm_e = rotate(interpolate(heading, antenna.t_s)[:, 0], arm).T
+        r = interpolate(yaw_rate, antenna.t_s)[:, 0]
+        velocity = velocity - r[:, None] * np.stack([-arm_e, arm_n], axis=-1)
+    return Series(t_s=antenna.t_s, values=velocity)
+
+
+def _unwrapped(source: Series, column: int) -> Series:
+    values = source.values.copy()
+    values[:, column] = np.unwrap(values[:, column])
+    return Series(t_s=source.t_s, values=values)
