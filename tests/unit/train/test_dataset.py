@@ -266,7 +266,7 @@ def test_logs_that_cannot_be_used_are_told_by_name(log: Path, tmp_path: Path) ->
     sim_state, attitude = (number.to_bytes(3, "little") for number in (108, 30))
     with pytest.raises(LogError, match=r"a\.mcap: holds no SIM_STATE"):
         truth_from_log(edited(log, tmp_path / "a.mcap", without(sim_state)), 0.2)
-    with pytest.raises(LogError, match=r"b\.mcap: holds no attitude"):
+    with pytest.raises(LogError, match=r"b\.mcap: holds no heading"):
         dataset_from_logs([log, edited(log, tmp_path / "b.mcap", without(attitude))], 0.2)
     short = edited(log, tmp_path / "c.mcap", lambda t_s, frame: frame if t_s < 14.0 else None)
     with pytest.raises(LogError, match=r"c\.mcap: 10\.\d s of usable data, at least 30 s"):
