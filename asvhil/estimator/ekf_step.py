@@ -66,11 +66,15 @@ class Filter:
         self._most[[B_N - D_N, B_E - D_N]] = BIAS_SIGMA * ekf.position_bias_std_m
         self._least: Array = -self._most
         heading_rad = math.radians(ekf.heading_std_deg)
-        self._variances: dict[type, list[float]] = {
+        variances: dict[type, list[float]] = {
             Position: [ekf.position_std_m**2] * 2,
             GroundVelocity: [ekf.velocity_std_mps**2] * 2,
             Heading: [heading_rad**2],
             YawRate: [ekf.yaw_rate_std_radps**2],
+        }
+        together = [(kind,) for kind in variances] + list(measurement_model.PAIRS)
+        self._noise: dict[tuple[type, ...], Array] = {
+            kinds: np.diag([variance for kind in kinds for variance in variances[kind]]) for kinds in together
         }
         self._eye: Array = np.eye(SIZE)
         self._frame = LocalFrame(lat_deg=0.0, lon_deg=0.0)
@@ -190,7 +194,7 @@ class Filter:
         for m in measurements:
             if isinstance(m, GroundVelocity):
                 fault_recovery.travel(state, t_ns, m.vn_mps, m.ve_mps)
-        noise = np.diag([variance for m in measurements for variance in self._variances[type(m)]])
+        noise = self._noise[tuple(type(m) for m in measurements)]
         self._take(state, t_ns, measurement_model.reading_of(state.x, measurements, self._frame), noise)
 
     def _on_force(self, state: FilterState, m: SpecificForce) -> None:

@@ -17,7 +17,7 @@ Corrected = Position | GroundVelocity | Heading | YawRate
 Correction = tuple[Corrected | SpecificForce, ...]  # one event of the filter: a pair, or one alone
 
 ROWS: dict[type, int] = {Position: 2, GroundVelocity: 2, Heading: 1, YawRate: 1}
-PAIRS = {(Position, GroundVelocity), (Heading, YawRate)}
+PAIRS: tuple[tuple[type, ...], ...] = ((Position, GroundVelocity), (Heading, YawRate))
 
 
 class Group(NamedTuple):
@@ -61,18 +61,19 @@ def reading_of(x: Array, measurements: Sequence[Corrected], frame: LocalFrame) -
     count = sum(ROWS[type(m)] for m in measurements)
     innovation, h = np.zeros(count), np.zeros((count, SIZE))
     groups = []
+    state: list[float] = x.tolist()
     first = 0
     for m in measurements:
         rows = slice(first, first + ROWS[type(m)])
         match m:
             case Position():
-                group = _position(x.tolist(), m, frame, rows, innovation[rows], h[rows])
+                group = _position(state, m, frame, rows, innovation[rows], h[rows])
             case GroundVelocity():
-                group = _velocity(x.tolist(), m, rows, innovation[rows], h[rows])
+                group = _velocity(state, m, rows, innovation[rows], h[rows])
             case Heading():
                 group = _heading(x, m, rows, innovation[rows], h[rows])
             case YawRate():
-                group = _yaw_rate(x.tolist(), m, rows, innovation[rows], h[rows])
+                group = _yaw_rate(state, m, rows, innovation[rows], h[rows])
         groups.append(group)
         first = rows.stop
     return Reading(groups, innovation, h)

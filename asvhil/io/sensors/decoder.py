@@ -38,6 +38,11 @@ class SensorCalibration:
             vane_offset_rad=math.radians(config.wind.vane_offset_deg),
         )
 
+    @property
+    def is_trivial(self) -> bool:
+        """Whether there is nothing to take out."""
+        return not any(self.deviation_rad) and self.vane_offset_rad == 0.0
+
     def apply(self, m: Measurement) -> Measurement:
         """A heading without the deviation, a wind angle from the bow; whatever else as it is."""
         match m:
@@ -80,8 +85,9 @@ class Decoder:
 
     def decode(self, frame: Frame) -> list[Measurement]:
         """The measurements in a frame that are to be used, in the order of its bytes; none of an unknown port."""
-        chosen = (self._selector.select(name, m) for name, m in self.decode_every_source(frame))
-        return [self._calibration.apply(m) for m in chosen if m is not None]
+        select = self._selector.select
+        chosen = [used for name, m in self.decode_every_source(frame) if (used := select(name, m)) is not None]
+        return chosen if self._calibration.is_trivial else [self._calibration.apply(m) for m in chosen]
 
     def decode_every_source(self, frame: Frame) -> list[NamedMeasurement]:
         """(LINK.MESSAGE, measurement) of all in a frame, in use or not, as the sensors tell them.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 from asvhil.config import Quantity, SourceConfig
@@ -25,30 +25,28 @@ NS_PER_S = 1_000_000_000
 
 
 class Kind(NamedTuple):
-    """The quantity that a record is a measurement of, and the fields that must be finite."""
+    """The quantity that a record is a measurement of, and its values, which must be finite."""
 
     quantity: Quantity
-    fields: tuple[str, ...]
+    values: Callable[[Any], tuple[float, ...]]
 
 
 KINDS: Mapping[type, Kind] = {
-    Position: Kind("position", ("lat_deg", "lon_deg")),
-    GroundVelocity: Kind("velocity", ("vn_mps", "ve_mps")),
-    Heading: Kind("heading", ("psi_rad",)),
-    YawRate: Kind("yaw_rate", ("r_radps",)),
-    SpecificForce: Kind("acceleration", ("ax_mps2", "ay_mps2")),
-    ApparentWind: Kind("wind", ("speed_mps", "from_rad")),
-    BowWind: Kind("wind", ("speed_mps", "from_rad")),
-    TrueWind: Kind("wind", ("vn_mps", "ve_mps")),
+    Position: Kind("position", lambda m: (m.lat_deg, m.lon_deg)),
+    GroundVelocity: Kind("velocity", lambda m: (m.vn_mps, m.ve_mps)),
+    Heading: Kind("heading", lambda m: (m.psi_rad,)),
+    YawRate: Kind("yaw_rate", lambda m: (m.r_radps,)),
+    SpecificForce: Kind("acceleration", lambda m: (m.ax_mps2, m.ay_mps2)),
+    ApparentWind: Kind("wind", lambda m: (m.speed_mps, m.from_rad)),
+    BowWind: Kind("wind", lambda m: (m.speed_mps, m.from_rad)),
+    TrueWind: Kind("wind", lambda m: (m.vn_mps, m.ve_mps)),
 }
 
 
 def quantity_of(m: Measurement) -> Quantity | None:
     """The quantity of which a measurement has a valid value; None for an invalid one, and for what is no sensor's."""
     kind = KINDS.get(type(m))
-    if kind is None or not all(math.isfinite(getattr(m, field)) for field in kind.fields):
-        return None
-    return kind.quantity
+    return kind.quantity if kind is not None and all(map(math.isfinite, kind.values(m))) else None
 
 
 @record
@@ -131,12 +129,12 @@ class SourceSelector:
 
         None where another source is in use, or the value is not valid. The autopilot's status passes as it is.
         """
-        if type(m) not in KINDS:
+        kind = KINDS.get(type(m))
+        if kind is None:
             return m
-        quantity = quantity_of(m)
-        if quantity is None or not self._choices[quantity].offer(m.t_ns, name):
+        if not all(map(math.isfinite, kind.values(m))) or not self._choices[kind.quantity].offer(m.t_ns, name):
             return None
-        return self._placed(quantity, name, m)
+        return self._placed(kind.quantity, name, m)
 
     def current(self, t_ns: int) -> tuple[tuple[str, str], ...]:
         """The source in use for each quantity, empty where none is heard."""
