@@ -120,7 +120,7 @@ class SourcesConfig(Section):
         """The sources of every quantity, the defaults for lists that are empty."""
         fix = SourceConfig(link="autopilot", message=links.autopilot.position_source)
         attitude = SourceConfig(link="autopilot", message="ATTITUDE")
-        # The IMU comes once a second where nobody asks for it.
+        # Without a stream request the IMU's rate is 1 Hz.
         imu = SourceConfig(link="autopilot", message=IMU_MESSAGE[links.autopilot.profile], timeout_s=3.0)
         return {
             "position": self.position or (fix,),
