@@ -2,9 +2,7 @@
 
 from asvhil.config.base import Section
 from asvhil.config.controller import (
-    LEARNED,
     BacksteppingConfig,
-    ControllerConfig,
     LoiterConfig,
     ManoeuvresConfig,
     MpcConfig,
@@ -13,6 +11,7 @@ from asvhil.config.controller import (
     SlidingModeConfig,
     SteeringConfig,
 )
+from asvhil.config.controllers import ControllerConfig
 from asvhil.config.estimator import (
     CompassConfig,
     EkfConfig,
@@ -50,7 +49,6 @@ from asvhil.config.supervisor import ReadbackConfig, StationConfig, SupervisorCo
 from asvhil.config.vehicle import PwmConfig, VesselConfig
 
 __all__ = [
-    "LEARNED",
     "OF_ONE_DEVICE",
     "QUANTITIES",
     "AnemometerSensorConfig",

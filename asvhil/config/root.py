@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 
 from asvhil.config.autopilots import CONTROL_MODE, MODES
 from asvhil.config.base import Section
-from asvhil.config.controller import ControllerConfig
+from asvhil.config.controllers import ControllerConfig
 from asvhil.config.daemon import DaemonConfig, RecorderConfig
 from asvhil.config.estimator import EstimatorConfig
 from asvhil.config.links import LinksConfig
