@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from asvhil.autopilot.ardurover import ArduRoverAutopilot
+from asvhil.autopilot.mavlink_autopilot import MavlinkAutopilot
 from asvhil.autopilot.motor_check import MotorCheck
-from asvhil.autopilot.px4 import Px4Autopilot
 from asvhil.autopilot.readback import Readback
 from asvhil.backseat.actuation import Actuation
 from asvhil.backseat.backseat import Backseat
@@ -14,7 +13,7 @@ from asvhil.backseat.cadence import Cadence, EveryPeriod, EveryTicks
 from asvhil.backseat.command import Command
 from asvhil.backseat.perception import Perception
 from asvhil.config import Config, EstimatorConfig, find_shipped
-from asvhil.config.registry import CONTROLLERS, ESTIMATORS
+from asvhil.config.registry import AUTOPILOTS, CONTROLLERS, ESTIMATORS
 from asvhil.controller.procedure import Procedure
 from asvhil.controller.protocol import Controller
 from asvhil.dynamics.protocol import Dynamics
@@ -97,12 +96,10 @@ def build_cadence(config: Config) -> Cadence:
     return EveryPeriod(round(1e9 / daemon.control_hz), round(0.5e9 / daemon.tick_hz))
 
 
-def build_link(config: Config) -> ArduRoverAutopilot | Px4Autopilot:
+def build_link(config: Config) -> MavlinkAutopilot:
     """The conversation with the autopilot, by `links.autopilot.profile`."""
-    link, pwm = config.links.autopilot, config.vehicle.pwm
-    if link.profile == "px4":
-        return Px4Autopilot(link, pwm, keeps_offboard=config.supervisor.control_mode == "OFFBOARD")
-    return ArduRoverAutopilot(link, pwm)
+    autopilot: MavlinkAutopilot = AUTOPILOTS.find(config.links.autopilot.profile).make(config)
+    return autopilot
 
 
 def build_decoder(config: Config) -> Decoder:
@@ -110,7 +107,7 @@ def build_decoder(config: Config) -> Decoder:
     return Decoder.from_config(config, build_link(config).receive)
 
 
-def build_perception(config: Config, model: Dynamics, link: ArduRoverAutopilot | Px4Autopilot) -> Perception:
+def build_perception(config: Config, model: Dynamics, link: MavlinkAutopilot) -> Perception:
     """Decoder and estimation; the frames of the autopilot go through its conversation, `link`."""
     return Perception(
         decoder=Decoder.from_config(config, link.receive),
@@ -124,7 +121,7 @@ def build_perception(config: Config, model: Dynamics, link: ArduRoverAutopilot |
     )
 
 
-def build_motor_check(config: Config, link: ArduRoverAutopilot | Px4Autopilot) -> MotorCheck:
+def build_motor_check(config: Config, link: MavlinkAutopilot) -> MotorCheck:
     """The check of whether the motors follow the commands."""
     readback = config.supervisor.readback
     watch = Readback(readback, config.vehicle.pwm, overrides_sticks=config.links.autopilot.overrides_sticks)

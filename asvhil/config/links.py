@@ -6,20 +6,27 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field, model_validator
 
-from asvhil.config.autopilots import OUTPUTS, STREAMS_HZ, WHY_NOT, MotorOutput, Profile
+from asvhil.config.autopilots import outputs_of
 from asvhil.config.base import Degrees, LinkSpecText, MavlinkId, Positive, Section
+from asvhil.config.chosen import NamedIn
 from asvhil.config.mavlink import GroundStationLinkConfig, LinkName, MavlinkLinkConfig, RoutingConfig
+from asvhil.config.registry import AUTOPILOTS, OUTPUTS
 
 # Sorted, for they are asked for in this order, and a config that is read back from a log comes sorted.
 Streams = Annotated[dict[str, Positive], AfterValidator(lambda rates: dict(sorted(rates.items())))]
+
+
+def _streams_hz(profile: str) -> dict[str, float]:
+    """The messages that a profile asks for, and how often."""
+    return dict(sorted(AUTOPILOTS.find(profile).streams_hz.items()))
 
 
 class AutopilotLinkConfig(MavlinkLinkConfig):
     """The MAVLink link to the autopilot: the daemon's own ids, the way to the motors, and the messages to request."""
 
     endpoint: LinkSpecText = Field(description="Link spec, such as serial:/dev/ttyAMA0:921600 or udpin:HOST:PORT.")
-    profile: Profile = Field(default="ardurover", description="The autopilot's firmware.")
-    output: MotorOutput = Field(
+    profile: Annotated[str, NamedIn(AUTOPILOTS)] = Field(default="ardurover", description="The autopilot's firmware.")
+    output: Annotated[str, NamedIn(OUTPUTS)] = Field(
         default="rc_override",
         description=(
             "Way to the motors, see docs/autopilots.md: rc_override, manual_control or set_servo with ardurover, "
@@ -45,7 +52,7 @@ class AutopilotLinkConfig(MavlinkLinkConfig):
         ),
     )
     streams_hz: Streams = Field(
-        default_factory=lambda: dict(sorted(STREAMS_HZ["ardurover"].items())),
+        default_factory=lambda: _streams_hz("ardurover"),
         description=(
             "Rate to request for each message, as {MESSAGE: Hz}. Default: what the profile needs "
             "(asvhil/config/autopilots.py). A mapping given here replaces the default."
@@ -55,22 +62,25 @@ class AutopilotLinkConfig(MavlinkLinkConfig):
     @property
     def overrides_sticks(self) -> bool:
         """Whether motor commands replace the pilot's sticks, and RC_CHANNELS shows them instead."""
-        return self.output in ("rc_override", "manual_control")
+        kind = OUTPUTS.get(self.output)
+        return kind is not None and kind.overrides_sticks
 
     @model_validator(mode="before")
     @classmethod
     def _fill_in(cls, tree: Any) -> Any:
         """The profile's own output and streams where none are given."""
         profile = tree.get("profile") if isinstance(tree, dict) else None
-        if not isinstance(profile, str) or profile not in OUTPUTS:
+        kind = AUTOPILOTS.get(profile) if isinstance(profile, str) else None
+        if kind is None:
             return tree
-        return {"output": OUTPUTS[profile][0], "streams_hz": dict(STREAMS_HZ[profile]), **tree}
+        return {"output": kind.outputs[0], "streams_hz": dict(kind.streams_hz), **tree}
 
     @model_validator(mode="after")
     def _check_output(self) -> AutopilotLinkConfig:
-        able = OUTPUTS[self.profile]
-        if self.output not in able:
-            why = WHY_NOT[self.profile, self.output]
+        kind = AUTOPILOTS.get(self.profile)
+        able = outputs_of(kind) if kind is not None else (self.output,)
+        if kind is not None and self.output not in able:
+            why = kind.unsuited.get(self.output, "it does not have it")
             raise ValueError(
                 f"output {self.output} does not go with profile {self.profile} ({why}): {' or '.join(able)}"
             )

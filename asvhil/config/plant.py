@@ -7,7 +7,6 @@ from typing import Literal
 
 from pydantic import Field, model_validator
 
-from asvhil.config.autopilots import Profile
 from asvhil.config.base import (
     Degrees,
     Fraction,
@@ -384,8 +383,8 @@ class PlantConfig(Section):
     vessel: VesselConfig | None = Field(
         default=None, description="The true boat, where it differs from vehicle.vessel."
     )
-    autopilot: Profile = Field(
-        default="ardurover", description="The simulated autopilot; links.autopilot.profile must be the same."
+    autopilot: Literal["ardurover", "px4"] = Field(
+        default="ardurover", description="The simulated autopilot; links.autopilot.profile must be one for it."
     )
     weather: WeatherConfig = Field(default=WeatherConfig(), description="Weather.")
     sensors: SensorsConfig = Field(default=SensorsConfig(), description="Sensor errors.")

@@ -7,16 +7,17 @@ from typing import Any
 
 from pydantic import Field, model_validator
 
-from asvhil.config.autopilots import CONTROL_MODE, MODES
 from asvhil.config.base import Section
 from asvhil.config.controllers import ControllerConfig
 from asvhil.config.daemon import DaemonConfig, RecorderConfig
 from asvhil.config.estimator import EstimatorConfig
 from asvhil.config.links import LinksConfig
 from asvhil.config.plant import PlantConfig
+from asvhil.config.registry import AUTOPILOTS
 from asvhil.config.sources import SourcesConfig, check_sources
 from asvhil.config.supervisor import SupervisorConfig
 from asvhil.config.vehicle import VehicleConfig, VesselConfig
+from asvhil.errors import ConfigError
 
 
 class Config(Section):
@@ -36,8 +37,9 @@ class Config(Section):
     @classmethod
     def _fill_in(cls, tree: Any) -> Any:
         """Without a control mode, that of the autopilot's profile."""
-        with contextlib.suppress(KeyError, TypeError, AttributeError):  # the validation reports what is missing
-            mode = CONTROL_MODE[tree["links"]["autopilot"].get("profile", "ardurover")]
+        # The validation reports what is missing or wrong.
+        with contextlib.suppress(KeyError, TypeError, AttributeError, ConfigError):
+            mode = AUTOPILOTS.find(tree["links"]["autopilot"].get("profile", "ardurover")).control_mode
             return {**tree, "supervisor": {"control_mode": mode, **tree.get("supervisor", {})}}
         return tree
 
@@ -47,8 +49,9 @@ class Config(Section):
             raise ValueError("supervisor.station is needed where supervisor.engage is auto")
         pwm = self.vehicle.pwm
         link = self.links.autopilot
-        if self.supervisor.control_mode not in MODES[link.profile]:
-            names = ", ".join(MODES[link.profile])
+        kind = AUTOPILOTS.get(link.profile)
+        if kind is not None and self.supervisor.control_mode not in kind.modes:
+            names = ", ".join(kind.modes)
             raise ValueError(f"supervisor.control_mode must be one of {link.profile}: {names}")
         if link.output == "manual_control" and not (pwm.astern_us >= 1000 and pwm.ahead_us <= 2000):
             raise ValueError("links.autopilot.output manual_control reaches 1000 to 2000 us: vehicle.pwm goes beyond")

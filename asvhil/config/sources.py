@@ -6,9 +6,9 @@ from typing import Any, Literal
 
 from pydantic import Field, model_validator
 
-from asvhil.config.autopilots import IMU_MESSAGE
 from asvhil.config.base import NonNegative, Positive, Section
 from asvhil.config.links import LinksConfig
+from asvhil.config.registry import AUTOPILOTS
 
 Quantity = Literal["position", "velocity", "heading", "yaw_rate", "acceleration", "wind"]
 QUANTITIES: tuple[Quantity, ...] = ("position", "velocity", "heading", "yaw_rate", "acceleration", "wind")
@@ -121,7 +121,8 @@ class SourcesConfig(Section):
         fix = SourceConfig(link="autopilot", message=links.autopilot.position_source)
         attitude = SourceConfig(link="autopilot", message="ATTITUDE")
         # The IMU comes once a second where nobody asks for it.
-        imu = SourceConfig(link="autopilot", message=IMU_MESSAGE[links.autopilot.profile], timeout_s=3.0)
+        message = AUTOPILOTS.find(links.autopilot.profile).imu_message
+        imu = SourceConfig(link="autopilot", message=message, timeout_s=3.0)
         return {
             "position": self.position or (fix,),
             "velocity": self.velocity or (fix,),
