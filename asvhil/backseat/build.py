@@ -150,6 +150,7 @@ def build_backseat(
 
     A `model` or `controller` that is given, as by a study, is used as it is.
     """
+    config.check_plugins()
     model = model or build_model(config, file)
     pwm, link = config.vehicle.pwm, build_link(config)
     controller = controller or build_controller(config, model)

@@ -17,13 +17,8 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema, InitErrorDetails, core_schema
 
-from asvhil.config.base import Section
+from asvhil.config.base import Section, known_only
 from asvhil.config.registry import Registry
-
-
-def known_only(info: ValidationInfo) -> bool:
-    """Whether a config of a log is read for what was measured alone: names that are not known here then pass."""
-    return bool(info.context and info.context.get("known_only"))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -39,7 +34,7 @@ class NamedIn:
         return core_schema.with_info_after_validator_function(check, handler(source))
 
     def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
-        return {**handler(schema), "enum": [kind.name for kind in self.registry]}
+        return {**handler(schema), "enum": self.registry.own_names()}
 
 
 class Choosing(Section):

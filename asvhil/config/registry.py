@@ -223,6 +223,10 @@ class Registry(Generic[K]):
         installed = importlib.metadata.entry_points(group=self.group).names
         return [*self._rows, *sorted(set(installed) - set(self._rows))]
 
+    def own_names(self) -> list[str]:
+        """The names in the tables of this package."""
+        return [name for name, origin in self._origins.items() if origin == Origin()]
+
     def origin(self, name: str) -> Origin:
         """Where a row comes from."""
         return self._origins[name]

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import contextlib
+from pathlib import Path
 from typing import Any
 
-from pydantic import Field, model_validator
+from pydantic import Field, SerializerFunctionWrapHandler, ValidationInfo, model_serializer, model_validator
 
-from asvhil.config.base import Section
+from asvhil.config.base import Section, known_only
 from asvhil.config.controllers import ControllerConfig
 from asvhil.config.daemon import DaemonConfig, RecorderConfig
 from asvhil.config.estimator import EstimatorConfig
 from asvhil.config.links import LinksConfig
 from asvhil.config.plant import PlantConfig
-from asvhil.config.registry import AUTOPILOTS
+from asvhil.config.plugins import PluginFile, loaded
+from asvhil.config.registry import AUTOPILOTS, CONTROLLERS, ESTIMATORS, LINKS, OUTPUTS, SOLVERS, Registry
 from asvhil.config.sources import SourcesConfig, check_sources
 from asvhil.config.supervisor import SupervisorConfig
 from asvhil.config.vehicle import VehicleConfig, VesselConfig
@@ -32,6 +34,13 @@ class Config(Section):
     daemon: DaemonConfig = Field(default=DaemonConfig(), description="The daemon's rates.")
     recorder: RecorderConfig = Field(default=RecorderConfig(), description="The log.")
     plant: PlantConfig = Field(default=PlantConfig(), description="The simulated boat.")
+    plugins: tuple[PluginFile, ...] = Field(
+        default=(),
+        description=(
+            "Python files with controllers, sensors and the like of your own, see docs/extending.md; their code is run "
+            "when the config is loaded."
+        ),
+    )
 
     @model_validator(mode="before")
     @classmethod
@@ -44,7 +53,7 @@ class Config(Section):
         return tree
 
     @model_validator(mode="after")
-    def _check_across(self) -> Config:
+    def _check_across(self, info: ValidationInfo) -> Config:
         if self.supervisor.engage == "auto" and self.supervisor.station is None:
             raise ValueError("supervisor.station is needed where supervisor.engage is auto")
         pwm = self.vehicle.pwm
@@ -59,8 +68,61 @@ class Config(Section):
         for channel in overridden:
             if channel in self.supervisor.stick_channels:
                 raise ValueError(f"supervisor.stick_channels must not hold the motor channel {channel}")
+        if not known_only(info):
+            try:
+                self.check_plugins()
+            except ConfigError as error:
+                raise ValueError(str(error)) from None
         check_sources(self.sources, self.links, self.estimator.ekf.history_s, self.estimator.ekf.stale_after_s)
         return self
+
+    @model_serializer(mode="wrap")
+    def _without_empty(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """No key of plug-ins where there are none, so that such a config keeps the hash that it has always had."""
+        tree: dict[str, Any] = handler(self)
+        return tree if self.plugins else {key: value for key, value in tree.items() if key != "plugins"}
+
+    def content_hash(self) -> str:
+        """As of every section; of a plug-in its name and content count, not the folder that it is in."""
+        if not self.plugins:
+            return super().content_hash()
+        plugins = tuple(PluginFile(file=Path(one.file).name, sha256=one.sha256) for one in self.plugins)
+        return Section.content_hash(self.model_copy(update={"plugins": plugins}))
+
+    def chosen(self) -> list[tuple[Registry[Any], str]]:
+        """All kinds that this config uses, by registry and name; those too whose settings alone stand in it."""
+        links, plant = self.links, self.plant.links
+        sensors = (links.anemometer, links.ins, links.gnss)
+        specs = (
+            links.autopilot.endpoint,
+            links.operator.endpoint,
+            *(sensor.endpoint for sensor in sensors if sensor is not None),
+            *(station.endpoint for station in links.ground_stations.values()),
+            *(spec for spec in (plant.autopilot, plant.anemometer, plant.ins, plant.gnss) if spec is not None),
+        )
+        found: list[tuple[Registry[Any], str]] = [
+            (CONTROLLERS, self.controller.name),
+            (SOLVERS, self.controller.solver),
+            (ESTIMATORS, self.estimator.kind),
+            (AUTOPILOTS, links.autopilot.profile),
+            (OUTPUTS, links.autopilot.output),
+            *((LINKS, spec.partition(":")[0]) for spec in specs),
+        ]
+        for section in (self.controller, self.estimator):
+            kinds = (section.registry.at_key(key) for key in section.model_extra or {})
+            found += ((section.registry, kind.name) for kind in kinds if kind is not None)
+        return list(dict.fromkeys(found))
+
+    def check_plugins(self) -> None:
+        """ConfigError where a plug-in is not loaded, or a kind in use is of one that `plugins` does not name."""
+        for one in self.plugins:
+            if loaded(one.sha256) is None:
+                raise ConfigError(f"the plug-in {one.file} is not loaded")
+        mine = {one.sha256 for one in self.plugins}
+        for registry, name in self.chosen():
+            origin = registry.origin(name)
+            if origin.file and origin.sha256 not in mine:
+                raise ConfigError(f"the {registry.what} {name} is that of {origin}, which is not among the plugins")
 
     @property
     def plant_vessel(self) -> VesselConfig:
