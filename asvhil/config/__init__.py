@@ -21,7 +21,7 @@ from asvhil.config.estimator import (
     TrustConfig,
     WindFilterConfig,
 )
-from asvhil.config.links import AutopilotLinkConfig, InsLinkConfig, NmeaLinkConfig, OperatorLinkConfig
+from asvhil.config.links import AutopilotLinkConfig, OperatorLinkConfig
 from asvhil.config.loading import config_from_json, find_config, find_shipped, load_config
 from asvhil.config.plant import (
     OF_ONE_DEVICE,
@@ -44,7 +44,8 @@ from asvhil.config.plant import (
     WindConfig,
 )
 from asvhil.config.root import Config
-from asvhil.config.sources import QUANTITIES, Quantity, SourceConfig, SourcesConfig
+from asvhil.config.sensors import QUANTITIES, InsLinkConfig, NmeaLinkConfig, Quantity, SensorLinkConfig
+from asvhil.config.sources import SourceConfig, SourcesConfig
 from asvhil.config.supervisor import ReadbackConfig, StationConfig, SupervisorConfig
 from asvhil.config.vehicle import PwmConfig, VesselConfig
 
@@ -85,6 +86,7 @@ __all__ = [
     "Quantity",
     "ReadbackConfig",
     "Section",
+    "SensorLinkConfig",
     "SensorsConfig",
     "SlidingModeConfig",
     "SourceConfig",

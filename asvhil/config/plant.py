@@ -368,6 +368,11 @@ class PlantLinksConfig(Section):
     anemometer: LinkSpecText | None = Field(default=None, description="The wind sensor's NMEA line; null: none.")
     ins: LinkSpecText | None = Field(default=None, description="The VN-300's line; null: none.")
     gnss: LinkSpecText | None = Field(default=None, description="The NMEA line of receiver and compass; null: none.")
+    sensors: dict[str, LinkSpecText] = Field(
+        default_factory=dict, description="Lines of the sensors of links.sensors by name."
+    )
+
+    left_out_if_empty = ("sensors",)
 
 
 class PlantConfig(Section):

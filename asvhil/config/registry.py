@@ -115,6 +115,22 @@ class SolverKind(Kind):
 
 
 @record
+class SensorKind(Kind):
+    """A sensor (`links.sensors.NAME.kind`): `build(settings, port, messages)` makes a `SensorCodec`.
+
+    `settings` is the link's section, of the model `section` (a `SensorLinkConfig`, which it is where None); `port` the
+    link's name, and `messages` those that the config's sources name, of the kind's own.
+
+    The simulated boat has the sensor too where there is `simulate(settings, t_ns, reading)`: the bytes that it sends,
+    `rate_hz` times a second, of what it reads (`simplant.boat.sensors.SensorReading`).
+    """
+
+    messages: Mapping[str, tuple[str, ...]]  # by name, the quantities that each can give
+    simulate: Callable[[Any, int, Any], bytes] | None = None
+    rate_hz: float = 10.0
+
+
+@record
 class AutopilotKind(Kind):
     """An autopilot (`links.autopilot.profile`): `build(config)` makes a `MavlinkAutopilot` of the whole config."""
 
@@ -262,7 +278,8 @@ class Registry(Generic[K]):
 CONTROLLERS = Registry(ControllerKind, "controllers", "controller")
 ESTIMATORS = Registry(EstimatorKind, "estimators", "estimator")
 SOLVERS = Registry(SolverKind, "solvers", "solver")
+SENSORS = Registry(SensorKind, "sensors", "sensor")
 AUTOPILOTS = Registry(AutopilotKind, "autopilots", "autopilot")
 OUTPUTS = Registry(OutputKind, "outputs", "motor output")
 LINKS = Registry(LinkKind, "links", "kind of link")
-REGISTRIES: tuple[Registry[Any], ...] = (CONTROLLERS, ESTIMATORS, SOLVERS, AUTOPILOTS, OUTPUTS, LINKS)
+REGISTRIES: tuple[Registry[Any], ...] = (CONTROLLERS, ESTIMATORS, SOLVERS, SENSORS, AUTOPILOTS, OUTPUTS, LINKS)

@@ -6,7 +6,7 @@ import contextlib
 from pathlib import Path
 from typing import Any
 
-from pydantic import Field, SerializerFunctionWrapHandler, ValidationInfo, model_serializer, model_validator
+from pydantic import Field, ValidationInfo, model_validator
 
 from asvhil.config.base import Section, known_only
 from asvhil.config.controllers import ControllerConfig
@@ -15,7 +15,7 @@ from asvhil.config.estimator import EstimatorConfig
 from asvhil.config.links import LinksConfig
 from asvhil.config.plant import PlantConfig
 from asvhil.config.plugins import PluginFile, loaded
-from asvhil.config.registry import AUTOPILOTS, CONTROLLERS, ESTIMATORS, LINKS, OUTPUTS, SOLVERS, Registry
+from asvhil.config.registry import AUTOPILOTS, CONTROLLERS, ESTIMATORS, LINKS, OUTPUTS, SENSORS, SOLVERS, Registry
 from asvhil.config.sources import SourcesConfig, check_sources
 from asvhil.config.supervisor import SupervisorConfig
 from asvhil.config.vehicle import VehicleConfig, VesselConfig
@@ -41,6 +41,8 @@ class Config(Section):
             "when the config is loaded."
         ),
     )
+
+    left_out_if_empty = ("plugins",)
 
     @model_validator(mode="before")
     @classmethod
@@ -73,14 +75,8 @@ class Config(Section):
                 self.check_plugins()
             except ConfigError as error:
                 raise ValueError(str(error)) from None
-        check_sources(self.sources, self.links, self.estimator.ekf.history_s, self.estimator.ekf.stale_after_s)
+            check_sources(self.sources, self.links, self.estimator.ekf.history_s, self.estimator.ekf.stale_after_s)
         return self
-
-    @model_serializer(mode="wrap")
-    def _without_empty(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """No key of plug-ins where there are none, so that such a config keeps the hash that it has always had."""
-        tree: dict[str, Any] = handler(self)
-        return tree if self.plugins else {key: value for key, value in tree.items() if key != "plugins"}
 
     def content_hash(self) -> str:
         """As of every section; of a plug-in its name and content count, not the folder that it is in."""
@@ -92,18 +88,17 @@ class Config(Section):
     def chosen(self) -> list[tuple[Registry[Any], str]]:
         """All kinds that this config uses, by registry and name; those too whose settings alone stand in it."""
         links, plant = self.links, self.plant.links
-        sensors = (links.anemometer, links.ins, links.gnss)
         specs = (
-            links.autopilot.endpoint,
-            links.operator.endpoint,
-            *(sensor.endpoint for sensor in sensors if sensor is not None),
+            *links.endpoints.values(),
             *(station.endpoint for station in links.ground_stations.values()),
             *(spec for spec in (plant.autopilot, plant.anemometer, plant.ins, plant.gnss) if spec is not None),
+            *plant.sensors.values(),
         )
         found: list[tuple[Registry[Any], str]] = [
             (CONTROLLERS, self.controller.name),
             (SOLVERS, self.controller.solver),
             (ESTIMATORS, self.estimator.kind),
+            *((SENSORS, link.kind) for link in links.sensors.values()),
             (AUTOPILOTS, links.autopilot.profile),
             (OUTPUTS, links.autopilot.output),
             *((LINKS, spec.partition(":")[0]) for spec in specs),

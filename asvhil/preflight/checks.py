@@ -270,7 +270,8 @@ def _fresh(state: SourceState) -> bool:
 
 def _is_configured(survey: Survey, state: SourceState) -> bool:
     """Whether somebody meant there to be this source; the anemometer is the default even on a boat without one."""
-    return getattr(survey.config.links, state.source.link) is not None
+    link = state.source.link
+    return link == "autopilot" or link in survey.config.links.sensor_links()
 
 
 def _source(survey: Survey, quantity: Quantity, place: int, state: SourceState, result: Result) -> Check:
@@ -279,11 +280,12 @@ def _source(survey: Survey, quantity: Quantity, place: int, state: SourceState, 
     todo = ""
     if result is not Result.PASS:
         if not _is_configured(survey, state):
-            todo = f"there is no links.{state.source.link}"
+            todo = f"there is no {survey.config.links.key_of(state.source.link)}"
         elif state.source.link == "autopilot":
             todo = "the autopilot does not send it, or its position is not in use yet"
         else:
-            todo = f"silent or invalid: its line, its speed, its supply (links.{state.source.link}.endpoint)"
+            key = survey.config.links.key_of(state.source.link)
+            todo = f"silent or invalid: its line, its speed, its supply ({key}.endpoint)"
     return Check(
         section="sensors",
         item=f"{quantity}{'' if place == 0 else f', {place + 1}. choice'}: {name}",
