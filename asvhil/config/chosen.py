@@ -70,8 +70,13 @@ class Choosing(Section):
             lines = [InitErrorDetails(type="extra_forbidden", loc=(key,), input=data[key]) for key in unknown]
             raise ValidationError.from_exception_data(cls.__name__, lines)
         tree = {key: value if key in cls.model_fields else cls._section(key, value) for key, value in data.items()}
-        if kind is not None and kind.section is not None and kind.settings_key not in cls.model_fields:
-            tree.setdefault(kind.settings_key, kind.section())
+        if kind is not None and kind.section is not None:
+            field = cls.model_fields.get(kind.settings_key)
+            if field is None:
+                tree.setdefault(kind.settings_key, kind.section())
+            elif field.annotation is not kind.section:
+                key = kind.settings_key
+                raise ValueError(f"the settings of {name} are under {key}, which is taken: its kind needs another key")
         return tree
 
     @classmethod

@@ -171,33 +171,38 @@ def _place_plugins(tree: dict[str, Any], folder: Path) -> None:
 def _load_plugins(tree: dict[str, Any], source: str) -> None:
     """Load the plug-ins of a config, and note the SHA-256 of each in it."""
     _place_plugins(tree, Path.cwd())  # those of an override
+    if not tree.get("plugins"):
+        return
     try:
-        files = TypeAdapter(dict[str, tuple[PluginFile, ...]]).validate_python({"plugins": tree.get("plugins") or ()})
-    except ValidationError:
-        return  # told by the validation
-    try:
+        files = TypeAdapter(dict[str, tuple[PluginFile, ...]]).validate_python({"plugins": tree["plugins"]})
         plugins = load_files(files["plugins"])
+    except ValidationError as error:
+        raise _told(error, source) from None
     except ConfigError as error:
         raise ConfigError(f"{source}: key plugins: {error}") from None
-    if plugins:
-        tree["plugins"] = [{"file": one.file, "sha256": one.sha256} for one in plugins]
+    tree["plugins"] = [{"file": one.file, "sha256": one.sha256} for one in plugins]
 
 
 def _validate(tree: Any, source: str, context: Any = None) -> Config:
     try:
         return Config.model_validate(_sorted(tree), context=context)
     except ValidationError as error:
-        first = error.errors()[0]
-        key = ".".join(str(part) for part in first["loc"])
-        message = first["msg"].removeprefix("Value error, ")
-        if first["type"] == "extra_forbidden":
-            message = f"unknown key{_suggest(first['loc'])}"
-        elif first["type"] == "missing":
-            message = "this key is required"
-        elif not isinstance(first["input"], dict | list):
-            message = f"{message} (got {first['input']!r})"
-        more = f" (and {error.error_count() - 1} more)" if error.error_count() > 1 else ""
-        raise ConfigError(f"{source}: {f'key {key}: ' if key else ''}{message}{more}") from None
+        raise _told(error, source) from None
+
+
+def _told(error: ValidationError, source: str) -> ConfigError:
+    """The first of what a validation found, as one line."""
+    first = error.errors()[0]
+    key = ".".join(str(part) for part in first["loc"])
+    message = first["msg"].removeprefix("Value error, ")
+    if first["type"] == "extra_forbidden":
+        message = f"unknown key{_suggest(first['loc'])}"
+    elif first["type"] == "missing":
+        message = "this key is required"
+    elif not isinstance(first["input"], dict | list):
+        message = f"{message} (got {first['input']!r})"
+    more = f" (and {error.error_count() - 1} more)" if error.error_count() > 1 else ""
+    return ConfigError(f"{source}: {f'key {key}: ' if key else ''}{message}{more}")
 
 
 def _sorted(tree: Any) -> Any:
