@@ -126,6 +126,7 @@ class SensorKind(Kind):
     """
 
     messages: Mapping[str, tuple[str, ...]]  # by name, the quantities that each can give
+    encoding: str = "octets"  # of its frames, as the log tells it to viewers
     simulate: Callable[[Any, int, Any], bytes] | None = None
     rate_hz: float = 10.0
 

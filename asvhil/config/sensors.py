@@ -88,6 +88,7 @@ SENSORS.fill(
             name="nmea",
             build="asvhil.io.sensors.nmea:build",
             section=NmeaSensorConfig,
+            encoding="nmea",
             messages={
                 "GGA": ("position",),
                 "RMC": FIX,
@@ -103,6 +104,7 @@ SENSORS.fill(
         SensorKind(
             name="vectornav",
             build="asvhil.io.sensors.vectornav.codec:build",
+            encoding="vectornav",
             messages={
                 "BINARY": (*FIX, *ATTITUDE, "acceleration"),
                 "GNSS1": FIX,

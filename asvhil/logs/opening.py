@@ -12,9 +12,10 @@ from pathlib import Path
 from asvhil import __version__
 from asvhil.backseat.build import build_model, model_file
 from asvhil.config import Config
+from asvhil.config.registry import SENSORS
 from asvhil.errors import AsvhilError
 from asvhil.logs.plugins import plugin_records
-from asvhil.logs.recorder import Recorder
+from asvhil.logs.recorder import ENCODINGS, Recorder
 
 PACKAGES = ("numpy", "casadi", "daqp", "pymavlink", "mcap", "msgspec")
 
@@ -69,6 +70,7 @@ def open_recorder(config: Config, path: Path, mode: str, *, threaded: bool = Tru
     return Recorder(
         path,
         metadata=log_metadata(config, mode),
+        encodings={**ENCODINGS, **{port: SENSORS.find(link.kind).encoding for port, link in config.links.sensors.items()}},
         chunk_kib=config.recorder.chunk_kib,
         sync_period_s=config.recorder.sync_period_s,
         threaded=threaded,
