@@ -67,10 +67,11 @@ def log_metadata(config: Config, mode: str) -> dict[str, dict[str, str]]:
 
 def open_recorder(config: Config, path: Path, mode: str, *, threaded: bool = True) -> Recorder:
     """A recorder for one run."""
+    sensors = {port: SENSORS.find(link.kind).encoding for port, link in config.links.sensors.items()}
     return Recorder(
         path,
         metadata=log_metadata(config, mode),
-        encodings={**ENCODINGS, **{port: SENSORS.find(link.kind).encoding for port, link in config.links.sensors.items()}},
+        encodings={**ENCODINGS, **sensors},
         chunk_kib=config.recorder.chunk_kib,
         sync_period_s=config.recorder.sync_period_s,
         threaded=threaded,

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from asvhil.config import Config
 from asvhil.config.plugins import Plugin, PluginFile, all_loaded, load_files, load_source, loaded
-from asvhil.config.registry import REGISTRIES
+from asvhil.config.registry import AUTOPILOTS, REGISTRIES, SENSORS
 from asvhil.errors import ConfigError, LogError
 from asvhil.logs.reader import LogFile
 
@@ -45,6 +45,14 @@ def check_plugins(log: LogFile, path: Path) -> None:
             _check_package(record, path)
         elif loaded(record.get("sha256")) is None:
             raise LogError(f"{path}: {_missing(record)}")
+
+
+def check_decoding(log: LogFile, path: Path, config: Config) -> None:
+    """As `check_plugins`, where a kind that decodes frames is not known: the autopilot's or a sensor's."""
+    links = config.links
+    kinds = [AUTOPILOTS.get(links.autopilot.profile), *(SENSORS.get(link.kind) for link in links.sensors.values())]
+    if None in kinds:
+        check_plugins(log, path)
 
 
 def load_plugins(path: Path, files: Iterable[Path] = (), *, allow_recorded: bool = False) -> None:
