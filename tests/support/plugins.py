@@ -69,3 +69,57 @@ def forget_plugins() -> None:
         for name in [name for name in registry._rows if registry.origin(name) != Origin()]:
             del registry._rows[name], registry._origins[name]
     plugins._loaded.clear()
+
+
+LINE_WIND = '''
+import math
+
+from asvhil.config import SensorKind, SensorLinkConfig
+from asvhil.types import ApparentWind
+
+
+class LineWindLink(SensorLinkConfig):
+    factor: float = 1.0
+
+
+class LineWind:
+    """Frames of whole lines such as `4.20 275.0`: m/s, degrees from the bow."""
+
+    def __init__(self, settings, port):
+        self.settings, self.port, self.lines = settings, port, 0
+
+    def decode(self, frame):
+        found = []
+        rows = [tuple(map(float, line.split())) for line in frame.data.split(b"\\n") if line]
+        self.lines += len(rows)
+        for speed, degrees in rows:
+            speed_mps, from_rad = speed * self.settings.factor, math.radians(degrees)
+            found.append(("WIND", ApparentWind(t_ns=frame.t_ns, speed_mps=speed_mps, from_rad=from_rad)))
+        return found
+
+    def counters(self):
+        return ((f"{self.port}.lines", self.lines),)
+
+
+KIND = SensorKind(
+    name="line-wind",
+    build=lambda settings, port, messages: LineWind(settings, port),
+    section=LineWindLink,
+    messages={"WIND": ("wind",)},
+    simulate=lambda settings, t_ns, reading: (
+        f"{reading.wind_mps / settings.factor:.2f} {math.degrees(reading.wind_from_rad):.1f}\\n".encode()
+    ),
+)
+'''
+
+
+def write_line_wind(folder: Path) -> Path:
+    """A plug-in with a wind sensor, and the config `boat.yaml` beside it, in which it is the only one; its path."""
+    folder.mkdir(exist_ok=True)
+    (folder / "wind.py").write_text(LINE_WIND)
+    config = folder / "boat.yaml"
+    config.write_text(
+        "base: sitl.yaml\nplugins: [wind.py]\nsources: {wind: [mast.WIND]}\n"
+        "links: {anemometer: null, sensors: {mast: {kind: line-wind, endpoint: 'serial:/dev/x:9600', factor: 2.0}}}\n"
+    )
+    return config
