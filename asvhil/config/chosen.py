@@ -73,7 +73,7 @@ class Choosing(Section):
         if kind is not None and kind.section is not None:
             field = cls.model_fields.get(kind.settings_key)
             if field is None:
-                tree.setdefault(kind.settings_key, kind.section())
+                tree.setdefault(kind.settings_key, cls._section(kind.settings_key, {}))
             elif field.annotation is not kind.section:
                 key = kind.settings_key
                 raise ValueError(f"the settings of {name} are under {key}, which is taken: its kind needs another key")

@@ -1,8 +1,8 @@
 """Plug-in files: kinds of one's own, loaded by path at start-up.
 
 A plug-in is one Python file. Every record of a kind (`ControllerKind`, ...) that stands at its top level is a row of
-the registries from then on. A file is run where a config that a person gives names it, or where he names it himself;
-what stands in a log is never run for that reason alone.
+the registries from then on. A file is run when a config that is loaded names it, or when somebody names the file
+(`--plugin`). What a log holds or names is never run for that reason alone.
 """
 
 from __future__ import annotations

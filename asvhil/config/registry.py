@@ -1,9 +1,9 @@
-"""What a config chooses by name: controllers, estimators, sensors, autopilots, motor outputs, links and solvers.
+"""Registries of what a config chooses by name: controllers, estimators, sensors, autopilots, motor outputs, links.
 
-One table for each. A row is a record (`ControllerKind`, ...) that says what the name stands for; the package fills the
-tables in the modules of this folder, plug-in files and other installed packages add rows of their own
-(docs/extending.md). A row of the package names what builds it as text, `module:attribute`, and it is imported when it
-is first built: a table knows no module above it, and a daemon never loads a solver that it does not use.
+A row is a record (`ControllerKind`, ...) that describes what the name stands for. asvhil's own rows are in the modules
+of this package; plug-in files and other installed packages add theirs (docs/extending.md). An own row names its factory
+as text, `module:attribute`, which is imported when it is first used: so `config/` imports nothing above it, and a
+daemon never loads a solver that it does not use.
 
 Names are looked up while a config is read and while a backseat is built, never in a tick.
 """
@@ -22,13 +22,15 @@ from pydantic import BaseModel
 from asvhil.errors import ConfigError
 from asvhil.types import record
 
+PARAMETER_NAME_MAX = 16
+
 
 @record
 class Kind:
     """What a name in the config stands for.
 
-    `build` makes it; what it is called with stands with each kind. `section` is the model of its own settings, and
-    `key` where they stand in the config: the name with `_` for `-` where empty.
+    `build` is the factory; each kind says what it is called with. `section` is the model of the kind's own settings,
+    and `key` their key in the config; empty: the name with `_` for `-`.
     """
 
     name: str
@@ -42,7 +44,7 @@ class Kind:
         return self.key or self.name.replace("-", "_")
 
     def builder(self) -> Callable[..., Any]:
-        """What `build` names, imported first where it is text."""
+        """The factory, imported first where `build` is text."""
         if callable(self.build):
             return self.build
         module, _, attribute = self.build.partition(":")
@@ -50,15 +52,16 @@ class Kind:
         return found
 
     def make(self, *arguments: Any) -> Any:
-        """What `build` makes of the arguments."""
+        """Call the factory."""
         return self.builder()(*arguments)
 
 
 @record
 class OperatorParameter:
-    """A setting that operators may change while the controller runs, by its name on the MAVLink (at most 16 letters).
+    """A setting that operators may change while the controller runs: a MAVLink parameter of the daemon.
 
-    `path` is its place in the controller's own section. The unit on the link is `scale` units of the config.
+    `path` is its place in the controller's own section. The unit on the link is `scale` units of the config. ValueError
+    where the name has more than the 16 characters of a MAVLink parameter.
     """
 
     name: str
@@ -66,6 +69,10 @@ class OperatorParameter:
     least: float
     most: float
     scale: float = 1.0
+
+    def __post_init__(self) -> None:
+        if not 0 < len(self.name) <= PARAMETER_NAME_MAX:
+            raise ValueError(f"parameter {self.name}: a name has 1 to {PARAMETER_NAME_MAX} characters")
 
 
 @record
@@ -82,36 +89,46 @@ class SearchRange:
 
 @record
 class ControllerKind(Kind):
-    """A controller (`controller.name`): `build(settings, config, model)` makes a `Controller`.
+    """A controller (`controller.name`): `build(settings, config, model)` returns a `Controller`.
 
     `settings` is `controller.KEY`, the kind's own section, or None where it has none; `config` the whole config, and
-    `model` the vessel model that the estimator uses too.
+    `model` the vessel model that the estimator uses too. ValueError where a parameter is no setting of the section.
     """
 
-    label: str = ""  # in tables of studies; the name where empty
-    model: str = ""  # kind of the model file that it predicts with; empty: the physics, no file
+    label: str = ""  # its name in the tables of studies; empty: the name
+    model: str = ""  # kind of the model file that it predicts with; empty: none, it gets the physics model
     solves: bool = False  # an MPC: solves the problem of `controller.mpc` by `controller.solver`
-    keeps_station: bool = True  # else neither the procedure goes around it, nor is it in the studies
-    parameters: tuple[OperatorParameter, ...] = ()  # needs a method `retune(ControllerConfig)`
+    keeps_station: bool = True  # False: without the procedure around it, and not in the studies
+    parameters: tuple[OperatorParameter, ...] = ()  # the controller then has a method `retune(ControllerConfig)`
     search: tuple[SearchRange, ...] = ()
+
+    def __post_init__(self) -> None:
+        for parameter in self.parameters:
+            model: Any = self.section
+            for key in parameter.path:
+                field_info = getattr(model, "model_fields", {}).get(key)
+                if field_info is None:
+                    path = ".".join(parameter.path)
+                    raise ValueError(f"parameter {parameter.name}: the settings of {self.name} have no {path}")
+                model = field_info.annotation
 
 
 @record
 class EstimatorKind(Kind):
     """A state estimator (`estimator.kind`): `build(settings, config, model)` makes a `StateEstimator`."""
 
-    filters_wind: bool = True  # the wind is low-passed as `estimator.wind` says; else each sample is taken as it is
-    disturbance: bool = True  # estimates one, from which a wind can be told that no sensor measures
+    filters_wind: bool = True  # the wind is low-passed (`estimator.wind`); False: the last sample is used
+    disturbance: bool = True  # it estimates one; without a wind sensor the wind is derived from it
 
 
 @record
 class SolverKind(Kind):
     """A solver of the MPC (`controller.solver`): `build(problem, caps)` makes a `Solver`.
 
-    `caps` are the iterations that it is asked for. Its section, a `SolverCaps`, has them; None: those of the MPC.
+    `caps` are the iterations that it is asked for, from its section, a `SolverCaps`; None: those of the MPC.
     """
 
-    missing: str = ""  # what to tell where its module cannot be imported
+    missing: str = ""  # the error where its module cannot be imported
 
 
 @record
@@ -121,8 +138,8 @@ class SensorKind(Kind):
     `settings` is the link's section, of the model `section` (a `SensorLinkConfig`, which it is where None); `port` the
     link's name, and `messages` those that the config's sources name, of the kind's own.
 
-    The simulated boat has the sensor too where there is `simulate(settings, t_ns, reading)`: the bytes that it sends,
-    `rate_hz` times a second, of what it reads (`simplant.boat.sensors.SensorReading`).
+    The simulated boat has the sensor too if there is `simulate(settings, t_ns, reading)`, which returns the bytes that
+    it sends at `rate_hz`; `reading` is a `SensorReading` of simplant/boat/sensors.py.
     """
 
     messages: Mapping[str, tuple[str, ...]]  # by name, the quantities that each can give

@@ -9,7 +9,16 @@ import pytest
 
 from asvhil.config import Section, load_config
 from asvhil.config.chosen import Choosing
-from asvhil.config.registry import AUTOPILOTS, CONTROLLERS, REGISTRIES, ControllerKind, Kind, Origin, Registry
+from asvhil.config.registry import (
+    AUTOPILOTS,
+    CONTROLLERS,
+    REGISTRIES,
+    ControllerKind,
+    Kind,
+    OperatorParameter,
+    Origin,
+    Registry,
+)
 from asvhil.errors import ConfigError
 from asvhil.io.mavlink.frames import dialect
 from tests.support.plugins import PUSHER, install
@@ -145,3 +154,32 @@ def test_a_kind_may_not_have_its_settings_under_a_key_that_is_taken() -> None:
         match=r"key controller: the settings of mpc are under mpc, which is taken: its kind needs another key",
     ):
         load_config("sitl", ("controller.name=mpc",))
+
+
+def test_parameters_of_operators_are_settings_with_names_that_fit() -> None:
+    class Own(Section):
+        """Of the test."""
+
+        gain: float = 1.0
+
+    def kind(name: str, *path: str) -> ControllerKind:
+        parameter = OperatorParameter(name=name, path=path, least=0.0, most=1.0)
+        return ControllerKind(name="own", build=print, section=Own, parameters=(parameter,))
+
+    assert kind("OWN_GAIN_MAXIMUM", "gain").parameters[0].name == "OWN_GAIN_MAXIMUM"
+    with pytest.raises(ValueError, match=r"parameter OWN_GAIN_MAXIMUM_: a name has 1 to 16 characters"):
+        kind("OWN_GAIN_MAXIMUM_", "gain")
+    for path in (("gian",), ("gain", "deeper")):
+        with pytest.raises(ValueError, match=rf"parameter OWN: the settings of own have no {'.'.join(path)}"):
+            kind("OWN", *path)
+
+
+def test_settings_without_a_default_are_asked_for_by_their_key() -> None:
+    class Own(Section):
+        """Of the test."""
+
+        gain: float
+
+    CONTROLLERS.add(ControllerKind(name="own-one", build=print, section=Own), Origin(package="other", version="2"))
+    with pytest.raises(ConfigError, match=r"key controller\.own_one\.gain: this key is required"):
+        load_config("sitl", ("controller.name=own-one",))
