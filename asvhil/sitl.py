@@ -121,6 +121,10 @@ def _with_own_ports(config: Config, folder: Path) -> Config:
             pty = folder.resolve() / port
             tree["plant"]["links"][port] = f"pty:{pty}"
             tree["links"][port]["endpoint"] = f"serial:{pty}:115200"
+    for name, sensor in tree["links"].get("sensors", {}).items():
+        pty = folder.resolve() / name
+        tree["plant"]["links"].setdefault("sensors", {})[name] = f"pty:{pty}"
+        sensor["endpoint"] = f"serial:{pty}:115200"
     if not _is_free(tree["links"]["operator"]["endpoint"]):
         tree["links"]["operator"]["endpoint"] = f"udpin:127.0.0.1:{_free_udp_port()}"
     return Config.model_validate(tree)

@@ -8,7 +8,7 @@ from typing import Any
 from asvhil.autopilot.ardurover_parameters import names_for, requirements
 from asvhil.autopilot.mavlink_autopilot import MavlinkAutopilot
 from asvhil.autopilot.requirements import Requirement
-from asvhil.config import AutopilotLinkConfig, PwmConfig
+from asvhil.config import AutopilotLinkConfig, Config, PwmConfig
 from asvhil.io.mavlink.frames import dialect
 from asvhil.types import Cause, Measurement
 
@@ -37,3 +37,8 @@ class ArduRoverAutopilot(MavlinkAutopilot):
     def _on_ekf_status(self, t_ns: int, m: Any) -> Sequence[Measurement]:
         self._ready = bool(m.flags & EKF_HORIZONTAL_POSITION) and not m.flags & EKF_CONSTANT_POSITION
         return self._status(t_ns)
+
+
+def build(config: Config) -> ArduRoverAutopilot:
+    """The conversation of a config."""
+    return ArduRoverAutopilot(config.links.autopilot, config.vehicle.pwm)

@@ -8,7 +8,7 @@ from typing import Any
 from asvhil.autopilot.motor_outputs import make_output
 from asvhil.autopilot.requirements import Finding, Requirement, judge
 from asvhil.config import AutopilotLinkConfig, PwmConfig
-from asvhil.config.autopilots import MODES
+from asvhil.config.registry import AUTOPILOTS
 from asvhil.io.mavlink.frames import Parser, decode, dialect, message_id, source
 from asvhil.io.mavlink.parameter_client import ParameterClient
 from asvhil.io.mavlink.streams import StreamKeeper
@@ -22,7 +22,6 @@ HEARTBEAT_NS = 1_000_000_000
 REQUEST_NS = 1_000_000_000
 IGNORE_CHANNEL = 65535
 FROM_ANYONE = (dialect.MAVLINK_MSG_ID_HEARTBEAT, dialect.MAVLINK_MSG_ID_TIMESYNC)
-MAKES = {dialect.MAV_AUTOPILOT_ARDUPILOTMEGA: "ardurover", dialect.MAV_AUTOPILOT_PX4: "px4"}
 
 
 class MavlinkAutopilot:
@@ -34,7 +33,8 @@ class MavlinkAutopilot:
     def __init__(self, config: AutopilotLinkConfig, pwm: PwmConfig) -> None:
         self._config = config
         self._pwm = pwm
-        self._modes = MODES[config.profile]
+        self._kind = AUTOPILOTS.find(config.profile)
+        self._modes = self._kind.modes
         self._mode_names = {number: name for name, number in self._modes.items()}
         self._parser = Parser()
         self._own = dialect.MAVLink(None, srcSystem=config.system_id, srcComponent=config.component_id)
@@ -169,12 +169,16 @@ class MavlinkAutopilot:
             self._output.on_connect(t_ns)
         self.autopilot_heartbeat_ns = t_ns
         self._autopilot_component_id = m.get_srcComponent()
-        make = MAKES.get(m.autopilot, f"of make {m.autopilot} (MAV_AUTOPILOT)")
-        profile = self._config.profile
-        self._stranger = "" if make == profile else f"is {make}, but links.autopilot.profile is {profile}"
+        self._stranger = "" if m.autopilot == self._kind.mav_autopilot else self._other_make(m.autopilot)
         self._armed = bool(m.base_mode & dialect.MAV_MODE_FLAG_SAFETY_ARMED)
         self._mode = self._mode_names.get(m.custom_mode, f"MODE_{m.custom_mode}")
         return self._status(t_ns)
+
+    def _other_make(self, mav_autopilot: int) -> str:
+        """What to tell of an autopilot that is not of the profile's make."""
+        names = (kind.name for kind in AUTOPILOTS if kind.mav_autopilot == mav_autopilot)
+        make = next(names, f"of make {mav_autopilot} (MAV_AUTOPILOT)")
+        return f"is {make}, but links.autopilot.profile is {self._config.profile}"
 
     def _on_rc_channels(self, t_ns: int, m: Any) -> Sequence[Measurement]:
         values = (getattr(m, f"chan{i}_raw") for i in range(1, 19))

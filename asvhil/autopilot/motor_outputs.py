@@ -9,10 +9,10 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable
 from typing import Any, Protocol
 
 from asvhil.config import AutopilotLinkConfig, PwmConfig
+from asvhil.config.registry import OUTPUTS
 from asvhil.io.mavlink.frames import dialect
 
 RELEASE_CHANNEL = 0
@@ -204,13 +204,8 @@ class SetActuator(_Held):
 
 def make_output(config: AutopilotLinkConfig, pwm: PwmConfig) -> Output:
     """The way that `links.autopilot.output` names."""
-    kinds: dict[str, Callable[[AutopilotLinkConfig, PwmConfig], Output]] = {
-        "rc_override": RcOverride,
-        "manual_control": ManualControl,
-        "set_servo": SetServo,
-        "set_actuator": SetActuator,
-    }
-    return kinds[config.output](config, pwm)
+    output: Output = OUTPUTS.find(config.output).make(config, pwm)
+    return output
 
 
 def _axis(pulse_us: int) -> int:

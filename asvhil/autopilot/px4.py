@@ -11,7 +11,7 @@ from typing import Any
 from asvhil.autopilot.mavlink_autopilot import MavlinkAutopilot
 from asvhil.autopilot.px4_parameters import requirements
 from asvhil.autopilot.requirements import Requirement
-from asvhil.config import AutopilotLinkConfig, PwmConfig
+from asvhil.config import AutopilotLinkConfig, Config, PwmConfig
 from asvhil.io.mavlink.frames import dialect
 from asvhil.types import Frame, Measurement
 
@@ -77,3 +77,9 @@ class Px4Autopilot(MavlinkAutopilot):
             return 0
         low_us, high_us = self._pwm.astern_us, self._pwm.ahead_us
         return round(0.5 * (low_us + high_us + value * (high_us - low_us)))
+
+
+def build(config: Config) -> Px4Autopilot:
+    """The conversation of a config."""
+    keeps_offboard = config.supervisor.control_mode == "OFFBOARD"
+    return Px4Autopilot(config.links.autopilot, config.vehicle.pwm, keeps_offboard=keeps_offboard)

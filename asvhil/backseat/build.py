@@ -4,31 +4,22 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from asvhil.autopilot.ardurover import ArduRoverAutopilot
+from asvhil.autopilot.mavlink_autopilot import MavlinkAutopilot
 from asvhil.autopilot.motor_check import MotorCheck
-from asvhil.autopilot.px4 import Px4Autopilot
 from asvhil.autopilot.readback import Readback
 from asvhil.backseat.actuation import Actuation
 from asvhil.backseat.backseat import Backseat
 from asvhil.backseat.cadence import Cadence, EveryPeriod, EveryTicks
 from asvhil.backseat.command import Command
 from asvhil.backseat.perception import Perception
-from asvhil.config import LEARNED, Config, EstimatorConfig, find_shipped
-from asvhil.controller.backstepping import Backstepping
-from asvhil.controller.loiter import Loiter
-from asvhil.controller.manoeuvres import Manoeuvres
+from asvhil.config import Config, EstimatorConfig, find_shipped
+from asvhil.config.registry import AUTOPILOTS, CONTROLLERS, ESTIMATORS
 from asvhil.controller.procedure import Procedure
 from asvhil.controller.protocol import Controller
-from asvhil.controller.pwm import command_rate_per_s
-from asvhil.controller.sliding_mode import SlidingMode
-from asvhil.controller.solvers.choice import choose_solver
-from asvhil.controller.station_mpc import StationMpc
 from asvhil.dynamics.protocol import Dynamics
 from asvhil.dynamics.rigid_body import SimplifiedDynamics
 from asvhil.dynamics.weights import load_model
 from asvhil.errors import ModelError
-from asvhil.estimator.ekf import Ekf
-from asvhil.estimator.fir_estimator import FirFusion, HeldSensors
 from asvhil.estimator.monitor import ModelMonitor
 from asvhil.estimator.protocol import StateEstimator
 from asvhil.estimator.wind import WindFilter
@@ -46,8 +37,8 @@ HELD_S = 1e-3  # a time constant so short that a low-pass takes each sample over
 
 def model_file(config: Config) -> Path | None:
     """The file of the learned model that the controller needs, None for one that needs none. ConfigError if missing."""
-    kind = LEARNED.get(config.controller.name)
-    if kind is None:
+    kind = CONTROLLERS.find(config.controller.name).model
+    if not kind:
         return None
     name = config.controller.model or f"{config.vehicle.name}-{kind}"
     return find_shipped(name, "models", (".npz",), f"model file (controller.model; {config.controller.name} needs one)")
@@ -61,7 +52,7 @@ def build_model(config: Config, file: Path | None = None) -> Dynamics:
     file = file or model_file(config)
     if file is None:
         return SimplifiedDynamics(config.believed_vessel)
-    kind = LEARNED[config.controller.name]
+    kind = CONTROLLERS.find(config.controller.name).model
     model = load_model(file, vehicle=config.vehicle.name, dt_s=config.controller.mpc.first_step_s)
     if model.name != kind:
         raise ModelError(f"{file}: holds a model of kind {model.name}, but {config.controller.name} needs {kind}")
@@ -70,48 +61,31 @@ def build_model(config: Config, file: Path | None = None) -> Dynamics:
 
 def build_controller(config: Config, model: Dynamics) -> Controller:
     """The controller that `controller.name` asks for, within the station keeping procedure where that is enabled."""
-    section, vessel = config.controller, config.believed_vessel
-    keeper: Controller
-    match section.name:
-        case "backstepping":
-            keeper = Backstepping(vessel, section.backstepping)
-        case "sliding-mode":
-            keeper = SlidingMode(vessel, section.sliding_mode)
-        case "loiter":
-            keeper = Loiter(section.loiter)
-        case _:
-            mpc, make_solver = choose_solver(section)
-            rate_per_s = command_rate_per_s(config.vehicle.pwm)
-            keeper = StationMpc(model, mpc, 1.0 / config.daemon.control_hz, make_solver, rate_per_s)
-    if section.name == "manoeuvres":
-        return Manoeuvres(section.manoeuvres, keeper)
-    if section.procedure.enabled:
-        focus = keeper.favour_position if isinstance(keeper, StationMpc) else None
-        return Procedure(section.procedure, vessel, keeper, focus)
-    return keeper
+    kind, procedure = CONTROLLERS.find(config.controller.name), config.controller.procedure
+    controller: Controller = kind.make(config.controller.settings, config, model)
+    if kind.keeps_station and procedure.enabled:
+        focus = getattr(controller, "favour_position", None)
+        return Procedure(procedure, config.believed_vessel, controller, focus)
+    return controller
 
 
-def build_estimator(config: EstimatorConfig, model: Dynamics) -> StateEstimator:
+def build_estimator(config: Config, model: Dynamics) -> StateEstimator:
     """The state estimator that `estimator.kind` asks for."""
-    match config.kind:
-        case "fir":
-            return FirFusion(config.ekf, config.fir, model)
-        case "raw":
-            return HeldSensors(config.ekf, model)
-        case _:
-            return Ekf(config, model)
+    estimator: StateEstimator = ESTIMATORS.find(config.estimator.kind).make(config.estimator.settings, config, model)
+    return estimator
 
 
 def build_wind(config: EstimatorConfig) -> WindFilter:
     """The wind filter; one that holds the last sample where readings are used as they come."""
     held = {"time_constant_s": HELD_S, "speed_time_constant_s": HELD_S, "stuck_after_s": None}
-    return WindFilter(config.wind if config.kind == "ekf" else config.wind.model_copy(update=held))
+    filters = ESTIMATORS.find(config.kind).filters_wind
+    return WindFilter(config.wind if filters else config.wind.model_copy(update=held))
 
 
 def build_wind_load(config: Config) -> WindFromLoad | None:
     """What makes a wind of the disturbance; None for an estimator that has none."""
-    vessel = config.believed_vessel
-    return WindFromLoad(vessel) if config.estimator.kind == "ekf" else None
+    disturbance = ESTIMATORS.find(config.estimator.kind).disturbance
+    return WindFromLoad(config.believed_vessel) if disturbance else None
 
 
 def build_cadence(config: Config) -> Cadence:
@@ -122,12 +96,10 @@ def build_cadence(config: Config) -> Cadence:
     return EveryPeriod(round(1e9 / daemon.control_hz), round(0.5e9 / daemon.tick_hz))
 
 
-def build_link(config: Config) -> ArduRoverAutopilot | Px4Autopilot:
+def build_link(config: Config) -> MavlinkAutopilot:
     """The conversation with the autopilot, by `links.autopilot.profile`."""
-    link, pwm = config.links.autopilot, config.vehicle.pwm
-    if link.profile == "px4":
-        return Px4Autopilot(link, pwm, keeps_offboard=config.supervisor.control_mode == "OFFBOARD")
-    return ArduRoverAutopilot(link, pwm)
+    autopilot: MavlinkAutopilot = AUTOPILOTS.find(config.links.autopilot.profile).make(config)
+    return autopilot
 
 
 def build_decoder(config: Config) -> Decoder:
@@ -135,12 +107,12 @@ def build_decoder(config: Config) -> Decoder:
     return Decoder.from_config(config, build_link(config).receive)
 
 
-def build_perception(config: Config, model: Dynamics, link: ArduRoverAutopilot | Px4Autopilot) -> Perception:
+def build_perception(config: Config, model: Dynamics, link: MavlinkAutopilot) -> Perception:
     """Decoder and estimation; the frames of the autopilot go through its conversation, `link`."""
     return Perception(
         decoder=Decoder.from_config(config, link.receive),
         firmware=build_firmware_watch(config),
-        estimator=build_estimator(config.estimator, model),
+        estimator=build_estimator(config, model),
         wind=build_wind(config.estimator),
         wind_load=build_wind_load(config),
         monitor=ModelMonitor(config.estimator.monitor, model, 1.0 / config.daemon.control_hz),
@@ -149,7 +121,7 @@ def build_perception(config: Config, model: Dynamics, link: ArduRoverAutopilot |
     )
 
 
-def build_motor_check(config: Config, link: ArduRoverAutopilot | Px4Autopilot) -> MotorCheck:
+def build_motor_check(config: Config, link: MavlinkAutopilot) -> MotorCheck:
     """The check of whether the motors follow the commands."""
     readback = config.supervisor.readback
     watch = Readback(readback, config.vehicle.pwm, overrides_sticks=config.links.autopilot.overrides_sticks)
@@ -178,6 +150,7 @@ def build_backseat(
 
     A `model` or `controller` that is given, as by a study, is used as it is.
     """
+    config.check_plugins()
     model = model or build_model(config, file)
     pwm, link = config.vehicle.pwm, build_link(config)
     controller = controller or build_controller(config, model)

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from asvhil.commands.options import JsonOption
+from asvhil.commands.options import JsonOption, PluginOption, RecordedPluginsOption
 from asvhil.errors import AsvhilError, ConfigError
 
 
@@ -19,6 +19,8 @@ def calibrate(
     base: Annotated[
         str, typer.Option(help="Config file that the written one stands on, beside it.", metavar="FILE")
     ] = "",
+    plugin: PluginOption = [],  # noqa: B006 - typer copies its defaults
+    allow_recorded_plugins: RecordedPluginsOption = False,
     json_: JsonOption = None,
 ) -> None:
     """Find the compass deviation and the offset of the wind vane from a turn, as config keys."""
@@ -27,10 +29,12 @@ def calibrate(
     from rich.console import Console
 
     from asvhil.commands.views import progress, write_json
+    from asvhil.logs.plugins import load_plugins
     from asvhil.preflight.calibration import COEFFICIENTS, calibrate
 
     if output is not None:
         _check_output(output, base)
+    load_plugins(log, plugin, allow_recorded=allow_recorded_plugins)
     console = Console()
     with progress(console, spinner=True) as bar:
         task = bar.add_task(f"calibrate {log.name}", total=None)

@@ -13,7 +13,7 @@ import typer
 
 from asvhil import __version__
 from asvhil.commands import calibrate, check, learn, plant, study
-from asvhil.commands.options import ConfigArgument, JsonOption, SetOption
+from asvhil.commands.options import ConfigArgument, JsonOption, PluginOption, RecordedPluginsOption, SetOption
 from asvhil.commands.views import LiveView, progress, report_run, write_json
 from asvhil.errors import AsvhilError, ConfigError
 
@@ -156,6 +156,8 @@ def replay(
     ] = None,
     config: Annotated[str, typer.Option(help="With --tlog: the config to estimate with.")] = "field",
     set_: SetOption = [],  # noqa: B006
+    plugin: PluginOption = [],  # noqa: B006
+    allow_recorded_plugins: RecordedPluginsOption = False,
     json_: JsonOption = None,
 ) -> None:
     """Run a log through the backseat and compare every tick byte by byte; exit 1 where one differs."""
@@ -170,8 +172,10 @@ def replay(
     assert log is not None
     if set_:
         raise ConfigError("replay: --set goes with --tlog only; an MCAP log is replayed with the config it holds")
+    from asvhil.logs.plugins import load_plugins
     from asvhil.logs.replay import replay as replay_log
 
+    load_plugins(log, plugin, allow_recorded=allow_recorded_plugins)
     with progress(console, spinner=True) as bar:
         task = bar.add_task("replay", total=None)
         result = replay_log(log, lambda ticks: bar.update(task, completed=ticks) if ticks % 50 == 0 else None)

@@ -9,4 +9,10 @@ import typer
 
 ConfigArgument = Annotated[str, typer.Argument(help="A YAML config file, or the name of a shipped one.")]
 SetOption = Annotated[list[str], typer.Option("--set", metavar="KEY=VALUE", help="Override a config key; repeatable.")]
+PluginOption = Annotated[
+    list[Path], typer.Option("--plugin", metavar="FILE", help="A plug-in that the run was made with; repeatable.")
+]
+RecordedPluginsOption = Annotated[
+    bool, typer.Option("--allow-recorded-plugins", help="Run the code of plug-ins that the log holds.")
+]
 JsonOption = Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Write the figures as JSON.")]

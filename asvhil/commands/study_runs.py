@@ -87,12 +87,17 @@ def six_tests(
     """All controllers over the paper's six tests, their mirrors and diagonals."""
     from rich.console import Console
 
+    from asvhil.config import load_config
+    from asvhil.config.registry import CONTROLLERS
     from asvhil.study.rows import FROM_S, QUICK_S, ROWS, TO_S, checked
-    from asvhil.study.six_tests import CONTROLLERS, available, study_six_tests
+    from asvhil.study.six_tests import available, labelled, study_six_tests
     from asvhil.study.six_tests_report import draw_bars, report
 
     console = Console()
-    labels, rows = checked(controller, CONTROLLERS, "--controller"), checked(row, ROWS, "--row")
+    load_config(config, tuple(set_))  # and the plug-ins that it names
+    for name in controller:
+        CONTROLLERS.get(name)  # one of an installed package
+    labels, rows = checked(controller, labelled(), "--controller"), checked(row, ROWS, "--row")
     chosen, left_out = available(labels, models, config, tuple(set_))
     for line in left_out:
         say(console, line)
@@ -135,6 +140,7 @@ def solvers(
 
     from asvhil.backseat.build import build_model, model_file
     from asvhil.config import load_config
+    from asvhil.config.registry import CONTROLLERS
     from asvhil.study.solver_report import draw_solvers, solver_table
     from asvhil.study.solvers import SOLVERS, checked_study, study_solvers
 
@@ -144,7 +150,7 @@ def solvers(
     if peer and solver and "torch-lqr" not in solver:
         raise ConfigError("--peer solves the problems of the torch-lqr run: name that --solver too")
     settings = load_config(config, tuple(set_))
-    if not settings.controller.name.endswith("-mpc"):
+    if not CONTROLLERS.find(settings.controller.name).solves:
         raise ConfigError(f"key controller.name: {settings.controller.name} has no solver; an MPC is needed")
     command = _peer_command(peer)
     checked_study(settings, solver or SOLVERS, horizon)

@@ -16,7 +16,7 @@ BUDGET = 40  # of the searches on record
 
 
 def tune(
-    name: Annotated[list[str], typer.Argument(help="A baseline, as controller.name; all three by default.")] = [],  # noqa: B006
+    name: Annotated[list[str], typer.Argument(help="One that has a search, as controller.name; all by default.")] = [],  # noqa: B006
     output: OutOption = RUNS,
     budget: Annotated[int, typer.Option(help="Candidates, the same for each controller.")] = BUDGET,
     seed: Annotated[int, typer.Option(help="Of the candidates.")] = 1,
@@ -27,12 +27,17 @@ def tune(
     """Search the gains of a baseline on winds that are not in the six tests; NAME.json each, taken up again."""
     from rich.console import Console
 
+    from asvhil.config import load_config
+    from asvhil.config.registry import CONTROLLERS
     from asvhil.study.rows import checked
     from asvhil.study.runner import Progress
-    from asvhil.study.tuning import SPACES
+    from asvhil.study.tuning import spaces
     from asvhil.study.tuning import tune as search
 
-    names = checked(name, SPACES, "NAME")
+    load_config(config)  # and the plug-ins that it names
+    for one in name:
+        CONTROLLERS.get(one)  # one of an installed package
+    names = checked(name, spaces(), "NAME")
     for one in names:
         check_output(output, one, json_)
     processes = (os.cpu_count() or 1) if workers is None else workers

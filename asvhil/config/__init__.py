@@ -2,9 +2,7 @@
 
 from asvhil.config.base import Section
 from asvhil.config.controller import (
-    LEARNED,
     BacksteppingConfig,
-    ControllerConfig,
     LoiterConfig,
     ManoeuvresConfig,
     MpcConfig,
@@ -13,6 +11,7 @@ from asvhil.config.controller import (
     SlidingModeConfig,
     SteeringConfig,
 )
+from asvhil.config.controllers import ControllerConfig
 from asvhil.config.estimator import (
     CompassConfig,
     EkfConfig,
@@ -22,7 +21,7 @@ from asvhil.config.estimator import (
     TrustConfig,
     WindFilterConfig,
 )
-from asvhil.config.links import AutopilotLinkConfig, InsLinkConfig, NmeaLinkConfig, OperatorLinkConfig
+from asvhil.config.links import AutopilotLinkConfig, OperatorLinkConfig
 from asvhil.config.loading import config_from_json, find_config, find_shipped, load_config
 from asvhil.config.plant import (
     OF_ONE_DEVICE,
@@ -44,24 +43,37 @@ from asvhil.config.plant import (
     WeatherConfig,
     WindConfig,
 )
+from asvhil.config.registry import (
+    AutopilotKind,
+    ControllerKind,
+    EstimatorKind,
+    LinkKind,
+    OperatorParameter,
+    OutputKind,
+    SearchRange,
+    SensorKind,
+)
 from asvhil.config.root import Config
-from asvhil.config.sources import QUANTITIES, Quantity, SourceConfig, SourcesConfig
+from asvhil.config.sensors import QUANTITIES, InsLinkConfig, NmeaLinkConfig, Quantity, SensorLinkConfig
+from asvhil.config.sources import SourceConfig, SourcesConfig
 from asvhil.config.supervisor import ReadbackConfig, StationConfig, SupervisorConfig
 from asvhil.config.vehicle import PwmConfig, VesselConfig
 
 __all__ = [
-    "LEARNED",
     "OF_ONE_DEVICE",
     "QUANTITIES",
     "AnemometerSensorConfig",
+    "AutopilotKind",
     "AutopilotLinkConfig",
     "BacksteppingConfig",
     "CompassConfig",
     "Config",
     "ControllerConfig",
+    "ControllerKind",
     "CurrentConfig",
     "EkfConfig",
     "EstimatorConfig",
+    "EstimatorKind",
     "FaultConfig",
     "FirConfig",
     "FrontseatConfig",
@@ -72,6 +84,7 @@ __all__ = [
     "HilConfig",
     "InsDeviceConfig",
     "InsLinkConfig",
+    "LinkKind",
     "LoiterConfig",
     "ManoeuvresConfig",
     "MonitorConfig",
@@ -80,13 +93,18 @@ __all__ = [
     "NmeaDeviceConfig",
     "NmeaLinkConfig",
     "OperatorLinkConfig",
+    "OperatorParameter",
+    "OutputKind",
     "PlantConfig",
     "ProcedureConfig",
     "PwmConfig",
     "Px4HilConfig",
     "Quantity",
     "ReadbackConfig",
+    "SearchRange",
     "Section",
+    "SensorKind",
+    "SensorLinkConfig",
     "SensorsConfig",
     "SlidingModeConfig",
     "SourceConfig",

@@ -4,9 +4,18 @@ from __future__ import annotations
 
 import hashlib
 import json
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Field,
+    SerializerFunctionWrapHandler,
+    ValidationInfo,
+    model_serializer,
+    model_validator,
+)
 
 from asvhil.config.link_spec import parse_spec
 from asvhil.errors import ConfigError
@@ -21,9 +30,15 @@ ServoUs = Annotated[int, Field(ge=500, le=2500)]
 MavlinkId = Annotated[int, Field(ge=1, le=255)]
 
 
-def _checked_link(spec: str) -> str:
+def known_only(info: ValidationInfo) -> bool:
+    """Whether a config of a log is read for what was measured alone: names that are not known here then pass."""
+    return bool(info.context and info.context.get("known_only"))
+
+
+def _checked_link(spec: str, info: ValidationInfo) -> str:
     try:
-        parse_spec(spec)
+        if not known_only(info):
+            parse_spec(spec)
     except ConfigError as error:
         raise ValueError(str(error)) from None
     return spec
@@ -36,6 +51,13 @@ class Section(BaseModel):
     """Base of all sections: frozen, and unknown keys, infinities and NaN are refused. Every key has a description."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+    # Keys that came later, so that a config without them keeps the hash that it has always had.
+    left_out_if_empty: ClassVar[tuple[str, ...]] = ()
+
+    @model_serializer(mode="wrap")
+    def _without_empty(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        tree: dict[str, Any] = handler(self)
+        return {key: value for key, value in tree.items() if value or key not in self.left_out_if_empty}
 
     @model_validator(mode="before")
     @classmethod

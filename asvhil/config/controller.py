@@ -1,13 +1,10 @@
-"""The controllers: their weights and gains, the solvers, and the approach to the station."""
+"""Settings of the controllers: weights, gains, solvers, and the approach to the station."""
 
 from __future__ import annotations
-
-from typing import Literal
 
 from pydantic import Field, model_validator
 
 from asvhil.config.base import Fraction, NonNegative, Positive, Section
-from asvhil.config.vehicle import VesselConfig
 
 
 class MpcWeights(Section):
@@ -304,16 +301,6 @@ class LoiterConfig(Section):
     rate_p_s: NonNegative = Field(default=0.8756, description="ATC_STR_RAT_P: steering for each rad/s of rate error.")
 
 
-# Controllers that predict with a learned model, and the kind of model file each needs.
-LEARNED = {
-    "nnsem-mpc": "nnsem",
-    "lagnet-mpc": "lagnet",
-    "fitted-sd-mpc": "sd",
-    "node-mpc": "node",
-    "knode-mpc": "knode",
-}
-
-
 class SolverCaps(Section):
     """Iterations of a solver other than sqp; those of sqp are in `controller.mpc`."""
 
@@ -321,45 +308,3 @@ class SolverCaps(Section):
     alternate_iterations: int = Field(
         default=0, ge=0, le=1000, description="Iterations from an alternate start; 0: none is tried."
     )
-
-
-class ControllerConfig(Section):
-    """Which controller keeps the station, and what it predicts with."""
-
-    name: Literal[
-        "nnsem-mpc",
-        "lagnet-mpc",
-        "fitted-sd-mpc",
-        "node-mpc",
-        "knode-mpc",
-        "sd-mpc",
-        "manoeuvres",
-        "backstepping",
-        "sliding-mode",
-        "loiter",
-    ] = Field(default="sd-mpc", description="The controller; docs/controllers.md compares them.")
-    model: str | None = Field(
-        default=None,
-        description=(
-            "File of a learned model: a path, or the name of a shipped one; where absent, the one shipped for this "
-            "vehicle (VEHICLE-KIND.npz)."
-        ),
-    )
-    vessel: VesselConfig | None = Field(
-        default=None,
-        description="Physics that estimator and controller assume, where it differs from vehicle.vessel.",
-    )
-    mpc: MpcConfig = Field(default=MpcConfig(), description="The MPC problem.")
-    solver: Literal["sqp", "ipopt", "fatrop", "torch-lqr"] = Field(
-        default="sqp", description="Solver of every `*-mpc`; torch-lqr needs the extra asvhil[train]."
-    )
-    ipopt: SolverCaps = Field(default=SolverCaps(iterations=100), description="Iterations of IPOPT.")
-    fatrop: SolverCaps = Field(default=SolverCaps(iterations=100), description="Iterations of fatrop.")
-    torch_lqr: SolverCaps = Field(
-        default=SolverCaps(iterations=2), description="Iterations of iLQR on torch; 2 as in the paper."
-    )
-    manoeuvres: ManoeuvresConfig = Field(default=ManoeuvresConfig(), description="Data collection.")
-    procedure: ProcedureConfig = Field(default=ProcedureConfig(), description="The approach to the station.")
-    backstepping: BacksteppingConfig = Field(default=BacksteppingConfig(), description="Gains of `backstepping`.")
-    sliding_mode: SlidingModeConfig = Field(default=SlidingModeConfig(), description="Gains of `sliding-mode`.")
-    loiter: LoiterConfig = Field(default=LoiterConfig(), description="Gains of `loiter`.")

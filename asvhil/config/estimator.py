@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
-from typing import Literal
+from typing import Annotated
 
 from pydantic import Field, model_validator
 
 from asvhil.config.base import Degrees, NonNegative, Positive, Section
+from asvhil.config.chosen import Choosing, NamedIn
+from asvhil.config.registry import ESTIMATORS, EstimatorKind
 
 STEEPEST_DEG = 50.0  # a deviation that falls by 57.3 degrees per radian of heading shows two headings as one
 
@@ -194,10 +196,33 @@ class MonitorConfig(Section):
     max_r_radps: Positive = Field(default=0.12, description="Limit for the yaw rate.")
 
 
-class EstimatorConfig(Section):
-    """The state estimator, the wind filter and the monitor of the model."""
+ESTIMATORS.fill(
+    (
+        EstimatorKind(name="ekf", build="asvhil.estimator.ekf:build"),
+        EstimatorKind(
+            name="fir",
+            build="asvhil.estimator.fir_estimator:build_fir",
+            section=FirConfig,
+            filters_wind=False,
+            disturbance=False,
+        ),
+        EstimatorKind(
+            name="raw", build="asvhil.estimator.fir_estimator:build_raw", filters_wind=False, disturbance=False
+        ),
+    )
+)
 
-    kind: Literal["ekf", "fir", "raw"] = Field(
+
+class EstimatorConfig(Choosing):
+    """The state estimator, the wind filter and the monitor of the model.
+
+    An estimator of a plug-in has its settings here too, under its own name with `_` for `-`.
+    """
+
+    registry = ESTIMATORS
+    chooser = "kind"
+
+    kind: Annotated[str, NamedIn(ESTIMATORS)] = Field(
         default="ekf",
         description=(
             "`ekf`: extended Kalman filter with the vessel model. `fir`: the paper's FIR-filtered accelerometer fused "

@@ -2,31 +2,31 @@
 
 from __future__ import annotations
 
+import dataclasses
 import difflib
+import functools
 import ipaddress
 import re
+from collections.abc import Callable
 
+from asvhil.config.registry import LINKS, LinkKind
 from asvhil.errors import ConfigError
 from asvhil.types import record
 
-FORMS = {
-    "udpin": "udpin:HOST:PORT",
-    "udpout": "udpout:HOST:PORT",
-    "tcp": "tcp:HOST:PORT",
-    "tcpin": "tcpin:HOST:PORT",
-    "serial": "serial:PATH:BAUD",
-    "pty": "pty:PATH",
-}
 MAX_BAUD = 20_000_000
 _HOST = re.compile(r"[A-Za-z0-9_]([A-Za-z0-9._-]*[A-Za-z0-9_.])?")
 
 
 @record
 class LinkSpec:
-    """A parsed spec; `host` and `ip_port` of udp and tcp, `path` of serial and pty, `baud` of serial."""
+    """A parsed spec: `rest` is what stands behind `scheme:`.
+
+    `host` and `ip_port` for udp and tcp, `path` for serial and pty, `baud` for serial.
+    """
 
     text: str
     scheme: str
+    rest: str
     host: str = ""
     ip_port: int = 0
     path: str = ""
@@ -38,46 +38,88 @@ def parse_spec(spec: str) -> LinkSpec:
     scheme, _, rest = spec.partition(":")
     if scheme == "memory":
         raise ConfigError(f"link {spec!r}: memory links are made in pairs by tests and in lockstep, not from a spec")
-    if scheme not in FORMS:
-        near = difflib.get_close_matches(scheme, FORMS, n=1)
-        known = FORMS[near[0]] if near else ", ".join(FORMS.values())
+    kind = LINKS.get(scheme)
+    if kind is None:
+        forms = {kind.name: kind.form for kind in LINKS}
+        near = difflib.get_close_matches(scheme, forms, n=1)
+        known = forms[near[0]] if near else ", ".join(forms.values())
         raise ConfigError(f"link {spec!r}: unknown kind {scheme!r}; would be right: {known}")
     if any(not c.isprintable() for c in spec):
-        raise ConfigError(f"link {spec!r}: holds a control character; would be right: {FORMS[scheme]}")
-    if scheme == "pty":
-        if not rest:
-            raise ConfigError(f"link {spec!r}: no path; would be right: {FORMS[scheme]}")
-        return LinkSpec(text=spec, scheme=scheme, path=rest)
-    place, colon, number = rest.rpartition(":")
+        raise ConfigError(f"link {spec!r}: holds a control character; would be right: {kind.form}")
+    found = LinkSpec(text=spec, scheme=scheme, rest=rest)
+    if kind.parse is None:
+        return found
+    try:
+        parsed: LinkSpec = kind.parse(found)
+    except ValueError as error:
+        raise ConfigError(f"link {spec!r}: {error}") from None
+    return parsed
+
+
+# --- what stands behind the colon of each kind ---------------------------------------------------------------
+
+
+def _path(spec: LinkSpec, form: str) -> LinkSpec:
+    if not spec.rest:
+        raise ValueError(f"no path; would be right: {form}")
+    return dataclasses.replace(spec, path=spec.rest)
+
+
+def _device(spec: LinkSpec, form: str) -> LinkSpec:
+    path, number = _two_parts(spec, form)
+    return dataclasses.replace(spec, path=path, baud=_number("baud", number, 1, MAX_BAUD, form))
+
+
+def _address(spec: LinkSpec, form: str, *, ours: bool) -> LinkSpec:
+    """`ours`: the port is bound here, and may be 0, any free one."""
+    place, number = _two_parts(spec, form)
+    ip_port = _number("port", number, 0 if ours else 1, 65535, form)
+    return dataclasses.replace(spec, host=_host(place, form, spec.scheme), ip_port=ip_port)
+
+
+def _two_parts(spec: LinkSpec, form: str) -> tuple[str, str]:
+    place, colon, number = spec.rest.rpartition(":")
     if not colon or not place:
-        raise ConfigError(f"link {spec!r}: a part is missing; would be right: {FORMS[scheme]}")
-    if scheme == "serial":
-        return LinkSpec(text=spec, scheme=scheme, path=place, baud=_number(spec, scheme, "baud", number, 1, MAX_BAUD))
-    # Port 0 (any free port) makes sense only where the port is ours.
-    lowest = 0 if scheme in ("udpin", "tcpin") else 1
-    ip_port = _number(spec, scheme, "port", number, lowest, 65535)
-    return LinkSpec(text=spec, scheme=scheme, host=_host(spec, scheme, place), ip_port=ip_port)
+        raise ValueError(f"a part is missing; would be right: {form}")
+    return place, number
 
 
-def _number(spec: str, scheme: str, name: str, text: str, low: int, high: int) -> int:
+def _number(name: str, text: str, low: int, high: int, form: str) -> int:
     if not re.fullmatch(r"[0-9]{1,9}", text) or not low <= int(text) <= high:
-        raise ConfigError(f"link {spec!r}: {name} {text!r} is not a number in {low}..{high}; form: {FORMS[scheme]}")
+        raise ValueError(f"{name} {text!r} is not a number in {low}..{high}; form: {form}")
     return int(text)
 
 
-def _host(spec: str, scheme: str, text: str) -> str:
+def _host(text: str, form: str, scheme: str) -> str:
     if text.startswith("[") and text.endswith("]"):
         try:
             return str(ipaddress.IPv6Address(text[1:-1]))
         except ValueError:
-            raise ConfigError(f"link {spec!r}: {text[1:-1]!r} is not an IPv6 address") from None
+            raise ValueError(f"{text[1:-1]!r} is not an IPv6 address") from None
     if ":" in text:
-        raise ConfigError(f"link {spec!r}: an IPv6 host stands in brackets, as in {scheme}:[::1]:14550")
+        raise ValueError(f"an IPv6 host stands in brackets, as in {scheme}:[::1]:14550")
     if not _HOST.fullmatch(text):
-        raise ConfigError(f"link {spec!r}: {text!r} is not a host name or address; form: {FORMS[scheme]}")
+        raise ValueError(f"{text!r} is not a host name or address; form: {form}")
     return text
 
 
 def host_port(host: str, ip_port: int) -> str:
     """An address as text, IPv6 in brackets: `127.0.0.1:14560`, `[::1]:14560`."""
     return f"[{host}]:{ip_port}" if ":" in host else f"{host}:{ip_port}"
+
+
+def _kind(form: str, build: str, parse: Callable[..., LinkSpec], **settings: bool) -> LinkKind:
+    name = form.partition(":")[0]
+    return LinkKind(name=name, form=form, build=build, parse=functools.partial(parse, form=form, **settings))
+
+
+LINKS.fill(
+    (
+        _kind("udpin:HOST:PORT", "asvhil.links.udp:open_udp", _address, ours=True),
+        _kind("udpout:HOST:PORT", "asvhil.links.udp:open_udp", _address, ours=False),
+        _kind("tcp:HOST:PORT", "asvhil.links.tcp:open_tcp", _address, ours=False),
+        _kind("tcpin:HOST:PORT", "asvhil.links.tcp:open_tcpin", _address, ours=True),
+        _kind("serial:PATH:BAUD", "asvhil.links.tty:open_serial", _device),
+        _kind("pty:PATH", "asvhil.links.tty:open_pty", _path),
+    )
+)

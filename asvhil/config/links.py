@@ -6,20 +6,36 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field, model_validator
 
-from asvhil.config.autopilots import OUTPUTS, STREAMS_HZ, WHY_NOT, MotorOutput, Profile
-from asvhil.config.base import Degrees, LinkSpecText, MavlinkId, Positive, Section
+from asvhil.config.autopilots import outputs_of
+from asvhil.config.base import LinkSpecText, MavlinkId, Positive, Section
+from asvhil.config.chosen import NamedIn
 from asvhil.config.mavlink import GroundStationLinkConfig, LinkName, MavlinkLinkConfig, RoutingConfig
+from asvhil.config.registry import AUTOPILOTS, OUTPUTS
+from asvhil.config.sensors import (
+    OWN_LINKS,
+    AnemometerLinkConfig,
+    AnySensorLink,
+    InsLinkConfig,
+    NmeaLinkConfig,
+    SensorLinkConfig,
+    SensorName,
+)
 
 # Sorted, for they are asked for in this order, and a config that is read back from a log comes sorted.
 Streams = Annotated[dict[str, Positive], AfterValidator(lambda rates: dict(sorted(rates.items())))]
+
+
+def _streams_hz(profile: str) -> dict[str, float]:
+    """The messages that a profile asks for, and how often."""
+    return dict(sorted(AUTOPILOTS.find(profile).streams_hz.items()))
 
 
 class AutopilotLinkConfig(MavlinkLinkConfig):
     """The MAVLink link to the autopilot: the daemon's own ids, the way to the motors, and the messages to request."""
 
     endpoint: LinkSpecText = Field(description="Link spec, such as serial:/dev/ttyAMA0:921600 or udpin:HOST:PORT.")
-    profile: Profile = Field(default="ardurover", description="The autopilot's firmware.")
-    output: MotorOutput = Field(
+    profile: Annotated[str, NamedIn(AUTOPILOTS)] = Field(default="ardurover", description="The autopilot's firmware.")
+    output: Annotated[str, NamedIn(OUTPUTS)] = Field(
         default="rc_override",
         description=(
             "Way to the motors, see docs/autopilots.md: rc_override, manual_control or set_servo with ardurover, "
@@ -45,7 +61,7 @@ class AutopilotLinkConfig(MavlinkLinkConfig):
         ),
     )
     streams_hz: Streams = Field(
-        default_factory=lambda: dict(sorted(STREAMS_HZ["ardurover"].items())),
+        default_factory=lambda: _streams_hz("ardurover"),
         description=(
             "Rate to request for each message, as {MESSAGE: Hz}. Default: what the profile needs "
             "(asvhil/config/autopilots.py). A mapping given here replaces the default."
@@ -55,56 +71,31 @@ class AutopilotLinkConfig(MavlinkLinkConfig):
     @property
     def overrides_sticks(self) -> bool:
         """Whether motor commands replace the pilot's sticks, and RC_CHANNELS shows them instead."""
-        return self.output in ("rc_override", "manual_control")
+        kind = OUTPUTS.get(self.output)
+        return kind is not None and kind.overrides_sticks
 
     @model_validator(mode="before")
     @classmethod
     def _fill_in(cls, tree: Any) -> Any:
         """The profile's own output and streams where none are given."""
         profile = tree.get("profile") if isinstance(tree, dict) else None
-        if not isinstance(profile, str) or profile not in OUTPUTS:
+        kind = AUTOPILOTS.get(profile) if isinstance(profile, str) else None
+        if kind is None:
             return tree
-        return {"output": OUTPUTS[profile][0], "streams_hz": dict(STREAMS_HZ[profile]), **tree}
+        return {"output": kind.outputs[0], "streams_hz": dict(kind.streams_hz), **tree}
 
     @model_validator(mode="after")
     def _check_output(self) -> AutopilotLinkConfig:
-        able = OUTPUTS[self.profile]
-        if self.output not in able:
-            why = WHY_NOT[self.profile, self.output]
+        kind = AUTOPILOTS.get(self.profile)
+        able = outputs_of(kind) if kind is not None else (self.output,)
+        if kind is not None and self.output not in able:
+            why = kind.unsuited.get(self.output, "it does not have it")
             raise ValueError(
                 f"output {self.output} does not go with profile {self.profile} ({why}): {' or '.join(able)}"
             )
         if self.port_actuator == self.starboard_actuator:
             raise ValueError("port_actuator and starboard_actuator must differ")
         return self
-
-
-class NmeaLinkConfig(Section):
-    """A line with NMEA 0183 sentences: GNSS, heading, wind, in any mix."""
-
-    endpoint: LinkSpecText = Field(description="Link spec, such as serial:/dev/ttyUSB1:38400.")
-    declination_deg: Degrees | None = Field(
-        default=None,
-        description=(
-            "Magnetic declination, east positive, which turns magnetic directions into true ones; null: the variation "
-            "in RMC or HDG on the same line, and no magnetic direction is used before one has arrived."
-        ),
-    )
-
-
-class AnemometerLinkConfig(NmeaLinkConfig):
-    """A wind sensor."""
-
-    firmware: Literal["arduino_anemometer"] | None = Field(
-        default=None,
-        description="Firmware that it must run, whose version is requested and checked; null: another instrument.",
-    )
-
-
-class InsLinkConfig(Section):
-    """A VectorNav INS (VN-300): binary output messages and ASCII sentences."""
-
-    endpoint: LinkSpecText = Field(description="Link spec, such as serial:/dev/ttyUSB0:115200.")
 
 
 class OperatorLinkConfig(MavlinkLinkConfig):
@@ -136,6 +127,12 @@ class LinksConfig(Section):
     anemometer: AnemometerLinkConfig | None = Field(default=None, description="The wind sensor's NMEA line.")
     ins: InsLinkConfig | None = Field(default=None, description="A VectorNav INS.")
     gnss: NmeaLinkConfig | None = Field(default=None, description="An NMEA line with GNSS, compass or wind.")
+    sensors: dict[SensorName, AnySensorLink] = Field(
+        default_factory=dict,
+        description=(
+            "Further sensors by name (lower case letters, digits, _ and -); `sources` refer to them as NAME.MESSAGE."
+        ),
+    )
     operator: OperatorLinkConfig = Field(default=OperatorLinkConfig(), description="The operator's commands.")
     ground_stations: dict[LinkName, GroundStationLinkConfig] = Field(
         default_factory=dict,
@@ -144,3 +141,24 @@ class LinksConfig(Section):
     routing: RoutingConfig = Field(default=RoutingConfig(), description="Routing between MAVLink links.")
     reconnect_first_s: Positive = Field(default=0.2, description="First pause before a lost link is opened again.")
     reconnect_max_s: Positive = Field(default=5.0, description="Longest pause.")
+
+    left_out_if_empty = ("sensors",)
+
+    def sensor_links(self) -> dict[str, AnemometerLinkConfig | NmeaLinkConfig | InsLinkConfig | SensorLinkConfig]:
+        """The sections of all sensor links by port, those with keys of their own first."""
+        own = {port: getattr(self, port) for port in OWN_LINKS}
+        return {**{port: link for port, link in own.items() if link is not None}, **self.sensors}
+
+    def key_of(self, port: str) -> str:
+        """The key of the config that a link of the autopilot or of a sensor has, or would have."""
+        return f"links.{port}" if port == "autopilot" or port in OWN_LINKS else f"links.sensors.{port}"
+
+    def kind_of(self, port: str) -> str:
+        """The kind of sensor at a port that is among `sensor_links`."""
+        return OWN_LINKS.get(port) or self.sensors[port].kind
+
+    @property
+    def endpoints(self) -> dict[str, str]:
+        """Link specs by port: of the autopilot, of all sensors, of the operator."""
+        sensors = {port: link.endpoint for port, link in self.sensor_links().items()}
+        return {"autopilot": self.autopilot.endpoint, **sensors, "operator": self.operator.endpoint}

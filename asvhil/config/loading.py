@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 from typing import Any
 
 import yaml
-from pydantic import ValidationError
+from pydantic import TypeAdapter, ValidationError
 
+from asvhil.config.plugins import PluginFile, load_files
 from asvhil.config.root import Config
 from asvhil.errors import ConfigError
+
+KNOWN_ONLY = {"known_only": True}
 
 
 def find_config(name: str) -> Path:
@@ -38,48 +42,54 @@ def find_shipped(name: str, folder: str, endings: tuple[str, ...], what: str) ->
 def load_config(path: str | Path, overrides: tuple[str, ...] = ()) -> Config:
     """Read a YAML config, merge it over the file its `base:` key names, apply `KEY=VALUE` overrides, validate.
 
+    The plug-ins that it names are loaded, which runs their code.
     Raises ConfigError with one line that names the file and the key.
     """
     found = find_config(str(path))
     tree = _read_tree(found, ())
     for override in overrides:
         _apply_override(tree, override)
+    _load_plugins(tree, str(found))
     return _validate(tree, str(found))
 
 
 def config_from_json(text: str, source: str, *, known_only: bool = False) -> Config:
     """The config stored in a log, from its canonical JSON. Raises ConfigError naming the source.
 
-    With `known_only`, keys of other versions that are unknown now are left out: enough to read the measurements, not to
-    replay the run.
+    With `known_only`, keys of other versions that are unknown now are left out, and names of controllers and the like
+    may be of plug-ins that are not here: enough to read the measurements, not to replay the run. No plug-in is loaded
+    in either case.
     """
     try:
         tree = json.loads(text)
     except ValueError as error:
         raise ConfigError(f"{source}: the stored config is not JSON ({error})") from None
-    return _validate(_known(tree) if known_only else tree, source)
+    return _validate(_known(tree), source, KNOWN_ONLY) if known_only else _validate(tree, source)
 
 
 def _known(tree: Any) -> Any:
     """A stored config without its unknown keys."""
-    try:
-        Config.model_validate(tree)
-    except ValidationError as error:
-        for found in error.errors():
-            if found["type"] == "extra_forbidden":
-                _drop(tree, found["loc"])
-    return tree
+    while True:  # the keys of a section may be told only after those above it
+        try:
+            Config.model_validate(tree, context=KNOWN_ONLY)
+        except ValidationError as error:
+            dropped = [_drop(tree, found["loc"]) for found in error.errors() if found["type"] == "extra_forbidden"]
+            if any(dropped):
+                continue
+        return tree
 
 
-def _drop(tree: Any, loc: tuple[int | str, ...]) -> None:
+def _drop(tree: Any, loc: tuple[int | str, ...]) -> bool:
     """Remove the key at `loc`, which may name a union's variant and then is no path in the tree: nothing is removed."""
     *parents, leaf = loc
     for part in parents:
         if not isinstance(tree, dict) or part not in tree:
-            return
+            return False
         tree = tree[part]
-    if isinstance(tree, dict):
-        tree.pop(leaf, None)
+    if not isinstance(tree, dict) or leaf not in tree:
+        return False
+    del tree[leaf]
+    return True
 
 
 def _read_tree(path: Path, seen: tuple[Path, ...]) -> dict[str, Any]:
@@ -100,6 +110,7 @@ def _read_tree(path: Path, seen: tuple[Path, ...]) -> dict[str, Any]:
         tree = {}
     if not isinstance(tree, dict):
         raise ConfigError(f"{path}: a mapping of keys is expected at the top level, not {type(tree).__name__}")
+    _place_plugins(tree, path.parent)
     base = tree.pop("base", None)
     if base is None:
         return tree
@@ -144,21 +155,54 @@ def _apply_override(tree: dict[str, Any], override: str) -> None:
     node[leaf] = value
 
 
-def _validate(tree: Any, source: str) -> Config:
+def _place_plugins(tree: dict[str, Any], folder: Path) -> None:
+    """Paths of plug-ins made absolute; what is no list of files is told by the validation."""
+    plugins = tree.get("plugins")
+    if isinstance(plugins, list):
+        files = [{"file": one} if isinstance(one, str) else one for one in plugins]
+        tree["plugins"] = [
+            {**one, "file": os.path.abspath(folder / Path(one["file"]).expanduser())}
+            if isinstance(one, dict) and isinstance(one.get("file"), str)
+            else one
+            for one in files
+        ]
+
+
+def _load_plugins(tree: dict[str, Any], source: str) -> None:
+    """Load the plug-ins of a config, and note the SHA-256 of each in it."""
+    _place_plugins(tree, Path.cwd())  # those of an override
+    if not tree.get("plugins"):
+        return
     try:
-        return Config.model_validate(_sorted(tree))
+        files = TypeAdapter(dict[str, tuple[PluginFile, ...]]).validate_python({"plugins": tree["plugins"]})
+        plugins = load_files(files["plugins"])
     except ValidationError as error:
-        first = error.errors()[0]
-        key = ".".join(str(part) for part in first["loc"])
-        message = first["msg"].removeprefix("Value error, ")
-        if first["type"] == "extra_forbidden":
-            message = f"unknown key{_suggest(first['loc'])}"
-        elif first["type"] == "missing":
-            message = "this key is required"
-        elif not isinstance(first["input"], dict | list):
-            message = f"{message} (got {first['input']!r})"
-        more = f" (and {error.error_count() - 1} more)" if error.error_count() > 1 else ""
-        raise ConfigError(f"{source}: {f'key {key}: ' if key else ''}{message}{more}") from None
+        raise _told(error, source) from None
+    except ConfigError as error:
+        raise ConfigError(f"{source}: key plugins: {error}") from None
+    tree["plugins"] = [{"file": one.file, "sha256": one.sha256} for one in plugins]
+
+
+def _validate(tree: Any, source: str, context: Any = None) -> Config:
+    try:
+        return Config.model_validate(_sorted(tree), context=context)
+    except ValidationError as error:
+        raise _told(error, source) from None
+
+
+def _told(error: ValidationError, source: str) -> ConfigError:
+    """The first of what a validation found, as one line."""
+    first = error.errors()[0]
+    key = ".".join(str(part) for part in first["loc"])
+    message = first["msg"].removeprefix("Value error, ")
+    if first["type"] == "extra_forbidden":
+        message = f"unknown key{_suggest(first['loc'])}"
+    elif first["type"] == "missing":
+        message = "this key is required"
+    elif not isinstance(first["input"], dict | list):
+        message = f"{message} (got {first['input']!r})"
+    more = f" (and {error.error_count() - 1} more)" if error.error_count() > 1 else ""
+    return ConfigError(f"{source}: {f'key {key}: ' if key else ''}{message}{more}")
 
 
 def _sorted(tree: Any) -> Any:
@@ -175,8 +219,11 @@ def _suggest(loc: tuple[int | str, ...]) -> str:
     section: Any = Config
     for part in loc[:-1]:
         field = getattr(section, "model_fields", {}).get(str(part))
-        section = field.annotation if field else None
+        kind = section.registry.at_key(str(part)) if field is None and hasattr(section, "registry") else None
+        section = field.annotation if field else kind.section if kind else None
         options = getattr(section, "__args__", ())
         section = next((option for option in options if hasattr(option, "model_fields")), section)
-    near = difflib.get_close_matches(str(loc[-1]), list(getattr(section, "model_fields", {})), n=1)
+    kinds = getattr(section, "registry", ())
+    keys = [*getattr(section, "model_fields", {}), *(kind.settings_key for kind in kinds if kind.section)]
+    near = difflib.get_close_matches(str(loc[-1]), keys, n=1)
     return f", did you mean {near[0]}?" if near else ""

@@ -7,7 +7,6 @@ from typing import Literal
 
 from pydantic import Field, model_validator
 
-from asvhil.config.autopilots import Profile
 from asvhil.config.base import (
     Degrees,
     Fraction,
@@ -369,6 +368,11 @@ class PlantLinksConfig(Section):
     anemometer: LinkSpecText | None = Field(default=None, description="The wind sensor's NMEA line; null: none.")
     ins: LinkSpecText | None = Field(default=None, description="The VN-300's line; null: none.")
     gnss: LinkSpecText | None = Field(default=None, description="The NMEA line of receiver and compass; null: none.")
+    sensors: dict[str, LinkSpecText] = Field(
+        default_factory=dict, description="Lines of the sensors of links.sensors by name."
+    )
+
+    left_out_if_empty = ("sensors",)
 
 
 class PlantConfig(Section):
@@ -384,8 +388,8 @@ class PlantConfig(Section):
     vessel: VesselConfig | None = Field(
         default=None, description="The true boat, where it differs from vehicle.vessel."
     )
-    autopilot: Profile = Field(
-        default="ardurover", description="The simulated autopilot; links.autopilot.profile must be the same."
+    autopilot: Literal["ardurover", "px4"] = Field(
+        default="ardurover", description="The simulated autopilot; links.autopilot.profile must be one for it."
     )
     weather: WeatherConfig = Field(default=WeatherConfig(), description="Weather.")
     sensors: SensorsConfig = Field(default=SensorsConfig(), description="Sensor errors.")

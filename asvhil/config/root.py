@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 import contextlib
+from pathlib import Path
 from typing import Any
 
-from pydantic import Field, model_validator
+from pydantic import Field, ValidationInfo, model_validator
 
-from asvhil.config.autopilots import CONTROL_MODE, MODES
-from asvhil.config.base import Section
-from asvhil.config.controller import ControllerConfig
+from asvhil.config.base import Section, known_only
+from asvhil.config.controllers import ControllerConfig
 from asvhil.config.daemon import DaemonConfig, RecorderConfig
 from asvhil.config.estimator import EstimatorConfig
 from asvhil.config.links import LinksConfig
 from asvhil.config.plant import PlantConfig
+from asvhil.config.plugins import PluginFile, loaded
+from asvhil.config.registry import AUTOPILOTS, CONTROLLERS, ESTIMATORS, LINKS, OUTPUTS, SENSORS, SOLVERS, Registry
 from asvhil.config.sources import SourcesConfig, check_sources
 from asvhil.config.supervisor import SupervisorConfig
 from asvhil.config.vehicle import VehicleConfig, VesselConfig
+from asvhil.errors import ConfigError
 
 
 class Config(Section):
@@ -31,24 +34,35 @@ class Config(Section):
     daemon: DaemonConfig = Field(default=DaemonConfig(), description="The daemon's rates.")
     recorder: RecorderConfig = Field(default=RecorderConfig(), description="The log.")
     plant: PlantConfig = Field(default=PlantConfig(), description="The simulated boat.")
+    plugins: tuple[PluginFile, ...] = Field(
+        default=(),
+        description=(
+            "Python files with controllers, sensors and the like of your own, see docs/extending.md; their code is run "
+            "when the config is loaded."
+        ),
+    )
+
+    left_out_if_empty = ("plugins",)
 
     @model_validator(mode="before")
     @classmethod
     def _fill_in(cls, tree: Any) -> Any:
         """Without a control mode, that of the autopilot's profile."""
-        with contextlib.suppress(KeyError, TypeError, AttributeError):  # the validation reports what is missing
-            mode = CONTROL_MODE[tree["links"]["autopilot"].get("profile", "ardurover")]
+        # The validation reports what is missing or wrong.
+        with contextlib.suppress(KeyError, TypeError, AttributeError, ConfigError):
+            mode = AUTOPILOTS.find(tree["links"]["autopilot"].get("profile", "ardurover")).control_mode
             return {**tree, "supervisor": {"control_mode": mode, **tree.get("supervisor", {})}}
         return tree
 
     @model_validator(mode="after")
-    def _check_across(self) -> Config:
+    def _check_across(self, info: ValidationInfo) -> Config:
         if self.supervisor.engage == "auto" and self.supervisor.station is None:
             raise ValueError("supervisor.station is needed where supervisor.engage is auto")
         pwm = self.vehicle.pwm
         link = self.links.autopilot
-        if self.supervisor.control_mode not in MODES[link.profile]:
-            names = ", ".join(MODES[link.profile])
+        kind = AUTOPILOTS.get(link.profile)
+        if kind is not None and self.supervisor.control_mode not in kind.modes:
+            names = ", ".join(kind.modes)
             raise ValueError(f"supervisor.control_mode must be one of {link.profile}: {names}")
         if link.output == "manual_control" and not (pwm.astern_us >= 1000 and pwm.ahead_us <= 2000):
             raise ValueError("links.autopilot.output manual_control reaches 1000 to 2000 us: vehicle.pwm goes beyond")
@@ -56,8 +70,54 @@ class Config(Section):
         for channel in overridden:
             if channel in self.supervisor.stick_channels:
                 raise ValueError(f"supervisor.stick_channels must not hold the motor channel {channel}")
-        check_sources(self.sources, self.links, self.estimator.ekf.history_s, self.estimator.ekf.stale_after_s)
+        if not known_only(info):
+            try:
+                self.check_plugins()
+            except ConfigError as error:
+                raise ValueError(str(error)) from None
+            check_sources(self.sources, self.links, self.estimator.ekf.history_s, self.estimator.ekf.stale_after_s)
         return self
+
+    def content_hash(self) -> str:
+        """As of every section; of a plug-in its name and content count, not the folder that it is in."""
+        if not self.plugins:
+            return super().content_hash()
+        plugins = tuple(PluginFile(file=Path(one.file).name, sha256=one.sha256) for one in self.plugins)
+        return Section.content_hash(self.model_copy(update={"plugins": plugins}))
+
+    def chosen(self) -> list[tuple[Registry[Any], str]]:
+        """All kinds that this config uses, by registry and name; those too whose settings alone stand in it."""
+        links, plant = self.links, self.plant.links
+        specs = (
+            *links.endpoints.values(),
+            *(station.endpoint for station in links.ground_stations.values()),
+            *(spec for spec in (plant.autopilot, plant.anemometer, plant.ins, plant.gnss) if spec is not None),
+            *plant.sensors.values(),
+        )
+        found: list[tuple[Registry[Any], str]] = [
+            (CONTROLLERS, self.controller.name),
+            (SOLVERS, self.controller.solver),
+            (ESTIMATORS, self.estimator.kind),
+            *((SENSORS, link.kind) for link in links.sensors.values()),
+            (AUTOPILOTS, links.autopilot.profile),
+            (OUTPUTS, links.autopilot.output),
+            *((LINKS, spec.partition(":")[0]) for spec in specs),
+        ]
+        for section in (self.controller, self.estimator):
+            kinds = (section.registry.at_key(key) for key in section.model_extra or {})
+            found += ((section.registry, kind.name) for kind in kinds if kind is not None)
+        return list(dict.fromkeys(found))
+
+    def check_plugins(self) -> None:
+        """ConfigError where a plug-in is not loaded, or a kind in use is of one that `plugins` does not name."""
+        for one in self.plugins:
+            if loaded(one.sha256) is None:
+                raise ConfigError(f"the plug-in {one.file} is not loaded")
+        mine = {one.sha256 for one in self.plugins}
+        for registry, name in self.chosen():
+            origin = registry.origin(name)
+            if origin.file and origin.sha256 not in mine:
+                raise ConfigError(f"the {registry.what} {name} is that of {origin}, which is not among the plugins")
 
     @property
     def plant_vessel(self) -> VesselConfig:

@@ -2,67 +2,41 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from collections.abc import Mapping
+from typing import Any
 
 from pydantic import Field, model_validator
 
-from asvhil.config.autopilots import IMU_MESSAGE
 from asvhil.config.base import NonNegative, Positive, Section
 from asvhil.config.links import LinksConfig
-
-Quantity = Literal["position", "velocity", "heading", "yaw_rate", "acceleration", "wind"]
-QUANTITIES: tuple[Quantity, ...] = ("position", "velocity", "heading", "yaw_rate", "acceleration", "wind")
-SensorLink = Literal["autopilot", "anemometer", "ins", "gnss"]
-
-_FIX: tuple[Quantity, ...] = ("position", "velocity")
-_ATTITUDE: tuple[Quantity, ...] = ("heading", "yaw_rate")
-_INERTIAL: tuple[Quantity, ...] = ("yaw_rate", "acceleration")
-_WIND: tuple[Quantity, ...] = ("wind",)
-_NMEA: dict[str, tuple[Quantity, ...]] = {
-    "GGA": ("position",),
-    "RMC": _FIX,
-    "VTG": ("velocity",),
-    "HDT": ("heading",),
-    "HDG": ("heading",),
-    "HDM": ("heading",),
-    "MWV": _WIND,
-    "MWV_T": _WIND,
-    "MWD": _WIND,
-}
+from asvhil.config.registry import AUTOPILOTS, SENSORS
+from asvhil.config.sensors import ATTITUDE, FIX, INERTIAL, QUANTITIES, WIND, Quantity
 
 LEAST_INTERVALS = 2.0  # of a stream within a time-out: jitter alone must not be a failure
 
-# What each message of each link can give.
-MESSAGES: dict[SensorLink, dict[str, tuple[Quantity, ...]]] = {
-    "autopilot": {
-        "GLOBAL_POSITION_INT": _FIX,
-        "GPS_RAW_INT": _FIX,
-        "GPS2_RAW": _FIX,
-        "ATTITUDE": _ATTITUDE,
-        "ATTITUDE_QUATERNION": _ATTITUDE,
-        "RAW_IMU": _INERTIAL,
-        "SCALED_IMU": _INERTIAL,
-        "SCALED_IMU2": _INERTIAL,
-        "SCALED_IMU3": _INERTIAL,
-        "HIGHRES_IMU": _INERTIAL,
-        "WIND": _WIND,
-        "WIND_COV": _WIND,
-    },
-    "ins": {
-        "BINARY": (*_FIX, *_ATTITUDE, "acceleration"),
-        "GNSS1": _FIX,
-        "VNINS": (*_FIX, "heading"),
-        "VNYMR": _INERTIAL,
-    },
-    "gnss": _NMEA,
-    "anemometer": _NMEA,
+# What each message of the autopilot can give.
+AUTOPILOT_MESSAGES: dict[str, tuple[Quantity, ...]] = {
+    "GLOBAL_POSITION_INT": FIX,
+    "GPS_RAW_INT": FIX,
+    "GPS2_RAW": FIX,
+    "ATTITUDE": ATTITUDE,
+    "ATTITUDE_QUATERNION": ATTITUDE,
+    "RAW_IMU": INERTIAL,
+    "SCALED_IMU": INERTIAL,
+    "SCALED_IMU2": INERTIAL,
+    "SCALED_IMU3": INERTIAL,
+    "HIGHRES_IMU": INERTIAL,
+    "WIND": WIND,
+    "WIND_COV": WIND,
 }
 
 
 class SourceConfig(Section):
     """One source of a quantity: a message of a link. In YAML also as one word, `LINK.MESSAGE`."""
 
-    link: SensorLink = Field(description="The link that it arrives on.")
+    link: str = Field(
+        description="The link that it arrives on: autopilot, anemometer, gnss, ins, or a name of links.sensors."
+    )
     message: str = Field(description="The message; docs/sensors.md lists those of each link and what they give.")
     timeout_s: Positive = Field(
         default=1.0,
@@ -121,7 +95,8 @@ class SourcesConfig(Section):
         fix = SourceConfig(link="autopilot", message=links.autopilot.position_source)
         attitude = SourceConfig(link="autopilot", message="ATTITUDE")
         # Without a stream request the IMU's rate is 1 Hz.
-        imu = SourceConfig(link="autopilot", message=IMU_MESSAGE[links.autopilot.profile], timeout_s=3.0)
+        message = AUTOPILOTS.find(links.autopilot.profile).imu_message
+        imu = SourceConfig(link="autopilot", message=message, timeout_s=3.0)
         return {
             "position": self.position or (fix,),
             "velocity": self.velocity or (fix,),
@@ -150,6 +125,13 @@ def _check_alike(sources: SourcesConfig, one: Quantity, other: Quantity) -> None
                 raise ValueError(f"{where} must have the delay_s and arm_m that it has under sources.{one}")
 
 
+def _messages(links: LinksConfig, link: str) -> Mapping[str, tuple[str, ...]] | None:
+    """What each message of a link can give; None where the config has no such link."""
+    if link == "autopilot":
+        return AUTOPILOT_MESSAGES
+    return SENSORS.find(links.kind_of(link)).messages if link in links.sensor_links() else None
+
+
 def check_sources(sources: SourcesConfig, links: LinksConfig, history_s: float, stale_after_s: float) -> None:
     """ValueError naming the first source that no link can give, whose stream is not asked for, or that is too late."""
     _check_alike(sources, "position", "velocity")
@@ -158,13 +140,14 @@ def check_sources(sources: SourcesConfig, links: LinksConfig, history_s: float, 
         seen: set[str] = set()
         for number, source in enumerate(getattr(sources, quantity)):
             where = f"sources.{quantity}.{number}: {source.name}"
-            if getattr(links, source.link) is None:
-                raise ValueError(f"{where}: there is no links.{source.link}")
-            able = [name for name, gives in MESSAGES[source.link].items() if quantity in gives]
+            messages = _messages(links, source.link)
+            if messages is None:
+                there = ", ".join(("autopilot", *links.sensor_links()))
+                raise ValueError(f"{where}: there is no {links.key_of(source.link)} (links with sensors: {there})")
+            able = [name for name, gives in messages.items() if quantity in gives]
             if source.message not in able:
-                raise ValueError(
-                    f"{where} gives no {quantity}; of links.{source.link} can: {', '.join(able) or 'nothing'}"
-                )
+                key = links.key_of(source.link)
+                raise ValueError(f"{where} gives no {quantity}; of {key} can: {', '.join(able) or 'nothing'}")
             if source.link == "autopilot":
                 _check_stream(where, source, links.autopilot.streams_hz.get(source.message))
             if source.delay_s > history_s:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from asvhil.config import BacksteppingConfig, VesselConfig
+from asvhil.config import BacksteppingConfig, Config, VesselConfig
 from asvhil.controller.classical import FAILED, FeedbackLoop, SimplifiedModel, TrackingState, Vector3, to_body
+from asvhil.dynamics.protocol import Dynamics
 from asvhil.types import Control, Estimate, Station, Wind
 
 
@@ -50,3 +51,8 @@ class Backstepping:
         x_n, y_n, n_nm = self._model.load(motion, eta_r_dot, eta_r_ddot)
         x_pull, y_pull, n_pull = to_body(motion.psi_rad, pull)
         return x_n - x_pull, y_n - y_pull, n_nm - n_pull
+
+
+def build(settings: BacksteppingConfig, config: Config, model: Dynamics) -> Backstepping:
+    """The controller of a config; it has a model of its own, of the vessel that the config believes in."""
+    return Backstepping(config.believed_vessel, settings)

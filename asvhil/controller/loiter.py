@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import math
 
-from asvhil.config import ControllerConfig, LoiterConfig
+from asvhil.config import Config, ControllerConfig, LoiterConfig
 from asvhil.controller.classical import FAILED
+from asvhil.dynamics.protocol import Dynamics
 from asvhil.geo import wrap_rad
 from asvhil.types import Control, Estimate, Station, Wind
 
@@ -85,3 +86,8 @@ class Loiter:
         """A motor's command: any level but zero starts at `throttle_min`."""
         least = self._config.throttle_min
         return 0.0 if level == 0.0 else math.copysign(least + (1.0 - least) * abs(level), level)
+
+
+def build(settings: LoiterConfig, config: Config, model: Dynamics) -> Loiter:
+    """The controller of a config; it uses no model."""
+    return Loiter(settings)

@@ -7,9 +7,11 @@ from collections.abc import Callable
 
 import numpy as np
 
-from asvhil.config import ManoeuvresConfig
+from asvhil.config import Config, ManoeuvresConfig
 from asvhil.controller.human_operator import HumanOperator
 from asvhil.controller.protocol import Controller
+from asvhil.controller.station_mpc import build as build_mpc
+from asvhil.dynamics.protocol import Dynamics
 from asvhil.geo import wrap_rad
 from asvhil.types import Control, Estimate, Station, Wind, record
 
@@ -210,3 +212,8 @@ def _steps(rng: np.random.Generator) -> Block:
         pieces.append((hold_s, port, starboard))
         left_s -= hold_s
     return _block("steps", pieces)
+
+
+def build(settings: ManoeuvresConfig, config: Config, model: Dynamics) -> Manoeuvres:
+    """The programme of a config, around the MPC that keeps the station after it."""
+    return Manoeuvres(settings, build_mpc(config.controller.mpc, config, model))

@@ -11,6 +11,9 @@ class Controller(Protocol):
     """Keeps a station: one solution per control period.
 
     It need not compare stations: the supervisor holds the one in use, and `new_station` says that it is another.
+
+    It may also have `retune(config: ControllerConfig)`, to take settings that operators change, and
+    `favour_position(on: bool)`, to keep the position at any heading while the procedure's `r_h` rule says so.
     """
 
     def step(self, estimate: Estimate, wind: Wind | None, station: Station) -> Control:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from asvhil.config import SlidingModeConfig, VesselConfig
+from asvhil.config import Config, SlidingModeConfig, VesselConfig
 from asvhil.controller.classical import FAILED, FeedbackLoop, SimplifiedModel, TrackingState, Vector3, to_body
+from asvhil.dynamics.protocol import Dynamics
 from asvhil.types import Control, Estimate, Station, Wind
 
 LONGEST_STEP_S = 1.0  # a longer time between two steps is a pause, in which nothing is integrated
@@ -100,3 +101,8 @@ def _sat(ratio: float) -> float:
 
 def _clip(value: float, limit: float) -> float:
     return min(max(value, -limit), limit)
+
+
+def build(settings: SlidingModeConfig, config: Config, model: Dynamics) -> SlidingMode:
+    """The controller of a config; it has a model of its own, of the vessel that the config believes in."""
+    return SlidingMode(config.believed_vessel, settings)

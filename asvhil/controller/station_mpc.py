@@ -7,7 +7,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from asvhil.config import ControllerConfig, MpcConfig, MpcWeights
+from asvhil.config import Config, ControllerConfig, MpcConfig, MpcWeights
+from asvhil.controller.pwm import command_rate_per_s
+from asvhil.controller.solvers.choice import choose_solver
 from asvhil.controller.solvers.problem import Array, Solution, Solver, StationProblem
 from asvhil.controller.solvers.sqp import Sqp
 from asvhil.dynamics.protocol import Dynamics
@@ -209,3 +211,10 @@ def shift_matrix(times_s: Array, elapsed_s: float) -> Array:
     overlap = np.minimum(moved_end[:, None], end[None, :]) - np.maximum(moved_begin[:, None], begin[None, :])
     matrix: Array = np.maximum(overlap, 0.0) / np.diff(times_s)[:, None]
     return matrix
+
+
+def build(settings: MpcConfig, config: Config, model: Dynamics) -> StationMpc:
+    """The MPC of a config with the solver that it asks for. ConfigError where that is not installed."""
+    capped, make_solver = choose_solver(config.controller)
+    rate_per_s = command_rate_per_s(config.vehicle.pwm)
+    return StationMpc(model, capped, 1.0 / config.daemon.control_hz, make_solver, rate_per_s)

@@ -62,10 +62,7 @@ class Daemon:
         )
         self._saving: asyncio.Task[None] | None = None
         self._spoken: dict[str, str] = {}
-        specs = {"autopilot": config.links.autopilot.endpoint, "operator": config.links.operator.endpoint}
-        sensors = {"anemometer": config.links.anemometer, "ins": config.links.ins, "gnss": config.links.gnss}
-        specs |= {port: sensor.endpoint for port, sensor in sensors.items() if sensor is not None}
-        specs |= self._router.ground_specs
+        specs = config.links.endpoints | self._router.ground_specs
         self._links = {
             port: ReconnectingLink(port, spec, config, clock, self._inbox, self._receive)
             for port, spec in specs.items()

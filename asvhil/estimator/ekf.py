@@ -11,7 +11,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from asvhil.config import EstimatorConfig
+from asvhil.config import Config, EstimatorConfig
 from asvhil.dynamics.protocol import Dynamics
 from asvhil.estimator import sensor_health
 from asvhil.estimator.ekf_step import Filter
@@ -145,3 +145,8 @@ class Ekf:
                 self._history.add(position.t_ns, self._forcing)
             case _:
                 pass
+
+
+def build(settings: None, config: Config, model: Dynamics) -> Ekf:
+    """The filter of a config."""
+    return Ekf(config.estimator, model)

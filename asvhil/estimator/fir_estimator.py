@@ -13,7 +13,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from asvhil.config import EkfConfig, FirConfig
+from asvhil.config import Config, EkfConfig, FirConfig
 from asvhil.dynamics.integrate import integrate, substeps
 from asvhil.dynamics.protocol import Dynamics
 from asvhil.geo import LocalFrame, body_to_ned, ned_to_body, wrap_rad
@@ -176,3 +176,13 @@ class FirFusion(HeldSensors):
         self._vn_mps += gain * (m.vn_mps - self._vn_mps)
         self._ve_mps += gain * (m.ve_mps - self._ve_mps)
         self._velocity_ns = m.t_ns
+
+
+def build_fir(settings: FirConfig, config: Config, model: Dynamics) -> FirFusion:
+    """The paper's estimator, of a config."""
+    return FirFusion(config.estimator.ekf, settings, model)
+
+
+def build_raw(settings: None, config: Config, model: Dynamics) -> HeldSensors:
+    """The readings as they come, of a config."""
+    return HeldSensors(config.estimator.ekf, model)

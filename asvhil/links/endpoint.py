@@ -6,17 +6,15 @@ peer: what is not read or cannot be sent in time is dropped, oldest first, and c
 
 from __future__ import annotations
 
-from collections.abc import Awaitable, Callable
+from collections.abc import Callable
 from typing import Protocol
 
-from asvhil.config.link_spec import FORMS, LinkSpec, parse_spec
+from asvhil.config.link_spec import LinkSpec, parse_spec
+from asvhil.config.registry import LINKS
 from asvhil.links.memory import memory_pair
-from asvhil.links.tcp import open_tcp, open_tcpin
-from asvhil.links.tty import open_pty, open_serial
-from asvhil.links.udp import open_udp
 from asvhil.types import Frame
 
-__all__ = ["FORMS", "Endpoint", "LinkSpec", "memory_pair", "open_endpoint", "parse_spec"]
+__all__ = ["Endpoint", "LinkSpec", "memory_pair", "open_endpoint", "parse_spec"]
 
 
 class Endpoint(Protocol):
@@ -53,17 +51,8 @@ class Endpoint(Protocol):
         ...
 
 
-_OPENERS: dict[str, Callable[[LinkSpec, str, Callable[[], int]], Awaitable[Endpoint]]] = {
-    "udpin": open_udp,
-    "udpout": open_udp,
-    "tcp": open_tcp,
-    "tcpin": open_tcpin,
-    "serial": open_serial,
-    "pty": open_pty,
-}
-
-
 async def open_endpoint(spec: str, port: str, now_ns: Callable[[], int]) -> Endpoint:
     """Open a link named `port`; ConfigError on a bad spec, LinkError (one line with the spec) when it cannot open."""
     parsed = parse_spec(spec)
-    return await _OPENERS[parsed.scheme](parsed, port, now_ns)
+    endpoint: Endpoint = await LINKS.find(parsed.scheme).make(parsed, port, now_ns)
+    return endpoint

@@ -12,8 +12,10 @@ from pathlib import Path
 from asvhil import __version__
 from asvhil.backseat.build import build_model, model_file
 from asvhil.config import Config
+from asvhil.config.registry import SENSORS
 from asvhil.errors import AsvhilError
-from asvhil.logs.recorder import Recorder
+from asvhil.logs.plugins import plugin_records
+from asvhil.logs.recorder import ENCODINGS, Recorder
 
 PACKAGES = ("numpy", "casadi", "daqp", "pymavlink", "mcap", "msgspec")
 
@@ -35,7 +37,7 @@ def make_run_folder(config: Config, name: str) -> Path:
 
 
 def log_metadata(config: Config, mode: str) -> dict[str, dict[str, str]]:
-    """The metadata records that make a log replayable: the whole config, versions, seed and mode."""
+    """The metadata records that make a log replayable: the whole config, versions, plug-ins, seed and mode."""
     model = model_file(config)
     if model is not None:
         build_model(config, model)  # one that will not do is told before there is a log
@@ -47,6 +49,8 @@ def log_metadata(config: Config, mode: str) -> dict[str, dict[str, str]]:
         else {}
     )
     versions = {name: version(name) for name in PACKAGES}
+    plugins = plugin_records(config)
+    versions |= {record["package"]: record["version"] for record in plugins.values() if "package" in record}
     return {
         "config": {"json": config.canonical_json(), "hash": config.content_hash()},
         "versions": {
@@ -57,14 +61,17 @@ def log_metadata(config: Config, mode: str) -> dict[str, dict[str, str]]:
         },
         "run": {"mode": mode, "seed": str(config.plant.seed), "vehicle": config.vehicle.name},
         **stored,
+        **plugins,
     }
 
 
 def open_recorder(config: Config, path: Path, mode: str, *, threaded: bool = True) -> Recorder:
     """A recorder for one run."""
+    sensors = {port: SENSORS.find(link.kind).encoding for port, link in config.links.sensors.items()}
     return Recorder(
         path,
         metadata=log_metadata(config, mode),
+        encodings={**ENCODINGS, **sensors},
         chunk_kib=config.recorder.chunk_kib,
         sync_period_s=config.recorder.sync_period_s,
         threaded=threaded,

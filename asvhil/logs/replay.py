@@ -15,6 +15,7 @@ from asvhil.backseat.build import build_backseat
 from asvhil.config import Config, config_from_json
 from asvhil.errors import LogError
 from asvhil.logs.encoding import encode_outputs, first_difference
+from asvhil.logs.plugins import check_plugins
 from asvhil.logs.reader import LogFile
 from asvhil.types import record
 
@@ -41,10 +42,15 @@ class ReplayResult:
 
 
 def config_of(log: LogFile, path: Path, *, known_only: bool = False) -> Config:
-    """The config that a log was recorded with; `known_only` as `config_from_json`. LogError where it has none."""
+    """The config that a log was recorded with; `known_only` as `config_from_json`.
+
+    LogError where it has none, or where a plug-in of the run is needed and not here.
+    """
     stored = log.metadata.get("config", {}).get("json")
     if stored is None:
         raise LogError(f"{path}: holds no config record; replay needs a log written by asvhil")
+    if not known_only:
+        check_plugins(log, path)
     return config_from_json(stored, f"{path} (config record)", known_only=known_only)
 
 
@@ -79,7 +85,10 @@ def build_recorded(log: LogFile, path: Path) -> Backseat:
 
 
 def replay(path: Path, on_tick: Callable[[int], None] | None = None) -> ReplayResult:
-    """Step a fresh backseat through a log up to its end or the first tick that differs."""
+    """Step a fresh backseat through a log up to its end or the first tick that differs.
+
+    The plug-ins of the run must have been loaded (`plugins.load_plugins`).
+    """
     log = LogFile(path)
     backseat = build_recorded(log, path)
     ticks = compared = 0

@@ -6,17 +6,13 @@ what is here are parameters of its problem, and nothing is built anew. It does n
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
 from typing import Any, Protocol, runtime_checkable
 
 from pydantic import ValidationError
 
 from asvhil.config import ControllerConfig
+from asvhil.config.registry import CONTROLLERS, OperatorParameter
 from asvhil.supervisor.reasons import Explanation, Reason, explain
-from asvhil.types import record
-
-NAME_MAX = 16
 
 
 @runtime_checkable
@@ -28,50 +24,14 @@ class Tunable(Protocol):
         ...
 
 
-@record
-class Row:
-    """One parameter: its place in the controller's config, and the bounds and size of its unit on the link there."""
-
-    name: str
-    path: tuple[str, ...]
-    least: float
-    most: float
-    scale: float = 1.0
-
-
-DEGREE = math.pi / 180.0
-_SETS = (("NEAR", "near"), ("ALONG", "along"), ("FAR", "far"), ("POSN", "position_only"))
-_WEIGHTS = (
-    ("POS", "position", 1e4),
-    ("SIDE", "sideways", 1.0),
-    ("HDG", "heading", 1e5),
-    ("VEL", "velocity", 1e4),
-    ("SLEW", "slew", 1e4),
-    ("TERM", "terminal_position_s", 1e4),
-)
-_MPC = (
-    *(
-        Row(name=f"W_{short}_{what}", path=("mpc", section, field), least=0.0, most=most)
-        for short, section in _SETS
-        for what, field, most in _WEIGHTS
-    ),
-    Row(name="MPC_NEAR_R", path=("mpc", "near_radius_m"), least=0.5, most=100.0),
-    Row(name="MPC_FAR_R", path=("mpc", "far_radius_m"), least=1.0, most=200.0),
-    Row(name="MPC_TRIM_T", path=("mpc", "trim_time_s"), least=1.0, most=1e4),
-    Row(name="MPC_TRIM_MAX", path=("mpc", "trim_max_rad"), least=0.0, most=30.0, scale=DEGREE),
-)
 _PROCEDURE = (
-    Row(name="PROC_R_S", path=("procedure", "r_s_m"), least=1.0, most=500.0),
-    Row(name="PROC_R_D", path=("procedure", "r_d_m"), least=1.0, most=500.0),
-    Row(name="PROC_R_H", path=("procedure", "r_h_m"), least=0.5, most=500.0),
-    Row(name="PROC_DWELL", path=("procedure", "dwell_s"), least=0.0, most=600.0),
-    Row(name="PROC_SPEED", path=("procedure", "speed_mps"), least=0.1, most=10.0),
-    Row(name="PROC_HAND_SPD", path=("procedure", "handover_speed_mps"), least=0.1, most=10.0),
-    Row(name="PROC_LOOKAHEAD", path=("procedure", "lookahead_m"), least=1.0, most=100.0),
-)
-_LOITER = (
-    Row(name="LOIT_RADIUS", path=("loiter", "radius_m"), least=0.1, most=100.0),
-    Row(name="LOIT_SPEED_MAX", path=("loiter", "speed_max_mps"), least=0.1, most=10.0),
+    OperatorParameter(name="PROC_R_S", path=("r_s_m",), least=1.0, most=500.0),
+    OperatorParameter(name="PROC_R_D", path=("r_d_m",), least=1.0, most=500.0),
+    OperatorParameter(name="PROC_R_H", path=("r_h_m",), least=0.5, most=500.0),
+    OperatorParameter(name="PROC_DWELL", path=("dwell_s",), least=0.0, most=600.0),
+    OperatorParameter(name="PROC_SPEED", path=("speed_mps",), least=0.1, most=10.0),
+    OperatorParameter(name="PROC_HAND_SPD", path=("handover_speed_mps",), least=0.1, most=10.0),
+    OperatorParameter(name="PROC_LOOKAHEAD", path=("lookahead_m",), least=1.0, most=100.0),
 )
 
 
@@ -81,17 +41,16 @@ class Tunables:
     def __init__(self, config: ControllerConfig, controller: object) -> None:
         self._config = config
         self._controller = controller if isinstance(controller, Tunable) else None
-        self._rows = {row.name: row for row in self._rows_of(config)} if self._controller is not None else {}
+        rows = self._rows_of(config) if self._controller is not None else []
+        self._rows = {row.name: (section, row) for section, row in rows}
 
     @staticmethod
-    def _rows_of(config: ControllerConfig) -> Sequence[Row]:
-        rows: list[Row] = []
-        if config.name.endswith("-mpc"):
-            rows += _MPC
-        if config.name == "loiter":
-            rows += _LOITER
-        if config.procedure.enabled and config.name != "manoeuvres":
-            rows += _PROCEDURE
+    def _rows_of(config: ControllerConfig) -> list[tuple[str, OperatorParameter]]:
+        """Parameters of the controller and of the procedure around it, with the sections that they are in."""
+        kind = CONTROLLERS.find(config.name)
+        rows = [(kind.settings_key, row) for row in kind.parameters]
+        if kind.keeps_station and config.procedure.enabled:
+            rows += [("procedure", row) for row in _PROCEDURE]
         return rows
 
     @property
@@ -103,20 +62,20 @@ class Tunables:
 
     def value(self, name: str) -> float:
         """The value in use."""
-        row = self._rows[name]
-        at: Any = self._config
+        section, row = self._rows[name]
+        at: Any = getattr(self._config, section)
         for key in row.path:
             at = getattr(at, key)
         return float(at) / row.scale
 
     def set(self, name: str, value: float) -> Explanation | None:
         """Use another value from now on. Returns None, or why not."""
-        row = self._rows[name]
+        section, row = self._rows[name]
         assert self._controller is not None
         if not row.least <= value <= row.most:  # a NaN is not
             return explain(Reason.PARAMETER_OUT_OF_RANGE, name=name, range=f"{row.least:g} to {row.most:g}")
         tree = self._config.model_dump()
-        at = tree
+        at = tree[section]
         for key in row.path[:-1]:
             at = at[key]
         at[row.path[-1]] = value * row.scale

@@ -8,6 +8,7 @@ from typing import Any
 from asvhil.autopilot.ardurover_parameters import OPTIONAL
 from asvhil.autopilot.requirements import Finding
 from asvhil.config import AutopilotLinkConfig, Quantity
+from asvhil.config.registry import AUTOPILOTS
 from asvhil.io.mavlink.frames import dialect
 from asvhil.preflight.survey import SourceState, Survey
 from asvhil.types import record
@@ -15,10 +16,6 @@ from asvhil.types import record
 ROUND_TRIP_MAX_MS = 100.0
 CLOCK_OFF_MAX_S = 5.0
 GOOD_SHARE, LEAST_SHARE = 0.8, 0.5  # of the rate that was asked for
-MAKES = {
-    "ardurover": (dialect.MAV_AUTOPILOT_ARDUPILOTMEGA, "ArduPilot", (4, 2)),
-    "px4": (dialect.MAV_AUTOPILOT_PX4, "PX4", (1, 13)),
-}
 VEHICLES = {dialect.MAV_TYPE_SURFACE_BOAT: "boat", dialect.MAV_TYPE_GROUND_ROVER: "rover"}
 # Without these nothing is held; the others are missed less.
 NEEDED: frozenset[Quantity] = frozenset({"position", "velocity", "heading"})
@@ -81,15 +78,16 @@ def _vehicle(survey: Survey) -> list[Check]:
     link = survey.config.links.autopilot
     beat = survey.heartbeat
     assert beat is not None
-    number, make, _ = MAKES[link.profile]
+    autopilot = AUTOPILOTS.find(link.profile)
+    wanted = autopilot.firmware
     kind = VEHICLES.get(beat.type)
-    known = beat.autopilot == number
-    found = f"{make if known else f'autopilot {beat.autopilot}'}, {kind or f'vehicle type {beat.type}'}"
+    known = beat.autopilot == autopilot.mav_autopilot
+    found = f"{wanted if known else f'autopilot {beat.autopilot}'}, {kind or f'vehicle type {beat.type}'}"
     todo = (
         f"links.autopilot.profile is {link.profile}" if not known else "expected a boat or a rover" if not kind else ""
     )
     result = Result.FAIL if not known else Result.PASS if kind else Result.WARN
-    checks = [Check(section="vehicle", item="heartbeat", result=result, found=found, wanted=make, todo=todo)]
+    checks = [Check(section="vehicle", item="heartbeat", result=result, found=found, wanted=wanted, todo=todo)]
     checks.append(_firmware(survey, link))
     status = survey.status
     if status is not None:
@@ -130,8 +128,9 @@ def _vehicle(survey: Survey) -> list[Check]:
 
 
 def _firmware(survey: Survey, link: AutopilotLinkConfig) -> Check:
-    _, make, least = MAKES[link.profile]
-    wanted = f"{make} {least[0]}.{least[1]} or later"
+    autopilot = AUTOPILOTS.find(link.profile)
+    least = autopilot.least_version
+    wanted = f"{autopilot.firmware} {least[0]}.{least[1]} or later"
     if survey.version is None:
         todo = "AUTOPILOT_VERSION did not come: is this firmware older?"
         return Check(section="vehicle", item="firmware", result=Result.WARN, found="not told", wanted=wanted, todo=todo)
@@ -271,7 +270,8 @@ def _fresh(state: SourceState) -> bool:
 
 def _is_configured(survey: Survey, state: SourceState) -> bool:
     """Whether somebody meant there to be this source; the anemometer is the default even on a boat without one."""
-    return getattr(survey.config.links, state.source.link) is not None
+    link = state.source.link
+    return link == "autopilot" or link in survey.config.links.sensor_links()
 
 
 def _source(survey: Survey, quantity: Quantity, place: int, state: SourceState, result: Result) -> Check:
@@ -280,11 +280,12 @@ def _source(survey: Survey, quantity: Quantity, place: int, state: SourceState, 
     todo = ""
     if result is not Result.PASS:
         if not _is_configured(survey, state):
-            todo = f"there is no links.{state.source.link}"
+            todo = f"there is no {survey.config.links.key_of(state.source.link)}"
         elif state.source.link == "autopilot":
             todo = "the autopilot does not send it, or its position is not in use yet"
         else:
-            todo = f"silent or invalid: its line, its speed, its supply (links.{state.source.link}.endpoint)"
+            key = survey.config.links.key_of(state.source.link)
+            todo = f"silent or invalid: its line, its speed, its supply ({key}.endpoint)"
     return Check(
         section="sensors",
         item=f"{quantity}{'' if place == 0 else f', {place + 1}. choice'}: {name}",

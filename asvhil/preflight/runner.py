@@ -14,7 +14,7 @@ from asvhil.errors import AsvhilError, LinkError
 from asvhil.io.mavlink.frames import refuse_ignored_crc
 from asvhil.links.clock import Clock
 from asvhil.links.reconnecting import ReconnectingLink
-from asvhil.links.router import MavlinkRouter, save_states
+from asvhil.links.router import OPERATOR, MavlinkRouter, save_states
 from asvhil.preflight.survey import Survey
 from asvhil.types import Frame, Inputs
 
@@ -39,9 +39,7 @@ class Preflight:
         self._inbox: deque[Frame] = deque()
         links = config.links.model_copy(update={"ground_stations": {}, "routing": RoutingConfig(enabled=False)})
         self._router = MavlinkRouter(links, start_ns=self._clock.now_ns(), unix_ns=time.time_ns)
-        specs = {"autopilot": links.autopilot.endpoint}
-        sensors = {"anemometer": links.anemometer, "ins": links.ins, "gnss": links.gnss}
-        specs |= {port: sensor.endpoint for port, sensor in sensors.items() if sensor is not None}
+        specs = {port: spec for port, spec in links.endpoints.items() if port != OPERATOR}
         self._links = {
             port: ReconnectingLink(port, spec, config, self._clock, self._inbox, self._router.receive)
             for port, spec in specs.items()

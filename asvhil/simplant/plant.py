@@ -7,9 +7,10 @@ from typing import Protocol
 import numpy as np
 
 from asvhil.config import Config
+from asvhil.config.registry import SENSORS
 from asvhil.geo import LocalFrame, wrap_rad
 from asvhil.simplant.ardurover.vehicle import SimulatedArduRover
-from asvhil.simplant.boat.devices import SimulatedNmea, SimulatedVn300
+from asvhil.simplant.boat.devices import SimulatedNmea, SimulatedSensor, SimulatedVn300
 from asvhil.simplant.boat.faults import Faults, Present, all_faults, motor_signals_us
 from asvhil.simplant.boat.sensors import Anemometer, Navigation, TrueMotion, mwv_sentence
 from asvhil.simplant.boat.vessel import Vessel
@@ -73,8 +74,8 @@ class Plant:
         plant = config.plant
         vessel = config.plant_vessel
         pwm = config.vehicle.pwm
-        seeds = np.random.SeedSequence(plant.seed).spawn(5)
-        weather_seed, navigation_seed, anemometer_seed, ins_seed, nmea_seed = seeds
+        seeds = np.random.SeedSequence(plant.seed).spawn(5 + len(config.links.sensors))
+        weather_seed, navigation_seed, anemometer_seed, ins_seed, nmea_seed, *sensor_seeds = seeds
         self._step_ns = round(1e9 * plant.step_s)
         self._t_ns = self._start_ns = t_ns
         self._loop_hz = plant.frontseat.loop_hz
@@ -106,6 +107,10 @@ class Plant:
             self._devices.append(SimulatedVn300(plant.sensors, self.origin, t_ns, ins_seed))
         if config.links.gnss is not None or plant.links.gnss is not None:
             self._devices.append(SimulatedNmea(plant.sensors, self.origin, t_ns, nmea_seed))
+        self._sensors = [
+            SimulatedSensor(port, SENSORS.find(link.kind), link, plant.sensors, self.origin, t_ns, seed)
+            for (port, link), seed in zip(sorted(config.links.sensors.items()), sensor_seeds, strict=True)
+        ]
         self._moored: Moored | None = None
 
     @property
@@ -204,6 +209,8 @@ class Plant:
                     sent.append(Frame(t_ns=self._t_ns, port=ANEMOMETER_PORT, data=data))
             for device in self._devices:
                 sent += device.advance(self._t_ns, self.motion, faults)
+            for sensor in self._sensors:
+                sent += sensor.advance(self._t_ns, self.motion, (weather.wind_n_mps, weather.wind_e_mps))
         return sent
 
     def _next(self, count: int, rate_hz: float) -> tuple[int, int]:

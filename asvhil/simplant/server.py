@@ -44,6 +44,7 @@ class PlantServer:
             spec = getattr(self._config.plant.links, port)
             if spec is not None:
                 specs[port] = spec
+        specs |= self._config.plant.links.sensors
         endpoints: dict[str, Endpoint] = {}
         readers: list[asyncio.Task[None]] = []
         try:

@@ -7,28 +7,23 @@ from pathlib import Path
 from typing import Any
 
 from asvhil.backseat.build import model_file
-from asvhil.config import LEARNED, load_config
+from asvhil.config import load_config
+from asvhil.config.registry import CONTROLLERS, ControllerKind
 from asvhil.errors import ConfigError
 from asvhil.study.rows import FROM_S, ROWS, TO_S, refuse_own, row_overrides, station_heading_deg, trial_job, wind_of
 from asvhil.study.runner import Finished, Progress, run_jobs
 from asvhil.study.statistics import mean_ci95, mean_of_all
 from asvhil.study.trials.trial import run_named_trial
 
-CONTROLLERS: dict[str, str] = {  # label in the table: controller.name
-    "NNSEM-MPC": "nnsem-mpc",
-    "LagNet-MPC": "lagnet-mpc",
-    "SD-MPC (fitted)": "fitted-sd-mpc",
-    "NODE-MPC": "node-mpc",
-    "KNODE-MPC": "knode-mpc",
-    "backstepping": "backstepping",
-    "sliding mode": "sliding-mode",
-    "LOITER": "loiter",
-    "SD-MPC (true physics)": "sd-mpc",
-}
 OURS = ("NNSEM-MPC", "LagNet-MPC")
 # It knows the boat's equations and parameters, as nobody does of a real boat: shown apart, and wins nothing.
 REFERENCE = "SD-MPC (true physics)"
 MAIN = "NNSEM-MPC"
+
+
+def labelled() -> dict[str, ControllerKind]:
+    """The controllers that keep a station, by their names in the tables; loaded plug-ins included."""
+    return {kind.label or kind.name: kind for kind in CONTROLLERS if kind.keeps_station}
 
 
 def controller_overrides(label: str, models: Path | None, base: str, overrides: tuple[str, ...]) -> tuple[str, ...]:
@@ -38,12 +33,11 @@ def controller_overrides(label: str, models: Path | None, base: str, overrides: 
     and neither the folder nor the shipped ones have it.
     """
     check_models(models)
-    name = CONTROLLERS[label]
-    chosen = (*overrides, f"controller.name={name}")
-    kind = LEARNED.get(name)
-    if kind is not None and models is not None:
+    controller = labelled()[label]
+    chosen = (*overrides, f"controller.name={controller.name}")
+    if controller.model and models is not None:
         vehicle = load_config(base, overrides).vehicle.name
-        for file in (models / f"{vehicle}-{kind}.npz", models / f"{kind}.npz"):
+        for file in (models / f"{vehicle}-{controller.model}.npz", models / f"{controller.model}.npz"):
             if file.is_file():
                 chosen = (*chosen, f"controller.model={file.resolve()}")
                 break
@@ -72,10 +66,10 @@ def available(
         try:
             found[label] = controller_overrides(label, models, base, overrides)
         except ConfigError as error:
-            kind = LEARNED.get(CONTROLLERS[label])
-            if kind is None:
+            model = labelled()[label].model
+            if not model:
                 raise
-            left_out.append(f"{label} is left out: {error}; give --models DIR with {kind}.npz in it")
+            left_out.append(f"{label} is left out: {error}; give --models DIR with {model}.npz in it")
     return found, left_out
 
 

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from asvhil.config import Config, load_config
+from asvhil.config.registry import CONTROLLERS
 from asvhil.errors import AsvhilError, ConfigError
 from asvhil.study.trials.trial import NO_SLOW_ERROR, run_trial
 from asvhil.types import record
@@ -47,48 +48,16 @@ class Parameter:
         return 0.5 + 0.5 * math.log(value / self.start) / math.log(self.factor)
 
 
-def _gains(key: str, position: float, heading: float) -> tuple[Parameter, ...]:
-    """One gain along and across, so that the pull is towards the station from anywhere, and one for the heading."""
-    return Parameter(key=f"{key}[0,1]", start=position), Parameter(key=f"{key}[2]", start=heading)
-
-
-def _steering(section: str) -> tuple[Parameter, ...]:
-    return (
-        Parameter(key=f"{section}.steering.error_max_m", start=2.0),
-        Parameter(key=f"{section}.steering.radius_m", start=15.0),
-        Parameter(key=f"{section}.steering.lean_max_deg", start=12.0),
-        Parameter(key=f"{section}.steering.lean_from_m", start=0.4),
-        Parameter(key=f"{section}.steering.lean_fade_n", start=8.0),
-    )
-
-
-# Starts: the best of a pilot search of 40 candidates for each, rounded. Only the steering's were set by hand, as the
-# pilot had stuck at a small radius: from runs that included two of the test winds (3 and 6 m/s toward 90 degrees).
-SPACES: dict[str, tuple[Parameter, ...]] = {
-    "backstepping": (
-        *_gains("controller.backstepping.lambda_per_s", 0.1, 1.5),
-        *_gains("controller.backstepping.kd", 600.0, 350.0),
-        *_gains("controller.backstepping.kp", 40.0, 350.0),
-        *_steering("controller.backstepping"),
-    ),
-    "sliding-mode": (
-        *_gains("controller.sliding_mode.lambda_per_s", 0.3, 1.2),
-        *_gains("controller.sliding_mode.bound", 300.0, 300.0),
-        *_gains("controller.sliding_mode.layer", 1.2, 1.5),
-        *_steering("controller.sliding_mode"),
-    ),
-    "loiter": (
-        Parameter(key="controller.loiter.radius_m", start=1.0),
-        Parameter(key="controller.loiter.speed_gain_per_s", start=1.2),
-        Parameter(key="controller.loiter.throttle_ff_per_mps", start=0.7),
-        Parameter(key="controller.loiter.throttle_p_per_mps", start=0.15),
-        Parameter(key="controller.loiter.throttle_i_per_m", start=0.04),
-        Parameter(key="controller.loiter.throttle_min", start=0.12),
-        Parameter(key="controller.loiter.angle_p_per_s", start=2.3),
-        Parameter(key="controller.loiter.rate_ff_s", start=1.2),
-        Parameter(key="controller.loiter.rate_p_s", start=1.1),
-    ),
-}
+def spaces() -> dict[str, tuple[Parameter, ...]]:
+    """What is searched of each controller that has something to search, by `controller.name`."""
+    return {
+        kind.name: tuple(
+            Parameter(key=f"controller.{kind.settings_key}.{part.key}", start=part.start, factor=part.factor)
+            for part in kind.search
+        )
+        for kind in CONTROLLERS
+        if kind.search
+    }
 
 
 def overrides_of(name: str, values: Mapping[str, float]) -> tuple[str, ...]:
@@ -143,7 +112,7 @@ def tune(
     window_s: tuple[float, float] = (FROM_S, TO_S),
     base: str = "sitl",
 ) -> dict[str, Any]:
-    """Search the values of `SPACES[name]` with the lowest typical ps over the winds; `budget` counts candidates.
+    """Search the values of `spaces()[name]` with the lowest typical ps over the winds; `budget` counts candidates.
 
     With a path every batch is saved there, and a search that was begun there with the same settings is taken up.
     `progress` hears of each batch how many candidates are done, and the lowest typical ps so far.
@@ -151,7 +120,7 @@ def tune(
     has no space, ConfigError for a budget, seed or workers that cannot be, AsvhilError where the file at the path is
     not of this search: it is left as it is.
     """
-    space = SPACES[name]
+    space = spaces()[name]
     for option, value, least in (("--budget", budget, 1), ("--seed", seed, 0), ("--workers", workers, 0)):
         if value < least:
             raise ConfigError(f"{option} {value}: at least {least} is expected")

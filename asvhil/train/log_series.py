@@ -15,6 +15,7 @@ from asvhil.errors import LogError
 from asvhil.geo import ned_to_body
 from asvhil.io.mavlink.frames import Parser, decode, dialect, message_id
 from asvhil.logs.encoding import decode_outputs
+from asvhil.logs.plugins import check_decoding
 from asvhil.logs.reader import LogFile
 from asvhil.logs.replay import config_of
 from asvhil.train.series import Series, interpolate, rotate, series, without_outliers
@@ -46,9 +47,10 @@ class LogSeries:
 
 
 def read_log_series(path: Path) -> LogSeries:
-    """Read one log. LogError where the file is none, or holds no tick."""
+    """Read one log. LogError where the file is none, holds no tick, or needs a plug-in to be decoded."""
     log = LogFile(path)
     config = config_of(log, path, known_only=True)
+    check_decoding(log, path, config)
     reader: _Reader | None = None
     for inputs, recorded in log.ticks():
         reader = _Reader(config, inputs.t_ns) if reader is None else reader

@@ -106,6 +106,12 @@ def test_the_core_is_pure(module: str) -> None:
     assert not roots & IMPURE, f"{module} imports {roots & IMPURE}"
 
 
+def test_the_core_finds_kinds_by_name_in_one_module_alone() -> None:
+    """Imports by name and entry points read files: at start-up, where a config is read and a backseat is built."""
+    found = [m for m in MODULES if room(m) in CORE and any(n.startswith("importlib") for n in imports_of(MODULES[m]))]
+    assert found == ["config.registry"]
+
+
 @pytest.mark.parametrize("module", MODULES)
 def test_no_mavutil(module: str) -> None:
     assert not imports_of(MODULES[module]) & EVERYWHERE_FORBIDDEN

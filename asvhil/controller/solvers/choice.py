@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from asvhil.config import ControllerConfig, MpcConfig
+from asvhil.config.registry import SOLVERS
 from asvhil.controller.solvers.problem import Solver, StationProblem
-from asvhil.controller.solvers.sqp import Sqp
 from asvhil.errors import ConfigError
 
 
@@ -15,25 +15,13 @@ def choose_solver(config: ControllerConfig) -> tuple[MpcConfig, Callable[[Statio
 
     Raises ConfigError, also from the making, where the solver's package is not installed.
     """
-    if config.solver == "sqp":
-        return config.mpc, Sqp
-    caps = {"ipopt": config.ipopt, "fatrop": config.fatrop, "torch-lqr": config.torch_lqr}[config.solver]
-    mpc = config.mpc.model_copy(
-        update={"iterations": caps.iterations, "alternate_iterations": caps.alternate_iterations}
-    )
-    prepared = [cap for cap in (caps.iterations, caps.alternate_iterations) if cap]
-    match config.solver:
-        case "ipopt":
-            from asvhil.controller.solvers.ipopt import Ipopt
-
-            return mpc, lambda problem: Ipopt(problem, prepared)
-        case "fatrop":
-            from asvhil.controller.solvers.fatrop import Fatrop
-
-            return mpc, lambda problem: Fatrop(problem, prepared)
-        case "torch-lqr":
-            try:
-                from asvhil.controller.solvers.torch_lqr import TorchLqr
-            except ImportError:
-                raise ConfigError("controller.solver torch-lqr needs torch: install asvhil[train]") from None
-            return mpc, TorchLqr
+    kind, mpc = SOLVERS.find(config.solver), config.mpc
+    try:
+        build = kind.builder()
+    except ImportError as error:
+        raise ConfigError(f"controller.solver {kind.name} {kind.missing or f'cannot be loaded: {error}'}") from None
+    if kind.section is not None:
+        own = getattr(config, kind.settings_key)
+        mpc = mpc.model_copy(update={name: getattr(own, name) for name in ("iterations", "alternate_iterations")})
+    caps = tuple(cap for cap in (mpc.iterations, mpc.alternate_iterations) if cap)
+    return mpc, lambda problem: build(problem, caps)

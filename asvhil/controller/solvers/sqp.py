@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import daqp
 import numpy as np
 
@@ -142,3 +144,8 @@ class Sqp:
             share = -0.5 * slope * length / bend if bend < np.inf else 0.0  # False for NaN too
             length *= min(max(share, least), most)
         return None
+
+
+def build(problem: StationProblem, caps: Sequence[int]) -> Sqp:
+    """The solver of a problem; it needs nothing prepared for its caps."""
+    return Sqp(problem)

@@ -7,6 +7,8 @@ module imports torch; nothing else of the controller does.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import torch
 from torch import Tensor
@@ -206,3 +208,8 @@ def box_qp(hessian: Array, gradient: Array, lower: Array, upper: Array) -> tuple
             trial = np.clip(x + length * step, lower, upper)
         x = trial
     return x, free
+
+
+def build(problem: StationProblem, caps: Sequence[int]) -> TorchLqr:
+    """The solver of a problem; it needs nothing prepared for its caps."""
+    return TorchLqr(problem)

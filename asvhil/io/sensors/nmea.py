@@ -5,10 +5,12 @@ Any talker id is taken. What the sentences mean, and what is checked of them, is
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection
 
 from pynmeagps import NMEAMessage, NMEAReader
 
+from asvhil.config import NmeaLinkConfig
 from asvhil.io.sensors.nmea_sentences import (
     DECODERS,
     EVERYTHING,
@@ -103,3 +105,10 @@ def _source(message: object) -> str | None:
     if name == "MWV":
         return {"R": "MWV", "T": "MWV_T"}.get(message.reference)
     return name
+
+
+def build(settings: NmeaLinkConfig, port: str, messages: frozenset[str]) -> NmeaCodec:
+    """The codec of a link; RMC and HDG are read for the variation too."""
+    declination_deg = settings.declination_deg
+    declination_rad = None if declination_deg is None else math.radians(declination_deg)
+    return NmeaCodec(port, messages | VARIATION, declination_rad)

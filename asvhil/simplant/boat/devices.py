@@ -10,7 +10,8 @@ import math
 
 import numpy as np
 
-from asvhil.config import InsDeviceConfig, NmeaDeviceConfig, SensorsConfig
+from asvhil.config import InsDeviceConfig, NmeaDeviceConfig, SensorLinkConfig, SensorsConfig
+from asvhil.config.registry import SensorKind
 from asvhil.geo import GRAVITY_MPS2, LocalFrame, wrap_2pi, wrap_rad
 from asvhil.io.sensors.nmea_sentences import KNOTS_TO_MPS
 from asvhil.io.sensors.vectornav import binary
@@ -24,7 +25,7 @@ from asvhil.io.sensors.vectornav.codec import (
     TRACKING,
 )
 from asvhil.simplant.boat.faults import Present, SensorFaults
-from asvhil.simplant.boat.sensors import Navigation, TrueMotion
+from asvhil.simplant.boat.sensors import Anemometer, Navigation, SensorReading, TrueMotion
 from asvhil.types import Frame
 
 INS_PORT, NMEA_PORT = "ins", "gnss"
@@ -181,6 +182,49 @@ class SimulatedNmea:
         since_us = (t_ns - self._start_ns) // 1000
         unix_s = (UNIX_EPOCH_AT_POWER_ON_US + since_us) * 1e-6
         return datetime.datetime.fromtimestamp(unix_s, datetime.UTC)
+
+
+class SimulatedSensor:
+    """A sensor of a registered kind, which says what it sends; it measures as well as the boat's other sensors."""
+
+    def __init__(
+        self,
+        port: str,
+        kind: SensorKind,
+        settings: SensorLinkConfig,
+        sensors: SensorsConfig,
+        origin: LocalFrame,
+        t_ns: int,
+        seed: np.random.SeedSequence,
+    ) -> None:
+        self._port, self._kind, self._settings, self._origin = port, kind, settings, origin
+        self._beat = Metronome(t_ns, kind.rate_hz)
+        navigation_seed, wind_seed = seed.spawn(2)
+        self._navigation = Navigation(sensors, kind.rate_hz, t_ns, navigation_seed)
+        self._anemometer = Anemometer(sensors.anemometer, wind_seed)
+
+    def advance(self, t_ns: int, truth: TrueMotion, wind_ned: tuple[float, float]) -> list[Frame]:
+        """What is due; nothing where the kind does not say what it sends."""
+        if self._kind.simulate is None or not self._beat.take_due(t_ns):
+            return []
+        nav = self._navigation
+        nav.sample(t_ns, truth)
+        lat_deg, lon_deg = self._origin.to_geodetic(nav.n_m, nav.e_m)
+        speed_mps, from_deg = self._anemometer.sample(truth, *wind_ned)
+        reading = SensorReading(
+            lat_deg=lat_deg,
+            lon_deg=lon_deg,
+            vn_mps=nav.vn_mps,
+            ve_mps=nav.ve_mps,
+            psi_rad=nav.psi_rad,
+            r_radps=nav.r_radps,
+            ax_mps2=nav.ax_mps2,
+            ay_mps2=nav.ay_mps2,
+            wind_mps=speed_mps,
+            wind_from_rad=math.radians(from_deg),
+        )
+        data = self._kind.simulate(self._settings, t_ns, reading)
+        return [Frame(t_ns=t_ns, port=self._port, data=data)] if data else []
 
 
 def sentence(body: str) -> bytes:

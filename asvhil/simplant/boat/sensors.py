@@ -11,6 +11,7 @@ from asvhil.config import AnemometerSensorConfig, SensorsConfig
 from asvhil.geo import ned_to_body, wrap_2pi
 from asvhil.simplant.boat.faults import SOUND, SensorFaults
 from asvhil.simplant.boat.noise import NormalSource, OrnsteinUhlenbeck
+from asvhil.types import record
 
 RETRY_NS = 10_000_000_000  # AP_NavEKF3.h: posRetryTimeUseVel_ms and magFailTimeLimit_ms are 10000
 Jump = tuple[float, float, float]  # north, east (m), heading (rad)
@@ -175,6 +176,22 @@ class Navigation:
         b, c, d, e = self._deviation
         s1, c1 = math.sin(psi_rad), math.cos(psi_rad)
         return b * s1 + c * c1 + 2.0 * d * s1 * c1 + e * (c1 * c1 - s1 * s1)
+
+
+@record
+class SensorReading:
+    """What a simulated sensor of a registered kind measures, errors included; the apparent wind as from the bow."""
+
+    lat_deg: float
+    lon_deg: float
+    vn_mps: float
+    ve_mps: float
+    psi_rad: float
+    r_radps: float
+    ax_mps2: float
+    ay_mps2: float
+    wind_mps: float
+    wind_from_rad: float
 
 
 class Anemometer:

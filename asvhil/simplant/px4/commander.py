@@ -11,11 +11,10 @@ from collections.abc import Sequence
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from asvhil.config import FrontseatConfig, PwmConfig
-from asvhil.config.autopilots import MODES
+from asvhil.config.autopilots import PX4_MODES
 from asvhil.simplant.px4.parameters import ACTUATOR_SET_1, Px4Parameters
 from asvhil.simplant.vehicle.powered import PoweredVehicle
 
-PX4_MODES = MODES["px4"]
 MANUAL, OFFBOARD, LOITER = PX4_MODES["MANUAL"], PX4_MODES["OFFBOARD"], PX4_MODES["AUTO.LOITER"]
 STICK_MODES = frozenset(PX4_MODES[name] for name in ("MANUAL", "ALTCTL", "POSCTL", "ACRO", "STABILIZED"))
 POSITION_MODES = frozenset(

@@ -4,7 +4,7 @@ import pytest
 
 from asvhil.autopilot.px4 import Px4Autopilot
 from asvhil.config import AutopilotLinkConfig, PwmConfig
-from asvhil.config.autopilots import MODES, px4_custom_mode
+from asvhil.config.autopilots import PX4_MODES, px4_custom_mode
 from asvhil.io.mavlink.frames import FrameSplitter, decode, dialect
 from asvhil.types import Frame, FrontseatStatus, GroundVelocity, Heading, Measurement, Position, YawRate
 
@@ -59,7 +59,7 @@ def test_a_mode_is_asked_for_by_its_two_numbers_and_an_unknown_one_not_at_all() 
     (m,) = sent(px4.request_mode(0, "AUTO.LOITER"), "COMMAND_LONG")
     assert (m.command, m.param1, m.param2, m.param3) == (176, 1.0, 4.0, 3.0)  # type: ignore[attr-defined]
     assert px4.request_mode(2 * S, "GUIDED") == []
-    assert MODES["px4"]["AUTO.LOITER"] == px4_custom_mode(4, 3) == 0x03040000
+    assert PX4_MODES["AUTO.LOITER"] == px4_custom_mode(4, 3) == 0x03040000
     (m,) = sent(px4.request_arming(0), "COMMAND_LONG")
     assert (m.command, m.param1, m.param2) == (400, 1.0, 0.0)  # type: ignore[attr-defined]
 

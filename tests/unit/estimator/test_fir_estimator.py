@@ -180,7 +180,7 @@ def config(kind: str) -> Config:
 
 @pytest.mark.parametrize(("kind", "made"), [("ekf", Ekf), ("fir", FirFusion), ("raw", HeldSensors)])
 def test_the_kind_is_chosen_in_the_config(kind: str, made: type) -> None:
-    assert type(build_estimator(config(kind).estimator, MODEL)) is made
+    assert type(build_estimator(config(kind), MODEL)) is made
 
 
 @pytest.mark.parametrize("kind", ["fir", "raw"])

@@ -15,6 +15,7 @@ from asvhil.preflight.survey import Survey
 from asvhil.simplant.lockstep import EPOCH_NS
 from asvhil.simplant.plant import Plant
 from asvhil.types import Frame, Inputs
+from tests.support.plugins import write_line_wind
 
 TICK_NS = 50_000_000
 S = 1_000_000_000
@@ -244,6 +245,13 @@ def test_a_sensor_that_is_silent_fails_unless_another_can_take_its_place() -> No
     assert of(checks, "heading: ins.BINARY").result is Result.WARN
     assert of(checks, "heading, 2. choice: autopilot.ATTITUDE").result is Result.PASS
     assert of(checks, "position: ins.BINARY").result is Result.FAIL
+
+
+def test_a_sensor_of_a_plugin_is_looked_at_as_any_other(tmp_path: Path) -> None:
+    boat = str(write_line_wind(tmp_path))
+    assert of(Dock(config=boat).look(), "wind: mast.WIND").result is Result.PASS
+    silent = of(Dock(config=boat, dead="mast").look(), "wind: mast.WIND")
+    assert silent.result is Result.FAIL and "(links.sensors.mast.endpoint)" in silent.todo
 
 
 def test_the_anemometers_firmware_is_checked() -> None:

@@ -11,14 +11,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from asvhil.config import load_config
-from asvhil.config.autopilots import MODES
+from asvhil.config.autopilots import PX4_MODES
 from asvhil.errors import ConfigError
 from asvhil.io.mavlink.frames import dialect as mav
 from asvhil.simplant.plant import Plant
 from tests.support.simplant_boat import Boat, of, times
 
 ACCEPTED, TEMPORARILY_REJECTED, DENIED, UNSUPPORTED, FAILED = 0, 1, 2, 3, 4
-MANUAL, OFFBOARD, LOITER = (MODES["px4"][name] for name in ("MANUAL", "OFFBOARD", "AUTO.LOITER"))
+MANUAL, OFFBOARD, LOITER = (PX4_MODES[name] for name in ("MANUAL", "OFFBOARD", "AUTO.LOITER"))
 NAN = math.nan
 LEVEL = [1.0, 0.0, 0.0, 0.0]
 

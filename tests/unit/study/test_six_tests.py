@@ -23,7 +23,7 @@ from asvhil.study.rows import (
     trial_job,
     wind_of,
 )
-from asvhil.study.six_tests import CONTROLLERS, REFERENCE, available, study_six_tests, tabulate, verdict
+from asvhil.study.six_tests import REFERENCE, available, labelled, study_six_tests, tabulate, verdict
 from asvhil.study.six_tests_report import draw_bars, report, verdict_line
 from asvhil.study.statistics import plus_minus
 from tests.support.paths import ROOT
@@ -286,4 +286,4 @@ def test_two_controllers_in_short(tmp_path):
     assert set(line) == {"backstepping", "LOITER"} and set(line["LOITER"]["ps_by_seed"]) == {"1", "2"}
     # Seconds after the start both are still on their way from 14 m off.
     assert all(5.0 < cell["truth"]["e_d_m"]["mean"] < 14.4 for cell in line.values())
-    assert set(CONTROLLERS) >= set(found["cost"]["process_s"])
+    assert set(labelled()) >= set(found["cost"]["process_s"])

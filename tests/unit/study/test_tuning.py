@@ -13,9 +13,10 @@ from asvhil.commands.cli import main
 from asvhil.config import load_config
 from asvhil.errors import AsvhilError
 from asvhil.study import tuning
-from asvhil.study.tuning import SPACES, Parameter, candidates, overrides_of, tune, typical
+from asvhil.study.tuning import Parameter, candidates, overrides_of, spaces, tune, typical
 from tests.support.paths import ROOT
 
+SPACES = spaces()
 RESULTS = ROOT / "docs" / "results" / "tuning"
 SHORT = {"workers": 0, "winds": ((4.0, 30.0),), "window_s": (6.0, 7.0)}
 

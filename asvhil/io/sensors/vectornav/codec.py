@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 import re
 
+from asvhil.config import Section
 from asvhil.geo import is_place
 from asvhil.io.sensors.protocol import NamedMeasurement
 from asvhil.io.sensors.vectornav import binary, sentences
@@ -234,3 +235,8 @@ def _fix(t_ns: int, sample: InsSample) -> list[Position | GroundVelocity]:
 
 def _finite(values: tuple[float, ...]) -> bool:
     return all(math.isfinite(value) for value in values)
+
+
+def build(settings: Section, port: str, messages: frozenset[str]) -> VectorNavCodec:
+    """The codec of a link; it has no settings, and every message is read."""
+    return VectorNavCodec(port)

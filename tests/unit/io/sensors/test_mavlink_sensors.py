@@ -6,7 +6,7 @@ import pytest
 
 from asvhil.autopilot.ardurover import ArduRoverAutopilot
 from asvhil.config import AutopilotLinkConfig, PwmConfig
-from asvhil.config.sources import MESSAGES
+from asvhil.config.sources import AUTOPILOT_MESSAGES
 from asvhil.io.mavlink.frames import dialect as d
 from asvhil.types import Frame, GroundVelocity, Heading, Measurement, Position, SpecificForce, TrueWind, YawRate
 
@@ -24,7 +24,7 @@ def read(ardurover: ArduRoverAutopilot, *messages: object) -> list[tuple[str, Me
     return [pair for pair in ardurover.receive(Frame(t_ns=7, port="autopilot", data=data)) if pair[0] in NAMES]
 
 
-NAMES = set(MESSAGES["autopilot"])
+NAMES = set(AUTOPILOT_MESSAGES)
 
 
 def gps(kind: type, time_us: int, fix: int, vel: int = 250, cog: int = 9000) -> object:

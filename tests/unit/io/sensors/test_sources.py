@@ -229,7 +229,7 @@ def test_a_word_and_a_mapping_are_the_same_and_survive_the_log() -> None:
         ("sources.position=[autopilot.GPS_RAW_INT]", "comes at 1 Hz: timeout_s of at least 2"),
         ("sources.heading=[ins.BINARY, ins.BINARY]", "sources.heading.1: ins.BINARY stands in the list twice"),
         ("sources.heading=[HDT]", "a source is LINK.MESSAGE"),
-        ("sources.heading=[radar.HDT]", "key sources.heading.0.link"),
+        ("sources.heading=[radar.HDT]", "sources.heading.0: radar.HDT: there is no links.sensors.radar (links with"),
         ("sources.heading=[{link: ins, message: VNINS, timeout_s: 0}]", "key sources.heading.0.timeout_s"),
         ("sources.headings=[]", "unknown key, did you mean heading?"),
         ("links.ins.endpoint=serial:x", "key links.ins.endpoint"),
