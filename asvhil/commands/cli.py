@@ -107,6 +107,7 @@ def sitl(
     from rich.console import Console
 
     from asvhil.config import load_config
+    from asvhil.config.mean_wind import parse_wind, wind_keys
     from asvhil.logs.opening import make_run_folder
     from asvhil.sitl import run_lockstep, run_realtime
 
@@ -116,7 +117,8 @@ def sitl(
     if controller is not None:
         overrides.append(f"controller.name={controller}")
     if wind is not None:
-        overrides += _wind_overrides(wind, load_config(config, tuple(overrides)))
+        keys = wind_keys(parse_wind(wind), load_config(config, tuple(overrides)))
+        overrides += [f"plant.weather.wind.{key}={value}" for key, value in keys.items()]
     settings = load_config(config, tuple(overrides))
     if settings.supervisor.engage != "auto":
         raise ConfigError(f"{config}: key supervisor.engage: sitl needs auto (nobody is there to say hold)")
@@ -308,14 +310,6 @@ def _simulated_arduino(
     board = SimulatedArduino(folder)
     board.check()
     return board
-
-
-def _wind_overrides(text: str, config: Config) -> list[str]:
-    from asvhil.collect import parse_wind
-
-    wind, station = parse_wind(text), config.supervisor.station
-    absolute_deg = (wind.toward_deg + (station.heading_deg if station else 0.0)) % 360.0
-    return [f"plant.weather.wind.speed_mps={wind.speed_mps}", f"plant.weather.wind.toward_deg={absolute_deg}"]
 
 
 def _lat_lon(text: str) -> tuple[float, float]:

@@ -33,10 +33,11 @@ def collect(
     """Drive the predefined manoeuvres and log them: the data that models are trained from."""
     from rich.console import Console
 
-    from asvhil.collect import Mode, parse_wind
+    from asvhil.collect import Mode
     from asvhil.collect import collect as drive
     from asvhil.commands.views import progress
     from asvhil.config import load_config
+    from asvhil.config.mean_wind import parse_wind
 
     if realtime and vehicle:
         raise ConfigError("collect: --realtime is the simulated boat, --vehicle the real one: give one of them")

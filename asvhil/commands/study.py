@@ -27,7 +27,8 @@ def models(
     """The paper's model table: open-loop errors and MPC time of SD, NNSEM, NODE, KNODE and LagNet; rows in waves."""
     from rich.console import Console
 
-    from asvhil.collect import collect, parse_wind
+    from asvhil.collect import collect
+    from asvhil.config.mean_wind import parse_wind
     from asvhil.errors import LogError
     from asvhil.study.model_jobs import chosen_jobs
     from asvhil.study.model_logs import collect_logs

@@ -38,8 +38,8 @@ def bound(
     """The physical bound of the penalty score in a steady wind, by periodic optimal control."""
     from rich.console import Console
 
-    from asvhil.collect import parse_wind
     from asvhil.config import load_config
+    from asvhil.config.mean_wind import parse_wind
     from asvhil.dynamics.rigid_body import SimplifiedDynamics
     from asvhil.study.bound import bound as best_orbit
     from asvhil.study.bound import bounds_tree, markdown

@@ -7,8 +7,9 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from asvhil.config import VesselConfig
-from asvhil.study.rows import ROWS, refuse_own, row_overrides, station_heading_deg, title, trial_job
+from asvhil.config import VesselConfig, load_config
+from asvhil.config.mean_wind import station_heading_deg
+from asvhil.study.rows import ROWS, refuse_own, row_overrides, title, trial_job
 from asvhil.study.runner import Finished, Progress, run_jobs
 from asvhil.study.statistics import mean_ci95
 from asvhil.study.trials.trial import NO_SLOW_ERROR, run_named_trial
@@ -36,7 +37,7 @@ def run_setups(
     rows, seeds = list(rows), list(seeds)
     headings_deg = {}
     for name, keys in setups.items():
-        headings_deg[name] = station_heading_deg(base, keys)
+        headings_deg[name] = station_heading_deg(load_config(base, keys))
         refuse_own(keys, (text for text in row_overrides(next(iter(ROWS)), 1) if text not in NO_SLOW_ERROR))
     names = [(setup, row, seed) for seed in seeds for row in rows for setup in setups]
     jobs = [

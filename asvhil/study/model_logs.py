@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from asvhil.config import Config, load_config
+from asvhil.config.mean_wind import parse_wind, wind_keys
 from asvhil.errors import LogError
 from asvhil.logs.reader import LogFile
 from asvhil.logs.replay import config_of
@@ -78,13 +79,8 @@ def collect_logs(
 
 def _check(path: Path, settings: Config, duration_s: float, wind: str) -> None:
     """LogError where a log does not come from the same boat, sea and manoeuvres; the estimator may have changed."""
-    speed, _, toward = wind.partition("@")
-    station = settings.supervisor.station
     wanted = settings.model_dump(mode="json")
-    wanted["plant"]["weather"]["wind"] |= {
-        "speed_mps": float(speed),
-        "toward_deg": (float(toward) + (station.heading_deg if station else 0.0)) % 360.0,
-    }
+    wanted["plant"]["weather"]["wind"] |= wind_keys(parse_wind(wind), settings)
     wanted["controller"]["manoeuvres"]["duration_s"] = duration_s
     found = config_of(LogFile(path), path, known_only=True).model_dump(mode="json")
     for tree in (wanted, found):

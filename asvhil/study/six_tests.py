@@ -8,8 +8,9 @@ from typing import Any
 
 from asvhil.backseat.build import model_file
 from asvhil.config import LEARNED, load_config
+from asvhil.config.mean_wind import station_heading_deg
 from asvhil.errors import ConfigError
-from asvhil.study.rows import FROM_S, ROWS, TO_S, refuse_own, row_overrides, station_heading_deg, trial_job, wind_of
+from asvhil.study.rows import FROM_S, ROWS, TO_S, refuse_own, row_overrides, trial_job, wind_of
 from asvhil.study.runner import Finished, Progress, run_jobs
 from asvhil.study.statistics import mean_ci95, mean_of_all
 from asvhil.study.trials.trial import run_named_trial
@@ -100,7 +101,7 @@ def study_six_tests(
     rows, seeds = list(rows), list(seeds)
     headings_deg = {}
     for label, keys in controllers.items():
-        headings_deg[label] = station_heading_deg(base, keys)
+        headings_deg[label] = station_heading_deg(load_config(base, keys))
         refuse_own(keys, row_overrides(next(iter(ROWS)), 1, noise=noise))
     names = [(row, label, seed) for seed in seeds for row in rows for label in controllers]
     jobs = [

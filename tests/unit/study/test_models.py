@@ -14,8 +14,9 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
-from asvhil.collect import collect, parse_wind  # noqa: E402
+from asvhil.collect import collect  # noqa: E402
 from asvhil.config import Config, load_config  # noqa: E402
+from asvhil.config.mean_wind import parse_wind  # noqa: E402
 from asvhil.dynamics.weights import read_model, save_model  # noqa: E402
 from asvhil.errors import ConfigError, LogError, ModelError  # noqa: E402
 from asvhil.study import model_logs, models  # noqa: E402

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from asvhil.config import load_config
+from asvhil.config.mean_wind import station_heading_deg
 from asvhil.errors import ConfigError
 from asvhil.logs.metrics import PoseErrors, score
 from asvhil.study import comparison, six_tests
@@ -18,7 +19,6 @@ from asvhil.study.rows import (
     checked,
     refuse_own,
     row_overrides,
-    station_heading_deg,
     title,
     trial_job,
     wind_of,
@@ -103,8 +103,8 @@ def test_the_wind_of_a_row_is_from_the_stations_heading():
     # Stored runs are known by these.
     assert row_overrides("6 mirrored", 1)[-1] == "plant.weather.wind.toward_deg=-90.0"
     assert row_overrides("6 mirrored", 1, heading_deg=0.0) == row_overrides("6 mirrored", 1)
-    assert station_heading_deg("sitl", ("supervisor.station.heading_deg=90",)) == 90.0
-    assert station_heading_deg("sitl", ("supervisor.engage=command", "supervisor.station=null")) == 0.0
+    assert station_heading_deg(load_config("sitl", ("supervisor.station.heading_deg=90",))) == 90.0
+    assert station_heading_deg(load_config("sitl", ("supervisor.engage=command", "supervisor.station=null"))) == 0.0
 
 
 def test_the_jobs_of_both_studies_have_the_wind_from_the_stations_heading(tmp_path, monkeypatch):

@@ -13,8 +13,9 @@ from tests.support.model_samples import sample
 
 torch = pytest.importorskip("torch")
 
-from asvhil.collect import collect, parse_wind  # noqa: E402
+from asvhil.collect import collect  # noqa: E402
 from asvhil.config import load_config  # noqa: E402
+from asvhil.config.mean_wind import parse_wind  # noqa: E402
 from asvhil.dynamics.weights import TrainedModel, load_model, read_model, save_model  # noqa: E402
 from asvhil.errors import ConfigError, LogError, ModelError  # noqa: E402
 from asvhil.study.models import markdown, mpc_tick_ms, study_models  # noqa: E402
