@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+import inspect
+from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 
 import typer
 
 from asvhil.commands.options import ConfigArgument, JsonOption, SetOption
+from asvhil.commands.signatures import option, parameters_of, with_parameters
 from asvhil.commands.views import write_json
 from asvhil.errors import AsvhilError, ConfigError
+from asvhil.train.options import CHOICES, NETWORKS, OPTIONS, FitOptions, chosen_options
 
 if TYPE_CHECKING:
-    from asvhil.train.options import Progress
+    from asvhil.train.progress import TrainingProgress
+
+PANEL = "Options of the model's kind"
 
 
 def collect(
@@ -70,70 +76,16 @@ def train(
     columns: Annotated[
         str | None, typer.Option(help="Column map of CSV files: a path, or the name of a shipped one.")
     ] = None,
-    vehicle: Annotated[str | None, typer.Option(help="The vehicle's name, which CSV files do not say.")] = None,
+    vehicle: Annotated[str | None, typer.Option(help="The vehicle's name, which CSV files do not hold.")] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the first weights and of the batches.")] = 1,
     tries: Annotated[
         int, typer.Option(min=1, max=50, help="Networks from as many seeds, SEED on; the best on validation is kept.")
     ] = 1,
-    iterations: Annotated[int | None, typer.Option(min=1, help="As the kind has it by default.")] = None,
-    rate: Annotated[
-        float | None, typer.Option(min=1e-6, max=1.0, help="Adam's rate; 0.001, lagnet 0.003 falling to 0.00003.")
-    ] = None,
-    last_rate: Annotated[
-        float | None, typer.Option(min=0.0, max=1.0, help="The rate falls to it along a cosine; as --rate.")
-    ] = None,
-    members: Annotated[int | None, typer.Option(min=1, max=20, help="Networks of an ensemble (lagnet).")] = None,
-    width: Annotated[int | None, typer.Option(min=1, max=200, help="Hidden neurons of a network; 12.")] = None,
-    horizon: Annotated[
-        float | None, typer.Option(min=0.04, help="Seconds that are simulated in each training window; 20 steps.")
-    ] = None,
-    batch: Annotated[int | None, typer.Option(min=1, max=4096, help="Windows of each training step; 64.")] = None,
-    moving_share: Annotated[
-        float | None,
-        typer.Option(min=0.0, max=1.0, help="Part of each batch from windows in motion only, for idle records; 0."),
-    ] = None,
-    mirror: Annotated[
-        bool | None,
-        typer.Option("--mirror/--no-mirror", help="Train on the mirrored data as well (lagnet does by default)."),
-    ] = None,
-    paired: Annotated[
-        bool, typer.Option("--paired", help="Each neuron (nnsem) with a twin, its mirror image: the boat is symmetric.")
-    ] = False,
-    from_sd: Annotated[
-        bool, typer.Option("--from-sd", help="Start the skip terms (lagnet) from SD fitted to the same data.")
-    ] = False,
-    weight_decay: Annotated[
-        float | None,
-        typer.Option(
-            min=0.0,
-            max=1.0,
-            help="Of the loss for each unit of squared weight, and of squared change of skip terms; 0.",
-        ),
-    ] = None,
-    monotone: Annotated[
-        float | None,
-        typer.Option(
-            min=0.0, max=100.0, help="Of the loss for each unit of slope by a command that no motor has (nnsem); 0."
-        ),
-    ] = None,
-    robust: Annotated[
-        float | None,
-        typer.Option(
-            min=0.001,
-            max=1.0,
-            help="Error (of half the range) beyond which a window counts by its logarithm, not its square; off.",
-        ),
-    ] = None,
-    validation_share: Annotated[
-        float | None,
-        typer.Option(
-            min=0.0, max=0.9, help="Part held back to choose the best weights by; 0.1. With 0 the last ones are kept."
-        ),
-    ] = None,
     smoothing: Annotated[bool, typer.Option(help="Smooth the training data over time.")] = True,
     dt: Annotated[float, typer.Option(min=0.02, max=2.0, help="Step of the model in seconds.")] = 0.2,
     resume: Annotated[bool, typer.Option("--resume", help="Go on with an interrupted training.")] = False,
     json_: JsonOption = None,
+    **chosen: Any,
 ) -> None:
     """Train a vessel model on logs; leaves the model file and a picture of its loss."""
     from rich.console import Console
@@ -142,33 +94,14 @@ def train(
 
     _need_torch()
     from asvhil.train.jobs import checkpoint_of, train_command
-    from asvhil.train.options import chosen_options
 
     console = Console()
-    options = chosen_options(
-        kind,
-        dt,
-        iterations=iterations,
-        members=members,
-        rate=rate,
-        last_rate=last_rate,
-        width=width,
-        horizon_s=horizon,
-        batch=batch,
-        moving_share=moving_share,
-        mirror=mirror,
-        paired=paired,
-        from_sd=from_sd,
-        weight_decay=weight_decay,
-        monotone=monotone,
-        robust=robust,
-        validation_share=validation_share,
-    )
+    options = chosen_options(kind, dt, **chosen)
     try:
         with progress(console) as bar:
             task = bar.add_task(kind, total=options.iterations)
 
-            def show(state: Progress) -> None:
+            def show(state: TrainingProgress) -> None:
                 words = f"{kind}, best validation error {state.validation:.4f}"
                 bar.update(task, completed=state.iteration, total=state.iterations, description=words)
 
@@ -246,5 +179,37 @@ def _plain(record: Any) -> dict[str, Any]:
 
     return dataclasses.asdict(record)
 
+
+def _kind_options() -> Iterator[inspect.Parameter]:
+    """An option for each `Choice` among the fields of FitOptions, in their order."""
+    types = get_type_hints(FitOptions)
+    for field, choice in CHOICES.items():
+        defaults = {kind: getattr(OPTIONS[kind], field) for kind in choice.kinds}
+        flag = f"--{choice.name.replace('_', '-')}"
+        type_ = float if choice.seconds else types[field]
+        if type_ is bool and any(defaults.values()):
+            flag = f"{flag}/--no-{flag[2:]}"
+        only = "" if set(NETWORKS) <= set(choice.kinds) else f" For {' and '.join(choice.kinds)} only."
+        info = typer.Option(
+            flag,
+            min=choice.low,
+            max=choice.high,
+            help=f"{choice.help}{only} By default {choice.default or _words(defaults)}.",
+            rich_help_panel=PANEL,
+        )
+        yield option(choice.name, Annotated[type_ | None, info], None)
+
+
+def _words(defaults: dict[str, Any]) -> str:
+    """The default of most kinds, and of those that differ."""
+    texts = {
+        kind: ("on" if value else "off") if isinstance(value, bool) else f"{value:g}"
+        for kind, value in defaults.items()
+    }
+    usual = next(iter(texts.values()))
+    return "; ".join([usual, *(f"{kind} {text}" for kind, text in texts.items() if text != usual)])
+
+
+with_parameters(train, [*parameters_of(train), *_kind_options()])
 
 COMMANDS = (collect, train, evaluate)

@@ -27,7 +27,8 @@ from asvhil.study.model_logs import Logs, Tell, wave_figures
 from asvhil.study.page import write_page
 from asvhil.train.evaluate import HOLD, Case, Window, absolute_errors, predict, windows_of
 from asvhil.train.jobs import DT_S, origin_of, test_cases, training_data
-from asvhil.train.options import FitOptions, Progress
+from asvhil.train.options import FitOptions
+from asvhil.train.progress import TrainingProgress
 from asvhil.train.records import Dataset
 from asvhil.types import Estimate, Station, Wind, record
 
@@ -172,7 +173,7 @@ def _train(
     begin_s = time.process_time()
     early: list[TrainedModel] = []
 
-    def note(progress: Progress) -> None:
+    def note(progress: TrainingProgress) -> None:
         if tell is not None:
             tell(f"{job.name}, data set {number + 1}", progress.iteration / progress.iterations)
         if not early and time.process_time() - begin_s >= nnsem_s:

@@ -22,7 +22,8 @@ from asvhil.study.models import markdown, mpc_tick_ms, study_models  # noqa: E40
 from asvhil.study.page import MARKER  # noqa: E402
 from asvhil.train.choice import TOLERANCE_MPS2, best_of, thrust_dip  # noqa: E402
 from asvhil.train.jobs import evaluate_command, is_csv, train_command  # noqa: E402
-from asvhil.train.options import Progress, chosen_options  # noqa: E402
+from asvhil.train.options import chosen_options  # noqa: E402
+from asvhil.train.progress import TrainingProgress  # noqa: E402
 from tests.support.paths import ROOT  # noqa: E402
 
 MODELS = ROOT / "config" / "models"
@@ -48,7 +49,7 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def trained(log: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     output = tmp_path_factory.mktemp("models") / "wamv16-nnsem.npz"
-    seen: list[Progress] = []
+    seen: list[TrainingProgress] = []
     figures = train_command(
         "nnsem", [log], output, seed=3, options=chosen_options("nnsem", 0.2, iterations=600), progress=seen.append
     )
@@ -147,7 +148,12 @@ def test_too_short_a_csv_and_an_unknown_kind(tmp_path: Path, log: Path) -> None:
 def test_the_study_writes_its_table_and_reuses_what_is_trained(log: Path, tmp_path: Path) -> None:
     told: list[str] = []
     result = study_models(
-        [[log]], [log], tmp_path, only=("sd",), mpc_ticks=2, tell=lambda name, share: told.append(name)
+        [[log]],
+        [log],
+        tmp_path,
+        only=("sd",),
+        mpc_ticks=2,
+        tell=lambda name, share: told.append(name),
     )
     assert [row["model"] for row in result["rows"]] == ["sd", "hold the initial value"]
     assert "sd, data set 1" in told
@@ -156,7 +162,12 @@ def test_the_study_writes_its_table_and_reuses_what_is_trained(log: Path, tmp_pa
     assert json.loads((tmp_path / "models.json").read_text()) == result
     told.clear()
     again = study_models(
-        [[log]], [log], tmp_path, only=("sd",), mpc_ticks=2, tell=lambda name, share: told.append(name)
+        [[log]],
+        [log],
+        tmp_path,
+        only=("sd",),
+        mpc_ticks=2,
+        tell=lambda name, share: told.append(name),
     )
     assert not told
     for before, after in zip(result["rows"], again["rows"], strict=True):
