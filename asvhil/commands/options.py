@@ -10,3 +10,6 @@ import typer
 ConfigArgument = Annotated[str, typer.Argument(help="A YAML config file, or the name of a shipped one.")]
 SetOption = Annotated[list[str], typer.Option("--set", metavar="KEY=VALUE", help="Override a config key; repeatable.")]
 JsonOption = Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Write the figures as JSON.")]
+ColumnsOption = Annotated[
+    str | None, typer.Option(help="Column map of CSV files: a path, or the name of a shipped one.")
+]

@@ -14,11 +14,6 @@ from asvhil.logs.reader import LogFile
 from asvhil.logs.replay import config_of
 from asvhil.types import record
 
-TRAIN_SEEDS = (100, 200, 300)  # a data set each, of TRAIN_S in each of the winds
-TRAIN_WINDS = ("3@0", "6@180")
-TRAIN_S = 300.0
-TEST_WINDS = ("6@0", "6@90", "6@180")
-TEST_SEED, TEST_S = 9000, 130.0
 # The same in surge and in sway whatever the heading: a light, confused chop.
 WAVES = {"orbital_std_mps": 0.07, "spreading": 1.0, "yaw_std_radps": 0.02, "peak_hz": 0.3}
 FLOOR_OF_STD = math.sqrt(2.0 / math.pi)  # mean absolute value of a Gaussian motion that nothing foretells
@@ -28,11 +23,26 @@ Tell = Callable[[str, float], None]  # what is being done, and its share done
 
 
 @record
+class Programme:
+    """What is driven: for each of the training seeds a data set of `train_s` in each wind, and the test runs."""
+
+    train_seeds: tuple[int, ...] = (100, 200, 300)
+    train_winds: tuple[str, ...] = ("3@0", "6@180")
+    train_s: float = 300.0
+    test_winds: tuple[str, ...] = ("6@0", "6@90", "6@180")
+    test_seed: int = 9000
+    test_s: float = 130.0
+
+
+@record
 class Logs:
     """Training logs by data set, and test logs."""
 
     train: tuple[tuple[Path, ...], ...]
     test: tuple[Path, ...]
+
+
+PROGRAMME = Programme()
 
 
 def wave_figures() -> dict[str, Any]:
@@ -45,7 +55,13 @@ def wave_figures() -> dict[str, Any]:
 
 
 def collect_logs(
-    folder: Path, drive: Drive, config: str = "sitl", tell: Tell | None = None, *, waves: bool = False
+    folder: Path,
+    drive: Drive,
+    config: str = "sitl",
+    tell: Tell | None = None,
+    *,
+    programme: Programme = PROGRAMME,
+    waves: bool = False,
 ) -> Logs:
     """The logs of one sea; those in the folder already are not driven again.
 
@@ -71,10 +87,15 @@ def collect_logs(
         return path
 
     train = tuple(
-        tuple(run(f"train{seed}-{i}", seed + i, TRAIN_S, wind) for i, wind in enumerate(TRAIN_WINDS))
-        for seed in TRAIN_SEEDS
+        tuple(
+            run(f"train{seed}-{i}", seed + i, programme.train_s, wind) for i, wind in enumerate(programme.train_winds)
+        )
+        for seed in programme.train_seeds
     )
-    return Logs(train=train, test=tuple(run(f"test{i}", TEST_SEED + i, TEST_S, w) for i, w in enumerate(TEST_WINDS)))
+    test = tuple(
+        run(f"test{i}", programme.test_seed + i, programme.test_s, wind) for i, wind in enumerate(programme.test_winds)
+    )
+    return Logs(train=train, test=test)
 
 
 def _check(path: Path, settings: Config, duration_s: float, wind: str) -> None:

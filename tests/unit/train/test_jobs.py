@@ -18,6 +18,7 @@ from asvhil.config import load_config  # noqa: E402
 from asvhil.config.mean_wind import parse_wind  # noqa: E402
 from asvhil.dynamics.weights import TrainedModel, load_model, read_model, save_model  # noqa: E402
 from asvhil.errors import ConfigError, LogError, ModelError  # noqa: E402
+from asvhil.study.model_jobs import jobs  # noqa: E402
 from asvhil.study.models import markdown, mpc_tick_ms, study_models  # noqa: E402
 from asvhil.study.page import MARKER  # noqa: E402
 from asvhil.train.choice import TOLERANCE_MPS2, best_of, thrust_dip  # noqa: E402
@@ -151,8 +152,9 @@ def test_the_study_writes_its_table_and_reuses_what_is_trained(log: Path, tmp_pa
         [[log]],
         [log],
         tmp_path,
+        known=jobs(),
         only=("sd",),
-        mpc_ticks=2,
+        tick_ms=lambda model: mpc_tick_ms(model, 2),
         tell=lambda name, share: told.append(name),
     )
     assert [row["model"] for row in result["rows"]] == ["sd", "hold the initial value"]
@@ -165,8 +167,9 @@ def test_the_study_writes_its_table_and_reuses_what_is_trained(log: Path, tmp_pa
         [[log]],
         [log],
         tmp_path,
+        known=jobs(),
         only=("sd",),
-        mpc_ticks=2,
+        tick_ms=lambda model: mpc_tick_ms(model, 2),
         tell=lambda name, share: told.append(name),
     )
     assert not told

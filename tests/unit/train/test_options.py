@@ -9,7 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 from asvhil.commands.cli import app
-from asvhil.commands.learn import train
+from asvhil.commands.train import train
 from asvhil.errors import ConfigError, ModelError
 from asvhil.train.options import CHOICES, NETWORKS, OPTIONS, FitOptions, chosen_options
 
