@@ -8,8 +8,9 @@ from collections.abc import Callable
 import numpy as np
 
 from asvhil.config import ControllerConfig, MpcConfig, MpcWeights
-from asvhil.controller.solvers.problem import Array, Solution, Solver, StationProblem
+from asvhil.controller.solvers.problem import Solution, Solver, StationProblem
 from asvhil.controller.solvers.sqp import Sqp
+from asvhil.dynamics.arrays import Array
 from asvhil.dynamics.protocol import Dynamics
 from asvhil.geo import body_to_ned, ned_to_body, wrap_rad
 from asvhil.types import Control, Estimate, Station, Wind

@@ -41,8 +41,6 @@ GUST, GUST_TIME_S = 0.15, 15.0  # of the mean wind
 VANE_STD_MAX_DEG = 5.0
 SETTLED_S = 10.0  # of the filter, before the wind is looked at
 
-Array = np.ndarray
-
 
 @record
 class CompassFit:

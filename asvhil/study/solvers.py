@@ -25,8 +25,9 @@ from asvhil.controller.protocol import Controller
 from asvhil.controller.solvers.choice import choose_solver
 from asvhil.controller.solvers.fatrop import available as fatrop_available
 from asvhil.controller.solvers.ipopt import Ipopt
-from asvhil.controller.solvers.problem import Array, Solution, Solver, StationProblem
+from asvhil.controller.solvers.problem import Solution, Solver, StationProblem
 from asvhil.controller.station_mpc import StationMpc
+from asvhil.dynamics.arrays import Array
 from asvhil.dynamics.protocol import Dynamics
 from asvhil.errors import AsvhilError, ConfigError
 from asvhil.simplant.lockstep import Lockstep

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
+from asvhil.dynamics.arrays import Array
 from asvhil.logs.figure import save_figure
 from asvhil.train.evaluate import Case
-from asvhil.train.records import Array
 
 COLOURS = {"nnsem": "tab:red", "sd": "tab:green", "node": "gold", "knode": "tab:blue", "lagnet": "tab:purple"}
 LABELS = ("u (m/s)", "v (m/s)", "r (rad/s)")

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import torch
 
+from asvhil.dynamics.arrays import Array
 from asvhil.dynamics.fitted_sd import FittedSd
 from asvhil.dynamics.nnsem import Scaling
 from asvhil.dynamics.weights import TrainedModel
@@ -23,7 +24,7 @@ from asvhil.train.models import Batch, LagNetTrainee, NnsemTrainee, Trainee
 from asvhil.train.openloop import measured, open_loop, spaced_starts
 from asvhil.train.options import FitOptions
 from asvhil.train.progress import TrainingProgress
-from asvhil.train.records import Array, Dataset, Segment, split
+from asvhil.train.records import Dataset, Segment, split
 from asvhil.train.windows import Windows, mirrored, scaling_of
 
 VALIDATION_S = 15.0
