@@ -16,7 +16,9 @@ from asvhil.links.tty import open_pty, open_serial
 from asvhil.links.udp import open_udp
 from asvhil.types import Frame
 
-__all__ = ["FORMS", "Endpoint", "LinkSpec", "memory_pair", "open_endpoint", "parse_spec"]
+__all__ = ["FORMS", "INBOX_FRAMES", "Endpoint", "LinkSpec", "memory_pair", "open_endpoint", "parse_spec"]
+
+INBOX_FRAMES = 20_000  # four seconds of a flooded link: how many wait for their reader before the oldest are dropped
 
 
 class Endpoint(Protocol):
