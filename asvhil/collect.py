@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import asyncio
 import json
-import math
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
 from asvhil.config import Config, config_from_json
+from asvhil.config.mean_wind import WindSector, wind_keys
 from asvhil.daemon.daemon import Daemon
 from asvhil.daemon.status import status_of
 from asvhil.errors import AsvhilError, ConfigError
@@ -30,17 +30,6 @@ STATUS_HZ = 2.0
 
 
 @record
-class WindSector:
-    """Mean wind of one condition: speed (m/s), and where it blows toward from the station's heading (degrees)."""
-
-    speed_mps: float
-    toward_deg: float
-
-    def __str__(self) -> str:
-        return f"{self.speed_mps:g}@{self.toward_deg:g}"
-
-
-@record
 class Collected:
     """One log and how it went. `complete`: the programme was driven to its end; `reason` says why where it was not."""
 
@@ -50,20 +39,6 @@ class Collected:
     complete: bool
     reason: str
     wall_s: float
-
-
-def parse_wind(text: str) -> WindSector:
-    """SPEED@DEG, such as 6@90. ConfigError where it is none."""
-    speed, sign, toward = text.partition("@")
-    try:
-        speed_mps, toward_deg = float(speed), float(toward) if sign else 0.0
-    except ValueError:
-        speed_mps = toward_deg = math.nan
-    if not (math.isfinite(speed_mps) and math.isfinite(toward_deg) and speed_mps >= 0.0):
-        raise ConfigError(
-            f"--wind {text}: SPEED@DEG is expected, such as 3@90 (m/s, toward, from the station's heading)"
-        )
-    return WindSector(speed_mps=speed_mps, toward_deg=toward_deg)
 
 
 def with_manoeuvres(
@@ -80,9 +55,7 @@ def with_manoeuvres(
     manoeuvres["seed"] += run
     tree["plant"]["seed"] += run
     if wind is not None:
-        station = config.supervisor.station
-        weather["speed_mps"] = wind.speed_mps
-        weather["toward_deg"] = (wind.toward_deg + (station.heading_deg if station else 0.0)) % 360.0
+        weather |= wind_keys(wind, config)
     manoeuvres["note"] = note or manoeuvres["note"]
     if wind is not None:
         sector = f"wind {wind.speed_mps:g} m/s toward {wind.toward_deg:g} deg from the station's heading"

@@ -1,13 +1,15 @@
-"""The command that finds what the sensors are wrong by, from a log."""
+"""`asvhil calibrate`: compass deviation and vane offset from a log."""
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from asvhil.commands.options import JsonOption, PluginOption, RecordedPluginsOption
+from asvhil.commands.views import check_writable, progress, say, write_json, writing
 from asvhil.errors import AsvhilError, ConfigError
 
 
@@ -24,14 +26,12 @@ def calibrate(
     json_: JsonOption = None,
 ) -> None:
     """Find the compass deviation and the offset of the wind vane from a turn, as config keys."""
-    import dataclasses
-
     from rich.console import Console
 
-    from asvhil.commands.views import progress, write_json
     from asvhil.logs.plugins import load_plugins
     from asvhil.preflight.calibration import COEFFICIENTS, calibrate
 
+    check_writable(json_, "--json ")
     if output is not None:
         _check_output(output, base)
     load_plugins(log, plugin, allow_recorded=allow_recorded_plugins)
@@ -41,22 +41,18 @@ def calibrate(
         found = calibrate(log, lambda ticks: bar.update(task, completed=ticks))
     text = (f"base: {base}\n" if base else "") + found.yaml()
     if output is not None:
-        try:
+        with writing(output, "--output "):
             output.write_text(text, encoding="utf-8")
-        except OSError as error:
-            raise AsvhilError(f"--output {output}: cannot be written ({error.strerror})") from None
     write_json(json_, dataclasses.asdict(found))
     if found.compass is not None:
         for name, value, std in zip(COEFFICIENTS, found.compass.deviation_deg, found.compass.std_deg, strict=True):
-            console.print(f"compass {name:<14} {value:6.2f} deg, standard deviation {std:.2f}", highlight=False)
+            say(console, f"compass {name:<14} {value:6.2f} deg, standard deviation {std:.2f}")
     if found.vane is not None:
         vane = found.vane
-        console.print(
-            f"vane turned by         {vane.offset_deg:6.1f} deg, standard deviation {vane.std_deg:.1f}", highlight=False
-        )
+        say(console, f"vane turned by         {vane.offset_deg:6.1f} deg, standard deviation {vane.std_deg:.1f}")
     for words in found.missing:
-        console.print(words, markup=False, highlight=False, soft_wrap=True)
-    console.print(text, markup=False, highlight=False, soft_wrap=True, end="")
+        say(console, words)
+    say(console, text, end="")
 
 
 def _check_output(output: Path, base: str) -> None:
@@ -65,6 +61,7 @@ def _check_output(output: Path, base: str) -> None:
 
     if output.exists():
         raise AsvhilError(f"--output {output}: is there already; name a new file, and the old one with --base")
+    check_writable(output, "--output ")
     if base and not (output.parent / base).is_file():
         try:
             find_config(base)

@@ -1,4 +1,4 @@
-"""`asvhil check`: what should be seen before the boat leaves the dock."""
+"""`asvhil check`: the preflight checks."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from asvhil.commands.options import ConfigArgument, JsonOption, SetOption
-from asvhil.commands.views import write_json
+from asvhil.commands.views import check_writable, say, write_json
 from asvhil.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -37,7 +37,7 @@ def check(
     timeout: Annotated[float, typer.Option(min=1.0, help="Seconds to wait for the first heartbeat.")] = 15.0,
     json_: JsonOption = None,
 ) -> None:
-    """Look the vehicle over before it leaves the dock; exit 1 where something fails. It never moves a motor."""
+    """Check the vehicle before it leaves the dock; exit 1 where a check fails. It never moves a motor."""
     from rich.console import Console
 
     from asvhil.config import load_config
@@ -49,7 +49,8 @@ def check(
     if yes and not fix:
         raise ConfigError("check: --yes goes with --fix")
     if fix and not yes and not sys.stdin.isatty():
-        raise ConfigError("check: --fix has nobody to ask here; add --yes")
+        raise ConfigError("check: --fix needs a terminal to confirm; use --yes")
+    check_writable(json_, "--json ")
     console = Console()
     if not console.is_terminal:
         console = Console(width=PIPE_WIDTH)
@@ -85,7 +86,7 @@ def check(
 
 def _agreed(console: Any, wrong: list[Finding]) -> bool:
     for finding in wrong:
-        console.print(f"  {finding.name}: {finding.value:g} -> {finding.wanted:g}", markup=False, highlight=False)
+        say(console, f"  {finding.name}: {finding.value:g} -> {finding.wanted:g}")
     return typer.confirm(f"Write {len(wrong)} parameters to the autopilot?")
 
 
@@ -95,11 +96,9 @@ def _tell_written(console: Any, written: list[Finding], survey: Survey) -> None:
         now = values[finding.name]
         taken = finding.name not in survey.link.parameters.unwritten
         words = f"written, reads back {now:g}" if taken else f"not taken: still {now:g}"
-        console.print(
-            f"{finding.name}: {finding.value:g} -> {finding.wanted:g}, {words}", markup=False, highlight=False
-        )
+        say(console, f"{finding.name}: {finding.value:g} -> {finding.wanted:g}, {words}")
     if any(finding.requirement.reboot for finding in written):
-        console.print("reboot the autopilot: some of these take effect then", markup=False, highlight=False)
+        say(console, "reboot the autopilot: some of these take effect then")
 
 
 def _show(console: Any, settings: Config, checks: list[Check], everything: bool) -> None:
@@ -123,7 +122,7 @@ def _show(console: Any, settings: Config, checks: list[Check], everything: bool)
         table.add_row(result, Text(line.item), Text(line.found), Text(line.wanted), Text(line.todo))
     console.print(table)
     counts = {result: sum(line.result.value == result for line in checks) for result in COLOURS}
-    console.print(f"{counts['pass']} pass, {counts['warn']} warn, {counts['fail']} fail", highlight=False)
+    say(console, f"{counts['pass']} pass, {counts['warn']} warn, {counts['fail']} fail")
 
 
 def _bar(console: Any) -> Any:

@@ -16,3 +16,6 @@ RecordedPluginsOption = Annotated[
     bool, typer.Option("--allow-recorded-plugins", help="Run the code of plug-ins that the log holds.")
 ]
 JsonOption = Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Write the figures as JSON.")]
+ColumnsOption = Annotated[
+    str | None, typer.Option(help="Column map of CSV files: a path, or the name of a shipped one.")
+]

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from asvhil.commands.options import ConfigArgument, SetOption
+from asvhil.commands.views import say
 from asvhil.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -107,7 +108,7 @@ def _with_status_line(title: str, quiet: bool, run: Callable[[Callable[[str], No
     console = Console()
     if quiet or not console.is_terminal:
         if not quiet:
-            console.print(title, markup=False, highlight=False, soft_wrap=True)
+            say(console, title)
         run(None)
         return
     with console.status(Text(title)) as status:

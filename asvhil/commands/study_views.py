@@ -2,30 +2,27 @@
 
 from __future__ import annotations
 
-import errno
 import json
-import os
-import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from asvhil.commands.views import progress, write_json
+from asvhil.commands.views import check_writable, progress, say, write_json, writing
 from asvhil.errors import AsvhilError
 from asvhil.study.page import head_of, write_page
 
 if TYPE_CHECKING:
-    from asvhil.study.runner import Progress
+    from asvhil.study.runner import StudyProgress, Tell
 
 BOUNDS = Path(__file__).resolve().parents[2] / "docs" / "results" / "bound.json"
 
 
 @contextmanager
-def watching(console: Any, what: str) -> Iterator[Callable[[Progress], None]]:
+def watching(console: Any, title: str, *, resumes: bool = True) -> Iterator[Tell]:
     """A progress bar with the time to go; on a pipe a line at each tenth. The expected total is said once it is known.
 
-    Ctrl-C ends in one line that says how to go on.
+    Ctrl-C ends a study that resumes in one line that says how to go on.
     """
     said = {"expected": False, "tenth": 0}
 
@@ -33,25 +30,28 @@ def watching(console: Any, what: str) -> Iterator[Callable[[Progress], None]]:
         return f"{seconds / 60.0:.1f} min"
 
     with progress(console) as bar:
-        task = bar.add_task(what, total=None)
+        task = bar.add_task(title, total=None)
 
-        def tell(now: Progress) -> None:
+        def tell(now: StudyProgress) -> None:
             if now.note:
-                say(bar.console, f"{what}: {now.note}")
+                say(bar.console, f"{title}: {now.note}")
             to_go = "" if now.remaining_s is None else f", {minutes(now.remaining_s)} to go"
+            what = f"{title}: {now.part}" if now.part else title
             bar.update(task, completed=now.done, total=now.total, description=f"{what}{to_go}")
             if now.total_s is not None and not said["expected"]:
                 said["expected"] = True
-                say(bar.console, f"{what}: {now.total} runs, {minutes(now.total_s)} in all{to_go}")
+                say(bar.console, f"{title}: {now.total} runs, {minutes(now.total_s)} in all{to_go}")
             tenth = 10 * now.done // max(now.total, 1)
-            if tenth > said["tenth"] and not console.is_terminal:
+            if tenth > said["tenth"] and not now.part and not console.is_terminal:
                 said["tenth"] = tenth
-                say(bar.console, f"{what}: {now.done} of {now.total}{to_go}")
+                say(bar.console, f"{title}: {now.done} of {now.total}{to_go}")
 
         try:
             yield tell
         except KeyboardInterrupt:
-            raise AsvhilError(f"{what}: interrupted; the same command goes on where it was") from None
+            if not resumes:
+                raise
+            raise AsvhilError(f"{title}: interrupted; the same command goes on where it was") from None
 
 
 def check_output(output: Path | None, stem: str, json_: Path | None) -> None:
@@ -62,10 +62,9 @@ def check_output(output: Path | None, stem: str, json_: Path | None) -> None:
     if output is not None:
         folder(output)
         for ending in ("json", "md", "png"):
-            _check_writable(output / f"{stem}.{ending}", "")
+            check_writable(output / f"{stem}.{ending}")
         head_of(output / f"{stem}.md")
-    if json_ is not None:
-        _check_writable(json_, "--json ")
+    check_writable(json_, "--json ")
 
 
 def finish(
@@ -81,15 +80,18 @@ def finish(
     text = text_of(figures)
     if output is not None:
         folder(output)
-        with _writing(output / f"{stem}.json") as file:
+        file = output / f"{stem}.json"
+        with writing(file):
             file.write_text(json.dumps(figures, indent=1) + "\n", encoding="utf-8")
-        with _writing(output / f"{stem}.md") as file:
-            write_page(file, text)
+        page = output / f"{stem}.md"
+        with writing(page):
+            write_page(page, text)
     write_json(json_, figures)
     say(console, text)
     if output is not None and draw is not None:  # after the tables: a picture that fails takes nothing with it
-        with _writing(output / f"{stem}.png") as file:
-            draw(file)
+        picture = output / f"{stem}.png"
+        with writing(picture):
+            draw(picture)
 
 
 def folder(path: Path) -> Path:
@@ -105,26 +107,7 @@ def stem_of(study: str, quick: bool) -> str:
     return f"{study}-quick" if quick else study
 
 
-@contextmanager
-def _writing(file: Path, option: str = "") -> Iterator[Path]:
-    try:
-        yield file
-    except OSError as error:
-        raise AsvhilError(f"{option}{file}: cannot be written ({error.strerror or error})") from None
-
-
-def _check_writable(file: Path, option: str) -> None:
-    with _writing(file, option):
-        if file.is_dir():
-            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
-        if file.exists():  # not opened: it may be a pipe
-            if not os.access(file, os.W_OK):
-                raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
-        else:
-            tempfile.TemporaryFile(dir=file.parent).close()
-
-
-def bounds_at_hand(console: Any, file: Path | None, config: str, overrides: tuple[str, ...]) -> dict[str, float]:
+def bounds_at_hand(file: Path | None, config: str, overrides: tuple[str, ...]) -> tuple[dict[str, float], str]:
     """The bounds to hold scores against; without them a line that says what to do."""
     from asvhil.config import load_config
     from asvhil.study.bound import read_bounds
@@ -132,13 +115,9 @@ def bounds_at_hand(console: Any, file: Path | None, config: str, overrides: tupl
     settings = load_config(config, overrides)
     whose = settings.vehicle.name, settings.plant_vessel
     if file is not None:
-        return read_bounds(file, *whose)
+        return read_bounds(file, *whose), ""
     try:
-        return read_bounds(BOUNDS, *whose)
+        return read_bounds(BOUNDS, *whose), ""
     except AsvhilError as error:
-        say(console, f"no regret in the tables: {error}; `asvhil study bound -o DIR`, then --bounds DIR/bound.json")
-        return {}
-
-
-def say(console: Any, text: str) -> None:
-    console.print(text, markup=False, highlight=False, soft_wrap=True)
+        note = f"no regret in the tables: {error}; `asvhil study bound -o DIR`, then --bounds DIR/bound.json"
+        return {}, note

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import errno
 import json
+import os
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from asvhil.errors import AsvhilError
+from asvhil.errors import AsvhilError, ConfigError
 
 if TYPE_CHECKING:
     from asvhil.config import Config
@@ -35,7 +40,7 @@ class LiveView:
         if self._live is not None:
             self._live.start()
         elif not self._as_json:
-            self._console.print(self._title, markup=False, highlight=False, soft_wrap=True)
+            say(self._console, self._title)
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -61,14 +66,13 @@ class LiveView:
             self._live.update(render(status, self._title), refresh=True)
         else:
             for subject, text in self._news(status).items():
-                self._console.print(f"{subject}: {text}", markup=False, highlight=False, soft_wrap=True)
+                say(self._console, f"{subject}: {text}")
             key = (str(status["phase"]), int(status["t_s"] // 10))
             if key != self._said:
                 self._said = key
                 distance = status["distance_m"]
                 where = "" if distance is None else f", {distance:.2f} m, {status['heading_error_deg']:.1f} deg off"
-                text = f"{status['t_s']:6.1f} s  {status['phase']}: {status['reason']}{where}"
-                self._console.print(text, markup=False, highlight=False, soft_wrap=True)
+                say(self._console, f"{status['t_s']:6.1f} s  {status['phase']}: {status['reason']}{where}")
 
     def _news(self, status: dict[str, Any]) -> dict[str, str]:
         """Notes and links that have changed; a link that is up only where it was not. Counts are for the table."""
@@ -112,8 +116,8 @@ def report_run(log: Path, json_file: Path | None, picture: Path | None, console:
             f"toward {wind['configured_toward_deg']:g} deg, seed {figures['seed']}"
         )
         draw_run(run_log, picture, title)
-        console.print(f"picture {picture}", markup=False, highlight=False, soft_wrap=True)
-    console.print(f"log     {log}", markup=False, highlight=False, soft_wrap=True)
+        say(console, f"picture {picture}")
+    say(console, f"log     {log}")
 
 
 def print_summary(console: Any, figures: dict[str, Any]) -> None:
@@ -144,17 +148,55 @@ def print_summary(console: Any, figures: dict[str, Any]) -> None:
     timing = f"step p50 {steps['p50']:.2f} ms, p99 {steps['p99']:.2f} ms, max {steps['max']:.1f} ms; " if steps else ""
     factor = figures["realtime_factor"]
     speed_text = f"; {factor:.{0 if factor > 2 else 2}f} times real time" if factor else ""
-    console.print(
-        f"{figures['ticks']} ticks, {figures['overruns']} overruns; {timing}{phases}{speed_text}", highlight=False
-    )
+    say(console, f"{figures['ticks']} ticks, {figures['overruns']} overruns; {timing}{phases}{speed_text}")
     for subject, text in figures["notes"].items():
-        console.print(f"{subject}: {text}", markup=False, highlight=False, soft_wrap=True)
+        say(console, f"{subject}: {text}")
+
+
+def say(console: Any, text: str, end: str = "\n") -> None:
+    """Plain text: no markup, no colours, and lines as long as they are."""
+    console.print(text, markup=False, highlight=False, soft_wrap=True, end=end)
+
+
+# --- files ---------------------------------------------------------------------------------------------------
 
 
 def write_json(path: Path | None, figures: dict[str, Any]) -> None:
-    if path is None:
-        return
+    """The file of --json, where one is asked for."""
+    if path is not None:
+        with writing(path, "--json "):
+            path.write_text(json.dumps(figures, indent=2) + "\n", encoding="utf-8")
+
+
+@contextmanager
+def writing(file: Path, option: str = "") -> Iterator[None]:
+    """An OSError in writing a file as an AsvhilError that names the option and the file."""
     try:
-        path.write_text(json.dumps(figures, indent=2) + "\n", encoding="utf-8")
+        yield
     except OSError as error:
-        raise AsvhilError(f"--json {path}: cannot be written ({error.strerror})") from None
+        raise AsvhilError(f"{option}{file}: cannot be written ({error.strerror or error})") from None
+
+
+def check_picture(file: Path | None) -> None:
+    """Before long work, the file of --picture. AsvhilError where it cannot be written or is of another format."""
+    if file is None:
+        return
+    from asvhil.logs.figure import FORMATS
+
+    if file.suffix.lower() not in FORMATS:
+        raise ConfigError(f"--picture {file}: a file that ends in {', '.join(FORMATS)} is expected")
+    check_writable(file, "--picture ")
+
+
+def check_writable(file: Path | None, option: str = "") -> None:
+    """Before long work. AsvhilError where the file cannot be written; nothing is left behind."""
+    if file is None:
+        return
+    with writing(file, option):
+        if file.is_dir():
+            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+        if file.exists():  # not opened: it may be a pipe
+            if not os.access(file, os.W_OK):
+                raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+        else:
+            tempfile.TemporaryFile(dir=file.parent).close()

@@ -10,8 +10,9 @@ import numpy as np
 from asvhil.config import Config, ControllerConfig, MpcConfig, MpcWeights
 from asvhil.controller.pwm import command_rate_per_s
 from asvhil.controller.solvers.choice import choose_solver
-from asvhil.controller.solvers.problem import Array, Solution, Solver, StationProblem
+from asvhil.controller.solvers.problem import Solution, Solver, StationProblem
 from asvhil.controller.solvers.sqp import Sqp
+from asvhil.dynamics.arrays import Array
 from asvhil.dynamics.protocol import Dynamics
 from asvhil.geo import body_to_ned, ned_to_body, wrap_rad
 from asvhil.types import Control, Estimate, Station, Wind

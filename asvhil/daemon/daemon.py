@@ -24,10 +24,9 @@ from asvhil.links.clock import Clock
 from asvhil.links.reconnecting import ReconnectingLink
 from asvhil.links.router import GROUND, OPERATOR, MavlinkRouter, save_states
 from asvhil.logs.recorder import Recorder
-from asvhil.operator.session import encode_release, encode_solve_time
+from asvhil.operator.session import FINAL_TICKS, encode_release, encode_solve_time
 from asvhil.types import Frame, Inputs, Outputs
 
-FINAL_TICKS = 3
 RELEASES, RELEASE_S = 3, 0.05
 SWITCH_S = 0.0005
 ARRIVALS_AT_ONCE = 20

@@ -12,6 +12,9 @@ from typing import Any, Protocol
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
 
 
 class ArrayNamespace(Protocol):

@@ -6,10 +6,8 @@ from collections.abc import Callable
 from typing import Any
 
 import casadi as ca
-import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from asvhil.dynamics.arrays import Array
 
 
 def bind(function: ca.Function, arguments: list[Array], results: list[Array]) -> Callable[[], None]:

@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from asvhil.dynamics.arrays import namespace_of
-from asvhil.dynamics.nnsem import Array, TanhNetwork
+from asvhil.dynamics.arrays import Array, namespace_of
+from asvhil.dynamics.nnsem import TanhNetwork
 
 MAP_POINTS = 4001
 # Each skip term is the product of these components of z; of a component with itself, x |x|.

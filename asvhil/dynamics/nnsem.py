@@ -4,13 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
-from asvhil.dynamics.arrays import namespace_of
+from asvhil.dynamics.arrays import Array, namespace_of
 from asvhil.types import record
-
-Array = NDArray[np.float64]
 
 
 @record

@@ -12,10 +12,11 @@ from typing import Any
 
 import numpy as np
 
+from asvhil.dynamics.arrays import Array
 from asvhil.dynamics.fitted_sd import PARAMETERS, FittedSd
 from asvhil.dynamics.knode import Knode
 from asvhil.dynamics.lagnet import LagNet, ThrustMap
-from asvhil.dynamics.nnsem import Array, Nnsem, Scaling, TanhNetwork
+from asvhil.dynamics.nnsem import Nnsem, Scaling, TanhNetwork
 from asvhil.dynamics.node import Node
 from asvhil.dynamics.protocol import Dynamics
 from asvhil.errors import ModelError

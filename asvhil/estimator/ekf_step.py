@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from asvhil.config import EstimatorConfig
+from asvhil.dynamics.arrays import Array
 from asvhil.dynamics.protocol import Dynamics
 from asvhil.estimator import fault_recovery, measurement_model, sensor_health, validity
 from asvhil.estimator.measurement_model import Corrected, Group, Reading
@@ -21,7 +22,6 @@ from asvhil.estimator.states import (
     D_R,
     PSI,
     SIZE,
-    Array,
     E,
     FilterState,
     Forcing,

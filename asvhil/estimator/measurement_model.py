@@ -8,7 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from asvhil.estimator.states import B_E, B_N, DEVIATION, G_R, PSI, SIZE, Array, E, N, R, U, V
+from asvhil.dynamics.arrays import Array
+from asvhil.estimator.states import B_E, B_N, DEVIATION, G_R, PSI, SIZE, E, N, R, U, V
 from asvhil.geo import LocalFrame, body_to_ned, wrap_rad
 from asvhil.io.sensors.compass import deviation_row
 from asvhil.types import GroundVelocity, Heading, Measurement, Position, SpecificForce, YawRate

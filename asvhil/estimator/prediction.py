@@ -13,10 +13,11 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from asvhil.dynamics.arrays import Array
 from asvhil.dynamics.buffers import bind
 from asvhil.dynamics.integrate import motion_derivative
 from asvhil.dynamics.protocol import Dynamics
-from asvhil.estimator.states import A_X, A_Y, B_E, B_N, D_N, D_R, MOVING, SIZE, Array, R, U, V
+from asvhil.estimator.states import A_X, A_Y, B_E, B_N, D_N, D_R, MOVING, SIZE, R, U, V
 
 MAX_STEP_S = 0.1
 

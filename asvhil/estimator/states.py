@@ -11,12 +11,10 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from asvhil.config import EkfConfig
+from asvhil.dynamics.arrays import Array
 from asvhil.estimator.sensor_health import NEVER, Track
-
-Array = NDArray[np.float64]
 
 N, E, PSI, U, V, R, D_N, D_E, D_R, A_X, A_Y, G_R, B_N, B_E = range(14)
 DEVIATION = slice(14, 19)  # of the compass: constant, sin, cos, sin 2, cos 2

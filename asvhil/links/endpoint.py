@@ -14,7 +14,9 @@ from asvhil.config.registry import LINKS
 from asvhil.links.memory import memory_pair
 from asvhil.types import Frame
 
-__all__ = ["Endpoint", "LinkSpec", "memory_pair", "open_endpoint", "parse_spec"]
+__all__ = ["INBOX_FRAMES", "Endpoint", "LinkSpec", "memory_pair", "open_endpoint", "parse_spec"]
+
+INBOX_FRAMES = 20_000  # four seconds of a flooded link: how many wait for their reader before the oldest are dropped
 
 
 class Endpoint(Protocol):

@@ -10,10 +10,8 @@ from collections.abc import Awaitable, Callable
 from asvhil.config import Config
 from asvhil.errors import LinkError
 from asvhil.links.clock import Clock
-from asvhil.links.endpoint import Endpoint, open_endpoint
+from asvhil.links.endpoint import INBOX_FRAMES, Endpoint, open_endpoint
 from asvhil.types import Frame
-
-INBOX_FRAMES = 20_000  # four seconds of a flooded link; beyond it the oldest are dropped and counted
 
 
 class ReconnectingLink:

@@ -4,14 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
+from asvhil.dynamics.arrays import Array
 from asvhil.types import record
 
 SETTLED_FROM_S = 60.0  # the score looks at what the controller holds, not at how it got there
-
-Array = NDArray[np.float64]
 
 
 @record

@@ -4,14 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import matplotlib
-
-matplotlib.use("Agg")
-
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from asvhil.logs.figure import save_figure
 from asvhil.logs.metrics import settled_from_s
 from asvhil.logs.run import RunLog
 from asvhil.types import Station
@@ -31,7 +28,7 @@ def draw_run(run: RunLog, path: Path, title: str) -> None:
     _draw_errors(distance, heading, run)
     _draw_wind(figure.add_subplot(grid[2, 1], sharex=distance), run)
     _draw_motors(figure.add_subplot(grid[3, 1], sharex=distance), run)
-    figure.savefig(path, dpi=110)
+    save_figure(figure, path)
 
 
 def _draw_track(axes: Axes, run: RunLog) -> None:

@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from asvhil.config import Config
+from asvhil.dynamics.arrays import Array
 from asvhil.errors import LogError
 from asvhil.geo import LocalFrame, wrap_rad
 from asvhil.io.mavlink.frames import Parser, decode, dialect, message_id
@@ -19,7 +19,6 @@ from asvhil.logs.reader import LogFile
 from asvhil.logs.replay import config_of
 from asvhil.types import Outputs, Phase, Station, record
 
-Array = NDArray[np.float64]
 MOVING_PHASES = (Phase.HOLD,)
 
 

@@ -292,6 +292,9 @@ def encode_hold(
     return _pack_as_ground_station(message)
 
 
+FINAL_TICKS = 3  # of a run, after a release at its end: the autopilot is asked more than once
+
+
 def encode_release(config: AutopilotLinkConfig) -> bytes:
     """The frame that asks the daemon to let go of the motors."""
     message = dialect.MAVLink_command_long_message(

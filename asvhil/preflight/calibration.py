@@ -41,8 +41,6 @@ GUST, GUST_TIME_S = 0.15, 15.0  # of the mean wind
 VANE_STD_MAX_DEG = 5.0
 SETTLED_S = 10.0  # of the filter, before the wind is looked at
 
-Array = np.ndarray
-
 
 @record
 class CompassFit:
@@ -62,7 +60,7 @@ class VaneFit:
 
 
 @record
-class Calibration:
+class SensorCalibration:
     """What a log tells; a part that it does not tell is None, and the reason is in `missing`."""
 
     span_s: float
@@ -84,7 +82,7 @@ class Calibration:
         return "\n".join(lines) + "\n"
 
 
-def calibrate(path: Path, on_tick: Callable[[int], None] = lambda ticks: None) -> Calibration:
+def calibrate(path: Path, on_tick: Callable[[int], None] = lambda ticks: None) -> SensorCalibration:
     """Read a log. AsvhilError where it holds nothing to calibrate from."""
     log = LogFile(path)
     config = _unknown(config_of(log, path))
@@ -140,7 +138,7 @@ def calibrate(path: Path, on_tick: Callable[[int], None] = lambda ticks: None) -
         fit = None
     if compass is None and fit is None:
         raise AsvhilError(f"{path}: {'; '.join(missing)}")
-    return Calibration(span_s=(last_ns - first_ns) * 1e-9, compass=compass, vane=fit, missing=tuple(missing))
+    return SensorCalibration(span_s=(last_ns - first_ns) * 1e-9, compass=compass, vane=fit, missing=tuple(missing))
 
 
 def _unknown(config: Config) -> Config:

@@ -22,14 +22,15 @@ TICK_S = 0.05
 BROKEN_S = 2.0  # a link that cannot be opened is told after this
 FIX_S = 10.0
 
-Progress = Callable[[Survey], None]
 Choose = Callable[[list[Finding]], bool]
 
 
 class Preflight:
     """One look at the vehicle, and what is written to it if that is asked for."""
 
-    def __init__(self, config: Config, timeout_s: float, on_tick: Progress = lambda survey: None) -> None:
+    def __init__(
+        self, config: Config, timeout_s: float, on_tick: Callable[[Survey], None] = lambda survey: None
+    ) -> None:
         refuse_ignored_crc()
         self._config = config
         self._timeout_s = timeout_s

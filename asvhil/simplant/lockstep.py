@@ -9,7 +9,7 @@ from asvhil.backseat.backseat import Backseat
 from asvhil.backseat.build import build_backseat
 from asvhil.config import Config
 from asvhil.logs.recorder import Recorder
-from asvhil.operator.session import encode_release
+from asvhil.operator.session import FINAL_TICKS, encode_release
 from asvhil.simplant.plant import Plant
 from asvhil.types import Frame, Inputs, Outputs
 
@@ -62,5 +62,5 @@ class Lockstep:
         for _ in range(ticks):
             yield self.tick()[1]
         self.inject("operator", encode_release(self.config.links.autopilot))
-        for _ in range(3):
+        for _ in range(FINAL_TICKS):
             yield self.tick()[1]

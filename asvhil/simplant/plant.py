@@ -12,6 +12,7 @@ from asvhil.geo import LocalFrame, wrap_rad
 from asvhil.simplant.ardurover.vehicle import SimulatedArduRover
 from asvhil.simplant.boat.devices import SimulatedNmea, SimulatedSensor, SimulatedVn300
 from asvhil.simplant.boat.faults import Faults, Present, all_faults, motor_signals_us
+from asvhil.simplant.boat.metronome import Metronome
 from asvhil.simplant.boat.sensors import Anemometer, Navigation, TrueMotion, mwv_sentence
 from asvhil.simplant.boat.vessel import Vessel
 from asvhil.simplant.boat.weather import Weather
@@ -77,11 +78,9 @@ class Plant:
         seeds = np.random.SeedSequence(plant.seed).spawn(5 + len(config.links.sensors))
         weather_seed, navigation_seed, anemometer_seed, ins_seed, nmea_seed, *sensor_seeds = seeds
         self._step_ns = round(1e9 * plant.step_s)
-        self._t_ns = self._start_ns = t_ns
-        self._loop_hz = plant.frontseat.loop_hz
-        self._anemometer_hz = plant.sensors.anemometer.rate_hz
-        self._loops, self._loop_due_ns = self._next(0, self._loop_hz)
-        self._sentences, self._sentence_due_ns = self._next(0, self._anemometer_hz)
+        self._t_ns = t_ns
+        self._loop = Metronome(t_ns, plant.frontseat.loop_hz)
+        self._sentence = Metronome(t_ns, plant.sensors.anemometer.rate_hz)
         self._weather = Weather(plant.weather, plant.step_s, weather_seed)
         self._vessel = Vessel(
             vessel,
@@ -91,7 +90,7 @@ class Plant:
             (self._weather.current_n_mps, self._weather.current_e_mps),
             self._weather.waves,
         )
-        self._navigation = Navigation(plant.sensors, self._loop_hz, t_ns, navigation_seed, filtered=True)
+        self._navigation = Navigation(plant.sensors, plant.frontseat.loop_hz, t_ns, navigation_seed, filtered=True)
         self._anemometer = Anemometer(plant.sensors.anemometer, anemometer_seed)
         self.origin = LocalFrame(lat_deg=plant.origin_lat_deg, lon_deg=plant.origin_lon_deg)
         kind = SimulatedPx4 if plant.autopilot == "px4" else SimulatedArduRover
@@ -144,9 +143,7 @@ class Plant:
         """Steps of another length from now on, and another rate at which the autopilot reads its sensors."""
         self._step_ns = round(1e9 * step_s)
         if loop_hz is not None:
-            self._loop_hz = loop_hz
-            past = int((self._t_ns - self._start_ns) * 1e-9 * loop_hz)
-            self._loops, self._loop_due_ns = self._next(past, loop_hz)
+            self._loop.set_rate(self._t_ns, loop_hz)
         self._vessel.set_step(step_s)
         self._weather.set_step(step_s)
 
@@ -189,13 +186,11 @@ class Plant:
             if self._moored is None:
                 vessel.step(weather.wind_n_mps, weather.wind_e_mps)
             weather.advance()
-            if self._t_ns >= self._loop_due_ns:
-                self._loops, self._loop_due_ns = self._next(self._loops, self._loop_hz)
+            if self._loop.take_due(self._t_ns):
                 self._navigation.sample(self._t_ns, self.motion, faults.of("autopilot"))
                 sent += self._autopilot.loop(self._t_ns)
                 vessel.drive(motor_signals_us(self._autopilot.outputs_us, faults))
-            if self._t_ns >= self._sentence_due_ns:
-                self._sentences, self._sentence_due_ns = self._next(self._sentences, self._anemometer_hz)
+            if self._sentence.take_due(self._t_ns):
                 stuck = "anemometer-stuck" in faults
                 speed_mps, from_deg = self._anemometer.sample(
                     self.motion,
@@ -212,11 +207,3 @@ class Plant:
             for sensor in self._sensors:
                 sent += sensor.advance(self._t_ns, self.motion, (weather.wind_n_mps, weather.wind_e_mps))
         return sent
-
-    def _next(self, count: int, rate_hz: float) -> tuple[int, int]:
-        """The next tick after now on the grid of a rate, counted from power-on so that it never drifts."""
-        due_ns = self._t_ns
-        while due_ns <= self._t_ns:
-            count += 1
-            due_ns = self._start_ns + round(count * 1e9 / rate_hz)
-        return count, due_ns

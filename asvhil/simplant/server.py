@@ -11,13 +11,12 @@ from collections.abc import Callable
 from asvhil.config import Config
 from asvhil.errors import LinkError
 from asvhil.links.clock import Clock
-from asvhil.links.endpoint import Endpoint, open_endpoint
+from asvhil.links.endpoint import INBOX_FRAMES, Endpoint, open_endpoint
 from asvhil.simplant.plant import Plant, Truth
 from asvhil.types import Frame
 
 LOOP_S = 0.005
 MAX_LAG_S = 1.0
-INBOX_FRAMES = 20_000
 
 
 class PlantServer:

@@ -5,15 +5,14 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
-from collections.abc import Callable, Iterable
-from pathlib import Path
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
 
 from asvhil.config import load_config
 from asvhil.study.rows import refuse_own
-from asvhil.study.runner import Job, Progress, Result, run_jobs
+from asvhil.study.runner import Job, Result, Run
 from asvhil.study.statistics import other_code
 from asvhil.study.trials.approach import (
     CHATTER_S,
@@ -31,24 +30,22 @@ from asvhil.study.trials.trial import run_key
 
 
 def study_approach(
-    store: Path,
+    run: Run,
     runs: int = 100,
     seed: int = 1,
     *,
     overrides: tuple[str, ...] = (),
     duration_s: float = DURATION_S,
-    workers: int | None = None,
-    tell: Callable[[Progress], None] = lambda progress: None,
 ) -> tuple[dict[str, Any], list[Outcome]]:
     """Figures of `runs` random starts as a JSON-ready tree, and the runs themselves.
 
-    Runs that the store holds are not run again (`runner.run_jobs`). ConfigError for an override of what a start sets.
+    ConfigError for an override of what a start sets.
     """
     starts = draw_starts(runs, seed)
     load_config("sitl", overrides)  # so that what is wrong in them is named first
     refuse_own(overrides, start_overrides(starts[0]))
     jobs = [_job(start, overrides, duration_s) for start in starts]
-    finished = run_jobs(run_named_start, jobs, store, workers=workers, tell=tell)
+    finished = run(run_named_start, jobs)
     outcomes = [_outcome(result) for result in finished.results]
     figures = {
         "seed": seed,

@@ -5,13 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-import matplotlib
-
-matplotlib.use("Agg")
-
 import numpy as np
 from matplotlib.figure import Figure
 
+from asvhil.logs.figure import save_figure
 from asvhil.study.trials.approach import LOST_M, TRACK_S, Outcome
 
 BROUGHT_COLOUR, LOST_COLOUR = "tab:blue", "tab:red"
@@ -47,4 +44,4 @@ def draw_tracks(outcomes: Sequence[Outcome], path: Path) -> None:
     over_time.legend(loc="upper right", fontsize="small")
     for axes in (plane, over_time):
         axes.grid(alpha=0.3)
-    figure.savefig(path, dpi=110)
+    save_figure(figure, path)

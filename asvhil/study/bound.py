@@ -15,15 +15,13 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from asvhil.config import Config, VesselConfig
+from asvhil.dynamics.arrays import Array
 from asvhil.dynamics.integrate import advance
 from asvhil.dynamics.protocol import Dynamics
 from asvhil.errors import AsvhilError
 from asvhil.types import record
-
-Array = NDArray[np.float64]
 
 INTERVALS = 60
 SUBSTEPS = 2  # of an interval: the motor lag must not gain by the error of the integrator

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from pathlib import Path
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from asvhil.config import VesselConfig
-from asvhil.study.rows import ROWS, refuse_own, row_overrides, station_heading_deg, title, trial_job
-from asvhil.study.runner import Finished, Progress, run_jobs
+from asvhil.config import VesselConfig, load_config
+from asvhil.config.mean_wind import station_heading_deg
+from asvhil.study.rows import ROWS, refuse_own, row_overrides, title, trial_job
+from asvhil.study.runner import Finished, Run
 from asvhil.study.statistics import mean_ci95
 from asvhil.study.trials.trial import NO_SLOW_ERROR, run_named_trial
 
@@ -18,32 +18,30 @@ Held = dict[tuple[str, str], float]  # (setup, row): least share of the window w
 
 
 def run_setups(
-    store: Path,
+    run: Run,
     setups: Mapping[str, tuple[str, ...]],
     rows: Iterable[str],
     seeds: Iterable[int],
     window_s: tuple[float, float],
     *,
     base: str = "sitl",
-    workers: int | None = None,
-    tell: Callable[[Progress], None] = lambda progress: None,
 ) -> tuple[Scores, Held, Finished]:
     """ps against the truth by setup, row and seed, whether they had the motors, and what the runs took.
 
-    `setups` are config keys by name. Runs that the store holds are not run again (`runner.run_jobs`). ConfigError
-    where a setup has a key that makes another run of a row: its wind or its seed.
+    `setups` are config keys by name. ConfigError where a setup has a key that makes another run of a row: its wind or
+    its seed.
     """
     rows, seeds = list(rows), list(seeds)
     headings_deg = {}
     for name, keys in setups.items():
-        headings_deg[name] = station_heading_deg(base, keys)
+        headings_deg[name] = station_heading_deg(load_config(base, keys))
         refuse_own(keys, (text for text in row_overrides(next(iter(ROWS)), 1) if text not in NO_SLOW_ERROR))
     names = [(setup, row, seed) for seed in seeds for row in rows for setup in setups]
     jobs = [
         trial_job(name, base, (*row_overrides(row, seed, heading_deg=headings_deg[name]), *setups[name]), window_s)
         for name, row, seed in names
     ]
-    finished = run_jobs(run_named_trial, jobs, store, workers=workers, tell=tell)
+    finished = run(run_named_trial, jobs)
     scores: Scores = {}
     held: Held = {}
     for (name, row, seed), result in zip(names, finished.results, strict=True):

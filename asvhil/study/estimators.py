@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 from asvhil.config import load_config
 from asvhil.study.rows import FROM_S, TO_S, row_overrides
-from asvhil.study.runner import Job, Progress, run_jobs
+from asvhil.study.runner import Job, Run
 from asvhil.study.six_tests import cost_figures
 from asvhil.study.statistics import mean_ci95
 from asvhil.study.trials.abrupt import MOVE_DEG, MOVE_M, run_abrupt, run_survival
@@ -104,15 +103,13 @@ def run_part(part: str, base: str, overrides: tuple[str, ...], arguments: tuple[
 
 
 def study_estimators(
-    store: Path,
+    run: Run,
     *,
     plan: Plan = FULL,
     sets: Iterable[str] = tuple(SETS),
     overrides: tuple[str, ...] = (),
-    workers: int | None = None,
-    tell: Callable[[Progress], None] = lambda progress: None,
 ) -> dict[str, Any]:
-    """All tables; runs that the store holds are not run again (`runner.run_jobs`)."""
+    """All tables."""
     jobs: list[Job] = []
     names: list[tuple[str, ...]] = []
     for name in sets:
@@ -123,7 +120,7 @@ def study_estimators(
         for path, job in _survival_jobs(plan, overrides):
             names.append(path)
             jobs.append(job)
-    finished = run_jobs(run_part, jobs, store, workers=workers, tell=tell)
+    finished = run(run_part, jobs)
     found = list(zip(names, finished.results, strict=True))
     cells = _errors_of(found)
     return {

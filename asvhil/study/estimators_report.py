@@ -6,14 +6,11 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import matplotlib
-
-matplotlib.use("Agg")
-
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from asvhil.logs.figure import save_figure
 from asvhil.study.estimators import ASKED, LOST_M, RAW_RATIO, RECOVERY_S
 from asvhil.study.statistics import count_of_seeds
 from asvhil.study.trials.abrupt import MOVE_DEG, MOVE_M
@@ -174,7 +171,7 @@ def draw_estimators(study: Mapping[str, Any], path: Path) -> None:
         panels[0, column].set_title(f"{name}: {condition}, keeping station")
         _draw_bars(panels[3, column], study["errors"][name], "velocity_mps", ASKED[name].get("velocity_mps"))
         _draw_bars(panels[4, column], study["errors"][name], "heading_deg", ASKED[name].get("heading_deg"))
-    figure.savefig(path, dpi=100)
+    save_figure(figure, path, dpi=100)
 
 
 def _draw_curves(panels: Sequence[Axes], traces: Mapping[str, Any]) -> None:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
-from pathlib import Path
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -11,7 +10,7 @@ import numpy as np
 from asvhil.config import VesselConfig, load_config
 from asvhil.study.comparison import compare, held_words, not_held, run_setups, vessel_override
 from asvhil.study.rows import FROM_S, TO_S, title
-from asvhil.study.runner import Progress
+from asvhil.study.runner import Run
 from asvhil.study.six_tests import cost_figures
 from asvhil.study.statistics import count_of_seeds, other_code, plus_minus
 
@@ -62,7 +61,7 @@ def off_name(pattern: int) -> str:
 
 
 def study_learned_loop(
-    store: Path,
+    run: Run,
     *,
     learned: Mapping[str, tuple[str, ...]],
     rows: Iterable[str] = ROWS,
@@ -71,8 +70,6 @@ def study_learned_loop(
     window_s: tuple[float, float] = (FROM_S, TO_S),
     base: str = "sitl",
     overrides: tuple[str, ...] = (),
-    workers: int | None = None,
-    tell: Callable[[Progress], None] = lambda progress: None,
 ) -> dict[str, Any]:
     """Each of `learned` (all its config keys, by name) against SD-MPC, with the true parameters and each wrong pattern.
 
@@ -84,7 +81,7 @@ def study_learned_loop(
     vessel = load_config(base, overrides).vehicle.vessel
     setups = {**learned, TRUE: physics}
     setups |= {off_name(n): (*physics, vessel_override(off_vessel(vessel, n))) for n in numbers}
-    scores, held, finished = run_setups(store, setups, rows, seeds, window_s, base=base, workers=workers, tell=tell)
+    scores, held, finished = run_setups(run, setups, rows, seeds, window_s, base=base)
     table: dict[str, Any] = {}
     for row in rows:
         true = scores[TRUE, row]

@@ -9,13 +9,14 @@ from asvhil.errors import ConfigError
 from asvhil.train.options import OPTIONS, FitOptions
 from asvhil.types import record
 
+ODE_ITERATIONS = 20000
 ODE_SEEDS = 1  # networks per data set that are trained by the adjoint, which takes its time
 SEEDS = 3
 IN_WAVES = " (waves)"
 
 
 @record
-class Job:
+class TrainingJob:
     """One row of the table: its name, the kind and options behind it, and how many networks a data set trains.
 
     A row with `waves` is trained and tested on logs that were driven in waves.
@@ -28,31 +29,31 @@ class Job:
     waves: bool = False
 
 
-def jobs(ode_iterations: int) -> tuple[Job, ...]:
+def jobs(ode_iterations: int = ODE_ITERATIONS) -> tuple[TrainingJob, ...]:
     """The paper's models, LagNet, LagNet with its parts added one by one, and NNSEM and LagNet in waves."""
     lagnet = dataclasses.replace(OPTIONS["lagnet"], members=1)
 
-    def variant(name: str, *frozen: str, mirror: bool = False) -> Job:
+    def variant(name: str, *frozen: str, mirror: bool = False) -> TrainingJob:
         options = dataclasses.replace(lagnet, frozen=frozen, mirror=mirror)
-        return Job(name=name, kind="lagnet", options=options, seeds=SEEDS)
+        return TrainingJob(name=name, kind="lagnet", options=options, seeds=SEEDS)
 
-    def ode(kind: str) -> Job:
+    def ode(kind: str) -> TrainingJob:
         options = dataclasses.replace(OPTIONS[kind], iterations=ode_iterations)
-        return Job(name=kind, kind=kind, options=options, seeds=ODE_SEEDS)
+        return TrainingJob(name=kind, kind=kind, options=options, seeds=ODE_SEEDS)
 
-    def in_waves(job: Job) -> Job:
+    def in_waves(job: TrainingJob) -> TrainingJob:
         return dataclasses.replace(job, name=f"{job.name}{IN_WAVES}", waves=True)
 
-    nnsem = Job(name="nnsem", kind="nnsem", options=OPTIONS["nnsem"], seeds=SEEDS)
+    nnsem = TrainingJob(name="nnsem", kind="nnsem", options=OPTIONS["nnsem"], seeds=SEEDS)
     single = variant("lagnet: map, lag, mirror, skip (single)", mirror=True)
     return (
-        Job(name="sd", kind="sd", options=OPTIONS["sd"], seeds=1),
+        TrainingJob(name="sd", kind="sd", options=OPTIONS["sd"], seeds=1),
         nnsem,
         variant("lagnet: lag alone", "map", "skip"),
         variant("lagnet: map, lag", "skip"),
         variant("lagnet: map, lag, mirror", "skip", mirror=True),
         single,
-        Job(name="lagnet", kind="lagnet", options=OPTIONS["lagnet"], seeds=1),
+        TrainingJob(name="lagnet", kind="lagnet", options=OPTIONS["lagnet"], seeds=1),
         ode("node"),
         ode("knode"),
         in_waves(nnsem),
@@ -60,9 +61,8 @@ def jobs(ode_iterations: int) -> tuple[Job, ...]:
     )
 
 
-def chosen_jobs(only: Sequence[str], ode_iterations: int) -> tuple[Job, ...]:
+def chosen_jobs(known: Sequence[TrainingJob], only: Sequence[str]) -> tuple[TrainingJob, ...]:
     """The jobs of these names, or all for none. ConfigError for a name that there is not."""
-    known = jobs(ode_iterations)
     for name in only:
         if name not in {job.name for job in known}:
             raise ConfigError(f"--only {name}: unknown (known: {'; '.join(job.name for job in known)})")

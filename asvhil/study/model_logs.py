@@ -8,16 +8,12 @@ from pathlib import Path
 from typing import Any
 
 from asvhil.config import Config, load_config
+from asvhil.config.mean_wind import parse_wind, wind_keys
 from asvhil.errors import LogError
 from asvhil.logs.reader import LogFile
 from asvhil.logs.replay import config_of
 from asvhil.types import record
 
-TRAIN_SEEDS = (100, 200, 300)  # a data set each, of TRAIN_S in each of the winds
-TRAIN_WINDS = ("3@0", "6@180")
-TRAIN_S = 300.0
-TEST_WINDS = ("6@0", "6@90", "6@180")
-TEST_SEED, TEST_S = 9000, 130.0
 # The same in surge and in sway whatever the heading: a light, confused chop.
 WAVES = {"orbital_std_mps": 0.07, "spreading": 1.0, "yaw_std_radps": 0.02, "peak_hz": 0.3}
 FLOOR_OF_STD = math.sqrt(2.0 / math.pi)  # mean absolute value of a Gaussian motion that nothing foretells
@@ -27,11 +23,26 @@ Tell = Callable[[str, float], None]  # what is being done, and its share done
 
 
 @record
+class Programme:
+    """What is driven: for each of the training seeds a data set of `train_s` in each wind, and the test runs."""
+
+    train_seeds: tuple[int, ...] = (100, 200, 300)
+    train_winds: tuple[str, ...] = ("3@0", "6@180")
+    train_s: float = 300.0
+    test_winds: tuple[str, ...] = ("6@0", "6@90", "6@180")
+    test_seed: int = 9000
+    test_s: float = 130.0
+
+
+@record
 class Logs:
     """Training logs by data set, and test logs."""
 
     train: tuple[tuple[Path, ...], ...]
     test: tuple[Path, ...]
+
+
+PROGRAMME = Programme()
 
 
 def wave_figures() -> dict[str, Any]:
@@ -44,7 +55,13 @@ def wave_figures() -> dict[str, Any]:
 
 
 def collect_logs(
-    folder: Path, drive: Drive, config: str = "sitl", tell: Tell | None = None, *, waves: bool = False
+    folder: Path,
+    drive: Drive,
+    config: str = "sitl",
+    tell: Tell | None = None,
+    *,
+    programme: Programme = PROGRAMME,
+    waves: bool = False,
 ) -> Logs:
     """The logs of one sea; those in the folder already are not driven again.
 
@@ -70,21 +87,21 @@ def collect_logs(
         return path
 
     train = tuple(
-        tuple(run(f"train{seed}-{i}", seed + i, TRAIN_S, wind) for i, wind in enumerate(TRAIN_WINDS))
-        for seed in TRAIN_SEEDS
+        tuple(
+            run(f"train{seed}-{i}", seed + i, programme.train_s, wind) for i, wind in enumerate(programme.train_winds)
+        )
+        for seed in programme.train_seeds
     )
-    return Logs(train=train, test=tuple(run(f"test{i}", TEST_SEED + i, TEST_S, w) for i, w in enumerate(TEST_WINDS)))
+    test = tuple(
+        run(f"test{i}", programme.test_seed + i, programme.test_s, wind) for i, wind in enumerate(programme.test_winds)
+    )
+    return Logs(train=train, test=test)
 
 
 def _check(path: Path, settings: Config, duration_s: float, wind: str) -> None:
     """LogError where a log does not come from the same boat, sea and manoeuvres; the estimator may have changed."""
-    speed, _, toward = wind.partition("@")
-    station = settings.supervisor.station
     wanted = settings.model_dump(mode="json")
-    wanted["plant"]["weather"]["wind"] |= {
-        "speed_mps": float(speed),
-        "toward_deg": (float(toward) + (station.heading_deg if station else 0.0)) % 360.0,
-    }
+    wanted["plant"]["weather"]["wind"] |= wind_keys(parse_wind(wind), settings)
     wanted["controller"]["manoeuvres"]["duration_s"] = duration_s
     found = config_of(LogFile(path), path, known_only=True).model_dump(mode="json")
     for tree in (wanted, found):

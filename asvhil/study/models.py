@@ -10,7 +10,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -22,12 +22,13 @@ from asvhil.dynamics.integrate import advance, substeps
 from asvhil.dynamics.protocol import Dynamics
 from asvhil.dynamics.weights import TrainedModel, read_model, save_model
 from asvhil.errors import ModelError
-from asvhil.study.model_jobs import IN_WAVES, Job, chosen_jobs
+from asvhil.study.model_jobs import IN_WAVES, TrainingJob, chosen_jobs
 from asvhil.study.model_logs import Logs, Tell, wave_figures
 from asvhil.study.page import write_page
 from asvhil.train.evaluate import HOLD, Case, Window, absolute_errors, predict, windows_of
 from asvhil.train.jobs import DT_S, origin_of, test_cases, training_data
-from asvhil.train.options import FitOptions, Progress
+from asvhil.train.options import FitOptions
+from asvhil.train.progress import TrainingProgress
 from asvhil.train.records import Dataset
 from asvhil.types import Estimate, Station, Wind, record
 
@@ -44,58 +45,6 @@ class _Sea:
     cases: Sequence[Case]
     windows: Sequence[Window]
     origin: tuple[str, str]
-
-
-def study_models(
-    train: Sequence[Sequence[Path]],
-    test: Sequence[Path],
-    out: Path,
-    *,
-    waves: Logs | None = None,
-    only: Sequence[str] = (),
-    ode_iterations: int = 20000,
-    mpc_ticks: int = MPC_TICKS,
-    tell: Tell | None = None,
-) -> dict[str, Any]:
-    """Train every job on every data set and score it against the true state; writes models.json, .md and .png.
-
-    `only` names jobs; those in waves need the logs that `waves` holds, and are left out without. Raises ConfigError for
-    a name that there is not, LogError or ModelError in one line where the logs, or a model in the folder, will not do.
-    """
-    chosen = [job for job in chosen_jobs(only, ode_iterations) if waves is not None or not job.waves]
-    seas = {False: _sea(train, test)}
-    if waves is not None and any(job.waves for job in chosen):
-        seas[True] = _sea(waves.train, waves.test)
-    rows: dict[str, tuple[_Sea, list[TrainedModel]]] = {}
-    for job in chosen:
-        sea = seas[job.waves]
-        for number in range(len(sea.datasets)):
-            for row, models in _trained(job, sea, number, out, tell).items():
-                rows.setdefault(row, (sea, []))[1].extend(models)
-    table = [_row(name, models, sea, mpc_ticks) for name, (sea, models) in rows.items()]
-    table += [_row(f"{HOLD}{IN_WAVES if rough else ''}", [None], sea, mpc_ticks) for rough, sea in seas.items()]
-    result = {"horizon_s": HORIZON_S, "reference": "truth", **_extent(seas[False]), "rows": table}
-    if True in seas:
-        result["waves"] = {**_extent(seas[True]), **wave_figures()}
-    out.mkdir(parents=True, exist_ok=True)
-    (out / "models.json").write_text(json.dumps(result, indent=1, sort_keys=True) + "\n")
-    write_page(out / "models.md", markdown(table))
-    calm = {name: models[0] for name, (sea, models) in rows.items() if sea is seas[False]}
-    _draw(calm, seas[False], out / "models.png")
-    return result
-
-
-def markdown(table: Sequence[Mapping[str, Any]]) -> str:
-    """The table as people read it: mean error, and its spread between networks."""
-    lines = [
-        "| model | u (m/s) | v (m/s) | r (rad/s) | networks | iterations | training CPU s | MPC tick ms |",
-        "| --- | --- | --- | --- | --- | --- | --- | --- |",
-    ]
-    for row in table:
-        errors = " | ".join(f"{row[f'mae_{axis}']:.3f} ± {row[f'spread_{axis}']:.3f}" for axis in "uvr")
-        rest = " | ".join(str(row[key]) for key in ("networks", "iterations", "cpu_s", "mpc_ms"))
-        lines.append(f"| {row['model']} | {errors} | {rest} |")
-    return "\n".join(lines) + "\n"
 
 
 def mpc_tick_ms(model: Dynamics, ticks: int = MPC_TICKS) -> float:
@@ -128,6 +77,60 @@ def mpc_tick_ms(model: Dynamics, ticks: int = MPC_TICKS) -> float:
     return 1e3 * float(np.median(times_s))
 
 
+def study_models(
+    train: Sequence[Sequence[Path]],
+    test: Sequence[Path],
+    out: Path,
+    *,
+    known: Sequence[TrainingJob],
+    only: Sequence[str] = (),
+    waves: Logs | None = None,
+    tick_ms: Callable[[Dynamics], float] = mpc_tick_ms,
+    tell: Tell | None = None,
+) -> dict[str, Any]:
+    """Train jobs on every data set and score them against the true state; writes models.json, .md and .png.
+
+    `only` names some of the `known` jobs, none of them all. Jobs in waves need the logs that `waves` holds, and are
+    left out without. `tick_ms` is the time of a model's control tick. Raises ConfigError for a name that there is not,
+    LogError or ModelError in one line where the logs, or a model in the folder, will not do.
+    """
+    chosen = [job for job in chosen_jobs(known, only) if waves is not None or not job.waves]
+    seas = {False: _sea(train, test)}
+    if waves is not None and any(job.waves for job in chosen):
+        seas[True] = _sea(waves.train, waves.test)
+    rows: dict[str, tuple[_Sea, list[TrainedModel]]] = {}
+    for job in chosen:
+        sea = seas[job.waves]
+        for number in range(len(sea.datasets)):
+            nnsem_s = _nnsem_s(known, sea, number, out) if job.kind in BY_ADJOINT else None
+            for row, models in _trained(job, sea, number, out, nnsem_s, tell).items():
+                rows.setdefault(row, (sea, []))[1].extend(models)
+    table = [_row(name, models, sea, tick_ms) for name, (sea, models) in rows.items()]
+    table += [_row(f"{HOLD}{IN_WAVES if rough else ''}", [None], sea, tick_ms) for rough, sea in seas.items()]
+    result = {"horizon_s": HORIZON_S, "reference": "truth", **_extent(seas[False]), "rows": table}
+    if True in seas:
+        result["waves"] = {**_extent(seas[True]), **wave_figures()}
+    out.mkdir(parents=True, exist_ok=True)
+    (out / "models.json").write_text(json.dumps(result, indent=1, sort_keys=True) + "\n")
+    write_page(out / "models.md", markdown(table))
+    calm = {name: models[0] for name, (sea, models) in rows.items() if sea is seas[False]}
+    _draw(calm, seas[False], out / "models.png")
+    return result
+
+
+def markdown(table: Sequence[Mapping[str, Any]]) -> str:
+    """The table as people read it: mean error, and its spread between networks."""
+    lines = [
+        "| model | u (m/s) | v (m/s) | r (rad/s) | networks | iterations | training CPU s | MPC tick ms |",
+        "| --- | --- | --- | --- | --- | --- | --- | --- |",
+    ]
+    for row in table:
+        errors = " | ".join(f"{row[f'mae_{axis}']:.3f} ± {row[f'spread_{axis}']:.3f}" for axis in "uvr")
+        rest = " | ".join(str(row[key]) for key in ("networks", "iterations", "cpu_s", "mpc_ms"))
+        lines.append(f"| {row['model']} | {errors} | {rest} |")
+    return "\n".join(lines) + "\n"
+
+
 def _sea(train: Sequence[Sequence[Path]], test: Sequence[Path]) -> _Sea:
     cases = test_cases(test, None, DT_S, truth=True)
     return _Sea(
@@ -146,15 +149,14 @@ def _extent(sea: _Sea) -> dict[str, Any]:
     }
 
 
-def _trained(job: Job, sea: _Sea, number: int, out: Path, tell: Tell | None) -> dict[str, list[TrainedModel]]:
+def _trained(
+    job: TrainingJob, sea: _Sea, number: int, out: Path, nnsem_s: float | None, tell: Tell | None
+) -> dict[str, list[TrainedModel]]:
     """The job's models on one data set, by row, as their files have them; trained first where a file is missing.
 
-    Networks trained by the adjoint have a second row: as they were when the CPU time that NNSEM took on the same data
-    was over. There is none where NNSEM is not trained yet.
+    With `nnsem_s` there is a second row: the networks as they were when that CPU time was over.
     """
-    rows, nnsem_s = [job.name], np.inf
-    if job.kind in BY_ADJOINT and (spent_s := _nnsem_s(sea, number, out)) is not None:
-        rows, nnsem_s = [job.name, f"{job.name}, NNSEM's time"], spent_s
+    rows = [job.name] if nnsem_s is None else [job.name, f"{job.name}, NNSEM's time"]
     files = {row: _files(out, row, number, job.seeds) for row in rows}
     if not all(file.exists() for paths in files.values() for file in paths):
         _train(job, sea, number, files, nnsem_s, tell)
@@ -162,7 +164,12 @@ def _trained(job: Job, sea: _Sea, number: int, out: Path, tell: Tell | None) -> 
 
 
 def _train(
-    job: Job, sea: _Sea, number: int, files: Mapping[str, Sequence[Path]], nnsem_s: float, tell: Tell | None
+    job: TrainingJob,
+    sea: _Sea,
+    number: int,
+    files: Mapping[str, Sequence[Path]],
+    nnsem_s: float | None,
+    tell: Tell | None,
 ) -> None:
     """Train and save the files of one data set, by row."""
     for file in (file for paths in files.values() for file in paths if file.exists()):
@@ -172,10 +179,10 @@ def _train(
     begin_s = time.process_time()
     early: list[TrainedModel] = []
 
-    def note(progress: Progress) -> None:
+    def note(progress: TrainingProgress) -> None:
         if tell is not None:
             tell(f"{job.name}, data set {number + 1}", progress.iteration / progress.iterations)
-        if not early and time.process_time() - begin_s >= nnsem_s:
+        if nnsem_s is not None and not early and time.process_time() - begin_s >= nnsem_s:
             early.extend(_timed(progress.models(), begin_s))
 
     vehicle, config_hash = sea.origin
@@ -198,7 +205,7 @@ def _files(out: Path, row: str, number: int, seeds: int) -> list[Path]:
     return [out / "models" / f"{_slug(row)}-{number + 1}-{i + 1}.npz" for i in range(seeds)]
 
 
-def _read(file: Path, job: Job, sea: _Sea, number: int, seed: int | None = None) -> TrainedModel:
+def _read(file: Path, job: TrainingJob, sea: _Sea, number: int, seed: int | None = None) -> TrainedModel:
     """A model of the folder. ModelError where it was trained on other data, or in another way, than the job says."""
     model = read_model(file)
     wanted = json.loads(json.dumps(dataclasses.asdict(job.options)))
@@ -219,12 +226,12 @@ def _read(file: Path, job: Job, sea: _Sea, number: int, seed: int | None = None)
     return model
 
 
-def _nnsem_s(sea: _Sea, number: int, out: Path) -> float | None:
+def _nnsem_s(known: Sequence[TrainingJob], sea: _Sea, number: int, out: Path) -> float | None:
     """CPU time that NNSEM took on a data set (s), whichever run of the study trained it; None where none did.
 
     Of networks trained side by side, what one alone takes is not known: the whole is its upper bound.
     """
-    (job,) = chosen_jobs(["nnsem"], 1)
+    (job,) = chosen_jobs(known, ["nnsem"])
     file = _files(out, job.name, number, 1)[0]
     return float(_read(file, job, sea, number, 1).figures["cpu_s"]) if file.exists() else None
 
@@ -239,7 +246,7 @@ def _row(
     name: str,
     models: Sequence[TrainedModel | None],
     sea: _Sea,
-    mpc_ticks: int,
+    tick_ms: Callable[[Dynamics], float],
 ) -> dict[str, Any]:
     """Mean error over networks and windows, and the standard deviation between networks and between windows."""
     cases, windows, steps = sea.cases, sea.windows, round(HORIZON_S / DT_S)
@@ -262,7 +269,7 @@ def _row(
         figures = [model.figures for model in models if model is not None]
         row["iterations"] = round(float(np.mean([part["iterations_run"] for part in figures])))
         row["cpu_s"] = round(float(np.mean([part["cpu_s"] for part in figures])), 1)
-        row["mpc_ms"] = round(mpc_tick_ms(first.dynamics(), mpc_ticks), 2)
+        row["mpc_ms"] = round(tick_ms(first.dynamics()), 2)
     return row
 
 

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
-from pathlib import Path
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from asvhil.config import VesselConfig, load_config
 from asvhil.study.comparison import Held, Scores, compare, held_words, not_held, run_setups, vessel_override
 from asvhil.study.rows import FROM_S, ROWS, TO_S, along_the_wind, title
-from asvhil.study.runner import Progress
+from asvhil.study.runner import Run
 from asvhil.study.six_tests import cost_figures
 from asvhil.study.statistics import count_of_seeds, other_code, plus_minus
 
@@ -72,7 +71,7 @@ PAIRS = {  # what is asked of: (tried, against)
 
 
 def study_robustness(
-    store: Path,
+    run: Run,
     *,
     controller: tuple[str, ...],
     rows: Iterable[str] = tuple(ROWS),
@@ -80,13 +79,11 @@ def study_robustness(
     window_s: tuple[float, float] = (FROM_S, TO_S),
     base: str = "sitl",
     overrides: tuple[str, ...] = (),
-    workers: int | None = None,
-    tell: Callable[[Progress], None] = lambda progress: None,
 ) -> dict[str, Any]:
     """ps of each pair in each row beside what is asked: a ratio, or a difference for no sensor along the wind."""
     rows, seeds = list(rows), list(seeds)
     made = setups(controller, base, overrides)
-    scores, held, finished = run_setups(store, made, rows, seeds, window_s, base=base, workers=workers, tell=tell)
+    scores, held, finished = run_setups(run, made, rows, seeds, window_s, base=base)
     return {
         "window_s": list(window_s),
         "seeds": list(seeds),

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Collection, Iterable, Iterator
 from typing import Any
 
 import yaml
 
 from asvhil.config import load_config
+from asvhil.config.mean_wind import from_north_deg
 from asvhil.errors import ConfigError
 from asvhil.study.runner import Job
 from asvhil.study.trials.trial import NO_NOISE, NO_SLOW_ERROR, run_key
@@ -49,7 +49,7 @@ def row_overrides(row: str, seed: int, *, noise: bool = True, heading_deg: float
     """The config keys of one run of a row at a station of that heading; without `noise` no gusts, no sensor noise."""
     speed_mps, toward_deg = ROWS[row]
     if heading_deg:  # at none the direction stays as the row has it: stored runs are known by it
-        toward_deg = math.remainder(toward_deg + heading_deg, 360.0)
+        toward_deg = from_north_deg(toward_deg, heading_deg)
     return (
         *NO_SLOW_ERROR,
         f"plant.seed={seed}",
@@ -57,12 +57,6 @@ def row_overrides(row: str, seed: int, *, noise: bool = True, heading_deg: float
         f"plant.weather.wind.toward_deg={toward_deg}",
         *(() if noise else NO_NOISE),
     )
-
-
-def station_heading_deg(base: str, overrides: tuple[str, ...]) -> float:
-    """The heading of a config's station, 0 without one. ConfigError where a key is wrong."""
-    station = load_config(base, overrides).supervisor.station
-    return 0.0 if station is None else station.heading_deg
 
 
 def refuse_own(overrides: Iterable[str], own: Iterable[str]) -> None:

@@ -44,17 +44,19 @@ class Job:
 
 
 @record
-class Progress:
+class StudyProgress:
     """How far a study is. `remaining_s` is None until there is a run of every group to go by.
 
-    `note` is what people should know of the store, said once at the start.
+    `note` is what people should know of the store, said once at the start. `part` names the part that the counts are
+    of, where they are not of the whole study.
     """
 
     done: int
     total: int
-    remaining_s: float | None
-    total_s: float | None  # of the whole study on these processes, runs that were stored already included
+    remaining_s: float | None = None
+    total_s: float | None = None  # of the whole study on these processes, runs that were stored already included
     note: str = ""
+    part: str = ""
 
 
 @record
@@ -67,13 +69,22 @@ class Finished:
     outdated: int
 
 
+Tell = Callable[[StudyProgress], None]
+Run = Callable[[Function, Sequence[Job]], Finished]  # what runs the jobs of a study, such as `run_into`
+
+
+def run_into(store: Path, *, workers: int | None = None, tell: Tell = lambda progress: None) -> Run:
+    """`run_jobs` with one store, as a study takes it."""
+    return functools.partial(run_jobs, store=store, workers=workers, tell=tell)
+
+
 def run_jobs(
     function: Function,
     jobs: Sequence[Job],
     store: Path,
     *,
     workers: int | None = None,
-    tell: Callable[[Progress], None] = lambda progress: None,
+    tell: Tell = lambda progress: None,
 ) -> Finished:
     """`function(*arguments)` for each job whose key the store does not hold yet; results must be JSON-able.
 
@@ -174,7 +185,7 @@ def _group_s(jobs: Sequence[Job], stored: dict[str, dict[str, Any]]) -> dict[str
     return spent
 
 
-def _progress(jobs: Sequence[Job], stored: dict[str, dict[str, Any]], processes: int) -> Progress:
+def _progress(jobs: Sequence[Job], stored: dict[str, dict[str, Any]], processes: int) -> StudyProgress:
     unique = list({job.key: job for job in jobs}.values())
     done: dict[str, int] = {}
     all_: dict[str, int] = {}
@@ -186,7 +197,7 @@ def _progress(jobs: Sequence[Job], stored: dict[str, dict[str, Any]], processes:
         spent = _group_s(unique, stored)
         total_s = sum(spent[group] / done[group] * all_[group] for group in all_) / processes
         remaining_s = sum(spent[group] / done[group] * (all_[group] - done[group]) for group in all_) / processes
-    return Progress(done=sum(done.values()), total=len(unique), remaining_s=remaining_s, total_s=total_s)
+    return StudyProgress(done=sum(done.values()), total=len(unique), remaining_s=remaining_s, total_s=total_s)
 
 
 # --- processes ---------------------------------------------------------------------------------------------

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from asvhil.backseat.build import model_file
 from asvhil.config import load_config
+from asvhil.config.mean_wind import station_heading_deg
 from asvhil.config.registry import CONTROLLERS, ControllerKind
 from asvhil.errors import ConfigError
-from asvhil.study.rows import FROM_S, ROWS, TO_S, refuse_own, row_overrides, station_heading_deg, trial_job, wind_of
-from asvhil.study.runner import Finished, Progress, run_jobs
+from asvhil.study.rows import FROM_S, ROWS, TO_S, refuse_own, row_overrides, trial_job, wind_of
+from asvhil.study.runner import Finished, Run
 from asvhil.study.statistics import mean_ci95, mean_of_all
 from asvhil.study.trials.trial import run_named_trial
 
@@ -74,19 +75,17 @@ def available(
 
 
 def study_six_tests(
-    store: Path,
+    run: Run,
     *,
     controllers: Mapping[str, tuple[str, ...]],
     rows: Iterable[str] = tuple(ROWS),
     seeds: Iterable[int] = (1, 2, 3, 4, 5),
     noise: bool = True,
     window_s: tuple[float, float] = (FROM_S, TO_S),
-    workers: int | None = None,
     base: str = "sitl",
     bounds: Mapping[str, float] | None = None,
-    tell: Callable[[Progress], None] = lambda progress: None,
 ) -> dict[str, Any]:
-    """The table of all runs, of which those that the store holds are not run again (`runner.run_jobs`).
+    """The table of all runs.
 
     `controllers` as `available` gives them. `bounds` are penalty scores by wind (`bound.read_bounds`). ConfigError
     where a config key of a controller is one that the rows set.
@@ -94,7 +93,7 @@ def study_six_tests(
     rows, seeds = list(rows), list(seeds)
     headings_deg = {}
     for label, keys in controllers.items():
-        headings_deg[label] = station_heading_deg(base, keys)
+        headings_deg[label] = station_heading_deg(load_config(base, keys))
         refuse_own(keys, row_overrides(next(iter(ROWS)), 1, noise=noise))
     names = [(row, label, seed) for seed in seeds for row in rows for label in controllers]
     jobs = [
@@ -106,7 +105,7 @@ def study_six_tests(
         )
         for row, label, seed in names
     ]
-    finished = run_jobs(run_named_trial, jobs, store, workers=workers, tell=tell)
+    finished = run(run_named_trial, jobs)
     runs = [
         {"row": row, "controller": label, "seed": seed, **result}
         for (row, label, seed), result in zip(names, finished.results, strict=True)

@@ -6,14 +6,11 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import matplotlib
-
-matplotlib.use("Agg")
-
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from asvhil.logs.figure import save_figure
 from asvhil.study.comparison import held_words
 from asvhil.study.rows import along_the_wind, title
 from asvhil.study.six_tests import MAIN, OURS, REFERENCE
@@ -87,7 +84,7 @@ def draw_bars(study: Mapping[str, Any], path: Path) -> None:
     panels[0].set_ylabel("penalty score (m, degrees), 95 % interval")
     handles, labels = panels[-1].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper center", ncols=5, fontsize="small")
-    figure.savefig(path, dpi=110)
+    save_figure(figure, path)
 
 
 def _draw_group(axes: Axes, study: Mapping[str, Any], rows: Sequence[str]) -> None:

@@ -5,11 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import matplotlib
-
-matplotlib.use("Agg")
-
 from matplotlib.figure import Figure
+
+from asvhil.logs.figure import save_figure
 
 LABELS = {
     "sqp": "own SQP (default)",
@@ -83,4 +81,4 @@ def draw_solvers(study: dict[str, Any], path: Path) -> None:
     axes.set_ylabel("mean cost above the optimum (%)")
     axes.grid(alpha=0.3)
     axes.legend(fontsize="small")
-    figure.savefig(path, dpi=110)
+    save_figure(figure, path)

@@ -25,8 +25,9 @@ from asvhil.controller.protocol import Controller
 from asvhil.controller.solvers.choice import choose_solver
 from asvhil.controller.solvers.fatrop import available as fatrop_available
 from asvhil.controller.solvers.ipopt import Ipopt
-from asvhil.controller.solvers.problem import Array, Solution, Solver, StationProblem
+from asvhil.controller.solvers.problem import Solution, Solver, StationProblem
 from asvhil.controller.station_mpc import StationMpc
+from asvhil.dynamics.arrays import Array
 from asvhil.dynamics.protocol import Dynamics
 from asvhil.errors import AsvhilError, ConfigError
 from asvhil.simplant.lockstep import Lockstep
@@ -41,7 +42,7 @@ SETTLED_STEPS = 50  # at the end of the run
 BOOT_S = 30.0
 STAGES = (2, 200)  # as mpc.stages may be
 
-Progress = Callable[[str, int, int], None]  # what, how many of it are done, of how many
+Tell = Callable[[str, int, int], None]  # what, how many of it are done, of how many
 
 
 @record
@@ -115,7 +116,7 @@ def study_solvers(
     horizon_s: float = 4.0,
     peer: Sequence[str] = (),
     peer_model_file: str = "",
-    progress: Progress | None = None,
+    tell: Tell = lambda what, done, total: None,
 ) -> dict[str, Any]:
     """Figures of each solver as a JSON-ready tree, for a model and the plant and weather of a config.
 
@@ -124,7 +125,6 @@ def study_solvers(
     as tests/peers/mpc_torch_peer.py in its own environment; it needs `peer_model_file` where the model is learned.
     Where it fails, `peer_failed` says why, beside the figures of the others.
     """
-    tell = progress or (lambda what, done, total: None)
     config = checked_study(config, solvers, horizon_s)
     failed = {}
     with _one_core():
@@ -222,7 +222,7 @@ def _one_core() -> Iterator[None]:
         os.sched_setaffinity(0, before)
 
 
-def _drive(config: Config, model: Dynamics, name: str, steps: int, tell: Progress) -> tuple[StationProblem, list[Step]]:
+def _drive(config: Config, model: Dynamics, name: str, steps: int, tell: Tell) -> tuple[StationProblem, list[Step]]:
     """One closed loop under a solver: its problem, and its steps. AsvhilError where the boat is not held."""
     mpc, make_solver = choose_solver(_with_solver(config.controller, name))
     made: list[tuple[StationProblem, Watch]] = []
@@ -261,7 +261,7 @@ def _drive(config: Config, model: Dynamics, name: str, steps: int, tell: Progres
     raise AsvhilError(f"{name}: the boat was held for {len(run)} of {steps} steps only")
 
 
-def _with_optima(problem: StationProblem, steps: list[Step], what: str, tell: Progress) -> Problems:
+def _with_optima(problem: StationProblem, steps: list[Step], what: str, tell: Tell) -> Problems:
     reference = Ipopt(problem, (REFERENCE_CAP,))
     optima = np.full(len(steps), np.nan)
     for i, step in enumerate(steps):
@@ -277,7 +277,7 @@ def _with_optima(problem: StationProblem, steps: list[Step], what: str, tell: Pr
 
 
 def _limit(
-    config: ControllerConfig, name: str, recorded: Problems, count: int | None, tell: Progress
+    config: ControllerConfig, name: str, recorded: Problems, count: int | None, tell: Tell
 ) -> dict[str, Any] | None:
     """How near to the optimum a solver comes when it may iterate on, from the best of the four starts."""
     chosen = np.flatnonzero(np.isfinite(recorded.optima))
@@ -348,7 +348,7 @@ def _gap_figures(gaps: Array) -> dict[str, float]:
     }
 
 
-def _peer_row(config: Config, peer: Sequence[str], model_file: str, recorded: Problems, tell: Progress) -> Any:
+def _peer_row(config: Config, peer: Sequence[str], model_file: str, recorded: Problems, tell: Tell) -> Any:
     """mpc.torch on the problems and warm starts of the torch-lqr run. AsvhilError where the command fails."""
     tell("mpc.torch: recorded problems", 0, len(recorded.parameters))
     with tempfile.TemporaryDirectory() as folder:

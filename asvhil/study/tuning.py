@@ -85,12 +85,12 @@ def settled_score(config: Config, from_s: float = FROM_S, to_s: float = TO_S) ->
     return truth
 
 
-Job = tuple[str, tuple[str, ...], tuple[float, float], tuple[float, float]]
+TuningRun = tuple[str, tuple[str, ...], tuple[float, float], tuple[float, float]]
 
 
-def evaluate(job: Job) -> float:
+def evaluate(run: TuningRun) -> float:
     """ps of one run: (config, overrides, wind as m/s and degrees toward, scoring window)."""
-    base, overrides, (speed_mps, toward_deg), window = job
+    base, overrides, (speed_mps, toward_deg), window = run
     wind = (f"plant.weather.wind.speed_mps={speed_mps}", f"plant.weather.wind.toward_deg={toward_deg}")
     return float(settled_score(load_config(base, (*overrides, *wind)), *window)["penalty_score"])
 
@@ -111,11 +111,13 @@ def tune(
     winds: tuple[tuple[float, float], ...] = WINDS,
     window_s: tuple[float, float] = (FROM_S, TO_S),
     base: str = "sitl",
+    score: Callable[[TuningRun], float] = evaluate,
 ) -> dict[str, Any]:
     """Search the values of `spaces()[name]` with the lowest typical ps over the winds; `budget` counts candidates.
 
     With a path every batch is saved there, and a search that was begun there with the same settings is taken up.
-    `progress` hears of each batch how many candidates are done, and the lowest typical ps so far.
+    `progress` is called after each batch with the candidates that are done and the lowest typical ps so far. `score`
+    gives the ps of one run, in any process.
     The result depends on neither workers (0: none but this process) nor interruptions. KeyError where the controller
     has no space, ConfigError for a budget, seed or workers that cannot be, AsvhilError where the file at the path is
     not of this search: it is left as it is.
@@ -143,15 +145,15 @@ def tune(
     done: list[dict[str, Any]] = result["evaluations"]
     if path is not None and path.exists():
         done += _stored(path, result)
-    with _mapper(workers) as run:
+    with _mapper(workers) as map_:
         while len(done) < budget:
             batch = candidates(space, budget, seed, done)
-            jobs = [
+            runs = [
                 (base, (*NO_SLOW_ERROR, f"plant.seed={PLANT_SEED}", *overrides_of(name, values)), wind, window_s)
                 for values in batch
                 for wind in winds
             ]
-            scores = [round(ps, 4) for ps in run(evaluate, jobs)]
+            scores = [round(ps, 4) for ps in map_(score, runs)]
             for i, values in enumerate(batch):
                 own = scores[i * len(winds) : (i + 1) * len(winds)]
                 done.append({"values": values, "ps": own, "typical_ps": round(typical(own), 4)})
@@ -212,8 +214,8 @@ def _typical_ps(evaluation: dict[str, Any]) -> float:
 
 
 @contextmanager
-def _mapper(workers: int) -> Iterator[Callable[[Callable[[Job], float], Sequence[Job]], Iterable[float]]]:
-    """`map` over processes, in the order of the jobs; in this process where there are no workers."""
+def _mapper(workers: int) -> Iterator[Callable[[Callable[[TuningRun], float], Sequence[TuningRun]], Iterable[float]]]:
+    """`map` over processes, in the order of the runs; in this process where there are no workers."""
     if workers == 0:
         yield map
         return

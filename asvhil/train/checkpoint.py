@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
+from asvhil.dynamics.arrays import Array
 from asvhil.dynamics.weights import read_arrays
 from asvhil.errors import ModelError
-from asvhil.train.records import Array
 from asvhil.types import record
 
 

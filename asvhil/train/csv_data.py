@@ -10,10 +10,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from asvhil.dynamics.arrays import Array
 from asvhil.errors import LogError
 from asvhil.geo import wrap_rad
 from asvhil.train.columns import ColumnMap, MotorColumn, load_columns
-from asvhil.train.records import Array, Dataset, Segment, source_hash
+from asvhil.train.records import Dataset, Segment, source_hash
 from asvhil.train.series import (
     VELOCITY_HALF_WIDTH_S,
     YAW_HALF_WIDTH_S,

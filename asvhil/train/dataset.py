@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from asvhil.dynamics.arrays import Array
 from asvhil.train.columns import find_columns
 from asvhil.train.csv_data import dataset_from_csv
 from asvhil.train.log_data import dataset_from_logs, truth_from_log
-from asvhil.train.records import Array, Dataset, Ranges, Segment, ranges, split
+from asvhil.train.records import Dataset, Ranges, Segment, ranges, split
 
 __all__ = [
     "Array",

@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from asvhil.dynamics.arrays import Array
 from asvhil.dynamics.protocol import Dynamics
 from asvhil.errors import LogError
 from asvhil.train.openloop import MOTOR_WARM_UP_S, measured, open_loop
-from asvhil.train.records import Array, Segment
+from asvhil.train.records import Segment
 from asvhil.train.windows import MOVING_MPS
 from asvhil.types import record
 

@@ -6,7 +6,7 @@ The same data, options and seed give the same weights to the last bit on one mac
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +15,8 @@ import torch
 from asvhil.dynamics.weights import KINDS, TrainedModel
 from asvhil.errors import ModelError
 from asvhil.train.fit_sd import SD_ITERATIONS, fit_sd
-from asvhil.train.options import OPTIONS, FitOptions, Progress, ProgressCallback
+from asvhil.train.options import OPTIONS, FitOptions
+from asvhil.train.progress import TrainingProgress
 from asvhil.train.records import Dataset
 from asvhil.train.training import Training, held_out
 from asvhil.train.windows import check, scaling_of
@@ -30,7 +31,7 @@ def fit(
     options: FitOptions | None = None,
     vehicle: str = "",
     config_hash: str = "",
-    progress: ProgressCallback | None = None,
+    progress: Callable[[TrainingProgress], None] | None = None,
     checkpoint: Path | None = None,
 ) -> TrainedModel:
     """One trained model. With a checkpoint file, an interrupted training goes on from there; it is removed at the end.
@@ -60,7 +61,7 @@ def fit_many(
     options: FitOptions | None = None,
     vehicle: str = "",
     config_hash: str = "",
-    progress: ProgressCallback | None = None,
+    progress: Callable[[TrainingProgress], None] | None = None,
     checkpoint: Path | None = None,
 ) -> list[TrainedModel]:
     """One model a seed, trained side by side, which costs far less than one after the other."""
@@ -93,14 +94,16 @@ def _fitted_sd(
     seeds: Sequence[int],
     options: FitOptions,
     origin: dict[str, Any],
-    progress: ProgressCallback | None,
+    progress: Callable[[TrainingProgress], None] | None,
 ) -> list[TrainedModel]:
     """SD has no random start: the same model for every seed."""
 
     def tell(iteration: int, cost: float) -> None:
         if progress is not None:
             progress(
-                Progress(iteration=iteration, iterations=SD_ITERATIONS, loss=cost, validation=cost, models=lambda: [])
+                TrainingProgress(
+                    iteration=iteration, iterations=SD_ITERATIONS, loss=cost, validation=cost, models=lambda: []
+                )
             )
 
     train, _ = held_out(dataset, options.validation_fraction)

@@ -7,11 +7,12 @@ from collections.abc import Callable
 import casadi as ca
 import numpy as np
 
+from asvhil.dynamics.arrays import Array
 from asvhil.dynamics.fitted_sd import PARAMETERS, FittedSd
 from asvhil.dynamics.integrate import integrate
 from asvhil.dynamics.lagnet import SKIP_FACTORS
 from asvhil.dynamics.nnsem import Scaling
-from asvhil.train.records import Array, Dataset
+from asvhil.train.records import Dataset
 from asvhil.train.windows import Windows, check, scaling_of
 
 LARGEST_SET = 600  # windows: more of them change the fit less than the noise does

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +21,8 @@ from asvhil.train.dataset import (
     truth_from_log,
 )
 from asvhil.train.evaluate import Case, evaluate, predict, windows_of
-from asvhil.train.options import FitOptions, ProgressCallback, chosen_options
+from asvhil.train.options import FitOptions, chosen_options
+from asvhil.train.progress import TrainingProgress
 
 DT_S = 0.2
 
@@ -79,7 +80,7 @@ def train_command(
     smoothed: bool = True,
     tries: int = 1,
     resume: bool = False,
-    progress: ProgressCallback | None = None,
+    progress: Callable[[TrainingProgress], None] | None = None,
 ) -> dict[str, Any]:
     """Train a model on logs or CSV files and write it, with its curve as a picture beside it; the figures.
 
@@ -89,7 +90,7 @@ def train_command(
     """
     options = options or chosen_options(kind, dt_s)
     if tries > 1 and kind == "sd":
-        raise ConfigError("train: --tries is of no use to sd, which has no random start")
+        raise ConfigError("train: --tries does not apply to model sd, which has no random start")
     _check_output(output)
     if is_csv(data):
         if vehicle is None:

@@ -8,9 +8,10 @@ from typing import Literal
 
 import numpy as np
 
+from asvhil.dynamics.arrays import Array
 from asvhil.errors import LogError
 from asvhil.train.log_series import LogSeries, read_log_series
-from asvhil.train.records import Array, Dataset, Segment, source_hash
+from asvhil.train.records import Dataset, Segment, source_hash
 from asvhil.train.series import (
     VELOCITY_HALF_WIDTH_S,
     YAW_HALF_WIDTH_S,

@@ -12,7 +12,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from asvhil.train.records import Array
+from asvhil.dynamics.arrays import Array
 from asvhil.train.rollout import N_PRODUCTS, N_STATE, euler_rollout
 from asvhil.train.windows import MIRROR_NU, MIRROR_WIND
 from asvhil.types import record

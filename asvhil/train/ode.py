@@ -7,10 +7,10 @@ import torch
 from torch import Tensor
 from torchdiffeq import odeint_adjoint
 
+from asvhil.dynamics.arrays import Array
 from asvhil.dynamics.fitted_sd import FittedSd
 from asvhil.dynamics.nnsem import Scaling, TanhNetwork
 from asvhil.train.models import N_INPUT, Batch, exported_network, initial_network
-from asvhil.train.records import Array
 from asvhil.train.rollout import N_STATE
 
 IDENTITY_SLOPE = 0.3  # of the coupling's first units, which start as the sum of prior and network

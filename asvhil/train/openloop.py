@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from asvhil.dynamics.arrays import Array
 from asvhil.dynamics.integrate import integrate, substeps
 from asvhil.dynamics.protocol import Dynamics
-from asvhil.train.records import Array, Segment
+from asvhil.train.records import Segment
 
 MOTOR_WARM_UP_S = 3.0  # a motor forgets its past within ten lags
 

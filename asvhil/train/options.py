@@ -1,39 +1,120 @@
-"""How each kind of model is trained, and what is told while it is. No torch."""
+"""How each kind of model is trained, and which of it the command line lets people choose."""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Mapping
+from typing import Annotated, Any, get_type_hints
 
-from asvhil.dynamics.weights import TrainedModel
 from asvhil.errors import ConfigError, ModelError
 from asvhil.types import record
+
+NETWORKS = ("nnsem", "node", "knode", "lagnet")
+
+
+@record
+class Choice:
+    """An option of `asvhil train`: what it means, its range, the kinds of models it applies to, its name there.
+
+    A window is chosen in seconds and kept in steps (`seconds`). `off` is a value that asks for nothing, so that any
+    kind takes it. `default` says what the kinds do by themselves where that is not a number of their options.
+    """
+
+    help: str
+    low: float | None = None
+    high: float | None = None
+    kinds: tuple[str, ...] = NETWORKS
+    name: str = ""  # that of the field where it is empty
+    seconds: bool = False
+    off: Any = None
+    default: str = ""
 
 
 @record
 class FitOptions:
     """How a model is trained. The defaults are the paper's."""
 
-    iterations: int = 20000
-    window: int = 20  # m
-    batch: int = 64  # q
-    rate: float = 1e-3
-    last_rate: float = 1e-3  # a cosine leads from rate to it
-    hidden: int = 12
+    iterations: Annotated[int, Choice(help="Iterations of Adam, at most.", low=1)] = 20000
+    window: Annotated[  # m
+        int,
+        Choice(
+            help="Seconds that are simulated in each training window.",
+            low=0.04,
+            kinds=("sd", *NETWORKS),
+            name="horizon",
+            seconds=True,
+            default="20 steps",
+        ),
+    ] = 20
+    batch: Annotated[int, Choice(help="Windows of each training step.", low=1, high=4096)] = 64  # q
+    rate: Annotated[float, Choice(help="Learning rate of Adam.", low=1e-6, high=1.0)] = 1e-3
+    last_rate: Annotated[
+        float,
+        Choice(
+            help="Learning rate at the end; it falls from --rate along a cosine.",
+            low=0.0,
+            high=1.0,
+            default="that of --rate; lagnet 3e-05 where neither is given",
+        ),
+    ] = 1e-3
+    hidden: Annotated[int, Choice(help="Hidden neurons of each network.", low=1, high=200, name="width")] = 12
     history_s: float = 0.0  # of commands before a window, from which the motor states start
-    mirror: bool = False
+    mirror: Annotated[bool, Choice(help="Train on the mirrored data as well.")] = False
     symmetric: bool = False  # scaling about zero, the same for both motors
-    paired: bool = False  # every hidden neuron has a twin, its mirror image (NNSEM); half of them are learned
-    moving_share: float = 0.0  # at least this part of each batch is drawn from windows in motion
-    members: int = 1  # networks that are averaged in one model
+    paired: Annotated[
+        bool,
+        Choice(help="Give every neuron a twin, its mirror image: the boat is symmetric.", kinds=("nnsem",), off=False),
+    ] = False
+    moving_share: Annotated[
+        float,
+        Choice(
+            help="At least this share of each batch is drawn from windows in motion, for records with idle parts.",
+            low=0.0,
+            high=1.0,
+        ),
+    ] = 0.0
+    members: Annotated[
+        int,
+        Choice(help="Networks that are averaged in one model.", low=1, high=20, kinds=("lagnet",), off=1),
+    ] = 1
     frozen: tuple[str, ...] = ()  # parts that stay as they start (no skip, a straight map), to see what they bring
-    from_sd: bool = False  # the skip terms start as the fitted SD has them, the map nearly straight
-    weight_decay: float = 0.0  # of the loss for each unit of squared weight, and of squared distance of a skip term
-    monotone: float = 0.0  # of the loss for each unit of slope by a command that no motor has (NNSEM)
-    robust: float = 0.0  # error (of half a range) beyond which a window counts by its logarithm; 0: by its square
+    from_sd: Annotated[
+        bool, Choice(help="Start the skip terms from SD fitted to the same data.", kinds=("lagnet",), off=False)
+    ] = False
+    weight_decay: Annotated[
+        float,
+        Choice(help="Weight in the loss of squared weights, and of squared change of skip terms.", low=0.0, high=1.0),
+    ] = 0.0
+    monotone: Annotated[
+        float,
+        Choice(
+            help="Weight in the loss of slopes against the sign that every motor has: less motion for more command.",
+            low=0.0,
+            high=100.0,
+            kinds=("nnsem",),
+            off=0.0,
+        ),
+    ] = 0.0
+    robust: Annotated[  # 0: every window counts by its square
+        float,
+        Choice(
+            help="Error, as a share of half the range, beyond which a window counts by its logarithm, not its square.",
+            low=0.001,
+            high=1.0,
+            default="off",
+        ),
+    ] = 0.0
     block: int = 500  # iterations between validations and checkpoints; the random windows are drawn by the block
-    validation_fraction: float = 0.1
+    validation_fraction: Annotated[
+        float,
+        Choice(
+            help="Share held back to choose the best weights by. With 0 those of the last iteration are kept.",
+            low=0.0,
+            high=0.9,
+            kinds=("sd", *NETWORKS),
+            name="validation_share",
+        ),
+    ] = 0.1
     patience: int = 10000  # iterations without a better validation that end the training
 
 
@@ -48,98 +129,53 @@ OPTIONS: dict[str, FitOptions] = {
 }
 
 
-def chosen_options(
-    kind: str,
-    dt_s: float,
-    *,
-    iterations: int | None = None,
-    members: int | None = None,
-    rate: float | None = None,
-    last_rate: float | None = None,
-    width: int | None = None,
-    horizon_s: float | None = None,
-    batch: int | None = None,
-    moving_share: float | None = None,
-    mirror: bool | None = None,
-    paired: bool | None = None,
-    from_sd: bool | None = None,
-    weight_decay: float | None = None,
-    monotone: float | None = None,
-    robust: float | None = None,
-    validation_share: float | None = None,
-) -> FitOptions:
-    """The options of a kind, with what is not None in their place; horizon_s is the length of a training window.
+def _choices() -> Mapping[str, Choice]:
+    """By field, each with its name."""
+    found = {}
+    for field, hint in get_type_hints(FitOptions, include_extras=True).items():
+        for part in getattr(hint, "__metadata__", ()):
+            if isinstance(part, Choice):
+                found[field] = dataclasses.replace(part, name=part.name or field)
+    return found
+
+
+CHOICES = _choices()
+
+
+def chosen_options(kind: str, dt_s: float, **chosen: Any) -> FitOptions:
+    """The options of a kind, with what is chosen and not None in their place: values by the name of their `Choice`.
 
     A rate alone is held to the end. With mirrored data and with paired neurons the scaling is about zero.
     Without a validation share nothing is held back, and the weights are those of the last iteration. ModelError for an
-    unknown kind; ConfigError for an option that the kind has no use for.
+    unknown kind; ConfigError for an option that does not apply to the kind; TypeError for an unknown name.
     """
     if kind not in OPTIONS:
         raise ModelError(f"unknown model kind {kind!r} (known: {', '.join(OPTIONS)})")
-    if kind == "sd":
-        given = {
-            "--iterations": iterations,
-            "--width": width,
-            "--batch": batch,
-            "--moving-share": moving_share,
-            "--mirror": mirror,
-            "--rate": rate,
-            "--last-rate": last_rate,
-            "--weight-decay": weight_decay,
-            "--robust": robust,
-        }
-        for name, value in given.items():
-            if value is not None:
-                raise ConfigError(f"train: {name} is of no use to sd, which is no network")
-    if kind != "lagnet" and members not in (None, 1):
-        raise ConfigError(f"train: --members is for lagnet: {kind} is a single network")
-    if kind != "lagnet" and from_sd:
-        raise ConfigError(f"train: --from-sd is for lagnet: {kind} has no skip terms")
-    if paired and kind != "nnsem":
-        raise ConfigError(f"train: --paired is for nnsem, not {kind}")
-    if monotone and kind != "nnsem":
-        raise ConfigError(f"train: --monotone is for nnsem, not {kind}")
-    hidden = OPTIONS[kind].hidden if width is None else width
-    if paired and hidden % 2:
-        raise ConfigError(f"train: --paired needs an even --width, not {hidden}")
-    window = None if horizon_s is None else round(horizon_s / dt_s)
-    if window is not None and window < 2:
+    changes: dict[str, Any] = {}
+    for field, choice in CHOICES.items():
+        value = chosen.pop(choice.name, None)
+        if value is None:
+            continue
+        if kind in choice.kinds:
+            changes[field] = _steps(value, dt_s) if choice.seconds else value
+        elif value != choice.off:
+            only = "" if choice.kinds == NETWORKS else f", only to {', '.join(choice.kinds)}"
+            raise ConfigError(f"train: --{choice.name.replace('_', '-')} does not apply to model {kind}{only}")
+    if chosen:
+        raise TypeError(f"unknown options: {', '.join(chosen)}")
+    if "rate" in changes:
+        changes.setdefault("last_rate", changes["rate"])
+    if changes.get("mirror") or changes.get("paired"):
+        changes["symmetric"] = True
+    options = dataclasses.replace(OPTIONS[kind], **changes)
+    if options.paired and options.hidden % 2:
+        raise ConfigError(f"train: --paired needs an even --width, not {options.hidden}")
+    return options
+
+
+def _steps(horizon_s: float, dt_s: float) -> int:
+    """The steps of a training window. ConfigError for less than two."""
+    steps = round(horizon_s / dt_s)
+    if steps < 2:
         raise ConfigError(f"train: --horizon {horizon_s:g} is less than two steps of {dt_s:g} s")
-    if last_rate is None:
-        last_rate = rate
-    changes: dict[str, Any] = {
-        "iterations": iterations,
-        "members": members,
-        "rate": rate,
-        "last_rate": last_rate,
-        "hidden": width,
-        "window": window,
-        "batch": batch,
-        "moving_share": moving_share,
-        "mirror": mirror,
-        "symmetric": mirror or paired or None,
-        "paired": paired or None,
-        "from_sd": from_sd or None,
-        "weight_decay": weight_decay,
-        "monotone": monotone or None,
-        "robust": robust,
-        "validation_fraction": validation_share,
-    }
-    return dataclasses.replace(OPTIONS[kind], **{name: value for name, value in changes.items() if value is not None})
-
-
-@record
-class Progress:
-    """Where a training stands. `validation` is the best so far (mean error over half the range), averaged over seeds.
-
-    `models()` are the best models so far.
-    """
-
-    iteration: int
-    iterations: int
-    loss: float
-    validation: float
-    models: Callable[[], list[TrainedModel]]
-
-
-ProgressCallback = Callable[[Progress], None]
+    return steps

@@ -6,15 +6,12 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import matplotlib
-
-matplotlib.use("Agg")
-
 import numpy as np
 from matplotlib.figure import Figure
 
+from asvhil.dynamics.arrays import Array
+from asvhil.logs.figure import save_figure
 from asvhil.train.evaluate import Case
-from asvhil.train.records import Array
 
 COLOURS = {"nnsem": "tab:red", "sd": "tab:green", "node": "gold", "knode": "tab:blue", "lagnet": "tab:purple"}
 LABELS = ("u (m/s)", "v (m/s)", "r (rad/s)")
@@ -44,7 +41,7 @@ def draw_identification(case: Case, start: int, paths: Mapping[str, Array], dt_s
         axis.legend(loc="upper right", fontsize="small")
     for axis in axes:
         axis.grid(alpha=0.3)
-    figure.savefig(path, dpi=110)
+    save_figure(figure, path)
 
 
 def draw_curve(figures: Mapping[str, Any], title: str, path: Path) -> None:
@@ -58,7 +55,7 @@ def draw_curve(figures: Mapping[str, Any], title: str, path: Path) -> None:
     axes.set_title(title)
     axes.grid(alpha=0.3)
     axes.legend()
-    figure.savefig(path, dpi=110)
+    save_figure(figure, path)
 
 
 def _colour(name: str) -> str:

@@ -8,12 +8,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from asvhil.dynamics.arrays import Array
 from asvhil.errors import LogError
 from asvhil.types import record
-
-Array = NDArray[np.float64]
 
 
 @record

@@ -16,7 +16,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from asvhil.train.records import Array
+from asvhil.dynamics.arrays import Array
 
 N_STATE = 3
 N_PRODUCTS = 9  # x, x |x|, and (u v, v r, r u)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from asvhil.train.records import Array
+from asvhil.dynamics.arrays import Array
 from asvhil.types import record
 
 WINDOW = 7  # samples of the running median that a sample is held against

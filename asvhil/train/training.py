@@ -6,13 +6,14 @@ import dataclasses
 import hashlib
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
 
+from asvhil.dynamics.arrays import Array
 from asvhil.dynamics.fitted_sd import FittedSd
 from asvhil.dynamics.nnsem import Scaling
 from asvhil.dynamics.weights import TrainedModel
@@ -21,8 +22,9 @@ from asvhil.train.checkpoint import Checkpoint, read_checkpoint, write_checkpoin
 from asvhil.train.fit_sd import fit_sd, skip_of_sd
 from asvhil.train.models import Batch, LagNetTrainee, NnsemTrainee, Trainee
 from asvhil.train.openloop import measured, open_loop, spaced_starts
-from asvhil.train.options import FitOptions, Progress, ProgressCallback
-from asvhil.train.records import Array, Dataset, Segment, split
+from asvhil.train.options import FitOptions
+from asvhil.train.progress import TrainingProgress
+from asvhil.train.records import Dataset, Segment, split
 from asvhil.train.windows import Windows, mirrored, scaling_of
 
 VALIDATION_S = 15.0
@@ -67,7 +69,7 @@ class Training:
         if checkpoint is not None and checkpoint.exists():
             self._restore(read_checkpoint(checkpoint, self._key))
 
-    def run(self, progress: ProgressCallback | None) -> None:
+    def run(self, progress: Callable[[TrainingProgress], None] | None) -> None:
         """Train to the end, or until no validation has become better for long."""
         options = self._options
         arrays = [torch.from_numpy(part) for part in (self.windows.nu, self.windows.command, self.windows.wind)]
@@ -86,7 +88,7 @@ class Training:
             if progress is not None:
                 best = float(np.mean([value for value, _, _ in self._best]))
                 progress(
-                    Progress(
+                    TrainingProgress(
                         iteration=self._iteration,
                         iterations=options.iterations,
                         loss=loss,

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from asvhil.dynamics.arrays import Array
 from asvhil.dynamics.nnsem import Scaling
 from asvhil.errors import ModelError
-from asvhil.train.records import Array, Dataset, Segment, ranges
+from asvhil.train.records import Dataset, Segment, ranges
 
 SHORTEST_S = 60.0  # less data than this teaches nothing
 MOVING_MPS = 0.2  # mean speed of a window in motion

@@ -1,10 +1,8 @@
 """From the simulated board's serial port to the daemon: its own serial endpoint, its codec, its version check."""
 
 import asyncio
-import functools
 import json
 import math
-import operator
 import re
 import subprocess
 import sys
@@ -25,10 +23,7 @@ from asvhil.logs.reader import LogFile
 from asvhil.simplant.boat.arduino import SimulatedArduino
 from asvhil.types import ApparentWind, Estimate, Frame
 from tests.support.arduino_driver import BUILD, FIRMWARE, Board
-
-
-def sentence(body: str) -> bytes:
-    return f"${body}*{functools.reduce(operator.xor, body.encode(), 0):02X}\r\n".encode()
+from tests.support.nmea import sentence
 
 
 def winds(codec: NmeaCodec, frame: Frame) -> list[ApparentWind]:

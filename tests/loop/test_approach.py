@@ -8,6 +8,7 @@ from asvhil.config import load_config
 from asvhil.simplant.lockstep import Lockstep
 from asvhil.study.approach import markdown, study_approach, summarise_approach
 from asvhil.study.approach_figure import draw_tracks
+from asvhil.study.runner import run_into
 from asvhil.study.trials.approach import (
     CHATTER_S,
     SETTLED_S,
@@ -65,8 +66,8 @@ def test_the_study_counts_what_was_lost_and_is_taken_up_again(tmp_path):
     store, seen = tmp_path / "approach.jsonl", []
 
     def study(runs: int):
-        keys = {"overrides": (weak,), "duration_s": 20.0, "workers": 0}
-        return study_approach(store, runs, 1, tell=lambda now: seen.append((now.done, now.total)), **keys)
+        run = run_into(store, workers=0, tell=lambda now: seen.append((now.done, now.total)))
+        return study_approach(run, runs, 1, overrides=(weak,), duration_s=20.0)
 
     first, _ = study(1)
     figures, outcomes = study(2)

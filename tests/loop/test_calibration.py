@@ -9,9 +9,10 @@ import yaml
 from typer.testing import CliRunner
 
 from asvhil.backseat.build import model_file
-from asvhil.collect import collect, parse_wind
+from asvhil.collect import collect
 from asvhil.commands.cli import app, main
 from asvhil.config import load_config
+from asvhil.config.mean_wind import parse_wind
 from asvhil.preflight.calibration import calibrate
 from asvhil.sitl import run_lockstep
 

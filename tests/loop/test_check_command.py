@@ -35,7 +35,7 @@ def test_what_is_wrong_is_named_mended_and_passes_the_second_time(tmp_path: Path
         assert fails == {"SYSID_MYGCS": "255", "RC3_DZ": "30", "PILOT_STEER_TYPE": "0"}
         assert all(name in first.stdout for name in fails) and "3 fail" in first.stdout
         unasked = check(where, "--fix")
-        assert unasked.returncode == 2 and "add --yes" in unasked.stderr
+        assert unasked.returncode == 2 and "--fix needs a terminal to confirm; use --yes" in unasked.stderr
         mended = check(where, "--fix", "--yes", "--json", str(file))
         assert mended.returncode == 0, mended.stdout + mended.stderr
         assert json.loads(file.read_text())["written"] == {"SYSID_MYGCS": 1.0, "RC3_DZ": 0.0, "PILOT_STEER_TYPE": 1.0}

@@ -9,8 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from asvhil.collect import WindSector, collect, log_paths, parse_wind, with_manoeuvres
+from asvhil.collect import collect, log_paths, with_manoeuvres
 from asvhil.config import Config, load_config
+from asvhil.config.mean_wind import WindSector, parse_wind
 from asvhil.errors import ConfigError, LinkError
 from asvhil.io.mavlink.frames import dialect
 from asvhil.links.clock import Clock

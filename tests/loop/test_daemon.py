@@ -13,8 +13,8 @@ from asvhil.daemon.daemon import RELEASES, Daemon
 from asvhil.errors import AsvhilError
 from asvhil.io.mavlink.frames import FrameSplitter, decode
 from asvhil.links.clock import Clock
-from asvhil.links.endpoint import open_endpoint
-from asvhil.links.reconnecting import INBOX_FRAMES, ReconnectingLink
+from asvhil.links.endpoint import INBOX_FRAMES, open_endpoint
+from asvhil.links.reconnecting import ReconnectingLink
 from asvhil.logs.opening import open_recorder
 from asvhil.logs.reader import LogFile
 from asvhil.logs.recorder import Recorder

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import functools
-import operator
 import os
 import shutil
 import subprocess
 from pathlib import Path
 from types import TracebackType
 
+from tests.support.nmea import checksum
 from tests.support.paths import FIRMWARE_TESTS, ROOT
 
 HERE = FIRMWARE_TESTS
@@ -115,9 +114,9 @@ class Board:
 
 def checked(text: str) -> str:
     """A sentence without its checksum, which must be right."""
-    body, star, checksum = text.removeprefix("$").partition("*")
+    body, star, digits = text.removeprefix("$").partition("*")
     assert text.startswith("$") and star and len(text) <= 80, text
-    assert checksum == f"{functools.reduce(operator.xor, body.encode(), 0):02X}", text
+    assert digits == checksum(body), text
     return f"${body}"
 
 

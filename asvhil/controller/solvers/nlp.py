@@ -13,7 +13,8 @@ import casadi as ca
 import numpy as np
 
 from asvhil.controller.solvers.outcome import bounded, failure, rolled_out
-from asvhil.controller.solvers.problem import POSE_AND_VELOCITY, Array, Solution, StationProblem
+from asvhil.controller.solvers.problem import POSE_AND_VELOCITY, Solution, StationProblem
+from asvhil.dynamics.arrays import Array
 from asvhil.types import record
 
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from asvhil.controller.solvers.problem import Array, Solution, StationProblem
+from asvhil.controller.solvers.problem import Solution, StationProblem
+from asvhil.dynamics.arrays import Array
 
 
 def bounded(inputs: Array, lower: Array, upper: Array) -> Array:

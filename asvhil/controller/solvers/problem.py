@@ -19,14 +19,12 @@ from typing import Protocol
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from asvhil.config import MpcConfig, MpcWeights
+from asvhil.dynamics.arrays import Array
 from asvhil.dynamics.integrate import advance, motion_derivative, substeps
 from asvhil.dynamics.protocol import Dynamics
 from asvhil.types import record
-
-Array = NDArray[np.float64]
 
 FULL_TURN = 2.0  # of a motor command, from astern to ahead: a slew limit that allows it within a stage is none
 POSE_AND_VELOCITY = 6  # x, y, psi, u, v, r: the states that carry a cost

@@ -8,7 +8,8 @@ import daqp
 import numpy as np
 
 from asvhil.controller.solvers.outcome import bounded, failure
-from asvhil.controller.solvers.problem import POSE_AND_VELOCITY, Array, Solution, StationProblem
+from asvhil.controller.solvers.problem import POSE_AND_VELOCITY, Solution, StationProblem
+from asvhil.dynamics.arrays import Array
 from asvhil.dynamics.buffers import bind
 
 ARMIJO = 0.25  # least part of the decrease promised by the slope that a step must bring: overlong steps zigzag

@@ -14,7 +14,8 @@ import torch
 from torch import Tensor
 
 from asvhil.controller.solvers.outcome import bounded, failure, rolled_out
-from asvhil.controller.solvers.problem import POSE_AND_VELOCITY, Array, Solution, StationProblem
+from asvhil.controller.solvers.problem import POSE_AND_VELOCITY, Solution, StationProblem
+from asvhil.dynamics.arrays import Array
 from asvhil.dynamics.integrate import advance
 from asvhil.types import record
 

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import functools
-import operator
 import re
 
+from asvhil.io.sensors.nmea_checksum import nmea_checksum
 from asvhil.types import Frame, Note
 
 FIRMWARE = "arduino_anemometer"
@@ -75,7 +74,7 @@ class FirmwareWatch:
 
 def _version(line: bytes) -> tuple[str, str, str] | None:
     body, star, checksum = line[line.rfind(b"$") + 1 :].rstrip().partition(b"*")
-    if not star or checksum.upper() != b"%02X" % functools.reduce(operator.xor, body, 0):
+    if not star or checksum.upper() != b"%02X" % nmea_checksum(body):
         return None
     found = SENTENCE.fullmatch(body.decode("latin-1"))
     return None if found is None else (found[1], found[2], found[3])

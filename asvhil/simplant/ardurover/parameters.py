@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from asvhil.config import FrontseatConfig, PwmConfig
 from asvhil.simplant.vehicle.parameter_table import INT8, INT16, INT32, REAL32, ParameterTable, Row
-from asvhil.simplant.vehicle.rc import Calibration
+from asvhil.simplant.vehicle.rc import ChannelCalibration
 
 FIXED = None  # not modelled: the value stands whatever is asked
 PULSES = (800.0, 2200.0)
@@ -70,18 +70,18 @@ class Parameters(ParameterTable):
             ("INITIAL_MODE", 0, INT8, FIXED),
             ("SCHED_LOOP_RATE", config.loop_hz, INT16, FIXED),
         )
-        self._sticks: dict[int, Calibration] = {}
+        self._sticks: dict[int, ChannelCalibration] = {}
         self.mygcs_name = rows[1][0]
         super().__init__("simulated ArduRover", rows, config.parameters)
 
-    def stick(self, channel: int) -> Calibration:
+    def stick(self, channel: int) -> ChannelCalibration:
         """How a stick is read."""
         found = self._sticks.get(channel)
         if found is None:
             low_us, trim_us, high_us, dead_zone_us, reverse = (
                 self._values.get(f"RC{channel}_{part}", default) for part, default in STICK_DEFAULTS
             )
-            found = self._sticks[channel] = Calibration(
+            found = self._sticks[channel] = ChannelCalibration(
                 low_us=low_us, trim_us=trim_us, high_us=high_us, dead_zone_us=dead_zone_us, reversed=reverse != 0.0
             )
         return found

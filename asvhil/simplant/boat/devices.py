@@ -13,6 +13,7 @@ import numpy as np
 from asvhil.config import InsDeviceConfig, NmeaDeviceConfig, SensorLinkConfig, SensorsConfig
 from asvhil.config.registry import SensorKind
 from asvhil.geo import GRAVITY_MPS2, LocalFrame, wrap_2pi, wrap_rad
+from asvhil.io.sensors.nmea_checksum import nmea_sentence
 from asvhil.io.sensors.nmea_sentences import KNOTS_TO_MPS
 from asvhil.io.sensors.vectornav import binary
 from asvhil.io.sensors.vectornav.codec import (
@@ -25,6 +26,7 @@ from asvhil.io.sensors.vectornav.codec import (
     TRACKING,
 )
 from asvhil.simplant.boat.faults import Present, SensorFaults
+from asvhil.simplant.boat.metronome import Metronome
 from asvhil.simplant.boat.sensors import Anemometer, Navigation, SensorReading, TrueMotion
 from asvhil.types import Frame
 
@@ -34,24 +36,6 @@ UNIX_EPOCH_AT_POWER_ON_US = 1_767_225_600_000_000  # 2026-01-01: a simulation ha
 GPS_EPOCH_UNIX_S = 315_964_800  # 1980-01-06
 LEAP_S = 18  # GPS ahead of UTC since 2017
 COMPASS_HEADING = 0x0300  # of the INS status: the two antennas give a heading, and it is used
-
-
-class Metronome:
-    """Due times on the grid of a rate, counted from power-on so that they never drift."""
-
-    def __init__(self, t_ns: int, rate_hz: float) -> None:
-        self._start_ns, self._rate_hz = t_ns, rate_hz
-        self._count = 0
-        self._due_ns = t_ns + round(NS_PER_S / rate_hz)
-
-    def take_due(self, t_ns: int) -> bool:
-        """Whether a beat has come, which is then taken; those that were missed count as one."""
-        if t_ns < self._due_ns:
-            return False
-        while self._due_ns <= t_ns:
-            self._count += 1
-            self._due_ns = self._start_ns + round((self._count + 1) * NS_PER_S / self._rate_hz)
-        return True
 
 
 def _errors(sensors: SensorsConfig, device: InsDeviceConfig | NmeaDeviceConfig) -> SensorsConfig:
@@ -149,7 +133,7 @@ class SimulatedNmea:
                 bodies.append(f"HCHDG,{magnetic_deg % 360.0:.1f},,,{self._variation()}")
         if not bodies or "nmea" in faults:
             return []
-        return [Frame(t_ns=t_ns, port=NMEA_PORT, data=b"".join(sentence(body) for body in bodies))]
+        return [Frame(t_ns=t_ns, port=NMEA_PORT, data=b"".join(nmea_sentence(body) for body in bodies))]
 
     def _fix_sentences(self, t_ns: int) -> list[str]:
         nav, utc = self._receiver, self._utc(t_ns)
@@ -225,15 +209,6 @@ class SimulatedSensor:
         )
         data = self._kind.simulate(self._settings, t_ns, reading)
         return [Frame(t_ns=t_ns, port=self._port, data=data)] if data else []
-
-
-def sentence(body: str) -> bytes:
-    """An NMEA 0183 sentence around its body: `$<body>*hh`."""
-    data = body.encode()
-    checksum = 0
-    for byte in data:
-        checksum ^= byte
-    return b"$%s*%02X\r\n" % (data, checksum)
 
 
 def _angle(degrees: float, width: int) -> str:

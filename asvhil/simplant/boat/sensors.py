@@ -9,6 +9,7 @@ import numpy as np
 
 from asvhil.config import AnemometerSensorConfig, SensorsConfig
 from asvhil.geo import ned_to_body, wrap_2pi
+from asvhil.io.sensors.nmea_checksum import nmea_sentence
 from asvhil.simplant.boat.faults import SOUND, SensorFaults
 from asvhil.simplant.boat.noise import NormalSource, OrnsteinUhlenbeck
 from asvhil.types import record
@@ -236,8 +237,4 @@ class Anemometer:
 
 def mwv_sentence(speed_mps: float, from_deg: float) -> bytes:
     """NMEA 0183 wind sentence, apparent wind: `$WIMWV,<deg>,R,<m/s>,M,A*hh`."""
-    body = f"WIMWV,{from_deg:.1f},R,{speed_mps:.2f},M,A".encode()
-    checksum = 0
-    for byte in body:
-        checksum ^= byte
-    return b"$%s*%02X\r\n" % (body, checksum)
+    return nmea_sentence(f"WIMWV,{from_deg:.1f},R,{speed_mps:.2f},M,A")

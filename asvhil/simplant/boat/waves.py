@@ -10,11 +10,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from asvhil.config import WavesConfig
-
-Array = NDArray[np.float64]
+from asvhil.dynamics.arrays import Array
 
 BLOCK = 512  # steps whose random numbers are drawn at once
 NODES = 10  # of the quadrature over up to PANEL_RAD of the wave's phase: exact to the last bits

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from asvhil.config import Config
 from asvhil.errors import ConfigError
 from asvhil.links.clock import Clock
-from asvhil.links.endpoint import Endpoint, open_endpoint, parse_spec
+from asvhil.links.endpoint import INBOX_FRAMES, Endpoint, open_endpoint, parse_spec
 from asvhil.links.tcp import TcpServer
 from asvhil.simplant.hil.ardupilot_json import PORT, ArduPilotJson
 from asvhil.simplant.hil.plant import HilPlant
@@ -21,7 +21,6 @@ from asvhil.types import Frame
 
 STATUS_S = 0.2
 IDLE_NS = 100_000_000  # a client that leaves says nothing: look that often
-INBOX_FRAMES = 10_000
 
 
 class HilServer(ABC):

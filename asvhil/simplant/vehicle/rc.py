@@ -94,7 +94,7 @@ class RcInputs:
 
 
 @record
-class Calibration:
+class ChannelCalibration:
     """RCn_MIN, _TRIM, _MAX, _DZ (us) and _REVERSED of one channel."""
 
     low_us: float

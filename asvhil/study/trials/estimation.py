@@ -7,10 +7,10 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from asvhil.backseat.build import build_backseat, build_controller, build_model
 from asvhil.config import Config, load_config
+from asvhil.dynamics.arrays import Array
 from asvhil.geo import LocalFrame, body_to_ned
 from asvhil.simplant.lockstep import Lockstep
 from asvhil.simplant.plant import Truth
@@ -20,8 +20,6 @@ KINDS = ("ekf", "fir", "raw")
 ACTIVITIES = ("station", "manoeuvres")
 TRACE_S = 0.25  # between two points of a picture
 TRUTH_COLUMNS = ("n_m", "e_m", "vn_mps", "ve_mps", "psi_rad", "r_radps", "wn_mps", "we_mps", "u_mps", "v_mps")
-
-Array = NDArray[np.float64]
 
 
 @record

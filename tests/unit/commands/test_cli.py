@@ -11,7 +11,13 @@ import pytest
 
 def asvhil(*arguments: str, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
-        [sys.executable, "-m", "asvhil", *arguments], capture_output=True, text=True, check=False, timeout=60, cwd=cwd
+        [sys.executable, "-m", "asvhil", *arguments],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=60,
+        cwd=cwd,
+        stdin=subprocess.DEVNULL,
     )
 
 
@@ -33,6 +39,7 @@ def asvhil(*arguments: str, cwd: Path | None = None) -> subprocess.CompletedProc
         (["replay", "nowhere.mcap"], "nowhere.mcap: cannot be read"),
         (["replay", "--tlog", "nowhere.tlog"], "nowhere.tlog: cannot be read"),
         (["report", "nowhere.mcap"], "nowhere.mcap: cannot be read"),
+        (["check", "sitl", "--fix"], "check: --fix needs a terminal to confirm; use --yes"),
         (["run", "sitl", "--log", "no/such/folder/log.mcap", "--duration", "1"], "log.mcap"),
     ],
 )
@@ -71,3 +78,11 @@ def test_the_wind_turns_with_the_stations_heading(tmp_path: Path) -> None:
     asvhil("sitl", *arguments, "--no-picture", "--json", "out.json", cwd=tmp_path)
     figures = json.loads((tmp_path / "out.json").read_text())
     assert figures["wind"]["configured_toward_deg"] == 190.0
+
+
+def test_a_collected_log_without_a_note_ends_its_line_with_the_seconds(tmp_path: Path) -> None:
+    done = asvhil("collect", "--duration", "10", "-o", "data.mcap", cwd=tmp_path)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.splitlines()[-1] == "data.mcap: 10 s"
+    done = asvhil("collect", "--duration", "10", "-o", "noted.mcap", "--note", "lake", cwd=tmp_path)
+    assert done.stdout.splitlines()[-1] == "noted.mcap: 10 s, lake"

@@ -1,12 +1,19 @@
 from __future__ import annotations
 
+import dataclasses
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from io import BytesIO
 from pathlib import Path
+from typing import Any
 
 import pytest
+import zstandard
+from mcap.data_stream import RecordBuilder
 from mcap.reader import make_reader
-from mcap.writer import CompressionType, Writer
+from mcap.records import Chunk
+from mcap.stream_reader import StreamReader
+from mcap.writer import MCAP0_MAGIC, CompressionType, Writer
 
 from asvhil.errors import LogError
 from asvhil.logs.reader import LogFile
@@ -26,25 +33,24 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> bytes:
     return path.read_bytes()
 
 
-def chunk_spans(data: bytes) -> list[tuple[int, int]]:
-    """(offset, end) of each chunk, by a walk of its own over opcodes and lengths."""
-    spans, offset = [], 8
+def records_of(data: bytes) -> Iterator[tuple[int, int]]:
+    """(opcode, offset) of each record, by a walk of its own over opcodes and lengths."""
+    offset = 8
     while offset < len(data) - 8:
         opcode, length = struct.unpack_from("<BQ", data, offset)
-        if opcode == 0x06:
-            spans.append((offset, offset + 9 + length))
+        yield opcode, offset
         offset += 9 + length
-    return spans
+
+
+def chunk_spans(data: bytes) -> list[tuple[int, int]]:
+    """(offset, end) of each chunk."""
+    starts = [offset for opcode, offset in records_of(data) if opcode == 0x06]
+    return [(start, start + 9 + struct.unpack_from("<Q", data, start + 1)[0]) for start in starts]
 
 
 def metadata_end(data: bytes) -> int:
-    ends, offset = [], 8
-    while offset < len(data) - 8:
-        opcode, length = struct.unpack_from("<BQ", data, offset)
-        offset += 9 + length
-        if opcode == 0x0C:
-            ends.append(offset)
-    return ends[-1]
+    *_, (_, start) = (item for item in records_of(data) if item[0] == 0x0C)
+    return start + 9 + struct.unpack_from("<Q", data, start + 1)[0]
 
 
 def read_all(log: LogFile) -> list[Inputs]:
@@ -228,14 +234,60 @@ def test_missing_files_and_folders(tmp_path: Path) -> None:
         LogFile(tmp_path)
 
 
-def test_uncompressed_chunks_are_read_too(whole: bytes, tmp_path: Path) -> None:
-    """A log that another tool has unpacked, with the channels where that tool puts them."""
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"compression": CompressionType.NONE},
+        {"compression": CompressionType.LZ4},
+        {"enable_crcs": False},
+        {"use_chunking": False},
+        {"use_statistics": False},
+    ],
+)
+def test_a_log_that_another_tool_has_written_anew(whole: bytes, tmp_path: Path, options: dict[str, Any]) -> None:
+    """Other compression, no CRC, no chunks, no statistics; with the channels where that tool puts them."""
     source, target = tmp_path / "a.mcap", tmp_path / "b.mcap"
     source.write_bytes(whole)
-    rewrite(source, target)
+    rewrite(source, target, **options)
     log = LogFile(target)
     assert log.metadata == METADATA
+    assert not log.truncated and log.damage is None
     assert list(log.ticks()) == list(LogFile(source).ticks())
+
+
+def repacked(whole: bytes, compressor: zstandard.ZstdCompressor) -> bytes:
+    """The log with its chunks compressed anew."""
+    out = RecordBuilder()
+    out.write(MCAP0_MAGIC)
+    for item in StreamReader(BytesIO(whole), emit_chunks=True).records:
+        if isinstance(item, Chunk):
+            item = dataclasses.replace(item, data=compressor.compress(zstandard.decompress(item.data)))
+        item.write(out)
+    out.write(MCAP0_MAGIC)
+    return out.end()
+
+
+def test_a_zstd_frame_that_does_not_say_its_size(whole: bytes, tmp_path: Path) -> None:
+    """As a tool writes it that compresses a stream. More than the chunk's own size is not unpacked."""
+    source, target = tmp_path / "a.mcap", tmp_path / "b.mcap"
+    source.write_bytes(whole)
+    data = repacked(whole, zstandard.ZstdCompressor(write_content_size=False))
+    target.write_bytes(data)
+    assert list(LogFile(target).ticks()) == list(LogFile(source).ticks())
+    start, _ = chunk_spans(data)[1]
+    size_at = start + 9 + 16
+    target.write_bytes(data[:size_at] + struct.pack("<Q", 100) + data[size_at + 8 :])
+    with pytest.raises(LogError, match=rf"byte {start}: damaged"):
+        list(LogFile(target).ticks())
+
+
+def test_a_damaged_summary_leaves_the_data_readable(whole: bytes, tmp_path: Path) -> None:
+    """A length in the statistics that leads beyond their end."""
+    path = tmp_path / "summary.mcap"
+    start = next(offset for opcode, offset in records_of(whole) if opcode == 0x0B)
+    length_at = start + 9 + 42  # of the counts by channel, the last field
+    path.write_bytes(whole[:length_at] + struct.pack("<I", 2**31) + whole[length_at + 4 :])
+    assert len(read_all(LogFile(path))) == TICKS
 
 
 def test_logs_of_before_via_have_it_in_the_peer(tmp_path: Path) -> None:
@@ -258,9 +310,11 @@ def test_logs_of_before_via_have_it_in_the_peer(tmp_path: Path) -> None:
     assert [inputs.frames for inputs, _ in LogFile(target).ticks()] == [frames]
 
 
-def rewrite(source: Path, target: Path, change: Callable[[dict[str, str]], dict[str, str]] = lambda v: v) -> None:
-    """Write a log anew, without compression, with the metadata of its channels changed."""
-    writer = Writer(str(target), compression=CompressionType.NONE)
+def rewrite(
+    source: Path, target: Path, change: Callable[[dict[str, str]], dict[str, str]] = lambda v: v, **options: Any
+) -> None:
+    """Write a log anew, with options of the writer and the metadata of its channels changed."""
+    writer = Writer(str(target), **options)
     writer.start(profile="asvhil")
     with source.open("rb") as file:
         reader = make_reader(file)

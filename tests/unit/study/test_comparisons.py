@@ -11,6 +11,7 @@ from asvhil.study.comparison import compare, vessel_override
 from asvhil.study.learned_loop import COEFFICIENTS, TRUE, off_name, off_vessel, signs, study_learned_loop
 from asvhil.study.robustness import CURRENT, PAIRS, crude_vessel, judge, setups, study_robustness
 from asvhil.study.rows import row_overrides
+from asvhil.study.runner import run_into
 from asvhil.types import Phase
 
 VESSEL = load_config("sitl").vehicle.vessel
@@ -99,9 +100,9 @@ def test_the_patterns_put_every_coefficient_off_by_thirty_percent():
 
 
 def test_robustness_in_short(tmp_path):
-    keys = {"rows": ["5"], "seeds": (1,), "window_s": (5.0, 6.0), "workers": 0}
-    main = ("controller.name=nnsem-mpc",)
-    found = study_robustness(tmp_path / "trials.jsonl", controller=main, **keys)
+    keys = {"rows": ["5"], "seeds": (1,), "window_s": (5.0, 6.0)}
+    main, run = ("controller.name=nnsem-mpc",), run_into(tmp_path / "trials.jsonl", workers=0)
+    found = study_robustness(run, controller=main, **keys)
     assert set(found["pairs"]) == set(PAIRS)
     for row in found["pairs"].values():
         # Seconds after the start, a boat on its way is little moved by what it believes.
@@ -114,20 +115,19 @@ def test_robustness_in_short(tmp_path):
     assert "another version of the code" not in text
     old = {**found, "cost": {**found["cost"], "runs_of_other_code": 6}}
     assert "6 runs were made by another version of the code." in robustness.markdown(old)
-    again = study_robustness(tmp_path / "trials.jsonl", controller=main, **keys)
+    again = study_robustness(run, controller=main, **keys)
     assert again == found  # nothing was run anew: the times are those of the first
 
 
 def test_learned_models_in_short(tmp_path):
     learned = {"NNSEM-MPC": ("controller.name=nnsem-mpc",)}
     found = study_learned_loop(
-        tmp_path / "trials.jsonl",
+        run_into(tmp_path / "trials.jsonl", workers=0),
         learned=learned,
         rows=["3"],
         seeds=(1,),
         patterns=2,
         window_s=(5.0, 6.0),
-        workers=0,
     )
     line = found["rows"]["3"]
     off = [part["ps"]["mean"] for part in line["off"].values()]

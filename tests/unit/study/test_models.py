@@ -14,15 +14,14 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
-from asvhil.collect import collect, parse_wind  # noqa: E402
+from asvhil.collect import collect  # noqa: E402
 from asvhil.config import Config, load_config  # noqa: E402
+from asvhil.config.mean_wind import parse_wind  # noqa: E402
 from asvhil.dynamics.weights import read_model, save_model  # noqa: E402
 from asvhil.errors import ConfigError, LogError, ModelError  # noqa: E402
-from asvhil.study import model_logs, models  # noqa: E402
-from asvhil.study.model_jobs import chosen_jobs, jobs  # noqa: E402
-from asvhil.study.model_logs import WAVES, Logs, collect_logs, wave_figures  # noqa: E402
+from asvhil.study.model_jobs import TrainingJob, chosen_jobs, jobs  # noqa: E402
+from asvhil.study.model_logs import WAVES, Logs, Programme, collect_logs, wave_figures  # noqa: E402
 from asvhil.study.models import study_models  # noqa: E402
-from asvhil.train.options import OPTIONS  # noqa: E402
 
 SEA = tuple(f"plant.weather.waves.{key}={value}" for key, value in WAVES.items())
 FLEETING = {"cpu_s": 0, "mpc_ms": 0}  # what a clock decides
@@ -41,17 +40,20 @@ def logs(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     return drive(flat, 70.0, ["6@90"], folder / "flat.mcap")[0], drive(rough, 70.0, ["6@90"], folder / "rough.mcap")[0]
 
 
-@pytest.fixture
-def quick(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Trainings of a few iterations, and no MPC, whose time has a test of its own."""
-    for kind, count in (("nnsem", 8), ("lagnet", 4)):
-        monkeypatch.setitem(OPTIONS, kind, dataclasses.replace(OPTIONS[kind], iterations=count, block=count // 4))
-    monkeypatch.setitem(OPTIONS, "node", dataclasses.replace(OPTIONS["node"], block=1))
-    monkeypatch.setattr(models, "mpc_tick_ms", lambda model, ticks: 0.0)
+def quick_jobs(ode_iterations: int) -> tuple[TrainingJob, ...]:
+    """The jobs of the study with trainings of a few iterations."""
+    changes = {"nnsem": {"iterations": 8, "block": 2}, "lagnet": {"iterations": 4, "block": 1}, "node": {"block": 1}}
+    return tuple(
+        dataclasses.replace(job, options=dataclasses.replace(job.options, **changes.get(job.kind, {})))
+        for job in jobs(ode_iterations)
+    )
 
 
 def study(log: Path, out: Path, *only: str, ode_iterations: int = 4, **options: Any) -> dict[str, dict[str, Any]]:
-    result = study_models([[log]], [log], out, only=only, ode_iterations=ode_iterations, mpc_ticks=1, **options)
+    """A quick study without an MPC, whose time has a test of its own."""
+    result = study_models(
+        [[log]], [log], out, known=quick_jobs(ode_iterations), only=only, tick_ms=lambda model: 0.0, **options
+    )
     return {row["model"]: {**row, **FLEETING} for row in result["rows"]}
 
 
@@ -68,22 +70,18 @@ def test_rows_in_waves_are_trained_like_their_calm_twins() -> None:
 
 
 def test_only_chooses_by_name_and_refuses_what_is_not_there() -> None:
-    assert [job.name for job in chosen_jobs(["node", "sd"], 10)] == ["sd", "node"]
-    assert len(chosen_jobs([], 10)) == len(jobs(10))
+    assert [job.name for job in chosen_jobs(jobs(10), ["node", "sd"])] == ["sd", "node"]
+    assert len(chosen_jobs(jobs(10), [])) == len(jobs(10))
     with pytest.raises(ConfigError, match=r"--only nnsemm: unknown \(known: sd; nnsem; "):
-        chosen_jobs(["nnsemm"], 10)
+        chosen_jobs(jobs(10), ["nnsemm"])
 
 
 # --- logs --------------------------------------------------------------------------------------------------------
 
 
-@pytest.fixture
-def short(monkeypatch: pytest.MonkeyPatch) -> None:
-    for name, value in (("TRAIN_SEEDS", (100,)), ("TRAIN_S", 2.0), ("TEST_S", 2.0), ("TEST_WINDS", ("6@90",))):
-        monkeypatch.setattr(model_logs, name, value)
+SHORT = Programme(train_seeds=(100,), train_s=2.0, test_s=2.0, test_winds=("6@90",))
 
 
-@pytest.mark.usefixtures("short")
 def test_logs_are_driven_once_and_a_log_that_was_interrupted_is_driven_anew(tmp_path: Path) -> None:
     driven: list[str] = []
 
@@ -95,10 +93,10 @@ def test_logs_are_driven_once_and_a_log_that_was_interrupted_is_driven_anew(tmp_
         return drive(config, duration_s, winds, path)
 
     with pytest.raises(KeyboardInterrupt):
-        collect_logs(tmp_path, counted)
-    found = collect_logs(tmp_path, counted)
+        collect_logs(tmp_path, counted, programme=SHORT)
+    found = collect_logs(tmp_path, counted, programme=SHORT)
     assert driven == ["train100-0.part.mcap", "train100-1.part.mcap", "train100-1.part.mcap", "test0.part.mcap"]
-    assert found == collect_logs(tmp_path, counted) and len(driven) == 4
+    assert found == collect_logs(tmp_path, counted, programme=SHORT) and len(driven) == 4
     assert [path.name for path in (*found.train[0], *found.test)] == [
         "train100-0.mcap",
         "train100-1.mcap",
@@ -107,30 +105,23 @@ def test_logs_are_driven_once_and_a_log_that_was_interrupted_is_driven_anew(tmp_
     assert sorted(path.name for path in tmp_path.iterdir()) == ["test0.mcap", "train100-0.mcap", "train100-1.mcap"]
 
 
-@pytest.mark.usefixtures("short")
-def test_logs_of_another_study_are_refused_by_the_setting_that_differs(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    found = collect_logs(tmp_path, drive)
+def test_logs_of_another_study_are_refused_by_the_setting_that_differs(tmp_path: Path) -> None:
+    found = collect_logs(tmp_path, drive, programme=SHORT)
     shutil.copy(found.test[0], tmp_path / "waves-test0.mcap")
     shutil.copy(found.train[0][0], tmp_path / "waves-train100-0.mcap")
     with pytest.raises(
         LogError, match=r"waves-train100-0\.mcap: driven with plant\.weather\.waves\.orbital_std_mps 0\.0"
     ):
-        collect_logs(tmp_path, drive, waves=True)
-    monkeypatch.setattr(model_logs, "TRAIN_S", 3.0)
+        collect_logs(tmp_path, drive, programme=SHORT, waves=True)
     with pytest.raises(LogError, match=r"manoeuvres\.duration_s 2\.0, this study asks for 3\.0; remove the log"):
-        collect_logs(tmp_path, drive)
-    monkeypatch.setattr(model_logs, "TRAIN_S", 2.0)
-    monkeypatch.setattr(model_logs, "TRAIN_WINDS", ("3@0", "6@170"))
+        collect_logs(tmp_path, drive, programme=dataclasses.replace(SHORT, train_s=3.0))
     with pytest.raises(LogError, match=r"train100-1\.mcap: driven with plant\.weather\.wind\.toward_deg 180\.0"):
-        collect_logs(tmp_path, drive)
+        collect_logs(tmp_path, drive, programme=dataclasses.replace(SHORT, train_winds=("3@0", "6@170")))
 
 
 # --- models ------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.usefixtures("quick")
 def test_an_interrupted_study_ends_in_the_same_figures(logs: tuple[Path, Path], tmp_path: Path) -> None:
     whole = study(logs[0], tmp_path / "whole", "nnsem", "node")
     assert list(whole) == ["nnsem", "node", "node, NNSEM's time", "hold the initial value"]
@@ -152,7 +143,6 @@ def test_an_interrupted_study_ends_in_the_same_figures(logs: tuple[Path, Path], 
         assert all(np.array_equal(a.weights[name], b.weights[name]) for name in a.weights)
 
 
-@pytest.mark.usefixtures("quick")
 def test_the_row_at_nnsems_time_needs_nnsem_whichever_run_trained_it(logs: tuple[Path, Path], tmp_path: Path) -> None:
     assert list(study(logs[0], tmp_path, "node")) == ["node", "hold the initial value"]
     study(logs[0], tmp_path, "nnsem")
@@ -167,7 +157,6 @@ def test_the_row_at_nnsems_time_needs_nnsem_whichever_run_trained_it(logs: tuple
     assert (rows["node"]["iterations"], rows["node, NNSEM's time"]["iterations"]) == (4, 1)
 
 
-@pytest.mark.usefixtures("quick")
 def test_models_of_another_study_are_refused(logs: tuple[Path, Path], tmp_path: Path) -> None:
     study(logs[0], tmp_path, "nnsem", "node")
     with pytest.raises(ModelError, match=r"node-1-1\.npz: trained with iterations 4, this study asks for 5; remove it"):
@@ -186,7 +175,6 @@ def test_models_of_another_study_are_refused(logs: tuple[Path, Path], tmp_path: 
         study(logs[0], tmp_path, "nnsem")
 
 
-@pytest.mark.usefixtures("quick")
 def test_rows_in_waves_are_trained_and_scored_on_logs_in_waves(logs: tuple[Path, Path], tmp_path: Path) -> None:
     flat, rough = logs
     waves = Logs(train=((rough,),), test=(rough,))

@@ -30,11 +30,8 @@ def nothing_runs(*arguments, **keys):
 
 @pytest.fixture
 def idle(monkeypatch):
-    """No study, search or solver may begin."""
-    for name in ("six_tests", "approach", "estimators", "robustness", "learned_loop"):
-        monkeypatch.setattr(f"asvhil.study.{name}.run_jobs", nothing_runs, raising=False)
-    for name in ("bound.bound", "solvers._drive", "model_logs.collect_logs", "tuning._mapper"):
-        monkeypatch.setattr(f"asvhil.study.{name}", nothing_runs)
+    """No study, search or solver may begin: each of them does so under a progress bar."""
+    monkeypatch.setattr("asvhil.commands.study_views.progress", nothing_runs)
 
 
 @pytest.mark.usefixtures("idle")

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from asvhil.config import load_config
+from asvhil.config.mean_wind import station_heading_deg
 from asvhil.errors import ConfigError
 from asvhil.logs.metrics import PoseErrors, score
-from asvhil.study import comparison, six_tests
+from asvhil.study import comparison
 from asvhil.study.approach import study_approach
 from asvhil.study.rows import (
     ROWS,
@@ -18,11 +19,11 @@ from asvhil.study.rows import (
     checked,
     refuse_own,
     row_overrides,
-    station_heading_deg,
     title,
     trial_job,
     wind_of,
 )
+from asvhil.study.runner import run_into
 from asvhil.study.six_tests import REFERENCE, available, labelled, study_six_tests, tabulate, verdict
 from asvhil.study.six_tests_report import draw_bars, report, verdict_line
 from asvhil.study.statistics import plus_minus
@@ -103,25 +104,27 @@ def test_the_wind_of_a_row_is_from_the_stations_heading():
     # Stored runs are known by these.
     assert row_overrides("6 mirrored", 1)[-1] == "plant.weather.wind.toward_deg=-90.0"
     assert row_overrides("6 mirrored", 1, heading_deg=0.0) == row_overrides("6 mirrored", 1)
-    assert station_heading_deg("sitl", ("supervisor.station.heading_deg=90",)) == 90.0
-    assert station_heading_deg("sitl", ("supervisor.engage=command", "supervisor.station=null")) == 0.0
+    assert station_heading_deg(load_config("sitl", ("supervisor.station.heading_deg=90",))) == 90.0
+    assert station_heading_deg(load_config("sitl", ("supervisor.engage=command", "supervisor.station=null"))) == 0.0
 
 
-def test_the_jobs_of_both_studies_have_the_wind_from_the_stations_heading(tmp_path, monkeypatch):
+def test_the_jobs_of_both_studies_have_the_wind_from_the_stations_heading():
     seen = []
 
-    def note(function, jobs, store, **rest):
+    def note(function, jobs):
         seen.extend(load_config(*job.arguments[:2]).plant.weather.wind.toward_deg for job in jobs)
         raise InterruptedError
 
-    monkeypatch.setattr(six_tests, "run_jobs", note)
-    monkeypatch.setattr(comparison, "run_jobs", note)
     setups = {"LOITER": ("supervisor.station.heading_deg=90", "controller.name=loiter")}
     with pytest.raises(InterruptedError):
-        study_six_tests(tmp_path / "x", controllers=setups, rows=["6"], seeds=[1])
+        study_six_tests(note, controllers=setups, rows=["6"], seeds=[1])
     with pytest.raises(InterruptedError):
-        comparison.run_setups(tmp_path / "x", setups, ["6"], [1], (1.0, 2.0))
+        comparison.run_setups(note, setups, ["6"], [1], (1.0, 2.0))
     assert seen == [180.0, 180.0]
+
+
+def nothing_runs(function, jobs):
+    raise AssertionError("it was to be refused before anything runs")
 
 
 @pytest.mark.parametrize(
@@ -133,23 +136,22 @@ def test_the_jobs_of_both_studies_have_the_wind_from_the_stations_heading(tmp_pa
         ("plant={seed: 7}", "plant.seed"),
     ],
 )
-def test_a_key_that_a_study_sets_itself_is_refused(tmp_path, override, key):
+def test_a_key_that_a_study_sets_itself_is_refused(override, key):
     words = re.escape(f"--set {override}: key {key} is set by the study itself; leave it out")
     with pytest.raises(ConfigError, match=words):
-        study_six_tests(tmp_path / "x", controllers={"LOITER": (override,)}, rows=["1"], workers=0)
+        study_six_tests(nothing_runs, controllers={"LOITER": (override,)}, rows=["1"])
     with pytest.raises(ConfigError, match=words):
-        comparison.run_setups(tmp_path / "x", {"LOITER": (override,)}, ["1"], [1], (1.0, 2.0), workers=0)
+        comparison.run_setups(nothing_runs, {"LOITER": (override,)}, ["1"], [1], (1.0, 2.0))
     with pytest.raises(ConfigError, match=words):
-        study_approach(tmp_path / "x", 1, overrides=(override,), workers=0)
-    assert not (tmp_path / "x").exists()
+        study_approach(nothing_runs, 1, overrides=(override,))
 
 
-def test_other_keys_are_not_refused_and_the_approach_refuses_its_starts(tmp_path):
+def test_other_keys_are_not_refused_and_the_approach_refuses_its_starts():
     refuse_own(("plant.weather.wind={gust_along: 0}", "plant.seeds=1"), row_overrides("1", 1))
     with pytest.raises(ConfigError, match=r"key plant\.start_n_m is set by the study itself"):
-        study_approach(tmp_path / "x", 1, overrides=("plant.start_n_m=5",), workers=0)
+        study_approach(nothing_runs, 1, overrides=("plant.start_n_m=5",))
     with pytest.raises(ConfigError, match="the value is not valid YAML"):
-        study_approach(tmp_path / "x", 1, overrides=("plant.seed=[",), workers=0)
+        study_approach(nothing_runs, 1, overrides=("plant.seed=[",))
 
 
 def test_the_best_mean_wins_and_the_reference_does_not_take_part():
@@ -272,14 +274,12 @@ def test_a_run_is_another_with_other_weights_wind_seed_or_window(tmp_path):
 def test_two_controllers_in_short(tmp_path):
     seen = []
     found = study_six_tests(
-        tmp_path / "trials.jsonl",
+        run_into(tmp_path / "trials.jsonl", workers=0, tell=seen.append),
         controllers=available(["backstepping", "LOITER"], None, "sitl", ())[0],
         rows=["1"],
         seeds=(1, 2),
         window_s=(6.0, 8.0),
-        workers=0,
         bounds={"3@90": 3.4},
-        tell=seen.append,
     )
     assert (seen[-1].done, seen[-1].total, seen[-1].remaining_s) == (4, 4, 0.0)
     line = found["rows"]["1"]

@@ -31,7 +31,7 @@ def study():
         problems=12,
         solvers=("sqp", "ipopt"),
         limit_problems=4,
-        progress=lambda what, done, total: told.append((what, done, total)),
+        tell=lambda what, done, total: told.append((what, done, total)),
     )
     return found, told
 
@@ -121,36 +121,30 @@ def test_a_peer_that_fails_is_named(peer, words):
         study_module._peer_row(CONFIG, peer, "", PROBLEMS, lambda *args: None)
 
 
-def in_no_time(monkeypatch):
-    """Closed loops, optima and figures that are made up, and the names of the solvers that were driven."""
-    driven = []
-
-    def drive(config, model, name, steps, tell):
-        driven.append(name)
-        step = study_module.Step(
-            parameters=np.zeros(2), start=np.zeros(2), cost=1.0, ok=True, wall_ms=1.0, cpu_ms=1.0, truth=None
-        )
-        return None, [step]
-
-    monkeypatch.setattr(study_module, "_drive", drive)
-    monkeypatch.setattr(study_module, "_with_optima", lambda *args: PROBLEMS)
-    monkeypatch.setattr(study_module, "_figures", lambda *args: {})
-    return driven
-
-
-def test_a_peer_that_fails_takes_no_other_solver_with_it(monkeypatch):
-    in_no_time(monkeypatch)
-    monkeypatch.setattr(study_module, "choose_solver", lambda config: None)
-    found = study_solvers(CONFIG, MODEL, solvers=("sqp", "torch-lqr"), peer=["echo", "hello"])
+def test_a_peer_that_fails_takes_no_other_solver_with_it():
+    found = study_solvers(
+        CONFIG,
+        MODEL,
+        steps=2,
+        problems=1,
+        solvers=("sqp", "torch-lqr"),
+        limit_problems=1,
+        horizon_s=0.4,
+        peer=["echo", "hello"],
+    )
     assert list(found["solvers"]) == ["sqp", "torch-lqr"] and found["peer_failed"].startswith("echo: ")
 
 
 def test_a_solver_whose_package_is_missing_is_refused_before_any_runs(monkeypatch):
-    driven = in_no_time(monkeypatch)
+    told = []
+
+    def tell(*now):
+        told.append(now)
+
     monkeypatch.setitem(sys.modules, "asvhil.controller.solvers.torch_lqr", None)
     with pytest.raises(ConfigError, match="torch-lqr needs torch"):
-        study_solvers(CONFIG, MODEL)
+        study_solvers(CONFIG, MODEL, tell=tell)
     monkeypatch.setattr(study_module, "fatrop_available", lambda: False)
     with pytest.raises(ConfigError, match="fatrop: this build of CasADi comes without it"):
-        study_solvers(CONFIG, MODEL, solvers=("sqp", "fatrop"))
-    assert not driven
+        study_solvers(CONFIG, MODEL, solvers=("sqp", "fatrop"), tell=tell)
+    assert not told

@@ -1,6 +1,6 @@
 """The tuner: its search, its memory, and that its spaces fit the config."""
 
-import contextlib
+import functools
 import json
 import re
 import shutil
@@ -109,21 +109,21 @@ def test_an_interrupted_search_goes_on_where_it_was_and_ends_alike(tmp_path):
     path = tmp_path / "loiter.json"
     said = []
 
-    def hear(done: int, best: float) -> None:
+    def note(done: int, best: float) -> None:
         said.append((done, best))
 
-    whole = tune("loiter", 6, 3, hear, path=path, **SHORT)
+    whole = tune("loiter", 6, 3, note, path=path, **SHORT)
     lowest = [min(row["typical_ps"] for row in whole["evaluations"][:done]) for done in (4, 6)]
     assert said == list(zip((4, 6), lowest, strict=True))
     assert json.loads(path.read_text()) == whole
     cut = {**whole, "evaluations": whole["evaluations"][:4]}
     path.write_text(json.dumps(cut))
     said.clear()
-    assert tune("loiter", 6, 3, hear, path=path, **SHORT) == whole
+    assert tune("loiter", 6, 3, note, path=path, **SHORT) == whole
     assert len(said) == 1  # only the second batch was run
     # A finished one runs nothing; a search with another seed leaves it alone.
     said.clear()
-    assert tune("loiter", 6, 3, hear, path=path, **SHORT) == whole and not said
+    assert tune("loiter", 6, 3, note, path=path, **SHORT) == whole and not said
     with pytest.raises(AsvhilError, match=r"its search had seed 3, and this one has 4; move it away"):
         tune("loiter", 6, 4, None, path=path, **SHORT)
     assert json.loads(path.read_text()) == whole
@@ -131,7 +131,6 @@ def test_an_interrupted_search_goes_on_where_it_was_and_ends_alike(tmp_path):
 
 def refused(monkeypatch, capsys, *arguments: str) -> str:
     """The one line with which the command ends, before any run."""
-    monkeypatch.setattr(tuning, "_mapper", None)
     monkeypatch.setattr(sys, "argv", ["asvhil", "study", "tune", *arguments])
     with pytest.raises(SystemExit) as ended:
         main()
@@ -175,10 +174,18 @@ def test_an_unknown_controller_is_one_line_that_names_those_that_can_be(tmp_path
 
 
 def test_the_command_tells_the_gains_and_leaves_the_search(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(tuning, "WINDS", ((4.0, 30.0),))
-    monkeypatch.setattr(tuning, "evaluate", lambda job: 3.0)
-    monkeypatch.setattr(tuning, "_mapper", lambda workers: contextlib.nullcontext(map))
-    arguments = ["loiter", "-o", str(tmp_path), "--budget", "5", "--json", str(tmp_path / "found.json")]
+    monkeypatch.setattr(tuning, "tune", functools.partial(tune, winds=((4.0, 30.0),), score=lambda run: 3.0))
+    arguments = [
+        "loiter",
+        "--workers",
+        "0",
+        "-o",
+        str(tmp_path),
+        "--budget",
+        "5",
+        "--json",
+        str(tmp_path / "found.json"),
+    ]
     monkeypatch.setattr(sys, "argv", ["asvhil", "study", "tune", *arguments])
     with pytest.raises(SystemExit, match=r"^0$"):
         main()

@@ -10,8 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from asvhil.collect import collect, parse_wind
+from asvhil.collect import collect
 from asvhil.config import load_config
+from asvhil.config.mean_wind import parse_wind
 from asvhil.controller.pwm import command_of_pulse
 from asvhil.errors import LogError
 from asvhil.io.mavlink.frames import FrameSplitter, decode, dialect

@@ -18,7 +18,8 @@ from asvhil.train.fit_sd import fit_sd, skip_of_sd
 from asvhil.train.models import Batch, LagNetTrainee, NnsemTrainee
 from asvhil.train.ode import KnodeTrainee, NodeTrainee
 from asvhil.train.openloop import open_loop
-from asvhil.train.options import OPTIONS, Progress, chosen_options
+from asvhil.train.options import OPTIONS, chosen_options
+from asvhil.train.progress import TrainingProgress
 from asvhil.train.records import Dataset, Segment
 from asvhil.train.rollout import euler_rollout
 from asvhil.train.training import Training, rollout_loss
@@ -259,7 +260,7 @@ def test_an_interrupted_training_goes_on_to_the_same_weights(kind: str, tmp_path
     options = dataclasses.replace(OPTIONS[kind], iterations=90, block=30, members=1)
     checkpoint = tmp_path / "model.npz.checkpoint"
 
-    def stop(progress: Progress) -> None:
+    def stop(progress: TrainingProgress) -> None:
         if progress.iteration == 60:
             raise Interrupted
 
@@ -281,7 +282,7 @@ def test_the_checkpoint_of_another_training_is_refused(tmp_path: Path) -> None:
     options = dataclasses.replace(OPTIONS["nnsem"], iterations=60, block=30)
     checkpoint = tmp_path / "checkpoint"
 
-    def stop(progress: Progress) -> None:
+    def stop(progress: TrainingProgress) -> None:
         raise Interrupted
 
     with pytest.raises(Interrupted):

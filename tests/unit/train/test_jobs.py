@@ -13,15 +13,18 @@ from tests.support.model_samples import sample
 
 torch = pytest.importorskip("torch")
 
-from asvhil.collect import collect, parse_wind  # noqa: E402
+from asvhil.collect import collect  # noqa: E402
 from asvhil.config import load_config  # noqa: E402
+from asvhil.config.mean_wind import parse_wind  # noqa: E402
 from asvhil.dynamics.weights import TrainedModel, load_model, read_model, save_model  # noqa: E402
 from asvhil.errors import ConfigError, LogError, ModelError  # noqa: E402
+from asvhil.study.model_jobs import jobs  # noqa: E402
 from asvhil.study.models import markdown, mpc_tick_ms, study_models  # noqa: E402
 from asvhil.study.page import MARKER  # noqa: E402
 from asvhil.train.choice import TOLERANCE_MPS2, best_of, thrust_dip  # noqa: E402
 from asvhil.train.jobs import evaluate_command, is_csv, train_command  # noqa: E402
-from asvhil.train.options import Progress, chosen_options  # noqa: E402
+from asvhil.train.options import chosen_options  # noqa: E402
+from asvhil.train.progress import TrainingProgress  # noqa: E402
 from tests.support.paths import ROOT  # noqa: E402
 
 MODELS = ROOT / "config" / "models"
@@ -47,7 +50,7 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def trained(log: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     output = tmp_path_factory.mktemp("models") / "wamv16-nnsem.npz"
-    seen: list[Progress] = []
+    seen: list[TrainingProgress] = []
     figures = train_command(
         "nnsem", [log], output, seed=3, options=chosen_options("nnsem", 0.2, iterations=600), progress=seen.append
     )
@@ -146,7 +149,13 @@ def test_too_short_a_csv_and_an_unknown_kind(tmp_path: Path, log: Path) -> None:
 def test_the_study_writes_its_table_and_reuses_what_is_trained(log: Path, tmp_path: Path) -> None:
     told: list[str] = []
     result = study_models(
-        [[log]], [log], tmp_path, only=("sd",), mpc_ticks=2, tell=lambda name, share: told.append(name)
+        [[log]],
+        [log],
+        tmp_path,
+        known=jobs(),
+        only=("sd",),
+        tick_ms=lambda model: mpc_tick_ms(model, 2),
+        tell=lambda name, share: told.append(name),
     )
     assert [row["model"] for row in result["rows"]] == ["sd", "hold the initial value"]
     assert "sd, data set 1" in told
@@ -155,7 +164,13 @@ def test_the_study_writes_its_table_and_reuses_what_is_trained(log: Path, tmp_pa
     assert json.loads((tmp_path / "models.json").read_text()) == result
     told.clear()
     again = study_models(
-        [[log]], [log], tmp_path, only=("sd",), mpc_ticks=2, tell=lambda name, share: told.append(name)
+        [[log]],
+        [log],
+        tmp_path,
+        known=jobs(),
+        only=("sd",),
+        tick_ms=lambda model: mpc_tick_ms(model, 2),
+        tell=lambda name, share: told.append(name),
     )
     assert not told
     for before, after in zip(result["rows"], again["rows"], strict=True):

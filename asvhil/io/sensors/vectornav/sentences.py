@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import functools
 import math
-import operator
 import re
 
 from fastcrc.crc16 import xmodem
 
+from asvhil.io.sensors.nmea_checksum import nmea_checksum
 from asvhil.types import record
 
 MAX_SENTENCE = 256  # VNINS, the longest that is used, has less than 160
@@ -46,7 +45,7 @@ def split(line: bytes) -> list[str] | None:
     if match is None:
         return None
     body, check = match.groups()
-    computed = functools.reduce(operator.xor, body, 0) if len(check) == 2 else int(xmodem(body))
+    computed = nmea_checksum(body) if len(check) == 2 else int(xmodem(body))
     if int(check, 16) != computed:
         return None
     return [part.strip() for part in body.decode("ascii", "replace").split(",")]

@@ -1,8 +1,6 @@
 """The one way from frames to measurements: chosen by source, at their time and place, calibrated."""
 
-import functools
 import math
-import operator
 
 import pytest
 
@@ -22,6 +20,7 @@ from asvhil.types import (
     TrueWind,
     YawRate,
 )
+from tests.support import nmea
 
 AUTOPILOT = dialect.MAVLink(None, srcSystem=1, srcComponent=1)
 READY = dialect.MAVLink_ekf_status_report_message(831, 0, 0, 0, 0, 0)
@@ -41,8 +40,7 @@ def from_autopilot(*messages: object, t_ns: int = 5) -> Frame:
 
 
 def sentence(body: str, port: str = "anemometer", t_ns: int = 5) -> Frame:
-    checksum = functools.reduce(operator.xor, body.encode(), 0)
-    return Frame(t_ns=t_ns, port=port, data=f"${body}*{checksum:02X}\r\n".encode())
+    return Frame(t_ns=t_ns, port=port, data=nmea.sentence(body))
 
 
 def test_measurements_come_from_the_source_in_use_in_the_order_of_the_bytes() -> None:

@@ -1,7 +1,5 @@
 """The version sentence of the anemometer's firmware: read in any chunks, asked for, compared, told in words."""
 
-import functools
-import operator
 import random
 
 import pytest
@@ -12,12 +10,9 @@ from asvhil.errors import ConfigError
 from asvhil.io.mavlink.frames import FrameSplitter, decode
 from asvhil.io.sensors.firmware import ASK_NS, FIRMWARE, PATIENCE, QUERY, VERSION, FirmwareWatch
 from asvhil.types import Frame, Inputs
+from tests.support.nmea import sentence
 
 BOOT = b"$PASVV,arduino_anemometer,1.0.0,power-on*3A\r\n"
-
-
-def sentence(body: str) -> bytes:
-    return f"${body}*{functools.reduce(operator.xor, body.encode(), 0):02X}\r\n".encode()
 
 
 def feed(watch: FirmwareWatch, data: bytes) -> None:

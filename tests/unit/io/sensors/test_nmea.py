@@ -1,8 +1,6 @@
 """NMEA wind sentences by literal bytes; hostile bytes are counted and never raise."""
 
-import functools
 import math
-import operator
 import random
 
 import pynmeagps
@@ -10,16 +8,12 @@ import pytest
 
 from asvhil.io.sensors.nmea import NmeaCodec
 from asvhil.types import ApparentWind, Frame
+from tests.support.nmea import sentence
 
 
 def feed(codec: NmeaCodec, data: bytes, t_ns: int = 7) -> list[ApparentWind]:
     found = [m for _, m in codec.decode(Frame(t_ns=t_ns, port="anemometer", data=data))]
     return [m for m in found if isinstance(m, ApparentWind)]
-
-
-def sentence(body: str) -> bytes:
-    checksum = functools.reduce(operator.xor, body.encode(), 0)
-    return f"${body}*{checksum:02X}\r\n".encode()
 
 
 @pytest.mark.parametrize(

@@ -1,8 +1,6 @@
 """GNSS, heading and wind sentences by literal bytes, worked by hand; magnetic against true; units; what is refused."""
 
-import functools
 import math
-import operator
 
 import pytest
 from hypothesis import given
@@ -19,13 +17,9 @@ from asvhil.types import (
     Position,
     TrueWind,
 )
+from tests.support.nmea import sentence
 
 KNOT = 1852.0 / 3600.0
-
-
-def sentence(body: str) -> bytes:
-    checksum = functools.reduce(operator.xor, body.encode(), 0)
-    return f"${body}*{checksum:02X}\r\n".encode()
 
 
 def codec(declination_deg: float | None = None) -> NmeaCodec:

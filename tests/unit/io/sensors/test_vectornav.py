@@ -11,6 +11,7 @@ from asvhil.io.sensors.vectornav import binary, sentences
 from asvhil.io.sensors.vectornav.codec import VectorNavCodec, sample_of
 from asvhil.io.sensors.vectornav.fields import BY_NAME, GROUPS
 from asvhil.types import Frame, GroundVelocity, Heading, Measurement, Position, SpecificForce, YawRate
+from tests.support.nmea import sentence
 
 # The example of the user manuals: group 1, yaw-pitch-roll alone.
 MANUAL_YPR = bytes.fromhex("FA 01 0800 93502E42 833EF13F 48B504BB 9288")
@@ -347,13 +348,6 @@ def test_rates_and_force_in_ascii() -> None:
     ]
 
 
-def with_checksum(body: str) -> bytes:
-    value = 0
-    for byte in body.encode():
-        value ^= byte
-    return f"${body}*{value:02X}\r\n".encode()
-
-
 @pytest.mark.parametrize(
     ("line", "counter"),
     [
@@ -362,13 +356,13 @@ def with_checksum(body: str) -> bytes:
         (VNINS.replace(b"*65", b""), "bad_crc"),
         (VNINS.replace(b"+082", b"+083"), "bad_crc"),
         (b"$VNERR,03*72\r\n", "errors"),
-        (with_checksum("VNRRG,01,VN-300"), "ignored"),
-        (with_checksum("VNINS,1,2,3"), "ignored"),
-        (with_checksum("VNINS,x,2332,8206,1,2,3,4,5,6,7,8,9,1,2,3"), "ignored"),
-        (with_checksum("VNINS,1,2332,8206,nan,2,3,4,5,6,7,8,9,1,2,3"), "ignored"),
-        (with_checksum("VNYMR,1,2,3,4,5,6,7,8,9,inf,1,2"), "ignored"),
-        (with_checksum("VNRRG,63"), "ignored"),
-        (with_checksum("VNRRG"), "ignored"),
+        (sentence("VNRRG,01,VN-300"), "ignored"),
+        (sentence("VNINS,1,2,3"), "ignored"),
+        (sentence("VNINS,x,2332,8206,1,2,3,4,5,6,7,8,9,1,2,3"), "ignored"),
+        (sentence("VNINS,1,2332,8206,nan,2,3,4,5,6,7,8,9,1,2,3"), "ignored"),
+        (sentence("VNYMR,1,2,3,4,5,6,7,8,9,inf,1,2"), "ignored"),
+        (sentence("VNRRG,63"), "ignored"),
+        (sentence("VNRRG"), "ignored"),
     ],
 )
 def test_sentences_that_give_nothing_are_counted(line: bytes, counter: str) -> None:

@@ -1,0 +1,61 @@
+"""`asvhil collect`: drives the manoeuvres that models are trained from."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from asvhil.commands.options import ConfigArgument, JsonOption, SetOption
+from asvhil.commands.views import check_writable, progress, say, write_json
+from asvhil.errors import AsvhilError, ConfigError
+
+
+def collect(
+    config: ConfigArgument = "sitl",
+    set_: SetOption = [],  # noqa: B006 - typer copies its defaults
+    duration: Annotated[float, typer.Option(min=10.0, help="Seconds of manoeuvres in each wind.")] = 600.0,
+    wind: Annotated[
+        list[str], typer.Option(metavar="SPEED@DEG", help="Mean wind of the simulated weather; repeatable: a log each.")
+    ] = [],  # noqa: B006
+    realtime: Annotated[bool, typer.Option("--realtime", help="Simulated boat as two processes in real time.")] = False,
+    vehicle: Annotated[bool, typer.Option("--vehicle", help="The real vehicle: waits for `asvhil hold`.")] = False,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="The MCAP log; in a new run folder by default.")
+    ] = None,
+    note: Annotated[str, typer.Option(help="Weather and place in your words, kept in the log.")] = "",
+    json_: JsonOption = None,
+) -> None:
+    """Drive the predefined manoeuvres and log them: the data that models are trained from."""
+    from rich.console import Console
+
+    from asvhil.collect import Mode
+    from asvhil.collect import collect as drive
+    from asvhil.config import load_config
+    from asvhil.config.mean_wind import parse_wind
+
+    if realtime and vehicle:
+        raise ConfigError("collect: --realtime is the simulated boat, --vehicle the real one: give one of them")
+    check_writable(json_, "--json ")
+    mode: Mode = "vehicle" if vehicle else "realtime" if realtime else "lockstep"
+    console = Console()
+    settings = load_config(config, tuple(set_))
+    with progress(console) as bar:
+        tasks: dict[int, Any] = {}
+
+        def start(run: int, log: Path, words: str) -> None:
+            tasks[run] = bar.add_task(words or log.name, total=duration)
+
+        def show(run: int, status: dict[str, Any]) -> None:
+            bar.update(tasks[run], completed=round(status["held_s"], 1))
+
+        winds = [parse_wind(text) for text in wind]
+        runs = drive(settings, mode, duration, winds, output, note, on_status=show, on_start=start)
+    write_json(json_, {"runs": [{**dataclasses.asdict(run), "log": str(run.log)} for run in runs]})
+    for run in runs:
+        note = f", {run.note}" if run.note else ""
+        say(console, f"{run.log}: {run.held_s:.0f} s{note}" if run.complete else f"{run.log}: {run.reason}")
+    if not runs[-1].complete:
+        raise AsvhilError(f"{runs[-1].log}: not complete after {runs[-1].held_s:.0f} s: {runs[-1].reason}")

@@ -1,0 +1,47 @@
+"""`asvhil evaluate`: scores models in open loop."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from asvhil.commands.options import ColumnsOption, JsonOption
+from asvhil.commands.views import check_picture, check_writable, write_json
+
+
+def evaluate(
+    models: Annotated[list[Path], typer.Argument(help="Model files to compare.")],
+    data: Annotated[list[Path], typer.Option("--data", help="MCAP logs or CSV files; repeatable.")],
+    columns: ColumnsOption = None,
+    horizon: Annotated[float, typer.Option(min=0.2, help="Seconds of each open-loop rollout.")] = 50.0,
+    every: Annotated[float, typer.Option(min=0.2, help="Seconds from one start to the next.")] = 10.0,
+    truth: Annotated[bool, typer.Option("--truth", help="Score against the truth that a simulated log holds.")] = False,
+    picture: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Draw one rollout into this file: PNG, SVG or PDF.")
+    ] = None,
+    json_: JsonOption = None,
+) -> None:
+    """Roll models out in open loop over data and score u, v, r."""
+    from rich.console import Console
+    from rich.table import Table
+
+    from asvhil.train.jobs import evaluate_command
+
+    check_writable(json_, "--json ")
+    check_picture(picture)
+    console = Console()
+    with console.status("rolling out"):
+        figures = evaluate_command(
+            models, data, columns=columns, horizon_s=horizon, every_s=every, truth=truth, figure=picture
+        )
+    write_json(json_, figures)
+    table = Table(title=f"mean absolute error over {horizon:g} s, {figures['reference']}", title_justify="left")
+    for heading in ("model", "windows", "u (m/s)", "v (m/s)", "r (rad/s)", "count"):
+        table.add_column(heading, justify="left" if heading in ("model", "windows") else "right")
+    for name, parts in figures["rows"].items():
+        for windows, row in parts.items():
+            if row["windows"]:
+                table.add_row(name, windows, *(f"{row[f'mae_{axis}']:.4f}" for axis in "uvr"), str(row["windows"]))
+    console.print(table)

@@ -1,0 +1,73 @@
+"""`asvhil hold` and `asvhil release`: an operator's requests to the running daemon."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from asvhil.commands.options import SetOption
+from asvhil.errors import AsvhilError, ConfigError
+
+if TYPE_CHECKING:
+    from asvhil.config import Config
+
+DaemonOption = Annotated[str, typer.Option("--config", help="The daemon's config: where its operator link is.")]
+
+
+def hold(
+    at: Annotated[
+        str | None, typer.Option(metavar="LAT,LON", help="Station in degrees; the present position by default.")
+    ] = None,
+    heading: Annotated[
+        float | None, typer.Option(help="Heading to keep in degrees; the present one by default.")
+    ] = None,
+    config: DaemonOption = "field",
+    set_: SetOption = [],  # noqa: B006
+) -> None:
+    """Ask the running daemon to hold a station."""
+    from asvhil.config import load_config
+    from asvhil.io.mavlink.frames import dialect
+    from asvhil.operator.session import encode_hold
+
+    settings = load_config(config, tuple(set_))
+    lat_deg, lon_deg = (None, None) if at is None else _lat_lon(at)
+    psi_rad = None if heading is None else math.radians(heading)
+    data = encode_hold(settings.links.autopilot, lat_deg, lon_deg, psi_rad)
+    _ask(settings, data, dialect.MAV_CMD_DO_REPOSITION, "holding")
+
+
+def release(
+    config: DaemonOption = "field",
+    set_: SetOption = [],  # noqa: B006
+) -> None:
+    """Ask the running daemon to release the motors."""
+    from asvhil.config import load_config
+    from asvhil.io.mavlink.frames import dialect
+    from asvhil.operator.session import encode_release
+
+    settings = load_config(config, tuple(set_))
+    data = encode_release(settings.links.autopilot)
+    _ask(settings, data, dialect.MAV_CMD_NAV_GUIDED_ENABLE, "released")
+
+
+def _ask(config: Config, data: bytes, mav_cmd: int, done: str) -> None:
+    from asvhil.links.operator_client import send_and_wait
+
+    link = config.links.operator
+    result, text = send_and_wait(data, link.endpoint, mav_cmd, signing=link.signing)
+    if result != 0:
+        raise AsvhilError(f"the daemon refused: {text or f'MAV_RESULT {result}'}")
+    typer.echo(done)
+
+
+def _lat_lon(text: str) -> tuple[float, float]:
+    lat, _, lon = text.partition(",")
+    try:
+        lat_deg, lon_deg = float(lat), float(lon)
+    except ValueError:
+        lat_deg = lon_deg = math.nan
+    if not (abs(lat_deg) <= 90.0 and abs(lon_deg) <= 180.0):
+        raise ConfigError(f"--at {text}: LAT,LON in degrees is expected, such as 40.4237,-86.9212")
+    return lat_deg, lon_deg

@@ -1,0 +1,94 @@
+"""`asvhil replay`: a log run through the backseat again."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from asvhil.commands.options import JsonOption, PluginOption, RecordedPluginsOption, SetOption
+from asvhil.commands.views import progress, say, write_json
+from asvhil.errors import ConfigError
+
+
+def replay(
+    log: Annotated[Path | None, typer.Argument(help="An MCAP log of asvhil.")] = None,
+    tlog: Annotated[
+        Path | None, typer.Option("--tlog", metavar="FILE", help="A MAVLink telemetry log: codec and estimator only.")
+    ] = None,
+    config: Annotated[str, typer.Option(help="With --tlog: the config to estimate with.")] = "field",
+    set_: SetOption = [],  # noqa: B006
+    plugin: PluginOption = [],  # noqa: B006
+    allow_recorded_plugins: RecordedPluginsOption = False,
+    json_: JsonOption = None,
+) -> None:
+    """Run a log through the backseat and compare every tick byte by byte; exit 1 where one differs."""
+    from rich.console import Console
+
+    console = Console()
+    if (log is None) == (tlog is None):
+        raise ConfigError("replay: give either an MCAP log or --tlog FILE")
+    if tlog is not None:
+        _replay_tlog(console, tlog, config, tuple(set_), json_)
+        return
+    assert log is not None
+    if set_:
+        raise ConfigError("replay: --set goes with --tlog only; an MCAP log is replayed with the config it holds")
+    from asvhil.logs.plugins import load_plugins
+    from asvhil.logs.replay import replay as replay_log
+
+    load_plugins(log, plugin, allow_recorded=allow_recorded_plugins)
+
+    with progress(console, spinner=True) as bar:
+        task = bar.add_task("replay", total=None)
+        result = replay_log(log, lambda ticks: bar.update(task, completed=ticks) if ticks % 50 == 0 else None)
+    figures = {
+        "ticks": result.ticks,
+        "compared": result.compared,
+        "exact": result.mismatch is None,
+        "mismatch": None
+        if result.mismatch is None
+        else {"tick": result.mismatch.tick, "t_ns": result.mismatch.t_ns, "field": result.mismatch.field},
+        "truncated": result.truncated,
+        "span_s": result.span_s,
+        "wall_s": result.wall_s,
+        "realtime_factor": result.span_s / result.wall_s if result.wall_s else None,
+    }
+    write_json(json_, figures)
+    speed = f"{result.span_s:.1f} s in {result.wall_s:.2f} s, {result.span_s / result.wall_s:.0f} times real time"
+    if result.mismatch is not None:
+        m = result.mismatch
+        say(console, f"{log}: tick {m.tick} at {m.t_ns} ns differs: {m.field}")
+        raise typer.Exit(1)
+    tail = ", the log's end is cut off" if result.truncated else ""
+    say(console, f"{log}: {result.compared} ticks bit-exact ({speed}){tail}")
+
+
+def _replay_tlog(console: Any, tlog: Path, config: str, overrides: tuple[str, ...], json_file: Path | None) -> None:
+    from asvhil.config import load_config
+    from asvhil.logs.tlog_check import check_tlog
+
+    with progress(console, spinner=True) as bar:
+        task = bar.add_task("replay", total=None)
+        settings = load_config(config, overrides)
+        figures = check_tlog(settings, tlog, lambda ticks: bar.update(task, completed=ticks))
+    write_json(json_file, figures)
+    counts = figures["messages"]
+    say(console, f"{tlog}: {sum(counts.values())} messages of {len(counts)} kinds, {figures['undecoded']} undecoded")
+    against = figures["against_autopilot"]
+    if against is None:
+        lasted_s = figures["estimate_s"]
+        say(
+            console,
+            "the estimator never started: no position with heading in this log"
+            if lasted_s is None
+            else f"only {lasted_s:.0f} s with an estimate in this log: the first 10 are not compared",
+        )
+        raise typer.Exit(1)
+    say(
+        console,
+        f"estimate against the autopilot's own from {against['from_s']:.0f} s on: position max "
+        f"{against['position_m']['max']:.3f} m, mean {against['position_m']['mean']:.3f} m; heading max "
+        f"{against['heading_deg']['max']:.2f} deg, mean {against['heading_deg']['mean']:.2f} deg",
+    )

@@ -1,0 +1,42 @@
+"""`asvhil run`: the daemon on the vehicle."""
+
+from __future__ import annotations
+
+import asyncio
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from asvhil.commands.options import ConfigArgument, SetOption
+from asvhil.commands.views import LiveView
+
+
+def run(
+    config: ConfigArgument,
+    set_: SetOption = [],  # noqa: B006 - typer copies its defaults
+    log: Annotated[Path | None, typer.Option(help="The MCAP log to write; a new run folder by default.")] = None,
+    duration: Annotated[
+        float | None, typer.Option(min=0.1, help="Seconds to run; until interrupted by default.")
+    ] = None,
+    status_json: Annotated[bool, typer.Option(help="Print a JSON status line twice a second, no table.")] = False,
+) -> None:
+    """Run the daemon on the vehicle's companion computer. It holds only after `asvhil hold`."""
+    from asvhil.config import load_config
+    from asvhil.daemon.daemon import Daemon
+    from asvhil.links.clock import Clock
+    from asvhil.logs.opening import make_run_folder, open_recorder
+
+    settings = load_config(config, tuple(set_))
+    path = log or make_run_folder(settings, "run") / "log.mcap"
+    clock = Clock()
+    recorder = open_recorder(settings, path, "live")
+    try:
+        view = LiveView(settings, f"asvhil {settings.vehicle.name}, log {path}", as_json=status_json)
+        with view:
+            daemon = Daemon(settings, recorder, clock, on_tick=lambda o, links: view.show(o, links, daemon.overruns))
+            asyncio.run(daemon.run(duration))
+    finally:
+        recorder.close()
+    if recorder.error is not None:
+        raise recorder.error

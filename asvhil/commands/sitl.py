@@ -1,0 +1,98 @@
+"""`asvhil sitl`: a station kept with the simulated boat."""
+
+from __future__ import annotations
+
+import contextlib
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from asvhil.commands.options import ConfigArgument, JsonOption, SetOption
+from asvhil.commands.views import LiveView, check_writable, progress, report_run
+from asvhil.errors import ConfigError
+
+if TYPE_CHECKING:
+    from asvhil.config import Config
+    from asvhil.simplant.boat.arduino import SimulatedArduino
+
+
+def sitl(
+    config: ConfigArgument = "sitl",
+    set_: SetOption = [],  # noqa: B006
+    lockstep: Annotated[bool, typer.Option("--lockstep", help="Virtual time, one process, no sockets.")] = False,
+    duration: Annotated[float, typer.Option(min=1.0, help="Seconds of boat time.")] = 60.0,
+    wind: Annotated[
+        str | None, typer.Option(metavar="SPEED@DEG", help="Mean wind, blowing toward DEG from the station's heading.")
+    ] = None,
+    seed: Annotated[int | None, typer.Option(min=0, help="Seed of weather and sensor noise.")] = None,
+    controller: Annotated[str | None, typer.Option(help="The controller's name.")] = None,
+    log: Annotated[Path | None, typer.Option(help="The MCAP log to write; in a new run folder by default.")] = None,
+    json_: JsonOption = None,
+    picture: Annotated[bool, typer.Option(help="Draw the run beside its log.")] = True,
+    anemometer: Annotated[
+        str, typer.Option(metavar="KIND", help="simulated, or firmware: the real one on a simulated Arduino.")
+    ] = "simulated",
+    arduino: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Where `make firmware-sim` has put the simulated Arduino.")
+    ] = None,
+) -> None:
+    """Keep a station with the simulated boat; leaves a log, a summary and a picture."""
+    from rich.console import Console
+
+    from asvhil.config import load_config
+    from asvhil.config.mean_wind import parse_wind, wind_keys
+    from asvhil.logs.opening import make_run_folder
+    from asvhil.sitl import run_lockstep, run_realtime
+
+    overrides = list(set_)
+    if seed is not None:
+        overrides.append(f"plant.seed={seed}")
+    if controller is not None:
+        overrides.append(f"controller.name={controller}")
+    if wind is not None:
+        keys = wind_keys(parse_wind(wind), load_config(config, tuple(overrides)))
+        overrides += [f"plant.weather.wind.{key}={value}" for key, value in keys.items()]
+    settings = load_config(config, tuple(overrides))
+    if settings.supervisor.engage != "auto":
+        raise ConfigError(f"{config}: key supervisor.engage: sitl needs auto (nobody is there to say hold)")
+    if log is not None and picture and log.suffix == ".png":
+        raise ConfigError(f"--log {log}: the picture goes there; name the log .mcap, or give --no-picture")
+    check_writable(json_, "--json ")
+    if log is not None and picture and log.parent.is_dir():
+        check_writable(log.with_suffix(".png"))
+    board = _simulated_arduino(settings, anemometer, arduino, lockstep)
+    folder = make_run_folder(settings, "lockstep" if lockstep else "sitl")
+    path = log or folder / "log.mcap"
+    console = Console()
+    if lockstep:
+        with progress(console) as bar:
+            task = bar.add_task("lockstep", total=round(duration * settings.daemon.tick_hz))
+            wall_s = run_lockstep(settings, path, duration, lambda _: bar.advance(task))
+    else:
+        title = f"asvhil sitl: {settings.vehicle.name}, {settings.controller.name}, {duration:.0f} s"
+        view = LiveView(settings, title)
+        with board or contextlib.nullcontext(), view:
+            wall_s = run_realtime(settings, folder, path, duration, view.show_status, board)
+    report_run(path, json_, path.with_suffix(".png") if picture else None, console, wall_s)
+
+
+def _simulated_arduino(
+    settings: Config, anemometer: str, folder: Path | None, lockstep: bool
+) -> SimulatedArduino | None:
+    """What `sitl --anemometer firmware` needs, None for the simulated sensor. ConfigError where options disagree."""
+    if anemometer not in ("simulated", "firmware"):
+        raise ConfigError(f"--anemometer {anemometer}: simulated or firmware is expected")
+    if anemometer == "simulated":
+        if folder is not None:
+            raise ConfigError("--arduino: goes with --anemometer firmware only")
+        return None
+    if lockstep:
+        raise ConfigError("--anemometer firmware: runs in real time only; leave out --lockstep")
+    if settings.links.anemometer is None:
+        raise ConfigError("--anemometer firmware: key links.anemometer: is null, so nobody would read it")
+    from asvhil.simplant.boat.arduino import SimulatedArduino
+
+    board = SimulatedArduino(folder)
+    board.check()
+    return board

@@ -1,0 +1,75 @@
+"""What the commands of studies have in common: options, and the way from checked options to figures in a folder."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from asvhil.commands.options import JsonOption
+from asvhil.commands.signatures import option, parameters_of, with_parameters
+from asvhil.commands.study_views import check_output, finish, watching
+from asvhil.commands.views import say
+from asvhil.types import record
+
+if TYPE_CHECKING:
+    from asvhil.study.runner import Tell
+
+RUNS = Path("runs/study")
+
+OutOption = Annotated[Path, typer.Option("-o", "--output", help="Folder of runs, tables and figures; taken up again.")]
+ConfigOption = Annotated[str, typer.Option(help="Config of the vessel, plant and controllers.")]
+SeedsOption = Annotated[int, typer.Option(min=1, help="Number of seeds, from 1 on.")]
+RowOption = Annotated[list[str], typer.Option(help="One row by its name; repeatable.")]
+ModelsOption = Annotated[
+    Path | None, typer.Option(help="Folder of model files KIND.npz; the shipped ones for kinds that it lacks.")
+]
+WorkersOption = Annotated[int | None, typer.Option(min=1, help="Processes; as many as cores by default.")]
+QuickOption = Annotated[bool, typer.Option("--quick", help="A short run of every part, to see that it works.")]
+
+Figures = dict[str, Any]
+
+
+@record
+class Study:
+    """A study whose options are checked.
+
+    `stem` is the name of its files in the output folder: figures (json), `text` (md), and the picture (png) where there
+    is one to `draw`. `notes` are said before it begins. `resumes`: an interrupted one is taken up by the same command.
+    `failure` of the figures, where a part of them could not be had, ends the command after all else is written.
+    """
+
+    title: str
+    stem: str
+    figures: Callable[[Tell], Figures]
+    text: Callable[[Figures], str]
+    draw: Callable[[Figures, Path], None] | None = None
+    notes: tuple[str, ...] = ()
+    resumes: bool = True
+    failure: Callable[[Figures], Exception | None] = lambda figures: None
+
+
+def study_command(prepare: Callable[..., Study]) -> Callable[..., None]:
+    """The command of a study: options, `--output` among them, as `prepare` has them, and `--json`."""
+
+    @functools.wraps(prepare)
+    def command(json_: Path | None, **options: Any) -> None:
+        from rich.console import Console
+
+        console = Console()
+        study, output = prepare(**options), options["output"]
+        for note in study.notes:
+            say(console, note)
+        check_output(output, study.stem, json_)
+        with watching(console, study.title, resumes=study.resumes) as tell:
+            figures = study.figures(tell)
+        draw = None if study.draw is None else functools.partial(study.draw, figures)
+        finish(console, output, study.stem, figures, study.text, json_, draw)
+        failure = study.failure(figures)
+        if failure is not None:
+            raise failure
+
+    return with_parameters(command, [*parameters_of(prepare), option("json_", JsonOption, None)])

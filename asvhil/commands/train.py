@@ -1,0 +1,121 @@
+"""`asvhil train`: trains a vessel model on logs or CSV files."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
+
+import typer
+
+from asvhil.commands.options import ColumnsOption, JsonOption
+from asvhil.commands.signatures import option, parameters_of, with_parameters
+from asvhil.commands.views import progress, say, write_json
+from asvhil.errors import AsvhilError
+from asvhil.train.options import CHOICES, NETWORKS, OPTIONS, FitOptions, chosen_options
+
+if TYPE_CHECKING:
+    from asvhil.train.progress import TrainingProgress
+
+PANEL = "Options of the model's kind"
+
+
+def train(
+    kind: Annotated[str, typer.Argument(help="nnsem, lagnet, sd, node or knode.")],
+    data: Annotated[list[Path], typer.Argument(help="MCAP logs, or CSV files with --columns.")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="The model file (npz) to write.")],
+    columns: ColumnsOption = None,
+    vehicle: Annotated[str | None, typer.Option(help="The vehicle's name, which CSV files do not hold.")] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the first weights and of the batches.")] = 1,
+    tries: Annotated[
+        int, typer.Option(min=1, max=50, help="Networks from as many seeds, SEED on; the best on validation is kept.")
+    ] = 1,
+    smoothing: Annotated[bool, typer.Option(help="Smooth the training data over time.")] = True,
+    dt: Annotated[float, typer.Option(min=0.02, max=2.0, help="Step of the model in seconds.")] = 0.2,
+    resume: Annotated[bool, typer.Option("--resume", help="Go on with an interrupted training.")] = False,
+    json_: JsonOption = None,
+    **chosen: Any,
+) -> None:
+    """Train a vessel model on logs; leaves the model file and a picture of its loss."""
+    from rich.console import Console
+
+    _need_torch()
+    from asvhil.train.jobs import checkpoint_of, train_command
+
+    console = Console()
+    options = chosen_options(kind, dt, **chosen)
+    try:
+        with progress(console) as bar:
+            task = bar.add_task(kind, total=options.iterations)
+
+            def show(state: TrainingProgress) -> None:
+                words = f"{kind}, best validation error {state.validation:.4f}"
+                bar.update(task, completed=state.iteration, total=state.iterations, description=words)
+
+            figures = train_command(
+                kind,
+                data,
+                output,
+                columns=columns,
+                vehicle=vehicle,
+                seed=seed,
+                options=options,
+                dt_s=dt,
+                smoothed=smoothing,
+                tries=tries,
+                resume=resume,
+                progress=show,
+            )
+    except KeyboardInterrupt:
+        if checkpoint_of(output).exists():
+            typer.echo(
+                f"asvhil: interrupted; the same command with --resume goes on from {checkpoint_of(output)}", err=True
+            )
+        raise
+    write_json(json_, figures)
+    words = f"{output}: {kind} for {figures['vehicle']}, {figures['data_s']:.0f} s of data, {figures['wall_s']:.1f} s"
+    if figures["missing_rows"] or figures["outliers"]:
+        words += f"; left out: {figures['missing_rows']} rows with a missing value, {figures['outliers']} jumps"
+    say(console, words)
+
+
+def _need_torch() -> None:
+    """One clear line where the training extra is not installed."""
+    from importlib.util import find_spec
+
+    if find_spec("torch") is None:
+        raise AsvhilError("training needs torch: install the extra, as in pip install 'asvhil[train]'")
+
+
+def _kind_options() -> Iterator[inspect.Parameter]:
+    """An option for each `Choice` among the fields of FitOptions, in their order."""
+    types = get_type_hints(FitOptions)
+    for field, choice in CHOICES.items():
+        defaults = {kind: getattr(OPTIONS[kind], field) for kind in choice.kinds}
+        flag = f"--{choice.name.replace('_', '-')}"
+        type_ = float if choice.seconds else types[field]
+        if type_ is bool and any(defaults.values()):
+            flag = f"{flag}/--no-{flag[2:]}"
+        only = "" if set(NETWORKS) <= set(choice.kinds) else f" For {' and '.join(choice.kinds)} only."
+        info = typer.Option(
+            flag,
+            min=choice.low,
+            max=choice.high,
+            help=f"{choice.help}{only} By default {choice.default or _words(defaults)}.",
+            rich_help_panel=PANEL,
+        )
+        yield option(choice.name, Annotated[type_ | None, info], None)
+
+
+def _words(defaults: dict[str, Any]) -> str:
+    """The default of most kinds, and of those that differ."""
+    texts = {
+        kind: ("on" if value else "off") if isinstance(value, bool) else f"{value:g}"
+        for kind, value in defaults.items()
+    }
+    usual = next(iter(texts.values()))
+    return "; ".join([usual, *(f"{kind} {text}" for kind, text in texts.items() if text != usual)])
+
+
+with_parameters(train, [*parameters_of(train), *_kind_options()])

@@ -1,0 +1,22 @@
+"""What a training reports while it runs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from asvhil.dynamics.weights import TrainedModel
+from asvhil.types import record
+
+
+@record
+class TrainingProgress:
+    """Where a training stands. `validation` is the best so far (mean error over half the range), averaged over seeds.
+
+    `models()` are the best models so far.
+    """
+
+    iteration: int
+    iterations: int
+    loss: float
+    validation: float
+    models: Callable[[], list[TrainedModel]]
