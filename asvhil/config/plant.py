@@ -374,6 +374,16 @@ class PlantLinksConfig(Section):
 
     left_out_if_empty = ("sensors",)
 
+    @property
+    def endpoints(self) -> dict[str, str]:
+        """Link specs by port: of the autopilot, and of every sensor that has a line."""
+        lines = {"anemometer": self.anemometer, "ins": self.ins, "gnss": self.gnss}
+        return {
+            "autopilot": self.autopilot,
+            **{port: spec for port, spec in lines.items() if spec is not None},
+            **self.sensors,
+        }
+
 
 class PlantConfig(Section):
     """The simulated boat with its weather, sensors and autopilot. A real boat ignores this section."""

@@ -38,12 +38,7 @@ class PlantServer:
         loop = asyncio.get_running_loop()
         for number in (signal.SIGINT, signal.SIGTERM):
             loop.add_signal_handler(number, self.stop)
-        specs = {"autopilot": self._config.plant.links.autopilot}
-        for port in ("anemometer", "ins", "gnss"):
-            spec = getattr(self._config.plant.links, port)
-            if spec is not None:
-                specs[port] = spec
-        specs |= self._config.plant.links.sensors
+        specs = self._config.plant.links.endpoints
         endpoints: dict[str, Endpoint] = {}
         readers: list[asyncio.Task[None]] = []
         try:

@@ -92,8 +92,7 @@ class HilServer(ABC):
 
     def _specs(self) -> dict[str, str]:
         """The links to open: the autopilot's, and those of the sensors that the companion reads itself."""
-        sensors = {name: spec for name, spec in self._config.plant.links if name != "autopilot" and spec is not None}
-        return {PORT: self._endpoint, **sensors}
+        return self._config.plant.links.endpoints | {PORT: self._endpoint}
 
     async def _send(self, frames: list[Frame]) -> None:
         for frame in frames:
