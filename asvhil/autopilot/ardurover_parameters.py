@@ -117,27 +117,3 @@ def _fail_safes() -> tuple[Requirement, ...]:
         exactly("ARMING_SKIPCHK", 0, *UNCHECKED, must=False),
         within("BRD_SAFETY_DEFLT BRD_SAFETYENABLE", (0, 0), None, "press the safety switch", switch, must=False),
     )
-
-
-def names_for(cause: Cause, channels: tuple[int, ...], *, blind: bool) -> str:
-    """The parameters to look at for a cause seen on the outputs of some motors (channels from 1)."""
-    numbers = "/".join(str(channel) for channel in channels)
-    match cause:
-        case Cause.IGNORED:
-            return "SYSID_MYGCS, RC_OPTIONS"
-        case Cause.MIXED:
-            return "PILOT_STEER_TYPE"
-        case Cause.DEAD_ZONE:
-            return f"RC{numbers}_DZ"
-        case Cause.SLEW:
-            return "MOT_SLEWRATE"
-        case Cause.SWAPPED:
-            return f"SERVO{numbers}_FUNCTION"
-        case Cause.REVERSED:
-            return f"SERVO{numbers}_REVERSED"
-        case Cause.SCALED:
-            return f"travel of RC{numbers}, SERVO{numbers}"
-        case Cause.STUCK:
-            return f"{'SYSID_MYGCS or ' if blind else ''}SERVO{numbers}_FUNCTION"
-        case _:
-            return ""
