@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from asvhil.autopilot.ardurover_parameters import names_for, requirements
+from asvhil.autopilot.ardurover_parameters import requirements
 from asvhil.autopilot.mavlink_autopilot import MavlinkAutopilot
 from asvhil.autopilot.requirements import Requirement
 from asvhil.config import AutopilotLinkConfig, Config, PwmConfig
 from asvhil.io.mavlink.frames import dialect
-from asvhil.types import Cause, Measurement
+from asvhil.types import Measurement
 
 EKF_HORIZONTAL_POSITION = dialect.EKF_POS_HORIZ_ABS
 EKF_CONSTANT_POSITION = dialect.EKF_CONST_POS_MODE
@@ -27,12 +27,6 @@ class ArduRoverAutopilot(MavlinkAutopilot):
 
     def _requirements(self) -> tuple[Requirement, ...]:
         return requirements(self._config, self._pwm)
-
-    def hint(self, cause: Cause, motor: str, *, blind: bool) -> str:
-        """The parameters to look at for a cause seen on the outputs."""
-        channels = {"port": (self._pwm.port_channel,), "starboard": (self._pwm.starboard_channel,)}
-        both = (self._pwm.port_channel, self._pwm.starboard_channel)
-        return names_for(cause, channels.get(motor, both), blind=blind)
 
     def _on_ekf_status(self, t_ns: int, m: Any) -> Sequence[Measurement]:
         self._ready = bool(m.flags & EKF_HORIZONTAL_POSITION) and not m.flags & EKF_CONSTANT_POSITION

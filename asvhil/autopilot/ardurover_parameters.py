@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from asvhil.autopilot.requirements import Requirement
+from dataclasses import replace
+
+from asvhil.autopilot.requirements import Requirement, exactly, within
 from asvhil.config import AutopilotLinkConfig, PwmConfig
 from asvhil.types import Cause
 
@@ -14,287 +16,104 @@ TRIM_SLACK_US = 5.0
 # Names that exist in some firmware only, whose absence means nothing.
 OPTIONAL = frozenset({"ARMING_CHECK", "ARMING_SKIPCHK", "BRD_SAFETY_DEFLT"})
 
+# What several rows say.
+IGNORED = "overrides are ignored"
+BENT = "commands are bent"
+UNCHECKED = "arms unchecked", "leaves out checks before arming"
+
 
 def requirements(link: AutopilotLinkConfig, pwm: PwmConfig) -> tuple[Requirement, ...]:
     """What the way to the motors, `links.autopilot.output`, needs."""
-    if link.output == "set_servo":
-        return _free_outputs(pwm)
-    # MANUAL_CONTROL is scaled to the stick's travel, which our codec takes for 1000 to 2000 us.
-    ends_us = (1000, 2000) if link.output == "manual_control" else None
-    return (*_command_path(link.override_system_id), *_sticks_and_outputs(pwm, ends_us), *_fail_safes())
-
-
-def _free_outputs(pwm: PwmConfig) -> tuple[Requirement, ...]:
-    """DO_SET_SERVO is refused on outputs that have a function."""
-    return tuple(
-        Requirement(
-            names=(f"SERVO{channel}_FUNCTION",),
-            least=0.0,
-            most=0.0,
-            wanted=0.0,
-            cause=Cause.STUCK,
-            fault="no set_servo",
-            why="DO_SET_SERVO is refused on an output that has a function",
-        )
-        for channel in (pwm.port_channel, pwm.starboard_channel)
-    )
-
-
-def _command_path(override_system_id: int) -> tuple[Requirement, ...]:
-    ignored = "overrides are ignored"
-    return (
-        Requirement(
-            names=("SYSID_MYGCS", "MAV_GCS_SYSID"),
-            least=override_system_id,
-            most=override_system_id,
-            wanted=override_system_id,
-            cause=Cause.IGNORED,
-            fault=ignored,
-            why="overrides of other systems are dropped without a word",
-        ),
-        Requirement(
-            names=("RC_OPTIONS",),
-            least=0.0,
-            most=2.0**31,
-            wanted=0.0,
-            clear=OVERRIDES_IGNORED,
-            cause=Cause.IGNORED,
-            fault=ignored,
-            why="with its bit 1 all overrides are ignored",
-        ),
-        Requirement(
-            names=("RC_OVERRIDE_TIME",),
-            least=0.5,
-            most=3.0,
-            wanted=3.0,
-            cause=Cause.IGNORED,
-            fault="wrong time-out",
-            why="0 ignores overrides; below 0 the motors run on for ever if this computer dies",
-        ),
-        Requirement(
-            names=("PILOT_STEER_TYPE",),
-            least=1.0,
-            most=1.0,
-            wanted=1.0,
-            cause=Cause.MIXED,
-            fault="sticks are mixed",
-            why="any other mixes the two commands as steering and throttle",
-        ),
-        Requirement(
-            names=("MOT_SLEWRATE",),
-            least=0.0,
-            most=0.0,
-            wanted=0.0,
-            cause=Cause.SLEW,
-            fault="outputs lag behind",
-            why="limits how fast the throttle may change, unknown to the controller",
-        ),
-        Requirement(
-            names=("MOT_THR_MIN",),
-            least=0.0,
-            most=0.0,
-            wanted=0.0,
-            cause=Cause.SCALED,
-            fault="commands are bent",
-            why="raises small commands",
-        ),
-        Requirement(
-            names=("MOT_THST_EXPO",),
-            least=0.0,
-            most=0.0,
-            wanted=0.0,
-            cause=Cause.SCALED,
-            fault="commands are bent",
-            why="bends commands by a thrust curve; the model of the boat has its own",
-        ),
-    )
-
-
-def _sticks_and_outputs(pwm: PwmConfig, ends_us: tuple[int, int] | None) -> tuple[Requirement, ...]:
-    """`ends_us`: the exact travel that the outputs must have; where None they must reach what we send."""
-    found: list[Requirement] = []
     motors = (
         ("port", pwm.port_channel, PORT_MOTOR, "RCMAP_ROLL"),
         ("starboard", pwm.starboard_channel, STARBOARD_MOTOR, "RCMAP_THROTTLE"),
     )
-    for side, channel, function, stick in motors:
-        rc, servo = f"RC{channel}", f"SERVO{channel}"
-        found += (
-            Requirement(
-                names=(f"{servo}_FUNCTION",),
-                least=function,
-                most=function,
-                wanted=function,
-                cause=Cause.STUCK,
-                fault=f"no {side} motor",
-                why=f"output {channel} must be throttle {'left' if side == 'port' else 'right'}",
-            ),
-            Requirement(
-                names=(f"{servo}_REVERSED",),
-                least=0.0,
-                most=0.0,
-                wanted=0.0,
-                cause=Cause.REVERSED,
-                fault="output is reversed",
-                why="turns the pulses about neutral; reverse a motor at its speed controller instead",
-            ),
-            Requirement(
-                names=(f"{servo}_TRIM",),
-                least=pwm.neutral_us,
-                most=pwm.neutral_us,
-                wanted=pwm.neutral_us,
-                cause=Cause.SCALED,
-                fault="another neutral",
-                why="neutral of this output must be vehicle.pwm.neutral_us",
-            ),
-            Requirement(
-                names=(f"{servo}_MIN",),
-                least=ends_us[0] - TRAVEL_SLACK_US if ends_us else 500.0,
-                most=ends_us[0] + TRAVEL_SLACK_US if ends_us else pwm.astern_us,
-                wanted=ends_us[0] if ends_us else pwm.astern_us,
-                cause=Cause.SCALED,
-                fault="full astern cut off",
-                why="the output must reach vehicle.pwm.astern_us (manual_control: 1000)",
-            ),
-            Requirement(
-                names=(f"{servo}_MAX",),
-                least=ends_us[1] - TRAVEL_SLACK_US if ends_us else pwm.ahead_us,
-                most=ends_us[1] + TRAVEL_SLACK_US if ends_us else 2500.0,
-                wanted=ends_us[1] if ends_us else pwm.ahead_us,
-                cause=Cause.SCALED,
-                fault="full ahead cut off",
-                why="the output must reach vehicle.pwm.ahead_us (manual_control: 2000)",
-            ),
-            Requirement(
-                names=(stick,),
-                least=channel,
-                most=channel,
-                wanted=channel,
-                cause=Cause.SWAPPED,
-                fault="another channel",
-                why=f"the {side} motor's stick must be channel {channel}",
-                reboot=True,
-            ),
-            Requirement(
-                names=(f"{rc}_DZ",),
-                least=0.0,
-                most=0.0,
-                wanted=0.0,
-                cause=Cause.DEAD_ZONE,
-                fault="dead zone bends commands",
-                why="commands near neutral are lost, and all others bent",
-            ),
-            Requirement(
-                names=(f"{rc}_REVERSED",),
-                least=0.0,
-                most=0.0,
-                wanted=0.0,
-                cause=Cause.REVERSED,
-                fault="stick is reversed",
-                why="turns commands about neutral",
-            ),
-        )
-        found += (
-            Requirement(
-                names=(f"{rc}_{end}",),
-                least=-slack_us,
-                most=slack_us,
-                wanted=None,
-                like=f"{servo}_{end}",
-                cause=Cause.SCALED,
-                fault="commands are scaled",
-                why=f"stick and output {channel} must have the same travel",
-            )
-            for end, slack_us in (("TRIM", TRIM_SLACK_US), ("MIN", TRAVEL_SLACK_US), ("MAX", TRAVEL_SLACK_US))
-        )
-    return tuple(found)
+    if link.output == "set_servo":
+        return tuple(replace(_free_output(channel), motor=side) for side, channel, _, _ in motors)
+    # MANUAL_CONTROL is scaled to the stick's travel, which our codec takes for 1000 to 2000 us.
+    ends_us = (1000, 2000) if link.output == "manual_control" else None
+    sticks_and_outputs = (
+        replace(row, motor=side)
+        for side, channel, function, stick in motors
+        for row in (*_output(side, channel, function, pwm, ends_us), *_stick(side, channel, stick))
+    )
+    return (*_command_path(link.override_system_id), *sticks_and_outputs, *_fail_safes())
 
 
-def _fail_safes() -> tuple[Requirement, ...]:
+def _free_output(channel: int) -> Requirement:
+    why = "DO_SET_SERVO is refused on an output that has a function"
+    return exactly(f"SERVO{channel}_FUNCTION", 0, "no set_servo", why, Cause.STUCK)
+
+
+def _command_path(gcs_id: int) -> tuple[Requirement, ...]:
+    """Who may override, and what the autopilot does to any command."""
+    others, bit = "overrides of other systems are dropped without a word", "with its bit 1 all overrides are ignored"
+    time_out = "0 ignores overrides; below 0 the motors run on for ever if this computer dies"
+    mixes = "any other mixes the two commands as steering and throttle"
+    slew = "limits how fast the throttle may change, unknown to the controller"
+    expo = "bends commands by a thrust curve; the model of the boat has its own"
     return (
-        Requirement(
-            names=("FS_THR_ENABLE",),
-            least=1.0,
-            most=2.0,
-            wanted=1.0,
-            fault="no radio fail-safe",
-            why="without it, and without a transmitter, the motors run on if this computer dies",
-        ),
-        Requirement(
-            names=("FS_ACTION",),
-            least=1.0,
-            most=5.0,
-            wanted=2.0,
-            fault="fail-safes do nothing",
-            why="what a fail-safe does; 2 is HOLD",
-        ),
-        Requirement(
-            names=("FS_GCS_ENABLE",),
-            least=0.0,
-            most=0.0,
-            wanted=0.0,
-            must=False,
-            fault="stops the pilot too",
-            why="our heartbeats count as the station's: without them the boat would leave MANUAL in the pilot's hands",
-        ),
-        Requirement(
-            names=("FS_GCS_TIMEOUT",),
-            least=2.0,
-            most=10.0,
-            wanted=5.0,
-            must=False,
-            fault="station fail-safe is late",
-            why="seconds without a station's heartbeat until FS_GCS_ENABLE acts",
-        ),
-        Requirement(
-            names=("ARMING_CHECK",),
-            least=1.0,
-            most=1.0,
-            wanted=1.0,
-            must=False,
-            fault="arms unchecked",
-            why="leaves out checks before arming",
-        ),
-        Requirement(
-            names=("ARMING_SKIPCHK",),
-            least=0.0,
-            most=0.0,
-            wanted=0.0,
-            must=False,
-            fault="arms unchecked",
-            why="leaves out checks before arming",
-        ),
-        Requirement(
-            names=("BRD_SAFETY_DEFLT", "BRD_SAFETYENABLE"),
-            least=0.0,
-            most=0.0,
-            wanted=None,
-            must=False,
-            fault="press the safety switch",
-            why="the motors are dead until the safety switch is pressed, after each start",
-        ),
+        exactly("SYSID_MYGCS MAV_GCS_SYSID", gcs_id, IGNORED, others, Cause.IGNORED),
+        within("RC_OPTIONS", (0, 2**31), 0, IGNORED, bit, Cause.IGNORED, clear=OVERRIDES_IGNORED),
+        within("RC_OVERRIDE_TIME", (0.5, 3), 3, "wrong time-out", time_out, Cause.IGNORED),
+        exactly("PILOT_STEER_TYPE", 1, "sticks are mixed", mixes, Cause.MIXED),
+        exactly("MOT_SLEWRATE", 0, "outputs lag behind", slew, Cause.SLEW),
+        exactly("MOT_THR_MIN", 0, BENT, "raises small commands", Cause.SCALED),
+        exactly("MOT_THST_EXPO", 0, BENT, expo, Cause.SCALED),
     )
 
 
-def names_for(cause: Cause, channels: tuple[int, ...], *, blind: bool) -> str:
-    """The parameters to look at for a cause seen on the outputs of some motors (channels from 1)."""
-    numbers = "/".join(str(channel) for channel in channels)
-    match cause:
-        case Cause.IGNORED:
-            return "SYSID_MYGCS, RC_OPTIONS"
-        case Cause.MIXED:
-            return "PILOT_STEER_TYPE"
-        case Cause.DEAD_ZONE:
-            return f"RC{numbers}_DZ"
-        case Cause.SLEW:
-            return "MOT_SLEWRATE"
-        case Cause.SWAPPED:
-            return f"SERVO{numbers}_FUNCTION"
-        case Cause.REVERSED:
-            return f"SERVO{numbers}_REVERSED"
-        case Cause.SCALED:
-            return f"travel of RC{numbers}, SERVO{numbers}"
-        case Cause.STUCK:
-            return f"{'SYSID_MYGCS or ' if blind else ''}SERVO{numbers}_FUNCTION"
-        case _:
-            return ""
+def _output(
+    side: str, channel: int, function: int, pwm: PwmConfig, ends_us: tuple[int, int] | None
+) -> tuple[Requirement, ...]:
+    """`ends_us`: the exact travel that the output must have; where None it must reach what we send."""
+    servo = f"SERVO{channel}"
+    low_us, high_us = ends_us or (pwm.astern_us, pwm.ahead_us)
+    slack_us = TRAVEL_SLACK_US
+    lows_us = (low_us - slack_us, low_us + slack_us) if ends_us else (500, low_us)
+    highs_us = (high_us - slack_us, high_us + slack_us) if ends_us else (high_us, 2500)
+    throttle = f"output {channel} must be throttle {'left' if side == 'port' else 'right'}"
+    turns = "turns the pulses about neutral; reverse a motor at its speed controller instead"
+    neutral = "neutral of this output must be vehicle.pwm.neutral_us"
+    astern = "the output must reach vehicle.pwm.astern_us (manual_control: 1000)"
+    ahead = "the output must reach vehicle.pwm.ahead_us (manual_control: 2000)"
+    return (
+        exactly(f"{servo}_FUNCTION", function, f"no {side} motor", throttle, Cause.STUCK),
+        exactly(f"{servo}_REVERSED", 0, "output is reversed", turns, Cause.REVERSED),
+        exactly(f"{servo}_TRIM", pwm.neutral_us, "another neutral", neutral, Cause.SCALED),
+        within(f"{servo}_MIN", lows_us, low_us, "full astern cut off", astern, Cause.SCALED),
+        within(f"{servo}_MAX", highs_us, high_us, "full ahead cut off", ahead, Cause.SCALED),
+    )
+
+
+def _stick(side: str, channel: int, mapped_by: str) -> tuple[Requirement, ...]:
+    rc, servo = f"RC{channel}", f"SERVO{channel}"
+    lost = "commands near neutral are lost, and all others bent"
+    place = f"the {side} motor's stick must be channel {channel}"
+    travel = "commands are scaled", f"stick and output {channel} must have the same travel", Cause.SCALED
+    trim_us, end_us = (-TRIM_SLACK_US, TRIM_SLACK_US), (-TRAVEL_SLACK_US, TRAVEL_SLACK_US)
+    return (
+        replace(exactly(mapped_by, channel, "another channel", place, Cause.SWAPPED), reboot=True),
+        exactly(f"{rc}_DZ", 0, "dead zone bends commands", lost, Cause.DEAD_ZONE),
+        exactly(f"{rc}_REVERSED", 0, "stick is reversed", "turns commands about neutral", Cause.REVERSED),
+        within(f"{rc}_TRIM", trim_us, None, *travel, like=f"{servo}_TRIM"),
+        within(f"{rc}_MIN", end_us, None, *travel, like=f"{servo}_MIN"),
+        within(f"{rc}_MAX", end_us, None, *travel, like=f"{servo}_MAX"),
+    )
+
+
+def _fail_safes() -> tuple[Requirement, ...]:
+    """What happens when something else fails; none of them refuses a hold."""
+    radio = "without it, and without a transmitter, the motors run on if this computer dies"
+    station = "our heartbeats count as the station's: without them the boat would leave MANUAL in the pilot's hands"
+    late = "seconds without a station's heartbeat until FS_GCS_ENABLE acts"
+    switch = "the motors are dead until the safety switch is pressed, after each start"
+    return (
+        within("FS_THR_ENABLE", (1, 2), 1, "no radio fail-safe", radio),
+        within("FS_ACTION", (1, 5), 2, "fail-safes do nothing", "what a fail-safe does; 2 is HOLD"),
+        exactly("FS_GCS_ENABLE", 0, "stops the pilot too", station, must=False),
+        within("FS_GCS_TIMEOUT", (2, 10), 5, "station fail-safe is late", late, must=False),
+        exactly("ARMING_CHECK", 1, *UNCHECKED, must=False),
+        exactly("ARMING_SKIPCHK", 0, *UNCHECKED, must=False),
+        within("BRD_SAFETY_DEFLT BRD_SAFETYENABLE", (0, 0), None, "press the safety switch", switch, must=False),
+    )

@@ -15,7 +15,7 @@ from asvhil.io.mavlink.streams import StreamKeeper
 from asvhil.io.mavlink.timesync import TimeSync
 from asvhil.io.sensors.mavlink_sensors import MavlinkSensors
 from asvhil.io.sensors.protocol import NamedMeasurement
-from asvhil.types import Cause, Frame, FrontseatStatus, Heading, Measurement, Note, TimeOffset, YawRate
+from asvhil.types import Frame, FrontseatStatus, Heading, Measurement, Note, TimeOffset, YawRate
 
 PORT = "autopilot"
 HEARTBEAT_NS = 1_000_000_000
@@ -140,10 +140,6 @@ class MavlinkAutopilot:
             ("autopilot.parameters_known", len(self.parameters.values)),
             ("autopilot.parameter_requests", self.parameters.requests),
         )
-
-    def hint(self, cause: Cause, motor: str, *, blind: bool) -> str:
-        """What to look at for a cause seen on the outputs."""
-        return ""
 
     def _requirements(self) -> tuple[Requirement, ...]:
         """What the parameters of this autopilot must be."""

@@ -6,7 +6,7 @@ from typing import Protocol
 
 from asvhil.autopilot.requirements import Finding
 from asvhil.io.sensors.protocol import NamedMeasurement
-from asvhil.types import Cause, Frame, Note, TimeOffset
+from asvhil.types import Frame, Note, TimeOffset
 
 
 class Autopilot(Protocol):
@@ -30,10 +30,6 @@ class Autopilot(Protocol):
     @property
     def findings(self) -> list[Finding]:
         """The autopilot's parameters that matter, held against what they must be."""
-        ...
-
-    def hint(self, cause: Cause, motor: str, *, blind: bool) -> str:
-        """What to look at for a cause seen on the outputs; empty where there is nothing to say."""
         ...
 
     def receive(self, frame: Frame) -> list[NamedMeasurement]:

@@ -1,61 +1,69 @@
-"""Output read-back: what the autopilot's outputs do, held against what they were told, and why they differ. Pure."""
+"""Readback: the outputs that an autopilot reports, compared with the pulses that were sent. Pure.
+
+A residual test decides whether the outputs follow. What they do instead is named only where it turns or exchanges
+motors, or where nothing moves: dead zones, scaling and slew limits are for the parameters to tell.
+"""
 
 from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterator, Sequence
+from itertools import pairwise
 
 import numpy as np
+import numpy.typing as npt
 
-from asvhil.autopilot.distortions import Pulses, slewed, ways
+from asvhil.autopilot.distortions import Pulses, distortions
 from asvhil.config import PwmConfig, ReadbackConfig
 from asvhil.types import Cause, FrontseatStatus, record
 
 WINDOW_NS = 2_500_000_000  # of reports that are judged together
 SETTLE_NS = 250_000_000  # after taking the motors: what is reported may still be of before
 KEEP_SENT_NS = WINDOW_NS + 1_500_000_000
-LEAST_SPAN_NS = 700_000_000  # of outputs that differ, before anything is said
-LEAST_REPORTS, LEAST_REPORTS_SLOW = 4, 2
-SLOW_SPAN_NS = 1_500_000_000  # after which few reports must do
-UNEXPLAINED_SPAN_NS = 1_900_000_000
-UNEXPLAINED_SHARE = 0.6
-SPARED_SHARE = 0.1  # of the reports that an explanation may leave over
+LEAST_SPAN_NS = 700_000_000  # since the first report that differs, before anything is said
+LEAST_DIFFERENCE_NS = 350_000_000  # for which outputs differ, in sum
+REPORT_NS = 250_000_000  # a report speaks for the time since the last one, at most for this
+STALE_SPAN_NS, STALE_SHARE = 1_900_000_000, 0.6  # of reports that differ, where the outputs only stay as they are
+UNHEARD_SHARE = 0.1  # of the sticks' reports that differ from all overrides
 PLAIN_US = 60.0  # a command this far from neutral must show, whatever the dead zone
 STILL_US = 2.0
-SLEW_RATES_US_PER_S = (50.0, 75.0, 100.0, 150.0, 200.0, 250.0, 300.0, 400.0, 500.0, 600.0, 800.0, 1000.0, 1500.0)
-SLEW_LAG_S = 0.25
-SLEW_STEP_S = 0.05  # between two commands
 RC_TOLERANCE_US = 3.0
 HEARD_US = 10.0  # an override must differ this much from the stick to be told from it
+RESIDUAL_CAP_US = 100.0  # one late report must not decide
+EXPLAINS_SHARE = 0.5  # of the residual that a distortion may leave over to be named
+EQUAL_US = 2.0  # residuals closer than this are equal: the simpler distortion is named
 
 
 @record
 class Fault:
-    """Why the outputs do not do what they are told; `motor` is port or starboard, empty for both.
+    """Why the outputs do not follow the commands; `motor` is port or starboard, empty for both.
 
-    `size` is that of a dead zone (us). `blind`: the sticks were never reported, so it may be that nobody listens to us.
+    `blind`: the sticks were never reported, so it may be that the autopilot ignores the overrides.
     """
 
     cause: Cause
     motor: str = ""
-    size: float = 0.0
     blind: bool = False
 
 
 @record
 class _Report:
-    """What one report said, and whether it fits anything that it may be an answer to."""
+    """One report of two channels (us). `fits`: it is what some pulse told it to be within the lag, and tolerance.
+
+    `stale`: it does not fit, but the outputs fitted and have stayed since, as while the link loses commands.
+    """
 
     t_ns: int
     us: tuple[float, float]
     fits: bool
+    stale: bool
 
 
 class Readback:
-    """Judges each report of the outputs while we drive. An answer may come within `lag_s`, so each report is held
-    against all that was sent in that time: it differs only where it fits none.
+    """The residual test of the outputs while the motors are driven.
 
-    `fault` is what was found, until the motors are taken anew; None while all is well, or undecided.
+    A report may answer any pulses sent within `lag_s` before it came, and differs where it fits none of them.
+    `fault` is what was found, until the motors are taken anew; None while the outputs follow, or it is undecided.
     """
 
     def __init__(self, config: ReadbackConfig, pwm: PwmConfig, *, overrides_sticks: bool = True) -> None:
@@ -64,11 +72,11 @@ class Readback:
         self._channels = (pwm.port_channel - 1, pwm.starboard_channel - 1)
         self._overrides_sticks = overrides_sticks
         self._lag_ns = round(config.lag_s * 1e9)
-        self._groups = ways(self._neutral_us)
+        self._distortions = distortions(self._neutral_us)
         self._sent: deque[tuple[int, tuple[int, int]]] = deque()
         self._outputs: deque[_Report] = deque()
         self._sticks: deque[_Report] = deque()
-        self._seen_ns = {"outputs": 0, "rc": 0}
+        self._reported_ns = {"outputs": 0, "rc": 0}
         self._last: dict[str, tuple[float, float] | None] = {"outputs": None, "rc": None}
         self._start_ns: int | None = None
         self._start_us: tuple[float, float] | None = None
@@ -80,16 +88,16 @@ class Readback:
 
     def unread_ns(self, t_ns: int) -> int:
         """For how long the motors have been driven without a report of the outputs."""
-        return 0 if self._start_ns is None else t_ns - max(self._start_ns, self._seen_ns["outputs"])
+        return 0 if self._start_ns is None else t_ns - max(self._start_ns, self._reported_ns["outputs"])
 
     # --- in ------------------------------------------------------------------------------------------------
 
     def stop(self) -> None:
-        """The motors are not ours."""
+        """The motors are no longer driven."""
         self._start_ns = None
 
-    def sent(self, t_ns: int, pulses_us: tuple[int, int]) -> None:
-        """Pulses go out while we drive; the first after `stop` begin anew."""
+    def note_sent(self, t_ns: int, pulses_us: tuple[int, int]) -> None:
+        """Pulses (port, starboard) that were sent; the first after `stop` begin anew."""
         if self._start_ns is None:
             self._start_ns = t_ns
             self._start_us, self._stick_us = self._last["outputs"], self._last["rc"]
@@ -108,26 +116,26 @@ class Readback:
             ("rc", status.rc_ns, status.rc_us),
             ("outputs", status.outputs_ns, status.outputs_us),
         ):
-            if t_ns <= self._seen_ns[name] or len(values) <= max(self._channels):
+            if t_ns <= self._reported_ns[name] or len(values) <= max(self._channels):
                 continue
-            self._seen_ns[name] = t_ns
+            self._reported_ns[name] = t_ns
             port, starboard = self._channels
             us = self._last[name] = (float(values[port]), float(values[starboard]))
             if self._start_ns is None or t_ns < self._start_ns + SETTLE_NS:
                 continue
             if name == "outputs":
                 self._keep(self._outputs, t_ns, us, self._config.tolerance_us)
-                plain = max(abs(us[0] - self._neutral_us), abs(us[1] - self._neutral_us)) > PLAIN_US
+                plain = _apart_us(us, (self._neutral_us, self._neutral_us)) > PLAIN_US
                 self.follows = self.follows or (plain and self._outputs[-1].fits)
             elif self._overrides_sticks:
                 self._keep(self._sticks, t_ns, us, RC_TOLERANCE_US)
-                self.heard = self.heard or self._is_ours(t_ns, us)
+                self.heard = self.heard or self._is_override(t_ns, us)
 
     def _keep(self, reports: deque[_Report], t_ns: int, us: tuple[float, float], tolerance_us: float) -> None:
-        fits = any(
-            abs(sent[0] - us[0]) <= tolerance_us and abs(sent[1] - us[1]) <= tolerance_us for sent in self._recent(t_ns)
-        )
-        reports.append(_Report(t_ns=t_ns, us=us, fits=fits))
+        fits = any(_apart_us(sent, us) <= tolerance_us for sent in self._recent(t_ns))
+        last = reports[-1] if reports else None
+        stale = not fits and last is not None and (last.fits or last.stale) and _apart_us(last.us, us) <= STILL_US
+        reports.append(_Report(t_ns=t_ns, us=us, fits=fits, stale=stale))
         while reports[0].t_ns < t_ns - WINDOW_NS:
             reports.popleft()
 
@@ -139,7 +147,7 @@ class Readback:
             if sent_ns <= t_ns - self._lag_ns:
                 return
 
-    def _is_ours(self, t_ns: int, us: tuple[float, float]) -> bool:
+    def _is_override(self, t_ns: int, us: tuple[float, float]) -> bool:
         """Whether sticks show an override that differs from where they were before."""
         before = self._stick_us or (self._neutral_us, self._neutral_us)
         return any(
@@ -161,82 +169,58 @@ class Readback:
         if first is None:
             return None
         reports = list(self._outputs)[first:]  # what was right before tells nothing of what is wrong since
-        missed = sum(not report.fits for report in reports)
         span_ns = t_ns - reports[0].t_ns
-        slow = missed < LEAST_REPORTS
-        if missed < LEAST_REPORTS_SLOW or span_ns < (SLOW_SPAN_NS if slow else LEAST_SPAN_NS):
-            return None
-        self.fault = self._explain(t_ns, reports, missed)
-        if self.fault is None and missed >= UNEXPLAINED_SHARE * len(reports) and span_ns >= UNEXPLAINED_SPAN_NS:
-            self.fault = Fault(cause=Cause.UNEXPLAINED)
+        if span_ns >= LEAST_SPAN_NS and _time_ns(reports, stale=True) >= LEAST_DIFFERENCE_NS:
+            self.fault = self._explain(t_ns, reports)
         return self.fault
 
-    def _explain(self, t_ns: int, reports: list[_Report], missed: int) -> Fault | None:
-        """The plainest explanation that leaves hardly a report over; None where there is none (yet)."""
-        if self._unheard():
+    def _explain(self, t_ns: int, reports: list[_Report]) -> Fault | None:
+        """What the outputs do instead; None while it is not certain that they do not follow."""
+        if self._is_ignored():
             return Fault(cause=Cause.IGNORED)
-        reported_ns = [report.t_ns for report in reports]
+        span_ns = t_ns - reports[0].t_ns
+        sent = SentPulses(self._sent, [report.t_ns for report in reports], self._lag_ns)
         reported = np.array([report.us for report in reports])
-        told = SentPulses(self._sent, reported_ns, self._lag_ns)
-        still = self._still(told, reported)
-        if still is not None:
+        stuck = self._stuck(sent, reported)
+        if stuck is not None:
             # Sticks that were reported before will be again, and then it is known whether we are listened to.
-            waits = still.blind and self._stick_us is not None and t_ns - reported_ns[0] < SLOW_SPAN_NS
-            return None if waits else still
-        good = min(SPARED_SHARE * len(reported), missed - LEAST_REPORTS_SLOW)
-        for group in self._groups:
-            scores = [told.score(way.apply(told.pulses), reported, self._config.tolerance_us) for way in group]
-            best = min(range(len(group)), key=scores.__getitem__)
-            if scores[best][0] <= good:
-                return Fault(cause=group[best].cause, motor=group[best].motor, size=group[best].size)
-        return Fault(cause=Cause.SLEW) if self._slew_misses(reported_ns, reported) <= good else None
+            waits = stuck.blind and self._stick_us is not None and span_ns < 2 * LEAST_SPAN_NS
+            return None if waits else stuck
+        missed = sum(not report.fits for report in reports)
+        stays = span_ns >= STALE_SPAN_NS and missed >= STALE_SHARE * len(reports)
+        if _time_ns(reports, stale=False) < LEAST_DIFFERENCE_NS and not stays:
+            return None
+        return self._named(sent, reported)
 
-    def _unheard(self) -> bool:
+    def _is_ignored(self) -> bool:
         """Whether the autopilot shows sticks that have never been our overrides."""
         missed = sum(not report.fits for report in self._sticks)
-        return not self.heard and missed > SPARED_SHARE * len(self._sticks)
+        return not self.heard and missed > UNHEARD_SHARE * len(self._sticks)
 
-    def _still(self, told: SentPulses, reported: Pulses) -> Fault | None:
-        """Outputs that are where they were before, whatever plain commands they get."""
+    def _stuck(self, sent: SentPulses, reported: Pulses) -> Fault | None:
+        """Outputs that are where they were before the motors were taken, whatever plain commands they get."""
         start = reported[0] if self._start_us is None else np.array(self._start_us)
         moves = (np.abs(reported - start) > STILL_US).any(axis=0)
-        plain = told.least(np.abs(told.pulses - start)) > PLAIN_US
-        still = ~moves & (np.count_nonzero(plain, axis=0) >= LEAST_REPORTS_SLOW)
+        plain = sent.least(np.abs(sent.pulses - start)) > PLAIN_US
+        still = ~moves & (np.count_nonzero(plain, axis=0) >= 2)
         if still.all():
             blind = self._overrides_sticks and not self._sticks and bool(reported.any())
             return Fault(cause=Cause.STUCK, blind=blind)
         if not still.any():
             return None
         other = int(np.flatnonzero(~still)[0])
-        misses, _ = told.score(told.pulses[:, [other]], reported[:, [other]], self._config.tolerance_us)
-        return Fault(cause=Cause.STUCK, motor="starboard" if other == 0 else "port") if misses == 0 else None
+        follows = sent.residuals_us(sent.pulses[:, [other]], reported[:, [other]]).max() <= self._config.tolerance_us
+        return Fault(cause=Cause.STUCK, motor="starboard" if other == 0 else "port") if follows else None
 
-    def _slew_misses(self, reported_ns: list[int], reported: Pulses) -> int:
-        """Reports that no limit on the throttle's rate explains: steering as told, throttle on its way there."""
-        first_ns = self._sent[0][0]
-        t_s = np.array([sent_ns - first_ns for sent_ns, _ in self._sent]) * 1e-9
-        pulses = np.array([us for _, us in self._sent], dtype=float)
-        throttle, steering = pulses.mean(axis=1), pulses[:, 0] - pulses[:, 1]
-        start_us = throttle[0] if self._start_us is None else float(np.mean(self._start_us))
-        tolerance_us = self._config.tolerance_us
-        at_s = (np.array(reported_ns) - first_ns) * 1e-9
-        age_s = at_s[:, None] - t_s[None, :]
-        recent = (age_s >= 0.0) & (age_s <= SLEW_LAG_S)
-        turned = np.abs((reported[:, 0] - reported[:, 1])[:, None] - steering) <= 2.0 * tolerance_us
-        turns = (turned & recent).any(axis=1)
-        mean_us = reported.mean(axis=1)
-        # Steering on top of a throttle that lags may be more than a motor can: then both are cut to keep their ratio.
-        beyond_us = np.abs(reported - self._neutral_us).max(axis=1) - np.abs(pulses - self._neutral_us).max()
-        counts = beyond_us <= tolerance_us
-        least = len(reported)
-        for rate in SLEW_RATES_US_PER_S:
-            path_us = slewed(t_s, throttle, rate, start_us)
-            low_us = np.where(recent, path_us, np.inf).min(axis=1)
-            high_us = np.where(recent, path_us, -np.inf).max(axis=1)
-            slack_us = tolerance_us + rate * SLEW_STEP_S
-            on_way = (mean_us >= low_us - slack_us) & (mean_us <= high_us + slack_us)
-            least = min(least, int(np.count_nonzero(~(on_way & turns) & counts)))
-        return least
+    def _named(self, sent: SentPulses, reported: Pulses) -> Fault:
+        """The simplest distortion that explains the reports plainly better than the commands themselves do."""
+        expected = [sent.pulses, *(distortion.apply(sent.pulses) for distortion in self._distortions)]
+        residuals = [np.minimum(sent.residuals_us(pulses, reported), RESIDUAL_CAP_US).mean() for pulses in expected]
+        undistorted_us, *distorted_us = residuals
+        if min(distorted_us) > EXPLAINS_SHARE * undistorted_us:
+            return Fault(cause=Cause.UNEXPLAINED)
+        best = next(n for n, residual_us in enumerate(distorted_us) if residual_us <= min(distorted_us) + EQUAL_US)
+        return Fault(cause=self._distortions[best].cause, motor=self._distortions[best].motor)
 
 
 class SentPulses:
@@ -250,17 +234,33 @@ class SentPulses:
             stood = int(np.searchsorted(times, t_ns - lag_ns, side="right")) - 1
             self._answers[row, max(stood, 0) : int(np.searchsorted(times, t_ns, side="right"))] = True
 
-    def score(self, expected: Pulses, reported: Pulses, tolerance_us: float) -> tuple[int, int]:
-        """How many reports are not as expected of anything they may answer, and the mean error of the others, whole us.
+    def residuals_us(self, expected: Pulses, reported: Pulses) -> npt.NDArray[np.float64]:
+        """For each report its least distance to what is expected of the pulses it may answer, the worse motor's.
 
         Both motors must fit by the same pulses: they went out in one message.
         """
         off_us = np.abs(reported[:, None, :] - expected[None, :, :]).max(axis=2)
-        least_us = np.where(self._answers, off_us, np.inf).min(axis=1)
-        fits = least_us <= tolerance_us
-        return int(np.count_nonzero(~fits)), round(float(least_us[fits].mean())) if fits.any() else 0
+        least_us: npt.NDArray[np.float64] = np.where(self._answers, off_us, np.inf).min(axis=1)
+        return least_us
 
     def least(self, values: Pulses) -> Pulses:
         """The least of a value of the pulses among those that a report may answer, by report and motor."""
         found: Pulses = np.where(self._answers[:, :, None], values[None, :, :], np.inf).min(axis=1)
         return found
+
+
+def _apart_us(a: tuple[float, float], b: tuple[float, float]) -> float:
+    """How far two pairs of pulses are apart, by the worse motor."""
+    return max(abs(a[0] - b[0]), abs(a[1] - b[1]))
+
+
+def _time_ns(reports: Sequence[_Report], *, stale: bool) -> int:
+    """For how long reports have differed, in sum; `stale`: those that only stay as they were count too."""
+    # Each report speaks for the time until the next, the last for as long as the one before it.
+    spans = [later.t_ns - report.t_ns for report, later in pairwise(reports)]
+    spans.append(spans[-1] if spans else REPORT_NS)
+    return sum(
+        min(span_ns, REPORT_NS)
+        for report, span_ns in zip(reports, spans, strict=True)
+        if not report.fits and (stale or not report.stale)
+    )

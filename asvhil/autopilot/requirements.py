@@ -15,7 +15,7 @@ class Requirement:
     A value must lie within `least` and `most`, and not have any bit of `clear`; with `like`, both bounds count from the
     value of another parameter. `wanted` is what to write where it does not, None where that is not ours to decide.
     With a `cause` a hold is refused; `must`: a preflight fails. `fault` is what happens, in a few words; `why` in more.
-    `reboot`: what is written takes effect after one.
+    `motor` is port or starboard, empty for both. `reboot`: what is written takes effect after one.
     """
 
     names: tuple[str, ...]
@@ -26,9 +26,45 @@ class Requirement:
     why: str
     cause: Cause | None = None
     must: bool = True
+    motor: str = ""
     clear: int = 0
     reboot: bool = False
     like: str = ""
+
+
+def within(
+    names: str,
+    limits: tuple[float, float],
+    wanted: float | None,
+    fault: str,
+    why: str,
+    cause: Cause | None = None,
+    *,
+    must: bool = True,
+    clear: int = 0,
+    like: str = "",
+) -> Requirement:
+    """A row of a profile's table: a value between two limits. `names` are separated by spaces."""
+    least, most = limits
+    return Requirement(
+        names=tuple(names.split()),
+        least=least,
+        most=most,
+        wanted=wanted,
+        fault=fault,
+        why=why,
+        cause=cause,
+        must=must,
+        clear=clear,
+        like=like,
+    )
+
+
+def exactly(
+    names: str, value: float, fault: str, why: str, cause: Cause | None = None, *, must: bool = True
+) -> Requirement:
+    """A row of a profile's table: one value and no other."""
+    return within(names, (value, value), value, fault, why, cause, must=must)
 
 
 @record

@@ -124,8 +124,8 @@ def build_perception(config: Config, model: Dynamics, link: MavlinkAutopilot) ->
 def build_motor_check(config: Config, link: MavlinkAutopilot) -> MotorCheck:
     """The check of whether the motors follow the commands."""
     readback = config.supervisor.readback
-    watch = Readback(readback, config.vehicle.pwm, overrides_sticks=config.links.autopilot.overrides_sticks)
-    return MotorCheck(link, watch, readback.tolerate)
+    test = Readback(readback, config.vehicle.pwm, overrides_sticks=config.links.autopilot.overrides_sticks)
+    return MotorCheck(link, test, readback.tolerate)
 
 
 def build_command(config: Config, controller: Controller) -> Command:

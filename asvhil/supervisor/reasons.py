@@ -46,9 +46,6 @@ class Reason(enum.StrEnum):
     COMMANDS_MIXED = "commands-mixed"
     OUTPUTS_SWAPPED = "outputs-swapped"
     OUTPUT_REVERSED = "output-reversed"
-    OUTPUT_SCALED = "output-scaled"
-    OUTPUT_DEAD_ZONE = "output-dead-zone"
-    OUTPUTS_LAG = "outputs-lag"
     OUTPUT_STUCK = "output-stuck"
     OUTPUTS_UNCHANGED = "outputs-unchanged"
     OUTPUTS_DIFFER = "outputs-differ"
@@ -169,14 +166,6 @@ WORDS: Mapping[Reason, Words] = {
     Reason.OUTPUT_REVERSED: Words(
         text="reversed output: {motor}", remedy="Take the reversal out of the channel or the output."
     ),
-    Reason.OUTPUT_SCALED: Words(
-        text="scaled output: {motor}",
-        remedy="Give channels and outputs the ends and the neutral of the config (vehicle.pwm).",
-    ),
-    Reason.OUTPUT_DEAD_ZONE: Words(
-        text="dead zone of about {size_us:.0f} us: {motor}", remedy="Set the dead zone of the channel to 0."
-    ),
-    Reason.OUTPUTS_LAG: Words(text="outputs lag behind", remedy="Take the autopilot's limit of the rate out."),
     Reason.OUTPUT_STUCK: Words(
         text="stuck output: {motor}", remedy="Give the output its motor function, and let it be armed."
     ),
@@ -186,7 +175,7 @@ WORDS: Mapping[Reason, Words] = {
     ),
     Reason.OUTPUTS_DIFFER: Words(
         text="outputs do not follow the commands",
-        remedy="Compare the autopilot's parameters of channels and outputs with docs/autopilots.md.",
+        remedy="Run `asvhil check`: a dead zone, a scale or a slew limit of the autopilot bends the commands.",
     ),
     Reason.GUIDED_ENABLE_VALUE: Words(
         text="param1 must be 0 or 1", remedy="NAV_GUIDED_ENABLE: 1 holds the station here, 0 releases."

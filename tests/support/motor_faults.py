@@ -17,9 +17,9 @@ from asvhil.types import Frame, Outputs, Phase
 WRONG: dict[str, tuple[dict[str, float], Reason]] = {
     "overrides ignored": ({"SYSID_MYGCS": 255}, Reason.OVERRIDES_IGNORED),
     "RC_OPTIONS": ({"RC_OPTIONS": 34}, Reason.OVERRIDES_IGNORED),
-    "dead zones": ({"RC1_DZ": 30, "RC3_DZ": 30}, Reason.OUTPUT_DEAD_ZONE),
-    "one dead zone": ({"RC3_DZ": 40}, Reason.OUTPUT_DEAD_ZONE),
-    "slew": ({"MOT_SLEWRATE": 100}, Reason.OUTPUTS_LAG),
+    "dead zones": ({"RC1_DZ": 30, "RC3_DZ": 30}, Reason.OUTPUTS_DIFFER),
+    "one dead zone": ({"RC3_DZ": 40}, Reason.OUTPUTS_DIFFER),
+    "slew": ({"MOT_SLEWRATE": 100}, Reason.OUTPUTS_DIFFER),
     "swapped": ({"SERVO1_FUNCTION": 74, "SERVO3_FUNCTION": 73}, Reason.OUTPUTS_SWAPPED),
     "reversed": ({"SERVO1_REVERSED": 1}, Reason.OUTPUT_REVERSED),
     "both reversed": ({"SERVO1_REVERSED": 1, "SERVO3_REVERSED": 1}, Reason.OUTPUT_REVERSED),
@@ -28,7 +28,7 @@ WRONG: dict[str, tuple[dict[str, float], Reason]] = {
     "no port motor": ({"SERVO1_FUNCTION": 0}, Reason.OUTPUT_STUCK),
     "scaled": (
         {f"SERVO{n}_{end}": us for n in (1, 3) for end, us in (("MIN", 1100), ("MAX", 1900))},
-        Reason.OUTPUT_SCALED,
+        Reason.OUTPUTS_DIFFER,
     ),
 }
 
