@@ -34,7 +34,7 @@ def calibrate(
     check_writable(json_, "--json ")
     if output is not None:
         _check_output(output, base)
-    load_plugins(log, plugin, allow_recorded=allow_recorded_plugins)
+    load_plugins([log], plugin, allow_recorded=allow_recorded_plugins)
     console = Console()
     with progress(console, spinner=True) as bar:
         task = bar.add_task(f"calibrate {log.name}", total=None)

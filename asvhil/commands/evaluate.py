@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from asvhil.commands.options import ColumnsOption, JsonOption
+from asvhil.commands.options import ColumnsOption, JsonOption, PluginOption, RecordedPluginsOption
 from asvhil.commands.views import check_picture, check_writable, write_json
 
 
@@ -21,14 +21,18 @@ def evaluate(
     picture: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Draw one rollout into this file: PNG, SVG or PDF.")
     ] = None,
+    plugin: PluginOption = [],  # noqa: B006 - typer copies its defaults
+    allow_recorded_plugins: RecordedPluginsOption = False,
     json_: JsonOption = None,
 ) -> None:
     """Roll models out in open loop over data and score u, v, r."""
     from rich.console import Console
     from rich.table import Table
 
+    from asvhil.logs.plugins import load_plugins
     from asvhil.train.jobs import evaluate_command
 
+    load_plugins(data if columns is None else (), plugin, allow_recorded=allow_recorded_plugins)
     check_writable(json_, "--json ")
     check_picture(picture)
     console = Console()

@@ -38,7 +38,7 @@ def replay(
     from asvhil.logs.plugins import load_plugins
     from asvhil.logs.replay import replay as replay_log
 
-    load_plugins(log, plugin, allow_recorded=allow_recorded_plugins)
+    load_plugins([log], plugin, allow_recorded=allow_recorded_plugins)
 
     with progress(console, spinner=True) as bar:
         task = bar.add_task("replay", total=None)
@@ -59,7 +59,8 @@ def replay(
     speed = f"{result.span_s:.1f} s in {result.wall_s:.2f} s, {result.span_s / result.wall_s:.0f} times real time"
     if result.mismatch is not None:
         m = result.mismatch
-        say(console, f"{log}: tick {m.tick} at {m.t_ns} ns differs: {m.field}")
+        changed = f" (plug-ins: {', '.join(result.changed_packages)})" if result.changed_packages else ""
+        say(console, f"{log}: tick {m.tick} at {m.t_ns} ns differs: {m.field}{changed}")
         raise typer.Exit(1)
     tail = ", the log's end is cut off" if result.truncated else ""
     say(console, f"{log}: {result.compared} ticks bit-exact ({speed}){tail}")

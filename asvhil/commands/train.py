@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 
 import typer
 
-from asvhil.commands.options import ColumnsOption, JsonOption
+from asvhil.commands.options import ColumnsOption, JsonOption, PluginOption, RecordedPluginsOption
 from asvhil.commands.signatures import option, parameters_of, with_parameters
 from asvhil.commands.views import progress, say, write_json
 from asvhil.errors import AsvhilError
@@ -34,6 +34,8 @@ def train(
     smoothing: Annotated[bool, typer.Option(help="Smooth the training data over time.")] = True,
     dt: Annotated[float, typer.Option(min=0.02, max=2.0, help="Step of the model in seconds.")] = 0.2,
     resume: Annotated[bool, typer.Option("--resume", help="Go on with an interrupted training.")] = False,
+    plugin: PluginOption = [],  # noqa: B006 - typer copies its defaults
+    allow_recorded_plugins: RecordedPluginsOption = False,
     json_: JsonOption = None,
     **chosen: Any,
 ) -> None:
@@ -41,8 +43,10 @@ def train(
     from rich.console import Console
 
     _need_torch()
+    from asvhil.logs.plugins import load_plugins
     from asvhil.train.jobs import checkpoint_of, train_command
 
+    load_plugins(data if columns is None else (), plugin, allow_recorded=allow_recorded_plugins)
     console = Console()
     options = chosen_options(kind, dt, **chosen)
     try:

@@ -9,10 +9,11 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterable, Iterator
 from pathlib import Path
+from typing import Any
 
 from asvhil.config import Config
 from asvhil.config.plugins import Plugin, PluginFile, all_loaded, load_files, load_source, loaded
-from asvhil.config.registry import AUTOPILOTS, REGISTRIES, SENSORS
+from asvhil.config.registry import AUTOPILOTS, REGISTRIES, SENSORS, Registry
 from asvhil.errors import ConfigError, LogError
 from asvhil.logs.reader import LogFile
 
@@ -55,22 +56,29 @@ def check_decoding(log: LogFile, path: Path, config: Config) -> None:
         check_plugins(log, path)
 
 
-def load_plugins(path: Path, files: Iterable[Path] = (), *, allow_recorded: bool = False) -> None:
-    """Load plug-ins for reading a log: the files, then, where it is allowed, those that the log holds the text of.
+def load_plugins(logs: Iterable[Path], files: Iterable[Path] = (), *, allow_recorded: bool = False) -> None:
+    """Load plug-ins for reading logs: the files, then, where it is allowed, those that the logs hold the text of.
 
     Either runs their code. ConfigError where a file cannot be loaded, LogError where a text is damaged.
     """
     load_files(PluginFile(file=str(file.absolute())) for file in files)
-    for record in _records(LogFile(path)) if allow_recorded else ():
-        if "package" in record or loaded(record.get("sha256")) is not None:
-            continue
-        data = record.get("source", "").encode()
-        if hashlib.sha256(data).hexdigest() != record.get("sha256"):
-            raise LogError(f"{path}: the record of the plug-in {record.get('file')} is damaged")
-        try:
-            load_source(record.get("file", ""), data)
-        except ConfigError as error:
-            raise LogError(f"{path}: {error}") from None
+    for path in logs if allow_recorded else ():
+        for record in _records(LogFile(path)):
+            if "package" not in record and loaded(record.get("sha256")) is None:
+                _load_recorded(record, path)
+
+
+def changed_packages(log: LogFile) -> list[str]:
+    """Packages with plug-ins of a run that are installed in another version now: `parts 0.3 then, parts 0.4 now`."""
+    found = []
+    for record in _records(log):
+        then = f"{record.get('package')} {record.get('version')}"
+        for registry, name in _given(record):
+            if registry.get(name) is not None:
+                origin = registry.origin(name)
+                now = f"{origin.package} {origin.version}"
+                found += [f"{then} then, {now} now"] if now != then else []
+    return list(dict.fromkeys(found))
 
 
 def _records(log: LogFile) -> Iterator[dict[str, str]]:
@@ -81,13 +89,28 @@ def _gives(plugin: Plugin) -> str:
     return ", ".join(f"{registry.what} {row.name}" for registry, row in plugin.rows)
 
 
+def _given(record: dict[str, str]) -> list[tuple[Registry[Any], str]]:
+    """The kinds that a run had of a package."""
+    registries = {registry.what: registry for registry in REGISTRIES}
+    pairs = (given.rpartition(" ") for given in record.get("gives", "").split(", ") if "package" in record)
+    return [(registries[what], name) for what, _, name in pairs if what in registries]
+
+
 def _check_package(record: dict[str, str], path: Path) -> None:
-    whats = {registry.what: registry for registry in REGISTRIES}
-    for given in record["gives"].split(", "):
-        what, _, name = given.rpartition(" ")
-        if what not in whats or whats[what].get(name) is None:
+    for registry, name in _given(record):
+        if registry.get(name) is None:
             package = f"the package {record['package']} {record.get('version', '')}"
-            raise LogError(f"{path}: the run had the {given} of {package}, which is not installed here")
+            raise LogError(f"{path}: the run had the {registry.what} {name} of {package}, which is not installed here")
+
+
+def _load_recorded(record: dict[str, str], path: Path) -> None:
+    data = record.get("source", "").encode()
+    if hashlib.sha256(data).hexdigest() != record.get("sha256"):
+        raise LogError(f"{path}: the record of the plug-in {record.get('file')} is damaged")
+    try:
+        load_source(record.get("file", ""), data)
+    except ConfigError as error:
+        raise LogError(f"{path}: {error}") from None
 
 
 def _missing(record: dict[str, str]) -> str:

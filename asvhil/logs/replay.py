@@ -15,7 +15,7 @@ from asvhil.backseat.build import build_backseat
 from asvhil.config import Config, config_from_json
 from asvhil.errors import LogError
 from asvhil.logs.encoding import encode_outputs, first_difference
-from asvhil.logs.plugins import check_plugins
+from asvhil.logs.plugins import changed_packages, check_plugins
 from asvhil.logs.reader import LogFile
 from asvhil.types import record
 
@@ -31,7 +31,10 @@ class Mismatch:
 
 @record
 class ReplayResult:
-    """What a replay found. `span_s` is recorded time, `wall_s` what the replay took."""
+    """What a replay found. `span_s` is recorded time, `wall_s` what the replay took.
+
+    `changed_packages` are plug-ins of the run that are installed in another version now.
+    """
 
     ticks: int
     compared: int
@@ -39,6 +42,7 @@ class ReplayResult:
     truncated: bool
     span_s: float
     wall_s: float
+    changed_packages: tuple[str, ...]
 
 
 def config_of(log: LogFile, path: Path, *, known_only: bool = False) -> Config:
@@ -118,4 +122,5 @@ def replay(path: Path, on_tick: Callable[[int], None] | None = None) -> ReplayRe
         truncated=log.truncated,
         span_s=span_s,
         wall_s=time.perf_counter() - start_s,
+        changed_packages=tuple(changed_packages(log)),
     )

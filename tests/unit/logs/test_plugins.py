@@ -48,9 +48,9 @@ def test_a_replay_asks_for_the_file_and_takes_no_other(log: Path, tmp_path: Path
     )
     edited = tmp_path / "pusher.py"
     edited.write_text(PUSHER + "\n# edited\n")
-    load_plugins(log, [edited])
+    load_plugins([log], [edited])
     assert f"and {edited} is not the same (SHA-256 " in refusal(log)
-    load_plugins(log, [tmp_path / "boat" / "pusher.py"])
+    load_plugins([log], [tmp_path / "boat" / "pusher.py"])
     assert replay(log).mismatch is None
 
 
@@ -62,7 +62,7 @@ def test_without_the_file_the_place_is_not_told(log: Path, tmp_path: Path) -> No
 
 
 def test_the_copy_in_the_log_is_run_where_that_is_allowed(log: Path) -> None:
-    load_plugins(log, allow_recorded=True)
+    load_plugins([log], allow_recorded=True)
     assert replay(log).mismatch is None
 
 
@@ -76,7 +76,7 @@ def test_a_copy_that_is_damaged_is_not_run(log: Path, monkeypatch: pytest.Monkey
 
     monkeypatch.setattr(LogFile, "__init__", damaged)
     with pytest.raises(LogError, match=r"the record of the plug-in .*pusher\.py is damaged"):
-        load_plugins(log, allow_recorded=True)
+        load_plugins([log], allow_recorded=True)
     assert not ran.exists()
 
 
@@ -134,3 +134,23 @@ def test_an_installed_package_is_recorded_and_its_absence_is_one_line(
     words = "the run had the controller the-pusher of the package pusher-package 1.2, which is not installed here"
     assert refusal(path) == f"{path}: {words}"
     assert read_run(path).config.controller.name == "the-pusher"
+
+
+def test_a_replay_that_differs_tells_that_a_package_is_of_another_version(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    entry = "[asvhil.controllers]\nthe-pusher = {}:KIND\n"
+    path = tmp_path / "log.mcap"
+    for name, version, text in (("one", "1.2", PUSHER), ("two", "1.3", PUSHER.replace("level, self", "level, -self"))):
+        (tmp_path / name).mkdir()
+        install(tmp_path / name, f"pusher_{name}", text, entry.format(f"pusher_{name}"), version)
+        with monkeypatch.context() as installed:
+            installed.syspath_prepend(tmp_path / name)
+            if name == "one":
+                run_lockstep(load_config("sitl", ("controller.name=the-pusher",)), path, 8.0)
+                assert replay(path).changed_packages == ()
+            else:
+                result = replay(path)
+                assert result.mismatch is not None
+                assert result.changed_packages == ("pusher-one 1.2 then, pusher-two 1.3 now",)
+            forget_plugins()
