@@ -38,7 +38,7 @@ class PilotWatch:
         """Remember what was sent, to tell the echo of our override from the pilot's sticks."""
         self._sent.append(pulses)
         horizon_ns = pulses.t_ns - 2 * self._echo_ns
-        while self._sent and self._sent[0].t_ns < horizon_ns:
+        while len(self._sent) > 1 and self._sent[1].t_ns <= horizon_ns:  # the one that stood at the horizon is kept
             self._sent.popleft()
 
     def act(self, status: FrontseatStatus | None) -> Explanation | None:
@@ -62,7 +62,7 @@ class PilotWatch:
         told_ns = status.rc_ns or t_ns
         if told_ns - self._engaged_ns < self._echo_ns:
             return None  # the echo of the first overrides may still be on its way
-        sent_us = [pulses.us for pulses in self._sent if told_ns - self._echo_ns <= pulses.t_ns <= told_ns]
+        sent_us = self._echoed_us(told_ns)
         for motor, channel in enumerate(self._motor_channels):
             now_us = _channel(status, channel)
             if not now_us or not sent_us:
@@ -71,6 +71,16 @@ class PilotWatch:
             if not least_us - ECHO_TOLERANCE_US <= now_us <= most_us + ECHO_TOLERANCE_US:
                 return explain(Reason.OVERRIDE_NOT_FOLLOWED, channel=channel)
         return None
+
+    def _echoed_us(self, told_ns: int) -> list[tuple[int, int]]:
+        """What a report may show: sent within the time of an echo before it, or standing when that time began."""
+        found = []
+        for pulses in reversed(self._sent):
+            if pulses.t_ns <= told_ns:
+                found.append(pulses.us)
+            if pulses.t_ns <= told_ns - self._echo_ns:
+                break
+        return found
 
 
 def _channel(status: FrontseatStatus, channel: int) -> int:

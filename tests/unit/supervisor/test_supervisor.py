@@ -147,6 +147,20 @@ def test_the_pilot_gets_the_motors_in_the_same_tick_and_keeps_them(act: Frontsea
     assert bench.hold() is None and bench.step().drive
 
 
+def test_the_echo_of_a_command_that_stood_while_we_stalled_is_not_the_pilot() -> None:
+    """A stall of 1.5 s as seen on a real ArduRover: a report 0.9 s late shows the command before the only later one."""
+    bench = Bench()
+    bench.hold()
+    bench.drive(pulses=(1630, 1400))
+    bench.step(500)
+    bench.sent = MotorPulses(t_ns=bench.t_ns, us=(1539, 1400))
+    assert bench.step(900).drive
+    bench.status = status(rc_us=(1630, 1500, 1400, *STICKS[3:]), rc_ns=bench.t_ns)
+    assert bench.step().drive
+    bench.status = status(rc_us=(1700, 1500, 1400, *STICKS[3:]), rc_ns=bench.t_ns)
+    assert bench.step().why == explain(Reason.OVERRIDE_NOT_FOLLOWED, channel=1)
+
+
 def test_small_stick_noise_and_our_own_echo_are_not_the_pilot() -> None:
     bench = Bench()
     bench.hold()
