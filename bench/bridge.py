@@ -165,7 +165,7 @@ class Autopilot:
                 if turn % 10 == 0:
                     try:
                         operator.send(encode_hold(config.links.autopilot, None, None, None))
-                        for data in FrameSplitter().feed(operator.recv(4096)):
+                        for data in FrameSplitter().receive(operator.recv(4096)):
                             message = decode(data)
                             if message is not None and message.get_type() == "COMMAND_ACK" and message.result == 0:
                                 return
@@ -196,7 +196,7 @@ def latency(folder: Path, cut: tuple[str, float], seconds: float) -> dict[str, A
             except (TimeoutError, ConnectionRefusedError):
                 continue
             now_ns = time.monotonic_ns()
-            for frame in splitter.feed(data):
+            for frame in splitter.receive(data):
                 if message_id(frame) == dialect.MAVLINK_MSG_ID_RC_CHANNELS_OVERRIDE:
                     received.append((now_ns, decode(frame).chan1_raw))
 
@@ -243,7 +243,7 @@ def _latencies(log: Path, sent_ns: dict[int, int], received: list[tuple[int, int
             (frame.t_ns, message.time_boot_ms)
             for frame in inputs.frames
             if frame.port == "autopilot"
-            for message in map(decode, splitter.feed(frame.data))
+            for message in map(decode, splitter.receive(frame.data))
             if message is not None and message.get_type() == "ATTITUDE" and message.time_boot_ms in sent_ns
         ]
         if pulses is None or not numbers:
@@ -309,7 +309,7 @@ def flood(folder: Path, seconds: float) -> dict[str, Any]:
     splitter = FrameSplitter(datagrams=True)
     ids = {message.get_msgId() for message in mix}
     for frame in LogFile(child.log).frames("autopilot", "in"):
-        logged += sum(message_id(data) in ids for data in splitter.feed(frame.data))
+        logged += sum(message_id(data) in ids for data in splitter.receive(frame.data))
     settled = memory[min(10, len(memory) // 2)]
     return {
         "asked_hz": FLOOD_HZ,

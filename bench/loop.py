@@ -61,7 +61,7 @@ def start_to_heartbeat_s(folder: Path) -> float:
             ear.settimeout(20.0)
             with at.daemon() as daemon:
                 splitter = FrameSplitter(datagrams=True)
-                while not any(message_id(frame) == 0 for frame in splitter.feed(ear.recv(4096))):
+                while not any(message_id(frame) == 0 for frame in splitter.receive(ear.recv(4096))):
                     pass
                 elapsed_s = time.monotonic() - daemon.started_s
                 daemon.end()

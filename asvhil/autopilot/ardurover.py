@@ -1,4 +1,4 @@
-"""The ArduRover profile: what is its own in the conversation with an ArduPilot boat. Sans-IO."""
+"""The ArduRover profile: readiness, mode numbers and parameters of ArduPilot's rover. Sans-IO."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The conversation with an autopilot: what all vehicle profiles share of it. Sans-IO."""
+"""The MAVLink session with an autopilot: what all vehicle profiles share. Sans-IO."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from asvhil.config import AutopilotLinkConfig, PwmConfig
 from asvhil.config.registry import AUTOPILOTS
 from asvhil.io.mavlink.frames import Parser, decode, dialect, message_id, source
 from asvhil.io.mavlink.parameter_client import ParameterClient
-from asvhil.io.mavlink.streams import StreamKeeper
+from asvhil.io.mavlink.streams import StreamRequester
 from asvhil.io.mavlink.timesync import TimeSync
 from asvhil.io.sensors.mavlink_sensors import MavlinkSensors
 from asvhil.io.sensors.protocol import NamedMeasurement
@@ -25,7 +25,10 @@ FROM_ANYONE = (dialect.MAVLINK_MSG_ID_HEARTBEAT, dialect.MAVLINK_MSG_ID_TIMESYNC
 
 
 class MavlinkAutopilot:
-    """Heartbeat, streams, time, mode, arming and motors out; status and measurements in. A profile adds its own."""
+    """One autopilot: status and measurements in; heartbeat, streams, time, parameters, mode, arming and motors out.
+
+    A profile adds the messages, modes and parameters of its firmware.
+    """
 
     legacy_streams = False  # REQUEST_DATA_STREAM where SET_MESSAGE_INTERVAL is not to be had
     bytewise_parameters = False  # integers in PARAM_VALUE by their bytes, not as floats
@@ -39,13 +42,13 @@ class MavlinkAutopilot:
         self._parser = Parser()
         self._own = dialect.MAVLink(None, srcSystem=config.system_id, srcComponent=config.component_id)
         self._output = make_output(config, pwm)
-        self._streams = StreamKeeper(config.streams_hz, legacy=self.legacy_streams)
+        self._streams = StreamRequester(config.streams_hz, config.autopilot_system_id, legacy=self.legacy_streams)
         self._heartbeat_ns: int | None = None
         self._timesync = TimeSync()
         self._required = self._requirements()
         self._findings: tuple[int, list[Finding]] = (-1, [])
         names = (requirement.names for requirement in self._required)
-        self.parameters = ParameterClient(names, bytewise=self.bytewise_parameters)
+        self.parameters = ParameterClient(names, config.autopilot_system_id, bytewise=self.bytewise_parameters)
         self._autopilot_component_id: int | None = None
         self._request_ns: dict[int, int] = {}
         self._stranger = ""
@@ -67,7 +70,7 @@ class MavlinkAutopilot:
             dialect.MAVLINK_MSG_ID_SYSTEM_TIME: self._on_system_time,
             dialect.MAVLINK_MSG_ID_COMMAND_ACK: self._on_command_ack,
             dialect.MAVLINK_MSG_ID_TIMESYNC: self._on_timesync,
-            dialect.MAVLINK_MSG_ID_PARAM_VALUE: self.parameters.heard,
+            dialect.MAVLINK_MSG_ID_PARAM_VALUE: self.parameters.receive,
             **MavlinkSensors(lambda: self._ready).handlers,
         }
 
@@ -76,14 +79,14 @@ class MavlinkAutopilot:
     def receive(self, frame: Frame) -> list[NamedMeasurement]:
         """(message name, measurement) of all in one frame of the autopilot's port; others and bad bytes give none."""
         found: list[NamedMeasurement] = []
-        for data in self._parser.feed(frame.peer, frame.data):
+        for data in self._parser.receive(frame.peer, frame.data):
             system_id, component_id = source(data)
             if system_id != self._config.autopilot_system_id or component_id == self._config.component_id:
                 continue
             msg_id = message_id(data)
             if not self._is_its_own(component_id, msg_id):
                 continue
-            self._streams.seen(msg_id)
+            self._streams.receive(data)
             handler = self._handlers.get(msg_id)
             if handler is None:
                 continue
@@ -95,28 +98,28 @@ class MavlinkAutopilot:
         return found
 
     def _is_its_own(self, component_id: int, msg_id: int) -> bool:
-        """Whether a message of the vehicle is to be heard: a gimbal or a second computer has sensors and clocks too.
+        """Whether a message is the autopilot's: a gimbal or a second computer has sensors and clocks too.
 
-        Heartbeats tell which component the autopilot is, and anyone may ask for the time.
+        Heartbeats tell which component the autopilot is, and any component may ask for the time.
         """
         known = self._autopilot_component_id
         return known is None or component_id == known or msg_id in FROM_ANYONE
 
     @property
     def clock(self) -> TimeOffset | None:
-        """How far the autopilot's clock is from ours."""
+        """The autopilot's clock less ours; None before the first exchange."""
         return self._timesync.offset
 
     @property
     def findings(self) -> list[Finding]:
-        """The parameters that matter, held against what they must be."""
+        """The required parameters, compared with what was read."""
         if self._findings[0] != self.parameters.answers:
             self._findings = (self.parameters.answers, judge(self._required, self.parameters.values))
         return self._findings[1]
 
     @property
     def notes(self) -> tuple[Note, ...]:
-        """The hazard of the way to the motors, whether the autopilot refuses it, and whether it is of another make."""
+        """The hazard of the motor output, whether the autopilot refuses it, and whether it is of another make."""
         said = (
             ("autopilot", self._stranger),
             ("motor output", self._output.hazard),
@@ -142,7 +145,7 @@ class MavlinkAutopilot:
         )
 
     def _requirements(self) -> tuple[Requirement, ...]:
-        """What the parameters of this autopilot must be."""
+        """The values that parameters of this autopilot must have."""
         return ()
 
     def _status(self, t_ns: int) -> tuple[FrontseatStatus]:
@@ -199,14 +202,12 @@ class MavlinkAutopilot:
         self._note_boot_time(t_ns, m.time_boot_ms)
 
     def _on_command_ack(self, t_ns: int, m: Any) -> None:
-        if m.command == dialect.MAV_CMD_SET_MESSAGE_INTERVAL:
-            self._streams.acknowledged(m.result)
-        self._output.acknowledged(m.command, m.result)
+        self._output.receive(m)
 
     def _on_timesync(self, t_ns: int, m: Any) -> None:
         # Other components answer our broadcast as well, by clocks of their own.
         if m.tc1 == 0 or m.get_srcComponent() == self._autopilot_component_id:
-            self._timesync.receive(t_ns, m.tc1, m.ts1)
+            self._timesync.receive(t_ns, m)
 
     def _note_boot_time(self, t_ns: int, boot_ms: int) -> None:
         """A boot clock that runs back by a second or more is a reboot: rates and readiness are gone."""
@@ -221,8 +222,9 @@ class MavlinkAutopilot:
 
     # --- out -----------------------------------------------------------------------------------------------
 
-    def poll(self, t_ns: int) -> list[Frame]:
-        """What is due: heartbeat and time sync each second, stream requests once the autopilot is heard."""
+    def data_to_send(self, t_ns: int) -> list[Frame]:
+        """What is due: a heartbeat and TIMESYNC each second, and requests once the autopilot has been heard."""
+        connected = self.autopilot_heartbeat_ns is not None
         due: list[Any] = []
         if self._heartbeat_ns is None or t_ns - self._heartbeat_ns >= HEARTBEAT_NS:
             self._heartbeat_ns = t_ns
@@ -236,36 +238,20 @@ class MavlinkAutopilot:
                     3,
                 )
             )
-            if self.autopilot_heartbeat_ns is not None:
-                due.append(dialect.MAVLink_timesync_message(*self._timesync.request(t_ns)))
-        due += [dialect.MAVLink_timesync_message(*answer) for answer in self._timesync.answers(t_ns)]
-        if self.autopilot_heartbeat_ns is not None:
-            request = self._streams.next_request(t_ns)
-            if request is not None:
-                msg_id, interval_us = request
-                due.append(self._command(dialect.MAV_CMD_SET_MESSAGE_INTERVAL, msg_id, interval_us))
-            due += [
-                dialect.MAVLink_request_data_stream_message(self._config.autopilot_system_id, 1, stream, rate_hz, 1)
-                for stream, rate_hz in self._streams.legacy_requests()
-            ]
-            due += self._parameter_messages(t_ns)
-        return [self._pack(t_ns, message) for message in due] + self._frames(t_ns, self._output.poll(t_ns))
-
-    def _parameter_messages(self, t_ns: int) -> list[Any]:
-        """A PARAM_SET that somebody asked for goes before what is only to be read."""
-        to = (self._config.autopilot_system_id, 1)
-        write = self.parameters.next_write(t_ns)
-        if write is not None:
-            return [dialect.MAVLink_param_set_message(*to, write.name.encode(), write.value, write.kind)]
-        name = self.parameters.next_request(t_ns)
-        return [] if name is None else [dialect.MAVLink_param_request_read_message(*to, name.encode(), -1)]
+            if connected:
+                self._timesync.ask()
+        due += self._timesync.data_to_send(t_ns)
+        if connected:
+            due += self._streams.data_to_send(t_ns)
+            due += self.parameters.data_to_send(t_ns)
+        return [self._pack(t_ns, message) for message in due] + self._frames(t_ns, self._output.data_to_send(t_ns))
 
     def drive(self, t_ns: int, port_us: int, starboard_us: int) -> list[Frame]:
         """Both motors, as pulse widths (us)."""
         return self._frames(t_ns, self._output.drive(port_us, starboard_us))
 
     def release(self, t_ns: int) -> list[Frame]:
-        """Let go of the motors."""
+        """Give the motors back."""
         return self._frames(t_ns, self._output.release(t_ns))
 
     def request_mode(self, t_ns: int, mode: str) -> list[Frame]:

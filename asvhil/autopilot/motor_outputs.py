@@ -1,8 +1,8 @@
-"""Ways from two pulse widths to the motors of an autopilot, each with its own way to let go. Sans-IO.
+"""Protocols that command two motors of an autopilot by pulse widths, each with its own release. Sans-IO.
 
 `RcOverride` and `ManualControl` take the place of the pilot's sticks, and the autopilot drops them by itself when they
-stop. `SetServo` and `SetActuator` set outputs that keep their last value for ever: nothing but neutral lets go of them,
-so neutral is said again and again, at the start and after every release.
+stop. `SetServo` and `SetActuator` set outputs that keep their last value until another is sent: neutral is their
+release, and it is sent repeatedly, at the start and after every hold.
 """
 
 from __future__ import annotations
@@ -20,39 +20,39 @@ IGNORE_CHANNEL = 65535
 RELEASE_AXIS = 32767  # INT16_MAX: ArduPilot gives the channel of such an axis back
 MANUAL_CENTRE_US = 1500
 AXIS_PER_US = 2  # -1000..1000 is 1000..2000 us
-REST_NS = 3_000_000_000
-REST_EVERY_NS = 100_000_000
+NEUTRAL_NS = 3_000_000_000
+NEUTRAL_EVERY_NS = 100_000_000
 
 
 class Output(Protocol):
-    """Pulse widths (us; port, starboard) in, frames out. `refused` says in words why the autopilot would not obey."""
+    """Pulse widths (us; port, starboard) in, packed messages out."""
 
-    hazard: str  # what everybody must know before using it; empty where there is nothing
-    refused: str
+    hazard: str  # what users must know before they choose it; empty where there is nothing
+    refused: str  # why the autopilot does not accept its commands; empty while it does
 
     def drive(self, port_us: int, starboard_us: int) -> list[bytes]:
-        """Both motors; to be repeated, for lost datagrams and time-outs."""
+        """Command both motors; to be repeated in every tick, because datagrams get lost and commands time out."""
         ...
 
     def release(self, t_ns: int) -> list[bytes]:
-        """Let go."""
-        ...
-
-    def poll(self, t_ns: int) -> list[bytes]:
-        """What is due without being asked for."""
+        """Give the motors back: stop overriding sticks, or set outputs that hold their value to neutral."""
         ...
 
     def on_connect(self, t_ns: int) -> None:
-        """The autopilot is heard for the first time, or has started anew."""
+        """Note that the autopilot is heard for the first time, or has rebooted."""
         ...
 
-    def acknowledged(self, command: int, result: int) -> None:
-        """A COMMAND_ACK of the autopilot."""
+    def receive(self, acknowledgement: Any) -> None:
+        """Take in a COMMAND_ACK of the autopilot."""
+        ...
+
+    def data_to_send(self, t_ns: int) -> list[bytes]:
+        """What is due now besides `drive` and `release`."""
         ...
 
 
 class _Sticks:
-    """What the two ways that move the pilot's sticks have in common: the autopilot's own time-out minds the rest."""
+    """The pilot's sticks, overridden: the autopilot's own time-out gives them back when the messages stop."""
 
     hazard = refused = ""
 
@@ -62,14 +62,14 @@ class _Sticks:
         # ArduPilot obeys both messages only from the system id of its ground station.
         self._mav = dialect.MAVLink(None, srcSystem=config.override_system_id, srcComponent=config.component_id)
 
-    def poll(self, t_ns: int) -> list[bytes]:
-        return []
-
     def on_connect(self, t_ns: int) -> None:
-        """Nothing to put right: overrides of before have timed out."""
+        """Overrides of before have timed out: there is nothing to do."""
 
-    def acknowledged(self, command: int, result: int) -> None:
+    def receive(self, acknowledgement: Any) -> None:
         """These messages are never acknowledged."""
+
+    def data_to_send(self, t_ns: int) -> list[bytes]:
+        return []
 
     def _packed(self, message: Any) -> list[bytes]:
         return [bytes(message.pack(self._mav))]
@@ -104,7 +104,7 @@ class ManualControl(_Sticks):
 
 
 class _Held(ABC):
-    """Outputs that keep their value whoever falls silent. To let go is to say neutral, for a while."""
+    """Outputs that keep their value when the commands stop. To release them is to send neutral for a while."""
 
     hazard = refused = ""
     command: int
@@ -112,35 +112,36 @@ class _Held(ABC):
     def __init__(self, config: AutopilotLinkConfig, pwm: PwmConfig) -> None:
         self._config, self._pwm = config, pwm
         self._mav = dialect.MAVLink(None, srcSystem=config.system_id, srcComponent=config.component_id)
-        self._rest_until_ns: int | None = None
-        self._rest_due_ns = 0
+        self._neutral_until_ns: int | None = None
+        self._neutral_due_ns = 0
 
     @abstractmethod
     def _set(self, port_us: int, starboard_us: int) -> list[bytes]: ...
 
     def drive(self, port_us: int, starboard_us: int) -> list[bytes]:
-        self._rest_until_ns = None
+        self._neutral_until_ns = None
         return self._set(port_us, starboard_us)
 
     def release(self, t_ns: int) -> list[bytes]:
-        """Neutral now, and every 0.1 s for 3 s: on a bad link some of it must get through."""
+        """Send neutral now, and every 0.1 s for 3 s, so that some of it gets through a bad link."""
         self.on_connect(t_ns)
         return self._neutral(t_ns)
 
     def on_connect(self, t_ns: int) -> None:
-        """We, or it, may have died while the motors ran."""
-        self._rest_until_ns = t_ns + REST_NS
-        self._rest_due_ns = t_ns
+        """Send neutral: this program or the autopilot may have restarted while the motors ran."""
+        self._neutral_until_ns = t_ns + NEUTRAL_NS
+        self._neutral_due_ns = t_ns
 
-    def poll(self, t_ns: int) -> list[bytes]:
-        if self._rest_until_ns is None or t_ns < self._rest_due_ns:
+    def data_to_send(self, t_ns: int) -> list[bytes]:
+        if self._neutral_until_ns is None or t_ns < self._neutral_due_ns:
             return []
-        if t_ns >= self._rest_until_ns:
-            self._rest_until_ns = None
+        if t_ns >= self._neutral_until_ns:
+            self._neutral_until_ns = None
         return self._neutral(t_ns)
 
-    def acknowledged(self, command: int, result: int) -> None:
-        if command == self.command and result != dialect.MAV_RESULT_IN_PROGRESS:
+    def receive(self, acknowledgement: Any) -> None:
+        result = acknowledgement.result
+        if acknowledgement.command == self.command and result != dialect.MAV_RESULT_IN_PROGRESS:
             accepted = result == dialect.MAV_RESULT_ACCEPTED
             self.refused = "" if accepted else self._refusal(_result_name(result))
 
@@ -148,7 +149,7 @@ class _Held(ABC):
     def _refusal(self, result: str) -> str: ...
 
     def _neutral(self, t_ns: int) -> list[bytes]:
-        self._rest_due_ns = t_ns + REST_EVERY_NS
+        self._neutral_due_ns = t_ns + NEUTRAL_EVERY_NS
         return self._set(self._pwm.neutral_us, self._pwm.neutral_us)
 
     def _command(self, *parameters: float) -> bytes:

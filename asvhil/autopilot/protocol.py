@@ -10,36 +10,38 @@ from asvhil.types import Frame, Note, TimeOffset
 
 
 class Autopilot(Protocol):
-    """What the backseat asks of an autopilot, whatever its make."""
+    """An autopilot, whatever its make: frames in, measurements and status out, and the frames to send to it."""
 
     @property
     def autopilot_heartbeat_ns(self) -> int | None:
-        """When the autopilot's heartbeat was last heard."""
+        """When the last heartbeat was received; None before the first."""
         ...
 
     @property
     def clock(self) -> TimeOffset | None:
-        """How far the autopilot's clock is from ours."""
+        """The autopilot's clock less ours; None before the first exchange."""
         ...
 
     @property
     def notes(self) -> tuple[Note, ...]:
-        """What is worth a line of words: hazards and refusals."""
+        """Hazards and refusals, for operators and the log."""
         ...
 
     @property
     def findings(self) -> list[Finding]:
-        """The autopilot's parameters that matter, held against what they must be."""
+        """The required parameters, compared with what was read."""
         ...
 
     def receive(self, frame: Frame) -> list[NamedMeasurement]:
-        """(message name, measurement) of all in one frame."""
+        """(message name, measurement) of each measurement in one frame."""
         ...
 
-    def counters(self) -> tuple[tuple[str, int], ...]: ...
+    def data_to_send(self, t_ns: int) -> list[Frame]:
+        """What is due in this tick besides the motors; called after them."""
+        ...
 
-    def poll(self, t_ns: int) -> list[Frame]:
-        """What is due without being asked for; after the motors of the tick."""
+    def counters(self) -> tuple[tuple[str, int], ...]:
+        """(name, count) of what was received and dropped."""
         ...
 
     def drive(self, t_ns: int, port_us: int, starboard_us: int) -> list[Frame]:
@@ -47,7 +49,7 @@ class Autopilot(Protocol):
         ...
 
     def release(self, t_ns: int) -> list[Frame]:
-        """Let go of the motors."""
+        """Give the motors back."""
         ...
 
     def request_mode(self, t_ns: int, mode: str) -> list[Frame]:

@@ -1,4 +1,4 @@
-"""The PX4 profile: what is its own in the conversation with a PX4 boat. Sans-IO.
+"""The PX4 profile: readiness, packed modes, OFFBOARD, outputs and parameters of PX4. Sans-IO.
 
 From PX4's sources and documentation, untested on a real one: docs/autopilots.md says what rests on what.
 """
@@ -26,7 +26,8 @@ class Px4Autopilot(MavlinkAutopilot):
     """Ready once its estimator uses a position; modes are packed main and sub numbers.
 
     PX4 stays in OFFBOARD only while set-points come, so they do, at 10 Hz, from the ticks of the backseat: body rates
-    and thrust of zero, which move nothing. When we die PX4 leaves OFFBOARD after COM_OF_LOSS_T, as COM_OBL_RC_ACT says.
+    and thrust of zero, which move nothing. When this program dies PX4 leaves OFFBOARD after COM_OF_LOSS_T, and does
+    what COM_OBL_RC_ACT says.
     """
 
     bytewise_parameters = True
@@ -44,9 +45,9 @@ class Px4Autopilot(MavlinkAutopilot):
     def _requirements(self) -> tuple[Requirement, ...]:
         return requirements(self._config, self._pwm)
 
-    def poll(self, t_ns: int) -> list[Frame]:
-        """As every conversation, and the sign of life that OFFBOARD needs, before and while in that mode."""
-        frames = super().poll(t_ns)
+    def data_to_send(self, t_ns: int) -> list[Frame]:
+        """Add the set-points that OFFBOARD needs, before and while in that mode."""
+        frames = super().data_to_send(t_ns)
         heard = self.autopilot_heartbeat_ns is not None
         if self._keeps_offboard and heard and t_ns >= self._alive_due_ns:
             self._alive_due_ns = t_ns + ALIVE_NS

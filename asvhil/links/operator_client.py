@@ -36,11 +36,11 @@ def send_and_wait(
                 link.sendto(data if signer is None else signer.sign(data, time.time_ns()), (host, int(port)))
                 while True:
                     heard = Frame(t_ns=time.monotonic_ns(), port="operator", data=link.recv(4096), peer=endpoint)
-                    message = next(iter(map(decode, gate.feed(heard, time.time_ns()))), None)
+                    message = next(iter(map(decode, gate.receive(heard, time.time_ns()))), None)
                     if message is None:
                         continue
                     if message.get_type() == "STATUSTEXT":
-                        words = texts.feed(message) or words
+                        words = texts.receive(message) or words
                     elif message.get_type() == "COMMAND_ACK" and message.command == mav_cmd:
                         return int(message.result), words
             except (TimeoutError, ConnectionRefusedError):

@@ -85,7 +85,7 @@ class MavlinkRouter:
         routed = self._table is not None and frame.port != OPERATOR
         if not routed and not signature_filter.guards:
             return [frame]  # untouched: the codec behind counts the garbage
-        accepted = signature_filter.feed(frame, self._unix_ns())
+        accepted = signature_filter.receive(frame, self._unix_ns())
         operators: list[Frame] = []
         if routed:
             for data in accepted:

@@ -82,7 +82,7 @@ def read_run(path: Path, plan_every_s: float = 10.0) -> RunLog:
         t_s = (inputs.t_ns - start_ns) * 1e-9
         for frame in inputs.frames:
             if frame.port == "autopilot":
-                for data in parser.feed(frame.peer, frame.data):
+                for data in parser.receive(frame.peer, frame.data):
                     if message_id(data) == dialect.MAVLINK_MSG_ID_SIM_STATE:
                         truth_frames.append((frame.t_ns, decode(data)))
         if recorded is None:

@@ -58,7 +58,7 @@ def check_tlog(config: Config, path: Path, on_tick: Callable[[int], None] | None
                 if (inputs.t_ns - from_ns) * 1e-9 >= CONVERGED_AFTER_S:
                     _compare(estimate, backseat.frame, theirs, position_m, heading_deg)
         pending.append(Frame(t_ns=t_ns, port="autopilot", data=data))
-        for frame in splitter.feed(data):
+        for frame in splitter.receive(data):
             message = decode(frame)
             if message is None:
                 undecoded += 1

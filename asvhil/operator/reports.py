@@ -204,7 +204,7 @@ class TextReader:
         self._number = 0
         self._pieces: list[str] = []
 
-    def feed(self, message: Any) -> str | None:
+    def receive(self, message: Any) -> str | None:
         """The text that a STATUSTEXT brings to an end, if it does."""
         if message.id == 0:
             return str(message.text)

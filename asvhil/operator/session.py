@@ -81,7 +81,7 @@ class OperatorSession:
     def receive(self, frame: Frame) -> list[OperatorRequest]:
         """Requests in one frame; what needs no decision is answered by the next `data_to_send`."""
         found: list[OperatorRequest] = []
-        for data in self._parser.feed(frame.peer, frame.data, frame.via):
+        for data in self._parser.receive(frame.peer, frame.data, frame.via):
             if frame.address == EVERYONE and source(data) == self._us:
                 self._on_own(data)
                 continue
@@ -128,8 +128,8 @@ class OperatorSession:
         for address, message in self._parameters.data_to_send(value_of):
             self._send(t_ns, message, address)
         for address, clock in self._clocks.items():
-            for answer in clock.answers(t_ns):
-                self._send(t_ns, dialect.MAVLink_timesync_message(*answer), address)
+            for message in clock.data_to_send(t_ns):
+                self._send(t_ns, message, address)
         self._clocks.clear()
         if self._heard_ns is not None:
             quiet = t_ns - self._heard_ns > LISTENING_NS
@@ -158,7 +158,7 @@ class OperatorSession:
         """A ground station asks for our time; its own clock is not used."""
         message = decode(data)
         if message is not None and message.tc1 == 0 and len(self._clocks) < Parser.MAX_PEERS:
-            self._clocks.setdefault(frame.address, TimeSync()).receive(frame.t_ns, message.tc1, message.ts1)
+            self._clocks.setdefault(frame.address, TimeSync()).receive(frame.t_ns, message)
 
     def _on_request(self, frame: Frame, data: bytes, msg_id: int) -> OperatorRequest | None:
         system_id, component_id = target(data)

@@ -100,7 +100,7 @@ class Survey:
                 self._count_ns = t_ns
                 self._counts.clear()
                 self._valid.clear()
-        out = [frame for frame in self.link.poll(t_ns) if _may_be_said(frame.data)]
+        out = [frame for frame in self.link.data_to_send(t_ns) if _may_be_said(frame.data)]
         return out + self._ask_version(t_ns) + self._firmware.data_to_send(t_ns)
 
     def fix(self) -> list[Finding]:
@@ -176,7 +176,7 @@ class Survey:
     def _look(self, frame: Frame) -> None:
         """What the link itself has no use for."""
         own = self.config.links.autopilot
-        for data in self._parser.feed(frame.peer, frame.data):
+        for data in self._parser.receive(frame.peer, frame.data):
             system_id, component_id = source(data)
             if system_id != own.autopilot_system_id or component_id == own.component_id:
                 continue

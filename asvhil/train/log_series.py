@@ -123,7 +123,7 @@ class _Reader:
 
     def _take_truth(self, frame: Frame) -> None:
         t_s = self._t_s(frame.t_ns)
-        for data in self._truth_parser.feed(frame.peer, frame.data):
+        for data in self._truth_parser.receive(frame.peer, frame.data):
             if message_id(data) == dialect.MAVLINK_MSG_ID_SIM_STATE and (m := decode(data)) is not None:
                 u_mps, v_mps = ned_to_body(m.yaw, m.vn, m.ve)
                 self.truth.append((t_s, u_mps, v_mps, m.zgyro, m.yaw))

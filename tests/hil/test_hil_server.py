@@ -252,7 +252,7 @@ async def test_a_board_on_a_serial_line_in_real_time() -> None:
     def board() -> None:
         splitter, found = FrameSplitter(), []
         while not found:
-            found = [decode(frame).get_type() for frame in splitter.feed(os.read(master, 4096))]
+            found = [decode(frame).get_type() for frame in splitter.receive(os.read(master, 4096))]
         assert found == ["HEARTBEAT"]
         px4 = Px4(SerialSocket(master), lockstep=False)  # type: ignore[arg-type]
         px4.boot()

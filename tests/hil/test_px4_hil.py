@@ -51,7 +51,7 @@ class Sitl:
     def read(self, frames: list[Frame]) -> list[Any]:
         self.ports += [frame.port for frame in frames]
         data = b"".join(frame.data for frame in frames if frame.port == "physics")
-        return [decode(part) for part in self.splitter.feed(data)]
+        return [decode(part) for part in self.splitter.receive(data)]
 
     def wait(self, span_ns: int) -> list[Any]:
         """All that goes out while so much time passes and nothing comes."""

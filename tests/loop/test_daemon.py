@@ -56,7 +56,7 @@ async def test_a_step_that_raises_ends_in_neutral_and_release(tmp_path: Path) ->
         received = []
         with contextlib.suppress(BlockingIOError):
             while True:
-                received += [decode(data) for data in FrameSplitter().feed(autopilot.recv(4096))]
+                received += [decode(data) for data in FrameSplitter().receive(autopilot.recv(4096))]
     overrides = [(m.chan1_raw, m.chan3_raw) for m in received if m and m.get_type() == "RC_CHANNELS_OVERRIDE"]
     assert overrides == RELEASES * [(1500, 1500), (0, 0)]
     assert not LogFile(tmp_path / "log.mcap").truncated

@@ -134,7 +134,7 @@ def truth(log: Path) -> list[tuple[float, float, float, float]]:
     """(seconds, north, east, heading in degrees) of the plant, as it told in SIM_STATE."""
     found = []
     for frame in LogFile(log).frames("autopilot", "in"):
-        for data in FrameSplitter().feed(frame.data):
+        for data in FrameSplitter().receive(frame.data):
             if message_id(data) == dialect.MAVLINK_MSG_ID_SIM_STATE:
                 m = decode(data)
                 n_m, e_m = ORIGIN.to_ned(m.lat_int * 1e-7, m.lon_int * 1e-7)
@@ -205,7 +205,7 @@ def test_a_goto_of_mavsdk_is_kept_by_the_daemon(tmp_path: Path) -> None:
     released_s = next(
         frame.t_ns * 1e-9
         for frame in LogFile(log).frames("operator", "in")
-        for data in FrameSplitter().feed(frame.data)
+        for data in FrameSplitter().receive(frame.data)
         if (m := decode(data)) is not None and m.get_type() == "COMMAND_LONG" and m.command == 92
     )
     kept = [row for row in rows if released_s - 8.0 < row[0] < released_s]

@@ -45,9 +45,9 @@ class Loop:
             _, self.outputs = self.loop.tick()
             for frame in self.outputs.frames:
                 if frame.port == "operator":
-                    for message in map(decode, FrameSplitter().feed(frame.data)):
+                    for message in map(decode, FrameSplitter().receive(frame.data)):
                         self.heard.append(message)
-                        if message.get_type() == "STATUSTEXT" and (text := self._reader.feed(message)):
+                        if message.get_type() == "STATUSTEXT" and (text := self._reader.receive(message)):
                             self.texts.append(text)
             if until(self.outputs):
                 return self.outputs

@@ -24,7 +24,7 @@ class Witness:
         for frame in inputs.frames:
             if frame.port != "autopilot":
                 continue
-            for data in self._splitter.feed(frame.data):
+            for data in self._splitter.receive(frame.data):
                 message = decode(data)
                 assert message is not None
                 if message.get_type() == "HEARTBEAT":
@@ -41,7 +41,7 @@ def overrides(outputs: Outputs) -> list[tuple[int, int]]:
     """(port, starboard) of every RC_CHANNELS_OVERRIDE among the frames of a tick."""
     found = []
     for frame in outputs.frames:
-        for data in FrameSplitter().feed(frame.data):
+        for data in FrameSplitter().receive(frame.data):
             message = decode(data)
             if message is not None and message.get_type() == "RC_CHANNELS_OVERRIDE":
                 found.append((message.chan1_raw, message.chan3_raw))
@@ -114,7 +114,7 @@ def test_hold_is_answered_by_an_ack_and_refused_with_a_reason() -> None:
         decode(data)
         for frame in outputs.frames
         if frame.port == "operator" and frame.peer == "127.0.0.1:9"
-        for data in FrameSplitter().feed(frame.data)
+        for data in FrameSplitter().receive(frame.data)
     ]
     assert [m.get_type() for m in answers if m] == ["STATUSTEXT", "COMMAND_ACK"]
     assert answers[0] is not None and answers[0].text == describe(explain(Reason.NOT_ARMED))

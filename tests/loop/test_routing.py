@@ -57,7 +57,7 @@ class Peer:
     async def _read(self) -> None:
         while True:
             frame = await self._link.recv()
-            self.frames += self._parser.feed(frame.peer, frame.data)
+            self.frames += self._parser.receive(frame.peer, frame.data)
 
     def pack(self, message) -> bytes:  # type: ignore[no-untyped-def]
         data = bytes(message.pack(self._mav))
@@ -373,7 +373,7 @@ async def test_signed_links(tmp_path: Path) -> None:
     receiver.signing.secret_key, receiver.signing.timestamp = key, timestamp_of(now_ns())
     assert all(is_signed(frame) and frame[-13] == 3 for frame in autopilot.frames)
     assert all(receiver.parse_buffer(frame) for frame in autopilot.frames)
-    taken = [data for f in LogFile(log).frames("autopilot", "in") for data in Parser().feed(f.peer, f.data)]
+    taken = [data for f in LogFile(log).frames("autopilot", "in") for data in Parser().receive(f.peer, f.data)]
     assert taken == good[-len(taken) :] and len(taken) >= len(good) - 1
     assert not any(is_signed(frame.data) for frame in LogFile(log).frames("autopilot", "out"))
     assert replay(log).mismatch is None

@@ -50,7 +50,7 @@ def settled(loop: Lockstep, seconds: float, from_s: float) -> tuple[float, float
 def told(outputs: Outputs) -> list[str]:
     """What is said to the operators in one tick."""
     splitter = FrameSplitter()
-    messages = [decode(data) for frame in outputs.frames for data in splitter.feed(frame.data)]
+    messages = [decode(data) for frame in outputs.frames for data in splitter.receive(frame.data)]
     return [m.text for m in messages if m is not None and m.get_type() == "STATUSTEXT"]
 
 

@@ -174,7 +174,7 @@ class Px4:
         """What one read of the socket brings."""
         data = self._stream.recv(4096)
         assert data, "the simulator closed the connection"
-        found = [decode(frame) for frame in self._splitter.feed(data)]
+        found = [decode(frame) for frame in self._splitter.receive(data)]
         self.seen += found
         return found
 

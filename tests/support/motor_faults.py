@@ -76,7 +76,7 @@ class Trial:
         _, outputs = self.loop.tick()
         self.overrides.append([])
         for frame in outputs.frames:
-            for data in FrameSplitter().feed(frame.data):
+            for data in FrameSplitter().receive(frame.data):
                 message = decode(data)
                 assert message is not None
                 if message.get_type() == "STATUSTEXT":

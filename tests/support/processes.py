@@ -197,6 +197,6 @@ def listen(port: int, seconds: float) -> list[tuple[float, Any]]:
         ear.settimeout(0.2)
         while time.monotonic() - start_s < seconds:
             with contextlib.suppress(TimeoutError):
-                for data in splitter.feed(ear.recv(4096)):
+                for data in splitter.receive(ear.recv(4096)):
                     found.append((time.monotonic() - start_s, decode(data)))
     return found

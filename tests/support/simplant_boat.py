@@ -49,7 +49,7 @@ class Boat:
         found = []
         for frame in self.plant.advance(self.t_ns):
             if frame.port == "autopilot":
-                (data,) = FrameSplitter().feed(frame.data)
+                (data,) = FrameSplitter().receive(frame.data)
                 found.append((frame.t_ns / 1e9, decode(data)))
                 self.peers.append(frame.peer)
         self.log += found

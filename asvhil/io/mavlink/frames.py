@@ -116,7 +116,7 @@ class FrameSplitter:
         self.unknown = 0
         self.garbage_bytes = 0
 
-    def feed(self, data: bytes) -> list[bytes]:
+    def receive(self, data: bytes) -> list[bytes]:
         """All complete frames that `data` brings to an end, in order."""
         buffer = self._buffer + data if self._buffer else data
         found: list[bytes] = []
@@ -198,7 +198,7 @@ class Parser:
         self._splitters: dict[tuple[str, str], FrameSplitter] = {}
         self._forgotten = FrameSplitter()
 
-    def feed(self, peer: str, data: bytes, via: str = "") -> list[bytes]:
+    def receive(self, peer: str, data: bytes, via: str = "") -> list[bytes]:
         """Complete frames from one peer (of another link, `via`): datagrams; a stream where neither is named."""
         splitter = self._splitters.get((via, peer))
         if splitter is None:
@@ -207,7 +207,7 @@ class Parser:
                 for name in ("frames", "bad_crc", "unknown", "garbage_bytes"):
                     setattr(self._forgotten, name, getattr(self._forgotten, name) + getattr(gone, name))
             splitter = self._splitters[via, peer] = FrameSplitter(datagrams=bool(via or peer))
-        return splitter.feed(data)
+        return splitter.receive(data)
 
     def total(self, name: str) -> int:
         """The sum of one counter (frames, bad_crc, unknown, garbage_bytes) over all peers."""

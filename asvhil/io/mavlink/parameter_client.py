@@ -1,4 +1,4 @@
-"""Parameters of an autopilot over the PARAM protocol: asked for by name, kept, changed and read back. Sans-IO."""
+"""The client of the parameter protocol: parameters are read by name, kept, changed and read back. Sans-IO."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from asvhil.io.mavlink.frames import dialect
-from asvhil.types import record
 
 SPACING_NS = 40_000_000  # between two requests: a slow radio must not drown in them
 ANSWER_NS = 500_000_000
@@ -44,17 +43,8 @@ def to_wire(value: float, kind: int, *, bytewise: bool) -> float:
         raise ValueError(f"{value:g} does not fit the parameter's type") from None
 
 
-@record
-class Write:
-    """A PARAM_SET that is due."""
-
-    name: str
-    value: float
-    kind: int
-
-
-class _Asking:
-    """Where the asking for one thing stands."""
+class _Request:
+    """How often a value was requested, and when it is requested again."""
 
     def __init__(self) -> None:
         self.attempts = 0
@@ -70,23 +60,24 @@ class ParameterClient:
     sends integers by their bytes (PX4), not as floats (ArduPilot).
     """
 
-    def __init__(self, groups: Iterable[tuple[str, ...]], *, bytewise: bool = False) -> None:
+    def __init__(self, groups: Iterable[tuple[str, ...]], system_id: int, *, bytewise: bool = False) -> None:
+        self._to = (system_id, 1)
         self._groups = tuple(dict.fromkeys(groups))
         self._group_of = {name: group for group in self._groups for name in group}
         self._bytewise = bytewise
         self._values: dict[str, float] = {}
         self._kinds: dict[str, int] = {}
-        self._asking: dict[tuple[str, ...], _Asking] = {}
+        self._asking: dict[tuple[str, ...], _Request] = {}
         self._next_ns = 0
         self._spoken_ns: int | None = None
-        self._writes: dict[str, tuple[float, _Asking]] = {}
+        self._writes: dict[str, tuple[float, _Request]] = {}
         self.requests = 0
         self.answers = 0
         self.restart()
 
     def restart(self) -> None:
         """The autopilot has rebooted: ask for everything again; what was known stands until it is answered."""
-        self._asking = {group: _Asking() for group in self._groups}
+        self._asking = {group: _Request() for group in self._groups}
         self._next_ns = 0
 
     @property
@@ -104,7 +95,7 @@ class ParameterClient:
         """The first names of those that were given up."""
         return tuple(g[0] for g in self._groups if not self._known(g) and self._asking[g].given_up)
 
-    def heard(self, t_ns: int, message: Any) -> None:
+    def receive(self, t_ns: int, message: Any) -> None:
         """A PARAM_VALUE of the autopilot."""
         name = message.param_id
         group = self._group_of.get(name)
@@ -123,9 +114,17 @@ class ParameterClient:
         if write is not None and same_value(write[0], value):
             del self._writes[name]
 
-    def next_request(self, t_ns: int) -> str | None:
-        """The name to ask for now, or None."""
-        if t_ns < self._next_ns or self._too_soon(t_ns):
+    def data_to_send(self, t_ns: int) -> list[Any]:
+        """The message that is due, if one is: a PARAM_SET goes before what is only to be read."""
+        if self._too_soon(t_ns):
+            return []
+        message = self._write_request(t_ns)
+        if message is None:
+            message = self._read_request(t_ns)
+        return [] if message is None else [message]
+
+    def _read_request(self, t_ns: int) -> Any | None:
+        if t_ns < self._next_ns:
             return None
         for group in self._groups:
             asking = self._asking[group]
@@ -141,15 +140,15 @@ class ParameterClient:
             asking.due_ns = t_ns + (ANSWER_NS if whole_round else SPACING_NS)
             self._spoken_ns = t_ns
             self.requests += 1
-            return name
+            return dialect.MAVLink_param_request_read_message(*self._to, name.encode(), -1)
         self._next_ns = min((asking.due_ns for asking in self._asking.values()), default=NEVER_NS)
         return None
 
     # --- changes, which the daemon never asks for ----------------------------------------------------------
 
     def write(self, name: str, value: float) -> None:
-        """Change a parameter that has been read; `next_write` says when, and `writing` until it was read back."""
-        self._writes[name] = (value, _Asking())
+        """Change a parameter that has been read; it is `writing` until it was read back."""
+        self._writes[name] = (value, _Request())
 
     @property
     def writing(self) -> frozenset[str]:
@@ -161,10 +160,7 @@ class ParameterClient:
         """Names whose new value never came back."""
         return frozenset(name for name, (_, asking) in self._writes.items() if asking.given_up)
 
-    def next_write(self, t_ns: int) -> Write | None:
-        """The PARAM_SET to send now, or None."""
-        if self._too_soon(t_ns):
-            return None
+    def _write_request(self, t_ns: int) -> Any | None:
         for name, (value, asking) in self._writes.items():
             if asking.given_up or asking.due_ns > t_ns:
                 continue
@@ -175,7 +171,8 @@ class ParameterClient:
             asking.due_ns = t_ns + ANSWER_NS
             self._spoken_ns = t_ns
             kind = self._kinds.get(name, int(dialect.MAV_PARAM_TYPE_REAL32))
-            return Write(name=name, value=to_wire(value, kind, bytewise=self._bytewise), kind=kind)
+            wire_value = to_wire(value, kind, bytewise=self._bytewise)
+            return dialect.MAVLink_param_set_message(*self._to, name.encode(), wire_value, kind)
         return None
 
     def _known(self, group: tuple[str, ...]) -> bool:

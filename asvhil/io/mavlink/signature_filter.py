@@ -42,9 +42,9 @@ class SignatureFilter:
         self.verifier = verifier
         self.rejected: Counter[str] = Counter()
 
-    def feed(self, frame: Frame, unix_ns: int) -> list[bytes]:
+    def receive(self, frame: Frame, unix_ns: int) -> list[bytes]:
         """The accepted MAVLink frames that the bytes of one received frame complete, in order."""
-        found = self._parser.feed(frame.peer, frame.data)
+        found = self._parser.receive(frame.peer, frame.data)
         if not self.guards:
             return found
         return [data for data in found if self._accepts(data, frame.t_ns, unix_ns)]

@@ -1,10 +1,11 @@
-"""Message rates of an autopilot: asked for one command at a time, watched, and asked for again, sans-IO."""
+"""Message rates of an autopilot: requested one command at a time, measured, and requested again. Sans-IO."""
 
 from __future__ import annotations
 
 import math
+from typing import Any
 
-from asvhil.io.mavlink.frames import dialect
+from asvhil.io.mavlink.frames import decode, dialect, message_id
 
 ACK_TIMEOUT_NS = 500_000_000
 ATTEMPTS = 4
@@ -24,22 +25,23 @@ LEGACY_STREAMS = {
 }
 
 
-class StreamKeeper:
-    """Keeps the wanted messages coming. ACKs carry no message id, so one request is in flight at a time.
+class StreamRequester:
+    """Requests messages at their rates from a system. ACKs carry no message id, so one request is in flight at a time.
 
-    Never trusts an ACK: only what arrives counts. A reboot of the autopilot (`restart`) forgets all rates. `legacy`:
-    a message that cannot be had so is asked for with its whole stream by REQUEST_DATA_STREAM, which has no ACK, at the
-    highest rate wanted of that stream.
+    What arrives counts, not what was acknowledged. A reboot of the autopilot (`restart`) forgets all rates. `legacy`:
+    a message that cannot be had by SET_MESSAGE_INTERVAL is requested with its whole stream by REQUEST_DATA_STREAM,
+    which has no ACK, at the highest rate wanted of that stream.
     """
 
-    def __init__(self, rates_hz: dict[str, float], *, legacy: bool = False) -> None:
+    def __init__(self, rates_hz: dict[str, float], system_id: int, *, legacy: bool = False) -> None:
         self._rates_hz = dict(rates_hz)
+        self._system_id = system_id
         self._stream_of = {name: stream for stream, names in LEGACY_STREAMS.items() for name in names} if legacy else {}
         self._legacy: list[int] = []
         self._wanted = {getattr(dialect, f"MAVLINK_MSG_ID_{name}"): rate for name, rate in rates_hz.items()}
         self._names = {getattr(dialect, f"MAVLINK_MSG_ID_{name}"): name for name in rates_hz}
         self._queue: list[int] = []
-        self._seen: dict[int, int] = dict.fromkeys(self._wanted, 0)
+        self._counts: dict[int, int] = dict.fromkeys(self._wanted, 0)
         self._in_flight: int | None = None
         self._asked_ns = 0
         self._attempts = 0
@@ -58,13 +60,25 @@ class StreamKeeper:
         self._legacy.clear()
         self.denied.clear()
 
-    def seen(self, msg_id: int) -> None:
-        """A message of this id arrived from the autopilot."""
-        if msg_id in self._seen:
-            self._seen[msg_id] += 1
+    def receive(self, frame: bytes) -> None:
+        """Any complete frame of the autopilot: it is counted, and an acknowledgement of a request is understood."""
+        msg_id = message_id(frame)
+        if msg_id in self._counts:
+            self._counts[msg_id] += 1
+        elif msg_id == dialect.MAVLINK_MSG_ID_COMMAND_ACK:
+            message = decode(frame)
+            if message is not None and message.command == dialect.MAV_CMD_SET_MESSAGE_INTERVAL:
+                self._on_acknowledgement(message.result)
 
-    def acknowledged(self, result: int) -> None:
-        """A COMMAND_ACK for SET_MESSAGE_INTERVAL arrived."""
+    def data_to_send(self, t_ns: int) -> list[Any]:
+        """Requests that are due: SET_MESSAGE_INTERVAL for one message, REQUEST_DATA_STREAM for what is left to it."""
+        due: list[Any] = []
+        request = self._interval_request(t_ns)
+        if request is not None:
+            due.append(request)
+        return due + self._stream_requests()
+
+    def _on_acknowledgement(self, result: int) -> None:
         if self._in_flight is None or result == dialect.MAV_RESULT_IN_PROGRESS:
             return
         if result != dialect.MAV_RESULT_ACCEPTED:
@@ -72,24 +86,24 @@ class StreamKeeper:
             self._fall_back(self._in_flight)
         self._in_flight = None
 
-    def legacy_requests(self) -> list[tuple[int, int]]:
-        """(stream, rate in Hz) to ask for now by REQUEST_DATA_STREAM."""
-        requests = []
+    def _stream_requests(self) -> list[Any]:
+        due = []
         for stream in self._legacy:
             rates_hz = [self._rates_hz.get(name, 0.0) for name in LEGACY_STREAMS[stream]]
-            requests.append((stream, math.ceil(max(rates_hz))))
-        self.requests += len(requests)
+            rate_hz = math.ceil(max(rates_hz))
+            due.append(dialect.MAVLink_request_data_stream_message(self._system_id, 1, stream, rate_hz, 1))
+        self.requests += len(due)
         self._legacy = []
-        return requests
+        return due
 
     def _fall_back(self, msg_id: int) -> None:
         stream = self._stream_of.get(self._names[msg_id])
         if stream is not None and stream not in self._legacy:
             self._legacy.append(stream)
 
-    def next_request(self, t_ns: int) -> tuple[int, float] | None:
-        """(message id, interval in us) to ask for now, or None."""
-        self._watch(t_ns)
+    def _interval_request(self, t_ns: int) -> Any | None:
+        """SET_MESSAGE_INTERVAL for the message in flight, again if it was not acknowledged, or for the next one."""
+        self._requeue_slow(t_ns)
         if self._in_flight is not None:
             if t_ns - self._asked_ns < ACK_TIMEOUT_NS:
                 return None
@@ -104,22 +118,26 @@ class StreamKeeper:
         self._attempts += 1
         self._asked_ns = t_ns
         self.requests += 1
-        return self._in_flight, 1e6 / self._wanted[self._in_flight]
+        interval_us = 1e6 / self._wanted[self._in_flight]
+        command = dialect.MAV_CMD_SET_MESSAGE_INTERVAL
+        return dialect.MAVLink_command_long_message(
+            self._system_id, 1, command, 0, self._in_flight, interval_us, 0, 0, 0, 0, 0
+        )
 
-    def _watch(self, t_ns: int) -> None:
+    def _requeue_slow(self, t_ns: int) -> None:
         """Every few seconds, put the streams that come too slowly back into the queue."""
         if self._queue or self._in_flight is not None:
             self._watch_from_ns = None
             return
         if self._watch_from_ns is None:
             self._watch_from_ns = t_ns
-            self._seen = dict.fromkeys(self._wanted, 0)
+            self._counts = dict.fromkeys(self._wanted, 0)
             return
         elapsed_ns = t_ns - self._watch_from_ns
         if elapsed_ns < WATCH_NS:
             return
         for msg_id, rate_hz in self._wanted.items():
-            slow = self._seen[msg_id] < LEAST_SHARE * rate_hz * elapsed_ns * 1e-9
+            slow = self._counts[msg_id] < LEAST_SHARE * rate_hz * elapsed_ns * 1e-9
             if slow and t_ns >= self._not_before_ns.get(msg_id, 0):
                 self._not_before_ns[msg_id] = t_ns + RETRY_AFTER_NS
                 self._queue.append(msg_id)

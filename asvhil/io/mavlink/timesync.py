@@ -8,8 +8,9 @@ contradicts it by more than both bounds together is an outlier. https://mavlink.
 from __future__ import annotations
 
 from collections import deque
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+from asvhil.io.mavlink.frames import dialect
 from asvhil.types import TimeOffset
 
 WINDOW = 20  # exchanges, one each second
@@ -28,13 +29,17 @@ class _Exchange(NamedTuple):
 
 
 class TimeSync:
-    """One peer's clock. `rejected` counts answers that were late, unasked for, or outliers; `steps` its settings."""
+    """Measures one peer's clock, and answers its questions for ours.
+
+    `rejected` counts answers that were late, unasked for, or outliers; `steps` how often the clock was set.
+    """
 
     def __init__(self) -> None:
         self._asked: deque[int] = deque(maxlen=OUTSTANDING)
         self._exchanges: deque[_Exchange] = deque(maxlen=WINDOW)
         self._answers: deque[tuple[int, int]] = deque(maxlen=ANSWERS)
         self._outliers = 0
+        self._asks = False
         self.accepted = 0
         self.rejected = 0
         self.steps = 0
@@ -53,25 +58,29 @@ class TimeSync:
         self._exchanges.clear()
         self._outliers = 0
 
-    def request(self, t_ns: int) -> tuple[int, int]:
-        """(tc1, ts1) of a request that leaves now."""
-        self._asked.append(t_ns)
-        return 0, t_ns
+    def ask(self) -> None:
+        """Have a request sent with the next data."""
+        self._asks = True
 
-    def receive(self, t_ns: int, tc1: int, ts1: int) -> None:
-        """A TIMESYNC message, received at t_ns: a request to be answered at the next poll, or an answer."""
-        if tc1 == 0:
-            self._answers.append((t_ns, ts1))
+    def receive(self, t_ns: int, message: Any) -> None:
+        """A TIMESYNC message, received at t_ns: a request, or an answer to ours."""
+        if message.tc1 == 0:
+            self._answers.append((t_ns, message.ts1))
         else:
-            self._answered(t_ns, tc1, ts1)
+            self._answered(t_ns, message.tc1, message.ts1)
 
-    def answers(self, t_ns: int) -> list[tuple[int, int]]:
-        """(tc1, ts1) of each answer that leaves now.
+    def data_to_send(self, t_ns: int) -> list[Any]:
+        """TIMESYNC messages that leave now: the request that was asked for, then an answer for each request received.
 
         A request has waited for the tick. Our time in the answer is the middle of that wait, so that whoever takes
         half of the round trip away, as all do, is not wrong by half of the wait.
         """
-        due = [((received_ns + t_ns) // 2, ts1) for received_ns, ts1 in self._answers]
+        due = []
+        if self._asks:
+            self._asks = False
+            self._asked.append(t_ns)
+            due.append(dialect.MAVLink_timesync_message(0, t_ns))
+        due += [dialect.MAVLink_timesync_message((received_ns + t_ns) // 2, ts1) for received_ns, ts1 in self._answers]
         self._answers.clear()
         return due
 

@@ -91,7 +91,7 @@ class Px4Hil:
         splitter = self._splitter
         before = splitter.garbage_bytes
         sent: list[Frame] = []
-        for data in splitter.feed(frame.data):
+        for data in splitter.receive(frame.data):
             message = decode(data)
             if message is None:
                 continue

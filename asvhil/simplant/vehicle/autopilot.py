@@ -169,7 +169,7 @@ class SimulatedAutopilot(ABC):
             return []
         vehicle.begin(t_ns)
         for frame in self._take_inbox(t_ns):
-            for data in self._parser.feed(frame.peer, frame.data):
+            for data in self._parser.receive(frame.peer, frame.data):
                 self._dispatch(frame.peer, data)
         vehicle.end()
         due = self._schedule.take_due(t_ns)

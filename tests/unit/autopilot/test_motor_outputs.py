@@ -18,8 +18,12 @@ def output(kind: str, **changes: object) -> Output:
     return make_output(AutopilotLinkConfig(endpoint="udpin:127.0.0.1:0", profile=profile, output=kind, **changes), PWM)
 
 
+def acknowledge(way: Output, command: int, result: int) -> None:
+    way.receive(dialect.MAVLink_command_ack_message(command, result))
+
+
 def messages(packed: list[bytes]) -> list[object]:
-    return [decode(data) for frame in packed for data in FrameSplitter().feed(frame)]
+    return [decode(data) for frame in packed for data in FrameSplitter().receive(frame)]
 
 
 def said(packed: list[bytes]) -> list[tuple[float, ...]]:
@@ -71,8 +75,8 @@ def test_actuators_span_the_output_range_and_leave_the_others_alone() -> None:
 def test_sticks_are_given_back_once_and_need_no_more(kind: str) -> None:
     way = output(kind)
     way.on_connect(0)
-    assert way.poll(0) == [] and len(way.release(0)) == 1
-    assert all(way.poll(t_ns) == [] for t_ns in range(0, 4000 * MS, 50 * MS))
+    assert way.data_to_send(0) == [] and len(way.release(0)) == 1
+    assert all(way.data_to_send(t_ns) == [] for t_ns in range(0, 4000 * MS, 50 * MS))
     assert way.hazard == ""
 
 
@@ -87,22 +91,22 @@ def test_held_outputs_are_let_go_by_saying_neutral_for_three_seconds(kind: str, 
     way = output(kind)
     assert "has no time-out" in way.hazard
     way.on_connect(0)  # whoever was there before may have died with the motors running
-    assert said(way.poll(0)) == neutral
+    assert said(way.data_to_send(0)) == neutral
     way.drive(1600, 1600)
-    assert all(way.poll(t_ns) == [] for t_ns in range(0, 4000 * MS, 50 * MS))  # neutral never fights a command
+    assert all(way.data_to_send(t_ns) == [] for t_ns in range(0, 4000 * MS, 50 * MS))  # neutral never fights a command
     assert said(way.release(5000 * MS)) == neutral
-    again = [t_ns for t_ns in range(5000 * MS, 12_000 * MS, 50 * MS) if said(way.poll(t_ns)) == neutral]
+    again = [t_ns for t_ns in range(5000 * MS, 12_000 * MS, 50 * MS) if said(way.data_to_send(t_ns)) == neutral]
     assert len(again) == 30 and again[0] == 5100 * MS and again[-1] == 8000 * MS
 
 
 def test_a_refusal_is_told_in_words_and_forgotten_when_it_is_over() -> None:
     way = output("set_servo")
-    way.acknowledged(dialect.MAV_CMD_DO_SET_SERVO, dialect.MAV_RESULT_IN_PROGRESS)
-    way.acknowledged(dialect.MAV_CMD_DO_SET_MODE, dialect.MAV_RESULT_FAILED)
+    acknowledge(way, dialect.MAV_CMD_DO_SET_SERVO, dialect.MAV_RESULT_IN_PROGRESS)
+    acknowledge(way, dialect.MAV_CMD_DO_SET_MODE, dialect.MAV_RESULT_FAILED)
     assert way.refused == ""
-    way.acknowledged(dialect.MAV_CMD_DO_SET_SERVO, dialect.MAV_RESULT_FAILED)
+    acknowledge(way, dialect.MAV_CMD_DO_SET_SERVO, dialect.MAV_RESULT_FAILED)
     assert "refuses DO_SET_SERVO (FAILED): SERVO1_FUNCTION and SERVO3_FUNCTION must be 0" in way.refused
-    way.acknowledged(dialect.MAV_CMD_DO_SET_SERVO, dialect.MAV_RESULT_ACCEPTED)
+    acknowledge(way, dialect.MAV_CMD_DO_SET_SERVO, dialect.MAV_RESULT_ACCEPTED)
     assert way.refused == ""
 
 

@@ -23,7 +23,7 @@ def feed(px4: Px4Autopilot, *messages: object, t_ns: int = 5) -> list[Measuremen
 
 
 def sent(frames: list[Frame], name: str) -> list[object]:
-    found = [decode(data) for frame in frames for data in FrameSplitter().feed(frame.data)]
+    found = [decode(data) for frame in frames for data in FrameSplitter().receive(frame.data)]
     return [m for m in found if m.get_type() == name]  # type: ignore[union-attr]
 
 
@@ -88,9 +88,9 @@ def test_outputs_are_pulses_whether_told_in_microseconds_or_normalised() -> None
 
 def test_the_sign_of_life_comes_ten_times_a_second_once_px4_is_heard() -> None:
     px4 = link()
-    assert sent([f for ms in range(0, 500, 50) for f in px4.poll(ms * MS)], "SET_ATTITUDE_TARGET") == []
+    assert sent([f for ms in range(0, 500, 50) for f in px4.data_to_send(ms * MS)], "SET_ATTITUDE_TARGET") == []
     feed(px4, heartbeat(0x00010000))
-    signs = sent([f for ms in range(500, 1500, 50) for f in px4.poll(ms * MS)], "SET_ATTITUDE_TARGET")
+    signs = sent([f for ms in range(500, 1500, 50) for f in px4.data_to_send(ms * MS)], "SET_ATTITUDE_TARGET")
     assert len(signs) == 10
     first = signs[0]
     # Rates are given, all zero, with no thrust; the attitude is not.
@@ -101,17 +101,17 @@ def test_the_sign_of_life_comes_ten_times_a_second_once_px4_is_heard() -> None:
 def test_where_another_mode_is_the_control_mode_offboard_is_left_to_others() -> None:
     px4 = Px4Autopilot(CONFIG, PwmConfig(), keeps_offboard=False)
     feed(px4, heartbeat(0x00010000))
-    assert sent([f for ms in range(0, 2000, 50) for f in px4.poll(ms * MS)], "SET_ATTITUDE_TARGET") == []
+    assert sent([f for ms in range(0, 2000, 50) for f in px4.data_to_send(ms * MS)], "SET_ATTITUDE_TARGET") == []
 
 
 def test_neutral_is_said_when_px4_is_first_heard_and_when_it_has_started_anew() -> None:
     px4 = link()
     feed(px4, heartbeat(0x00010000))
-    assert len(sent(px4.poll(MS), "COMMAND_LONG")) == 2  # a stream, and both motors neutral
+    assert len(sent(px4.data_to_send(MS), "COMMAND_LONG")) == 2  # a stream, and both motors neutral
     px4.drive(MS, 1600, 1600)
-    assert sent(px4.poll(4 * S), "SET_ATTITUDE_TARGET") and not _actuators(px4.poll(5 * S))
+    assert sent(px4.data_to_send(4 * S), "SET_ATTITUDE_TARGET") and not _actuators(px4.data_to_send(5 * S))
     feed(px4, dialect.MAVLink_system_time_message(0, 90_000), dialect.MAVLink_system_time_message(0, 500), t_ns=6 * S)
-    (m,) = _actuators(px4.poll(6 * S))
+    (m,) = _actuators(px4.data_to_send(6 * S))
     assert (m.param1, m.param2) == (0.0, 0.0) and px4.reboots == 1  # type: ignore[attr-defined]
 
 

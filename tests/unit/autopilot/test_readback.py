@@ -30,7 +30,7 @@ def recorded() -> list[Event]:
     events: list[Event] = []
     for unix_us, data in read_tlog(TLOG):
         t_ns = unix_us * 1000
-        for frame in splitter.feed(data):
+        for frame in splitter.receive(data):
             message = decode(frame)
             assert message is not None
             if message.get_type() == "RC_CHANNELS_OVERRIDE" and message.chan1_raw:

@@ -1,11 +1,13 @@
 """The autopilot and operator conversations, byte for byte."""
 
+from typing import Any
+
 import pytest
 
 from asvhil.autopilot.ardurover import ArduRoverAutopilot
 from asvhil.config import AutopilotLinkConfig, PwmConfig
 from asvhil.io.mavlink.frames import FrameSplitter, decode, dialect
-from asvhil.io.mavlink.streams import StreamKeeper
+from asvhil.io.mavlink.streams import StreamRequester
 from asvhil.operator.session import OperatorSession, encode_hold, encode_release
 from asvhil.supervisor.reasons import Reason, describe, explain
 from asvhil.types import (
@@ -37,7 +39,7 @@ def feed(ardurover: ArduRoverAutopilot, *messages: object, t_ns: int = 5, mav: o
 
 def messages(frames: list[Frame]) -> list[object]:
     splitter = FrameSplitter()
-    return [decode(data) for frame in frames for data in splitter.feed(frame.data)]
+    return [decode(data) for frame in frames for data in splitter.receive(frame.data)]
 
 
 def heartbeat(armed: bool = False, mode: int = 0, autopilot: int = 3) -> object:
@@ -96,7 +98,7 @@ def test_attitude_and_imu_units() -> None:
 
 def test_heartbeat_each_second_as_an_onboard_controller() -> None:
     ardurover = link()
-    sent = [message for ms in range(0, 3000, 50) for message in messages(ardurover.poll(ms * MS))]
+    sent = [message for ms in range(0, 3000, 50) for message in messages(ardurover.data_to_send(ms * MS))]
     assert len(sent) == 3  # and nothing else while no autopilot is heard
     first = sent[0]
     assert (first.type, first.autopilot, first.get_srcSystem(), first.get_srcComponent()) == (18, 8, 1, 191)  # type: ignore[attr-defined]
@@ -107,7 +109,7 @@ def test_streams_are_asked_one_by_one_until_acknowledged() -> None:
     feed(ardurover, heartbeat())
 
     def asked(ms: int) -> list[tuple[float, float]]:
-        found = messages(ardurover.poll(ms * MS))
+        found = messages(ardurover.data_to_send(ms * MS))
         return [(m.param1, m.param2) for m in found if m.get_type() == "COMMAND_LONG"]  # type: ignore[attr-defined]
 
     assert asked(0) == [(30.0, 50_000.0)]
@@ -122,20 +124,28 @@ def test_streams_are_asked_one_by_one_until_acknowledged() -> None:
 
 
 def test_a_stream_that_dries_up_is_asked_for_again_and_a_denied_one_is_named() -> None:
-    keeper = StreamKeeper({"ATTITUDE": 10.0, "SIM_STATE": 10.0})
-    assert keeper.next_request(0) == (30, 100_000.0)
-    keeper.acknowledged(0)
-    assert keeper.next_request(0) == (108, 100_000.0)
-    keeper.acknowledged(2)
-    assert keeper.denied == {"SIM_STATE"}
+    requester = StreamRequester({"ATTITUDE": 10.0, "SIM_STATE": 10.0}, 1)
+
+    def asked(t_ns: int) -> list[tuple[float, float]]:
+        return [(m.param1, m.param2) for m in requester.data_to_send(t_ns)]
+
+    def receive(message: Any) -> None:
+        requester.receive(bytes(message.pack(AUTOPILOT)))
+
+    assert asked(0) == [(30, 100_000.0)]
+    receive(dialect.MAVLink_command_ack_message(511, 0))
+    assert asked(0) == [(108, 100_000.0)]
+    receive(dialect.MAVLink_command_ack_message(400, 2))  # of another command
+    assert requester.denied == set()
+    receive(dialect.MAVLink_command_ack_message(511, 2))
+    assert requester.denied == {"SIM_STATE"}
     t_ns, again = 0, []
     while t_ns < 12 * S:
         t_ns += 100 * MS
-        keeper.seen(30)
-        request = keeper.next_request(t_ns)
-        if request is not None:
-            again.append(request[0])
-            keeper.acknowledged(2)
+        receive(dialect.MAVLink_attitude_message(0, 0, 0, 0, 0, 0, 0))
+        for msg_id, _ in asked(t_ns):
+            again.append(msg_id)
+            receive(dialect.MAVLink_command_ack_message(511, 2))
     assert again == [108]
 
 
@@ -145,7 +155,7 @@ def test_where_intervals_cannot_be_set_whole_streams_are_asked_for_as_of_old(ans
     feed(ardurover, heartbeat())
     asked, seen = [], set()
     for ms in range(0, 12_000, 100):
-        for m in messages(ardurover.poll(ms * MS)):
+        for m in messages(ardurover.data_to_send(ms * MS)):
             if m.get_type() == "REQUEST_DATA_STREAM":  # type: ignore[attr-defined]
                 asked.append((m.req_stream_id, m.req_message_rate, m.start_stop))  # type: ignore[attr-defined]
             if m.get_type() == "COMMAND_LONG":  # type: ignore[attr-defined]

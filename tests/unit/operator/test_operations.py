@@ -56,7 +56,7 @@ class Bench:
         self.operations.answer(self.t_ns, decision)
         situation = Situation(t_ns=self.t_ns, frame=FRAME)
         frames = self.operations.data_to_send(situation, decision, None, (), ())
-        sent = [decode(data) for frame in frames for data in FrameSplitter().feed(frame.data)]
+        sent = [decode(data) for frame in frames for data in FrameSplitter().receive(frame.data)]
         return requests, [m for m in sent if m is not None]
 
 

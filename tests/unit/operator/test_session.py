@@ -47,7 +47,7 @@ class Bench:
 
 
 def messages(frames: list[Frame]) -> list:  # type: ignore[type-arg]
-    return [decode(data) for frame in frames for data in FrameSplitter().feed(frame.data)]
+    return [decode(data) for frame in frames for data in FrameSplitter().receive(frame.data)]
 
 
 def acks(heard: list) -> list[tuple[int, int, int]]:  # type: ignore[type-arg]
@@ -393,7 +393,7 @@ def test_setting_is_answered_to_everybody_with_the_value_that_holds() -> None:
 def test_texts_of_any_length_arrive_whole(text: str) -> None:
     texts, reader = Texts(), TextReader()
     for _ in range(2):
-        told = [reader.feed(m) for m in messages(
+        told = [reader.receive(m) for m in messages(
             [Frame(t_ns=0, port="operator", data=bytes(m.pack(GCS))) for m in texts.messages(4, text)]
         )]  # fmt: skip
         assert told[-1] == text and told[:-1] == [None] * (len(told) - 1)
@@ -404,7 +404,7 @@ def test_a_lost_piece_takes_its_text_with_it_and_no_other() -> None:
     texts, reader = Texts(), TextReader()
     first, second = texts.messages(4, "a" * 120), texts.messages(4, "b" * 120)
     pieces = [first[0], *first[2:], *second]
-    heard = [reader.feed(decode(bytes(m.pack(GCS)))) for m in pieces]
+    heard = [reader.receive(decode(bytes(m.pack(GCS)))) for m in pieces]
     assert [text for text in heard if text] == ["b" * 120]
 
 

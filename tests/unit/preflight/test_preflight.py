@@ -74,7 +74,7 @@ class Dock:
             frames = [f for f in self.plant.advance(self.t_ns) if f.port != self._dead and not self._is_lost(f)]
             for frame in self.survey.step(Inputs(t_ns=self.t_ns, frames=tuple(frames))):
                 if frame.port == "autopilot":
-                    self.said += [m for d in FrameSplitter().feed(frame.data) if (m := decode(d)) is not None]
+                    self.said += [m for d in FrameSplitter().receive(frame.data) if (m := decode(d)) is not None]
                 self.plant.receive(frame)
 
     def _is_lost(self, frame: Frame) -> bool:

@@ -240,7 +240,7 @@ def test_a_jump_of_the_velocity_is_left_out_and_counted(log: Path, tmp_path: Pat
     jumped: list[float] = []
 
     def jump(t_s: float, frame: Frame) -> Frame:
-        found = FrameSplitter().feed(frame.data) if frame.port == "autopilot" and t_s > 50.0 else []
+        found = FrameSplitter().receive(frame.data) if frame.port == "autopilot" and t_s > 50.0 else []
         for data in found:
             message = decode(data)
             if message is not None and message.get_type() == "GLOBAL_POSITION_INT" and len(jumped) < 2:
@@ -260,7 +260,7 @@ def test_a_jump_of_the_velocity_is_left_out_and_counted(log: Path, tmp_path: Pat
 def test_logs_that_cannot_be_used_are_told_by_name(log: Path, tmp_path: Path) -> None:
     def without(kind: bytes) -> Callable[[float, Frame], Frame | None]:
         def edit(_: float, frame: Frame) -> Frame | None:
-            return None if any(data[7:10] == kind for data in FrameSplitter().feed(frame.data)) else frame
+            return None if any(data[7:10] == kind for data in FrameSplitter().receive(frame.data)) else frame
 
         return edit
 

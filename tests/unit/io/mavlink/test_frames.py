@@ -26,7 +26,7 @@ def heartbeat() -> bytes:
 
 def test_heartbeat_bytes_are_those_of_the_protocol() -> None:
     assert heartbeat()[:-2] == HEARTBEAT
-    assert FrameSplitter().feed(heartbeat()) == [heartbeat()]
+    assert FrameSplitter().receive(heartbeat()) == [heartbeat()]
     assert message_id(heartbeat()) == 0 and source(heartbeat()) == (1, 191)
     assert message_id(SERVO) == 36 and source(SERVO) == (1, 1)
 
@@ -38,9 +38,9 @@ def test_any_chunking_gives_the_same_frames(cuts: list[int]) -> None:
     splitter = FrameSplitter()
     found, at = [], 0
     for cut in cuts:
-        found += splitter.feed(stream[at : at + cut])
+        found += splitter.receive(stream[at : at + cut])
         at += cut
-    found += splitter.feed(stream[at:])
+    found += splitter.receive(stream[at:])
     assert found == frames and splitter.garbage_bytes == 0
 
 
@@ -48,8 +48,8 @@ def test_any_chunking_gives_the_same_frames(cuts: list[int]) -> None:
 @given(st.binary(max_size=300), st.binary(max_size=300))
 def test_garbage_between_frames_loses_no_frame(before: bytes, after: bytes) -> None:
     splitter = FrameSplitter()
-    found = splitter.feed(before + ATTITUDE + after + ATTITUDE)
-    found += splitter.feed(ATTITUDE * 10)  # enough to end any length that garbage has promised
+    found = splitter.receive(before + ATTITUDE + after + ATTITUDE)
+    found += splitter.receive(ATTITUDE * 10)  # enough to end any length that garbage has promised
     assert found.count(ATTITUDE) >= 11
 
 
@@ -58,14 +58,14 @@ def test_a_flipped_bit_drops_one_frame_only() -> None:
         damaged = bytearray(ATTITUDE)
         damaged[bit // 8] ^= 1 << bit % 8
         splitter = FrameSplitter()
-        found = splitter.feed(bytes(damaged) + heartbeat() * 40)
+        found = splitter.receive(bytes(damaged) + heartbeat() * 40)
         assert ATTITUDE not in found and found.count(heartbeat()) == 40, bit
 
 
 def test_a_datagram_ends_its_frames() -> None:
     splitter = FrameSplitter(datagrams=True)
-    assert splitter.feed(ATTITUDE[:20]) == []
-    assert splitter.feed(ATTITUDE) == [ATTITUDE]
+    assert splitter.receive(ATTITUDE[:20]) == []
+    assert splitter.receive(ATTITUDE) == [ATTITUDE]
     assert splitter.garbage_bytes == 20
 
 
@@ -73,19 +73,19 @@ def test_a_megabyte_of_noise_is_bounded_and_survived() -> None:
     noise = random.Random(1)
     splitter = FrameSplitter()
     for _ in range(256):
-        splitter.feed(noise.randbytes(4096))
+        splitter.receive(noise.randbytes(4096))
     assert len(splitter._buffer) <= FrameSplitter.MAX_BUFFER
     assert splitter.garbage_bytes > 1_000_000
-    assert splitter.feed(ATTITUDE * 20)[-1] == ATTITUDE
+    assert splitter.receive(ATTITUDE * 20)[-1] == ATTITUDE
 
 
 def test_peers_are_kept_apart_and_bounded() -> None:
     parser = Parser()
-    assert parser.feed("", ATTITUDE[:20]) == []
-    assert parser.feed("10.0.0.1:5", b"\xfd\xff") == []
-    assert parser.feed("", ATTITUDE[20:]) == [ATTITUDE]
+    assert parser.receive("", ATTITUDE[:20]) == []
+    assert parser.receive("10.0.0.1:5", b"\xfd\xff") == []
+    assert parser.receive("", ATTITUDE[20:]) == [ATTITUDE]
     for number in range(100):
-        parser.feed(f"10.0.0.1:{number}", ATTITUDE + b"x")
+        parser.receive(f"10.0.0.1:{number}", ATTITUDE + b"x")
     assert len(parser._splitters) == Parser.MAX_PEERS
     assert parser.total("frames") == 101 and parser.total("garbage_bytes") == 102
 

@@ -40,7 +40,7 @@ class Wire:
             for frame in self.plant.advance(self.t_ns):
                 if frame.port == "autopilot" and self._chance.random() >= self._loss:
                     self.link.receive(frame)
-            for frame in self.link.poll(self.t_ns):
+            for frame in self.link.data_to_send(self.t_ns):
                 message = decode(frame.data)
                 assert message is not None
                 self.sent[message.get_type()] += 1
@@ -138,14 +138,15 @@ def test_the_daemons_link_never_writes_by_itself() -> None:
 
 
 def test_values_that_are_no_numbers_and_names_of_others_are_left_alone() -> None:
-    client = ParameterClient([("A", "B")])
+    client = ParameterClient([("A", "B")], 1)
     for name, number in (("A", float("nan")), ("A", float("inf")), ("C", 1.0)):
-        client.heard(0, value(name, number))
+        client.receive(0, value(name, number))
     assert dict(client.values) == {}
-    client.heard(0, value("B", 2.0))
+    client.receive(0, value("B", 2.0))
     assert dict(client.values) == {"B": 2.0} and client.complete
-    assert client.next_request(0) is None
-    assert [client.next_request(61 * S + i * S) for i in range(3)] == ["B", "B", "B"]  # never the other name again
+    assert client.data_to_send(0) == []
+    requests = [message for i in range(3) for message in client.data_to_send(61 * S + i * S)]
+    assert [message.param_id for message in requests] == ["B", "B", "B"]  # never the other name again
 
 
 @pytest.mark.parametrize(

@@ -203,8 +203,8 @@ def test_a_gate_lets_in_whom_it_should() -> None:
     good, unsigned = sign(heartbeat(AUTOPILOT), key, 0, 5), heartbeat(AUTOPILOT)
     stranger = sign(heartbeat(CAMERA), key, 0, 6)
     data = b"noise" + unsigned + good + stranger + good
-    assert gate.feed(Frame(t_ns=0, port="autopilot", data=data[:30]), 0) == []
-    assert gate.feed(Frame(t_ns=0, port="autopilot", data=data[30:]), 0) == [good]
+    assert gate.receive(Frame(t_ns=0, port="autopilot", data=data[:30]), 0) == []
+    assert gate.receive(Frame(t_ns=0, port="autopilot", data=data[30:]), 0) == [good]
     assert gate.rejected == {"unsigned": 1, "of other senders": 1, "replayed": 1}
     assert gate.verifier is not None and list(gate.verifier.state().streams) == [(1, 1, 0)]
 

@@ -73,7 +73,7 @@ def test_the_bytes_are_those_of_the_standard() -> None:
     assert frame[:10].hex() == "fd0901000001010000" + "00" and frame[2] == 1
     assert frame[-13:-6].hex() == "07" + "050403020100"
     assert frame[-6:] == hashlib.sha256(KEY + frame[:-6]).digest()[:6]
-    assert FrameSplitter().feed(frame) == [frame] and is_signed(frame)
+    assert FrameSplitter().receive(frame) == [frame] and is_signed(frame)
     assert decode(frame).type == 11  # a receiver without a key reads a signed frame
 
 

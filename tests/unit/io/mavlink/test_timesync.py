@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+from typing import Any
 
 from hypothesis import given
 from hypothesis import strategies as st
@@ -20,9 +21,18 @@ T0 = 1_700_000_000 * S
 
 
 def exchange(sync: TimeSync, t_ns: int, offset_ns: int, out_ns: int, back_ns: int) -> None:
-    tc1, ts1 = sync.request(t_ns)
-    assert (tc1, ts1) == (0, t_ns)
-    sync.receive(t_ns + out_ns + back_ns, t_ns + out_ns + offset_ns, ts1)
+    (request,) = ask(sync, t_ns)
+    assert (request.tc1, request.ts1) == (0, t_ns)
+    receive(sync, t_ns + out_ns + back_ns, t_ns + out_ns + offset_ns, request.ts1)
+
+
+def ask(sync: TimeSync, t_ns: int) -> list[Any]:
+    sync.ask()
+    return sync.data_to_send(t_ns)
+
+
+def receive(sync: TimeSync, t_ns: int, tc1: int, ts1: int) -> None:
+    sync.receive(t_ns, dialect.MAVLink_timesync_message(tc1, ts1))
 
 
 def test_nothing_is_known_before_the_first_answer() -> None:
@@ -80,21 +90,21 @@ def test_a_slow_drift_is_no_outlier() -> None:
 
 def test_answers_that_nobody_asked_for_change_nothing() -> None:
     sync = TimeSync()
-    sync.request(T0)
-    sync.receive(T0 + 5 * MS, T0 + S, T0 + 1)  # of another
-    sync.receive(T0 - 1, T0 + S, T0)  # before it was asked
-    sync.receive(T0 + 2 * S, T0 + S, T0)  # far too late
+    assert len(ask(sync, T0)) == 1 and sync.data_to_send(T0) == []
+    receive(sync, T0 + 5 * MS, T0 + S, T0 + 1)  # of another
+    receive(sync, T0 - 1, T0 + S, T0)  # before it was asked
+    receive(sync, T0 + 2 * S, T0 + S, T0)  # far too late
     assert sync.offset is None and sync.rejected == 3
-    sync.receive(T0 + 4 * MS, T0 + 2 * MS, T0)
-    sync.receive(T0 + 4 * MS, T0 + S, T0)  # the same once more
+    receive(sync, T0 + 4 * MS, T0 + 2 * MS, T0)
+    receive(sync, T0 + 4 * MS, T0 + S, T0)  # the same once more
     assert sync.offset is not None and sync.offset.offset_ns == 0 and sync.rejected == 4
 
 
 def test_random_answers_never_raise_nor_grow() -> None:
     sync, noise = TimeSync(), random.Random(1)
     for _ in range(20_000):
-        sync.receive(noise.randrange(T0), noise.randrange(-(2**63), 2**63), noise.randrange(-(2**63), 2**63))
-    assert len(sync.answers(T0)) <= 16 and sync.offset is None
+        receive(sync, noise.randrange(T0), noise.randrange(-(2**63), 2**63), noise.randrange(-(2**63), 2**63))
+    assert len(sync.data_to_send(T0)) <= 16 and sync.offset is None
 
 
 def test_an_answer_takes_the_middle_of_its_wait() -> None:
@@ -102,9 +112,10 @@ def test_an_answer_takes_the_middle_of_its_wait() -> None:
     sync = TimeSync()
     theirs_ns, out_ns, wait_ns, back_ns = 777 * S, 3 * MS, 40 * MS, 3 * MS
     received_ns = T0 + out_ns
-    sync.receive(received_ns, 0, theirs_ns)
-    ((tc1, ts1),) = sync.answers(received_ns + wait_ns)
-    assert ts1 == theirs_ns and sync.answers(received_ns + wait_ns) == []
+    receive(sync, received_ns, 0, theirs_ns)
+    (answer,) = sync.data_to_send(received_ns + wait_ns)
+    tc1, ts1 = answer.tc1, answer.ts1
+    assert ts1 == theirs_ns and sync.data_to_send(received_ns + wait_ns) == []
     arrival_theirs_ns = theirs_ns + out_ns + wait_ns + back_ns
     assert tc1 - (ts1 + arrival_theirs_ns) // 2 == T0 - theirs_ns
 
@@ -121,7 +132,7 @@ def packed(message, system_id: int = 1, component_id: int = 1) -> bytes:  # type
 
 
 def timesyncs(frames) -> list[tuple[int, int]]:  # type: ignore[no-untyped-def]
-    messages = [decode(data) for frame in frames for data in FrameSplitter().feed(frame.data)]
+    messages = [decode(data) for frame in frames for data in FrameSplitter().receive(frame.data)]
     return [(m.tc1, m.ts1) for m in messages if m.get_type() == "TIMESYNC"]
 
 
@@ -129,7 +140,7 @@ def test_the_autopilot_asks_and_is_answered_and_only_its_own_answers_count() -> 
     link = ArduRoverAutopilot(config().links.autopilot, config().vehicle.pwm)
     link.receive(Frame(t_ns=T0, port="autopilot", data=packed(dialect.MAVLink_heartbeat_message(11, 3, 81, 0, 4, 3))))
     link.receive(Frame(t_ns=T0 + 10, port="autopilot", data=packed(dialect.MAVLink_timesync_message(0, 99))))
-    sent = timesyncs(link.poll(T0 + 30))
+    sent = timesyncs(link.data_to_send(T0 + 30))
     assert sent == [(0, T0 + 30), (T0 + 20, 99)]
     answer = dialect.MAVLink_timesync_message(5, T0 + 30)
     link.receive(Frame(t_ns=T0 + 40, port="autopilot", data=packed(answer, 1, 194)))

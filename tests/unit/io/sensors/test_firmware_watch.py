@@ -113,7 +113,7 @@ def test_the_backseat_asks_and_tells_the_operator_and_the_log() -> None:
     old = step(10**8, sentence(f"PASVV,{FIRMWARE},0.9.0,request"))
     (note,) = old.health.notes
     assert not note.ok and note.subject == "anemometer firmware" and "0.9.0 instead of" in note.text
-    told = [decode(data) for f in old.frames if f.port == "operator" for data in FrameSplitter().feed(f.data)]
+    told = [decode(data) for f in old.frames if f.port == "operator" for data in FrameSplitter().receive(f.data)]
     assert any(m.get_type() == "STATUSTEXT" and "0.9.0" in m.text for m in told)
     again = step(2 * 10**8, b"")
     assert again.health.notes == old.health.notes
