@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from asvhil.config import Config
+from asvhil.config.ports import ANEMOMETER, GNSS, INS
 from asvhil.errors import AsvhilError
 from asvhil.io.sensors.firmware import FIRMWARE
 from asvhil.logs.opening import open_recorder
@@ -116,7 +117,7 @@ def _with_own_ports(config: Config, folder: Path) -> Config:
     autopilot = _free_udp_port()
     tree["links"]["autopilot"]["endpoint"] = f"udpin:127.0.0.1:{autopilot}"
     tree["plant"]["links"]["autopilot"] = f"udpout:127.0.0.1:{autopilot}"
-    for port in ("anemometer", "ins", "gnss"):
+    for port in (ANEMOMETER, INS, GNSS):
         if tree["links"][port] is not None:
             pty = folder.resolve() / port
             tree["plant"]["links"][port] = f"pty:{pty}"

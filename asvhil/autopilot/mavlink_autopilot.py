@@ -8,6 +8,7 @@ from typing import Any
 from asvhil.autopilot.motor_outputs import make_output
 from asvhil.autopilot.requirements import Finding, Requirement, judge
 from asvhil.config import AutopilotLinkConfig, PwmConfig
+from asvhil.config.ports import AUTOPILOT
 from asvhil.config.registry import AUTOPILOTS
 from asvhil.io.mavlink.frames import Parser, decode, dialect, message_id, source
 from asvhil.io.mavlink.parameter_client import ParameterClient
@@ -17,7 +18,6 @@ from asvhil.io.sensors.mavlink_sensors import MavlinkSensors
 from asvhil.io.sensors.protocol import NamedMeasurement
 from asvhil.types import Frame, FrontseatStatus, Heading, Measurement, Note, TimeOffset, YawRate
 
-PORT = "autopilot"
 HEARTBEAT_NS = 1_000_000_000
 REQUEST_NS = 1_000_000_000
 IGNORE_CHANNEL = 65535
@@ -282,7 +282,7 @@ class MavlinkAutopilot:
         )
 
     def _frames(self, t_ns: int, packed: list[bytes]) -> list[Frame]:
-        return [Frame(t_ns=t_ns, port=PORT, data=data) for data in packed]
+        return [Frame(t_ns=t_ns, port=AUTOPILOT, data=data) for data in packed]
 
     def _pack(self, t_ns: int, message: Any) -> Frame:
-        return Frame(t_ns=t_ns, port=PORT, data=bytes(message.pack(self._own)))
+        return Frame(t_ns=t_ns, port=AUTOPILOT, data=bytes(message.pack(self._own)))

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from asvhil.autopilot.protocol import Autopilot
 from asvhil.backseat.actuation import Actuation
-from asvhil.backseat.command import PORT as OPERATOR
 from asvhil.backseat.command import Command
 from asvhil.backseat.perception import Perceived, Perception
+from asvhil.config.ports import OPERATOR
 from asvhil.geo import LocalFrame
 from asvhil.supervisor.reasons import describe
 from asvhil.supervisor.situation import Situation

@@ -13,6 +13,7 @@ from asvhil.backseat.cadence import Cadence, EveryPeriod, EveryTicks
 from asvhil.backseat.command import Command
 from asvhil.backseat.perception import Perception
 from asvhil.config import Config, EstimatorConfig, find_shipped
+from asvhil.config.ports import ANEMOMETER
 from asvhil.config.registry import AUTOPILOTS, CONTROLLERS, ESTIMATORS
 from asvhil.controller.procedure import Procedure
 from asvhil.controller.protocol import Controller
@@ -140,7 +141,7 @@ def build_command(config: Config, controller: Controller) -> Command:
 def build_firmware_watch(config: Config) -> FirmwareWatch:
     """What minds the version of the anemometer's firmware."""
     link = config.links.anemometer
-    return FirmwareWatch("anemometer", link.firmware if link is not None else None)
+    return FirmwareWatch(ANEMOMETER, link.firmware if link is not None else None)
 
 
 def build_backseat(

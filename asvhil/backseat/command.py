@@ -10,8 +10,6 @@ from asvhil.supervisor.situation import Situation
 from asvhil.supervisor.supervisor import Decision, Supervisor
 from asvhil.types import Control, Frame, Note
 
-PORT = "operator"
-
 
 class Command:
     """In each tick: `receive` the operators' frames, `step` to the decision, and `data_to_send` once all is known."""

@@ -10,6 +10,7 @@ from asvhil.config.autopilots import outputs_of
 from asvhil.config.base import LinkSpecText, MavlinkId, Positive, Section
 from asvhil.config.chosen import NamedIn
 from asvhil.config.mavlink import GroundStationLinkConfig, LinkName, MavlinkLinkConfig, RoutingConfig
+from asvhil.config.ports import AUTOPILOT, OPERATOR
 from asvhil.config.registry import AUTOPILOTS, OUTPUTS
 from asvhil.config.sensors import (
     OWN_LINKS,
@@ -151,7 +152,7 @@ class LinksConfig(Section):
 
     def key_of(self, port: str) -> str:
         """The key of the config that a link of the autopilot or of a sensor has, or would have."""
-        return f"links.{port}" if port == "autopilot" or port in OWN_LINKS else f"links.sensors.{port}"
+        return f"links.{port}" if port == AUTOPILOT or port in OWN_LINKS else f"links.sensors.{port}"
 
     def kind_of(self, port: str) -> str:
         """The kind of sensor at a port that is among `sensor_links`."""
@@ -161,4 +162,4 @@ class LinksConfig(Section):
     def endpoints(self) -> dict[str, str]:
         """Link specs by port: of the autopilot, of all sensors, of the operator."""
         sensors = {port: link.endpoint for port, link in self.sensor_links().items()}
-        return {"autopilot": self.autopilot.endpoint, **sensors, "operator": self.operator.endpoint}
+        return {AUTOPILOT: self.autopilot.endpoint, **sensors, OPERATOR: self.operator.endpoint}

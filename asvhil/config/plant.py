@@ -19,6 +19,7 @@ from asvhil.config.base import (
     Section,
     ServoUs,
 )
+from asvhil.config.ports import ANEMOMETER, AUTOPILOT, GNSS, INS
 from asvhil.config.vehicle import VesselConfig
 
 
@@ -377,9 +378,9 @@ class PlantLinksConfig(Section):
     @property
     def endpoints(self) -> dict[str, str]:
         """Link specs by port: of the autopilot, and of every sensor that has a line."""
-        lines = {"anemometer": self.anemometer, "ins": self.ins, "gnss": self.gnss}
+        lines = {ANEMOMETER: self.anemometer, INS: self.ins, GNSS: self.gnss}
         return {
-            "autopilot": self.autopilot,
+            AUTOPILOT: self.autopilot,
             **{port: spec for port, spec in lines.items() if spec is not None},
             **self.sensors,
         }

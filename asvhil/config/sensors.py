@@ -8,6 +8,7 @@ from pydantic import AfterValidator, Field, SerializeAsAny, ValidationInfo, Vali
 
 from asvhil.config.base import Degrees, LinkSpecText, Section
 from asvhil.config.chosen import NamedIn
+from asvhil.config.ports import ANEMOMETER, AUTOPILOT, GNSS, INS, OPERATOR
 from asvhil.config.registry import SENSORS, SensorKind
 
 Quantity = Literal["position", "velocity", "heading", "yaw_rate", "acceleration", "wind"]
@@ -19,7 +20,7 @@ INERTIAL: tuple[Quantity, ...] = ("yaw_rate", "acceleration")
 WIND: tuple[Quantity, ...] = ("wind",)
 
 # Kinds of the links that have a key of their own, by their ports.
-OWN_LINKS = {"anemometer": "nmea", "gnss": "nmea", "ins": "vectornav"}
+OWN_LINKS = {ANEMOMETER: "nmea", GNSS: "nmea", INS: "vectornav"}
 
 
 class NmeaLinkConfig(Section):
@@ -74,7 +75,7 @@ def _of_its_kind(value: Any, handler: ValidatorFunctionWrapHandler, info: Valida
 
 
 def _not_taken(name: str) -> str:
-    if name in ("autopilot", "operator", *OWN_LINKS):
+    if name in (AUTOPILOT, OPERATOR, *OWN_LINKS):
         raise ValueError("the name is that of a link with a key of its own; give this sensor another")
     return name
 

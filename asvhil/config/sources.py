@@ -9,6 +9,7 @@ from pydantic import Field, model_validator
 
 from asvhil.config.base import NonNegative, Positive, Section
 from asvhil.config.links import LinksConfig
+from asvhil.config.ports import ANEMOMETER, AUTOPILOT
 from asvhil.config.registry import AUTOPILOTS, SENSORS
 from asvhil.config.sensors import ATTITUDE, FIX, INERTIAL, QUANTITIES, WIND, Quantity
 
@@ -92,18 +93,18 @@ class SourcesConfig(Section):
 
     def resolved(self, links: LinksConfig) -> dict[Quantity, Sources]:
         """The sources of every quantity, the defaults for lists that are empty."""
-        fix = SourceConfig(link="autopilot", message=links.autopilot.position_source)
-        attitude = SourceConfig(link="autopilot", message="ATTITUDE")
+        fix = SourceConfig(link=AUTOPILOT, message=links.autopilot.position_source)
+        attitude = SourceConfig(link=AUTOPILOT, message="ATTITUDE")
         # Without a stream request the IMU's rate is 1 Hz.
         message = AUTOPILOTS.find(links.autopilot.profile).imu_message
-        imu = SourceConfig(link="autopilot", message=message, timeout_s=3.0)
+        imu = SourceConfig(link=AUTOPILOT, message=message, timeout_s=3.0)
         return {
             "position": self.position or (fix,),
             "velocity": self.velocity or (fix,),
             "heading": self.heading or (attitude,),
             "yaw_rate": self.yaw_rate or (attitude,),
             "acceleration": self.acceleration or (imu,),
-            "wind": self.wind or (SourceConfig(link="anemometer", message="MWV"),),
+            "wind": self.wind or (SourceConfig(link=ANEMOMETER, message="MWV"),),
         }
 
 
@@ -127,7 +128,7 @@ def _check_alike(sources: SourcesConfig, one: Quantity, other: Quantity) -> None
 
 def _messages(links: LinksConfig, link: str) -> Mapping[str, tuple[str, ...]] | None:
     """What each message of a link can give; None where the config has no such link."""
-    if link == "autopilot":
+    if link == AUTOPILOT:
         return AUTOPILOT_MESSAGES
     return SENSORS.find(links.kind_of(link)).messages if link in links.sensor_links() else None
 
@@ -142,13 +143,13 @@ def check_sources(sources: SourcesConfig, links: LinksConfig, history_s: float, 
             where = f"sources.{quantity}.{number}: {source.name}"
             messages = _messages(links, source.link)
             if messages is None:
-                there = ", ".join(("autopilot", *links.sensor_links()))
+                there = ", ".join((AUTOPILOT, *links.sensor_links()))
                 raise ValueError(f"{where}: there is no {links.key_of(source.link)} (links with sensors: {there})")
             able = [name for name, gives in messages.items() if quantity in gives]
             if source.message not in able:
                 key = links.key_of(source.link)
                 raise ValueError(f"{where} gives no {quantity}; of {key} can: {', '.join(able) or 'nothing'}")
-            if source.link == "autopilot":
+            if source.link == AUTOPILOT:
                 _check_stream(where, source, links.autopilot.streams_hz.get(source.message))
             if source.delay_s > history_s:
                 raise ValueError(f"{where}: delay_s must not be above estimator.ekf.history_s, which is {history_s:g}")

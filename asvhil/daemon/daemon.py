@@ -16,13 +16,14 @@ from pathlib import Path
 from asvhil.backseat.backseat import Backseat
 from asvhil.backseat.build import build_backseat
 from asvhil.config import Config
+from asvhil.config.ports import GROUND, OPERATOR
 from asvhil.daemon.allowance import Allowance
 from asvhil.errors import AsvhilError, ConfigError
 from asvhil.io.mavlink.frames import refuse_ignored_crc
 from asvhil.io.mavlink.signing import SigningState
 from asvhil.links.clock import Clock
 from asvhil.links.reconnecting import ReconnectingLink
-from asvhil.links.router import GROUND, OPERATOR, MavlinkRouter, save_states
+from asvhil.links.router import MavlinkRouter, save_states
 from asvhil.logs.recorder import Recorder
 from asvhil.operator.session import FINAL_TICKS, encode_release, encode_solve_time
 from asvhil.types import Frame, Inputs, Outputs
@@ -152,7 +153,7 @@ class Daemon:
     async def _let_go(self, loop: asyncio.AbstractEventLoop, worker: ThreadPoolExecutor) -> None:
         """The shutdown is an operator's release, so that replay sees it too."""
         data = encode_release(self._config.links.autopilot)
-        self._inbox.append(Frame(t_ns=self._clock.now_ns(), port="operator", data=data))
+        self._inbox.append(Frame(t_ns=self._clock.now_ns(), port=OPERATOR, data=data))
         for _ in range(FINAL_TICKS):
             await self._tick(loop, worker, overrun=False)
 

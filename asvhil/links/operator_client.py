@@ -7,6 +7,7 @@ import time
 from pathlib import Path
 
 from asvhil.config.mavlink import SigningConfig
+from asvhil.config.ports import OPERATOR
 from asvhil.errors import LinkError
 from asvhil.io.mavlink.frames import decode
 from asvhil.io.mavlink.signature_filter import SignatureFilter
@@ -35,7 +36,7 @@ def send_and_wait(
             try:
                 link.sendto(data if signer is None else signer.sign(data, time.time_ns()), (host, int(port)))
                 while True:
-                    heard = Frame(t_ns=time.monotonic_ns(), port="operator", data=link.recv(4096), peer=endpoint)
+                    heard = Frame(t_ns=time.monotonic_ns(), port=OPERATOR, data=link.recv(4096), peer=endpoint)
                     message = next(iter(map(decode, gate.receive(heard, time.time_ns()))), None)
                     if message is None:
                         continue

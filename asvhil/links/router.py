@@ -13,6 +13,7 @@ from typing import Protocol
 
 from asvhil.config.links import LinksConfig
 from asvhil.config.mavlink import MavlinkLinkConfig, SigningConfig
+from asvhil.config.ports import AUTOPILOT, GROUND, OPERATOR
 from asvhil.errors import ConfigError
 from asvhil.io.mavlink.frames import message_number, source, target
 from asvhil.io.mavlink.routing import Hops, LinkRules, RoutingTable
@@ -22,8 +23,6 @@ from asvhil.links.keyfile import read_key, read_state, write_state
 from asvhil.operator.goto import is_goto
 from asvhil.types import Frame
 
-AUTOPILOT, OPERATOR = "autopilot", "operator"
-GROUND = "ground."
 NEWS_NS = 5_000_000_000
 SAVE_NS = 10_000_000_000
 

@@ -21,6 +21,7 @@ from mcap.records import Channel, Chunk, Header, McapRecord, Message, Metadata, 
 from mcap.stream_reader import MAGIC_SIZE, StreamReader, breakup_chunk
 from mcap.writer import MCAP0_MAGIC
 
+from asvhil.config.ports import OPERATOR
 from asvhil.errors import LogError
 from asvhil.logs.recorder import INPUTS_TOPIC, LAYOUT, LAYOUT_RECORD, OUTPUTS_TOPIC, PROFILE, TIMING_TOPIC
 from asvhil.types import Frame, Inputs, record
@@ -259,7 +260,7 @@ class LogFile:
 def _channel(declared: Channel) -> _Channel:
     values = declared.metadata
     port, peer, via = values.get("port", ""), values.get("peer", ""), values.get("via")
-    if via is None and port == "operator":  # written before there was one
+    if via is None and port == OPERATOR:  # written before there was one
         via, _, peer = peer.rpartition("|")
     return _Channel(declared.topic, port, values.get("direction", ""), peer, via or "")
 

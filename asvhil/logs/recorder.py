@@ -32,6 +32,7 @@ import msgspec
 from mcap.writer import CompressionType, Writer
 
 from asvhil import __version__
+from asvhil.config.ports import ANEMOMETER, AUTOPILOT, GNSS, INS, OPERATOR
 from asvhil.errors import LogError
 from asvhil.logs.encoding import encode_outputs
 from asvhil.logs.foxglove import LOG_TOPIC, SCHEMAS, TOPIC_SCHEMAS, convert_outputs, log_message
@@ -44,11 +45,11 @@ INPUTS_TOPIC = "/asvhil/inputs"
 OUTPUTS_TOPIC = "/asvhil/outputs"
 TIMING_TOPIC = "/asvhil/timing"
 ENCODINGS: Mapping[str, str] = {
-    "autopilot": "mavlink",
-    "operator": "mavlink",
-    "anemometer": "nmea",
-    "gnss": "nmea",
-    "ins": "vectornav",
+    AUTOPILOT: "mavlink",
+    OPERATOR: "mavlink",
+    ANEMOMETER: "nmea",
+    GNSS: "nmea",
+    INS: "vectornav",
 }
 
 _VIEW_PERIOD_NS = 200_000_000

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from asvhil.config import Config
+from asvhil.config.ports import AUTOPILOT
 from asvhil.dynamics.arrays import Array
 from asvhil.errors import LogError
 from asvhil.geo import LocalFrame, wrap_rad
@@ -81,7 +82,7 @@ def read_run(path: Path, plan_every_s: float = 10.0) -> RunLog:
         start_ns = inputs.t_ns if start_ns is None else start_ns
         t_s = (inputs.t_ns - start_ns) * 1e-9
         for frame in inputs.frames:
-            if frame.port == "autopilot":
+            if frame.port == AUTOPILOT:
                 for data in parser.receive(frame.peer, frame.data):
                     if message_id(data) == dialect.MAVLINK_MSG_ID_SIM_STATE:
                         truth_frames.append((frame.t_ns, decode(data)))

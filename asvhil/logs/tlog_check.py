@@ -12,6 +12,7 @@ import numpy as np
 
 from asvhil.backseat.build import build_backseat
 from asvhil.config import Config
+from asvhil.config.ports import AUTOPILOT
 from asvhil.errors import LogError
 from asvhil.geo import wrap_rad
 from asvhil.io.mavlink.frames import FrameSplitter, decode, dialect, message_id, source
@@ -57,7 +58,7 @@ def check_tlog(config: Config, path: Path, on_tick: Callable[[int], None] | None
                 from_ns = inputs.t_ns if from_ns is None else from_ns
                 if (inputs.t_ns - from_ns) * 1e-9 >= CONVERGED_AFTER_S:
                     _compare(estimate, backseat.frame, theirs, position_m, heading_deg)
-        pending.append(Frame(t_ns=t_ns, port="autopilot", data=data))
+        pending.append(Frame(t_ns=t_ns, port=AUTOPILOT, data=data))
         for frame in splitter.receive(data):
             message = decode(frame)
             if message is None:

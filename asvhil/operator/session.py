@@ -7,6 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 from asvhil.config import AutopilotLinkConfig, OperatorLinkConfig
+from asvhil.config.ports import OPERATOR
 from asvhil.io.mavlink import parameter_server
 from asvhil.io.mavlink.frames import Parser, decode, dialect, message_id, source, target
 from asvhil.io.mavlink.parameter_server import ParameterServer
@@ -25,7 +26,6 @@ from asvhil.types import (
     record,
 )
 
-PORT = "operator"
 STREAM_NS = 3_000_000_000  # set-points closer than this are one stream, of which only the first takes a station
 LISTENING_NS = 15_000_000_000  # reports are for ground stations that are there: these send heartbeats
 REPEAT_NS = 5_000_000_000  # the same refusal of a stream is sent no more often
@@ -267,7 +267,7 @@ class OperatorSession:
             mav = self._senders[sender] = dialect.MAVLink(None, srcSystem=sender[0], srcComponent=sender[1])
         data = bytes(message.pack(mav))
         mav.seq = (mav.seq + 1) % 256
-        self._to_send.append(Frame(t_ns=t_ns, port=PORT, data=data, peer=address.peer, via=address.via))
+        self._to_send.append(Frame(t_ns=t_ns, port=OPERATOR, data=data, peer=address.peer, via=address.via))
 
 
 def encode_hold(

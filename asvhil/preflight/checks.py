@@ -8,6 +8,7 @@ from typing import Any
 from asvhil.autopilot.ardurover_parameters import OPTIONAL
 from asvhil.autopilot.requirements import Finding
 from asvhil.config import AutopilotLinkConfig, Quantity
+from asvhil.config.ports import AUTOPILOT
 from asvhil.config.registry import AUTOPILOTS
 from asvhil.io.mavlink.frames import dialect
 from asvhil.preflight.survey import SourceState, Survey
@@ -226,7 +227,7 @@ def wanted_text(finding: Finding) -> str:
 def _rates(survey: Survey) -> list[Check]:
     links, needed = survey.config.links, set(NEEDED_MESSAGES)
     for sources in survey.config.sources.resolved(links).values():
-        needed |= {s.message for s in sources[:1] if s.link == "autopilot" and s.message != "RAW_IMU"}
+        needed |= {s.message for s in sources[:1] if s.link == AUTOPILOT and s.message != "RAW_IMU"}
     return [
         _rate(name, survey.rate_hz(name), asked_hz, name in needed)
         for name, asked_hz in sorted(links.autopilot.streams_hz.items())
@@ -271,7 +272,7 @@ def _fresh(state: SourceState) -> bool:
 def _is_configured(survey: Survey, state: SourceState) -> bool:
     """Whether somebody meant there to be this source; the anemometer is the default even on a boat without one."""
     link = state.source.link
-    return link == "autopilot" or link in survey.config.links.sensor_links()
+    return link == AUTOPILOT or link in survey.config.links.sensor_links()
 
 
 def _source(survey: Survey, quantity: Quantity, place: int, state: SourceState, result: Result) -> Check:
@@ -281,7 +282,7 @@ def _source(survey: Survey, quantity: Quantity, place: int, state: SourceState, 
     if result is not Result.PASS:
         if not _is_configured(survey, state):
             todo = f"there is no {survey.config.links.key_of(state.source.link)}"
-        elif state.source.link == "autopilot":
+        elif state.source.link == AUTOPILOT:
             todo = "the autopilot does not send it, or its position is not in use yet"
         else:
             key = survey.config.links.key_of(state.source.link)

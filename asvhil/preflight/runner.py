@@ -10,11 +10,12 @@ from collections.abc import Callable
 from asvhil.autopilot.requirements import Finding
 from asvhil.config import Config
 from asvhil.config.mavlink import RoutingConfig
+from asvhil.config.ports import AUTOPILOT, OPERATOR
 from asvhil.errors import AsvhilError, LinkError
 from asvhil.io.mavlink.frames import refuse_ignored_crc
 from asvhil.links.clock import Clock
 from asvhil.links.reconnecting import ReconnectingLink
-from asvhil.links.router import OPERATOR, MavlinkRouter, save_states
+from asvhil.links.router import MavlinkRouter, save_states
 from asvhil.preflight.survey import Survey
 from asvhil.types import Frame, Inputs
 
@@ -91,13 +92,13 @@ class Preflight:
         """LinkError where there is no sense in waiting for the first heartbeat any longer."""
         if self.survey.stage != "waiting":
             return
-        state, endpoint = self._links["autopilot"].state, self._config.links.autopilot.endpoint
+        state, endpoint = self._links[AUTOPILOT].state, self._config.links.autopilot.endpoint
         if state not in ("up", "connecting") and waited_s > BROKEN_S:
             raise LinkError(f"{state}; is `asvhil run` using it? (links.autopilot.endpoint)")
         if waited_s < self._timeout_s:
             return
         heard = self.survey.bytes_heard
-        remarks = self._router.remarks("autopilot")
+        remarks = self._router.remarks(AUTOPILOT)
         dropped = f"; {remarks}" if remarks else ""
         if heard:
             what = f"{heard} bytes came, and no heartbeat of system {self._config.links.autopilot.autopilot_system_id}"

@@ -8,6 +8,7 @@ from typing import Any
 from asvhil.autopilot.requirements import Finding
 from asvhil.backseat.build import build_firmware_watch, build_link
 from asvhil.config import QUANTITIES, Config, Quantity, SourceConfig
+from asvhil.config.ports import AUTOPILOT
 from asvhil.io.mavlink.frames import Parser, decode, dialect, message_id, source
 from asvhil.io.sensors.decoder import Decoder
 from asvhil.io.sensors.sources import quantity_of
@@ -162,7 +163,7 @@ class Survey:
         return min(self._t_ns, self._count_ns + COUNT_NS)
 
     def _read(self, frame: Frame) -> None:
-        if frame.port == "autopilot":
+        if frame.port == AUTOPILOT:
             self.bytes_heard += len(frame.data)
             self._look(frame)
         if frame.port == self._firmware.port:
@@ -216,7 +217,7 @@ class Survey:
             dialect.MAVLINK_MSG_ID_AUTOPILOT_VERSION,
             *[0] * 6,
         )
-        return [Frame(t_ns=t_ns, port="autopilot", data=bytes(message.pack(self._mav)))]
+        return [Frame(t_ns=t_ns, port=AUTOPILOT, data=bytes(message.pack(self._mav)))]
 
 
 _LOOKED_AT = frozenset(

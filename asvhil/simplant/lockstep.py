@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator
 from asvhil.backseat.backseat import Backseat
 from asvhil.backseat.build import build_backseat
 from asvhil.config import Config
+from asvhil.config.ports import OPERATOR
 from asvhil.logs.recorder import Recorder
 from asvhil.operator.session import FINAL_TICKS, encode_release
 from asvhil.simplant.plant import Plant
@@ -61,6 +62,6 @@ class Lockstep:
     def _run(self, ticks: int) -> Iterator[Outputs]:
         for _ in range(ticks):
             yield self.tick()[1]
-        self.inject("operator", encode_release(self.config.links.autopilot))
+        self.inject(OPERATOR, encode_release(self.config.links.autopilot))
         for _ in range(FINAL_TICKS):
             yield self.tick()[1]

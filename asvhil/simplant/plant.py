@@ -7,6 +7,7 @@ from typing import Protocol
 import numpy as np
 
 from asvhil.config import Config
+from asvhil.config.ports import ANEMOMETER, AUTOPILOT
 from asvhil.config.registry import SENSORS
 from asvhil.geo import LocalFrame, wrap_rad
 from asvhil.simplant.ardurover.vehicle import SimulatedArduRover
@@ -17,10 +18,7 @@ from asvhil.simplant.boat.sensors import Anemometer, Navigation, TrueMotion, mwv
 from asvhil.simplant.boat.vessel import Vessel
 from asvhil.simplant.boat.weather import Weather
 from asvhil.simplant.px4.vehicle import SimulatedPx4
-from asvhil.simplant.vehicle.autopilot import PORT as AUTOPILOT_PORT
 from asvhil.types import Frame, record
-
-ANEMOMETER_PORT = "anemometer"
 
 
 @record
@@ -168,7 +166,7 @@ class Plant:
 
     def receive(self, frame: Frame) -> None:
         """Bytes from the companion; only the autopilot listens."""
-        if frame.port == AUTOPILOT_PORT:
+        if frame.port == AUTOPILOT:
             self._autopilot.receive(frame)
 
     def step(self) -> list[Frame]:
@@ -201,7 +199,7 @@ class Plant:
                 )
                 if "anemometer" not in faults:
                     data = mwv_sentence(speed_mps, from_deg)
-                    sent.append(Frame(t_ns=self._t_ns, port=ANEMOMETER_PORT, data=data))
+                    sent.append(Frame(t_ns=self._t_ns, port=ANEMOMETER, data=data))
             for device in self._devices:
                 sent += device.advance(self._t_ns, self.motion, faults)
             for sensor in self._sensors:

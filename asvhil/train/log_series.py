@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from asvhil.autopilot.mavlink_autopilot import PORT
 from asvhil.backseat.build import build_decoder
 from asvhil.config import Config
+from asvhil.config.ports import AUTOPILOT
 from asvhil.controller.pwm import command_of_pulse
 from asvhil.errors import LogError
 from asvhil.geo import ned_to_body
@@ -118,7 +118,7 @@ class _Reader:
                     self._outputs_us = m.outputs_us
                 case _:
                     pass
-        if frame.port == PORT:
+        if frame.port == AUTOPILOT:
             self._take_truth(frame)
 
     def _take_truth(self, frame: Frame) -> None:

@@ -11,14 +11,13 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 
 from asvhil.config import Config, EstimatorConfig
+from asvhil.config.ports import AUTOPILOT
 from asvhil.geo import wrap_2pi, wrap_rad
 from asvhil.io.sensors.codecs import build_codecs
 from asvhil.io.sensors.compass import true_heading
 from asvhil.io.sensors.protocol import NamedMeasurement, SensorCodec
 from asvhil.io.sensors.sources import SourceSelector, Switch
 from asvhil.types import ApparentWind, BowWind, Frame, Heading, Measurement, record
-
-AUTOPILOT = "autopilot"
 
 Decode = Callable[[Frame], Sequence[NamedMeasurement]]
 

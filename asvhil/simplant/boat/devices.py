@@ -11,6 +11,7 @@ import math
 import numpy as np
 
 from asvhil.config import InsDeviceConfig, NmeaDeviceConfig, SensorLinkConfig, SensorsConfig
+from asvhil.config.ports import GNSS, INS
 from asvhil.config.registry import SensorKind
 from asvhil.geo import GRAVITY_MPS2, LocalFrame, wrap_2pi, wrap_rad
 from asvhil.io.sensors.nmea_checksum import nmea_sentence
@@ -30,7 +31,6 @@ from asvhil.simplant.boat.metronome import Metronome
 from asvhil.simplant.boat.sensors import Anemometer, Navigation, SensorReading, TrueMotion
 from asvhil.types import Frame
 
-INS_PORT, NMEA_PORT = "ins", "gnss"
 NS_PER_S = 1_000_000_000
 UNIX_EPOCH_AT_POWER_ON_US = 1_767_225_600_000_000  # 2026-01-01: a simulation has no date of its own
 GPS_EPOCH_UNIX_S = 315_964_800  # 1980-01-06
@@ -64,7 +64,7 @@ class SimulatedVn300:
         self._navigation.sample(t_ns, truth, ails)
         if "ins" in faults:
             return []
-        return [Frame(t_ns=t_ns, port=INS_PORT, data=self._message(t_ns, ails))]
+        return [Frame(t_ns=t_ns, port=INS, data=self._message(t_ns, ails))]
 
     def _message(self, t_ns: int, ails: SensorFaults) -> bytes:
         """What is wrong is in the status, as the sensor knows it; a jump it takes for true."""
@@ -133,7 +133,7 @@ class SimulatedNmea:
                 bodies.append(f"HCHDG,{magnetic_deg % 360.0:.1f},,,{self._variation()}")
         if not bodies or "nmea" in faults:
             return []
-        return [Frame(t_ns=t_ns, port=NMEA_PORT, data=b"".join(nmea_sentence(body) for body in bodies))]
+        return [Frame(t_ns=t_ns, port=GNSS, data=b"".join(nmea_sentence(body) for body in bodies))]
 
     def _fix_sentences(self, t_ns: int) -> list[str]:
         nav, utc = self._receiver, self._utc(t_ns)

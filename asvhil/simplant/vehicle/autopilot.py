@@ -9,13 +9,13 @@ from typing import Any, Protocol
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
+from asvhil.config.ports import AUTOPILOT
 from asvhil.io.mavlink.frames import Parser, decode, message_id, source
 from asvhil.simplant.vehicle.parameter_table import ParameterTable
 from asvhil.simplant.vehicle.rc import RcInputs
 from asvhil.simplant.vehicle.schedule import Schedule
 from asvhil.types import Frame
 
-PORT = "autopilot"
 COMPONENT_ID = 1
 FORCE_ARM = (2989.0, 21196.0)  # ArduPilot's magic number and MAVLink's
 TIMESYNC_NS = 10_000_000_000
@@ -199,7 +199,7 @@ class SimulatedAutopilot(ABC):
         frames = []
         mav = self._mav
         for peer, message in self._outbox:
-            frames.append(Frame(t_ns=t_ns, port=PORT, data=message.pack(mav), peer=peer))
+            frames.append(Frame(t_ns=t_ns, port=AUTOPILOT, data=message.pack(mav), peer=peer))
             mav.seq = (mav.seq + 1) % 256
         self._outbox.clear()
         return frames
