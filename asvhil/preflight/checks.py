@@ -226,8 +226,9 @@ def wanted_text(finding: Finding) -> str:
 
 def _rates(survey: Survey) -> list[Check]:
     links, needed = survey.config.links, set(NEEDED_MESSAGES)
+    imu_message = AUTOPILOTS.find(links.autopilot.profile).imu_message  # the boat can be held without it
     for sources in survey.config.sources.resolved(links).values():
-        needed |= {s.message for s in sources[:1] if s.link == AUTOPILOT and s.message != "RAW_IMU"}
+        needed |= {s.message for s in sources[:1] if s.link == AUTOPILOT and s.message != imu_message}
     return [
         _rate(name, survey.rate_hz(name), asked_hz, name in needed)
         for name, asked_hz in sorted(links.autopilot.streams_hz.items())

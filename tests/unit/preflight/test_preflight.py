@@ -270,6 +270,12 @@ def test_readiness_transmitter_and_arming_are_warnings() -> None:
     assert of(dock.look(), "state").result is Result.WARN
 
 
+@pytest.mark.parametrize(("config", "message"), [("sitl", "RAW_IMU"), ("sitl-px4", "HIGHRES_IMU")])
+def test_a_silent_accelerometer_is_a_warning_with_either_autopilot(config: str, message: str) -> None:
+    rate = of(Dock(config=config, lost=[message]).look(), message)
+    assert (rate.found, rate.result) == ("0.0 Hz", Result.WARN)
+
+
 def test_a_link_that_carries_nothing_to_the_autopilot_fails() -> None:
     dock = Dock()
     dock.plant.receive = lambda frame: None  # type: ignore[method-assign]
