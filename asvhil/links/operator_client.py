@@ -28,7 +28,7 @@ def send_and_wait(
     signer, verifier = _with_key(signing)
     host, _, port = endpoint.removeprefix("udpin:").removeprefix("udpout:").rpartition(":")
     words, texts = "", TextReader()
-    gate = SignatureFilter((), verifier)
+    signature_filter = SignatureFilter((), verifier)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as link:
         link.settimeout(0.5)
         end_s = time.monotonic() + timeout_s
@@ -37,7 +37,7 @@ def send_and_wait(
                 link.sendto(data if signer is None else signer.sign(data, time.time_ns()), (host, int(port)))
                 while True:
                     heard = Frame(t_ns=time.monotonic_ns(), port=OPERATOR, data=link.recv(4096), peer=endpoint)
-                    message = next(iter(map(decode, gate.receive(heard, time.time_ns()))), None)
+                    message = next(iter(map(decode, signature_filter.receive(heard, time.time_ns()))), None)
                     if message is None:
                         continue
                     if message.get_type() == "STATUSTEXT":

@@ -1,7 +1,7 @@
-"""Between the daemon's MAVLink links and the backseat: filters, signatures, and routing to ground stations.
+"""The daemon's MAVLink links: checks of senders and signatures, and routing between autopilot and ground stations.
 
-What the backseat is given has passed all of this already and is what the log keeps, and what it says is signed after
-the log has it: so a replay needs neither key nor clock, and no key is ever in a log.
+The backseat gets, and the log keeps, only what has passed the checks, and what is sent is signed after it was logged:
+so a replay needs neither key nor clock, and no key is ever in a log.
 """
 
 from __future__ import annotations
@@ -36,7 +36,9 @@ class ForwardingLink(Protocol):
 
 
 class MavlinkRouter:
-    """The MAVLink links of one daemon. Raises ConfigError where a key, a message or a file is not what it should be.
+    """Filters, routes and signs the frames of one daemon's MAVLink links.
+
+    Raises ConfigError where a key, a message name or a file of the config is wrong.
 
     `unix_ns` is the computer's time of day, for signatures alone; `t_ns` of frames is the daemon's own clock.
     `on_forward` is told of every frame of others that goes to the autopilot.
@@ -77,7 +79,7 @@ class MavlinkRouter:
         self._links = links
 
     async def receive(self, frame: Frame) -> list[Frame]:
-        """What the backseat gets of one received frame; what is for others is passed on meanwhile."""
+        """The frames for the backseat out of one received frame; frames for others are forwarded meanwhile."""
         signature_filter = self._filters.get(frame.port)
         if signature_filter is None:
             return [frame]
@@ -97,7 +99,7 @@ class MavlinkRouter:
         return [*([Frame(t_ns=frame.t_ns, port=frame.port, data=whole, peer=frame.peer)] if whole else []), *operators]
 
     def outgoing(self, frame: Frame) -> list[Frame]:
-        """What leaves, and where, of one frame of the backseat; signed where the link asks for it."""
+        """The frames to send, each with its link, for one frame of the backseat; signed where the link is signed."""
         if frame.port == OPERATOR and frame.via:
             return [self._signed(Frame(t_ns=frame.t_ns, port=frame.via, data=frame.data, peer=frame.peer))]
         ports = [frame.port]

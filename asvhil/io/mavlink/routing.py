@@ -1,7 +1,7 @@
-"""Which links a MAVLink frame goes on to: the rules of the protocol's routing, as mavlink-router applies them. Sans-IO.
+"""Routes MAVLink frames between links by the rules of the protocol, as mavlink-router applies them. Sans-IO.
 
-A system is where its frames have come from. A frame for everybody goes to all other links, one for a system and
-component to those where it was heard, and none back to the link it came from. Frames are never changed.
+A system is reached by the links on which its frames were received. A broadcast goes to all other links, a frame for a
+system and component to those where it was heard, and none back to the link it came from. Frames are never changed.
 """
 
 from __future__ import annotations
@@ -13,13 +13,13 @@ from typing import NamedTuple
 from asvhil.io.mavlink.frames import message_id, source, target
 from asvhil.types import record
 
-MAX_SENDERS = 1024  # any forged sender takes a place: the one not heard for longest gives its own
+MAX_SENDERS = 1024  # forged senders take places too; beyond it the one not heard for longest is forgotten
 MAX_RECENT = 4096
 
 
 @record
 class LinkRules:
-    """Message ids that may be taken from a link to others (in) and given to it (out); empty: no such list."""
+    """Message ids that may be routed from a link (in) and to it (out); an empty set is no rule."""
 
     allow_in: frozenset[int] = frozenset()
     block_in: frozenset[int] = frozenset()
@@ -34,7 +34,7 @@ class LinkRules:
 
 
 class Hops(NamedTuple):
-    """Where a frame goes: links in the order of the config, and whether to ourselves."""
+    """Where a frame goes: links in the order of the config, and whether to this program."""
 
     links: tuple[str, ...]
     local: bool
@@ -44,7 +44,11 @@ NOWHERE = Hops((), False)
 
 
 class RoutingTable:
-    """Learns who is where, and tells where each frame goes. `local` are our own (system, component) pairs."""
+    """Learns on which links each component is heard, and finds the links that a frame goes to.
+
+    `local` are this program's own (system, component) pairs. Frames that come again on another link within
+    `duplicates_ns` are dropped.
+    """
 
     def __init__(
         self, links: Mapping[str, LinkRules], local: Collection[tuple[int, int]], *, duplicates_ns: int = 200_000_000
@@ -61,7 +65,7 @@ class RoutingTable:
         """The hops of a complete frame received on a link at t_ns."""
         sender = source(frame)
         if sender in self._local:
-            # Our own frame, come back by a loop of links; or somebody with our name, who is not to be helped.
+            # Our own frame, come back through a loop of links; or another sender that uses our ids.
             self.counts["own"] += 1
             return NOWHERE
         if self._is_duplicate(link, frame, t_ns):
@@ -85,7 +89,7 @@ class RoutingTable:
         return Hops(links, local)
 
     def originate(self, frame: bytes, besides: Collection[str] = ()) -> tuple[str, ...]:
-        """The links that a frame of our own goes to, but for those named."""
+        """The links that a frame of our own goes to, without those in `besides`."""
         reached = self._where(target(frame))
         msg_id = message_id(frame)
         return tuple(

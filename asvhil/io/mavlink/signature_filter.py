@@ -1,4 +1,4 @@
-"""What is let in on one MAVLink link: whole frames, of known senders, with good signatures. Sans-IO."""
+"""Filters what one MAVLink link receives: complete frames, of allowed senders, with valid signatures. Sans-IO."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ OTHER_SENDER = "of other senders"
 
 
 class Senders:
-    """Which (system, component) pairs are listened to: "1/1", "255/*", "*/190"; no pattern at all means everybody."""
+    """The (system, component) pairs that are accepted, by patterns such as "1/1", "255/*", "*/190"; none: all."""
 
     def __init__(self, patterns: tuple[str, ...]) -> None:
         self._pairs = []
@@ -33,7 +33,10 @@ def _number(text: str) -> int | None:
 
 
 class SignatureFilter:
-    """Cuts what one link receives into frames and lets those through that its rules accept; counts the others."""
+    """Cuts what one link receives into frames, passes those that its rules accept, and counts the others by reason.
+
+    `guards`: there are rules; without any, everything passes.
+    """
 
     def __init__(self, senders: tuple[str, ...] = (), verifier: Verifier | None = None) -> None:
         self._parser = Parser()
@@ -50,7 +53,7 @@ class SignatureFilter:
         return [data for data in found if self._accepts(data, frame.t_ns, unix_ns)]
 
     def _accepts(self, data: bytes, t_ns: int, unix_ns: int) -> bool:
-        # Strangers first: what a filtered sender signs must not move the state of its streams.
+        # Senders first: a frame of one that is not allowed must not change the state of the signature check.
         if source(data) not in self._senders:
             self.rejected[OTHER_SENDER] += 1
             return False

@@ -3,8 +3,8 @@
 The signature is the first 48 bits of SHA-256(key, header, payload, CRC, link id, timestamp); timestamps count 10 us
 since 2015 and rise strictly within each stream (system, component, link id). https://mavlink.io, message signing.
 
-Nothing is remembered of a frame before its signature holds, so whoever has no key changes no state here: he can
-neither lock a rightful peer out nor move our time. Time comes in twice: `t_ns`, which never steps, and `unix_ns`,
+Nothing is remembered of a frame before its signature is verified, so a sender without the key changes no state here: it
+can neither lock a rightful peer out nor move our time. Time comes in twice: `t_ns`, which never steps, and `unix_ns`,
 the computer's clock as it is believed now, which a time server may set right while we run.
 """
 
@@ -28,7 +28,7 @@ TICK_NS = 10_000
 PER_SECOND = 100_000
 # A clock that stands before this was never set: computers without a clock battery start in 1970.
 CLOCK_UNSET_BEFORE = (1_767_225_600_000_000_000 - EPOCH_2015_NS) // TICK_NS  # 2026-01-01
-MAX_STREAMS = 1024  # only owners of the key can make streams; this bounds a mad one
+MAX_STREAMS = 1024  # only owners of the key can make streams; this bounds a faulty one
 
 Stream = tuple[int, int, int]  # system id, component id, link id
 

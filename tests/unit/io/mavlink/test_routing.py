@@ -199,14 +199,14 @@ def test_senders_that_make_no_sense_are_refused(text: str) -> None:
 
 def test_a_gate_lets_in_whom_it_should() -> None:
     key = bytes(32)
-    gate = SignatureFilter(("1/1",), Verifier(key, SigningClock(), max_ahead_s=None))
+    signature_filter = SignatureFilter(("1/1",), Verifier(key, SigningClock(), max_ahead_s=None))
     good, unsigned = sign(heartbeat(AUTOPILOT), key, 0, 5), heartbeat(AUTOPILOT)
     stranger = sign(heartbeat(CAMERA), key, 0, 6)
     data = b"noise" + unsigned + good + stranger + good
-    assert gate.receive(Frame(t_ns=0, port="autopilot", data=data[:30]), 0) == []
-    assert gate.receive(Frame(t_ns=0, port="autopilot", data=data[30:]), 0) == [good]
-    assert gate.rejected == {"unsigned": 1, "of other senders": 1, "replayed": 1}
-    assert gate.verifier is not None and list(gate.verifier.state().streams) == [(1, 1, 0)]
+    assert signature_filter.receive(Frame(t_ns=0, port="autopilot", data=data[:30]), 0) == []
+    assert signature_filter.receive(Frame(t_ns=0, port="autopilot", data=data[30:]), 0) == [good]
+    assert signature_filter.rejected == {"unsigned": 1, "of other senders": 1, "replayed": 1}
+    assert signature_filter.verifier is not None and list(signature_filter.verifier.state().streams) == [(1, 1, 0)]
 
 
 def test_a_message_that_does_not_exist_is_named() -> None:
