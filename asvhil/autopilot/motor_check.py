@@ -14,10 +14,10 @@ BENDS = frozenset({Cause.DEAD_ZONE, Cause.SCALED, Cause.SLEW})  # the readback d
 
 
 class MotorCheck:
-    """Collects faults of the motors. One whose cause is in `tolerate` is told, and neither ends a hold nor refuses one.
+    """Collects faults of the motors. One whose cause is in `tolerate` only leaves a note: it ends and refuses no hold.
 
-    To tolerate a dead zone, a scale or a slew limit that a parameter shows, or that no parameter could be read to
-    exclude, is to tolerate outputs that do not follow for no other reason.
+    A tolerated dead zone, scale or slew limit whose parameter is wrong or could not be read also makes a note of
+    outputs that do not follow for no other known reason.
     """
 
     def __init__(self, autopilot: Autopilot, readback: Readback, tolerate: tuple[Cause, ...]) -> None:
@@ -59,7 +59,7 @@ class MotorCheck:
     @property
     def unverified(self) -> Explanation | None:
         """What it means if the motors' sticks do not show our commands; None once they have."""
-        return None if self._readback.heard else self._explain(Fault(cause=Cause.IGNORED))
+        return None if self._readback.override_seen else self._explain(Fault(cause=Cause.IGNORED))
 
     @property
     def notes(self) -> tuple[Note, ...]:

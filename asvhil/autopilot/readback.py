@@ -1,7 +1,7 @@
 """Readback: the outputs that an autopilot reports, compared with the pulses that were sent. Pure.
 
 A residual test decides whether the outputs follow. What they do instead is named only where it turns or exchanges
-motors, or where nothing moves: dead zones, scaling and slew limits are for the parameters to tell.
+motors, or where nothing moves: only the parameters show dead zones, scaling and slew limits.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ LEAST_SPAN_NS = 700_000_000  # since the first report that differs, before anyth
 LEAST_DIFFERENCE_NS = 350_000_000  # for which outputs differ, in sum
 REPORT_NS = 250_000_000  # a report speaks for the time since the last one, at most for this
 STALE_SPAN_NS, STALE_SHARE = 1_900_000_000, 0.6  # of reports that differ, where the outputs only stay as they are
-UNHEARD_SHARE = 0.1  # of the sticks' reports that differ from all overrides
+IGNORED_SHARE = 0.1  # of the sticks' reports that differ from all overrides
 PLAIN_US = 60.0  # a command this far from neutral must show, whatever the dead zone
 STILL_US = 2.0
 RC_TOLERANCE_US = 3.0
-HEARD_US = 10.0  # an override must differ this much from the stick to be told from it
+DIFFERENT_US = 10.0  # an override must differ this much from the stick to be told from it
 RESIDUAL_CAP_US = 100.0  # one late report must not decide
 EXPLAINS_SHARE = 0.5  # of the residual that a distortion may leave over to be named
 EQUAL_US = 2.0  # residuals closer than this are equal: the simpler distortion is named
@@ -48,9 +48,9 @@ class Fault:
 
 @record
 class _Report:
-    """One report of two channels (us). `fits`: it is what some pulse told it to be within the lag, and tolerance.
+    """One report of two channels (us). `fits`: pulses that it may answer differ from it by the tolerance at most.
 
-    `stale`: it does not fit, but the outputs fitted and have stayed since, as while the link loses commands.
+    `stale`: none do, but the outputs fitted and have not changed since, as while the link loses commands.
     """
 
     t_ns: int
@@ -82,7 +82,7 @@ class Readback:
         self._start_us: tuple[float, float] | None = None
         self._stick_us: tuple[float, float] | None = None
         self._judged_ns = 0
-        self.heard = False  # an override of ours was seen among the sticks since the motors were taken
+        self.override_seen = False  # an override among the sticks, since the motors were taken
         self.follows = False  # outputs that left neutral were seen to follow
         self.fault: Fault | None = None
 
@@ -104,7 +104,7 @@ class Readback:
             self._sent.clear()
             self._outputs.clear()
             self._sticks.clear()
-            self.heard = self.follows = False
+            self.override_seen = self.follows = False
             self.fault = None
         self._sent.append((t_ns, pulses_us))
         while self._sent[0][0] < t_ns - KEEP_SENT_NS:
@@ -129,7 +129,7 @@ class Readback:
                 self.follows = self.follows or (plain and self._outputs[-1].fits)
             elif self._overrides_sticks:
                 self._keep(self._sticks, t_ns, us, RC_TOLERANCE_US)
-                self.heard = self.heard or self._is_override(t_ns, us)
+                self.override_seen = self.override_seen or self._is_override(t_ns, us)
 
     def _keep(self, reports: deque[_Report], t_ns: int, us: tuple[float, float], tolerance_us: float) -> None:
         fits = any(_apart_us(sent, us) <= tolerance_us for sent in self._recent(t_ns))
@@ -151,7 +151,7 @@ class Readback:
         """Whether sticks show an override that differs from where they were before."""
         before = self._stick_us or (self._neutral_us, self._neutral_us)
         return any(
-            abs(sent[motor] - us[motor]) <= RC_TOLERANCE_US and abs(sent[motor] - before[motor]) > HEARD_US
+            abs(sent[motor] - us[motor]) <= RC_TOLERANCE_US and abs(sent[motor] - before[motor]) > DIFFERENT_US
             for sent in self._recent(t_ns)
             for motor in (0, 1)
         )
@@ -168,7 +168,7 @@ class Readback:
         first = next((n for n, report in enumerate(self._outputs) if not report.fits), None)
         if first is None:
             return None
-        reports = list(self._outputs)[first:]  # what was right before tells nothing of what is wrong since
+        reports = list(self._outputs)[first:]  # what fitted before says nothing about what does not since
         span_ns = t_ns - reports[0].t_ns
         if span_ns >= LEAST_SPAN_NS and _time_ns(reports, stale=True) >= LEAST_DIFFERENCE_NS:
             self.fault = self._explain(t_ns, reports)
@@ -183,7 +183,7 @@ class Readback:
         reported = np.array([report.us for report in reports])
         stuck = self._stuck(sent, reported)
         if stuck is not None:
-            # Sticks that were reported before will be again, and then it is known whether we are listened to.
+            # Sticks that were reported before will be again, and show then whether the overrides are ignored.
             waits = stuck.blind and self._stick_us is not None and span_ns < 2 * LEAST_SPAN_NS
             return None if waits else stuck
         missed = sum(not report.fits for report in reports)
@@ -195,7 +195,7 @@ class Readback:
     def _is_ignored(self) -> bool:
         """Whether the autopilot shows sticks that have never been our overrides."""
         missed = sum(not report.fits for report in self._sticks)
-        return not self.heard and missed > UNHEARD_SHARE * len(self._sticks)
+        return not self.override_seen and missed > IGNORED_SHARE * len(self._sticks)
 
     def _stuck(self, sent: SentPulses, reported: Pulses) -> Fault | None:
         """Outputs that are where they were before the motors were taken, whatever plain commands they get."""
