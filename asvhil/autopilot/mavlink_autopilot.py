@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from asvhil.autopilot.motor_outputs import make_output
+from asvhil.autopilot.motor_outputs import IGNORE_CHANNEL, make_output
 from asvhil.autopilot.requirements import Finding, Requirement, judge
 from asvhil.config import AutopilotLinkConfig, PwmConfig
 from asvhil.config.ports import AUTOPILOT
@@ -20,7 +20,6 @@ from asvhil.types import Frame, FrontseatStatus, Heading, Measurement, Note, Tim
 
 HEARTBEAT_NS = 1_000_000_000
 REQUEST_NS = 1_000_000_000
-IGNORE_CHANNEL = 65535
 FROM_ANYONE = (dialect.MAVLINK_MSG_ID_HEARTBEAT, dialect.MAVLINK_MSG_ID_TIMESYNC)
 
 

@@ -93,7 +93,7 @@ def _need_torch() -> None:
 
 
 def _kind_options() -> Iterator[inspect.Parameter]:
-    """An option for each `Choice` among the fields of FitOptions, in their order."""
+    """An option for each `TrainOption` among the fields of FitOptions, in their order."""
     types = get_type_hints(FitOptions)
     for field, choice in CHOICES.items():
         defaults = {kind: getattr(OPTIONS[kind], field) for kind in choice.kinds}

@@ -17,6 +17,7 @@ from asvhil.types import Control, Estimate, Station, Wind, record
 
 Vector3 = tuple[float, float, float]  # surge, sway, yaw; or along, across, heading
 
+LONGEST_STEP_S = 1.0  # a longer time between two steps is a pause, in which nothing is integrated
 FAILED = Control(command=(0.0, 0.0), ok=False, iterations=0, cost=0.0)
 BACK_SHARE = 0.5  # of the steering radius: within it the station's heading is taken up again
 TURN_ROUND_RAD = math.radians(120.0)  # bow or stern, once chosen, leads until it is this far off

@@ -10,12 +10,10 @@ from __future__ import annotations
 import math
 
 from asvhil.config import Config, ControllerConfig, LoiterConfig
-from asvhil.controller.classical import FAILED
+from asvhil.controller.classical import FAILED, LONGEST_STEP_S
 from asvhil.dynamics.protocol import Dynamics
 from asvhil.geo import wrap_rad
 from asvhil.types import Control, Estimate, Station, Wind
-
-LONGEST_STEP_S = 1.0  # a longer time between two steps is a pause, in which nothing is integrated
 
 
 class Loiter:

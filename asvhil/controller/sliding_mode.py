@@ -3,11 +3,17 @@
 from __future__ import annotations
 
 from asvhil.config import Config, SlidingModeConfig, VesselConfig
-from asvhil.controller.classical import FAILED, FeedbackLoop, SimplifiedModel, TrackingState, Vector3, to_body
+from asvhil.controller.classical import (
+    FAILED,
+    LONGEST_STEP_S,
+    FeedbackLoop,
+    SimplifiedModel,
+    TrackingState,
+    Vector3,
+    to_body,
+)
 from asvhil.dynamics.protocol import Dynamics
 from asvhil.types import Control, Estimate, Station, Wind
-
-LONGEST_STEP_S = 1.0  # a longer time between two steps is a pause, in which nothing is integrated
 
 
 class SlidingMode:

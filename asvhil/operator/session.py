@@ -13,7 +13,7 @@ from asvhil.io.mavlink.frames import Parser, decode, dialect, message_id, source
 from asvhil.io.mavlink.parameter_server import ParameterServer
 from asvhil.io.mavlink.timesync import TimeSync
 from asvhil.operator.goto import COMMANDS, HERE, SETPOINT, Refusal, is_goto, meaning_of_command, meaning_of_setpoint
-from asvhil.operator.reports import OperatorReport, Reports, Texts
+from asvhil.operator.reports import ACCEPTED, OperatorReport, Reports, Texts
 from asvhil.supervisor.reasons import Explanation, describe
 from asvhil.types import (
     EVERYONE,
@@ -31,7 +31,6 @@ LISTENING_NS = 15_000_000_000  # reports are for ground stations that are there:
 REPEAT_NS = 5_000_000_000  # the same refusal of a stream is sent no more often
 SOLVE_TIME = "solve_ms"
 UNSUPPORTED = int(dialect.MAV_RESULT_UNSUPPORTED)
-ACCEPTED = int(dialect.MAV_RESULT_ACCEPTED)
 
 NOTHING = OperatorReport()
 

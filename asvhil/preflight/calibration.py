@@ -60,7 +60,7 @@ class VaneFit:
 
 
 @record
-class SensorCalibration:
+class CalibrationResult:
     """What a log tells; a part that it does not tell is None, and the reason is in `missing`."""
 
     span_s: float
@@ -82,7 +82,7 @@ class SensorCalibration:
         return "\n".join(lines) + "\n"
 
 
-def calibrate(path: Path, on_tick: Callable[[int], None] = lambda ticks: None) -> SensorCalibration:
+def calibrate(path: Path, on_tick: Callable[[int], None] = lambda ticks: None) -> CalibrationResult:
     """Read a log. AsvhilError where it holds nothing to calibrate from."""
     log = LogFile(path)
     config = _unknown(config_of(log, path))
@@ -138,7 +138,7 @@ def calibrate(path: Path, on_tick: Callable[[int], None] = lambda ticks: None) -
         fit = None
     if compass is None and fit is None:
         raise AsvhilError(f"{path}: {'; '.join(missing)}")
-    return SensorCalibration(span_s=(last_ns - first_ns) * 1e-9, compass=compass, vane=fit, missing=tuple(missing))
+    return CalibrationResult(span_s=(last_ns - first_ns) * 1e-9, compass=compass, vane=fit, missing=tuple(missing))
 
 
 def _unknown(config: Config) -> Config:

@@ -16,6 +16,8 @@ from asvhil.geo import wrap_rad
 from asvhil.train.columns import ColumnMap, MotorColumn, load_columns
 from asvhil.train.records import Dataset, Segment, source_hash
 from asvhil.train.series import (
+    MIN_DATA_S,
+    MIN_SEGMENT_S,
     VELOCITY_HALF_WIDTH_S,
     YAW_HALF_WIDTH_S,
     Series,
@@ -29,8 +31,6 @@ from asvhil.train.series import (
     without_outliers,
 )
 
-MIN_DATA_S = 30.0
-MIN_SEGMENT_S = 2.0
 NAN_SHARE = 0.05  # more missing values than this is no gap but a broken file
 COMMAND_SLACK = 1.05  # commands a little beyond 1 are rounding; more is a wrong unit
 PULSE_US = (500.0, 2500.0)

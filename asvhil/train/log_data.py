@@ -13,6 +13,8 @@ from asvhil.errors import LogError
 from asvhil.train.log_series import LogSeries, read_log_series
 from asvhil.train.records import Dataset, Segment, source_hash
 from asvhil.train.series import (
+    MIN_DATA_S,
+    MIN_SEGMENT_S,
     VELOCITY_HALF_WIDTH_S,
     YAW_HALF_WIDTH_S,
     Series,
@@ -30,8 +32,6 @@ from asvhil.train.series import (
 
 Source = Literal["smoothed", "measured", "estimate", "truth"]
 
-MIN_DATA_S = 30.0
-MIN_SEGMENT_S = 2.0
 WIND_GAP_S = 5.0
 WIND_HALF_WIDTHS_S = (12.0, 1.0)  # direction, speed
 WIND_TIME_CONSTANTS_S = (4.0, 0.5)  # the same where looking ahead is not allowed

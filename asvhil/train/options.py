@@ -13,7 +13,7 @@ NETWORKS = ("nnsem", "node", "knode", "lagnet")
 
 
 @record
-class Choice:
+class TrainOption:
     """An option of `asvhil train`: what it means, its range, the kinds of models it applies to, its name there.
 
     A window is chosen in seconds and kept in steps (`seconds`). `off` is a value that asks for nothing, so that any
@@ -34,10 +34,10 @@ class Choice:
 class FitOptions:
     """How a model is trained. The defaults are the paper's."""
 
-    iterations: Annotated[int, Choice(help="Iterations of Adam, at most.", low=1)] = 20000
+    iterations: Annotated[int, TrainOption(help="Iterations of Adam, at most.", low=1)] = 20000
     window: Annotated[  # m
         int,
-        Choice(
+        TrainOption(
             help="Seconds that are simulated in each training window.",
             low=0.04,
             kinds=("sd", *NETWORKS),
@@ -46,28 +46,30 @@ class FitOptions:
             default="20 steps",
         ),
     ] = 20
-    batch: Annotated[int, Choice(help="Windows of each training step.", low=1, high=4096)] = 64  # q
-    rate: Annotated[float, Choice(help="Learning rate of Adam.", low=1e-6, high=1.0)] = 1e-3
+    batch: Annotated[int, TrainOption(help="Windows of each training step.", low=1, high=4096)] = 64  # q
+    rate: Annotated[float, TrainOption(help="Learning rate of Adam.", low=1e-6, high=1.0)] = 1e-3
     last_rate: Annotated[
         float,
-        Choice(
+        TrainOption(
             help="Learning rate at the end; it falls from --rate along a cosine.",
             low=0.0,
             high=1.0,
             default="that of --rate; lagnet 3e-05 where neither is given",
         ),
     ] = 1e-3
-    hidden: Annotated[int, Choice(help="Hidden neurons of each network.", low=1, high=200, name="width")] = 12
+    hidden: Annotated[int, TrainOption(help="Hidden neurons of each network.", low=1, high=200, name="width")] = 12
     history_s: float = 0.0  # of commands before a window, from which the motor states start
-    mirror: Annotated[bool, Choice(help="Train on the mirrored data as well.")] = False
+    mirror: Annotated[bool, TrainOption(help="Train on the mirrored data as well.")] = False
     symmetric: bool = False  # scaling about zero, the same for both motors
     paired: Annotated[
         bool,
-        Choice(help="Give every neuron a twin, its mirror image: the boat is symmetric.", kinds=("nnsem",), off=False),
+        TrainOption(
+            help="Give every neuron a twin, its mirror image: the boat is symmetric.", kinds=("nnsem",), off=False
+        ),
     ] = False
     moving_share: Annotated[
         float,
-        Choice(
+        TrainOption(
             help="At least this share of each batch is drawn from windows in motion, for records with idle parts.",
             low=0.0,
             high=1.0,
@@ -75,19 +77,21 @@ class FitOptions:
     ] = 0.0
     members: Annotated[
         int,
-        Choice(help="Networks that are averaged in one model.", low=1, high=20, kinds=("lagnet",), off=1),
+        TrainOption(help="Networks that are averaged in one model.", low=1, high=20, kinds=("lagnet",), off=1),
     ] = 1
     frozen: tuple[str, ...] = ()  # parts that stay as they start (no skip, a straight map), to see what they bring
     from_sd: Annotated[
-        bool, Choice(help="Start the skip terms from SD fitted to the same data.", kinds=("lagnet",), off=False)
+        bool, TrainOption(help="Start the skip terms from SD fitted to the same data.", kinds=("lagnet",), off=False)
     ] = False
     weight_decay: Annotated[
         float,
-        Choice(help="Weight in the loss of squared weights, and of squared change of skip terms.", low=0.0, high=1.0),
+        TrainOption(
+            help="Weight in the loss of squared weights, and of squared change of skip terms.", low=0.0, high=1.0
+        ),
     ] = 0.0
     monotone: Annotated[
         float,
-        Choice(
+        TrainOption(
             help="Weight in the loss of slopes against the sign that every motor has: less motion for more command.",
             low=0.0,
             high=100.0,
@@ -97,7 +101,7 @@ class FitOptions:
     ] = 0.0
     robust: Annotated[  # 0: every window counts by its square
         float,
-        Choice(
+        TrainOption(
             help="Error, as a share of half the range, beyond which a window counts by its logarithm, not its square.",
             low=0.001,
             high=1.0,
@@ -107,7 +111,7 @@ class FitOptions:
     block: int = 500  # iterations between validations and checkpoints; the random windows are drawn by the block
     validation_fraction: Annotated[
         float,
-        Choice(
+        TrainOption(
             help="Share held back to choose the best weights by. With 0 those of the last iteration are kept.",
             low=0.0,
             high=0.9,
@@ -129,12 +133,12 @@ OPTIONS: dict[str, FitOptions] = {
 }
 
 
-def _choices() -> Mapping[str, Choice]:
+def _choices() -> Mapping[str, TrainOption]:
     """By field, each with its name."""
     found = {}
     for field, hint in get_type_hints(FitOptions, include_extras=True).items():
         for part in getattr(hint, "__metadata__", ()):
-            if isinstance(part, Choice):
+            if isinstance(part, TrainOption):
                 found[field] = dataclasses.replace(part, name=part.name or field)
     return found
 
@@ -143,7 +147,7 @@ CHOICES = _choices()
 
 
 def chosen_options(kind: str, dt_s: float, **chosen: Any) -> FitOptions:
-    """The options of a kind, with what is chosen and not None in their place: values by the name of their `Choice`.
+    """The options of a kind, with what is chosen and not None in their place: values by their option's name.
 
     A rate alone is held to the end. With mirrored data and with paired neurons the scaling is about zero.
     Without a validation share nothing is held back, and the weights are those of the last iteration. ModelError for an

@@ -10,6 +10,8 @@ from asvhil.types import record
 WINDOW = 7  # samples of the running median that a sample is held against
 
 # Widths of the smoothing, chosen against the simulated truth: see `dataset_from_logs`.
+MIN_DATA_S = 30.0  # of one file
+MIN_SEGMENT_S = 2.0
 VELOCITY_HALF_WIDTH_S = 1.2
 YAW_HALF_WIDTH_S = 0.7
 

@@ -91,6 +91,15 @@ def test_no_circle_between_rooms(depth: int) -> None:
         pytest.fail(f"a circle: {' imports '.join(reversed(error.args[1]))}")
 
 
+def test_no_two_classes_have_one_name() -> None:
+    homes: dict[str, list[str]] = {}
+    for module, path in MODULES.items():
+        for node in ast.parse(path.read_text()).body:
+            if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
+                homes.setdefault(node.name, []).append(module)
+    assert {name: modules for name, modules in homes.items() if len(modules) > 1} == {}
+
+
 def test_the_architecture_page_names_the_same_rooms() -> None:
     text = (ROOT / "docs" / "architecture.md").read_text()
     table = text.partition("## Layers")[2].partition("\n## ")[0]

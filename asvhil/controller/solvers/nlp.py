@@ -19,7 +19,7 @@ from asvhil.types import record
 
 
 @record
-class Programme:
+class NonlinearProgram:
     """min f(x, p) under g(x, p) = 0, and where in x the states (N + 1, n), carried (N + 1, 2) and inputs (N, 2) are."""
 
     symbols: Mapping[str, Any]
@@ -28,7 +28,7 @@ class Programme:
     input_at: Any
 
 
-def transcribe(problem: StationProblem, carry_input: bool) -> Programme:
+def transcribe(problem: StationProblem, carry_input: bool) -> NonlinearProgram:
     """The programme of a problem; its constraints are gap 0, the initial state, then gaps 1 .. N - 1."""
     n, stages = problem.n_state, problem.stages
     carry = 2 if carry_input else 0
@@ -60,7 +60,7 @@ def transcribe(problem: StationProblem, carry_input: bool) -> Programme:
         error = part(state_at[k + 1])[:POSE_AND_VELOCITY] - target
         cost += ca.dot(q, error**2) + slew * ca.sumsqr(a - before)
     symbols = {"x": x, "p": p, "f": cost, "g": ca.vertcat(*constraints)}
-    return Programme(symbols=symbols, state_at=state_at, carried_at=carried_at, input_at=input_at)
+    return NonlinearProgram(symbols=symbols, state_at=state_at, carried_at=carried_at, input_at=input_at)
 
 
 class NlpSolver:

@@ -24,22 +24,22 @@ from asvhil.types import (
 NS_PER_S = 1_000_000_000
 
 
-class Kind(NamedTuple):
+class QuantityKind(NamedTuple):
     """The quantity that a record is a measurement of, and its values, which must be finite."""
 
     quantity: Quantity
     values: Callable[[Any], tuple[float, ...]]
 
 
-KINDS: Mapping[type, Kind] = {
-    Position: Kind("position", lambda m: (m.lat_deg, m.lon_deg)),
-    GroundVelocity: Kind("velocity", lambda m: (m.vn_mps, m.ve_mps)),
-    Heading: Kind("heading", lambda m: (m.psi_rad,)),
-    YawRate: Kind("yaw_rate", lambda m: (m.r_radps,)),
-    SpecificForce: Kind("acceleration", lambda m: (m.ax_mps2, m.ay_mps2)),
-    ApparentWind: Kind("wind", lambda m: (m.speed_mps, m.from_rad)),
-    BowWind: Kind("wind", lambda m: (m.speed_mps, m.from_rad)),
-    TrueWind: Kind("wind", lambda m: (m.vn_mps, m.ve_mps)),
+KINDS: Mapping[type, QuantityKind] = {
+    Position: QuantityKind("position", lambda m: (m.lat_deg, m.lon_deg)),
+    GroundVelocity: QuantityKind("velocity", lambda m: (m.vn_mps, m.ve_mps)),
+    Heading: QuantityKind("heading", lambda m: (m.psi_rad,)),
+    YawRate: QuantityKind("yaw_rate", lambda m: (m.r_radps,)),
+    SpecificForce: QuantityKind("acceleration", lambda m: (m.ax_mps2, m.ay_mps2)),
+    ApparentWind: QuantityKind("wind", lambda m: (m.speed_mps, m.from_rad)),
+    BowWind: QuantityKind("wind", lambda m: (m.speed_mps, m.from_rad)),
+    TrueWind: QuantityKind("wind", lambda m: (m.vn_mps, m.ve_mps)),
 }
 
 
@@ -58,7 +58,7 @@ class Switch:
     after: str
 
 
-class Choice:
+class SourceChoice:
     """The sources of one quantity in order of preference, and the one in use.
 
     A source is alive while its last valid value is no older than its time-out. The one in use is kept until it is no
@@ -115,7 +115,7 @@ class SourceSelector:
     """
 
     def __init__(self, sources: Mapping[Quantity, tuple[SourceConfig, ...]], return_after_s: float) -> None:
-        self._choices = {quantity: Choice(list_, return_after_s) for quantity, list_ in sources.items()}
+        self._choices = {quantity: SourceChoice(list_, return_after_s) for quantity, list_ in sources.items()}
         self._shown: dict[Quantity, str] = dict.fromkeys(self._choices, "")
         self._places = {
             (quantity, source.name): (round(source.delay_s * NS_PER_S), source.arm_m)

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from asvhil.config import Config, SourceConfig, config_from_json, load_config
 from asvhil.errors import ConfigError
-from asvhil.io.sensors.sources import Choice, SourceSelector
+from asvhil.io.sensors.sources import SourceChoice, SourceSelector
 from asvhil.types import (
     ApparentWind,
     BowWind,
@@ -35,8 +35,8 @@ def source(name: str, timeout_s: float = 1.0) -> SourceConfig:
 A, B, C = "ins.BINARY", "autopilot.GPS_RAW_INT", "gnss.RMC"
 
 
-def choice(*names: str, timeout_s: float = 1.0, return_after_s: float = 5.0) -> Choice:
-    return Choice(tuple(source(name, timeout_s) for name in names), return_after_s)
+def choice(*names: str, timeout_s: float = 1.0, return_after_s: float = 5.0) -> SourceChoice:
+    return SourceChoice(tuple(source(name, timeout_s) for name in names), return_after_s)
 
 
 def test_a_source_alone_is_always_the_one() -> None:
