@@ -37,8 +37,8 @@ class ModelMonitor:
         self._max_gap_ns = round(1.5e9 * period_s)
         self._past: deque[tuple[Estimate, tuple[float, float], tuple[float, float]]] = deque(maxlen=self._steps)
         window = max(1, round(config.window_s / period_s))
-        self._one_step: deque[tuple[float, float, float]] = deque(maxlen=window)
-        self._horizon: deque[tuple[float, float, float]] = deque(maxlen=window)
+        self._one_step = _Window(window)
+        self._horizon = _Window(window)
 
     def reset(self) -> None:
         """The boat was not ours for a while: what was sent to it is not known."""
@@ -53,13 +53,11 @@ class ModelMonitor:
         self._past.append((estimate, model_input, wind_ned))
         if len(past) < self._steps:
             return None
-        self._one_step.append(self._miss(past[-1:], estimate))
-        self._horizon.append(self._miss(past[-self._steps :], estimate))
-        one_step, horizon = _rms(self._one_step), _rms(self._horizon)
+        one_step = self._one_step.rms(self._miss(past[-1:], estimate))
+        horizon = self._horizon.rms(self._miss(past[-self._steps :], estimate))
         limits = (self._config.max_u_mps, self._config.max_v_mps, self._config.max_r_radps)
-        full = len(self._horizon) == self._horizon.maxlen
         # NaN compares false, so a model that runs away is not ok.
-        ok = not full or all(error <= limit for error, limit in zip(horizon, limits, strict=True))
+        ok = not self._horizon.full or all(error <= limit for error, limit in zip(horizon, limits, strict=True))
         return PredictionError(one_step=one_step, horizon=horizon, horizon_s=self._config.horizon_s, ok=ok)
 
     def _miss(
@@ -85,6 +83,20 @@ class ModelMonitor:
         return u - now.u_mps, v - now.v_mps, r - now.r_radps
 
 
-def _rms(rows: deque[tuple[float, float, float]]) -> tuple[float, float, float]:
-    u, v, r = (math.sqrt(sum(row[i] * row[i] for row in rows) / len(rows)) for i in range(3))
-    return u, v, r
+class _Window:
+    """Squared errors of (u, v, r) over the last control ticks, added up anew each time: a running sum would drift."""
+
+    def __init__(self, length: int) -> None:
+        self._length = length
+        self._squares: tuple[deque[float], ...] = tuple(deque(maxlen=length) for _ in range(3))
+
+    @property
+    def full(self) -> bool:
+        return len(self._squares[0]) == self._length
+
+    def rms(self, error: tuple[float, float, float]) -> tuple[float, float, float]:
+        """Take in an error; the root mean squares with it."""
+        for squares, value in zip(self._squares, error, strict=True):
+            squares.append(value * value)
+        u, v, r = (math.sqrt(sum(squares) / len(squares)) for squares in self._squares)
+        return u, v, r

@@ -63,12 +63,9 @@ class PilotWatch:
         if told_ns - self._engaged_ns < self._echo_ns:
             return None  # the echo of the first overrides may still be on its way
         sent_us = self._echoed_us(told_ns)
-        for motor, channel in enumerate(self._motor_channels):
+        for channel, of_motor_us in zip(self._motor_channels, zip(*sent_us, strict=True), strict=False):
             now_us = _channel(status, channel)
-            if not now_us or not sent_us:
-                continue
-            least_us, most_us = min(us[motor] for us in sent_us), max(us[motor] for us in sent_us)
-            if not least_us - ECHO_TOLERANCE_US <= now_us <= most_us + ECHO_TOLERANCE_US:
+            if now_us and not min(of_motor_us) - ECHO_TOLERANCE_US <= now_us <= max(of_motor_us) + ECHO_TOLERANCE_US:
                 return explain(Reason.OVERRIDE_NOT_FOLLOWED, channel=channel)
         return None
 

@@ -144,8 +144,10 @@ class SourceSelector:
         """What has changed since the last call, for quantities that have a choice."""
         changed = []
         for quantity, choice in self._choices.items():
+            if choice.alone:
+                continue
             name = choice.current(t_ns)
-            if not choice.alone and name != self._shown[quantity]:
+            if name != self._shown[quantity]:
                 changed.append(Switch(quantity=quantity, before=self._shown[quantity], after=name))
                 self._shown[quantity] = name
         return changed
