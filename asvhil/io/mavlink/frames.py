@@ -25,6 +25,7 @@ HEADER_V1, HEADER_V2 = 6, 10
 CRC_LENGTH = 2
 
 _CRC_EXTRA = {msg_id: bytes([message.crc_extra]) for msg_id, message in dialect.mavlink_map.items()}
+_ONE_BYTE = frozenset(mcrf4xx(bytes([byte]), 0) for byte in range(256))  # what one more byte can do to a checksum
 
 __all__ = [
     "FrameSplitter",
@@ -104,7 +105,12 @@ def target(frame: bytes) -> tuple[int, int]:
 
 
 class FrameSplitter:
-    """Cuts a byte stream, or datagrams, into MAVLink frames whose checksum holds. Never raises; counts drops."""
+    """Cuts a byte stream, or datagrams, into MAVLink frames whose checksum holds. Never raises; counts drops.
+
+    A message that the dialect does not know is passed over whole and counted as `unknown`. Its CRC_EXTRA, the seed of
+    its checksum, is not known either: the checksum must hold for some seed, which it does for one in 256 of random
+    bytes. So a known frame that stands whole inside it wins: a stray magic byte neither hides nor delays it.
+    """
 
     MAX_BUFFER = 4096
 
@@ -143,13 +149,18 @@ class FrameSplitter:
             else:
                 flags, msg_id, signature = 0, buffer[at + 5], 0
             extra = _CRC_EXTRA.get(msg_id)
+            end = at + length + signature
+            if extra is None and not flags & ~SIGNED and not self._known_within(buffer, at + 1, end):
+                if end > size and not self._datagrams:
+                    break
+                if end <= size and _holds_for_some_seed(buffer, at, at + length - CRC_LENGTH):
+                    self.unknown += 1
+                    at = end
+                    continue
             if extra is None or flags & ~SIGNED:
-                # Without the message's CRC seed nothing can be checked, so its bytes are not trusted to be a frame.
-                self.unknown += extra is None
                 self.garbage_bytes += 1
                 at += 1
                 continue
-            end = at + length + signature
             if end > size:
                 break
             body_end = at + length - CRC_LENGTH
@@ -169,6 +180,19 @@ class FrameSplitter:
         self._buffer = rest[-self.MAX_BUFFER :]
         return found
 
+    def _known_within(self, buffer: bytes, at: int, end: int) -> bool:
+        """Whether a whole frame of a known message begins in buffer[at:end]."""
+        while (at := self._next_magic(buffer, at)) < min(end, len(buffer)):
+            header = HEADER_V2 if buffer[at] == MAGIC_V2 else HEADER_V1
+            if len(buffer) - at >= header + CRC_LENGTH:
+                body_end = at + header + buffer[at + 1]
+                extra = _CRC_EXTRA.get(message_id(buffer[at : at + header]))
+                crc = buffer[body_end : body_end + CRC_LENGTH]
+                if extra is not None and crc == mcrf4xx(buffer[at + 1 : body_end] + extra).to_bytes(2, "little"):
+                    return True
+            at += 1
+        return False
+
     @staticmethod
     def _next_magic(buffer: bytes, at: int) -> int:
         v2 = buffer.find(b"\xfd", at)
@@ -176,6 +200,13 @@ class FrameSplitter:
         if v1 >= 0:
             return v1
         return v2 if v2 >= 0 else len(buffer)
+
+
+def _holds_for_some_seed(buffer: bytes, at: int, body_end: int) -> bool:
+    """Whether there is a CRC_EXTRA for which the checksum of the frame at `at` holds."""
+    crc = mcrf4xx(buffer[at + 1 : body_end])
+    seeded = buffer[body_end] | buffer[body_end + 1] << 8
+    return seeded ^ crc >> 8 in _ONE_BYTE  # CRC-16: the new value is (old >> 8) ^ table[(old ^ byte) & 0xFF]
 
 
 _DECODER = dialect.MAVLink(None)

@@ -3,6 +3,7 @@
 import random
 
 import pytest
+from fastcrc.crc16 import mcrf4xx
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -60,6 +61,52 @@ def test_a_flipped_bit_drops_one_frame_only() -> None:
         splitter = FrameSplitter()
         found = splitter.receive(bytes(damaged) + heartbeat() * 40)
         assert ATTITUDE not in found and found.count(heartbeat()) == 40, bit
+
+
+def unknown(number: int, payload: bytes, *, seed: int, signed: bool = False) -> bytes:
+    """A MAVLink 2 frame of a message that the dialect does not have, with its CRC_EXTRA."""
+    assert number not in dialect.mavlink_map
+    body = bytes([0xFD, len(payload), signed, 0, 7, 1, 1]) + number.to_bytes(3, "little") + payload
+    return body + int(mcrf4xx(body[1:] + bytes([seed]))).to_bytes(2, "little") + bytes(13 * signed)
+
+
+# What a PX4 sends at 10 Hz beside the rest, and the dialect does not know: ESC_INFO and ESC_STATUS.
+ESC_INFO = unknown(290, bytes(range(200, 246)), seed=251)
+ESC_STATUS = unknown(291, bytes(range(57)), seed=10)
+
+
+@given(st.lists(st.integers(1, 60), min_size=1, max_size=40))
+def test_messages_that_are_not_known_are_counted_and_are_not_garbage(cuts: list[int]) -> None:
+    stream = (ESC_INFO + ATTITUDE + unknown(436, b"\x01", seed=193, signed=True) + ESC_STATUS + SERVO) * 3
+    splitter = FrameSplitter()
+    found, at = [], 0
+    for cut in cuts:
+        found += splitter.receive(stream[at : at + cut])
+        at += cut
+    found += splitter.receive(stream[at:])
+    assert found == [ATTITUDE, SERVO] * 3
+    assert (splitter.unknown, splitter.bad_crc, splitter.garbage_bytes) == (9, 0, 0)
+
+
+def test_the_payload_of_a_message_that_is_not_known_is_not_searched_for_frames() -> None:
+    splitter = FrameSplitter(datagrams=True)
+    assert splitter.receive(unknown(291, b"\xfd\x05\x00" * 19, seed=10)) == []
+    assert (splitter.unknown, splitter.bad_crc, splitter.garbage_bytes) == (1, 0, 0)
+
+
+def test_a_damaged_message_that_is_not_known_is_garbage() -> None:
+    splitter = FrameSplitter(datagrams=True)
+    damaged = bytes([*ESC_INFO[:30], ESC_INFO[30] ^ 0x11, *ESC_INFO[31:]])
+    assert splitter.receive(damaged + ATTITUDE) == [ATTITUDE]
+    assert splitter.unknown == 0 and splitter.garbage_bytes == len(damaged)
+
+
+def test_a_stray_magic_byte_neither_hides_nor_delays_a_frame() -> None:
+    splitter = FrameSplitter()
+    stray = b"\xfd\xff\x00\x00\x00\x00\x00\x22\x01\x00"  # promises 255 bytes of message 290
+    assert splitter.receive(stray + heartbeat()[:9]) == []
+    assert splitter.receive(heartbeat()[9:]) == [heartbeat()]
+    assert splitter.unknown == 0 and splitter.garbage_bytes == len(stray)
 
 
 def test_a_datagram_ends_its_frames() -> None:
