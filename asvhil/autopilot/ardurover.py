@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from asvhil.autopilot.ardurover_parameters import requirements
+from asvhil.autopilot.ardurover_parameters import OPTIONAL, requirements
 from asvhil.autopilot.mavlink_autopilot import MavlinkAutopilot
 from asvhil.autopilot.requirements import Requirement
 from asvhil.config import AutopilotLinkConfig, Config, PwmConfig
@@ -20,6 +20,7 @@ class ArduRoverAutopilot(MavlinkAutopilot):
     """Ready once its EKF uses a position; mode numbers stand in custom_mode as they are."""
 
     legacy_streams = True
+    optional_parameters = OPTIONAL
 
     def __init__(self, config: AutopilotLinkConfig, pwm: PwmConfig) -> None:
         super().__init__(config, pwm)

@@ -44,17 +44,20 @@ def explain_fault(fault: Fault, findings: Iterable[Finding]) -> Explanation:
 def _hint(fault: Fault, findings: Iterable[Finding], room: int) -> str:
     """Names of the parameters that may be the cause, as many as have room; empty where none may.
 
-    A parameter that was read, and is right, is left out. For outputs that do not follow without a known pattern it is
-    the command that looks at all of them.
+    Those that were read and are wrong, or where there are none those that have not answered: a parameter that was read,
+    and is right, is left out. For outputs that do not follow without a known pattern it is the command that looks at
+    all of them.
     """
     findings = [finding for finding in findings if finding.requirement.cause is not None]
     suspects = [finding for finding in findings if not finding.ok]
     if fault.cause not in LOOK_AT:
         return "asvhil check" if suspects else ""
     causes = (Cause.IGNORED, *LOOK_AT[fault.cause]) if fault.blind else LOOK_AT[fault.cause]
-    by_cause = [_names(suspects, cause, fault.motor) for cause in causes]
-    if fault.cause in CERTAIN and not any(by_cause):
-        by_cause = [_names(findings, cause, fault.motor) for cause in causes]
+    by_cause: list[list[str]] = []
+    for among in ([f for f in suspects if f.wrong], suspects, findings if fault.cause in CERTAIN else []):
+        by_cause = [_names(among, cause, fault.motor) for cause in causes]
+        if any(by_cause):
+            break
     text = ""
     for name in chain.from_iterable(zip_longest(*by_cause)):  # one of each cause before the second of any
         longer = f"{text} or {name}" if text else name

@@ -20,6 +20,7 @@ from asvhil.types import Frame, FrontseatStatus, Heading, Measurement, Note, Tim
 
 HEARTBEAT_NS = 1_000_000_000
 REQUEST_NS = 1_000_000_000
+FIRST_TIME_NS = 300_000_000  # between requests for the autopilot's clock until one was answered
 FROM_ANYONE = (dialect.MAVLINK_MSG_ID_HEARTBEAT, dialect.MAVLINK_MSG_ID_TIMESYNC)
 
 
@@ -31,6 +32,7 @@ class MavlinkAutopilot:
 
     legacy_streams = False  # REQUEST_DATA_STREAM where SET_MESSAGE_INTERVAL is not to be had
     bytewise_parameters = False  # integers in PARAM_VALUE by their bytes, not as floats
+    optional_parameters: frozenset[str] = frozenset()  # that only some versions of the firmware have
 
     def __init__(self, config: AutopilotLinkConfig, pwm: PwmConfig) -> None:
         self._config = config
@@ -41,9 +43,11 @@ class MavlinkAutopilot:
         self._parser = Parser()
         self._own = dialect.MAVLink(None, srcSystem=config.system_id, srcComponent=config.component_id)
         self._output = make_output(config, pwm)
-        self._streams = StreamRequester(config.streams_hz, config.autopilot_system_id, legacy=self.legacy_streams)
+        us = config.system_id, config.component_id
+        self._streams = StreamRequester(config.streams_hz, config.autopilot_system_id, us, legacy=self.legacy_streams)
         self._heartbeat_ns: int | None = None
         self._timesync = TimeSync()
+        self._time_asked_ns = -HEARTBEAT_NS
         self._required = self._requirements()
         self._findings: tuple[int, list[Finding]] = (-1, [])
         names = (requirement.names for requirement in self._required)
@@ -70,6 +74,7 @@ class MavlinkAutopilot:
             dialect.MAVLINK_MSG_ID_COMMAND_ACK: self._on_command_ack,
             dialect.MAVLINK_MSG_ID_TIMESYNC: self._on_timesync,
             dialect.MAVLINK_MSG_ID_PARAM_VALUE: self.parameters.receive,
+            dialect.MAVLINK_MSG_ID_PARAM_ERROR: self._on_param_error,
             **MavlinkSensors(lambda: self._ready).handlers,
         }
 
@@ -117,14 +122,30 @@ class MavlinkAutopilot:
         return self._findings[1]
 
     @property
+    def unread_parameters(self) -> tuple[str, ...]:
+        """Required parameters that were asked for often enough to be heard of, and have not answered."""
+        return tuple(name for name in self.parameters.silent if name not in self.optional_parameters)
+
+    @property
+    def settled(self) -> bool:
+        """Whether parameters and streams have been asked for, and have answered or been given up for now."""
+        return self.parameters.complete and self._streams.settled
+
+    @property
     def notes(self) -> tuple[Note, ...]:
-        """The hazard of the motor output, whether the autopilot refuses it, and whether it is of another make."""
+        """The hazard of the motor output, whether it is refused, an autopilot of another make, unread parameters."""
         said = (
             ("autopilot", self._stranger),
             ("motor output", self._output.hazard),
             ("motor commands", self._output.refused),
+            ("unread parameters", self._unread_text()),
         )
         return tuple(Note(subject=subject, text=text, ok=False) for subject, text in said if text)
+
+    def _unread_text(self) -> str:
+        unread = self.unread_parameters
+        more = f" and {len(unread) - 1} more" if len(unread) > 1 else ""
+        return f"{unread[0]}{more}: no answer yet, unverified" if unread else ""
 
     def counters(self) -> tuple[tuple[str, int], ...]:
         """Cumulative counts of what came in and what was dropped."""
@@ -203,6 +224,9 @@ class MavlinkAutopilot:
     def _on_command_ack(self, t_ns: int, m: Any) -> None:
         self._output.receive(m)
 
+    def _on_param_error(self, t_ns: int, m: Any) -> None:
+        self.parameters.on_error(m)
+
     def _on_timesync(self, t_ns: int, m: Any) -> None:
         # Other components answer our broadcast as well, by clocks of their own.
         if m.tc1 == 0 or m.get_srcComponent() == self._autopilot_component_id:
@@ -237,8 +261,9 @@ class MavlinkAutopilot:
                     3,
                 )
             )
-            if connected:
-                self._timesync.ask()
+        if connected and t_ns - self._time_asked_ns >= (FIRST_TIME_NS if self.clock is None else HEARTBEAT_NS):
+            self._time_asked_ns = t_ns
+            self._timesync.ask()
         due += self._timesync.data_to_send(t_ns)
         if connected:
             due += self._streams.data_to_send(t_ns)

@@ -65,7 +65,7 @@ class MotorCheck:
     def notes(self) -> tuple[Note, ...]:
         """What was found, good or bad; nothing before there is something to say."""
         found = []
-        wrong = [f for f in self._autopilot.findings if not f.ok and f.value is not None and f.requirement.must]
+        wrong = [f for f in self._autopilot.findings if f.wrong and f.requirement.must]
         if wrong:
             more = f" (and {len(wrong) - 1} more)" if len(wrong) > 1 else ""
             found.append(Note(subject="parameters", text=f"{wrong[0].text}{more}", ok=False))
@@ -80,7 +80,7 @@ class MotorCheck:
     def _wrong_parameter(self) -> Explanation | None:
         for finding in self._autopilot.findings:
             cause = finding.requirement.cause
-            if not finding.ok and finding.value is not None and cause is not None and cause not in self._tolerate:
+            if finding.wrong and cause is not None and cause not in self._tolerate:
                 return explain(Reason.AUTOPILOT_PARAMETER, finding=finding.text)
         return None
 

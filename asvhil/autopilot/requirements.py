@@ -13,9 +13,10 @@ class Requirement:
     """One parameter under the names that firmware versions give it, and the values that will do.
 
     A value must lie within `least` and `most`, and not have any bit of `clear`; with `like`, both bounds count from the
-    value of another parameter. `wanted` is what to write where it does not, None where that is not ours to decide.
-    With a `cause` a hold is refused; `must`: a preflight fails. `fault` is what happens, in a few words; `why` in more.
-    `motor` is port or starboard, empty for both. `reboot`: what is written takes effect after one.
+    value of another parameter, which stands before it in the table. `wanted` is what to write where it does not, None
+    where that is not ours to decide. With a `cause` a hold is refused; `must`: a preflight fails. `fault` is what
+    happens, in a few words; `why` in more. `motor` is port or starboard, empty for both. `reboot`: what is written
+    takes effect after one.
     """
 
     names: tuple[str, ...]
@@ -69,13 +70,23 @@ def exactly(
 
 @record
 class Finding:
-    """What was found of one requirement. `value` is None where the parameter did not answer."""
+    """What was found of one requirement: it is right (`ok`), `wrong`, or neither, which is `unverified`.
+
+    What has not answered proves nothing: a parameter is unverified while its `value` is None, and so is one that is to
+    be like another whose value is not known. `wanted` is None where there is nothing to write.
+    """
 
     requirement: Requirement
     name: str
     value: float | None
     wanted: float | None
     ok: bool
+    unverified: bool = False
+
+    @property
+    def wrong(self) -> bool:
+        """Whether it was read, with all that it is compared with, and will not do."""
+        return not self.ok and not self.unverified
 
     @property
     def text(self) -> str:
@@ -86,13 +97,13 @@ class Finding:
 
 
 def judge(required: Iterable[Requirement], values: Mapping[str, float]) -> list[Finding]:
-    """A finding for each requirement, in order; those that could not be read are not ok."""
+    """A finding for each requirement, in order, of the values that were read."""
     settled: dict[str, float] = {}  # what each parameter will be once all are put right
     findings = []
     for requirement in required:
         finding = _judge(requirement, values, settled)
-        right = finding.value if finding.ok or finding.wanted is None else finding.wanted
-        if right is not None:
+        right = finding.wanted if finding.wrong and finding.wanted is not None else finding.value
+        if right is not None and not finding.unverified:
             settled[finding.name] = right
         findings.append(finding)
     return _see_swapped(findings)
@@ -101,11 +112,10 @@ def judge(required: Iterable[Requirement], values: Mapping[str, float]) -> list[
 def _judge(requirement: Requirement, values: Mapping[str, float], settled: Mapping[str, float]) -> Finding:
     name = next((name for name in requirement.names if name in values), requirement.names[0])
     value, wanted = values.get(name), requirement.wanted
-    if value is None:
-        return Finding(requirement=requirement, name=name, value=None, wanted=wanted, ok=False)
-    reference = 0.0
+    reference = settled.get(requirement.like) if requirement.like else 0.0
+    if value is None or reference is None:
+        return Finding(requirement=requirement, name=name, value=value, wanted=wanted, ok=False, unverified=True)
     if requirement.like:
-        reference = settled.get(requirement.like, value)
         wanted = reference
     ok = requirement.least <= value - reference <= requirement.most
     if requirement.clear:
@@ -116,7 +126,7 @@ def _judge(requirement: Requirement, values: Mapping[str, float], settled: Mappi
 
 def _see_swapped(findings: list[Finding]) -> list[Finding]:
     """Two outputs that have each other's function are swapped, which says more than two wrong ones."""
-    wrong = [f for f in findings if f.requirement.cause is Cause.STUCK and not f.ok and f.value is not None]
+    wrong = [f for f in findings if f.requirement.cause is Cause.STUCK and f.wrong]
     if len(wrong) < 2 or {f.value for f in wrong} != {f.wanted for f in wrong}:
         return findings
     return [_swapped(f) if f in wrong else f for f in findings]

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from asvhil.preflight.checks import Check
     from asvhil.preflight.survey import Survey
 
-COLOURS = {"pass": "green", "warn": "yellow", "fail": "red"}
+COLOURS = {"pass": "green", "warn": "yellow", "fail": "red", "unverified": "magenta"}
 PIPE_WIDTH = 140  # a file has no edge at which to fold names
 SAYS = {
     "waiting": "waiting for the autopilot's heartbeat",
@@ -91,11 +91,13 @@ def _agreed(console: Any, wrong: list[Finding]) -> bool:
 
 
 def _tell_written(console: Any, written: list[Finding], survey: Survey) -> None:
-    values = survey.link.parameters.values
+    parameters = survey.link.parameters
     for finding in written:
-        now = values[finding.name]
-        taken = finding.name not in survey.link.parameters.unwritten
-        words = f"written, reads back {now:g}" if taken else f"not taken: still {now:g}"
+        now = parameters.values.get(finding.name)
+        if now is None or finding.name in parameters.writing | parameters.unconfirmed:
+            words = "written, and not read back: run the check again"
+        else:
+            words = f"{'not taken: still' if finding.name in parameters.unwritten else 'written, reads back'} {now:g}"
         say(console, f"{finding.name}: {finding.value:g} -> {finding.wanted:g}, {words}")
     if any(finding.requirement.reboot for finding in written):
         say(console, "reboot the autopilot: some of these take effect then")
@@ -122,7 +124,8 @@ def _show(console: Any, settings: Config, checks: list[Check], everything: bool)
         table.add_row(result, Text(line.item), Text(line.found), Text(line.wanted), Text(line.todo))
     console.print(table)
     counts = {result: sum(line.result.value == result for line in checks) for result in COLOURS}
-    say(console, f"{counts['pass']} pass, {counts['warn']} warn, {counts['fail']} fail")
+    unverified = f", {counts['unverified']} unverified" if counts["unverified"] else ""
+    say(console, f"{counts['pass']} pass, {counts['warn']} warn, {counts['fail']} fail{unverified}")
 
 
 def _bar(console: Any) -> Any:

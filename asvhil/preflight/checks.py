@@ -29,8 +29,11 @@ PARAMETERS = "parameters"
 
 
 class Result(enum.StrEnum):
+    """Of one check. `UNVERIFIED`: what it looks at has not answered, which proves nothing."""
+
     PASS = "pass"
     WARN = "warn"
+    UNVERIFIED = "unverified"
     FAIL = "fail"
 
 
@@ -71,8 +74,8 @@ def folded(checks: list[Check]) -> list[Check]:
 
 def worst(checks: list[Check]) -> Result:
     """The worst result of all."""
-    results = {check.result for check in checks}
-    return Result.FAIL if Result.FAIL in results else Result.WARN if Result.WARN in results else Result.PASS
+    order = list(Result)
+    return max((check.result for check in checks), key=order.index, default=Result.PASS)
 
 
 def _vehicle(survey: Survey) -> list[Check]:
@@ -133,8 +136,10 @@ def _firmware(survey: Survey, link: AutopilotLinkConfig) -> Check:
     least = autopilot.least_version
     wanted = f"{autopilot.firmware} {least[0]}.{least[1]} or later"
     if survey.version is None:
-        todo = "AUTOPILOT_VERSION did not come: is this firmware older?"
-        return Check(section="vehicle", item="firmware", result=Result.WARN, found="not told", wanted=wanted, todo=todo)
+        refused = survey.version_refused
+        result = Result.WARN if refused else Result.UNVERIFIED
+        todo = "AUTOPILOT_VERSION is refused: is this firmware older?" if refused else "no answer: run the check again"
+        return Check(section="vehicle", item="firmware", result=result, found="not told", wanted=wanted, todo=todo)
     number = survey.version.flight_sw_version
     major, minor, patch = number >> 24 & 0xFF, number >> 16 & 0xFF, number >> 8 & 0xFF
     old = (major, minor) < least
@@ -150,7 +155,18 @@ def _firmware(survey: Survey, link: AutopilotLinkConfig) -> Check:
 
 def _clocks(survey: Survey) -> list[Check]:
     clock, unix_ns = survey.clock, survey.unix_ns
-    if clock is None:
+    if clock is None and survey.link.parameters.values:
+        checks = [
+            Check(
+                section="time",
+                item="TIMESYNC",
+                result=Result.UNVERIFIED,
+                found="no answer in time",
+                wanted="answered",
+                todo="a link that loses much, or takes more than a second: run the check again",
+            )
+        ]
+    elif clock is None:
         checks = [
             Check(
                 section="time",
@@ -202,8 +218,11 @@ def _parameter(finding: Finding) -> Check:
     requirement = finding.requirement
     bad = Result.FAIL if requirement.must else Result.WARN
     if finding.value is None:
-        todo = "did not answer; read again, or look it up by hand"
-        result, found = Result.WARN, "not known"
+        todo = "no answer, which proves nothing: run the check again, or look it up by hand"
+        result, found = Result.UNVERIFIED, "not known"
+    elif finding.unverified:
+        todo = f"{requirement.like} has not answered: run the check again"
+        result, found = Result.UNVERIFIED, f"{finding.value:g}"
     else:
         result, found = Result.PASS if finding.ok else bad, f"{finding.value:g}"
         todo = "" if finding.ok else f"{requirement.why}{'' if finding.wanted is None else '; --fix writes it'}"

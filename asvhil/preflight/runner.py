@@ -21,7 +21,7 @@ from asvhil.types import Frame, Inputs
 
 TICK_S = 0.05
 BROKEN_S = 2.0  # a link that cannot be opened is told after this
-FIX_S = 10.0
+FIX_S = 30.0
 
 Choose = Callable[[list[Finding]], bool]
 

@@ -16,10 +16,10 @@ from asvhil.types import Frame, FrontseatStatus, Inputs, Measurement, Note, Time
 
 S = 1_000_000_000
 LEAST_SETTLE_NS = 3 * S  # of asking for streams, before rates are counted
-MOST_SETTLE_NS = 12 * S
+MOST_SETTLE_NS = 12 * S  # where nothing is answered
+LOSSY_SETTLE_NS = 40 * S  # where something is, on a link that loses much
 COUNT_NS = 5 * S
-ASK_VERSION_NS = S
-ASK_VERSION_TIMES = 5
+ASK_VERSION_NS = S // 2
 
 # All that a preflight may say; whatever else a profile would send is kept back.
 ALLOWED = frozenset(
@@ -31,6 +31,7 @@ ALLOWED = frozenset(
         dialect.MAVLINK_MSG_ID_PARAM_SET,
     }
 )
+REFUSALS = (dialect.MAV_RESULT_DENIED, dialect.MAV_RESULT_UNSUPPORTED, dialect.MAV_RESULT_FAILED)
 ALLOWED_COMMANDS = frozenset({dialect.MAV_CMD_SET_MESSAGE_INTERVAL, dialect.MAV_CMD_REQUEST_MESSAGE})
 
 
@@ -62,7 +63,7 @@ class Survey:
         self._counts: Counter[int] = Counter()
         self._valid: dict[tuple[Quantity, str], deque[int]] = {}
         self._version_asked_ns: int | None = None
-        self._version_times = 0
+        self.version_refused = False
         self.bytes_heard = 0
         self.heartbeat: Any | None = None
         self.version: Any | None = None
@@ -97,7 +98,8 @@ class Survey:
             self._read(frame)
         if self._heard_ns is not None and self._count_ns is None:
             asked_ns = t_ns - self._heard_ns
-            if asked_ns >= MOST_SETTLE_NS or (asked_ns >= LEAST_SETTLE_NS and self.link.parameters.complete):
+            longest_ns = LOSSY_SETTLE_NS if self.link.parameters.values else MOST_SETTLE_NS
+            if asked_ns >= longest_ns or (asked_ns >= LEAST_SETTLE_NS and self.link.settled):
                 self._count_ns = t_ns
                 self._counts.clear()
                 self._valid.clear()
@@ -126,8 +128,8 @@ class Survey:
 
     @property
     def fixable(self) -> list[Finding]:
-        """Those that are wrong and have a value to be written."""
-        return [f for f in self.findings if not f.ok and f.value is not None and f.wanted is not None]
+        """Those that were read, are wrong and have a value to be written; what has not answered is left alone."""
+        return [f for f in self.findings if f.wrong and f.wanted is not None]
 
     @property
     def clock(self) -> TimeOffset | None:
@@ -189,6 +191,9 @@ class Survey:
                 continue
             if msg_id == dialect.MAVLINK_MSG_ID_AUTOPILOT_VERSION:
                 self.version = message
+            elif msg_id == dialect.MAVLINK_MSG_ID_COMMAND_ACK:
+                answers = message.command == dialect.MAV_CMD_REQUEST_MESSAGE
+                self.version_refused |= answers and message.result in REFUSALS
             elif msg_id == dialect.MAVLINK_MSG_ID_SYSTEM_TIME and message.time_unix_usec:
                 self.unix_ns = (message.time_unix_usec * 1000, frame.t_ns)
             elif msg_id == dialect.MAVLINK_MSG_ID_RC_CHANNELS:
@@ -203,12 +208,11 @@ class Survey:
             self._valid.setdefault((quantity, name), deque()).append(measurement.t_ns)
 
     def _ask_version(self, t_ns: int) -> list[Frame]:
-        if self._heard_ns is None or self.version is not None or self._version_times >= ASK_VERSION_TIMES:
+        if self._heard_ns is None or self.version is not None or self.version_refused:
             return []
         if self._version_asked_ns is not None and t_ns - self._version_asked_ns < ASK_VERSION_NS:
             return []
         self._version_asked_ns = t_ns
-        self._version_times += 1
         message = dialect.MAVLink_command_long_message(
             self.config.links.autopilot.autopilot_system_id,
             1,
@@ -222,6 +226,7 @@ class Survey:
 
 _LOOKED_AT = frozenset(
     {
+        dialect.MAVLINK_MSG_ID_COMMAND_ACK,
         dialect.MAVLINK_MSG_ID_HEARTBEAT,
         dialect.MAVLINK_MSG_ID_AUTOPILOT_VERSION,
         dialect.MAVLINK_MSG_ID_SYSTEM_TIME,

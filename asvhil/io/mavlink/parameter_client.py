@@ -11,7 +11,9 @@ from asvhil.io.mavlink.frames import dialect
 
 SPACING_NS = 40_000_000  # between two requests: a slow radio must not drown in them
 ANSWER_NS = 500_000_000
-ATTEMPTS = 4  # of each name, before it is left alone for a while
+ATTEMPTS = 4  # of each name at least, before it is left alone for a while
+MOST_ATTEMPTS = 40  # of each name, on the worst of links
+MISSED = 1e-4  # chance that a name which exists has not been heard of after all attempts
 AGAIN_NS = 30_000_000_000
 REFRESH_NS = 60_000_000_000  # a change that another station made may have been lost on the way
 NEVER_NS = 2**63
@@ -44,20 +46,31 @@ def to_wire(value: float, kind: int, *, bytewise: bool) -> float:
 
 
 class _Request:
-    """How often a value was requested, and when it is requested again."""
+    """How often a value was requested, and when it is requested again.
+
+    `contradicted`: answers since a PARAM_SET that told another value, of which one may be of before it.
+    """
 
     def __init__(self) -> None:
         self.attempts = 0
         self.due_ns = 0
         self.given_up = False
+        self.contradicted = 0
+
+    @property
+    def refused(self) -> bool:
+        """Whether a new value was not taken, as far as the answers tell."""
+        return self.contradicted > 1
 
 
 class ParameterClient:
     """Keeps a few parameters known, each under the names that firmware versions give it: the one that answers counts.
 
-    Every name is asked for up to four times, half a second apart, and if nothing comes again half a minute later. What
-    is known is asked for again once a minute, and any PARAM_VALUE that comes by is taken. `bytewise`: the autopilot
-    sends integers by their bytes (PX4), not as floats (ArduPilot).
+    Every name is asked for half a second apart, and if nothing comes again half a minute later: four times on a link
+    that answers every request, and on one that loses many as often as it takes to hear of nearly all that exist. What
+    is known is asked for again once a minute, and any PARAM_VALUE that comes by is taken. A name that the autopilot
+    says it does not have (PARAM_ERROR) is asked for no more. `bytewise`: the autopilot sends integers by their bytes
+    (PX4), not as floats (ArduPilot).
     """
 
     def __init__(self, groups: Iterable[tuple[str, ...]], system_id: int, *, bytewise: bool = False) -> None:
@@ -67,6 +80,8 @@ class ParameterClient:
         self._bytewise = bytewise
         self._values: dict[str, float] = {}
         self._kinds: dict[str, int] = {}
+        self._absent: set[str] = set()
+        self._answered_attempts = self._answered_groups = 0
         self._asking: dict[tuple[str, ...], _Request] = {}
         self._next_ns = 0
         self._spoken_ns: int | None = None
@@ -78,6 +93,7 @@ class ParameterClient:
     def restart(self) -> None:
         """The autopilot has rebooted: ask for everything again; what was known stands until it is answered."""
         self._asking = {group: _Request() for group in self._groups}
+        self._absent.clear()
         self._next_ns = 0
 
     @property
@@ -87,13 +103,15 @@ class ParameterClient:
 
     @property
     def complete(self) -> bool:
-        """Whether every parameter is known or has been given up for now."""
-        return all(self._known(group) or self._asking[group].given_up for group in self._groups)
+        """Whether every parameter is known, absent, or has been given up for now."""
+        return all(self._is_done(group) for group in self._groups)
 
     @property
     def silent(self) -> tuple[str, ...]:
-        """The first names of those that were given up."""
-        return tuple(g[0] for g in self._groups if not self._known(g) and self._asking[g].given_up)
+        """The first names of those that were given up: whether they exist, and what they are, is not known."""
+        return tuple(
+            g[0] for g in self._groups if self._asking[g].given_up and not self._known(g) and not self._is_absent(g)
+        )
 
     def receive(self, t_ns: int, message: Any) -> None:
         """A PARAM_VALUE of the autopilot."""
@@ -107,12 +125,26 @@ class ParameterClient:
         self.answers += 1
         self._values[name] = value
         self._kinds[name] = message.param_type
+        self._absent.discard(name)
         asking = self._asking[group]
+        if asking.attempts:
+            self._answered_attempts += math.ceil(asking.attempts / len(group))
+            self._answered_groups += 1
         asking.attempts, asking.given_up = 0, False
         asking.due_ns = t_ns + REFRESH_NS
         write = self._writes.get(name)
-        if write is not None and same_value(write[0], value):
+        if write is None:
+            return
+        if same_value(write[0], value):
             del self._writes[name]
+        else:
+            write[1].contradicted += write[1].attempts > 0
+
+    def on_error(self, message: Any) -> None:
+        """A PARAM_ERROR of the autopilot: it has no parameter of that name."""
+        if message.error == dialect.MAV_PARAM_ERROR_DOES_NOT_EXIST and message.param_id in self._group_of:
+            self._absent.add(message.param_id)
+            self.answers += 1
 
     def data_to_send(self, t_ns: int) -> list[Any]:
         """The message that is due, if one is: a PARAM_SET goes before what is only to be read."""
@@ -131,7 +163,10 @@ class ParameterClient:
             if asking.due_ns > t_ns:
                 continue
             names = tuple(name for name in group if name in self._values) or group
-            if asking.attempts >= ATTEMPTS * len(names):
+            if self._is_absent(group):
+                asking.due_ns = NEVER_NS
+                continue
+            if asking.attempts >= self._enough * len(names):
                 asking.attempts, asking.given_up, asking.due_ns = 0, True, t_ns + AGAIN_NS
                 continue
             name = names[asking.attempts % len(names)]
@@ -147,7 +182,11 @@ class ParameterClient:
     # --- changes, which the daemon never asks for ----------------------------------------------------------
 
     def write(self, name: str, value: float) -> None:
-        """Change a parameter that has been read; it is `writing` until it was read back."""
+        """Change a parameter that has been read; it is `writing` until it was read back.
+
+        It becomes `unwritten` where another value is read back again and again. Where nothing is, it is `unconfirmed`,
+        and no longer known: it may have been written.
+        """
         self._writes[name] = (value, _Request())
 
     @property
@@ -157,15 +196,32 @@ class ParameterClient:
 
     @property
     def unwritten(self) -> frozenset[str]:
-        """Names whose new value never came back."""
-        return frozenset(name for name, (_, asking) in self._writes.items() if asking.given_up)
+        """Names that were read back with another value than was written."""
+        return frozenset(n for n, (_, asking) in self._writes.items() if asking.given_up and asking.refused)
+
+    @property
+    def unconfirmed(self) -> frozenset[str]:
+        """Names that were written and never read back."""
+        return frozenset(n for n, (_, asking) in self._writes.items() if asking.given_up and not asking.refused)
+
+    @property
+    def _enough(self) -> int:
+        """Attempts after which a name is given up, by how many requests it took until the others answered."""
+        if not self._answered_groups:
+            return ATTEMPTS
+        unheard = 1.0 - min(self._answered_groups / self._answered_attempts, 1.0)
+        if unheard == 0.0:
+            return ATTEMPTS
+        return min(max(ATTEMPTS, math.ceil(math.log(MISSED) / math.log(unheard))), MOST_ATTEMPTS)
 
     def _write_request(self, t_ns: int) -> Any | None:
         for name, (value, asking) in self._writes.items():
             if asking.given_up or asking.due_ns > t_ns:
                 continue
-            if asking.attempts >= ATTEMPTS:
+            if asking.attempts >= (ATTEMPTS if asking.refused else self._enough):
                 asking.given_up = True
+                if not asking.refused:
+                    self._forget(name)
                 continue
             asking.attempts += 1
             asking.due_ns = t_ns + ANSWER_NS
@@ -175,8 +231,21 @@ class ParameterClient:
             return dialect.MAVLink_param_set_message(*self._to, name.encode(), wire_value, kind)
         return None
 
+    def _forget(self, name: str) -> None:
+        """Whether a new value was taken is not known: ask."""
+        self._values.pop(name, None)
+        self._asking[self._group_of[name]] = _Request()
+        self._next_ns = 0
+        self.answers += 1  # what is known has changed
+
     def _known(self, group: tuple[str, ...]) -> bool:
         return any(name in self._values for name in group)
+
+    def _is_absent(self, group: tuple[str, ...]) -> bool:
+        return self._absent.issuperset(group)
+
+    def _is_done(self, group: tuple[str, ...]) -> bool:
+        return self._known(group) or self._is_absent(group) or self._asking[group].given_up
 
     def _too_soon(self, t_ns: int) -> bool:
         return self._spoken_ns is not None and 0 <= t_ns - self._spoken_ns < SPACING_NS

@@ -5,13 +5,16 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from asvhil.io.mavlink.frames import decode, dialect, message_id
+from asvhil.io.mavlink.frames import decode, dialect, message_id, target
 
+EVERYBODY = (0, 0)  # an acknowledgement of MAVLink 1 names nobody
 ACK_TIMEOUT_NS = 500_000_000
 ATTEMPTS = 4
 WATCH_NS = 5_000_000_000
 RETRY_AFTER_NS = 15_000_000_000
 LEAST_SHARE = 0.5  # of the asked rate: below it the stream is asked for again
+STALE_NS = 3_000_000_000  # for so long a second answer to a repeated request may be on its way
+UNANSWERED = 3  # messages in a row without any acknowledgement, before it is thought that there are none
 
 # What ArduPilot streams together by REQUEST_DATA_STREAM.
 LEGACY_STREAMS = {
@@ -28,14 +31,19 @@ LEGACY_STREAMS = {
 class StreamRequester:
     """Requests messages at their rates from a system. ACKs carry no message id, so one request is in flight at a time.
 
-    What arrives counts, not what was acknowledged. A reboot of the autopilot (`restart`) forgets all rates. `legacy`:
-    a message that cannot be had by SET_MESSAGE_INTERVAL is requested with its whole stream by REQUEST_DATA_STREAM,
-    which has no ACK, at the highest rate wanted of that stream.
+    What arrives counts, not what was acknowledged. A reboot of the autopilot (`restart`) forgets all rates. `us`: the
+    (system, component) that sends the requests; acknowledgements to others are not ours. `legacy`: a message that
+    cannot be had by SET_MESSAGE_INTERVAL is requested with its whole stream by REQUEST_DATA_STREAM, which has no ACK,
+    at the highest rate wanted of that stream. Silence is taken for a refusal only where nothing was ever acknowledged.
     """
 
-    def __init__(self, rates_hz: dict[str, float], system_id: int, *, legacy: bool = False) -> None:
+    def __init__(
+        self, rates_hz: dict[str, float], system_id: int, us: tuple[int, int] | None = None, *, legacy: bool = False
+    ) -> None:
         self._rates_hz = dict(rates_hz)
         self._system_id = system_id
+        self._us = us
+        self._t_ns = 0
         self._stream_of = {name: stream for stream, names in LEGACY_STREAMS.items() for name in names} if legacy else {}
         self._legacy: list[int] = []
         self._wanted = {getattr(dialect, f"MAVLINK_MSG_ID_{name}"): rate for name, rate in rates_hz.items()}
@@ -45,6 +53,9 @@ class StreamRequester:
         self._in_flight: int | None = None
         self._asked_ns = 0
         self._attempts = 0
+        self._stale = (0, 0)  # second answers that may still come, and until when
+        self._acknowledged = False
+        self._unanswered = 0
         self._watch_from_ns: int | None = None
         self._not_before_ns: dict[int, int] = {}
         self.denied: set[str] = set()
@@ -60,30 +71,45 @@ class StreamRequester:
         self._legacy.clear()
         self.denied.clear()
 
+    @property
+    def settled(self) -> bool:
+        """Whether every message has been requested, and its request answered or given up for now."""
+        return not self._queue and self._in_flight is None
+
     def receive(self, frame: bytes) -> None:
         """Any complete frame of the autopilot: it is counted, and an acknowledgement of a request is understood."""
         msg_id = message_id(frame)
         if msg_id in self._counts:
             self._counts[msg_id] += 1
-        elif msg_id == dialect.MAVLINK_MSG_ID_COMMAND_ACK:
+        elif msg_id == dialect.MAVLINK_MSG_ID_COMMAND_ACK and self._is_for_us(frame):
             message = decode(frame)
             if message is not None and message.command == dialect.MAV_CMD_SET_MESSAGE_INTERVAL:
                 self._on_acknowledgement(message.result)
 
     def data_to_send(self, t_ns: int) -> list[Any]:
         """Requests that are due: SET_MESSAGE_INTERVAL for one message, REQUEST_DATA_STREAM for what is left to it."""
+        self._t_ns = t_ns
         due: list[Any] = []
         request = self._interval_request(t_ns)
         if request is not None:
             due.append(request)
         return due + self._stream_requests()
 
+    def _is_for_us(self, acknowledgement: bytes) -> bool:
+        return self._us is None or target(acknowledgement) in (self._us, EVERYBODY)
+
     def _on_acknowledgement(self, result: int) -> None:
+        self._acknowledged = True
         if self._in_flight is None or result == dialect.MAV_RESULT_IN_PROGRESS:
             return
         if result != dialect.MAV_RESULT_ACCEPTED:
+            stale, until_ns = self._stale
+            if stale and self._t_ns < until_ns:
+                self._stale = (stale - 1, until_ns)
+                return  # it may be the answer to a repetition of the request before
             self.denied.add(self._names[self._in_flight])
             self._fall_back(self._in_flight)
+        self._stale = (self._attempts - 1, self._t_ns + STALE_NS)
         self._in_flight = None
 
     def _stream_requests(self) -> list[Any]:
@@ -95,6 +121,17 @@ class StreamRequester:
         self.requests += len(due)
         self._legacy = []
         return due
+
+    def _give_up(self, msg_id: int) -> None:
+        """No answer. What comes by without one is right; what does not is asked for again, if only its ACK is late."""
+        if self._acknowledged:
+            return
+        self._unanswered += 1
+        if self._unanswered == UNANSWERED:
+            for name in self._wanted:
+                self._fall_back(name)
+        elif self._unanswered > UNANSWERED:
+            self._fall_back(msg_id)
 
     def _fall_back(self, msg_id: int) -> None:
         stream = self._stream_of.get(self._names[msg_id])
@@ -108,7 +145,7 @@ class StreamRequester:
             if t_ns - self._asked_ns < ACK_TIMEOUT_NS:
                 return None
             if self._attempts >= ATTEMPTS:
-                self._fall_back(self._in_flight)
+                self._give_up(self._in_flight)
                 self._in_flight = None
         if self._in_flight is None:
             if not self._queue:

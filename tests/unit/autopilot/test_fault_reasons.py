@@ -78,6 +78,11 @@ def test_a_pattern_that_only_parameters_make_names_them_though_they_were_read_as
     assert hint(Fault(cause=Cause.REVERSED), findings(**right)) == "SERVO1/3_REVERSED"
 
 
+def test_what_was_read_as_wrong_comes_before_what_has_not_answered() -> None:
+    assert hint(Fault(cause=Cause.IGNORED), findings(RC_OPTIONS=34.0)) == "RC_OPTIONS"
+    assert hint(Fault(cause=Cause.REVERSED), findings(RC3_REVERSED=1.0)) == "RC3_REVERSED"
+
+
 def test_a_motor_that_does_not_answer_though_its_function_is_right_has_no_parameter_to_look_at() -> None:
     functions = {"SERVO1_FUNCTION": 73.0, "SERVO3_FUNCTION": 74.0}
     assert hint(Fault(cause=Cause.STUCK), findings(**functions)) == ""

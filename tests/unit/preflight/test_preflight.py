@@ -1,5 +1,6 @@
 """`asvhil check` against the simulated vehicle in virtual time: each mistake is found, named, mended, and gone."""
 
+import random
 from collections.abc import Collection
 from dataclasses import replace
 from pathlib import Path
@@ -292,6 +293,63 @@ def test_a_third_of_all_frames_lost_is_no_wrong_parameter() -> None:
     dock.plant.advance = lambda t_ns: [f for f in advance(t_ns) if next(count) % 3]  # type: ignore[method-assign]
     checks = dock.look()
     assert not any(c.result is Result.FAIL for c in checks if c.section == "parameters")
+
+
+class LossyDock(Dock):
+    """A dock whose link loses a share of all frames, each way."""
+
+    def __init__(self, loss: float, seed: int, *overrides: str) -> None:
+        super().__init__(*overrides)
+        chance = random.Random(seed)
+        advance, receive = self.plant.advance, self.plant.receive
+        self.plant.advance = lambda t_ns: [  # type: ignore[method-assign]
+            frame for frame in advance(t_ns) if frame.port != "autopilot" or chance.random() >= loss
+        ]
+        self.plant.receive = lambda frame: receive(frame) if chance.random() >= loss else None  # type: ignore[method-assign]
+
+    def look(self) -> list[Check]:
+        self.survey = Survey(self.config)
+        while self.survey.stage != "done":
+            self.run(1.0)
+        return checks_of(self.survey)
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("loss", [0.02, 0.1, 0.4])
+def test_a_lossy_link_makes_no_finding_and_nothing_to_write(loss: float, seed: int) -> None:
+    dock = LossyDock(loss, seed)
+    checks = dock.look()
+    wrong = {c.item for c in checks if c.result in (Result.FAIL, Result.WARN) and c.section != "rates"}
+    assert wrong <= {"clock of this computer"}
+    assert dock.survey.fixable == [] and dock.survey.fix() == []
+
+
+@pytest.mark.parametrize("name", ["SERVO3_MIN", "SERVO1_TRIM", "RC3_MIN", "SYSID_MYGCS", "PILOT_STEER_TYPE"])
+def test_a_parameter_that_does_not_answer_is_unverified_and_writes_nothing(name: str) -> None:
+    dock = Dock("vehicle.pwm.astern_us=1100")  # RC3_MIN is 1000, as SERVO3_MIN: right, and not what would be written
+    advance = dock.plant.advance
+
+    def passes(frame: Frame) -> bool:
+        message = decode(frame.data) if frame.port == "autopilot" else None
+        return getattr(message, "param_id", "") != name
+
+    dock.plant.advance = lambda t_ns: [f for f in advance(t_ns) if passes(f)]  # type: ignore[method-assign]
+    checks = dock.look()
+    compared = {name.replace("SERVO", "RC")} if name.startswith("SERVO") else set()
+    assert bad(checks) == dict.fromkeys({name, *compared}, Result.UNVERIFIED) and worst(checks) is Result.UNVERIFIED
+    assert of(checks, name).found == "not known" and "proves nothing" in of(checks, name).todo
+    assert all(f"{name} has not answered" in of(checks, item).todo for item in compared)
+    assert dock.survey.fix() == []
+    dock.run(3.0)
+    assert all(message.get_type() != "PARAM_SET" for message in dock.said)
+
+
+def test_a_version_that_does_not_come_is_unverified_and_one_that_is_refused_is_said() -> None:
+    checks = Dock(lost=("AUTOPILOT_VERSION",)).look()
+    assert bad(checks) == {"firmware": Result.UNVERIFIED}
+    dock = Dock()
+    dock.plant.frontseat._commands.pop(dialect.MAV_CMD_REQUEST_MESSAGE)
+    assert bad(dock.look()) == {"firmware": Result.WARN}
 
 
 def test_the_model_must_be_of_this_vehicle_and_step() -> None:

@@ -48,7 +48,7 @@ class Wire:
                     self.plant.receive(frame)
 
     def wrong(self) -> dict[str, str]:
-        return {f.name: f.text for f in self.link.findings if not f.ok and f.value is not None}
+        return {f.name: f.text for f in self.link.findings if f.wrong}
 
 
 @pytest.mark.parametrize("firmware", ["4.6", "4.7"])
@@ -207,14 +207,91 @@ def test_each_mistake_is_one_line_that_fits_a_statustext(
 ) -> None:
     config = load_config("field")
     values = good() | changes
-    found = [f for f in judge(requirements(config.links.autopilot, config.vehicle.pwm), values) if not f.ok]
-    found = [f for f in found if f.value is not None]
+    found = [f for f in judge(requirements(config.links.autopilot, config.vehicle.pwm), values) if f.wrong]
     assert [f.text for f in found] == texts
     assert {f.requirement.cause for f in found} <= {cause}
     assert all(len(f.text) <= 50 for f in found)
     right = values | {f.name: f.wanted for f in found if f.wanted is not None}
     again = judge(requirements(config.links.autopilot, config.vehicle.pwm), right)
-    assert [f.text for f in again if not f.ok and f.value is not None] == []
+    assert [f.text for f in again if f.wrong] == []
+
+
+def test_what_has_not_answered_proves_nothing_of_itself_nor_of_what_is_compared_with_it() -> None:
+    config = load_config("field")
+    required = requirements(config.links.autopilot, config.vehicle.pwm)
+    values = good()
+    for name in tuple(values):
+        found = judge(required, {key: value for key, value in values.items() if key != name})
+        assert [f.text for f in found if f.wrong] == [], name
+        compared = {f.name for f in found if f.requirement.like == name}
+        assert {f.name for f in found if f.unverified} - OPTIONAL == ({name} | compared) - OPTIONAL
+    # What is compared with a wrong one is compared with what that will be, and still found.
+    found = judge(required, values | {"SERVO3_MIN": 1200.0, "RC3_MIN": 1200.0})
+    assert {f.name: f.wanted for f in found if f.wrong} == {"SERVO3_MIN": 1100.0, "RC3_MIN": 1100.0}
+
+
+@pytest.mark.parametrize("loss", [0.02, 0.1, 0.4])
+def test_a_lossy_link_is_asked_until_nearly_all_is_known_and_the_absent_are_left_alone(loss: float) -> None:
+    wire = Wire(loss=loss)
+    wire.run(20.0)
+    assert wire.wrong() == {} and wire.link.unread_parameters == ()
+    assert wire.link.parameters.complete and set(wire.link.parameters.silent) <= OPTIONAL
+
+
+def test_a_name_that_never_answers_is_told_and_asked_for_again_later() -> None:
+    client = ParameterClient([("A",), ("B",)], 1)
+    asked: list[tuple[float, str]] = []
+    for ms in range(0, 100_000, 50):
+        for message in client.data_to_send(ms * 1_000_000):
+            asked.append((ms / 1000.0, message.param_id))
+            if message.param_id == "A":
+                client.receive(ms * 1_000_000, value("A", 1.0))
+    tries = [at for at, name in asked if name == "B"]
+    assert client.silent == ("B",) and client.complete and len(tries) == 4 * ATTEMPTS
+    assert tries[ATTEMPTS] - tries[ATTEMPTS - 1] > 25.0
+
+
+def test_what_does_not_answer_is_noted_by_name_and_the_note_goes_once_it_does() -> None:
+    wire = Wire()
+    receive = wire.link.receive
+    lost = "SERVO3_MIN"
+    wire.link.receive = lambda f: receive(f) if getattr(decode(f.data), "param_id", "") != lost else []  # type: ignore
+    wire.run(6.0)
+    assert [(n.subject, n.text) for n in wire.link.notes] == [
+        ("unread parameters", "SERVO3_MIN: no answer yet, unverified")
+    ]
+    wire.link.receive = receive  # type: ignore[method-assign]
+    wire.run(35.0)
+    assert wire.link.notes == ()
+
+
+def test_a_name_that_the_autopilot_says_it_has_not_is_not_asked_for_again() -> None:
+    client = ParameterClient([("A",), ("B",)], 1)
+    client.on_error(dialect.MAVLink_param_error_message(1, 191, b"A", -1, dialect.MAV_PARAM_ERROR_DOES_NOT_EXIST))
+    asked = {m.param_id for i in range(200) for m in client.data_to_send(i * S)}
+    assert asked == {"B"} and client.silent == ("B",)
+    client.restart()  # with another firmware, perhaps
+    assert {m.param_id for i in range(200, 210) for m in client.data_to_send(i * S)} == {"A", "B"}
+
+
+def test_a_value_that_is_never_read_back_may_have_been_written_and_is_not_known() -> None:
+    client = ParameterClient([("A",)], 1)
+    client.receive(0, value("A", 1.0))
+    client.write("A", 2.0)
+    sent = [m for i in range(20) for m in client.data_to_send(i * S // 2)]
+    assert [m.get_type() for m in sent[:ATTEMPTS]] == ["PARAM_SET"] * ATTEMPTS
+    assert client.unconfirmed == {"A"} and not client.unwritten and not client.writing
+    assert dict(client.values) == {} and sent[ATTEMPTS].get_type() == "PARAM_REQUEST_READ"
+
+
+def test_an_answer_that_was_on_its_way_does_not_make_a_write_refused() -> None:
+    client = ParameterClient([("A",)], 1)
+    client.receive(0, value("A", 1.0))
+    client.write("A", 2.0)
+    assert client.data_to_send(S)[0].get_type() == "PARAM_SET"
+    client.receive(S, value("A", 1.0))  # of a request before
+    client.receive(2 * S, value("A", 2.0))
+    assert not client.writing and not client.unwritten and not client.unconfirmed
 
 
 def _set(name: str, number: float, t_ns: int) -> Frame:
