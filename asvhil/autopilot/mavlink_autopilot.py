@@ -21,6 +21,7 @@ from asvhil.types import Frame, FrontseatStatus, Heading, Measurement, Note, Tim
 HEARTBEAT_NS = 1_000_000_000
 REQUEST_NS = 1_000_000_000
 FIRST_TIME_NS = 300_000_000  # between requests for the autopilot's clock until one was answered
+SILENCE_NS = 3_000_000_000  # of heartbeats, after which nobody knows what has become of the vehicle
 FROM_ANYONE = (dialect.MAVLINK_MSG_ID_HEARTBEAT, dialect.MAVLINK_MSG_ID_TIMESYNC)
 
 
@@ -184,13 +185,15 @@ class MavlinkAutopilot:
     def _on_heartbeat(self, t_ns: int, m: Any) -> Sequence[Measurement]:
         if m.autopilot == dialect.MAV_AUTOPILOT_INVALID:
             return ()  # another component of the vehicle, not its autopilot
-        if self.autopilot_heartbeat_ns is None:
+        last_ns, self.autopilot_heartbeat_ns = self.autopilot_heartbeat_ns, t_ns
+        if last_ns is None or t_ns - last_ns > SILENCE_NS:
             self._output.on_connect(t_ns)
-        self.autopilot_heartbeat_ns = t_ns
         self._autopilot_component_id = m.get_srcComponent()
         self._stranger = "" if m.autopilot == self._kind.mav_autopilot else self._other_make(m.autopilot)
         self._armed = bool(m.base_mode & dialect.MAV_MODE_FLAG_SAFETY_ARMED)
         self._mode = self._mode_names.get(m.custom_mode, f"MODE_{m.custom_mode}")
+        if not self._armed:
+            self._output.on_disarmed(t_ns)
         return self._status(t_ns)
 
     def _other_make(self, mav_autopilot: int) -> str:

@@ -1,8 +1,8 @@
 """Protocols that command two motors of an autopilot by pulse widths, each with its own release. Sans-IO.
 
 `RcOverride` and `ManualControl` take the place of the pilot's sticks, and the autopilot drops them by itself when they
-stop. `SetServo` and `SetActuator` set outputs that keep their last value until another is sent: neutral is their
-release, and it is sent repeatedly, at the start and after every hold.
+stop. `SetServo` and `SetActuator` set outputs that keep their last value until another is sent, through disarming and
+arming too: neutral is their release, and it is sent repeatedly, at the start, after every hold and while disarmed.
 """
 
 from __future__ import annotations
@@ -39,7 +39,11 @@ class Output(Protocol):
         ...
 
     def on_connect(self, t_ns: int) -> None:
-        """Note that the autopilot is heard for the first time, or has rebooted."""
+        """Note that the autopilot is heard for the first time, again after a silence, or after a reboot."""
+        ...
+
+    def on_disarmed(self, t_ns: int) -> None:
+        """Note that the autopilot says that it is disarmed; comes with each of its heartbeats while it is."""
         ...
 
     def receive(self, acknowledgement: Any) -> None:
@@ -64,6 +68,9 @@ class _Sticks:
 
     def on_connect(self, t_ns: int) -> None:
         """Overrides of before have timed out: there is nothing to do."""
+
+    def on_disarmed(self, t_ns: int) -> None:
+        """Nothing is held that could move a motor at the next arming."""
 
     def receive(self, acknowledgement: Any) -> None:
         """These messages are never acknowledged."""
@@ -132,6 +139,11 @@ class _Held(ABC):
         self._neutral_until_ns = t_ns + NEUTRAL_NS
         self._neutral_due_ns = t_ns
 
+    def on_disarmed(self, t_ns: int) -> None:
+        """Send neutral once: the value that is held now drives the motors from the next arming on."""
+        if self._neutral_until_ns is None:
+            self._neutral_until_ns = self._neutral_due_ns = t_ns
+
     def data_to_send(self, t_ns: int) -> list[bytes]:
         if self._neutral_until_ns is None or t_ns < self._neutral_due_ns:
             return []
@@ -186,7 +198,8 @@ class SetActuator(_Held):
     command = int(dialect.MAV_CMD_DO_SET_ACTUATOR)
     hazard = (
         "DO_SET_ACTUATOR has no time-out: if this computer or the link dies, PX4 runs the motors on as last set "
-        "unless COM_OBL_RC_ACT disarms (7) or terminates (6) when OFFBOARD is lost"
+        "unless COM_OBL_RC_ACT disarms (7) or terminates (6) when OFFBOARD is lost; PX4 keeps the value while "
+        "disarmed and starts the motors with it at the next arming: do not arm before this program runs again"
     )
 
     def _set(self, port_us: int, starboard_us: int) -> list[bytes]:

@@ -32,19 +32,20 @@ def config(way: str, *overrides: str) -> Config:
 
 
 class Loop(Lockstep):
-    """A loop whose backseat can be made deaf to the autopilot, or be killed."""
+    """A loop whose backseat can be made deaf to the autopilot, cut off from it both ways, or killed."""
 
-    deaf = False
+    deaf = cut = False
 
     def tick(self) -> tuple[Inputs, Outputs]:
-        if not self.deaf:
+        if not self.deaf and not self.cut:
             return super().tick()
         self.t_ns += self._period_ns
         self.plant.advance(self.t_ns)
         inputs = Inputs(t_ns=self.t_ns, frames=())
         outputs = self.backseat.step(inputs)
-        for frame in outputs.frames:
-            self.plant.receive(frame)
+        if not self.cut:
+            for frame in outputs.frames:
+                self.plant.receive(frame)
         return inputs, outputs
 
     def driving(self) -> "Loop":
@@ -145,6 +146,40 @@ def test_after_a_crash_a_servo_command_stands_until_the_daemon_is_back() -> None
     for _ in range(20):
         loop.tick()
     assert loop.plant.frontseat.outputs_us == NEUTRAL
+
+
+def test_arming_again_after_a_crash_starts_no_motor_once_the_daemon_is_back() -> None:
+    loop = Loop(config("set_actuator")).driving()
+    at_the_end = loop.plant.frontseat.outputs_us
+    assert loop.left_alone(1.5) == NEUTRAL  # PX4 has disarmed
+    assert _arm_in_manual(loop)
+    assert loop.left_alone(0.1) == at_the_end  # the hazard, as on a real PX4: the last command stands
+    assert loop.plant.frontseat.arm(False) and loop.left_alone(5.0) == NEUTRAL
+    loop.backseat = build_backseat(loop.config.model_copy(update={"supervisor": _by_command(loop.config)}))
+    for _ in range(30):
+        loop.tick()
+    assert _arm_in_manual(loop)
+    assert {loop.tick() and loop.plant.frontseat.outputs_us for _ in range(200)} == {NEUTRAL}
+
+
+@pytest.mark.parametrize("way", ["set_servo", "set_actuator"])
+def test_a_command_that_stood_through_a_broken_link_ends_when_the_link_is_back(way: str) -> None:
+    loop = Loop(config(way)).driving()
+    standing = loop.plant.frontseat.outputs_us
+    loop.cut = True
+    for _ in range(200):  # the hold has ended, and the neutral that was said then is lost
+        loop.tick()
+    assert _arm_in_manual(loop)
+    assert loop.left_alone(0.1) == standing != NEUTRAL
+    loop.cut = False
+    outputs = [loop.tick() and loop.plant.frontseat.outputs_us for _ in range(100)]
+    assert set(outputs[30:]) == {NEUTRAL}
+
+
+def _arm_in_manual(loop: Loop) -> bool:
+    """The pilot, with a transmitter."""
+    seat = loop.plant.frontseat
+    return seat.set_mode({"px4": 0x00010000, "ardurover": 0}[loop.config.plant.autopilot]) and seat.arm(True)
 
 
 def _by_command(whole: Config) -> object:

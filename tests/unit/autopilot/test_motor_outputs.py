@@ -75,6 +75,7 @@ def test_actuators_span_the_output_range_and_leave_the_others_alone() -> None:
 def test_sticks_are_given_back_once_and_need_no_more(kind: str) -> None:
     way = output(kind)
     way.on_connect(0)
+    way.on_disarmed(0)
     assert way.data_to_send(0) == [] and len(way.release(0)) == 1
     assert all(way.data_to_send(t_ns) == [] for t_ns in range(0, 4000 * MS, 50 * MS))
     assert way.hazard == ""
@@ -97,6 +98,8 @@ def test_held_outputs_are_let_go_by_saying_neutral_for_three_seconds(kind: str, 
     assert said(way.release(5000 * MS)) == neutral
     again = [t_ns for t_ns in range(5000 * MS, 12_000 * MS, 50 * MS) if said(way.data_to_send(t_ns)) == neutral]
     assert len(again) == 30 and again[0] == 5100 * MS and again[-1] == 8000 * MS
+    way.on_disarmed(20_000 * MS)  # what is held now is what the motors do at the next arming
+    assert [said(way.data_to_send(t_ns)) for t_ns in (20_000 * MS, 20_050 * MS, 20_100 * MS)] == [neutral, [], []]
 
 
 def test_a_refusal_is_told_in_words_and_forgotten_when_it_is_over() -> None:

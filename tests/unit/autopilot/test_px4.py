@@ -68,12 +68,15 @@ def test_positions_and_attitudes_count_once_the_estimator_has_a_position() -> No
     px4 = link()
     attitude = dialect.MAVLink_attitude_message(1, 0, 0, -2.5, 0, 0, 0.125)
     assert feed(px4, POSITION, attitude) == []
-    assert feed(px4, estimator(1 | 16 | 128), POSITION)[1:] == []  # constant position mode: it only pretends
-    status, *found = feed(px4, estimator(831), POSITION, attitude)
-    assert isinstance(status, FrontseatStatus) and status.ready
-    assert [type(m) for m in found] == [Position, GroundVelocity, Heading, YawRate]
-    status, _ = feed(px4, estimator(1), POSITION)[0], None
-    assert isinstance(status, FrontseatStatus) and not status.ready
+    # Seen on PX4 1.15 and 1.16: armed; disarmed; at rest in 1.16, which says constant position mode as well.
+    for flags in (831, 895, 959):
+        status, *found = feed(px4, estimator(flags), POSITION, attitude)
+        assert isinstance(status, FrontseatStatus) and status.ready
+        assert [type(m) for m in found] == [Position, GroundVelocity, Heading, YawRate]
+    for flags in (229, 165, 1):  # GNSS dropped: disarmed; armed; only an attitude
+        status, *found = feed(px4, estimator(flags), POSITION, attitude)
+        assert isinstance(status, FrontseatStatus) and not status.ready
+        assert found == []
 
 
 def test_outputs_are_pulses_whether_told_in_microseconds_or_normalised() -> None:
@@ -113,6 +116,31 @@ def test_neutral_is_said_when_px4_is_first_heard_and_when_it_has_started_anew() 
     feed(px4, dialect.MAVLink_system_time_message(0, 90_000), dialect.MAVLink_system_time_message(0, 500), t_ns=6 * S)
     (m,) = _actuators(px4.data_to_send(6 * S))
     assert (m.param1, m.param2) == (0.0, 0.0) and px4.reboots == 1  # type: ignore[attr-defined]
+
+
+def test_neutral_is_said_again_after_a_silence_and_while_disarmed() -> None:
+    """PX4 keeps the last command through disarming, and starts the motors with it at the next arming."""
+    px4 = link()
+    feed(px4, heartbeat(0x00060000, armed=True), t_ns=0)
+    px4.drive(MS, 1900, 1900)
+    assert _neutral_times(px4, 0, 6) == []
+    feed(px4, heartbeat(0x00060000, armed=True), t_ns=6 * S)  # who knows what happened meanwhile
+    assert _neutral_times(px4, 6, 8) == [6000 + 100 * k for k in range(20)]
+    feed(px4, heartbeat(0x00060000, armed=True), t_ns=8 * S)
+    assert _neutral_times(px4, 8, 10) == [8000 + 100 * k for k in range(11)]
+    for second in range(10, 14):
+        feed(px4, heartbeat(0x00060000), t_ns=second * S)
+        assert _neutral_times(px4, second, second + 1) == [1000 * second]
+
+
+def _neutral_times(px4: Px4Autopilot, from_s: int, until_s: int) -> list[int]:
+    """When (ms) both motors were commanded to neutral; no other command is."""
+    times_ms = []
+    for ms in range(1000 * from_s, 1000 * until_s, 50):
+        for m in _actuators(px4.data_to_send(ms * MS)):
+            assert (m.param1, m.param2) == (0.0, 0.0)  # type: ignore[attr-defined]
+            times_ms.append(ms)
+    return times_ms
 
 
 def _actuators(frames: list[Frame]) -> list[object]:
