@@ -61,7 +61,7 @@ class Px4Autopilot(MavlinkAutopilot):
         return float(number >> 16 & 0xFF), float(number >> 24 & 0xFF)
 
     def _on_estimator_status(self, t_ns: int, m: Any) -> Sequence[Measurement]:
-        # CONST_POS_MODE says nothing here: from 1.16 on it is also set while the vehicle is at rest with a good position.
+        # CONST_POS_MODE says nothing here: from 1.16 on it is also set at rest with a good position.
         self._ready = bool(m.flags & POSITION_USED)
         return self._status(t_ns)
 
