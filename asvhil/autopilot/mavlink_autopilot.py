@@ -56,7 +56,7 @@ class MavlinkAutopilot:
         self._autopilot_component_id: int | None = None
         self._request_ns: dict[int, int] = {}
         self._stranger = ""
-        self._boot_ms = -1
+        self._boot_ms: dict[int, int] = {}  # by message
         self._armed = False
         self._mode = ""
         self._ready = False
@@ -216,13 +216,13 @@ class MavlinkAutopilot:
         return self._status(t_ns)
 
     def _on_attitude(self, t_ns: int, m: Any) -> Sequence[Measurement]:
-        self._note_boot_time(t_ns, m.time_boot_ms)
+        self._note_boot_time(t_ns, m)
         if not self._ready:
             return ()
         return Heading(t_ns=t_ns, psi_rad=m.yaw), YawRate(t_ns=t_ns, r_radps=m.yawspeed)
 
     def _on_system_time(self, t_ns: int, m: Any) -> None:
-        self._note_boot_time(t_ns, m.time_boot_ms)
+        self._note_boot_time(t_ns, m)
 
     def _on_command_ack(self, t_ns: int, m: Any) -> None:
         self._output.receive(m)
@@ -235,16 +235,21 @@ class MavlinkAutopilot:
         if m.tc1 == 0 or m.get_srcComponent() == self._autopilot_component_id:
             self._timesync.receive(t_ns, m)
 
-    def _note_boot_time(self, t_ns: int, boot_ms: int) -> None:
-        """A boot clock that runs back by a second or more is a reboot: rates and readiness are gone."""
-        if boot_ms + 1000 < self._boot_ms:
+    def _note_boot_time(self, t_ns: int, m: Any) -> None:
+        """A boot clock that runs back by a second or more is a reboot: rates and readiness are gone.
+
+        Each message is compared with its own kind: bridges leave the time of some at 0, or have it stand still.
+        """
+        msg_id, boot_ms = m.get_msgId(), m.time_boot_ms
+        if boot_ms + 1000 < self._boot_ms.get(msg_id, 0):
+            self._boot_ms.clear()
             self.reboots += 1
             self._ready = False
             self._streams.restart()
             self._timesync.restart()
             self.parameters.restart()
             self._output.on_connect(t_ns)
-        self._boot_ms = boot_ms
+        self._boot_ms[msg_id] = boot_ms
 
     # --- out -----------------------------------------------------------------------------------------------
 

@@ -53,7 +53,7 @@ class MavlinkSensors:
     def __init__(self, ready: Callable[[], bool]) -> None:
         self._ready = ready
         self._h_acc_m = 0.0
-        self._fix_times_us: dict[int, int] = {}  # of the last fix, by message
+        self._last_fixes: dict[int, tuple[int, ...]] = {}  # time and content, by message
         self.handlers: dict[int, Callable[[int, Any], Found]] = {
             dialect.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: self._global_position,
             dialect.MAVLINK_MSG_ID_GPS_RAW_INT: self._gps_raw,
@@ -82,10 +82,15 @@ class MavlinkSensors:
         return self._new_fix(t_ns, m)
 
     def _new_fix(self, t_ns: int, m: Any) -> Found:
-        message = m.get_msgId()
-        if m.fix_type < dialect.GPS_FIX_TYPE_3D_FIX or m.time_usec == self._fix_times_us.get(message):
-            return ()  # none, or the same fix streamed again
-        self._fix_times_us[message] = m.time_usec
+        """A fix that has not come before.
+
+        Autopilots repeat the last fix at the rate of the stream. Its time alone does not tell: with some receivers it
+        stays 0 or stands still. Two fixes of a receiver that works differ in some digit.
+        """
+        message, fix = m.get_msgId(), (m.time_usec, m.lat, m.lon, m.alt, m.vel, m.cog)
+        if m.fix_type < dialect.GPS_FIX_TYPE_3D_FIX or fix == self._last_fixes.get(message):
+            return ()
+        self._last_fixes[message] = fix
         return _raw_fix(t_ns, m)
 
     def _attitude_quaternion(self, t_ns: int, m: Any) -> Found:

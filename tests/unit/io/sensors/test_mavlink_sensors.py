@@ -50,6 +50,35 @@ def test_both_receivers(kind: type, name: str) -> None:
     assert isinstance(place, Position)
 
 
+@pytest.mark.parametrize("kind", [d.MAVLink_gps_raw_int_message, d.MAVLink_gps2_raw_message])
+@pytest.mark.parametrize("time_us", [0, 1_700_000_000_000_000, 2**64 - 1])
+def test_a_fix_is_told_by_its_content_where_its_time_stands_still(kind: type, time_us: int) -> None:
+    """Some receivers and bridges never fill it in; a fix that is streamed three times is one all the same."""
+    ardurover = link()
+    found = [read(ardurover, gps(kind, time_us, 3, vel=speed)) for speed in (250, 250, 250, 251, 251, 250, 249)]
+    assert [len(measurements) for measurements in found] == [2, 0, 0, 2, 0, 2, 2]
+
+
+def test_a_boat_that_lies_still_has_a_new_fix_with_each_new_time() -> None:
+    ardurover = link()
+    times_us = (1000, 1000, 2000, 3000, 3000, 1000)  # the last one after a reboot
+    found = [read(ardurover, gps(d.MAVLink_gps_raw_int_message, time_us, 3)) for time_us in times_us]
+    assert [len(measurements) for measurements in found] == [2, 0, 2, 2, 0, 2]
+
+
+@pytest.mark.parametrize("stuck_ms", [0, 40_000])
+def test_a_boot_clock_that_stands_still_in_one_message_is_no_reboot(stuck_ms: int) -> None:
+    ardurover = link()
+    read(ardurover, d.MAVLink_heartbeat_message(10, 3, 0, 0, 4, 3), READY)
+    for second in range(60, 70):
+        clock = d.MAVLink_system_time_message(0, second * 1000)
+        attitude = d.MAVLink_attitude_message(stuck_ms, 0.0, 0.0, 1.0, 0.0, 0.0, 0.1)
+        assert len(read(ardurover, clock, attitude)) == 2
+    assert ardurover.reboots == 0
+    read(ardurover, d.MAVLink_system_time_message(0, 3000), d.MAVLink_attitude_message(stuck_ms, *[0.0] * 6))
+    assert ardurover.reboots == 1
+
+
 @pytest.mark.parametrize("place", [(2**31 - 1, 2**31 - 1), (0, 0), (404237000, -1869212000), (-910000000, 0)])
 def test_what_is_no_place_on_earth_is_no_fix(place: tuple[int, int]) -> None:
     raw = d.MAVLink_gps_raw_int_message(1, 3, *place, 0, 100, 100, 250, 9000, 12, 0, 1500, 0, 0, 0, 0)
