@@ -155,6 +155,7 @@ class MavlinkAutopilot:
             ("autopilot.bad_crc", self._parser.total("bad_crc")),
             ("autopilot.garbage_bytes", self._parser.total("garbage_bytes")),
             ("autopilot.unknown", self._parser.total("unknown")),
+            ("autopilot.lost", self._parser.total("lost")),
             ("autopilot.impossible", self.impossible),
             ("autopilot.reboots", self.reboots),
             ("autopilot.timesync_rejected", self._timesync.rejected),

@@ -105,7 +105,11 @@ def target(frame: bytes) -> tuple[int, int]:
 
 
 class FrameSplitter:
-    """Cuts a byte stream, or datagrams, into MAVLink frames whose checksum holds. Never raises; counts drops.
+    """Puts MAVLink frames together whose checksum holds, wherever their bytes were cut. Never raises; counts drops.
+
+    A chunk may end anywhere in a frame, also where it is a datagram: radios and bridges from serial lines cut as it
+    suits them. The beginning of a frame whose rest is lost delays nothing: a chunk that begins with a whole frame is
+    not its rest. `lost` counts the frames that are missing in the senders' sequence numbers.
 
     A message that the dialect does not know is passed over whole and counted as `unknown`. Its CRC_EXTRA, the seed of
     its checksum, is not known either: the checksum must hold for some seed, which it does for one in 256 of random
@@ -113,18 +117,24 @@ class FrameSplitter:
     """
 
     MAX_BUFFER = 4096
+    MAX_SENDERS = 64
 
     def __init__(self, *, datagrams: bool = False) -> None:
+        """`datagrams`: the data come as whole frames, as in a file of them, and the rest of a chunk is garbage."""
         self._buffer = b""
-        self._datagrams = datagrams  # a frame never spans two datagrams: the rest of one is garbage
+        self._datagrams = datagrams
+        self._sequences: dict[tuple[int, int], int] = {}
         self.frames = 0
         self.bad_crc = 0
         self.unknown = 0
         self.garbage_bytes = 0
+        self.lost = 0
 
     def receive(self, data: bytes) -> list[bytes]:
         """All complete frames that `data` brings to an end, in order."""
         buffer = self._buffer + data if self._buffer else data
+        chunk_at = len(self._buffer)  # a frame that spans this is whole in `buffer`, or `data` does not begin with one
+        begins_whole: bool | None = None
         found: list[bytes] = []
         at = 0
         size = len(buffer)
@@ -150,6 +160,13 @@ class FrameSplitter:
                 flags, msg_id, signature = 0, buffer[at + 5], 0
             extra = _CRC_EXTRA.get(msg_id)
             end = at + length + signature
+            if at < chunk_at and end > size:
+                if begins_whole is None:
+                    begins_whole = _is_whole(buffer, chunk_at)
+                if begins_whole:
+                    self.garbage_bytes += 1
+                    at += 1
+                    continue
             if extra is None and not flags & ~SIGNED and not self._known_within(buffer, at + 1, end):
                 if end > size and not self._datagrams:
                     break
@@ -171,6 +188,7 @@ class FrameSplitter:
                 at += 1
                 continue
             found.append(buffer[at:end])
+            self._count_lost(found[-1])
             at = end
         self.frames += len(found)
         rest = buffer[at:]
@@ -180,16 +198,24 @@ class FrameSplitter:
         self._buffer = rest[-self.MAX_BUFFER :]
         return found
 
+    def _count_lost(self, frame: bytes) -> None:
+        """A step back, or of half a round, is a repetition, a restart or a sender that does not count."""
+        number = frame[2] if frame[0] == MAGIC_V1 else frame[4]
+        sender = source(frame)
+        last = self._sequences.get(sender)
+        if last is not None:
+            missing = (number - last - 1) % 256
+            if missing < 128:
+                self.lost += missing
+        elif len(self._sequences) >= self.MAX_SENDERS:
+            return
+        self._sequences[sender] = number
+
     def _known_within(self, buffer: bytes, at: int, end: int) -> bool:
         """Whether a whole frame of a known message begins in buffer[at:end]."""
         while (at := self._next_magic(buffer, at)) < min(end, len(buffer)):
-            header = HEADER_V2 if buffer[at] == MAGIC_V2 else HEADER_V1
-            if len(buffer) - at >= header + CRC_LENGTH:
-                body_end = at + header + buffer[at + 1]
-                extra = _CRC_EXTRA.get(message_id(buffer[at : at + header]))
-                crc = buffer[body_end : body_end + CRC_LENGTH]
-                if extra is not None and crc == mcrf4xx(buffer[at + 1 : body_end] + extra).to_bytes(2, "little"):
-                    return True
+            if _is_whole(buffer, at):
+                return True
             at += 1
         return False
 
@@ -200,6 +226,19 @@ class FrameSplitter:
         if v1 >= 0:
             return v1
         return v2 if v2 >= 0 else len(buffer)
+
+
+def _is_whole(buffer: bytes, at: int) -> bool:
+    """Whether a frame of a known message stands whole in the buffer at `at`, and its checksum holds."""
+    if at >= len(buffer) or buffer[at] not in (MAGIC_V1, MAGIC_V2):
+        return False
+    header = HEADER_V2 if buffer[at] == MAGIC_V2 else HEADER_V1
+    if len(buffer) - at < header + CRC_LENGTH:
+        return False
+    body_end = at + header + buffer[at + 1]
+    extra = _CRC_EXTRA.get(message_id(buffer[at : at + header]))
+    crc = buffer[body_end : body_end + CRC_LENGTH]
+    return extra is not None and crc == mcrf4xx(buffer[at + 1 : body_end] + extra).to_bytes(2, "little")
 
 
 def _holds_for_some_seed(buffer: bytes, at: int, body_end: int) -> bool:
@@ -220,27 +259,38 @@ def decode(frame: bytes) -> Any | None:
         return None
 
 
+COUNTERS = ("frames", "bad_crc", "unknown", "garbage_bytes", "lost")
+
+
 class Parser:
-    """Frames of one port, kept apart by where they come from: one splitter each, the oldest forgotten beyond 16."""
+    """Frames of one port, put together for each peer by itself. At most 16 peers are remembered.
+
+    Beyond that the one that was not heard for longest is forgotten, those first that have never sent a whole frame.
+    """
 
     MAX_PEERS = 16
 
     def __init__(self) -> None:
-        self._splitters: dict[tuple[str, str], FrameSplitter] = {}
+        self._splitters: dict[tuple[str, str], FrameSplitter] = {}  # the one heard last stands last
         self._forgotten = FrameSplitter()
 
     def receive(self, peer: str, data: bytes, via: str = "") -> list[bytes]:
-        """Complete frames from one peer (of another link, `via`): datagrams; a stream where neither is named."""
-        splitter = self._splitters.get((via, peer))
+        """The frames that bytes of one peer bring to an end; those of another link, `via`, come whole."""
+        splitter = self._splitters.pop((via, peer), None)
         if splitter is None:
             if len(self._splitters) >= self.MAX_PEERS:
-                gone = self._splitters.pop(next(iter(self._splitters)))
-                for name in ("frames", "bad_crc", "unknown", "garbage_bytes"):
-                    setattr(self._forgotten, name, getattr(self._forgotten, name) + getattr(gone, name))
-            splitter = self._splitters[via, peer] = FrameSplitter(datagrams=bool(via or peer))
+                self._forget()
+            splitter = FrameSplitter(datagrams=bool(via))
+        self._splitters[via, peer] = splitter
         return splitter.receive(data)
 
     def total(self, name: str) -> int:
-        """The sum of one counter (frames, bad_crc, unknown, garbage_bytes) over all peers."""
+        """The sum of one counter (frames, bad_crc, unknown, garbage_bytes, lost) over all peers."""
         every = [*self._splitters.values(), self._forgotten]
         return sum(getattr(splitter, name) for splitter in every)
+
+    def _forget(self) -> None:
+        oldest = next(iter(self._splitters))
+        gone = self._splitters.pop(next((key for key, one in self._splitters.items() if not one.frames), oldest))
+        for name in COUNTERS:
+            setattr(self._forgotten, name, getattr(self._forgotten, name) + getattr(gone, name))

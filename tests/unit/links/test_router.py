@@ -1,7 +1,13 @@
 """The return address of an operator behind another link: there and back by a field of the frame."""
 
+from itertools import zip_longest
+from pathlib import Path
+
+import pytest
+
 from asvhil.config import load_config
 from asvhil.io.mavlink.frames import dialect
+from asvhil.io.mavlink.signing import Signer, SigningClock, derive_key
 from asvhil.links.router import MavlinkRouter
 from asvhil.operator.session import encode_hold
 from asvhil.types import Address, Frame
@@ -61,3 +67,47 @@ async def test_what_is_passed_on_to_the_autopilot_names_the_link_that_it_came_by
 def heartbeat(system_id: int, component_id: int) -> bytes:
     sender = dialect.MAVLink(None, srcSystem=system_id, srcComponent=component_id)
     return bytes(dialect.MAVLink_heartbeat_message(11, 3, 81, 0, 4, 3).pack(sender))
+
+
+def cut(data: bytes, size: int) -> list[bytes]:
+    return [data[at : at + size] for at in range(0, len(data), size)]
+
+
+@pytest.mark.parametrize("size", [1, 9, 64, 256, 300])
+async def test_frames_cut_anywhere_are_routed_whole_each_to_its_peers_way(size: int) -> None:
+    made, noted, autopilot = router()
+    await made.receive(Frame(t_ns=0, port="autopilot", data=heartbeat(1, 1), peer="boat:1"))
+    list_all = bytes(dialect.MAVLink_param_request_list_message(1, 1).pack(GCS))
+    ours = encode_hold(load_config("sitl").links.autopilot, None, None, None)
+    sent = {"10.0.0.1:5": list_all * 20, "10.0.0.2:5": ours * 20}
+    taken: list[Frame] = []
+    pieces = zip_longest(*(cut(data, size) for data in sent.values()), fillvalue=b"")
+    for t_ns, chunks in enumerate(pieces):
+        for peer, chunk in zip(sent, chunks, strict=True):
+            taken += await made.receive(Frame(t_ns=t_ns, port=QGC, data=chunk, peer=peer))
+    assert autopilot.forwarded == [list_all] * 20 and [frame.data for frame in noted] == [list_all] * 20
+    assert [frame.data for frame in taken] == [ours] * 20 and {frame.peer for frame in taken} == {"10.0.0.2:5"}
+
+
+@pytest.mark.parametrize("size", [1, 9, 64, 256, 300])
+async def test_signatures_of_frames_cut_anywhere_are_checked(size: int, tmp_path: Path) -> None:
+    key = tmp_path / "key"
+    key.write_text("open sesame")
+    key.chmod(0o600)
+    signing = f"links.autopilot.signing={{key_file: {key}}}"
+    config = load_config("sitl", (signing, "links.autopilot.senders=['1/1']"))
+    made = MavlinkRouter(config.links, start_ns=0, unix_ns=lambda: 1_800_000_000_000_000_000)
+    clock = SigningClock()
+    signer = Signer(derive_key("open sesame"), 0, clock)
+    good = [signer.sign(heartbeat(1, 1), 1_800_000_000_000_000_000 + n) for n in range(30)]
+    forged = [
+        *good[10:11],
+        Signer(derive_key("other"), 0, SigningClock()).sign(heartbeat(1, 1), 10**18),
+        heartbeat(1, 1),
+    ]
+    data = b"".join((*good[:20], *forged, *good[20:]))
+    taken: list[bytes] = []
+    for t_ns, chunk in enumerate(cut(data, size)):
+        taken += [f.data for f in await made.receive(Frame(t_ns=t_ns, port="autopilot", data=chunk, peer="boat:1"))]
+    assert b"".join(taken) == b"".join(good)
+    assert made.remarks("autopilot") == "frames dropped: 1 replayed, 1 unsigned, 1 wrongly signed"

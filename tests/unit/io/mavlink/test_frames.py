@@ -137,6 +137,84 @@ def test_peers_are_kept_apart_and_bounded() -> None:
     assert parser.total("frames") == 101 and parser.total("garbage_bytes") == 102
 
 
+def test_a_peer_that_sends_frames_is_remembered_before_those_that_send_noise() -> None:
+    parser = Parser()
+    assert parser.receive("boat:1", ATTITUDE + ATTITUDE[:20]) == [ATTITUDE]
+    for number in range(100):
+        parser.receive(f"noise:{number}", b"\xfd\xff\x00")
+    assert parser.receive("boat:1", ATTITUDE[20:]) == [ATTITUDE]
+
+
+def stream(system_id: int, seconds: int) -> list[bytes]:
+    """Frames of an autopilot: of both versions, known and unknown, each numbered."""
+    found = []
+    mav = dialect.MAVLink(None, srcSystem=system_id, srcComponent=1)
+    for number in range(seconds * 20):
+        for message in (
+            dialect.MAVLink_attitude_message(50 * number, 0.01 * number, 0.2, 0.3, 0.0, 0.0, -0.1),
+            dialect.MAVLink_param_value_message(b"SERVO3_MIN", 1100.0, 4, 900, number % 900),
+        ):
+            found.append(bytes(message.pack(mav, force_mavlink1=number % 7 == 0)))
+            mav.seq = (mav.seq + 1) % 256
+    return found
+
+
+@pytest.mark.parametrize("size", [1, 2, 3, 7, 16, 28, 29, 63, 64, 65, 128, 255, 256, 280, 300])
+def test_frames_cut_at_any_size_are_put_together_for_each_peer(size: int) -> None:
+    sent = {f"10.0.0.{n}:14550": stream(n, 8) for n in (1, 2, 3)}
+    data = {peer: b"".join(frames) for peer, frames in sent.items()}
+    cut = {peer: [every[at : at + size] for at in range(0, len(every), size)] for peer, every in data.items()}
+    parser = Parser()
+    got: dict[str, list[bytes]] = {peer: [] for peer in sent}
+    for chunks in zip(*cut.values(), strict=True):  # in turn
+        for peer, chunk in zip(cut, chunks, strict=True):
+            got[peer] += parser.receive(peer, chunk)
+    assert got == sent
+    assert [parser.total(name) for name in ("bad_crc", "garbage_bytes", "lost")] == [0, 0, 0]
+
+
+@given(st.lists(st.integers(1, 300), min_size=1, max_size=60), st.integers(0, 2**32))
+def test_frames_cut_anywhere_with_datagrams_lost_cost_only_what_they_held(cuts: list[int], seed: int) -> None:
+    chance = random.Random(seed)
+    frames = stream(1, 3)
+    data, at, whole_from = b"".join(frames), 0, 0
+    parser, got, kept = Parser(), [], bytearray(len(data))
+    for cut in cuts * 20:
+        if chance.random() > 0.1:
+            got += parser.receive("radio:1", data[at : at + cut])
+            kept[at : at + cut] = b"\1" * len(data[at : at + cut])
+        at += cut
+    got += parser.receive("radio:1", frames[0] * 12)  # what was waiting for its rest is seen not to be whole
+    reach = min(at, len(data))
+    for frame in frames:
+        whole = whole_from + len(frame) <= reach and all(kept[whole_from : whole_from + len(frame)])
+        assert not whole or frame in got
+        whole_from += len(frame)
+
+
+def test_a_beginning_without_an_end_delays_nothing_that_comes_after_it() -> None:
+    parser = Parser()
+    assert parser.receive("radio:1", ATTITUDE[:20]) == []
+    assert parser.receive("radio:1", SERVO) == [SERVO]
+    assert parser.receive("radio:1", b"\xfd\xff\x00\x00\x00\x01\x01\x1e\x00\x00" + SERVO) == []  # promises 255 bytes
+    assert parser.receive("radio:1", ATTITUDE) == [SERVO, ATTITUDE]
+    assert parser.total("garbage_bytes") == 30
+
+
+def test_lost_frames_are_counted_by_sender_and_peer() -> None:
+    parser, frames = Parser(), stream(1, 4)
+    for number, frame in enumerate(frames):
+        if number % 10:
+            parser.receive("route:1", frame)
+        if number % 4:
+            parser.receive("route:2", frame)
+    assert parser.total("lost") == len(frames) // 10 - 1 + len(frames) // 4 - 1  # the first is not missed
+    constant = Parser()
+    for _ in range(50):
+        constant.receive("", ATTITUDE)  # a sender that does not count
+    assert constant.total("lost") == 0
+
+
 def test_decode_gives_the_fields_or_none() -> None:
     message = decode(ATTITUDE)
     assert message is not None and message.yaw == pytest.approx(0.3)
