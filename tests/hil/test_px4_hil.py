@@ -178,6 +178,53 @@ def test_a_rover_that_answers_each_third_sample_is_waited_for_at_the_third() -> 
     assert sitl.hil.counters.unanswered == 2
 
 
+def test_a_loop_that_does_not_divide_the_sensor_rate_costs_no_time() -> None:
+    """A rover's 100 Hz against 250 samples a second: PX4 answers after 2 and 3 samples by turns."""
+    sitl = Sitl(FAST)
+    sitl.lockstep(1)
+    start_us, start_ns = sitl.hil.plant.t_ns // 1000, sitl.t_ns
+    loop_us, in_vain = 0, []
+    while sitl.hil.plant.t_ns // 1000 < start_us + 2_000_000:
+        sitl.t_ns = max(sitl.t_ns, sitl.hil.next_ns)
+        for sample_us in samples_us(sitl.poll()):
+            if sample_us >= loop_us + 10_000:
+                loop_us = sample_us // 10_000 * 10_000
+                sitl.answer(sample_us)
+                in_vain.append(sitl.hil.counters.unanswered)
+    assert in_vain[10] == in_vain[-1] <= 3
+    assert sitl.t_ns - start_ns <= 3 * 10 * MS  # no wait but for those
+
+
+def test_a_px4_that_falls_silent_drives_no_motor_and_holds_nothing_up() -> None:
+    sitl = Sitl(FREE, FAST, CALM)
+    sitl.lockstep(500, 0.5, 0.5)
+    answered_ns, start_ns = sitl.hil.plant.t_ns, sitl.t_ns
+    while sitl.hil.plant.t_ns < answered_ns + 200 * MS:
+        assert sitl.hil.lockstep and sitl.hil.plant.truth.outputs_us == (1700, 1700)
+        sitl.next()
+    sitl.next()
+    assert (sitl.hil.lockstep, sitl.hil.armed, sitl.hil.silent) == (False, False, True)
+    assert sitl.hil.plant.truth.outputs_us == (0, 0)
+    assert sitl.t_ns - start_ns <= 51 * 10 * MS  # each of 50 samples was waited for
+    before_ns = sitl.hil.plant.t_ns
+    assert len(samples_us(sitl.wait(SECOND))) == pytest.approx(250, abs=3)  # in real time from there
+    assert sitl.hil.plant.t_ns - before_ns == pytest.approx(SECOND, abs=12 * MS)
+    waited = sitl.hil.counters.unanswered
+    sitl.lockstep(100, 0.25, 0.25)
+    assert sitl.hil.lockstep and sitl.hil.outputs_us == (1600, 1600) and not sitl.hil.silent
+    assert (sitl.hil.counters.silences, sitl.hil.counters.unanswered) == (1, waited)
+
+
+def test_a_board_that_falls_silent_drives_no_motor() -> None:
+    sitl = Sitl(FREE)
+    sitl.flags = 0
+    sitl.answer(1, 0.5, 0.5)
+    sitl.wait(190 * MS)
+    assert sitl.hil.plant.truth.outputs_us == (1700, 1700)
+    sitl.wait(30 * MS)
+    assert sitl.hil.plant.truth.outputs_us == (0, 0)
+
+
 def test_the_pace_is_real_time_and_a_stall_is_not_made_up_for() -> None:
     sitl = Sitl()
     sitl.lockstep(5)
@@ -390,11 +437,27 @@ def test_any_two_controls_can_be_the_motors() -> None:
 
 def test_moored_until_the_controls_have_been_neutral_for_a_while() -> None:
     sitl = Sitl()
-    sitl.wait(8 * SECOND)  # PX4 boots: no controls yet
+    sitl.lockstep(1000, 0.5, 0.5)
+    sitl.lockstep(1000)
     assert sitl.hil.plant.moored
-    sitl.lockstep(1000, mode=1)
+    sitl.lockstep(200, 0.5, 0.5)
+    sitl.lockstep(1250)
     assert sitl.hil.plant.moored and sitl.hil.plant.truth.n_m == -14.0
-    sitl.lockstep(300, mode=1)
+    sitl.lockstep(3)
+    assert not sitl.hil.plant.moored
+
+
+def test_time_without_controls_and_time_disarmed_count_as_neutral() -> None:
+    """PX4 1.16 sends none while a rover is disarmed: the boat is free by the time that it is armed and driven."""
+    sitl = Sitl()
+    sitl.wait(4 * SECOND)
+    assert sitl.hil.plant.moored
+    sitl.wait(2 * SECOND)
+    assert not sitl.hil.plant.moored
+    sitl = Sitl()
+    sitl.lockstep(50, 0.5, 0.5)
+    sitl.wait(3 * SECOND)  # silent
+    sitl.lockstep(700, mode=1)
     assert not sitl.hil.plant.moored
 
 

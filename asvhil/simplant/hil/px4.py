@@ -2,13 +2,19 @@
 
 PX4's clock is the time in HIL_SENSOR. Until its first HIL_ACTUATOR_CONTROLS, and for good where that lacks the lockstep
 flag (a real board), samples go out in real time. In lockstep a sample goes out when the last one has been answered.
-Some vehicles answer only every second or third sample (rovers, whose loops ran at 100 Hz), so the distance of the last
-two answers says which sample to wait at; and one without answer for `answer_timeout_s` holds nothing up.
+Some vehicles answer only every second or third sample (rovers, whose loops run at 100 Hz: at 250 samples a second after
+2 and 3 by turns), so the longest of the last distances says which sample to wait at; and one without answer for
+`answer_timeout_s` holds nothing up.
+
+A PX4 that falls silent drives no motor: a rover that is disarmed, or whose controller has nothing to do, sends no
+controls at all. After `SILENT_US` of PX4's time without an answer the motors are off, as without a signal, and lockstep
+is over until the next answer.
 """
 
 from __future__ import annotations
 
 import math
+from collections import deque
 from dataclasses import dataclass
 from typing import Any
 
@@ -25,6 +31,8 @@ HEARTBEAT_NS = 1_000_000_000  # a board starts MAVLink on its USB port once it h
 CATCH_UP_NS = 100_000_000  # a host that stalls longer makes the plant's time stand still
 REBOOT_US = 1_000_000  # PX4's time runs back by more than this only when it has started anew
 MAX_STRIDE = 25
+STRIDES = 8  # answers whose distances are looked at
+SILENT_US = 200_000
 FASTEST_US, SLOWEST_US = 1_000, 20_000
 NEVER_NS = 2**63
 
@@ -37,6 +45,7 @@ class Px4Counters:
     answers: int = 0
     unanswered: int = 0
     duplicates: int = 0
+    silences: int = 0
     restarts: int = 0
     garbage_bytes: int = 0
 
@@ -73,11 +82,11 @@ class Px4Hil:
         self._mav = dialect.MAVLink(None, srcSystem=self._system_id, srcComponent=COMPONENT_ID)
         self._messages = HilMessages(self._whole, self.plant)
         self._splitter = FrameSplitter()
-        self._heard = self.lockstep = self.armed = False
+        self._heard = self.lockstep = self.armed = self.silent = False
         self.outputs_us = OFF
         self._neutral = True
         self._answered_us: int | None = None  # PX4's time in its last answer
-        self._stride = 1  # samples from one answer to the next
+        self._strides: deque[int] = deque([1], STRIDES)  # samples from one answer to the next
         self._since = 0  # samples sent since the last that was answered
         self._due_ns = self._sent_ns = self._heartbeat_ns = t_ns
         self._fixes = 0
@@ -121,16 +130,28 @@ class Px4Hil:
             self.counters.duplicates += 1
             return
         self.counters.answers += 1
+        if self.silent:
+            self.silent, last_us = False, None
         self.armed = bool(message.mode & dialect.MAV_MODE_FLAG_SAFETY_ARMED)
         controls = message.controls
         self._drive(controls[self._config.port_control - 1], controls[self._config.starboard_control - 1])
         if last_us is not None:
-            self._stride = max(1, min(MAX_STRIDE, round((now_us - last_us) / self._step_us)))
+            self._strides.append(max(1, min(MAX_STRIDE, round((now_us - last_us) / self._step_us))))
         self._answered_us = now_us
         # An answer may be late: it is to the sample whose time it bears, and later ones are still to be answered.
         behind = round((self.plant.t_ns // 1000 - now_us) / self._step_us)
         self._since = behind if 0 <= behind <= self._since else 0
         self.lockstep = bool(message.flags & LOCKSTEP)
+
+    def _watch_for_silence(self) -> None:
+        """Motors off, and no more waiting for answers, once PX4 has sent no controls for a while."""
+        answered_us = self._answered_us
+        if answered_us is None or self.silent or self.plant.t_ns // 1000 - answered_us < SILENT_US:
+            return
+        self.silent = True
+        self.counters.silences += 1
+        self.lockstep = self.armed = False
+        self.outputs_us, self._neutral = OFF, True
 
     def _drive(self, port: float, starboard: float) -> None:
         if not self.armed:
@@ -163,6 +184,7 @@ class Px4Hil:
             asked_us = self._asked_us if interval_us == 0.0 else round(interval_us)
             if FASTEST_US <= asked_us <= SLOWEST_US:
                 self._step_us = asked_us
+                self._strides = deque([1], STRIDES)
                 self.plant.set_step(asked_us * 1e-6)
                 return int(dialect.MAV_RESULT_ACCEPTED)
         return int(dialect.MAV_RESULT_DENIED)
@@ -177,10 +199,15 @@ class Px4Hil:
         return min(self._heartbeat_ns, self._sample_ns)
 
     @property
+    def _awaits(self) -> bool:
+        """Whether the next sample is for after the answer to the last."""
+        return self.lockstep and self._since >= max(self._strides)
+
+    @property
     def _sample_ns(self) -> int:
         if not self._heard:
             return NEVER_NS
-        if self.lockstep and self._since >= self._stride:
+        if self._awaits:
             return max(self._due_ns, self._sent_ns + round(1e9 * self._config.answer_timeout_s))
         return self._due_ns
 
@@ -200,9 +227,10 @@ class Px4Hil:
         return sent
 
     def _sample(self, t_ns: int) -> list[Frame]:
-        if self.lockstep and self._since >= self._stride:
+        if self._awaits:
             self.counters.unanswered += 1
-        sent = self.plant.step(self.outputs_us, neutral=self._neutral and self._answered_us is not None)
+        self._watch_for_silence()
+        sent = self.plant.step(self.outputs_us, neutral=self._neutral)
         self.counters.samples += 1
         self._since += 1
         self._sent_ns = t_ns

@@ -209,10 +209,16 @@ class Px4HilServer(HilServer):
         backend, counters = self.backend, self.backend.counters
         if not backend.connected:
             return "waits for PX4"
-        parts = ["lockstep" if backend.lockstep else "real time", "armed" if backend.armed else "disarmed"]
+        pace = "lockstep" if backend.lockstep else "real time"
+        if backend.silent:
+            parts = [pace, "PX4 sends no controls (disarmed, or no module drives an output): motors off"]
+        elif not counters.answers:
+            parts = [pace, "PX4 has sent no controls yet"]
+        else:
+            parts = [pace, "armed" if backend.armed else "disarmed"]
         if backend.armed:
             parts.append(f"outputs {backend.outputs_us[0]}, {backend.outputs_us[1]} us")
-        for name in ("unanswered", "duplicates", "restarts"):
+        for name in ("unanswered", "duplicates", "silences", "restarts"):
             if count := getattr(counters, name):
                 parts.append(f"{count} {name}")
         return ", ".join(parts)
