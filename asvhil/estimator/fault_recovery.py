@@ -29,7 +29,9 @@ ALIVE = {
     "velocity": Liveliness(noise=0.012, motion=0.1),
     "heading": Liveliness(noise=math.radians(0.05), motion=math.radians(1.0)),
     "yaw_rate": Liveliness(noise=0.002, motion=0.02),
-    "acceleration": Liveliness(noise=0.01, motion=0.05),
+    # The prediction of a force is the vessel model's: a motor that starts late, or a thrust that is a little off, must
+    # not pass for a frozen sensor where the boat is at rest and the sensor coarse (ArduPilot's RAW_IMU: 1 mg).
+    "acceleration": Liveliness(noise=0.01, motion=0.15, lag_ns=300_000_000),
 }
 
 

@@ -34,14 +34,19 @@ class Track(NamedTuple):
     step: float = 0.0  # the least change of an axis so far: its resolution, if that is coarser than its noise
     repeats: int = 0
     repeated_since_ns: int = NEVER
+    apart_since_ns: int = NEVER  # since when the prediction has left a reading that repeats itself
     frozen: bool = False
 
 
 class Liveliness(NamedTuple):
-    """When a repeated reading is a frozen one: its usual noise, or the boat's motion meanwhile, is above these."""
+    """When a repeated reading is a frozen one: its usual noise, or the boat's motion meanwhile, is above these.
+
+    `lag_ns`: for how long the prediction may be ahead of a sound sensor, as when motors start later than predicted.
+    """
 
     noise: float
     motion: float
+    lag_ns: int = 0
 
 
 def hear(
@@ -69,10 +74,11 @@ def hear(
             step=step,
             repeats=0,
             repeated_since_ns=t_ns,
+            apart_since_ns=NEVER,
             frozen=False,
         )
     repeats = track.repeats + 1
-    frozen = track.frozen
+    frozen, apart_ns = track.frozen, track.apart_since_ns
     if not frozen and repeats >= LEAST_REPEATS and t_ns - track.repeated_since_ns >= after_ns:
         # MotionModel is that of the prediction since the first of them; only if it agreed with the reading then.
         off = math.hypot(value[0] - track.expected[0], value[1] - track.expected[1])
@@ -80,8 +86,10 @@ def hear(
         # A velocity of exactly zero is what many receivers tell of a boat that is slow.
         noisy = track.jitter > max(alive.noise, STEPS_OF_NOISE * track.step) and value != (0.0, 0.0)
         motion = max(alive.motion, track.step)
-        frozen = noisy or (moved > motion and off < motion)
-    return track._replace(heard_ns=t_ns, repeats=repeats, frozen=frozen)
+        apart = moved > motion and off < motion
+        apart_ns = (t_ns if apart_ns == NEVER else apart_ns) if apart else NEVER
+        frozen = noisy or (apart and t_ns - apart_ns >= alive.lag_ns)
+    return track._replace(heard_ns=t_ns, repeats=repeats, apart_since_ns=apart_ns, frozen=frozen)
 
 
 def use(track: Track, t_ns: int) -> Track:

@@ -75,3 +75,34 @@ def test_a_velocity_of_exactly_zero_is_no_frozen_one():
             sensor_health.hear(track, k * 200_000_000, value, expected, ALIVE["velocity"], AFTER_NS), k
         )
         assert not track.frozen
+
+
+def accelerometer(expected, value):
+    """Whether an accelerometer is called frozen at each of its readings; forward parts by time (s)."""
+    track, found = Track(), []
+    for k in range(6 * 20):
+        t_ns, t_s = k * 50_000_000, k / 20
+        track = sensor_health.hear(
+            track, t_ns, (value(t_s), 0.0), (expected(t_s), 0.0), ALIVE["acceleration"], AFTER_NS
+        )
+        found.append(track.frozen)
+        track = track if track.frozen else sensor_health.use(track, t_ns)
+    return found
+
+
+@pytest.mark.parametrize(
+    ("expected", "value"),
+    [
+        (lambda t: 1.25 * (t >= 2.0), lambda t: 0.0 if t < 2.2 else min(t - 2.2, 1.25)),  # the motors start 0.2 s later
+        (lambda t: 0.05 + 0.02 * t, lambda t: 0.0),  # a thrust that the model has wrong, on a boat that stands
+        (lambda t: -0.05 - 0.01 * t, lambda t: -0.00980665 * (t < 3.0)),
+    ],
+)
+def test_a_coarse_accelerometer_of_a_boat_at_rest_is_not_frozen(expected, value):
+    assert not any(accelerometer(expected, value))
+
+
+def test_an_accelerometer_that_stays_while_the_motors_push_is_frozen():
+    found = accelerometer(lambda t: 1.25 * (t >= 2.0), lambda t: 0.0)
+    assert not any(found[:40])
+    assert all(found[50:])
