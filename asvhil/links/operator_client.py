@@ -6,15 +6,21 @@ import socket
 import time
 from pathlib import Path
 
+from asvhil.config.link_spec import LinkSpec, host_port, parse_spec
 from asvhil.config.mavlink import SigningConfig
 from asvhil.config.ports import OPERATOR
 from asvhil.errors import LinkError
-from asvhil.io.mavlink.frames import decode
+from asvhil.io.mavlink.frames import checksum, decode, source, target
 from asvhil.io.mavlink.signature_filter import SignatureFilter
 from asvhil.io.mavlink.signing import Signer, SigningClock, Verifier
 from asvhil.links.keyfile import read_key
+from asvhil.links.link import why
 from asvhil.operator.reports import TextReader
 from asvhil.types import Frame
+
+AGAIN_S = 0.5  # without an answer the command is sent again
+KINDS = {"udpin": socket.SOCK_DGRAM, "tcpin": socket.SOCK_STREAM}
+OURS = {"0.0.0.0": "127.0.0.1", "::": "::1"}  # where to call a daemon that listens on all addresses
 
 
 def send_and_wait(
@@ -22,33 +28,102 @@ def send_and_wait(
 ) -> tuple[int, str]:
     """Send a command frame to the daemon's operator port until it answers: (MAV_RESULT, its words).
 
-    With `signing` each attempt is signed anew, as a repeated frame would be taken for an attack, and only answers
-    signed with the same key are heard. Raises LinkError where nobody answers.
+    Each call numbers its frame anew, so that the daemon knows a second call from a repetition of the first. With
+    `signing` each attempt is signed anew, as a repeated frame would be taken for an attack, and only answers signed
+    with the same key are heard. Raises LinkError where nobody answers, or where the daemon listens on no port.
     """
     signer, verifier = _with_key(signing)
-    host, _, port = endpoint.removeprefix("udpin:").removeprefix("udpout:").rpartition(":")
-    words, texts = "", TextReader()
-    signature_filter = SignatureFilter((), verifier)
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as link:
-        link.settimeout(0.5)
-        end_s = time.monotonic() + timeout_s
-        while time.monotonic() < end_s:
+    data = _numbered(data, round(10.0 * time.time()))
+    spec = parse_spec(endpoint)
+    if spec.scheme not in KINDS:
+        listens = "udpin: or tcpin:, such as udpin:127.0.0.1:14660"
+        raise LinkError(f"{endpoint}: the daemon does not listen there; links.operator.endpoint must be {listens}")
+    end_s = time.monotonic() + timeout_s
+    reason, strangers = "no answer", ""
+    while time.monotonic() < end_s:
+        try:
+            with _called(spec) as link:
+                asked = _Answers(endpoint, target(data), mav_cmd, SignatureFilter((), verifier))
+                while time.monotonic() < end_s:
+                    link.sendall(data if signer is None else signer.sign(data, time.time_ns()))
+                    result = asked.wait(link, min(time.monotonic() + AGAIN_S, end_s))
+                    strangers = asked.strangers
+                    if result is not None:
+                        return result, asked.words
+        except ConnectionError as error:  # not up, or not up yet
+            reason = "no answer" if spec.scheme == "udpin" else why(error)
+            time.sleep(0.1)
+        except OSError as error:
+            raise LinkError(f"{endpoint}: cannot be reached ({why(error)})") from None
+    if strangers:
+        raise LinkError(f"{endpoint}: {strangers} answers there, and no daemon: another program has this port")
+    raise LinkError(f"{endpoint}: {reason}; is `asvhil run` up, with its operator link there?")
+
+
+class _Answers:
+    """Reads what comes back: the acknowledgement of a command by the component that was asked, and its words."""
+
+    def __init__(self, endpoint: str, daemon: tuple[int, int], mav_cmd: int, accepts: SignatureFilter) -> None:
+        self._endpoint, self._daemon, self._mav_cmd, self._accepts = endpoint, daemon, mav_cmd, accepts
+        self._texts = TextReader()
+        self.words = ""
+        self.strangers = ""
+
+    def wait(self, link: socket.socket, until_s: float) -> int | None:
+        """The MAV_RESULT; None where there is none until then."""
+        while (left_s := until_s - time.monotonic()) > 0.0:
+            link.settimeout(left_s)
             try:
-                link.sendto(data if signer is None else signer.sign(data, time.time_ns()), (host, int(port)))
-                while True:
-                    heard = Frame(t_ns=time.monotonic_ns(), port=OPERATOR, data=link.recv(4096), peer=endpoint)
-                    message = next(iter(map(decode, signature_filter.receive(heard, time.time_ns()))), None)
-                    if message is None:
-                        continue
-                    if message.get_type() == "STATUSTEXT":
-                        words = texts.receive(message) or words
-                    elif message.get_type() == "COMMAND_ACK" and message.command == mav_cmd:
-                        return int(message.result), words
-            except (TimeoutError, ConnectionRefusedError):
-                continue
-            except (OSError, ValueError) as error:
-                raise LinkError(f"{endpoint}: cannot be reached ({error})") from None
-    raise LinkError(f"{endpoint}: no answer; is `asvhil run` up, with its operator link there?")
+                data = link.recv(65536)
+            except TimeoutError:
+                return None
+            if not data:
+                raise ConnectionResetError
+            heard = Frame(t_ns=time.monotonic_ns(), port=OPERATOR, data=data, peer=self._endpoint)
+            for frame in self._accepts.receive(heard, time.time_ns()):
+                result = self._read(frame)
+                if result is not None:
+                    return result
+        return None
+
+    def _read(self, frame: bytes) -> int | None:
+        if source(frame) != self._daemon:
+            self.strangers = "MAVLink component {}/{}".format(*source(frame))
+            return None
+        message = decode(frame)
+        if message is None:
+            return None
+        if message.get_type() == "STATUSTEXT":
+            self.words = self._texts.receive(message) or self.words
+        if message.get_type() == "COMMAND_ACK" and message.command == self._mav_cmd:
+            return int(message.result)
+        return None
+
+
+def _called(spec: LinkSpec) -> socket.socket:
+    """A socket that is connected to where the daemon listens. OSError where it cannot be."""
+    host = OURS.get(spec.host, spec.host)
+    kind = KINDS[spec.scheme]
+    try:
+        found = socket.getaddrinfo(host, spec.ip_port, type=kind)
+    except (socket.gaierror, UnicodeError):
+        raise OSError(f"{host_port(host, spec.ip_port)} does not resolve; an IP address would do") from None
+    found.sort(key=lambda info: info[0] != socket.AF_INET)  # as the daemon binds a name
+    family, _, _, _, address = found[0]
+    link = socket.socket(family, kind)
+    try:
+        link.settimeout(AGAIN_S)
+        link.connect(address)
+    except BaseException:
+        link.close()
+        raise
+    return link
+
+
+def _numbered(data: bytes, number: int) -> bytes:
+    """A MAVLink 2 frame with another sequence number."""
+    body = data[:4] + bytes([number % 256]) + data[5:-2]
+    return body + checksum(body)
 
 
 def _with_key(signing: SigningConfig | None) -> tuple[Signer | None, Verifier | None]:

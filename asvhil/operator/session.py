@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Callable
 from typing import Any
@@ -9,12 +10,13 @@ from typing import Any
 from asvhil.config import AutopilotLinkConfig, OperatorLinkConfig
 from asvhil.config.ports import OPERATOR
 from asvhil.io.mavlink import parameter_server
-from asvhil.io.mavlink.frames import Parser, decode, dialect, message_id, source, target
+from asvhil.io.mavlink.frames import Parser, decode, dialect, message_id, sequence, source, target
 from asvhil.io.mavlink.parameter_server import ParameterServer
 from asvhil.io.mavlink.timesync import TimeSync
 from asvhil.operator.goto import COMMANDS, HERE, SETPOINT, Refusal, is_goto, meaning_of_command, meaning_of_setpoint
+from asvhil.operator.repeats import BEHIND, Heard, RepeatedSettings, Repeats
 from asvhil.operator.reports import ACCEPTED, OperatorReport, Reports, Texts
-from asvhil.supervisor.reasons import Explanation, describe
+from asvhil.supervisor.reasons import Explanation, Reason, describe, explain
 from asvhil.types import (
     EVERYONE,
     Address,
@@ -31,6 +33,7 @@ LISTENING_NS = 15_000_000_000  # reports are for ground stations that are there:
 REPEAT_NS = 5_000_000_000  # the same refusal of a stream is sent no more often
 SOLVE_TIME = "solve_ms"
 UNSUPPORTED = int(dialect.MAV_RESULT_UNSUPPORTED)
+REJECTED = int(dialect.MAV_RESULT_TEMPORARILY_REJECTED)
 
 NOTHING = OperatorReport()
 
@@ -40,6 +43,7 @@ class OperatorRequest:
     """What is asked, with what is needed to answer it; without a `mav_cmd` there is nothing to acknowledge.
 
     `address`, `system_id` and `component_id` are the asker's; `answer_as` is the (system, component) that was asked.
+    `heard` keeps the answer for a repetition of the command.
     """
 
     command: HoldCommand | MoveCommand | ReleaseCommand | ParameterChange
@@ -48,6 +52,7 @@ class OperatorRequest:
     system_id: int
     component_id: int
     answer_as: tuple[int, int]
+    heard: Heard | None = None
 
 
 class OperatorSession:
@@ -55,6 +60,7 @@ class OperatorSession:
 
     Holds: MAV_CMD_DO_REPOSITION, MAV_CMD_NAV_LOITER_UNLIM, SET_POSITION_TARGET_GLOBAL_INT, MAV_CMD_NAV_GUIDED_ENABLE
     with 1; releases: the last with 0. What is sent to all components of the system is answered only where we do it.
+    A request that comes again is answered as before, and not done again.
     """
 
     def __init__(
@@ -72,6 +78,9 @@ class OperatorSession:
         self._to_send: list[Frame] = []
         self._asked: list[tuple[Address, int]] = []  # for messages, by id
         self._clocks: dict[Address, TimeSync] = {}
+        self._repeats = Repeats()
+        self._repeated_settings = RepeatedSettings()
+        self._setpoint_numbers: dict[tuple[Address, tuple[int, int]], int] = {}
         self._setpoints_ns: dict[tuple[Address, tuple[int, int]], int] = {}
         self._refused_ns: dict[str, int] = {}
         self._heard_ns: int | None = None
@@ -103,7 +112,9 @@ class OperatorSession:
             is_setpoint = request.mav_cmd is None and not isinstance(command, ParameterChange)
             self._send_refusal(t_ns, refusal, request.address, seldom=is_setpoint)
         if request.mav_cmd is not None:
-            result = ACCEPTED if refusal is None else int(dialect.MAV_RESULT_TEMPORARILY_REJECTED)
+            result = ACCEPTED if refusal is None else REJECTED
+            if request.heard is not None:
+                request.heard.result, request.heard.refusal = result, refusal
             self._send_ack(t_ns, request, result)
 
     def tell(self, t_ns: int, severity: int, text: str) -> None:
@@ -175,6 +186,9 @@ class OperatorSession:
             return None
         if msg_id in parameter_server.MESSAGES:
             change = self._parameters.receive(frame.t_ns, frame.address, message)
+            if change is not None and self._repeated_settings.is_repeated(frame, data, change.name):
+                self._parameters.tell(change.name)  # the answer was lost, and somebody may have set another value since
+                return None
             return None if change is None else self._request(frame, data, change, None, self._us)
         answer_as = (system_id, dialect.MAV_COMP_ID_AUTOPILOT1) if claimed else self._us
         if msg_id == SETPOINT:
@@ -190,18 +204,30 @@ class OperatorSession:
             self._setpoints_ns.pop(next(iter(self._setpoints_ns)))
         self._setpoints_ns[key] = frame.t_ns
         streaming = last_ns is not None and frame.t_ns - last_ns < STREAM_NS
+        if self._is_overtaken(data, key, streaming=streaming):
+            return None
         meaning = meaning_of_setpoint(frame.t_ns, message, streaming=streaming)
         if isinstance(meaning, Refusal):
             self._send_refusal(frame.t_ns, meaning.why, frame.address, seldom=True)
             return None
         return self._request(frame, data, meaning, None, answer_as)
 
+    def _is_overtaken(self, data: bytes, key: tuple[Address, tuple[int, int]], *, streaming: bool) -> bool:
+        """Whether a later set-point of the stream has come already."""
+        number = sequence(data)
+        last = self._setpoint_numbers.pop(key, None)
+        overtaken = streaming and last is not None and 0 < (last - number) % 256 <= BEHIND
+        if len(self._setpoint_numbers) >= Parser.MAX_PEERS:
+            self._setpoint_numbers.pop(next(iter(self._setpoint_numbers)))
+        self._setpoint_numbers[key] = last if overtaken and last is not None else number
+        return overtaken
+
     def _on_command(
         self, frame: Frame, data: bytes, message: Any, answer_as: tuple[int, int], *, alone: bool
     ) -> OperatorRequest | None:
         meaning = meaning_of_command(frame.t_ns, message)
         if isinstance(meaning, ReleaseCommand) or (isinstance(meaning, HoldCommand) and alone):
-            return self._request(frame, data, meaning, message.command, answer_as)
+            return self._on_hold_or_release(frame, data, meaning, message.command, answer_as)
         asker = self._request(frame, data, ReleaseCommand(t_ns=frame.t_ns), message.command, answer_as)
         asked: int | None = None
         if isinstance(meaning, Refusal):
@@ -218,6 +244,29 @@ class OperatorSession:
         if asked is not None:
             self._asked.append((frame.address, asked))
         return None
+
+    def _on_hold_or_release(
+        self,
+        frame: Frame,
+        data: bytes,
+        meaning: HoldCommand | ReleaseCommand,
+        mav_cmd: int,
+        answer_as: tuple[int, int],
+    ) -> OperatorRequest | None:
+        """A request of a new command. One that comes again gets its answer again, a hold that comes too late none."""
+        request = self._request(frame, data, meaning, mav_cmd, answer_as)
+        before = self._repeats.find(frame, data)
+        if before is not None:
+            if before.result is not None:
+                if before.refusal is not None:
+                    self._send_refusal(frame.t_ns, before.refusal, frame.address)
+                self._send_ack(frame.t_ns, request, before.result)
+            return None
+        if isinstance(meaning, HoldCommand) and self._repeats.is_late(frame, data):
+            self._send_refusal(frame.t_ns, explain(Reason.REQUEST_LATE), frame.address)
+            self._send_ack(frame.t_ns, request, REJECTED)
+            return None
+        return dataclasses.replace(request, heard=self._repeats.take(frame, data))
 
     @staticmethod
     def _request(

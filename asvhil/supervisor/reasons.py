@@ -38,6 +38,7 @@ class Reason(enum.StrEnum):
     NOT_ARMED = "not-armed"
     WRONG_MODE = "wrong-mode"
     NO_ESTIMATE = "no-estimate"
+    PILOT_FIRST = "pilot-first"
     NO_STATION_HELD = "no-station-held"
     STATION_TOO_FAR = "station-too-far"
     # What is wrong with the way to the motors
@@ -59,6 +60,7 @@ class Reason(enum.StrEnum):
     HEADING_IMPOSSIBLE = "heading-impossible"
     PARAMETER_OUT_OF_RANGE = "parameter-out-of-range"
     PARAMETER_CONFLICT = "parameter-conflict"
+    REQUEST_LATE = "request-late"
 
 
 @record
@@ -138,6 +140,9 @@ WORDS: Mapping[Reason, Words] = {
         text="no valid position and heading yet",
         remedy="Wait for the sensors; `sources` in the status names what is heard of each quantity.",
     ),
+    Reason.PILOT_FIRST: Words(
+        text="the pilot has just taken over", remedy="Send the hold command again, if the pilot wants you to."
+    ),
     Reason.NO_STATION_HELD: Words(
         text="no station is held: send a hold command first",
         remedy="Hold first. Of a stream of set-points only the first takes a station: pause the stream for 3 s.",
@@ -205,6 +210,10 @@ WORDS: Mapping[Reason, Words] = {
     ),
     Reason.PARAMETER_CONFLICT: Words(
         text="{name}: {rule}", remedy="The value in use stands; change the other parameter of the rule first."
+    ),
+    Reason.REQUEST_LATE: Words(
+        text="overtaken by a later request",
+        remedy="Send it again: the link delivered it after one that was sent later.",
     ),
 }
 

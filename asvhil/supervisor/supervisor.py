@@ -13,6 +13,7 @@ from asvhil.supervisor.stations import station_of_config, station_of_hold, stati
 from asvhil.types import FrontseatStatus, HoldCommand, MoveCommand, Phase, ReleaseCommand, Station, record
 
 RELEASE_REPEATS = 3  # datagrams get lost
+PILOT_FIRST_NS = 1_000_000_000  # a hold command that comes so soon was sent before its sender knew
 
 Request = HoldCommand | MoveCommand | ReleaseCommand
 
@@ -64,6 +65,7 @@ class Supervisor:
         self._control_failed = False
         self._mode = ModeRequest(config.control_mode, config.take_mode_timeout_s)
         self._next_station: Station | None = None  # to be held once the control mode stands
+        self._pilot_ns: int | None = None  # when the pilot took the boat last
 
     def step(self, situation: Situation, requests: Sequence[Request] = ()) -> Decision:
         """The decision of this tick: the requests in turn, then what has become of engagement in this situation."""
@@ -127,6 +129,8 @@ class Supervisor:
     def _hold(self, command: HoldCommand, situation: Situation) -> Explanation | None:
         """Take up a station. Returns None, or why not."""
         refusal = self._why_not(situation, situation.fault)
+        if refusal is None and self._pilot_ns is not None and situation.t_ns - self._pilot_ns < PILOT_FIRST_NS:
+            refusal = explain(Reason.PILOT_FIRST)
         if refusal is not None:
             return refusal
         status, estimate, frame = situation.status, situation.estimate, situation.frame
@@ -223,6 +227,7 @@ class Supervisor:
         t_ns, status = situation.t_ns, situation.status
         act = self._pilot.act(status)
         if act is not None:
+            self._pilot_ns = t_ns
             self._let_go(act)
             return
         if situation.fault is not None:
@@ -230,6 +235,7 @@ class Supervisor:
             return
         taken = self._pilot.sticks_taken(t_ns, status)
         if taken is not None:
+            self._pilot_ns = t_ns
             unverified = situation.unverified
             self._let_go(taken if unverified is None else unverified, neutral_first=unverified is not None)
             return

@@ -144,3 +144,44 @@ def test_noise_in_the_autopilots_own_byte_stream_loses_little() -> None:
     for _ in range(200):
         loop.inject("autopilot", noise.randbytes(512))
         assert loop.tick()[1].phase is Phase.HOLD
+
+
+def long_hold(confirmation: int, number: int) -> bytes:
+    sender = dialect.MAVLink(None, srcSystem=255, srcComponent=190)
+    sender.seq = number
+    return bytes(dialect.MAVLink_command_long_message(1, 191, 92, confirmation, 1, 0, 0, 0, 0, 0, 0).pack(sender))
+
+
+@pytest.mark.parametrize("again", ["confirmation", "same bytes", "numbered anew", "set-point"])
+def test_a_hold_that_is_repeated_does_not_undo_the_pilots_word(again: str) -> None:
+    """The station missed our answer and repeats its command, 0.8 s after the pilot has taken the boat back."""
+    loop = Lockstep(load_config("sitl", ("supervisor.engage=command",)))
+    peer = "10.0.0.1:14550"
+    for _ in range(140):
+        loop.tick()
+    assert loop.plant.frontseat.arm(True)
+    for _ in range(10):
+        loop.tick()
+    loop.inject("operator", long_hold(0, 40), peer)
+    tick_until(loop, Phase.HOLD, 2)
+    loop.plant.frontseat.set_sticks({4: 1800})
+    tick_until(loop, Phase.STANDBY, 8)
+    loop.plant.frontseat.set_sticks({4: 1500})
+    for _ in range(15):
+        loop.tick()
+    setpoint = dialect.MAVLink_set_position_target_global_int_message(
+        0, 1, 191, 6, 0b110111111000, 404237000, -869212000, *[0.0] * 9
+    )
+    said = {
+        "confirmation": long_hold(1, 41),
+        "same bytes": long_hold(0, 40),
+        "numbered anew": long_hold(0, 41),
+        "set-point": bytes(setpoint.pack(dialect.MAVLink(None, srcSystem=255, srcComponent=190))),
+    }[again]
+    loop.inject("operator", said, peer)
+    for tick in range(60):
+        _, outputs = loop.tick()
+        assert outputs.phase is Phase.STANDBY and outputs.health.reason == "stick of channel 4 moved"
+        assert tick == 0 or not any(pulse for pair in overrides(outputs) for pulse in pair)
+    loop.inject("operator", long_hold(0, 60), peer)  # the operator asks anew
+    tick_until(loop, Phase.HOLD, 2)

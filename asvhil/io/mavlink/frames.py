@@ -36,6 +36,7 @@ __all__ = [
     "message_id",
     "message_number",
     "refuse_ignored_crc",
+    "sequence",
     "source",
     "target",
 ]
@@ -55,6 +56,11 @@ def message_id(frame: bytes) -> int:
 def source(frame: bytes) -> tuple[int, int]:
     """(system id, component id) of the sender of a complete frame."""
     return (frame[3], frame[4]) if frame[0] == MAGIC_V1 else (frame[5], frame[6])
+
+
+def sequence(frame: bytes) -> int:
+    """The number that the sender of a complete frame gave it, 0 to 255."""
+    return frame[2] if frame[0] == MAGIC_V1 else frame[4]
 
 
 def checksum(body: bytes) -> bytes:
@@ -200,8 +206,7 @@ class FrameSplitter:
 
     def _count_lost(self, frame: bytes) -> None:
         """A step back, or of half a round, is a repetition, a restart or a sender that does not count."""
-        number = frame[2] if frame[0] == MAGIC_V1 else frame[4]
-        sender = source(frame)
+        number, sender = sequence(frame), source(frame)
         last = self._sequences.get(sender)
         if last is not None:
             missing = (number - last - 1) % 256

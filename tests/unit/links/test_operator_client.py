@@ -1,0 +1,127 @@
+"""`asvhil hold` and `release` reach the daemon wherever it listens, and say what is wrong where they do not."""
+
+from __future__ import annotations
+
+import asyncio
+import socket
+from collections.abc import Awaitable, Callable
+
+import pytest
+
+from asvhil.config import load_config
+from asvhil.errors import LinkError
+from asvhil.io.mavlink.frames import dialect, sequence
+from asvhil.links.clock import Clock
+from asvhil.links.endpoint import open_endpoint
+from asvhil.links.operator_client import send_and_wait
+from asvhil.operator.session import OperatorSession, encode_hold
+from asvhil.types import Frame
+
+CONFIG = load_config("sitl").links.autopilot
+HOLD = encode_hold(CONFIG, None, None, None)
+Answer = Callable[[OperatorSession, Frame], Awaitable[list[Frame]]]
+
+
+async def granted(session: OperatorSession, frame: Frame) -> list[Frame]:
+    for request in session.receive(frame):
+        session.answer(frame.t_ns, request, None)
+    return session.data_to_send(frame.t_ns)
+
+
+async def ask(spec: str, answer: Answer = granted, called: str = "", timeout_s: float = 2.0) -> tuple[int, str]:
+    """A hold command to a daemon that listens on a spec; `called`: as the client has it, PORT for the port."""
+    link = await open_endpoint(spec, "operator", Clock().now_ns)
+    port = link.address.rpartition(":")[2]
+    session = OperatorSession(CONFIG)
+
+    async def serve() -> None:
+        while True:
+            for frame in await answer(session, await link.recv()):
+                await link.send(frame.data, frame.peer)
+
+    server = asyncio.create_task(serve())
+    try:
+        endpoint = (called or spec.rpartition(":")[0] + ":PORT").replace("PORT", port)
+        return await asyncio.to_thread(send_and_wait, HOLD, endpoint, dialect.MAV_CMD_DO_REPOSITION, timeout_s)
+    finally:
+        server.cancel()
+        await asyncio.gather(server, return_exceptions=True)
+        await link.close()
+
+
+@pytest.mark.parametrize(
+    "spec",
+    [
+        "udpin:127.0.0.1:0",
+        "udpin:0.0.0.0:0",
+        "udpin:[::1]:0",
+        "udpin:[::]:0",
+        "udpin:localhost:0",
+        "tcpin:127.0.0.1:0",
+        "tcpin:0.0.0.0:0",
+        "tcpin:[::1]:0",
+        "tcpin:[::]:0",
+        "tcpin:localhost:0",
+    ],
+)
+async def test_every_port_that_the_daemon_can_listen_on_is_reached(spec: str) -> None:
+    assert await ask(spec) == (0, "")
+
+
+@pytest.mark.parametrize("spec", ["udpin:127.0.0.1:0", "tcpin:127.0.0.1:0"])
+async def test_an_answer_in_pieces_and_among_others_is_heard(spec: str) -> None:
+    noise = bytes(dialect.MAVLink_command_ack_message(192, 4).pack(dialect.MAVLink(None, 7, 1)))
+
+    async def in_pieces(session: OperatorSession, frame: Frame) -> list[Frame]:
+        data = noise + b"".join(answer.data for answer in await granted(session, frame))
+        return [
+            Frame(t_ns=0, port="operator", data=data[at : at + 9], peer=frame.peer) for at in range(0, len(data), 9)
+        ]
+
+    assert await ask(spec, in_pieces) == (0, "")
+
+
+async def test_its_repetitions_are_one_request_and_a_second_call_is_another() -> None:
+    heard: list[Frame] = []
+    asked = []
+
+    async def late(session: OperatorSession, frame: Frame) -> list[Frame]:
+        heard.append(frame)
+        requests = session.receive(frame)
+        asked.extend(requests)
+        for request in requests:
+            session.answer(frame.t_ns, request, None)
+        answers = session.data_to_send(frame.t_ns)
+        return answers if len(heard) > 2 else []  # the first two are lost
+
+    assert await ask("udpin:127.0.0.1:0", late) == (0, "")
+    assert len(heard) == 3 and len({frame.data for frame in heard}) == 1 and len(asked) == 1
+    await asyncio.sleep(0.11)
+    await ask("udpin:127.0.0.1:0", late)
+    assert sequence(heard[-1].data) != sequence(heard[0].data)
+
+
+@pytest.mark.parametrize("scheme", ["udpin", "tcpin"])
+def test_without_a_daemon_it_ends_in_one_line(scheme: str) -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_STREAM if scheme == "tcpin" else socket.SOCK_DGRAM) as taken:
+        taken.bind(("127.0.0.1", 0))
+        endpoint = f"{scheme}:127.0.0.1:{taken.getsockname()[1]}"
+    with pytest.raises(LinkError) as error:
+        send_and_wait(HOLD, endpoint, 192, 0.3)
+    text = str(error.value)
+    assert text.startswith(f"{endpoint}: ") and "is `asvhil run` up" in text and "\n" not in text
+
+
+@pytest.mark.parametrize("spec", ["udpout:127.0.0.1:14660", "tcp:127.0.0.1:5760", "serial:/dev/ttyUSB0:57600"])
+def test_where_the_daemon_does_not_listen_it_says_so(spec: str) -> None:
+    with pytest.raises(LinkError, match=r"the daemon does not listen there; .*must be udpin: or tcpin:"):
+        send_and_wait(HOLD, spec, 192, 0.3)
+
+
+async def test_another_program_on_the_port_is_told() -> None:
+    async def other(session: OperatorSession, frame: Frame) -> list[Frame]:
+        data = bytes(dialect.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3).pack(dialect.MAVLink(None, 255, 190)))
+        return [Frame(t_ns=0, port="operator", data=data, peer=frame.peer)]
+
+    with pytest.raises(LinkError, match=r"MAVLink component 255/190 answers there, and no daemon"):
+        await ask("udpin:127.0.0.1:0", other, timeout_s=0.6)
