@@ -134,11 +134,21 @@ class TrueWind:
     ve_mps: float
 
 
+class Radio(enum.StrEnum):
+    """What the autopilot tells of the pilot's transmitter."""
+
+    UNKNOWN = "unknown"
+    ABSENT = "absent"  # no receiver has been heard since the autopilot's start
+    HEARD = "heard"
+    LOST = "lost"  # it has been heard, and is not any more
+
+
 @record
 class FrontseatStatus:
     """What the autopilot says of itself. Servo and RC values in microseconds, index 0 is channel 1; 0: no value.
 
-    `rc_ns` and `outputs_ns` are when those values came; 0: never.
+    `rc_ns` and `outputs_ns` are when those values came; 0: never. `arming_fault`: why it would not arm, by the
+    autopilot's own words; empty where it would, or is armed, or nothing is known.
     """
 
     t_ns: int
@@ -149,6 +159,8 @@ class FrontseatStatus:
     outputs_us: tuple[int, ...]
     rc_ns: int = 0
     outputs_ns: int = 0
+    radio: Radio = Radio.UNKNOWN
+    arming_fault: str = ""
 
 
 @record

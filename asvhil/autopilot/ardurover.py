@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+from asvhil.autopilot.after_silence import AfterSilence, after_silence_of_ardurover
 from asvhil.autopilot.ardurover_parameters import OPTIONAL, requirements
 from asvhil.autopilot.mavlink_autopilot import MavlinkAutopilot
 from asvhil.autopilot.requirements import Requirement
@@ -25,6 +26,10 @@ class ArduRoverAutopilot(MavlinkAutopilot):
     def __init__(self, config: AutopilotLinkConfig, pwm: PwmConfig) -> None:
         super().__init__(config, pwm)
         self._handlers[dialect.MAVLINK_MSG_ID_EKF_STATUS_REPORT] = self._on_ekf_status
+
+    @property
+    def after_silence(self) -> AfterSilence | None:
+        return after_silence_of_ardurover(self._config, self.parameters.values, self.transmitter.radio)
 
     def _requirements(self) -> tuple[Requirement, ...]:
         return requirements(self._config, self._pwm)

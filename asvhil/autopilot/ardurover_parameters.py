@@ -55,7 +55,7 @@ def _command_path(gcs_id: int) -> tuple[Requirement, ...]:
     return (
         exactly("SYSID_MYGCS MAV_GCS_SYSID", gcs_id, IGNORED, others, Cause.IGNORED),
         within("RC_OPTIONS", (0, 2**31), 0, IGNORED, bit, Cause.IGNORED, clear=OVERRIDES_IGNORED),
-        within("RC_OVERRIDE_TIME", (0.5, 3), 3, "wrong time-out", time_out, Cause.IGNORED),
+        within("RC_OVERRIDE_TIME", (0.5, 3), 1, "wrong time-out", time_out, Cause.IGNORED),
         exactly("PILOT_STEER_TYPE", 1, "sticks are mixed", mixes, Cause.MIXED),
         exactly("MOT_SLEWRATE", 0, "outputs lag behind", slew, Cause.SLEW),
         exactly("MOT_THR_MIN", 0, BENT, "raises small commands", Cause.SCALED),

@@ -5,8 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
+from asvhil.autopilot.after_silence import AfterSilence
+from asvhil.autopilot.arming_checks import ArmingChecks
 from asvhil.autopilot.motor_outputs import IGNORE_CHANNEL, make_output
 from asvhil.autopilot.requirements import Finding, Requirement, judge
+from asvhil.autopilot.transmitter import Transmitter
 from asvhil.config import AutopilotLinkConfig, PwmConfig
 from asvhil.config.ports import AUTOPILOT
 from asvhil.config.registry import AUTOPILOTS
@@ -16,12 +19,13 @@ from asvhil.io.mavlink.streams import StreamRequester
 from asvhil.io.mavlink.timesync import TimeSync
 from asvhil.io.sensors.mavlink_sensors import MavlinkSensors
 from asvhil.io.sensors.protocol import NamedMeasurement
-from asvhil.types import Frame, FrontseatStatus, Heading, Measurement, Note, TimeOffset, YawRate
+from asvhil.types import Frame, FrontseatStatus, Heading, Measurement, Note, Radio, TimeOffset, YawRate
 
 HEARTBEAT_NS = 1_000_000_000
 REQUEST_NS = 1_000_000_000
 FIRST_TIME_NS = 300_000_000  # between requests for the autopilot's clock until one was answered
 SILENCE_NS = 3_000_000_000  # of heartbeats, after which nobody knows what has become of the vehicle
+BOOTING = (dialect.MAV_STATE_UNINIT, dialect.MAV_STATE_BOOT, dialect.MAV_STATE_CALIBRATING)
 FROM_ANYONE = (dialect.MAVLINK_MSG_ID_HEARTBEAT, dialect.MAVLINK_MSG_ID_TIMESYNC)
 
 
@@ -60,6 +64,10 @@ class MavlinkAutopilot:
         self._armed = False
         self._mode = ""
         self._ready = False
+        self._booting = False
+        self._arming_fault = ""
+        self.transmitter = Transmitter()
+        self.arming_checks = ArmingChecks()
         self._rc_us: tuple[int, ...] = ()
         self._outputs_us: tuple[int, ...] = ()
         self._rc_ns = self._outputs_ns = 0
@@ -70,6 +78,8 @@ class MavlinkAutopilot:
             dialect.MAVLINK_MSG_ID_HEARTBEAT: self._on_heartbeat,
             dialect.MAVLINK_MSG_ID_RC_CHANNELS: self._on_rc_channels,
             dialect.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW: self._on_servo_output,
+            dialect.MAVLINK_MSG_ID_SYS_STATUS: self._on_sys_status,
+            dialect.MAVLINK_MSG_ID_STATUSTEXT: self._on_text,
             dialect.MAVLINK_MSG_ID_ATTITUDE: self._on_attitude,
             dialect.MAVLINK_MSG_ID_SYSTEM_TIME: self._on_system_time,
             dialect.MAVLINK_MSG_ID_COMMAND_ACK: self._on_command_ack,
@@ -133,10 +143,29 @@ class MavlinkAutopilot:
         return self.parameters.complete and self._streams.settled
 
     @property
+    def booting(self) -> bool:
+        """Whether the autopilot says that it still sets itself up: parameters that it tells then may change again."""
+        return self._booting
+
+    @property
+    def after_silence(self) -> AfterSilence | None:
+        """What becomes of the motors if this program dies in a hold; None while that is not known."""
+        return None
+
+    @property
+    def unbounded(self) -> str:
+        """Why nothing would stop the motors then; empty where something does, or is not known."""
+        after = self.after_silence
+        return after.text if after is not None and after.within_s is None else ""
+
+    @property
     def notes(self) -> tuple[Note, ...]:
-        """The hazard of the motor output, whether it is refused, an autopilot of another make, unread parameters."""
+        """What is wrong with the autopilot, the way to its motors, the pilot's radio, arming, and parameters."""
+        lost = self.transmitter.radio is Radio.LOST
         said = (
             ("autopilot", self._stranger),
+            ("transmitter", "lost: the pilot's sticks and switches have no effect" if lost else ""),
+            ("arming", "" if self._armed else self._arming_fault),
             ("motor output", self._output.hazard),
             ("motor commands", self._output.refused),
             ("unread parameters", self._unread_text()),
@@ -171,6 +200,7 @@ class MavlinkAutopilot:
         return ()
 
     def _status(self, t_ns: int) -> tuple[FrontseatStatus]:
+        self._arming_fault = self.arming_checks.fault(t_ns)
         status = FrontseatStatus(
             t_ns=t_ns,
             armed=self._armed,
@@ -180,6 +210,8 @@ class MavlinkAutopilot:
             outputs_us=self._outputs_us,
             rc_ns=self._rc_ns,
             outputs_ns=self._outputs_ns,
+            radio=self.transmitter.radio,
+            arming_fault="" if self._armed else self._arming_fault,
         )
         return (status,)
 
@@ -193,6 +225,9 @@ class MavlinkAutopilot:
         self._stranger = "" if m.autopilot == self._kind.mav_autopilot else self._other_make(m.autopilot)
         self._armed = bool(m.base_mode & dialect.MAV_MODE_FLAG_SAFETY_ARMED)
         self._mode = self._mode_names.get(m.custom_mode, f"MODE_{m.custom_mode}")
+        was_booting, self._booting = self._booting, m.system_status in BOOTING
+        if was_booting and not self._booting:
+            self.parameters.restart()  # what an ArduRover tells of some while it boots is not what they will be
         if not self._armed:
             self._output.on_disarmed(t_ns)
         return self._status(t_ns)
@@ -207,6 +242,7 @@ class MavlinkAutopilot:
         values = (getattr(m, f"chan{i}_raw") for i in range(1, 19))
         self._rc_ns = t_ns
         self._rc_us = tuple(0 if value == IGNORE_CHANNEL else value for value in values)
+        self.transmitter.on_rc_channels(t_ns, m.chancount, m.rssi)
         return self._status(t_ns)
 
     def _on_servo_output(self, t_ns: int, m: Any) -> Sequence[Measurement]:
@@ -214,6 +250,16 @@ class MavlinkAutopilot:
             return ()
         self._outputs_ns = t_ns
         self._outputs_us = tuple(getattr(m, f"servo{i}_raw") for i in range(1, 17))
+        return self._status(t_ns)
+
+    def _on_sys_status(self, t_ns: int, m: Any) -> Sequence[Measurement]:
+        present, enabled = m.onboard_control_sensors_present, m.onboard_control_sensors_enabled
+        self.transmitter.on_sys_status(t_ns, present, m.onboard_control_sensors_health)
+        self.arming_checks.on_sys_status(enabled, m.onboard_control_sensors_health)
+        return self._status(t_ns)
+
+    def _on_text(self, t_ns: int, m: Any) -> Sequence[Measurement]:
+        self.arming_checks.on_text(t_ns, m)
         return self._status(t_ns)
 
     def _on_attitude(self, t_ns: int, m: Any) -> Sequence[Measurement]:
@@ -250,6 +296,8 @@ class MavlinkAutopilot:
             self._timesync.restart()
             self.parameters.restart()
             self._output.on_connect(t_ns)
+            self.transmitter.restart()
+            self.arming_checks.restart()
         self._boot_ms[msg_id] = boot_ms
 
     # --- out -----------------------------------------------------------------------------------------------
@@ -277,10 +325,14 @@ class MavlinkAutopilot:
         if connected:
             due += self._streams.data_to_send(t_ns)
             due += self.parameters.data_to_send(t_ns)
+            if not (self._armed or self._booting) and self.arming_checks.is_due(t_ns):
+                due.append(self._command(dialect.MAV_CMD_RUN_PREARM_CHECKS))
         return [self._pack(t_ns, message) for message in due] + self._frames(t_ns, self._output.data_to_send(t_ns))
 
     def drive(self, t_ns: int, port_us: int, starboard_us: int) -> list[Frame]:
         """Both motors, as pulse widths (us)."""
+        if self._config.overrides_sticks:
+            self.transmitter.note_override(t_ns)
         return self._frames(t_ns, self._output.drive(port_us, starboard_us))
 
     def release(self, t_ns: int) -> list[Frame]:

@@ -45,7 +45,7 @@ class MotorCheck:
         elif self._readback.follows:
             self._found = None  # until then what was found last stays in the notes
         ends = fault is not None and not tolerated and self._driving_ns is not None
-        self.fault = self._wrong_parameter() or (self._found if ends else None)
+        self.fault = self._unbounded() or self._wrong_parameter() or (self._found if ends else None)
 
     def note_output(self, t_ns: int, pulses_us: tuple[int, int] | None) -> None:
         """What was sent to the motors in this tick, None where they are not driven."""
@@ -65,6 +65,10 @@ class MotorCheck:
     def notes(self) -> tuple[Note, ...]:
         """What was found, good or bad; nothing before there is something to say."""
         found = []
+        why = self._autopilot.unbounded
+        if why:
+            taken = "; tolerated" if Cause.UNBOUNDED in self._tolerate else ""
+            found.append(Note(subject="motors after a crash", text=f"nothing stops them ({why}){taken}", ok=False))
         wrong = [f for f in self._autopilot.findings if f.wrong and f.requirement.must]
         if wrong:
             more = f" (and {len(wrong) - 1} more)" if len(wrong) > 1 else ""
@@ -76,6 +80,10 @@ class MotorCheck:
         elif self._readback.follows:
             found.append(Note(subject="outputs", text="follow the commands", ok=True))
         return tuple(found)
+
+    def _unbounded(self) -> Explanation | None:
+        why = self._autopilot.unbounded
+        return explain(Reason.UNBOUNDED, why=why) if why and Cause.UNBOUNDED not in self._tolerate else None
 
     def _wrong_parameter(self) -> Explanation | None:
         for finding in self._autopilot.findings:

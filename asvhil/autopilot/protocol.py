@@ -32,6 +32,11 @@ class Autopilot(Protocol):
         """The required parameters, compared with what was read."""
         ...
 
+    @property
+    def unbounded(self) -> str:
+        """Why nothing would stop the motors if this program died in a hold; empty where something does."""
+        ...
+
     def receive(self, frame: Frame) -> list[NamedMeasurement]:
         """(message name, measurement) of each measurement in one frame."""
         ...

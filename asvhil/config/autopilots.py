@@ -55,6 +55,7 @@ _STREAMS_HZ = {
     "RC_CHANNELS": 10.0,
     "GPS_RAW_INT": 1.0,
     "SYSTEM_TIME": 1.0,
+    "SYS_STATUS": 2.0,
 }
 
 OUTPUTS.fill(

@@ -40,8 +40,9 @@ class ReadbackConfig(Section):
         default=(),
         description=(
             "Causes that are reported and neither refuse nor end a hold, such as `[slew]` for a boat that needs "
-            "MOT_SLEWRATE. One of `dead-zone`, `scaled` and `slew` whose parameter is wrong, or cannot be read, also "
-            "tolerates outputs that do not follow for no other reason."
+            "MOT_SLEWRATE. `unbounded` takes it on you that nothing stops the motors if this program dies. One of "
+            "`dead-zone`, `scaled` and `slew` whose parameter is wrong, or cannot be read, also tolerates outputs that "
+            "do not follow for no other reason."
         ),
     )
 

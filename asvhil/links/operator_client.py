@@ -13,9 +13,9 @@ from asvhil.errors import LinkError
 from asvhil.io.mavlink.frames import checksum, decode, source, target
 from asvhil.io.mavlink.signature_filter import SignatureFilter
 from asvhil.io.mavlink.signing import Signer, SigningClock, Verifier
+from asvhil.io.mavlink.texts import TextReader
 from asvhil.links.keyfile import read_key
 from asvhil.links.link import why
-from asvhil.operator.reports import TextReader
 from asvhil.types import Frame
 
 AGAIN_S = 0.5  # without an answer the command is sent again

@@ -12,10 +12,11 @@ from asvhil.config.ports import OPERATOR
 from asvhil.io.mavlink import parameter_server
 from asvhil.io.mavlink.frames import Parser, decode, dialect, message_id, sequence, source, target
 from asvhil.io.mavlink.parameter_server import ParameterServer
+from asvhil.io.mavlink.texts import Texts
 from asvhil.io.mavlink.timesync import TimeSync
 from asvhil.operator.goto import COMMANDS, HERE, SETPOINT, Refusal, is_goto, meaning_of_command, meaning_of_setpoint
 from asvhil.operator.repeats import BEHIND, Heard, RepeatedSettings, Repeats
-from asvhil.operator.reports import ACCEPTED, OperatorReport, Reports, Texts
+from asvhil.operator.reports import ACCEPTED, OperatorReport, Reports
 from asvhil.supervisor.reasons import Explanation, Reason, describe, explain
 from asvhil.types import (
     EVERYONE,

@@ -12,7 +12,7 @@ from asvhil.config.ports import AUTOPILOT
 from asvhil.config.registry import AUTOPILOTS
 from asvhil.io.mavlink.frames import dialect
 from asvhil.preflight.survey import SourceState, Survey
-from asvhil.types import record
+from asvhil.types import Cause, FrontseatStatus, Radio, record
 
 ROUND_TRIP_MAX_MS = 100.0
 CLOCK_OFF_MAX_S = 5.0
@@ -116,19 +116,64 @@ def _vehicle(survey: Survey) -> list[Check]:
                 todo="" if status.ready else "wait, under open sky, until the autopilot's estimator uses its position",
             )
         )
-    if link.overrides_sticks and survey.rc_channels is not None:
-        heard = survey.rc_channels > 0
-        checks.append(
-            Check(
-                section="vehicle",
-                item="transmitter",
-                result=Result.PASS if heard else Result.WARN,
-                found=f"{survey.rc_channels} channels" if heard else "not heard",
-                wanted="heard",
-                todo="" if heard else "switch it on: without it the pilot has only a ground station to take over with",
-            )
+        if link.overrides_sticks and status.radio is not Radio.UNKNOWN:
+            checks.append(_transmitter(survey, status.radio))
+        checks += _arming(survey, status)
+    return [*checks, *_after_silence(survey)]
+
+
+def _transmitter(survey: Survey, radio: Radio) -> Check:
+    told = "" if survey.link.transmitter.tells_signal else ", no signal strength"
+    found = {
+        Radio.HEARD: f"{survey.rc_channels or 0} channels{told}",
+        Radio.LOST: "lost: it has been heard before",
+    }.get(radio, "not heard")
+    todo = "switch it on: without it the pilot has only a ground station to take over with"
+    if radio is Radio.ABSENT:
+        todo += "; how to arm such a boat: docs/autopilots.md"
+    heard = radio is Radio.HEARD
+    return Check(
+        section="vehicle",
+        item="transmitter",
+        result=Result.PASS if heard else Result.WARN,
+        found=found,
+        wanted="heard",
+        todo="" if heard else todo,
+    )
+
+
+def _arming(survey: Survey, status: FrontseatStatus) -> list[Check]:
+    """The autopilot's own checks before arming, where it tells of them."""
+    ok = survey.link.arming_checks.ok
+    if ok is None or status.armed:
+        return []
+    found = "its checks pass" if ok else f"refused: {status.arming_fault}"
+    todo = "" if ok else "the autopilot will not arm until this is mended"
+    result = Result.PASS if ok else Result.WARN
+    return [Check(section="vehicle", item="arming", result=result, found=found, wanted="possible", todo=todo)]
+
+
+def _after_silence(survey: Survey) -> list[Check]:
+    """What stops the motors if this computer, or the link, dies in a hold."""
+    after = survey.link.after_silence
+    if after is None:
+        return []
+    taken = Cause.UNBOUNDED in survey.config.supervisor.readback.tolerate
+    bounded = after.within_s is not None
+    result = Result.PASS if bounded else Result.WARN if taken else Result.FAIL
+    todo = "a hold is refused unless supervisor.readback.tolerate has unbounded: docs/autopilots.md"
+    if taken:
+        todo = "taken on by supervisor.readback.tolerate: the motors' supply needs a switch"
+    return [
+        Check(
+            section="vehicle",
+            item="motors after a crash",
+            result=result,
+            found=after.text if bounded else f"run on: {after.text}",
+            wanted="stopped",
+            todo="" if bounded else todo,
         )
-    return checks
+    ]
 
 
 def _firmware(survey: Survey, link: AutopilotLinkConfig) -> Check:

@@ -32,7 +32,13 @@ ALLOWED = frozenset(
     }
 )
 REFUSALS = (dialect.MAV_RESULT_DENIED, dialect.MAV_RESULT_UNSUPPORTED, dialect.MAV_RESULT_FAILED)
-ALLOWED_COMMANDS = frozenset({dialect.MAV_CMD_SET_MESSAGE_INTERVAL, dialect.MAV_CMD_REQUEST_MESSAGE})
+ALLOWED_COMMANDS = frozenset(
+    {
+        dialect.MAV_CMD_SET_MESSAGE_INTERVAL,
+        dialect.MAV_CMD_REQUEST_MESSAGE,
+        dialect.MAV_CMD_RUN_PREARM_CHECKS,  # makes it say what fails
+    }
+)
 
 
 @record

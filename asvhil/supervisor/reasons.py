@@ -43,6 +43,7 @@ class Reason(enum.StrEnum):
     STATION_TOO_FAR = "station-too-far"
     # What is wrong with the way to the motors
     AUTOPILOT_PARAMETER = "autopilot-parameter"
+    UNBOUNDED = "unbounded"
     OVERRIDES_IGNORED = "overrides-ignored"
     COMMANDS_MIXED = "commands-mixed"
     OUTPUTS_SWAPPED = "outputs-swapped"
@@ -155,6 +156,11 @@ WORDS: Mapping[Reason, Words] = {
         text="{finding}",
         remedy="Set the parameter: `asvhil check --fix` does it. A cause that is meant to be so: "
         "supervisor.readback.tolerate.",
+    ),
+    Reason.UNBOUNDED: Words(
+        text="nothing would stop the motors if this program died: {why}",
+        remedy="Let the autopilot stop them (docs/autopilots.md), or take the hazard on yourself: "
+        "supervisor.readback.tolerate: [unbounded].",
     ),
     Reason.OVERRIDES_IGNORED: Words(
         text="overrides are ignored",

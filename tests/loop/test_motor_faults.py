@@ -57,6 +57,38 @@ def test_without_parameters_the_read_back_finds_it_within_3_s_of_the_hold(
     neutral_then_released(trial)
 
 
+UNBOUNDED = {
+    "no transmitter, no fail-safe": ({"FS_THR_ENABLE": 0}, ("plant.frontseat.rc_receiver=false",)),
+    "overrides never end": ({"RC_OVERRIDE_TIME": -1}, ()),
+    "receiver ignored": ({"FS_THR_ENABLE": 0, "RC_OPTIONS": 1}, ()),
+    "servo commands": (
+        {"SERVO1_FUNCTION": 0, "SERVO3_FUNCTION": 0, "SERVO5_FUNCTION": 94},
+        ("links.autopilot.output=set_servo",),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", UNBOUNDED)
+def test_motors_that_nothing_would_stop_are_not_taken(name: str) -> None:
+    parameters, overrides = UNBOUNDED[name]
+    trial = Trial(parameters, *overrides, "supervisor.readback.tolerate=[ignored]")
+    seconds, outputs = trial.hold()
+    assert seconds == 0.0 and trial.results == [REJECTED] and not any(trial.overrides)
+    assert "nothing would stop the motors if this program died" in "".join(trial.words)
+    (note,) = [note for note in outputs.health.notes if note.subject == "motors after a crash"]
+    assert not note.ok and not note.text.endswith("tolerated")
+
+
+@pytest.mark.parametrize("name", UNBOUNDED)
+def test_unless_the_config_takes_that_on_itself_by_name(name: str) -> None:
+    parameters, overrides = UNBOUNDED[name]
+    trial = Trial(parameters, *overrides, "supervisor.readback.tolerate=[unbounded, ignored]")
+    seconds, outputs = trial.hold(3.0)
+    assert seconds is None and outputs.phase is Phase.HOLD
+    (note,) = [note for note in outputs.health.notes if note.subject == "motors after a crash"]
+    assert not note.ok and note.text.endswith("tolerated")
+
+
 def test_a_parameter_that_goes_wrong_while_holding_ends_the_hold() -> None:
     trial = Trial({})
     assert trial.hold()[0] is None
@@ -162,7 +194,8 @@ def test_a_pilot_who_switches_overrides_off_is_not_a_wrong_parameter() -> None:
             "sitl",
             [
                 "links.autopilot.output=set_servo",
-                "plant.frontseat.parameters={SERVO1_FUNCTION: 0, SERVO3_FUNCTION: 0}",
+                "plant.frontseat.parameters={SERVO1_FUNCTION: 0, SERVO3_FUNCTION: 0, SERVO5_FUNCTION: 94}",
+                "supervisor.readback.tolerate=[unbounded]",
             ],
             0.0,
             0,

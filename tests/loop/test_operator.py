@@ -11,9 +11,9 @@ import pytest
 
 from asvhil.config import load_config
 from asvhil.io.mavlink.frames import FrameSplitter, decode, dialect
+from asvhil.io.mavlink.texts import TextReader
 from asvhil.logs.opening import open_recorder
 from asvhil.logs.replay import replay
-from asvhil.operator.reports import TextReader
 from asvhil.operator.session import encode_hold, encode_release
 from asvhil.simplant.lockstep import Lockstep
 from asvhil.supervisor.reasons import Reason, describe, explain

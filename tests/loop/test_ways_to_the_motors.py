@@ -16,11 +16,12 @@ from asvhil.supervisor.reasons import Reason, describe, explain
 from asvhil.types import Frame, Inputs, Outputs, Phase
 from tests.support.settled import NO_BIAS, settled
 
-FREE = "plant.frontseat.parameters={SERVO1_FUNCTION: 0, SERVO3_FUNCTION: 0}"
+FREE = "plant.frontseat.parameters={SERVO1_FUNCTION: 0, SERVO3_FUNCTION: 0, SERVO5_FUNCTION: 94}"
+TAKEN = "supervisor.readback.tolerate=[unbounded]"  # the hazard, by name
 WAYS = {
     "rc_override": ("sitl",),
     "manual_control": ("sitl", "links.autopilot.output=manual_control"),
-    "set_servo": ("sitl", "links.autopilot.output=set_servo", FREE),
+    "set_servo": ("sitl", "links.autopilot.output=set_servo", FREE, TAKEN),
     "set_actuator": ("sitl-px4",),
 }
 NEUTRAL = (1500, 1500)

@@ -7,6 +7,7 @@ from typing import Any
 from asvhil.config import load_config
 from asvhil.io.mavlink.frames import FrameSplitter, decode
 from asvhil.io.mavlink.frames import dialect as mav
+from asvhil.io.mavlink.texts import TextReader
 from asvhil.simplant.plant import Plant
 from asvhil.types import Frame
 
@@ -88,7 +89,9 @@ class Boat:
         return self.seat.outputs_us
 
     def texts(self) -> list[str]:
-        return [message.text for message in of(self.log, "STATUSTEXT")]
+        reader = TextReader()
+        found = [reader.receive(message) for message in of(self.log, "STATUSTEXT")]
+        return [text for text in found if text is not None]
 
     def ready(self) -> Boat:
         """Past boot and readiness, with the talk of it forgotten."""

@@ -11,6 +11,7 @@ from asvhil.simplant.vehicle.rc import ChannelCalibration
 
 FIXED = None  # not modelled: the value stands whatever is asked
 PULSES = (800.0, 2200.0)
+FUNCTIONS = (-1.0, 188.0)
 PORT_MOTOR, STARBOARD_MOTOR = 73, 74  # SERVOn_FUNCTION: throttle left and right
 
 STICK_DEFAULTS = (("MIN", 1000.0), ("TRIM", 1500.0), ("MAX", 2000.0), ("DZ", 0.0), ("REVERSED", 0.0))  # not a motor's
@@ -39,7 +40,7 @@ def _channel(number: int, dead_zone_us: int, function: int) -> tuple[Row, ...]:
         (f"{servo}_TRIM", 1500, INT16, PULSES),
         (f"{servo}_MAX", 2000, INT16, PULSES),
         (f"{servo}_REVERSED", 0, INT8, (0.0, 1.0)),
-        (f"{servo}_FUNCTION", function, INT16, (-1.0, 188.0)),
+        (f"{servo}_FUNCTION", function, INT16, FUNCTIONS),
     )
 
 
@@ -53,6 +54,8 @@ class Parameters(ParameterTable):
             ("PILOT_STEER_TYPE", 1, INT8, (0.0, 3.0)),
             *_channel(port, config.rc1_dz_us, PORT_MOTOR),
             *_channel(starboard, config.rc3_dz_us, STARBOARD_MOTOR),
+            *((f"SERVO{n}_FUNCTION", 0, INT16, FUNCTIONS) for n in range(1, 9) if n not in (port, starboard)),
+            ("ARMING_RUDDER", 0, INT8, (0.0, 2.0)),  # ArduRover's default is 2
             ("RC_OVERRIDE_TIME", config.override_timeout_s, REAL32, (-1.0, 120.0)),
             ("RC_OPTIONS", 32, INT32, (0.0, 32767.0)),
             ("MOT_SLEWRATE", 0, INT16, (0.0, 1000.0)),
@@ -85,6 +88,11 @@ class Parameters(ParameterTable):
                 low_us=low_us, trim_us=trim_us, high_us=high_us, dead_zone_us=dead_zone_us, reversed=reverse != 0.0
             )
         return found
+
+    @property
+    def functions(self) -> set[int]:
+        """SERVOn_FUNCTION of all outputs."""
+        return {int(value) for name, value in self._values.items() if name.endswith("_FUNCTION")}
 
     def _put(self, name: str, value: float) -> None:
         super()._put(name, value)

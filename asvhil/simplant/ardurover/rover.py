@@ -7,6 +7,7 @@ import math
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from asvhil.config import FrontseatConfig, PwmConfig
+from asvhil.simplant.ardurover.arming import RudderWatch, failing_checks, sticks_out
 from asvhil.simplant.ardurover.parameters import PORT_MOTOR, STARBOARD_MOTOR, Parameters
 from asvhil.simplant.vehicle.powered import PoweredVehicle
 from asvhil.simplant.vehicle.rc import CHANNELS, IGNORE
@@ -16,7 +17,8 @@ MODE_HOLD = 4
 MODE_INITIALISING = 16
 MODES = frozenset({0, 1, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 15})
 POSITION_MODES = frozenset({5, 6, 8, 9, 10, 11, 12, 15})  # refused until the position is used
-OVERRIDES_BEFORE_ARMING_NS = 2_000_000_000
+CHECKS_NS = 1_000_000_000  # between two rounds of the checks before arming
+TELL_CHECKS_NS = 30_000_000_000  # between two times that it says what fails
 OVERRIDES_IGNORED = 2  # bit of RC_OPTIONS
 TWO_PADDLES = 1  # PILOT_STEER_TYPE: a stick for each motor
 STEERING_NOT_FLIPPED = 3  # PILOT_STEER_TYPE: steering keeps its sense when going astern
@@ -53,10 +55,14 @@ class Rover(PoweredVehicle):
         self.radio_failsafe = False
         self.gcs_failsafe = False
         self.gcs_heard_ns: int | None = None
-        self._mapped = int(self.parameters["RCMAP_ROLL"]), int(self.parameters["RCMAP_THROTTLE"])
+        self.mapped = int(self.parameters["RCMAP_ROLL"]), int(self.parameters["RCMAP_THROTTLE"])
         self.safety_on = self.parameters["BRD_SAFETY_DEFLT"] != 0.0
         self._throttle = 0.0
         self._position_used = False
+        self.radio_silent = self.parameters["FS_THR_ENABLE"] != 0.0 and not self.rc.receiver
+        self.checks_pass = False
+        self._checked_ns = self._told_ns = self.boot_ns
+        self._rudder = RudderWatch()
 
     @property
     def outputs_us(self) -> tuple[int, int]:
@@ -66,6 +72,11 @@ class Rover(PoweredVehicle):
     def press_safety_switch(self) -> None:
         """The button on the boat: the outputs come alive."""
         self.safety_on = False
+
+    @property
+    def booted(self) -> bool:
+        """Whether it is past its set-up."""
+        return self.mode != MODE_INITIALISING
 
     def ready(self, t_ns: int) -> bool:
         """Whether the estimator uses its position."""
@@ -84,7 +95,10 @@ class Rover(PoweredVehicle):
     def end(self) -> None:
         """The end of a loop: time-outs, then the motors."""
         self._watch_radio()
+        if self._rudder.asks(self):
+            self.arm(by_rudder=True)
         self._watch_gcs()
+        self._watch_checks()
         self._drive()
 
     # --- radio ---------------------------------------------------------------------------------------------
@@ -118,7 +132,6 @@ class Rover(PoweredVehicle):
         return bool(options & OVERRIDES_IGNORED) or self.parameters["RC_OVERRIDE_TIME"] == 0.0
 
     def _radio_lost(self, timeout_ns: int) -> bool:
-        # As in ArduPilot, FS_THR_ENABLE=0 takes away the neutral outputs as well as the change to HOLD.
         return self.parameters["FS_THR_ENABLE"] != 0.0 and not self.rc.alive(self.t_ns, timeout_ns)
 
     def _watch_radio(self) -> None:
@@ -127,6 +140,8 @@ class Rover(PoweredVehicle):
             self.rc.drop_overrides()
         elif hold_s > 0.0:
             self.rc.expire(self.t_ns, round(1e9 * hold_s))
+        if self.parameters["FS_THR_ENABLE"] != 0.0:  # with 0 nobody looks any more: what was found last stands
+            self.radio_silent = self._radio_lost(self._neutral_ns)
         if self.radio_failsafe:
             if not self._radio_lost(self._neutral_ns):
                 self.radio_failsafe = False
@@ -163,15 +178,16 @@ class Rover(PoweredVehicle):
         return True
 
     def _function(self, index: int) -> int:
-        """SERVOn_FUNCTION of an output (index from 0); those beside the motors have none."""
-        return int(self.parameters[f"SERVO{index + 1}_FUNCTION"]) if index in (self._port, self._starboard) else 0
+        """SERVOn_FUNCTION of an output (index from 0); beyond the eighth none is listed."""
+        name = f"SERVO{index + 1}_FUNCTION"
+        return int(self.parameters[name]) if name in self.parameters.names else 0
 
     def _drive(self) -> None:
-        if not self.armed or self.mode != MODE_MANUAL or self._radio_lost(self._neutral_ns):
+        if not self.armed or self.mode != MODE_MANUAL or self.radio_silent:
             self._throttle = 0.0
             self._put_out(0.0, 0.0)
             return
-        first, second = self._sticks()
+        first, second = self.sticks()
         steer_type = self.parameters["PILOT_STEER_TYPE"]
         if steer_type == TWO_PADDLES:
             throttle, steering = 0.5 * (first + second), 0.5 * (first - second)
@@ -214,9 +230,9 @@ class Rover(PoweredVehicle):
         end_us = parameters[f"{servo}_MAX" if throttle > 0.0 else f"{servo}_MIN"]
         return int(trim_us + abs(end_us - trim_us) * throttle + 1e-6)
 
-    def _sticks(self) -> tuple[float, float]:
+    def sticks(self) -> tuple[float, float]:
         """The two that drive, from the channels that they were mapped to at boot."""
-        first, second = self._mapped
+        first, second = self.mapped
         radio_us = self.rc.radio_us
         return (
             self.parameters.stick(first).fraction(radio_us[first - 1]),
@@ -239,13 +255,11 @@ class Rover(PoweredVehicle):
         self.mode = number
         return True
 
-    def arm(self, *, force: bool = False) -> bool:
-        """Arm; False, with the reason said, where the vehicle refuses."""
+    def arm(self, *, force: bool = False, by_rudder: bool = False) -> bool:
+        """Arm; False, with the reasons said, where the vehicle refuses."""
         if self.armed:
             return True
-        refusal = None if force else self._arming_refusal()
-        if refusal is not None:
-            self.texts.append((CRITICAL, f"Arm: {refusal}"))
+        if not force and not self._may_arm(by_rudder):
             return False
         self.armed = self.changed = True
         self.texts.append((INFO, "Throttle armed"))
@@ -259,27 +273,37 @@ class Rover(PoweredVehicle):
             self.texts.append((INFO, "Throttle disarmed"))
         return True
 
-    def _checks_skipped(self) -> bool:
+    def tell_checks(self) -> bool:
+        """MAV_CMD_RUN_PREARM_CHECKS: say what fails; False while armed."""
+        if self.armed:
+            return False
+        self._say("PreArm", failing_checks(self))
+        return True
+
+    @property
+    def checks_skipped(self) -> bool:
+        """Whether it arms without any checks."""
         if "ARMING_CHECK" in self.parameters.names:
             return self.parameters["ARMING_CHECK"] == 0.0
         return self.parameters["ARMING_SKIPCHK"] == -1.0
 
-    def _arming_refusal(self) -> str | None:
-        if self.mode == MODE_INITIALISING:
-            return "Mode not armable"
-        if self.safety_on:
-            return "Hardware safety switch"
-        if self._checks_skipped():
-            return None
-        if not self.ready(self.t_ns):
-            return "Need Position Estimate"
-        rc = self.rc
-        short = not rc.receiver and rc.streamed_ns(self.t_ns) < OVERRIDES_BEFORE_ARMING_NS
-        if short or not rc.alive(self.t_ns, self._neutral_ns):
-            return "Radio failsafe on"
-        first, second = self._sticks()
-        if first != 0.0:
-            return f"Roll (RC{self._port + 1}) is not neutral"
-        if second != 0.0:
-            return f"Throttle (RC{self._starboard + 1}) is not neutral"
-        return None
+    def _watch_checks(self) -> None:
+        """Once a second look at what would keep it from arming, and say so twice a minute."""
+        if self.t_ns - self._checked_ns < CHECKS_NS:
+            return
+        self._checked_ns = self.t_ns
+        failing = failing_checks(self)
+        self.checks_pass = not failing
+        if failing and not self.armed and self.t_ns - self._told_ns >= TELL_CHECKS_NS:
+            self._told_ns = self.t_ns
+            self._say("PreArm", failing)
+
+    def _say(self, when: str, failing: list[str]) -> None:
+        """A check's own words for when it was made stand."""
+        self.texts += [(CRITICAL, text if text.startswith("PreArm: ") else f"{when}: {text}") for text in failing]
+
+    def _may_arm(self, by_rudder: bool) -> bool:
+        """All checks, with the reasons said where one fails."""
+        failing = failing_checks(self) or ([] if self.checks_skipped else sticks_out(self, by_rudder))
+        self._say("Arm", failing)
+        return not failing

@@ -98,11 +98,18 @@ class RoverTelemetry(VehicleTelemetry):
         return dialect.MAVLink_ekf_status_report_message(flags, 0.003, 0.001, 0.03, 0.008, 0.0, 0.0)
 
     def _sys_status(self, t_ns: int) -> Any:
-        d = dialect
+        d, rover = dialect, self._rover
         sensors = d.MAV_SYS_STATUS_SENSOR_3D_GYRO | d.MAV_SYS_STATUS_SENSOR_3D_ACCEL | d.MAV_SYS_STATUS_SENSOR_GPS
-        healthy = sensors if self._rover.ready(t_ns) else sensors & ~d.MAV_SYS_STATUS_SENSOR_GPS
-        enabled = sensors if self._rover.safety_on else sensors | d.MAV_SYS_STATUS_SENSOR_MOTOR_OUTPUTS
-        present = sensors | d.MAV_SYS_STATUS_SENSOR_MOTOR_OUTPUTS
+        healthy = sensors if rover.ready(t_ns) else sensors & ~d.MAV_SYS_STATUS_SENSOR_GPS
+        enabled = sensors if rover.safety_on else sensors | d.MAV_SYS_STATUS_SENSOR_MOTOR_OUTPUTS
+        present = sensors | d.MAV_SYS_STATUS_SENSOR_MOTOR_OUTPUTS | d.MAV_SYS_STATUS_PREARM_CHECK
+        if not rover.checks_skipped:
+            enabled |= d.MAV_SYS_STATUS_PREARM_CHECK
+            healthy |= d.MAV_SYS_STATUS_PREARM_CHECK if rover.armed or rover.checks_pass else 0
+        if rover.rc.seen:  # overrides count
+            present |= d.MAV_SYS_STATUS_SENSOR_RC_RECEIVER
+            enabled |= d.MAV_SYS_STATUS_SENSOR_RC_RECEIVER
+            healthy |= 0 if rover.radio_silent else d.MAV_SYS_STATUS_SENSOR_RC_RECEIVER
         return d.MAVLink_sys_status_message(present, enabled, healthy, 0, 12600, -1, -1, 0, 0, 0, 0, 0, 0)
 
     def _autopilot_version(self, t_ns: int) -> Any:

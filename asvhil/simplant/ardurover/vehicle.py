@@ -16,6 +16,7 @@ from asvhil.simplant.vehicle.autopilot import ACCEPTED, CUSTOM_MODE, DENIED, FAI
 from asvhil.simplant.vehicle.rc import CHANNELS
 from asvhil.simplant.vehicle.schedule import Schedule
 
+TEMPORARILY_REJECTED = int(dialect.MAV_RESULT_TEMPORARILY_REJECTED)
 # What each stream of the legacy REQUEST_DATA_STREAM holds; stream 0 is all of them.
 DATA_STREAMS = {
     dialect.MAV_DATA_STREAM_RAW_SENSORS: ("RAW_IMU", "SCALED_IMU2"),
@@ -53,6 +54,7 @@ class SimulatedArduRover(SimulatedAutopilot):
             dialect.MAVLINK_MSG_ID_REQUEST_DATA_STREAM: self._on_data_stream,
         }
         self._commands[dialect.MAV_CMD_DO_SET_SERVO] = self._do_set_servo
+        self._commands[dialect.MAV_CMD_RUN_PREARM_CHECKS] = self._run_checks
 
     def _new_schedule(self, boot_ns: int) -> Schedule:
         return Schedule(self._messages.streamed, self._messages.on_request, self._loop_hz, boot_ns)
@@ -71,6 +73,9 @@ class SimulatedArduRover(SimulatedAutopilot):
         if channel is None or pulse_us is None:
             return FAILED
         return ACCEPTED if self.rover.set_servo(channel, pulse_us) else FAILED
+
+    def _run_checks(self, peer: str, m: Any) -> int:
+        return ACCEPTED if self.rover.tell_checks() else TEMPORARILY_REJECTED
 
     def _on_heartbeat(self, peer: str, sender: tuple[int, int], m: Any) -> None:
         self.rover.heartbeat(sender[0])

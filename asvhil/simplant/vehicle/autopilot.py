@@ -11,6 +11,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from asvhil.config.ports import AUTOPILOT
 from asvhil.io.mavlink.frames import Parser, decode, message_id, source
+from asvhil.io.mavlink.texts import Texts
 from asvhil.simplant.vehicle.parameter_table import ParameterTable
 from asvhil.simplant.vehicle.rc import RcInputs
 from asvhil.simplant.vehicle.schedule import Schedule
@@ -84,6 +85,7 @@ class SimulatedAutopilot(ABC):
         self._system_id = system_id
         self._mav = dialect.MAVLink(None, srcSystem=system_id, srcComponent=COMPONENT_ID)
         self._inbox: deque[Frame] = deque()
+        self._texts = Texts()
         self._outbox: list[tuple[str, Any]] = []
         self.impossible = 0  # frames with a good checksum and content that cannot be
         self.dropped = 0  # chunks beyond the inbox
@@ -179,7 +181,7 @@ class SimulatedAutopilot(ABC):
             self._tell_of_change(t_ns)
         vehicle.changed = False
         for severity, text in vehicle.texts:
-            self._outbox.append(("", dialect.MAVLink_statustext_message(severity, text.encode()[:50])))
+            self._outbox += [("", message) for message in self._texts.messages(severity, text)]
         vehicle.texts.clear()
         if t_ns >= self._timesync_ns:
             self._timesync_ns += TIMESYNC_NS

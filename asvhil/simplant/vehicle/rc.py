@@ -22,6 +22,7 @@ class RcInputs:
 
     def __init__(self, receiver: bool, t_ns: int) -> None:
         self.receiver = receiver
+        self.strength: int | None = None  # of a receiver that reports it
         self.sticks_us = [*STICKS_AT_REST, *[0] * (CHANNELS - len(STICKS_AT_REST))]
         self.radio_us: list[int] = []
         self._overrides_ns: dict[int, int] = {}
@@ -30,6 +31,8 @@ class RcInputs:
     def restart(self, t_ns: int) -> None:
         """Power on: what was overridden is forgotten, the pilot's sticks are where they are."""
         self.radio_us[:] = self.sticks_us if self.receiver else [0] * CHANNELS
+        self.heard = self.receiver  # a receiver, since power-on
+        self.seen = self.receiver  # any input, since power-on
         self._overrides_ns.clear()
         self.last_input_ns = t_ns  # of an override, of the receiver's loss, or of power-on
         self._streak_ns: int | None = None
@@ -41,6 +44,7 @@ class RcInputs:
             self._streak_ns = None
         self.receiver = present
         if present:
+            self.heard = self.seen = True
             for index, pulse_us in enumerate(self.sticks_us):
                 if index not in self._overrides_ns:
                     self.radio_us[index] = pulse_us
@@ -64,6 +68,7 @@ class RcInputs:
                 self._overrides_ns[index] = t_ns
                 self.radio_us[index] = value
         if touched:
+            self.seen = True
             if self._streak_ns is None or t_ns - self.last_input_ns > gap_ns:
                 self._streak_ns = t_ns
             self.last_input_ns = t_ns
@@ -82,6 +87,11 @@ class RcInputs:
     def alive(self, t_ns: int, timeout_ns: int) -> bool:
         """Whether the radio gives input: a receiver, or overrides not older than the time-out."""
         return self.receiver or t_ns - self.last_input_ns < timeout_ns
+
+    @property
+    def rssi(self) -> int:
+        """Signal strength as RC_CHANNELS tells it; 255 where the receiver does not report one."""
+        return 255 if self.strength is None else self.strength if self.receiver else 0
 
     def streamed_ns(self, t_ns: int) -> int:
         """For how long overrides have come without a pause."""

@@ -208,8 +208,9 @@ class VehicleTelemetry:
         return dialect.MAVLink_servo_output_raw_message(self._us(t_ns) & U32, 0, *servo_us)
 
     def _rc_channels(self, t_ns: int) -> Any:
-        present = 8 if self._vehicle.rc.receiver else 0
-        return dialect.MAVLink_rc_channels_message(self._ms(t_ns), present, *self._vehicle.rc.radio_us, 255)
+        rc = self._vehicle.rc
+        channels = 8 if rc.heard else 0  # of the last frame that a receiver has ever sent
+        return dialect.MAVLink_rc_channels_message(self._ms(t_ns), channels, *rc.radio_us, rc.rssi)
 
     def _system_time(self, t_ns: int) -> Any:
         unix_us = UNIX_EPOCH_AT_POWER_ON_US + self._us(t_ns) if self._vehicle.ready(t_ns) else 0

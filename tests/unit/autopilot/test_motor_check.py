@@ -31,7 +31,8 @@ class Drive:
 
     def __init__(self, values: dict[str, float], *tolerate: Cause) -> None:
         pwm = CONFIG.vehicle.pwm
-        autopilot: Any = SimpleNamespace(findings=judge(requirements(CONFIG.links.autopilot, pwm), values))
+        findings = judge(requirements(CONFIG.links.autopilot, pwm), values)
+        autopilot: Any = SimpleNamespace(findings=findings, unbounded="")
         self.check = MotorCheck(autopilot, Readback(ReadbackConfig(), pwm), tolerate)
 
     def run(self, gain: float) -> str | None:

@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 
 from asvhil.config import OperatorLinkConfig, load_config
 from asvhil.io.mavlink.frames import FrameSplitter, decode, dialect
-from asvhil.operator.reports import OperatorReport, TextReader, Texts
+from asvhil.io.mavlink.texts import TextReader, Texts
+from asvhil.operator.reports import OperatorReport
 from asvhil.operator.session import STREAM_NS, OperatorRequest, OperatorSession
 from asvhil.supervisor.reasons import Explanation, Reason, describe, explain
 from asvhil.types import EVERYONE, Address, Frame, HoldCommand, MoveCommand, ParameterChange, Phase, ReleaseCommand

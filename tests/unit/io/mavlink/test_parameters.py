@@ -184,8 +184,8 @@ def good() -> dict[str, float]:
     [
         ({"SYSID_MYGCS": 255}, ["SYSID_MYGCS is 255, not 1: overrides are ignored"], Cause.IGNORED),
         ({"RC_OPTIONS": 34}, ["RC_OPTIONS is 34, not 32: overrides are ignored"], Cause.IGNORED),
-        ({"RC_OVERRIDE_TIME": 0}, ["RC_OVERRIDE_TIME is 0, not 3: wrong time-out"], Cause.IGNORED),
-        ({"RC_OVERRIDE_TIME": -1}, ["RC_OVERRIDE_TIME is -1, not 3: wrong time-out"], Cause.IGNORED),
+        ({"RC_OVERRIDE_TIME": 0}, ["RC_OVERRIDE_TIME is 0, not 1: wrong time-out"], Cause.IGNORED),
+        ({"RC_OVERRIDE_TIME": -1}, ["RC_OVERRIDE_TIME is -1, not 1: wrong time-out"], Cause.IGNORED),
         ({"RC3_DZ": 30}, ["RC3_DZ is 30, not 0: dead zone bends commands"], Cause.DEAD_ZONE),
         (
             {"SERVO1_FUNCTION": 74, "SERVO3_FUNCTION": 73},

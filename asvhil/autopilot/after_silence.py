@@ -1,0 +1,62 @@
+"""What an autopilot does with the motors once we fall silent, by its parameters and its radio. Pure.
+
+The rules of an ArduRover were measured on a real one: docs/autopilots.md has the table.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from asvhil.config import AutopilotLinkConfig
+from asvhil.types import Radio, record
+
+RECEIVER_IGNORED = 1  # bit of RC_OPTIONS
+FS_TIMEOUT_S = 1.5  # FS_TIMEOUT, by default
+RADIO_SILENCE_S = 1.0  # without radio input for this long sticks count as neutral; 0.5 in firmware 4.6
+NEEDED = (
+    "FS_THR_ENABLE",
+    "RC_OVERRIDE_TIME",
+    "RC_OPTIONS",
+    "FS_GCS_ENABLE",
+    "FS_ACTION",
+    "FS_GCS_TIMEOUT",
+    "FS_TIMEOUT",
+)
+
+
+@record
+class AfterSilence:
+    """What becomes of the motors: `text` says it; `within_s` (s) is None where nothing stops them."""
+
+    text: str
+    within_s: float | None
+
+
+def after_silence_of_ardurover(
+    link: AutopilotLinkConfig, values: Mapping[str, float], radio: Radio
+) -> AfterSilence | None:
+    """What happens where this program or the link dies in a hold; None while a parameter for it has not answered."""
+    if link.output == "set_servo":
+        return AfterSilence(text="DO_SET_SERVO has no time-out", within_s=None)
+    if not {"FS_THR_ENABLE", "RC_OVERRIDE_TIME"} <= set(values):
+        return None
+    hold_s, throttle = values["RC_OVERRIDE_TIME"], values["FS_THR_ENABLE"]
+    if hold_s == 0.0:
+        return AfterSilence(text="they are not ours: RC_OVERRIDE_TIME 0 ignores overrides", within_s=0.0)
+    receiver = radio is Radio.HEARD
+    if radio in (Radio.HEARD, Radio.LOST) and int(values.get("RC_OPTIONS", 0)) & RECEIVER_IGNORED:
+        receiver = False
+        stops_s = hold_s + RADIO_SILENCE_S if hold_s > 0.0 else None  # its frames keep overrides in use until they end
+    else:
+        stops_s = RADIO_SILENCE_S
+    if receiver and hold_s > 0.0:
+        return AfterSilence(text=f"the sticks are back after {hold_s:g} s (RC_OVERRIDE_TIME)", within_s=hold_s)
+    if not receiver and throttle != 0.0 and stops_s is not None:
+        return AfterSilence(text=f"neutral within {stops_s:g} s (FS_THR_ENABLE)", within_s=stops_s)
+    acts = receiver or values.get("FS_ACTION", 0.0) != 0.0  # it drops the overrides, whatever it does besides
+    if values.get("FS_GCS_ENABLE", 0.0) != 0.0 and acts:
+        late_s = values.get("FS_GCS_TIMEOUT", 5.0) + FS_TIMEOUT_S
+        return AfterSilence(text=f"fail-safe of the ground station after {late_s:g} s (FS_GCS_ENABLE)", within_s=late_s)
+    if throttle != 0.0 or receiver:
+        return AfterSilence(text=f"RC_OVERRIDE_TIME is {hold_s:g}: overrides never end", within_s=None)
+    return AfterSilence(text=f"FS_THR_ENABLE is {throttle:g}, and no transmitter is heard", within_s=None)

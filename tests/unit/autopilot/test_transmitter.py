@@ -1,0 +1,144 @@
+"""What is known of the pilot's transmitter, and what an autopilot says of why it would not arm."""
+
+from typing import Any
+
+import pytest
+
+from asvhil.autopilot.arming_checks import CHECKS, ArmingChecks
+from asvhil.autopilot.transmitter import RECEIVER, Transmitter
+from asvhil.io.mavlink.frames import dialect
+from asvhil.io.mavlink.texts import Texts
+from asvhil.types import Radio
+
+MS = 1_000_000
+S = 1000 * MS
+
+
+class Radios:
+    """An autopilot that reports its radio at 10 Hz (RC_CHANNELS) and 2 Hz (SYS_STATUS)."""
+
+    def __init__(self) -> None:
+        self.transmitter = Transmitter()
+        self.t_ns = 0
+
+    def run(
+        self, seconds: float, *, channels: int | None, rssi: int = 255, bit: bool | None = None, driven: bool = False
+    ) -> Radio:
+        """`bit`: the health of the receiver, None where it is not there at all; `driven`: overrides flow."""
+        for tick in range(round(seconds * 10)):
+            self.t_ns += 100 * MS
+            if driven:
+                self.transmitter.note_override(self.t_ns)
+            if channels is not None:
+                self.transmitter.on_rc_channels(self.t_ns, channels, rssi)
+            if tick % 5 == 0:
+                present = 0 if bit is None else RECEIVER
+                self.transmitter.on_sys_status(self.t_ns, present, RECEIVER if bit else 0)
+        return self.transmitter.radio
+
+
+def test_a_boat_without_a_receiver_has_none_while_overrides_count_as_radio_too() -> None:
+    radios = Radios()
+    assert radios.transmitter.radio is Radio.UNKNOWN
+    assert radios.run(3.0, channels=0) is Radio.ABSENT
+    assert radios.run(3.0, channels=0, bit=True, driven=True) is Radio.ABSENT  # as measured: the bit comes with us
+    assert radios.run(3.0, channels=0, bit=False) is Radio.ABSENT
+
+
+def test_a_lost_transmitter_keeps_its_channels_and_loses_its_health() -> None:
+    radios = Radios()
+    assert radios.run(3.0, channels=8, bit=True) is Radio.HEARD
+    assert radios.run(3.0, channels=8, bit=False) is Radio.LOST
+    assert radios.run(0.5, channels=8, bit=True) is Radio.HEARD
+
+
+def test_overrides_hide_a_loss_and_do_not_make_one_good_again() -> None:
+    radios = Radios()
+    radios.run(3.0, channels=8, bit=True)
+    assert radios.run(5.0, channels=8, bit=True, driven=True) is Radio.HEARD  # nothing tells
+    radios.run(3.0, channels=8, bit=False)
+    assert radios.run(5.0, channels=8, bit=True, driven=True) is Radio.LOST
+    assert radios.run(0.9, channels=8, bit=True) is Radio.LOST  # the last override still counts
+    assert radios.run(1.0, channels=8, bit=True) is Radio.HEARD
+
+
+@pytest.mark.parametrize("driven", [True, False])
+def test_a_signal_strength_of_0_tells_of_a_loss_where_there_was_one(driven: bool) -> None:
+    radios = Radios()
+    assert radios.run(3.0, channels=8, rssi=0, bit=True, driven=driven) is Radio.HEARD  # not reported
+    assert radios.run(3.0, channels=8, rssi=180, bit=True, driven=driven) is Radio.HEARD
+    assert radios.run(0.9, channels=8, rssi=0, bit=True, driven=driven) is Radio.HEARD  # a moment is no loss
+    assert radios.run(0.3, channels=8, rssi=0, bit=True, driven=driven) is Radio.LOST
+    assert radios.run(1.2, channels=8, rssi=90, bit=True) is Radio.HEARD
+
+
+def test_a_px4_without_rc_channels_is_judged_by_its_bits() -> None:
+    radios = Radios()
+    assert radios.run(2.0, channels=None) is Radio.ABSENT
+    assert radios.run(2.0, channels=None, bit=False) is Radio.ABSENT
+    assert radios.run(2.0, channels=None, bit=True) is Radio.HEARD
+    assert radios.run(2.0, channels=None, bit=False) is Radio.LOST
+
+
+# --- arming -------------------------------------------------------------------------------------------------
+
+
+class Checked:
+    def __init__(self) -> None:
+        self.checks = ArmingChecks()
+
+    def status(self, ok: bool | None) -> None:
+        self.checks.on_sys_status(0 if ok is None else CHECKS, CHECKS if ok else 0)
+
+    def say(self, t_ns: int, *texts: str) -> None:
+        packer = Texts()
+        for text in texts:
+            for message in packer.messages(2, text):
+                self.checks.on_text(t_ns, self._over_the_wire(message))
+
+    @staticmethod
+    def _over_the_wire(message: Any) -> Any:
+        mav = dialect.MAVLink(None)
+        return dialect.MAVLink(None).parse_buffer(message.pack(mav))[0]
+
+
+def test_it_says_in_the_autopilots_words_why_it_would_not_arm() -> None:
+    boat = Checked()
+    assert boat.checks.fault(0) == "" and not boat.checks.is_due(0)
+    boat.status(False)
+    assert boat.checks.fault(0) == "its checks before arming fail"
+    boat.say(S, "PreArm: Radio failsafe on", "EKF3 IMU0 is using GPS", "PreArm: GPS 1: Bad fix")
+    assert boat.checks.fault(S) == "Radio failsafe on (and 1 more)"
+    boat.say(31 * S, "PreArm: GPS 1: Bad fix")  # the next round: the first has been mended
+    assert boat.checks.fault(31 * S) == "GPS 1: Bad fix"
+    assert boat.checks.fault(70 * S) == "its checks before arming fail"  # it has not been repeated
+    boat.status(True)
+    assert boat.checks.fault(70 * S) == ""
+
+
+def test_a_long_text_comes_in_pieces() -> None:
+    boat = Checked()
+    boat.status(False)
+    boat.say(S, f"PreArm: {'x' * 90}")
+    assert boat.checks.fault(S) == "x" * 90
+
+
+def test_a_refused_attempt_is_told_for_a_while_though_all_checks_pass() -> None:
+    boat = Checked()
+    boat.status(True)
+    boat.say(S, "Arm: Throttle (RC3) is not neutral")
+    assert boat.checks.fault(9 * S) == "Throttle (RC3) is not neutral"
+    assert boat.checks.fault(12 * S) == ""
+
+
+def test_what_fails_is_asked_for_where_nothing_tells_it_and_not_too_often() -> None:
+    boat = Checked()
+    boat.status(None)
+    assert not boat.checks.is_due(0)  # no checks: nothing to ask for
+    boat.status(False)
+    assert boat.checks.is_due(S) and not boat.checks.is_due(2 * S) and boat.checks.is_due(11 * S)
+    boat.say(11 * S, "PreArm: Radio failsafe on")
+    assert not boat.checks.is_due(30 * S)
+    assert boat.checks.is_due(60 * S)
+    boat.checks.restart()
+    assert boat.checks.fault(60 * S) == "" and boat.checks.ok is None
