@@ -22,7 +22,7 @@ from asvhil.config.estimator import (
     WindFilterConfig,
 )
 from asvhil.config.links import AutopilotLinkConfig, OperatorLinkConfig
-from asvhil.config.loading import config_from_json, find_config, find_shipped, load_config
+from asvhil.config.loading import config_from_json, find_config, find_shipped, load_config, override_value
 from asvhil.config.plant import (
     OF_ONE_DEVICE,
     AnemometerSensorConfig,
@@ -122,4 +122,5 @@ __all__ = [
     "find_config",
     "find_shipped",
     "load_config",
+    "override_value",
 ]

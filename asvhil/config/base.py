@@ -11,11 +11,13 @@ from pydantic import (
     BaseModel,
     ConfigDict,
     Field,
+    GetCoreSchemaHandler,
     SerializerFunctionWrapHandler,
     ValidationInfo,
     model_serializer,
     model_validator,
 )
+from pydantic_core import CoreSchema
 
 from asvhil.config.link_spec import parse_spec
 from asvhil.errors import ConfigError
@@ -47,12 +49,28 @@ def _checked_link(spec: str, info: ValidationInfo) -> str:
 LinkSpecText = Annotated[str, AfterValidator(_checked_link)]
 
 
+def _typed(schema: Any) -> Any:
+    """The schema with text no longer taken for a number or a truth: `on`, '5', 1_000 and 1:30 are text in YAML 1.2."""
+    if isinstance(schema, dict):
+        typed = {key: value if key == "serialization" else _typed(value) for key, value in schema.items()}
+        return typed | {"strict": True} if schema.get("type") in ("bool", "int", "float") else typed
+    return [_typed(part) for part in schema] if type(schema) is list else schema
+
+
 class Section(BaseModel):
-    """Base of all sections: frozen, and unknown keys, infinities and NaN are refused. Every key has a description."""
+    """Base of all sections: frozen; unknown keys, infinities, NaN and text for a number or truth are refused.
+
+    Every key has a description.
+    """
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
     # Keys that came later, so that a config without them keeps the hash that it has always had.
     left_out_if_empty: ClassVar[tuple[str, ...]] = ()
+
+    @classmethod
+    def __get_pydantic_core_schema__(cls, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        typed: CoreSchema = _typed(handler(source))
+        return typed
 
     @model_serializer(mode="wrap")
     def _without_empty(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:

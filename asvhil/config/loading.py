@@ -7,11 +7,12 @@ import os
 from pathlib import Path
 from typing import Any
 
-import yaml
 from pydantic import TypeAdapter, ValidationError
 
 from asvhil.config.plugins import PluginFile, load_files
 from asvhil.config.root import Config
+from asvhil.config.told import Lines, told
+from asvhil.config.yaml_text import Path_, parse_yaml, read_yaml
 from asvhil.errors import ConfigError
 
 KNOWN_ONLY = {"known_only": True}
@@ -46,11 +47,11 @@ def load_config(path: str | Path, overrides: tuple[str, ...] = ()) -> Config:
     Raises ConfigError with one line that names the file and the key.
     """
     found = find_config(str(path))
-    tree = _read_tree(found, ())
+    tree, lines = _read_tree(found, ())
     for override in overrides:
-        _apply_override(tree, override)
-    _load_plugins(tree, str(found))
-    return _validate(tree, str(found))
+        _apply_override(tree, lines, override)
+    _load_plugins(tree, str(found), lines)
+    return _validate(tree, str(found), lines)
 
 
 def config_from_json(text: str, source: str, *, known_only: bool = False) -> Config:
@@ -62,9 +63,9 @@ def config_from_json(text: str, source: str, *, known_only: bool = False) -> Con
     """
     try:
         tree = json.loads(text)
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise ConfigError(f"{source}: the stored config is not JSON ({error})") from None
-    return _validate(_known(tree), source, KNOWN_ONLY) if known_only else _validate(tree, source)
+    return _validate(_known(tree), source, {}, KNOWN_ONLY) if known_only else _validate(tree, source, {})
 
 
 def _known(tree: Any) -> Any:
@@ -92,28 +93,20 @@ def _drop(tree: Any, loc: tuple[int | str, ...]) -> bool:
     return True
 
 
-def _read_tree(path: Path, seen: tuple[Path, ...]) -> dict[str, Any]:
+def _read_tree(path: Path, seen: tuple[Path, ...]) -> tuple[dict[str, Any], Lines]:
+    """The keys of a file over those of its base, and where each stands."""
     if path.resolve() in seen:
         raise ConfigError(f"{path}: key base: the chain of base files runs in a circle")
-    try:
-        tree = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
-        raise ConfigError(f"{path}: cannot be read ({reason})") from None
-    except yaml.YAMLError as error:
-        mark = getattr(error, "problem_mark", None)
-        where = f" at line {mark.line + 1}, column {mark.column + 1}" if mark else ""
-        raise ConfigError(
-            f"{path}: not valid YAML{where} ({getattr(error, 'problem', None) or 'cannot be parsed'})"
-        ) from None
-    if tree is None:
-        tree = {}
+    found = read_yaml(path)
+    tree = {} if found.tree is None else found.tree
     if not isinstance(tree, dict):
         raise ConfigError(f"{path}: a mapping of keys is expected at the top level, not {type(tree).__name__}")
+    file = f" of {path.name}" if seen else ""
+    lines = {place: f"line {line}{file}" for place, line in found.lines.items()}
     _place_plugins(tree, path.parent)
     base = tree.pop("base", None)
     if base is None:
-        return tree
+        return tree, lines
     if not isinstance(base, str):
         raise ConfigError(f"{path}: key base: the name of a config file is expected, not {base!r}")
     base_path = path.parent / base
@@ -122,7 +115,8 @@ def _read_tree(path: Path, seen: tuple[Path, ...]) -> dict[str, Any]:
             base_path = find_config(base)
         except ConfigError:
             raise ConfigError(f"{path}: key base: no such file {base} beside it, and none shipped") from None
-    return _merge(_read_tree(base_path, (*seen, path.resolve())), tree)
+    below, below_lines = _read_tree(base_path, (*seen, path.resolve()))
+    return _merge(below, tree), below_lines | lines
 
 
 def _merge(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
@@ -135,14 +129,16 @@ def _merge(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
     return merged
 
 
-def _apply_override(tree: dict[str, Any], override: str) -> None:
-    key, sign, text = override.partition("=")
-    if not sign or not key:
+def override_value(override: str) -> tuple[str, Any]:
+    """KEY=VALUE as the key and the value, which is YAML. ConfigError where it is something else."""
+    key, sign, text = (part.strip() for part in override.partition("="))
+    if not sign or not all(key.split(".")):
         raise ConfigError(f"--set {override}: KEY=VALUE is expected, such as plant.seed=2")
-    try:
-        value = yaml.safe_load(text)
-    except yaml.YAMLError:
-        raise ConfigError(f"--set {override}: the value is not valid YAML") from None
+    return key, parse_yaml(text, f"--set {override}").tree
+
+
+def _apply_override(tree: dict[str, Any], lines: dict[Path_, str], override: str) -> None:
+    key, value = override_value(override)
     *parents, leaf = key.split(".")
     node = tree
     for name in parents:
@@ -153,6 +149,10 @@ def _apply_override(tree: dict[str, Any], override: str) -> None:
             raise ConfigError(f"--set {override}: {name} is a value, not a section")
         node = child
     node[leaf] = value
+    path = tuple(key.split("."))
+    for place in [place for place in lines if place[: len(path)] == path]:
+        del lines[place]
+    lines[path] = f"--set {override}"
 
 
 def _place_plugins(tree: dict[str, Any], folder: Path) -> None:
@@ -168,7 +168,7 @@ def _place_plugins(tree: dict[str, Any], folder: Path) -> None:
         ]
 
 
-def _load_plugins(tree: dict[str, Any], source: str) -> None:
+def _load_plugins(tree: dict[str, Any], source: str, lines: Lines) -> None:
     """Load the plug-ins of a config, and note the SHA-256 of each in it."""
     _place_plugins(tree, Path.cwd())  # those of an override
     if not tree.get("plugins"):
@@ -177,32 +177,17 @@ def _load_plugins(tree: dict[str, Any], source: str) -> None:
         files = TypeAdapter(dict[str, tuple[PluginFile, ...]]).validate_python({"plugins": tree["plugins"]})
         plugins = load_files(files["plugins"])
     except ValidationError as error:
-        raise _told(error, source) from None
+        raise told(error, source, lines) from None
     except ConfigError as error:
         raise ConfigError(f"{source}: key plugins: {error}") from None
     tree["plugins"] = [{"file": one.file, "sha256": one.sha256} for one in plugins]
 
 
-def _validate(tree: Any, source: str, context: Any = None) -> Config:
+def _validate(tree: Any, source: str, lines: Lines, context: Any = None) -> Config:
     try:
         return Config.model_validate(_sorted(tree), context=context)
     except ValidationError as error:
-        raise _told(error, source) from None
-
-
-def _told(error: ValidationError, source: str) -> ConfigError:
-    """The first of what a validation found, as one line."""
-    first = error.errors()[0]
-    key = ".".join(str(part) for part in first["loc"])
-    message = first["msg"].removeprefix("Value error, ")
-    if first["type"] == "extra_forbidden":
-        message = f"unknown key{_suggest(first['loc'])}"
-    elif first["type"] == "missing":
-        message = "this key is required"
-    elif not isinstance(first["input"], dict | list):
-        message = f"{message} (got {first['input']!r})"
-    more = f" (and {error.error_count() - 1} more)" if error.error_count() > 1 else ""
-    return ConfigError(f"{source}: {f'key {key}: ' if key else ''}{message}{more}")
+        raise told(error, source, lines, Config) from None
 
 
 def _sorted(tree: Any) -> Any:
@@ -210,20 +195,3 @@ def _sorted(tree: Any) -> Any:
     if isinstance(tree, dict):
         return {key: _sorted(tree[key]) for key in sorted(tree, key=str)}
     return tree
-
-
-def _suggest(loc: tuple[int | str, ...]) -> str:
-    """ ", did you mean KEY?" with the nearest key of the same section; empty where none is near."""
-    import difflib
-
-    section: Any = Config
-    for part in loc[:-1]:
-        field = getattr(section, "model_fields", {}).get(str(part))
-        kind = section.registry.at_key(str(part)) if field is None and hasattr(section, "registry") else None
-        section = field.annotation if field else kind.section if kind else None
-        options = getattr(section, "__args__", ())
-        section = next((option for option in options if hasattr(option, "model_fields")), section)
-    kinds = getattr(section, "registry", ())
-    keys = [*getattr(section, "model_fields", {}), *(kind.settings_key for kind in kinds if kind.section)]
-    near = difflib.get_close_matches(str(loc[-1]), keys, n=1)
-    return f", did you mean {near[0]}?" if near else ""

@@ -5,9 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Iterator
 from typing import Any
 
-import yaml
-
-from asvhil.config import load_config
+from asvhil.config import load_config, override_value
 from asvhil.config.mean_wind import from_north_deg
 from asvhil.errors import ConfigError
 from asvhil.study.runner import Job
@@ -63,8 +61,7 @@ def refuse_own(overrides: Iterable[str], own: Iterable[str]) -> None:
     """ConfigError where an override sets a key that the study sets itself; both as KEY=VALUE."""
     keys = {text.partition("=")[0] for text in own}
     for override in overrides:
-        key, _, text = override.partition("=")
-        for leaf in _leaves(key, yaml.safe_load(text)):
+        for leaf in _leaves(*override_value(override)):
             if leaf in keys:
                 raise ConfigError(f"--set {override}: key {leaf} is set by the study itself; leave it out")
 

@@ -6,10 +6,11 @@ import math
 from pathlib import Path
 from typing import Annotated, Literal
 
-import yaml
 from pydantic import Field, ValidationError, model_validator
 
 from asvhil.config import Section
+from asvhil.config.told import told
+from asvhil.config.yaml_text import read_yaml
 from asvhil.errors import ConfigError
 
 _SPEED = {"m/s": 1.0, "cm/s": 0.01, "km/h": 1.0 / 3.6, "kn": 1852.0 / 3600.0}
@@ -143,21 +144,11 @@ def find_columns(name: str) -> Path:
 
 def load_columns(path: Path) -> ColumnMap:
     """Read a column map. ConfigError, one line with the file and the key, where it is wrong."""
-    try:
-        tree = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
-        raise ConfigError(f"{path}: cannot be read ({reason})") from None
-    except yaml.YAMLError as error:
-        mark = getattr(error, "problem_mark", None)
-        raise ConfigError(f"{path}: not valid YAML{f' at line {mark.line + 1}' if mark else ''}") from None
-    if not isinstance(tree, dict):
+    found = read_yaml(path)
+    if not isinstance(found.tree, dict):
         raise ConfigError(f"{path}: a mapping of quantities to columns is expected")
     try:
-        return ColumnMap.model_validate(tree)
+        return ColumnMap.model_validate(found.tree)
     except ValidationError as error:
-        first = error.errors()[0]
-        key = ".".join(str(part) for part in first["loc"])
-        known = {"extra_forbidden": "unknown key", "missing": "this key is required"}
-        message = known.get(first["type"], first["msg"].removeprefix("Value error, "))
-        raise ConfigError(f"{path}: {f'key {key}: ' if key else ''}{message}") from None
+        lines = {place: f"line {line}" for place, line in found.lines.items()}
+        raise told(error, str(path), lines, ColumnMap) from None

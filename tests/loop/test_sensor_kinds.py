@@ -38,10 +38,10 @@ def test_a_link_has_the_keys_of_its_kind(tmp_path: Path) -> None:
     ("override", "words"),
     [
         ("links.sensors.mast.factr=1", "key links.sensors.mast.factr: unknown key"),
-        ("links.sensors.mast.factor=x", "key links.sensors.mast.factor: Input should be a valid number"),
+        ("links.sensors.mast.factor=x", "key links.sensors.mast.factor: a number is expected, not the text 'x'"),
         ("links.sensors.mast.endpoint=x", "key links.sensors.mast.endpoint: link 'x': unknown kind"),
         ("links.sensors.mast.kind=line-wnd", "key links.sensors.mast.kind: unknown sensor, did you mean line-wind?"),
-        ("links.sensors.mast.kind=null", "key links.sensors.mast.kind: Input should be a valid string"),
+        ("links.sensors.mast.kind=null", "key links.sensors.mast.kind: text is expected, not nothing"),
         ("links.sensors={mast: 3}", "key links.sensors.mast: "),
         ("links.sensors={Mast: {kind: nmea, endpoint: 'pty:x'}}", "links.sensors.Mast"),
         ("links.sensors={ins: {kind: nmea, endpoint: 'pty:x'}}", "the name is that of a link with a key of its own"),

@@ -107,7 +107,7 @@ def test_a_wrong_file_is_one_line(tmp_path: Path, text: str, words: str) -> None
         ("[.]", "key plugins: plug-in {}: cannot be read (Is a directory)"),
         ("pusher.py", "key plugins: "),
         ("[1]", "key plugins.0: "),
-        ("[{path: pusher.py}]", "key plugins.0.file: this key is required"),
+        ("[{path: pusher.py}]", "key plugins.0.path: unknown key"),
         ("[{file: pusher.py, sha256: abc}]", "key plugins.0.sha256: "),
         ("[{file: pusher.py, sha256: " + 64 * "a" + "}]", "pusher.py: has changed: SHA-256 "),
         ("[pusher.py, copy.py]", "plug-in {0}/copy.py: controller the-pusher is defined in {0}/pusher.py too"),
@@ -133,7 +133,7 @@ def test_files_that_are_no_text_are_one_line(tmp_path: Path) -> None:
     ("override", "words"),
     [
         ("controller.the_pusher.levle=1", "key controller.the_pusher.levle: unknown key, did you mean level?"),
-        ("controller.the_pusher.level=x", "key controller.the_pusher.level: Input should be a valid number"),
+        ("controller.the_pusher.level=x", "key controller.the_pusher.level: a number is expected, not the text 'x'"),
         ("controller.the_pushr={}", "key controller.the_pushr: unknown key, did you mean the_pusher?"),
         ("controller.name=the-pushr", "unknown controller, did you mean the-pusher?"),
     ],

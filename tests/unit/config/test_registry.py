@@ -65,7 +65,7 @@ def test_makes_of_autopilots_are_those_of_mavlink() -> None:
             "controller.name=sliding-mod",
             "key controller.name: unknown controller, did you mean sliding-mode? (known: nn",
         ),
-        ("controller.name=[1]", "key controller.name: Input should be a valid string"),
+        ("controller.name=[1]", "key controller.name: text is expected, not a list"),
         (
             "controller.solver=sqq",
             "key controller.solver: unknown solver, did you mean sqp? (known: sqp, ipopt, fatrop",

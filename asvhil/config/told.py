@@ -1,0 +1,112 @@
+"""What a validation found in a YAML file, as one line: the file, the key, what would be right, and where it stands."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Mapping
+from typing import Any
+
+from pydantic import ValidationError
+
+from asvhil.config.yaml_text import Path_, scalar
+from asvhil.errors import ConfigError
+
+Lines = dict[Path_, str]  # where a key stands, in words, by its path
+
+_MEANT = {"yes": "true", "on": "true", "y": "true", "no": "false", "off": "false", "n": "false"}
+_SECTION = ("model_type", "model_attributes_type", "dict_type")
+# The kinds of pydantic's errors, and what would be right.
+_WANTED = {
+    **dict.fromkeys(("bool_type", "bool_parsing"), "true or false"),
+    **dict.fromkeys(("int_type", "int_parsing", "int_from_float"), "a whole number"),
+    **dict.fromkeys(("float_type", "float_parsing"), "a number"),
+    "string_type": "text",
+    "tuple_type": "a list",
+    **dict.fromkeys(_SECTION, "a section, with keys below it,"),
+}
+
+
+def told(error: ValidationError, source: str, lines: Mapping[Path_, str], root: Any = None) -> ConfigError:
+    """The first of what a validation found, as one line. `root`: the model, for the keys that may have been meant."""
+    first = _first(error)
+    key = ".".join(str(part) for part in first["loc"])
+    message, value = first["msg"].removeprefix("Value error, "), first["input"]
+    if first["type"] == "extra_forbidden":
+        message = f"unknown key{_suggest(root, first['loc'])}"
+    elif first["type"] == "missing":
+        message = "this key is required"
+    elif first["type"] in _WANTED:
+        message = f"{_WANTED[first['type']]} is expected, not {_shown(value)}{_meant(first['type'], value)}"
+    elif not isinstance(value, dict | list):
+        message = f"{message} (got {value!r})"
+    where = place_of(first["loc"], lines)
+    more = f" (and {error.error_count() - 1} more)" if error.error_count() > 1 else ""
+    return ConfigError(f"{source}: {f'key {key}: ' if key else ''}{message}{f' ({where})' if where else ''}{more}")
+
+
+def _first(error: ValidationError) -> Any:
+    """The first that was found; of a key that is missing and an unknown one beside it the second, its misspelling."""
+    found = error.errors()
+    first = found[0]
+    if first["type"] == "missing":
+        beside = first["loc"][:-1]
+        unknown = (one for one in found if one["type"] == "extra_forbidden" and one["loc"][:-1] == beside)
+        return next(unknown, first)
+    return first
+
+
+def place_of(loc: Path_, lines: Mapping[Path_, str]) -> str:
+    """Where a key stands, or the section that lacks it; empty where nothing is known of it.
+
+    The path of an error may also name the variant of a union, which is no key.
+    """
+    path: Path_ = ()
+    for part in loc:
+        if (*path, part) in lines:
+            path = (*path, part)
+    return lines.get(path, "")
+
+
+def _shown(value: Any) -> str:
+    if value is None:
+        return "nothing"
+    if isinstance(value, str):
+        return f"the text {value!r}"
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, dict | list):
+        return "a section" if isinstance(value, dict) else "a list"
+    return f"{value!r}"
+
+
+def _meant(kind: str, value: Any) -> str:
+    """ ", did you mean VALUE?" where a person would see what was meant."""
+    wants_number = kind.startswith(("int", "float"))
+    if kind == "string_type" and isinstance(value, bool | int | float):
+        return "; quotes make it text"
+    if not isinstance(value, str):
+        return ""
+    if kind.startswith("bool"):
+        near = _MEANT.get(value.strip().lower(), value.strip().lower())
+        return f", did you mean {near}?" if near in ("true", "false") else ""
+    near = value.strip().replace("_", "")
+    if "," in near and "." not in near:
+        near = near.replace(",", ".")
+    number = scalar(near) if wants_number else None
+    if not isinstance(number, int | float) or isinstance(number, bool) or (kind.startswith("int") and number % 1):
+        return ""
+    return f", did you mean {near}?"
+
+
+def _suggest(section: Any, loc: tuple[int | str, ...]) -> str:
+    """ ", did you mean KEY?" with the nearest key of the same section; empty where none is near."""
+    for part in loc[:-1]:
+        field = getattr(section, "model_fields", {}).get(str(part))
+        kind = section.registry.at_key(str(part)) if field is None and hasattr(section, "registry") else None
+        section = field.annotation if field else kind.section if kind else None
+        options = getattr(section, "__args__", ())
+        section = next((option for option in options if hasattr(option, "model_fields")), section)
+    kinds = getattr(section, "registry", ())
+    keys = [*getattr(section, "model_fields", {}), *(kind.settings_key for kind in kinds if kind.section)]
+    near = difflib.get_close_matches(str(loc[-1]), keys, n=1)
+    return f", did you mean {near[0]}?" if near else ""
