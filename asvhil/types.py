@@ -278,7 +278,7 @@ class Phase(enum.StrEnum):
     """Where the station keeping procedure is. Only HOLD moves the motors."""
 
     STANDBY = "standby"  # not asked to hold
-    PREPARE = "prepare"  # engage: auto asked for; mode and arming are being requested with neutral sticks
+    PREPARE = "prepare"  # neutral sticks on the way to a hold, while mode or arming are asked or waited for
     HOLD = "hold"  # the controller has the motors
     FAILSAFE = "failsafe"  # asked to hold, but an input is stale or the solver fails: neutral, then released
 

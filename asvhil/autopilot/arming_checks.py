@@ -15,6 +15,7 @@ ROUND_NS = 2_000_000_000  # texts within this are of one round of checks
 STANDS_NS = 35_000_000_000  # an ArduRover repeats what fails every 30 s
 ATTEMPT_NS = 10_000_000_000
 ASK_NS = 10_000_000_000
+OLD_NS = 15_000_000_000  # what was told longer ago may have been mended; more often would be a nuisance to stations
 
 
 class ArmingChecks:
@@ -72,7 +73,7 @@ class ArmingChecks:
 
     def is_due(self, t_ns: int) -> bool:
         """Whether to ask what fails now; it counts as asked then."""
-        told = self._fails and t_ns - self._round_ns < STANDS_NS
+        told = self._fails and t_ns - self._round_ns < OLD_NS
         if self._ok is not False or told or (self._asked_ns is not None and t_ns - self._asked_ns < ASK_NS):
             return False
         self._asked_ns = t_ns

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from asvhil.config.base import Degrees, Latitude, Longitude, Positive, Section
+from asvhil.config.base import Degrees, Latitude, Longitude, NonNegative, Positive, Section
 from asvhil.types import Cause
 
 
@@ -65,6 +65,22 @@ class SupervisorConfig(Section):
     )
     take_mode_timeout_s: Positive = Field(
         default=3.0, description="A mode that the autopilot has not entered after this time is given up."
+    )
+    arming_neutral_s: NonNegative = Field(
+        default=30.0,
+        le=300.0,
+        description=(
+            "An ArduRover without an RC receiver arms only while overrides flow. A hold command to such a boat while "
+            "it is disarmed, is refused, and neutral is sent for this long: arm it, and send the command again. Never "
+            "sent where a transmitter is, or has been, heard. 0: not at all."
+        ),
+    )
+    transmitter_lost: Literal["release", "hold"] = Field(
+        default="release",
+        description=(
+            "What becomes of a hold when the pilot's transmitter, which was heard, is lost. `release`: neutral and "
+            "release, so that the autopilot's own fail-safe acts. `hold`: it goes on, with a note."
+        ),
     )
     station: StationConfig | None = Field(default=None, description="The station of `engage: auto`, required there.")
     control_mode: str = Field(

@@ -21,6 +21,7 @@ class Reason(enum.StrEnum):
     WAITING_FOR_AUTOPILOT = "waiting-for-autopilot"
     TAKING_MODE = "taking-mode"
     TAKING_MODE_AND_ARMING = "taking-mode-and-arming"
+    SENDING_NEUTRAL = "sending-neutral"
     HOLDING = "holding"
     RELEASED = "released"
     # What the pilot did
@@ -28,14 +29,18 @@ class Reason(enum.StrEnum):
     MODE_CHANGED = "mode-changed"
     STICK_MOVED = "stick-moved"
     OVERRIDE_NOT_FOLLOWED = "override-not-followed"
+    TRANSMITTER_HEARD = "transmitter-heard"
     # What failed while a station was held, or on the way to it
     HEARTBEAT_LOST = "heartbeat-lost"
     ESTIMATE_STALE = "estimate-stale"
     NO_SOLUTION = "no-solution"
     MODE_NOT_ENTERED = "mode-not-entered"
+    TRANSMITTER_LOST = "transmitter-lost"
+    NEUTRAL_ENDED = "neutral-ended"
     # Why a hold is refused
     NO_HEARTBEAT = "no-heartbeat"
     NOT_ARMED = "not-armed"
+    ARM_NOW = "arm-now"
     WRONG_MODE = "wrong-mode"
     NO_ESTIMATE = "no-estimate"
     PILOT_FIRST = "pilot-first"
@@ -100,6 +105,10 @@ WORDS: Mapping[Reason, Words] = {
         text="asking for {mode} and arming",
         remedy="If it does not pass, the autopilot refuses to arm: its messages say which check fails.",
     ),
+    Reason.SENDING_NEUTRAL: Words(
+        text="sending neutral, so that the boat can be armed",
+        remedy="Choose the control mode, arm, and send the hold command again.",
+    ),
     Reason.HOLDING: Words(text="holding", remedy="Nothing: the station is kept."),
     Reason.RELEASED: Words(text="released by the operator", remedy="Nothing. To hold again, send a hold command."),
     Reason.DISARMED: Words(text="disarmed", remedy="Arm the vehicle and send a hold command, if you want to go on."),
@@ -111,6 +120,10 @@ WORDS: Mapping[Reason, Words] = {
     Reason.OVERRIDE_NOT_FOLLOWED: Words(
         text="channel {channel} does not follow the override",
         remedy="Somebody else drives the motors: the pilot by his override switch, or another ground station.",
+    ),
+    Reason.TRANSMITTER_HEARD: Words(
+        text="a transmitter is heard: the sticks are the pilot's",
+        remedy="Arm with the transmitter, and send a hold command.",
     ),
     Reason.HEARTBEAT_LOST: Words(
         text="autopilot heartbeat lost",
@@ -128,11 +141,23 @@ WORDS: Mapping[Reason, Words] = {
         text="the autopilot does not enter {mode}",
         remedy="The autopilot's messages say why it refuses; a mode switch of the transmitter may hold another mode.",
     ),
+    Reason.TRANSMITTER_LOST: Words(
+        text="the pilot's transmitter is lost",
+        remedy="Switch it on or come nearer. To hold without it: supervisor.transmitter_lost: hold.",
+    ),
+    Reason.NEUTRAL_ENDED: Words(
+        text="neutral is no longer sent: no hold within {seconds:g} s",
+        remedy="Send a hold command: it sends neutral again for as long (supervisor.arming_neutral_s).",
+    ),
     Reason.NO_HEARTBEAT: Words(
         text="no heartbeat from the autopilot",
         remedy="Look at the autopilot link: endpoint, baud rate, and links.autopilot.autopilot_system_id.",
     ),
     Reason.NOT_ARMED: Words(text="vehicle is not armed", remedy="Arm it and send the hold command again."),
+    Reason.ARM_NOW: Words(
+        text="not armed: neutral is sent for {seconds:g} s, arm it in {mode} and hold again",
+        remedy="Choose the mode, arm, and send the hold command again: without a receiver it arms only meanwhile.",
+    ),
     Reason.WRONG_MODE: Words(
         text="mode is {mode}, {needed} is needed",
         remedy="Change the mode, or let the daemon do it (supervisor.take_mode: true).",

@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from asvhil.config import PwmConfig, SupervisorConfig
+from asvhil.supervisor.arming_help import ArmingHelp
 from asvhil.supervisor.mode_request import ModeRequest
 from asvhil.supervisor.pilot_watch import PilotWatch
 from asvhil.supervisor.reasons import Explanation, Reason, explain
 from asvhil.supervisor.situation import Situation
 from asvhil.supervisor.stations import station_of_config, station_of_hold, station_of_move, too_far
-from asvhil.types import FrontseatStatus, HoldCommand, MoveCommand, Phase, ReleaseCommand, Station, record
+from asvhil.types import FrontseatStatus, HoldCommand, MoveCommand, Phase, Radio, ReleaseCommand, Station, record
 
 RELEASE_REPEATS = 3  # datagrams get lost
 PILOT_FIRST_NS = 1_000_000_000  # a hold command that comes so soon was sent before its sender knew
@@ -65,6 +66,7 @@ class Supervisor:
         self._control_failed = False
         self._mode = ModeRequest(config.control_mode, config.take_mode_timeout_s)
         self._next_station: Station | None = None  # to be held once the control mode stands
+        self._arming_help = ArmingHelp(config, self._pilot, overrides_sticks=overrides_sticks)
         self._pilot_ns: int | None = None  # when the pilot took the boat last
 
     def step(self, situation: Situation, requests: Sequence[Request] = ()) -> Decision:
@@ -79,6 +81,8 @@ class Supervisor:
             self._prepare(situation)
         if self._next_station is not None:
             self._await_mode(situation)
+        if self._arming_help.active:
+            self._await_arming(situation)
         if self._phase in (Phase.HOLD, Phase.FAILSAFE):
             self._watch(situation)
         releasing = self._phase is Phase.STANDBY and self._release_left > 0
@@ -131,6 +135,8 @@ class Supervisor:
         refusal = self._why_not(situation, situation.fault)
         if refusal is None and self._pilot_ns is not None and situation.t_ns - self._pilot_ns < PILOT_FIRST_NS:
             refusal = explain(Reason.PILOT_FIRST)
+        if refusal is not None and refusal.reason is Reason.NOT_ARMED:
+            refusal = self._help_arming(command.t_ns, situation.status) or refusal
         if refusal is not None:
             return refusal
         status, estimate, frame = situation.status, situation.estimate, situation.frame
@@ -164,12 +170,28 @@ class Supervisor:
         if fault is not None:
             return fault
         if not status.armed:
-            return explain(Reason.NOT_ARMED)
+            return explain(Reason.NOT_ARMED, hint=status.arming_fault)
+        if self._is_transmitter_lost(status):
+            return explain(Reason.TRANSMITTER_LOST)
         if status.mode != self._config.control_mode and not self._config.take_mode:
             return explain(Reason.WRONG_MODE, mode=status.mode, needed=self._config.control_mode)
         if situation.estimate is None or not situation.estimate.valid:
             return explain(Reason.NO_ESTIMATE)
         return None
+
+    def _is_transmitter_lost(self, status: FrontseatStatus) -> bool:
+        return status.radio is Radio.LOST and self._config.transmitter_lost == "release"
+
+    def _help_arming(self, t_ns: int, status: FrontseatStatus | None) -> Explanation | None:
+        """Send neutral to a boat that is armed with nothing else; what to do meanwhile, None where it is not one."""
+        idle = self._phase is Phase.STANDBY or self._arming_help.active
+        if status is None or not (idle and self._arming_help.suits(status)):
+            return None
+        self._phase, self._why = Phase.PREPARE, explain(Reason.SENDING_NEUTRAL)
+        self._auto_pending = False
+        self._release_left = 0
+        self._mode.forget()
+        return self._arming_help.begin(t_ns, status)
 
     # --- each tick -----------------------------------------------------------------------------------------
 
@@ -203,9 +225,18 @@ class Supervisor:
         """Ask for the control mode, with neutral sticks, before the motors are driven."""
         self._phase, self._why = Phase.PREPARE, explain(Reason.TAKING_MODE, mode=self._config.control_mode)
         self._station, self._next_station = None, station
+        self._arming_help.end()
         self._auto_pending = False
         self._release_left = 0
         self._mode.take(t_ns, status.mode)
+
+    def _await_arming(self, situation: Situation) -> None:
+        """Go on sending neutral while the boat waits to be armed, and for the hold command after that."""
+        alive = situation.status is not None and self._link_ok(situation)
+        failure = self._arming_help.failure(situation) if alive else explain(Reason.NO_HEARTBEAT)
+        if failure is not None:
+            theirs = failure.reason in (Reason.TRANSMITTER_HEARD, Reason.MODE_CHANGED, Reason.OVERRIDE_NOT_FOLLOWED)
+            self._let_go(failure, neutral_first=not theirs)
 
     def _await_mode(self, situation: Situation) -> None:
         """Hold once the mode that was asked for stands; give up where something has changed, or after a while."""
@@ -226,6 +257,9 @@ class Supervisor:
         """Go on holding while the pilot leaves the motors to us and nothing fails."""
         t_ns, status = situation.t_ns, situation.status
         act = self._pilot.act(status)
+        if act is None and status is not None and self._is_transmitter_lost(status):
+            self._let_go(explain(Reason.TRANSMITTER_LOST), neutral_first=True)
+            return
         if act is not None:
             self._pilot_ns = t_ns
             self._let_go(act)
@@ -267,6 +301,7 @@ class Supervisor:
         self._station = station
         self._auto_pending = False
         self._next_station = None
+        self._arming_help.end()
         self._mode.taken()
         self._failing_since_ns = None
         self._control_failed = False
@@ -283,6 +318,7 @@ class Supervisor:
         self._station = None
         self._auto_pending = False
         self._next_station = None
+        self._arming_help.end()
         if give_back_ns is None:
             self._mode.forget()
         else:

@@ -32,7 +32,8 @@ class Bench:
     """A supervisor with good news everywhere, and knobs to spoil one thing at a time."""
 
     def __init__(self, config: SupervisorConfig | None = None) -> None:
-        self.supervisor = Supervisor(config or SupervisorConfig(), PwmConfig())
+        self.pwm = PwmConfig()
+        self.supervisor = Supervisor(config or SupervisorConfig(), self.pwm)
         self.t_ns = 0
         self.status: FrontseatStatus | None = status()
         self.age_s: float | None = 0.1
@@ -99,7 +100,11 @@ def test_hold_here_and_hold_there() -> None:
         ({"status": None}, explain(Reason.NO_HEARTBEAT)),
         ({"age_s": None}, explain(Reason.NO_HEARTBEAT)),
         ({"age_s": 3.0}, explain(Reason.NO_HEARTBEAT)),
-        ({"status": status(armed=False)}, explain(Reason.NOT_ARMED)),
+        ({"status": status(armed=False)}, explain(Reason.NOT_ARMED, hint="")),
+        (
+            {"status": status(armed=False, arming_fault="Radio failsafe on")},
+            explain(Reason.NOT_ARMED, hint="Radio failsafe on"),
+        ),
         ({"status": status(mode="HOLD")}, explain(Reason.WRONG_MODE, mode="HOLD", needed="MANUAL")),
         ({"estimate": None}, explain(Reason.NO_ESTIMATE)),
         ({"estimate": replace(ESTIMATE, valid=False)}, explain(Reason.NO_ESTIMATE)),

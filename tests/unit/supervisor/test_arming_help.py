@@ -1,0 +1,145 @@
+"""Neutral for a disarmed boat without a receiver: while somebody asks for a hold, and never against a pilot."""
+
+from dataclasses import replace
+
+import pytest
+
+from asvhil.config import SupervisorConfig
+from asvhil.supervisor.reasons import Reason, explain
+from asvhil.supervisor.situation import MotorPulses
+from asvhil.supervisor.supervisor import Decision, Supervisor
+from asvhil.types import Phase, Radio
+from tests.unit.supervisor.test_supervisor import Bench, status
+
+NEUTRAL = (1500, 1500)
+ARM_NOW = explain(Reason.ARM_NOW, seconds=30.0, mode="MANUAL")
+
+
+class Dock(Bench):
+    """A disarmed boat without a receiver, in HOLD as it boots; overrides show in its RC_CHANNELS."""
+
+    def __init__(self, config: SupervisorConfig | None = None) -> None:
+        super().__init__(config)
+        self.status = status(
+            armed=False, mode="HOLD", radio=Radio.ABSENT, rc_us=(0,) * 8, arming_fault="Radio failsafe on"
+        )
+
+    def change(self, **fields: object) -> None:
+        assert self.status is not None
+        self.status = replace(self.status, **fields)  # type: ignore[arg-type]
+
+    def wait(self, seconds: float) -> Decision:
+        for _ in range(round(seconds * 20)):
+            decision = self.step()
+            if decision.neutral and not decision.release:
+                self.sent = MotorPulses(t_ns=self.t_ns, us=NEUTRAL)
+                self.change(rc_us=(1500, 0, 1500, 0, 0, 0, 0, 0))
+        return decision
+
+
+def lets_go(decision: Decision, reason: Reason) -> bool:
+    return decision.phase is Phase.STANDBY and decision.release and decision.why.reason is reason
+
+
+def test_a_hold_command_has_neutral_sent_and_says_to_arm_and_a_second_one_holds() -> None:
+    dock = Dock()
+    assert dock.hold() == ARM_NOW
+    decision = dock.wait(10.0)
+    assert decision.phase is Phase.PREPARE and decision.neutral and not decision.drive and not decision.release
+    dock.change(mode="MANUAL")
+    dock.wait(1.0)
+    dock.change(armed=True, arming_fault="")
+    decision = dock.wait(5.0)
+    assert decision.neutral and not decision.drive, "arming starts no motor"
+    assert dock.hold() is None
+    assert dock.step().drive
+
+
+@pytest.mark.parametrize("armed", [False, True])
+def test_it_ends_in_neutral_and_release_after_a_while(armed: bool) -> None:
+    dock = Dock()
+    dock.hold()
+    dock.change(mode="MANUAL", armed=armed)
+    assert dock.wait(29.9).neutral
+    decision = dock.wait(0.1)
+    assert lets_go(decision, Reason.NEUTRAL_ENDED) and decision.neutral
+    assert not (last := dock.wait(0.3)).neutral and not last.release
+
+
+def test_asking_again_prolongs_it() -> None:
+    dock = Dock()
+    dock.hold()
+    dock.wait(20.0)
+    assert dock.hold() == ARM_NOW
+    assert dock.wait(29.0).neutral
+
+
+@pytest.mark.parametrize("radio", [Radio.UNKNOWN, Radio.HEARD, Radio.LOST])
+def test_nothing_is_sent_where_a_receiver_is_or_has_been_heard(radio: Radio) -> None:
+    dock = Dock()
+    dock.change(radio=radio)
+    assert dock.hold() == explain(Reason.NOT_ARMED, hint="Radio failsafe on")
+    decision = dock.wait(1.0)
+    assert decision.phase is Phase.STANDBY and not decision.neutral and not decision.release
+
+
+def test_a_transmitter_that_comes_has_its_sticks_at_once() -> None:
+    dock = Dock()
+    dock.hold()
+    dock.wait(3.0)
+    dock.change(radio=Radio.HEARD)
+    decision = dock.step()
+    assert lets_go(decision, Reason.TRANSMITTER_HEARD) and not decision.neutral
+
+
+def test_other_sticks_and_another_mode_have_the_boat_too() -> None:
+    dock = Dock()
+    dock.hold()
+    dock.wait(3.0)
+    dock.change(rc_us=(1700, 0, 1500, 0, 0, 0, 0, 0))
+    assert lets_go(dock.step(), Reason.OVERRIDE_NOT_FOLLOWED)
+    dock = Dock()
+    dock.hold()
+    dock.wait(3.0)
+    dock.change(armed=True, mode="AUTO")
+    assert lets_go(dock.step(), Reason.MODE_CHANGED)
+
+
+def test_a_lost_link_ends_it_and_so_does_a_release() -> None:
+    dock = Dock()
+    dock.hold()
+    dock.age_s = 3.0
+    assert lets_go(dock.step(), Reason.NO_HEARTBEAT)
+    dock = Dock()
+    dock.hold()
+    assert lets_go(dock.release(), Reason.RELEASED)
+
+
+def test_it_can_be_switched_off_and_is_nothing_for_outputs_that_hold_their_value() -> None:
+    dock = Dock(SupervisorConfig(arming_neutral_s=0.0))
+    assert dock.hold() == explain(Reason.NOT_ARMED, hint="Radio failsafe on")
+    dock = Dock()
+    dock.supervisor = Supervisor(SupervisorConfig(), dock.pwm, overrides_sticks=False)
+    assert dock.hold() == explain(Reason.NOT_ARMED, hint="Radio failsafe on")
+
+
+# --- a transmitter that is lost -----------------------------------------------------------------------------
+
+
+def test_a_transmitter_that_is_lost_in_a_hold_ends_it_so_that_the_fail_safe_acts() -> None:
+    bench = Bench()
+    bench.status = status(radio=Radio.HEARD)
+    assert bench.hold() is None
+    bench.step()
+    bench.status = status(radio=Radio.LOST)
+    decision = bench.step()
+    assert lets_go(decision, Reason.TRANSMITTER_LOST) and decision.neutral
+    bench.step(2000)
+    assert bench.hold() == explain(Reason.TRANSMITTER_LOST)
+
+
+def test_or_the_hold_goes_on_where_the_config_says_so() -> None:
+    bench = Bench(SupervisorConfig(transmitter_lost="hold"))
+    bench.status = status(radio=Radio.LOST)
+    assert bench.hold() is None
+    assert bench.step().drive
