@@ -8,25 +8,31 @@ from typing import Any
 from asvhil.autopilot.after_silence import AfterSilence
 from asvhil.autopilot.arming_checks import ArmingChecks
 from asvhil.autopilot.motor_outputs import IGNORE_CHANNEL, make_output
+from asvhil.autopilot.neighbours import FLOATS, Neighbours, kind_of
+from asvhil.autopilot.one_vehicle import OneVehicle
 from asvhil.autopilot.requirements import Finding, Requirement, judge
 from asvhil.autopilot.transmitter import Transmitter
 from asvhil.config import AutopilotLinkConfig, PwmConfig
 from asvhil.config.ports import AUTOPILOT
 from asvhil.config.registry import AUTOPILOTS
-from asvhil.io.mavlink.frames import Parser, decode, dialect, message_id, source
+from asvhil.io.mavlink.frames import Numbering, Parser, decode, dialect, message_id, source
 from asvhil.io.mavlink.parameter_client import ParameterClient
 from asvhil.io.mavlink.streams import StreamRequester
 from asvhil.io.mavlink.timesync import TimeSync
 from asvhil.io.sensors.mavlink_sensors import MavlinkSensors
 from asvhil.io.sensors.protocol import NamedMeasurement
+from asvhil.supervisor.reasons import Explanation, Reason, describe, explain
 from asvhil.types import Frame, FrontseatStatus, Heading, Measurement, Note, Radio, TimeOffset, YawRate
 
 HEARTBEAT_NS = 1_000_000_000
 REQUEST_NS = 1_000_000_000
 FIRST_TIME_NS = 300_000_000  # between requests for the autopilot's clock until one was answered
-SILENCE_NS = 3_000_000_000  # of heartbeats, after which nobody knows what has become of the vehicle
+SILENCE_NS = 3_000_000_000  # after which nobody knows what has become of the vehicle
 BOOTING = (dialect.MAV_STATE_UNINIT, dialect.MAV_STATE_BOOT, dialect.MAV_STATE_CALIBRATING)
-FROM_ANYONE = (dialect.MAVLINK_MSG_ID_HEARTBEAT, dialect.MAVLINK_MSG_ID_TIMESYNC)
+ASK_MODE_AFTER_NS = 1_100_000_000  # since the last heartbeat, while other messages come: mode and arming are asked for
+ASK_MODE_NS = 400_000_000
+OLD_MODE_NS = 2_000_000_000
+STRANGER_NS = 10_000_000_000  # since another kind of vehicle was heard
 
 
 class MavlinkAutopilot:
@@ -49,18 +55,37 @@ class MavlinkAutopilot:
         self._own = dialect.MAVLink(None, srcSystem=config.system_id, srcComponent=config.component_id)
         self._output = make_output(config, pwm)
         us = config.system_id, config.component_id
-        self._streams = StreamRequester(config.streams_hz, config.autopilot_system_id, us, legacy=self.legacy_streams)
+        self._streams = StreamRequester(
+            config.streams_hz,
+            config.autopilot_system_id,
+            us,
+            component_id=config.autopilot_component_id,
+            legacy=self.legacy_streams,
+        )
         self._heartbeat_ns: int | None = None
         self._timesync = TimeSync()
         self._time_asked_ns = -HEARTBEAT_NS
         self._required = self._requirements()
         self._findings: tuple[int, list[Finding]] = (-1, [])
         names = (requirement.names for requirement in self._required)
-        self.parameters = ParameterClient(names, config.autopilot_system_id, bytewise=self.bytewise_parameters)
-        self._autopilot_component_id: int | None = None
+        self.parameters = ParameterClient(
+            names,
+            config.autopilot_system_id,
+            config.autopilot_component_id,
+            bytewise=self.bytewise_parameters,
+        )
+        self._neighbours = Neighbours(config)
+        self._one = OneVehicle()
+        self._numbering = Numbering()
+        self._it = (config.autopilot_system_id, config.autopilot_component_id)
+        self._us = us
         self._request_ns: dict[int, int] = {}
-        self._stranger = ""
+        self._other_firmware = ""
+        self._other_kind: tuple[int, str] | None = None  # when a vehicle that does not float was heard, and what it was
+        self._t_ns = 0
+        self._mode_asked_ns = 0
         self._boot_ms: dict[int, int] = {}  # by message
+        self._new_clock = False
         self._armed = False
         self._mode = ""
         self._ready = False
@@ -72,6 +97,7 @@ class MavlinkAutopilot:
         self._outputs_us: tuple[int, ...] = ()
         self._rc_ns = self._outputs_ns = 0
         self.autopilot_heartbeat_ns: int | None = None
+        self.autopilot_heard_ns: int | None = None
         self.impossible = 0
         self.reboots = 0
         self._handlers: dict[int, Callable[[int, Any], Sequence[Measurement] | None]] = {
@@ -86,6 +112,7 @@ class MavlinkAutopilot:
             dialect.MAVLINK_MSG_ID_TIMESYNC: self._on_timesync,
             dialect.MAVLINK_MSG_ID_PARAM_VALUE: self.parameters.receive,
             dialect.MAVLINK_MSG_ID_PARAM_ERROR: self._on_param_error,
+            dialect.MAVLINK_MSG_ID_AUTOPILOT_VERSION: lambda t_ns, m: None,
             **MavlinkSensors(lambda: self._ready).handlers,
         }
 
@@ -94,31 +121,57 @@ class MavlinkAutopilot:
     def receive(self, frame: Frame) -> list[NamedMeasurement]:
         """(message name, measurement) of all in one frame of the autopilot's port; others and bad bytes give none."""
         found: list[NamedMeasurement] = []
+        t_ns = self._t_ns = frame.t_ns
         for data in self._parser.receive(frame.peer, frame.data):
-            system_id, component_id = source(data)
-            if system_id != self._config.autopilot_system_id or component_id == self._config.component_id:
-                continue
-            msg_id = message_id(data)
-            if not self._is_its_own(component_id, msg_id):
+            if source(data) != self._it:
+                self._on_neighbour(t_ns, data)
                 continue
             self._streams.receive(data)
-            handler = self._handlers.get(msg_id)
-            if handler is None:
-                continue
-            message = decode(data)
-            if message is None:
+            message = decode(data) if message_id(data) in self._handlers else None
+            if message is not None:
+                self._new_clock = self._one.take(t_ns, frame.peer, message)
+                handler = self._handlers[message.get_msgId()]
+                found += [(message.msgname, measurement) for measurement in handler(t_ns, message) or ()]
+            elif message_id(data) in self._handlers:
                 self.impossible += 1
                 continue
-            found += [(message.msgname, measurement) for measurement in handler(frame.t_ns, message) or ()]
+            self._on_sign_of_life(t_ns)
         return found
 
-    def _is_its_own(self, component_id: int, msg_id: int) -> bool:
-        """Whether a message is the autopilot's: a gimbal or a second computer has sensors and clocks too.
+    def _on_sign_of_life(self, t_ns: int) -> None:
+        """Any message of the autopilot; before its first heartbeat nobody knows what it is of."""
+        if self.autopilot_heartbeat_ns is None:
+            return
+        last_ns, self.autopilot_heard_ns = self.autopilot_heard_ns, t_ns
+        if last_ns is None or t_ns - last_ns > SILENCE_NS:
+            self._output.on_connect(t_ns)
 
-        Heartbeats tell which component the autopilot is, and any component may ask for the time.
-        """
-        known = self._autopilot_component_id
-        return known is None or component_id == known or msg_id in FROM_ANYONE
+    def _on_neighbour(self, t_ns: int, data: bytes) -> None:
+        """Another component of the vehicle may ask for the time; besides, others are only looked at."""
+        self._neighbours.take(t_ns, data, ours=self._numbering.was_sent(t_ns, data))
+        system_id, component_id = source(data)
+        if message_id(data) != dialect.MAVLINK_MSG_ID_TIMESYNC or system_id != self._it[0]:
+            return
+        message = decode(data) if component_id != self._us[1] else None
+        if message is not None and message.tc1 == 0:
+            self._timesync.receive(t_ns, message)
+
+    def is_its_own(self, data: bytes) -> bool:
+        """Whether a complete frame is the autopilot's: one component of one vehicle, whoever else talks."""
+        return source(data) == self._it
+
+    def neighbours(self, t_ns: int) -> tuple[str, ...]:
+        """Who else is heard on the link, by kind and number."""
+        return self._neighbours.names(t_ns)
+
+    @property
+    def stranger(self) -> Explanation | None:
+        """Why this is not our boat: it is of another kind, or it is two."""
+        if self._one.is_two(self._t_ns):
+            return explain(Reason.TWO_VEHICLES, system=self._it[0])
+        if self._other_kind is not None and self._t_ns - self._other_kind[0] < STRANGER_NS:
+            return explain(Reason.NOT_A_BOAT, kind=self._other_kind[1])
+        return None
 
     @property
     def clock(self) -> TimeOffset | None:
@@ -162,15 +215,26 @@ class MavlinkAutopilot:
     def notes(self) -> tuple[Note, ...]:
         """What is wrong with the autopilot, the way to its motors, the pilot's radio, arming, and parameters."""
         lost = self.transmitter.radio is Radio.LOST
+        stranger = self.stranger
         said = (
-            ("autopilot", self._stranger),
+            ("autopilot", self._other_firmware if stranger is None else describe(stranger)),
+            ("autopilot's mode", "old: its heartbeat does not come" if self._mode_age_ns() > OLD_MODE_NS else ""),
             ("transmitter", "lost: the pilot's sticks and switches have no effect" if lost else ""),
             ("arming", "" if self._armed else self._arming_fault),
             ("motor output", self._output.hazard),
             ("motor commands", self._output.refused),
             ("unread parameters", self._unread_text()),
         )
-        return tuple(Note(subject=subject, text=text, ok=False) for subject, text in said if text)
+        heard = self.autopilot_heartbeat_ns is not None
+        return (
+            *(Note(subject=subject, text=text, ok=False) for subject, text in said if text),
+            *self._neighbours.notes(self._t_ns, autopilot_heard=heard),
+        )
+
+    def _mode_age_ns(self) -> int:
+        """For how long other messages have come without a heartbeat."""
+        heard_ns, beat_ns = self.autopilot_heard_ns, self.autopilot_heartbeat_ns
+        return 0 if heard_ns is None or beat_ns is None else heard_ns - beat_ns
 
     def _unread_text(self) -> str:
         unread = self.unread_parameters
@@ -218,11 +282,11 @@ class MavlinkAutopilot:
     def _on_heartbeat(self, t_ns: int, m: Any) -> Sequence[Measurement]:
         if m.autopilot == dialect.MAV_AUTOPILOT_INVALID:
             return ()  # another component of the vehicle, not its autopilot
-        last_ns, self.autopilot_heartbeat_ns = self.autopilot_heartbeat_ns, t_ns
-        if last_ns is None or t_ns - last_ns > SILENCE_NS:
-            self._output.on_connect(t_ns)
-        self._autopilot_component_id = m.get_srcComponent()
-        self._stranger = "" if m.autopilot == self._kind.mav_autopilot else self._other_make(m.autopilot)
+        if m.type not in FLOATS:
+            self._other_kind = (t_ns, kind_of(m.type) or "generic")
+            return ()
+        self.autopilot_heartbeat_ns = t_ns
+        self._other_firmware = "" if m.autopilot == self._kind.mav_autopilot else self._other_make(m.autopilot)
         self._armed = bool(m.base_mode & dialect.MAV_MODE_FLAG_SAFETY_ARMED)
         self._mode = self._mode_names.get(m.custom_mode, f"MODE_{m.custom_mode}")
         was_booting, self._booting = self._booting, m.system_status in BOOTING
@@ -278,17 +342,16 @@ class MavlinkAutopilot:
         self.parameters.on_error(m)
 
     def _on_timesync(self, t_ns: int, m: Any) -> None:
-        # Other components answer our broadcast as well, by clocks of their own.
-        if m.tc1 == 0 or m.get_srcComponent() == self._autopilot_component_id:
-            self._timesync.receive(t_ns, m)
+        self._timesync.receive(t_ns, m)
 
     def _note_boot_time(self, t_ns: int, m: Any) -> None:
         """A boot clock that runs back by a second or more is a reboot: rates and readiness are gone.
 
-        Each message is compared with its own kind: bridges leave the time of some at 0, or have it stand still.
+        Each message is compared with its own kind: bridges leave the time of some at 0, or have it stand still. A clock
+        that was heard before is that of another way, or of another vehicle.
         """
         msg_id, boot_ms = m.get_msgId(), m.time_boot_ms
-        if boot_ms + 1000 < self._boot_ms.get(msg_id, 0):
+        if boot_ms + 1000 < self._boot_ms.get(msg_id, 0) and self._new_clock:
             self._boot_ms.clear()
             self.reboots += 1
             self._ready = False
@@ -304,6 +367,7 @@ class MavlinkAutopilot:
 
     def data_to_send(self, t_ns: int) -> list[Frame]:
         """What is due: a heartbeat and TIMESYNC each second, and requests once the autopilot has been heard."""
+        self._t_ns = t_ns
         connected = self.autopilot_heartbeat_ns is not None
         due: list[Any] = []
         if self._heartbeat_ns is None or t_ns - self._heartbeat_ns >= HEARTBEAT_NS:
@@ -327,7 +391,18 @@ class MavlinkAutopilot:
             due += self.parameters.data_to_send(t_ns)
             if not (self._armed or self._booting) and self.arming_checks.is_due(t_ns):
                 due.append(self._command(dialect.MAV_CMD_RUN_PREARM_CHECKS))
+            due += self._questions(t_ns)
         return [self._pack(t_ns, message) for message in due] + self._frames(t_ns, self._output.data_to_send(t_ns))
+
+    def _questions(self, t_ns: int) -> list[Any]:
+        """Its mode, where its heartbeats get lost; its hardware's number, where it is heard by several ways."""
+        asked = []
+        if self._mode_age_ns() > ASK_MODE_AFTER_NS and t_ns - self._mode_asked_ns >= ASK_MODE_NS:
+            self._mode_asked_ns = t_ns
+            asked.append(dialect.MAVLINK_MSG_ID_HEARTBEAT)
+        if self._one.wants_uid(t_ns):
+            asked.append(dialect.MAVLINK_MSG_ID_AUTOPILOT_VERSION)
+        return [self._command(dialect.MAV_CMD_REQUEST_MESSAGE, float(msg_id)) for msg_id in asked]
 
     def drive(self, t_ns: int, port_us: int, starboard_us: int) -> list[Frame]:
         """Both motors, as pulse widths (us)."""
@@ -362,12 +437,11 @@ class MavlinkAutopilot:
         return [self._pack(t_ns, self._command(command, *parameters))]
 
     def _command(self, command: int, *parameters: float) -> Any:
-        return dialect.MAVLink_command_long_message(
-            self._config.autopilot_system_id, 1, command, 0, *parameters, *[0] * (7 - len(parameters))
-        )
+        return dialect.MAVLink_command_long_message(*self._it, command, 0, *parameters, *[0] * (7 - len(parameters)))
 
     def _frames(self, t_ns: int, packed: list[bytes]) -> list[Frame]:
-        return [Frame(t_ns=t_ns, port=AUTOPILOT, data=data) for data in packed]
+        """Numbered as they leave: receivers count what they miss, and routers drop what looks like a copy."""
+        return [Frame(t_ns=t_ns, port=AUTOPILOT, data=self._numbering.number(t_ns, data)) for data in packed]
 
     def _pack(self, t_ns: int, message: Any) -> Frame:
-        return Frame(t_ns=t_ns, port=AUTOPILOT, data=bytes(message.pack(self._own)))
+        return self._frames(t_ns, [bytes(message.pack(self._own))])[0]

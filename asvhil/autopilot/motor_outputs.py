@@ -62,7 +62,7 @@ class _Sticks:
 
     def __init__(self, config: AutopilotLinkConfig, pwm: PwmConfig) -> None:
         self._pwm = pwm
-        self._system_id = config.autopilot_system_id
+        self._system_id, self._component_id = config.autopilot_system_id, config.autopilot_component_id
         # ArduPilot obeys both messages only from the system id of its ground station.
         self._mav = dialect.MAVLink(None, srcSystem=config.override_system_id, srcComponent=config.component_id)
 
@@ -89,7 +89,8 @@ class RcOverride(_Sticks):
         channels = [IGNORE_CHANNEL] * 8
         channels[self._pwm.port_channel - 1] = port_us
         channels[self._pwm.starboard_channel - 1] = starboard_us
-        return self._packed(dialect.MAVLink_rc_channels_override_message(self._system_id, 1, *channels))
+        to = self._system_id, self._component_id
+        return self._packed(dialect.MAVLink_rc_channels_override_message(*to, *channels))
 
     def release(self, t_ns: int) -> list[bytes]:
         return self.drive(RELEASE_CHANNEL, RELEASE_CHANNEL)
@@ -166,7 +167,12 @@ class _Held(ABC):
 
     def _command(self, *parameters: float) -> bytes:
         message = dialect.MAVLink_command_long_message(
-            self._config.autopilot_system_id, 1, self.command, 0, *parameters, *[0.0] * (7 - len(parameters))
+            self._config.autopilot_system_id,
+            self._config.autopilot_component_id,
+            self.command,
+            0,
+            *parameters,
+            *[0.0] * (7 - len(parameters)),
         )
         return bytes(message.pack(self._mav))
 

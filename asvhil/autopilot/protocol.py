@@ -6,6 +6,7 @@ from typing import Protocol
 
 from asvhil.autopilot.requirements import Finding
 from asvhil.io.sensors.protocol import NamedMeasurement
+from asvhil.supervisor.reasons import Explanation
 from asvhil.types import Frame, Note, TimeOffset
 
 
@@ -14,7 +15,17 @@ class Autopilot(Protocol):
 
     @property
     def autopilot_heartbeat_ns(self) -> int | None:
-        """When the last heartbeat was received; None before the first."""
+        """When the last heartbeat was received, which tells mode and arming; None before the first."""
+        ...
+
+    @property
+    def autopilot_heard_ns(self) -> int | None:
+        """When anything was last received of the autopilot's own component; None before its first heartbeat."""
+        ...
+
+    @property
+    def stranger(self) -> Explanation | None:
+        """Why the vehicle on the link is not ours to drive; None where it is."""
         ...
 
     @property

@@ -52,7 +52,7 @@ class Px4Autopilot(MavlinkAutopilot):
             self._alive_due_ns = t_ns + ALIVE_NS
             level = [1.0, 0.0, 0.0, 0.0]
             alive = dialect.MAVLink_set_attitude_target_message(
-                t_ns // 1_000_000 & 0xFFFFFFFF, self._config.autopilot_system_id, 1, ALIVE_MASK, level, 0, 0, 0, 0
+                t_ns // 1_000_000 & 0xFFFFFFFF, *self._it, ALIVE_MASK, level, 0, 0, 0, 0
             )
             frames.append(self._pack(t_ns, alive))
         return frames

@@ -77,11 +77,13 @@ class Backseat:
 
     def _situation(self, seen: Perceived) -> Situation:
         """What this tick is decided by."""
-        heard_ns = self._autopilot.autopilot_heartbeat_ns
+        beat_ns, heard_ns = self._autopilot.autopilot_heartbeat_ns, self._autopilot.autopilot_heard_ns
         return Situation(
             t_ns=seen.t_ns,
             status=seen.status,
-            heartbeat_age_s=None if heard_ns is None else (seen.t_ns - heard_ns) * 1e-9,
+            heartbeat_age_s=None if beat_ns is None else (seen.t_ns - beat_ns) * 1e-9,
+            heard_age_s=None if heard_ns is None else (seen.t_ns - heard_ns) * 1e-9,
+            stranger=self._autopilot.stranger,
             estimate=seen.estimate,
             frame=seen.frame,
             fault=self._actuation.fault,

@@ -54,6 +54,13 @@ class AutopilotLinkConfig(MavlinkLinkConfig):
         description="System id that overrides are sent with; an ArduRover accepts only SYSID_MYGCS (MAV_GCS_SYSID).",
     )
     autopilot_system_id: MavlinkId = Field(default=1, description="System id of the autopilot.")
+    autopilot_component_id: MavlinkId = Field(
+        default=1,
+        description=(
+            "Its component id; 1 by the protocol. Cameras, gimbals and other components of the vehicle are not "
+            "listened to."
+        ),
+    )
     position_source: Literal["GLOBAL_POSITION_INT", "GPS_RAW_INT"] = Field(
         default="GLOBAL_POSITION_INT",
         description=(

@@ -104,7 +104,14 @@ class SupervisorConfig(Section):
         description="A stick counts as moved this far from where it was when the hold began.",
     )
     heartbeat_timeout_s: Positive = Field(
-        default=2.5, description="Without a heartbeat of the autopilot for this long, the link counts as lost."
+        default=2.5, description="Without any message of the autopilot for this long, the link counts as lost."
+    )
+    mode_timeout_s: Positive = Field(
+        default=5.0,
+        description=(
+            "Without a heartbeat of the autopilot for this long, while other messages come, its mode and arming count "
+            "as unknown: as long as a pilot's change of mode may go unseen on a link that loses heartbeats."
+        ),
     )
     override_echo_s: Positive = Field(
         default=1.0,

@@ -12,6 +12,7 @@ from asvhil.config.ports import AUTOPILOT
 from asvhil.config.registry import AUTOPILOTS
 from asvhil.io.mavlink.frames import dialect
 from asvhil.preflight.survey import SourceState, Survey
+from asvhil.supervisor.reasons import describe, remedy
 from asvhil.types import Cause, FrontseatStatus, Radio, record
 
 ROUND_TRIP_MAX_MS = 100.0
@@ -84,14 +85,16 @@ def _vehicle(survey: Survey) -> list[Check]:
     assert beat is not None
     autopilot = AUTOPILOTS.find(link.profile)
     wanted = autopilot.firmware
-    kind = VEHICLES.get(beat.type)
+    kind = VEHICLES[beat.type]
     known = beat.autopilot == autopilot.mav_autopilot
-    found = f"{wanted if known else f'autopilot {beat.autopilot}'}, {kind or f'vehicle type {beat.type}'}"
-    todo = (
-        f"links.autopilot.profile is {link.profile}" if not known else "expected a boat or a rover" if not kind else ""
-    )
-    result = Result.FAIL if not known else Result.PASS if kind else Result.WARN
+    found = f"{wanted if known else f'autopilot {beat.autopilot}'}, {kind}"
+    todo = "" if known else f"links.autopilot.profile is {link.profile}"
+    result = Result.PASS if known else Result.FAIL
+    stranger = survey.link.stranger
+    if stranger is not None:
+        found, result, todo = describe(stranger), Result.FAIL, remedy(stranger.reason.value)
     checks = [Check(section="vehicle", item="heartbeat", result=result, found=found, wanted=wanted, todo=todo)]
+    checks += _neighbours(survey)
     checks.append(_firmware(survey, link))
     status = survey.status
     if status is not None:
@@ -174,6 +177,20 @@ def _after_silence(survey: Survey) -> list[Check]:
             todo="" if bounded else todo,
         )
     ]
+
+
+def _neighbours(survey: Survey) -> list[Check]:
+    """Who else is on the link: seldom a fault, and good to know where something is odd."""
+    checks = []
+    if survey.neighbours:
+        found = ", ".join(survey.neighbours)
+        checks.append(Check(section="vehicle", item="also on the link", result=Result.PASS, found=found))
+    checks += [
+        Check(section="vehicle", item=note.subject, result=Result.WARN, found=note.text)
+        for note in survey.link.notes
+        if note.subject == "our own id"
+    ]
+    return checks
 
 
 def _firmware(survey: Survey, link: AutopilotLinkConfig) -> Check:

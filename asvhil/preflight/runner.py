@@ -17,6 +17,7 @@ from asvhil.links.clock import Clock
 from asvhil.links.reconnecting import ReconnectingLink
 from asvhil.links.router import MavlinkRouter, save_states
 from asvhil.preflight.survey import Survey
+from asvhil.supervisor.reasons import describe
 from asvhil.types import Frame, Inputs
 
 TICK_S = 0.05
@@ -95,13 +96,20 @@ class Preflight:
         state, endpoint = self._links[AUTOPILOT].state, self._config.links.autopilot.endpoint
         if state not in ("up", "connecting") and waited_s > BROKEN_S:
             raise LinkError(f"{state}; is `asvhil run` using it? (links.autopilot.endpoint)")
+        stranger = self.survey.link.stranger
+        if stranger is not None:
+            raise LinkError(f"{endpoint}: {describe(stranger)}")
         if waited_s < self._timeout_s:
             return
         heard = self.survey.bytes_heard
         remarks = self._router.remarks(AUTOPILOT)
         dropped = f"; {remarks}" if remarks else ""
         if heard:
-            what = f"{heard} bytes came, and no heartbeat of system {self._config.links.autopilot.autopilot_system_id}"
+            own = self._config.links.autopilot
+            what = f"{heard} bytes came, and no heartbeat of {own.autopilot_system_id}/{own.autopilot_component_id}"
+            names = self.survey.neighbours
+            if names:
+                what += f", but of {', '.join(names)},"
             raise LinkError(f"{endpoint}: {what} within {waited_s:.0f} s: wrong speed or system id?{dropped}")
         raise LinkError(
             f"{endpoint}: nothing was heard within {waited_s:.0f} s: is the autopilot on and wired?{dropped}"

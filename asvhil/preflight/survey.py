@@ -9,7 +9,7 @@ from asvhil.autopilot.requirements import Finding
 from asvhil.backseat.build import build_firmware_watch, build_link
 from asvhil.config import QUANTITIES, Config, Quantity, SourceConfig
 from asvhil.config.ports import AUTOPILOT
-from asvhil.io.mavlink.frames import Parser, decode, dialect, message_id, source
+from asvhil.io.mavlink.frames import Parser, decode, dialect, message_id
 from asvhil.io.sensors.decoder import Decoder
 from asvhil.io.sensors.sources import quantity_of
 from asvhil.types import Frame, FrontseatStatus, Inputs, Measurement, Note, TimeOffset, record
@@ -142,6 +142,11 @@ class Survey:
         return self.link.clock
 
     @property
+    def neighbours(self) -> tuple[str, ...]:
+        """Who else was heard on the autopilot's link, by kind and number."""
+        return self.link.neighbours(self._t_ns)
+
+    @property
     def firmware(self) -> Note | None:
         """Of the anemometer; None where nothing is known of it."""
         return self._firmware.note()
@@ -173,7 +178,6 @@ class Survey:
     def _read(self, frame: Frame) -> None:
         if frame.port == AUTOPILOT:
             self.bytes_heard += len(frame.data)
-            self._look(frame)
         if frame.port == self._firmware.port:
             self._firmware.receive(frame)
         for name, measurement in self._decoder.decode_every_source(frame):
@@ -181,13 +185,13 @@ class Survey:
                 self.status = measurement
             elif self.stage == "counting":
                 self._note(name, measurement)
+        if frame.port == AUTOPILOT:
+            self._look(frame)
 
     def _look(self, frame: Frame) -> None:
         """What the link itself has no use for."""
-        own = self.config.links.autopilot
         for data in self._parser.receive(frame.peer, frame.data):
-            system_id, component_id = source(data)
-            if system_id != own.autopilot_system_id or component_id == own.component_id:
+            if not self.link.is_its_own(data):
                 continue
             msg_id = message_id(data)
             if self.stage == "counting":
@@ -204,7 +208,7 @@ class Survey:
                 self.unix_ns = (message.time_unix_usec * 1000, frame.t_ns)
             elif msg_id == dialect.MAVLINK_MSG_ID_RC_CHANNELS:
                 self.rc_channels = message.chancount
-            elif msg_id == dialect.MAVLINK_MSG_ID_HEARTBEAT and message.autopilot != dialect.MAV_AUTOPILOT_INVALID:
+            elif msg_id == dialect.MAVLINK_MSG_ID_HEARTBEAT and self.link.autopilot_heartbeat_ns is not None:
                 self.heartbeat = message
                 self._heard_ns = frame.t_ns if self._heard_ns is None else self._heard_ns
 
@@ -221,7 +225,7 @@ class Survey:
         self._version_asked_ns = t_ns
         message = dialect.MAVLink_command_long_message(
             self.config.links.autopilot.autopilot_system_id,
-            1,
+            self.config.links.autopilot.autopilot_component_id,
             dialect.MAV_CMD_REQUEST_MESSAGE,
             0,
             dialect.MAVLINK_MSG_ID_AUTOPILOT_VERSION,

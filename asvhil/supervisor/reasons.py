@@ -32,6 +32,9 @@ class Reason(enum.StrEnum):
     TRANSMITTER_HEARD = "transmitter-heard"
     # What failed while a station was held, or on the way to it
     HEARTBEAT_LOST = "heartbeat-lost"
+    MODE_UNKNOWN = "mode-unknown"
+    NOT_A_BOAT = "not-a-boat"
+    TWO_VEHICLES = "two-vehicles"
     ESTIMATE_STALE = "estimate-stale"
     NO_SOLUTION = "no-solution"
     MODE_NOT_ENTERED = "mode-not-entered"
@@ -128,6 +131,19 @@ WORDS: Mapping[Reason, Words] = {
     Reason.HEARTBEAT_LOST: Words(
         text="autopilot heartbeat lost",
         remedy="Look at the cable, baud rate and power of the autopilot link; then send a hold command.",
+    ),
+    Reason.MODE_UNKNOWN: Words(
+        text="mode and arming are not told",
+        remedy="The link loses the autopilot's heartbeats though other messages come: look at its quality and rates.",
+    ),
+    Reason.NOT_A_BOAT: Words(
+        text="this vehicle is no boat: {kind}",
+        remedy="Look at links.autopilot.endpoint, and that no other vehicle has this one's system id.",
+    ),
+    Reason.TWO_VEHICLES: Words(
+        text="two vehicles have system id {system}",
+        remedy="Give each boat an id of its own (SYSID_THISMAV, MAV_SYSID) and name it in "
+        "links.autopilot.autopilot_system_id; a second way to the same boat must not be seconds late.",
     ),
     Reason.ESTIMATE_STALE: Words(
         text="position or heading is stale",

@@ -19,6 +19,8 @@ class MotorPulses:
 class Situation:
     """None: not known, or not yet.
 
+    `heartbeat_age_s`: since the autopilot told its mode and arming; `heard_age_s`: since it told anything, where None
+    since its heartbeat. `stranger`: why the vehicle on the link is not ours to drive.
     `fault`: why the motors do not, or would not, follow the commands. `unverified`: what it means if the motors' sticks
     do not show our commands; None once they have, for then somebody else has them. `control_ok`: whether the solution
     of the last tick can be used; None where there was none. `sent`: what the last tick sent to the motors.
@@ -27,6 +29,8 @@ class Situation:
     t_ns: int
     status: FrontseatStatus | None = None
     heartbeat_age_s: float | None = None
+    heard_age_s: float | None = None
+    stranger: Explanation | None = None
     estimate: Estimate | None = None
     frame: LocalFrame | None = None
     fault: Explanation | None = None

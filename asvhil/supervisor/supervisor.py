@@ -28,7 +28,7 @@ class Decision:
     only), `ask_mode` for a mode alone.
     `answers`: for each request in turn None where it is granted, or why not; `begun`: a hold was granted.
     `station` is None while none is held; `station_changed`: it is not as in the last tick.
-    `control_ok`: the latest solution, but for that of this tick, could be used. `link_ok`: the heartbeat is recent.
+    `control_ok`: the latest solution, but for that of this tick, could be used. `link_ok`: the autopilot is heard.
     """
 
     phase: Phase
@@ -111,9 +111,14 @@ class Supervisor:
         return self._station if self._phase in (Phase.HOLD, Phase.FAILSAFE) else None
 
     def _link_ok(self, situation: Situation) -> bool:
-        """Whether the autopilot's heartbeat is recent."""
-        age_s = situation.heartbeat_age_s
+        """Whether the autopilot was heard lately."""
+        age_s = situation.heartbeat_age_s if situation.heard_age_s is None else situation.heard_age_s
         return age_s is not None and age_s <= self._config.heartbeat_timeout_s
+
+    @staticmethod
+    def _mode_known(situation: Situation, timeout_s: float) -> bool:
+        """Whether the autopilot has told its mode and arming lately."""
+        return situation.heartbeat_age_s is not None and situation.heartbeat_age_s <= timeout_s
 
     # --- requests ------------------------------------------------------------------------------------------
 
@@ -165,8 +170,12 @@ class Supervisor:
     def _why_not(self, situation: Situation, fault: Explanation | None) -> Explanation | None:
         """Why a hold cannot begin; `fault`: of the motors, where it counts."""
         status = situation.status
+        if situation.stranger is not None:
+            return situation.stranger
         if status is None or not self._link_ok(situation):
             return explain(Reason.NO_HEARTBEAT)
+        if not self._mode_known(situation, self._config.heartbeat_timeout_s):
+            return explain(Reason.MODE_UNKNOWN)
         if fault is not None:
             return fault
         if not status.armed:
@@ -197,8 +206,9 @@ class Supervisor:
 
     def _prepare(self, situation: Situation) -> None:
         """engage: auto. Wait for readiness, ask for mode and arming with neutral sticks, then hold, once."""
-        if situation.fault is not None:
-            self._wait(situation.fault)
+        why_not = situation.stranger or situation.fault
+        if why_not is not None:
+            self._wait(why_not)
             return
         status, frame = situation.status, situation.frame
         ready = status is not None and self._link_ok(situation) and status.ready
@@ -264,8 +274,9 @@ class Supervisor:
             self._pilot_ns = t_ns
             self._let_go(act)
             return
-        if situation.fault is not None:
-            self._let_go(situation.fault, neutral_first=True)
+        ends = situation.stranger or situation.fault
+        if ends is not None:
+            self._let_go(ends, neutral_first=True)
             return
         taken = self._pilot.sticks_taken(t_ns, status)
         if taken is not None:
@@ -290,6 +301,8 @@ class Supervisor:
         """What is missing to steer by."""
         if not self._link_ok(situation):
             return explain(Reason.HEARTBEAT_LOST)
+        if not self._mode_known(situation, self._config.mode_timeout_s):
+            return explain(Reason.MODE_UNKNOWN)
         if situation.estimate is None or not situation.estimate.valid:
             return explain(Reason.ESTIMATE_STALE)
         if self._control_failed:

@@ -29,6 +29,7 @@ _ONE_BYTE = frozenset(mcrf4xx(bytes([byte]), 0) for byte in range(256))  # what 
 
 __all__ = [
     "FrameSplitter",
+    "Numbering",
     "Parser",
     "checksum",
     "decode",
@@ -108,6 +109,39 @@ def target(frame: bytes) -> tuple[int, int]:
     system_id = frame[header + system_at] if system_at < length else 0
     component_id = frame[header + component_at] if component_at is not None and component_at < length else 0
     return system_id, component_id
+
+
+class Numbering:
+    """Numbers frames as they leave, for each sender by itself, and knows those of the last 3 s."""
+
+    KEPT = 256
+    KEPT_NS = 3_000_000_000
+
+    def __init__(self) -> None:
+        self._next: dict[tuple[int, int], int] = {}
+        self._sent: dict[bytes, int] = {}
+
+    def number(self, t_ns: int, frame: bytes) -> bytes:
+        """A MAVLink 2 frame of ours with its number; any other as it is."""
+        if frame[0] != MAGIC_V2 or frame[2] & SIGNED or message_id(frame) not in _CRC_EXTRA:
+            return frame
+        sender = source(frame)
+        number = self._next.get(sender, 0)
+        self._next[sender] = (number + 1) % 256
+        body = frame[:4] + bytes([number]) + frame[5:-CRC_LENGTH]
+        numbered = body + checksum(body)
+        self._sent[numbered] = t_ns
+        if len(self._sent) > self.KEPT:
+            self._sent.pop(next(iter(self._sent)))
+        return numbered
+
+    def was_sent(self, t_ns: int, frame: bytes) -> bool:
+        """Whether a complete frame, signed since or not, is one that left a moment ago."""
+        if frame[0] != MAGIC_V2:
+            return False
+        body = frame[:2] + bytes([frame[2] & ~SIGNED]) + frame[3 : HEADER_V2 + frame[1]]
+        left_ns = self._sent.get(body + checksum(body)) if message_id(frame) in _CRC_EXTRA else None
+        return left_ns is not None and t_ns - left_ns < self.KEPT_NS
 
 
 class FrameSplitter:

@@ -73,8 +73,10 @@ class ParameterClient:
     (PX4), not as floats (ArduPilot).
     """
 
-    def __init__(self, groups: Iterable[tuple[str, ...]], system_id: int, *, bytewise: bool = False) -> None:
-        self._to = (system_id, 1)
+    def __init__(
+        self, groups: Iterable[tuple[str, ...]], system_id: int, component_id: int = 1, *, bytewise: bool = False
+    ) -> None:
+        self._to = (system_id, component_id)
         self._groups = tuple(dict.fromkeys(groups))
         self._group_of = {name: group for group in self._groups for name in group}
         self._bytewise = bytewise

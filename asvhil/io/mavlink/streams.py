@@ -38,10 +38,16 @@ class StreamRequester:
     """
 
     def __init__(
-        self, rates_hz: dict[str, float], system_id: int, us: tuple[int, int] | None = None, *, legacy: bool = False
+        self,
+        rates_hz: dict[str, float],
+        system_id: int,
+        us: tuple[int, int] | None = None,
+        *,
+        component_id: int = 1,
+        legacy: bool = False,
     ) -> None:
         self._rates_hz = dict(rates_hz)
-        self._system_id = system_id
+        self._to = (system_id, component_id)
         self._us = us
         self._t_ns = 0
         self._stream_of = {name: stream for stream, names in LEGACY_STREAMS.items() for name in names} if legacy else {}
@@ -117,7 +123,7 @@ class StreamRequester:
         for stream in self._legacy:
             rates_hz = [self._rates_hz.get(name, 0.0) for name in LEGACY_STREAMS[stream]]
             rate_hz = math.ceil(max(rates_hz))
-            due.append(dialect.MAVLink_request_data_stream_message(self._system_id, 1, stream, rate_hz, 1))
+            due.append(dialect.MAVLink_request_data_stream_message(*self._to, stream, rate_hz, 1))
         self.requests += len(due)
         self._legacy = []
         return due
@@ -157,9 +163,7 @@ class StreamRequester:
         self.requests += 1
         interval_us = 1e6 / self._wanted[self._in_flight]
         command = dialect.MAV_CMD_SET_MESSAGE_INTERVAL
-        return dialect.MAVLink_command_long_message(
-            self._system_id, 1, command, 0, self._in_flight, interval_us, 0, 0, 0, 0, 0
-        )
+        return dialect.MAVLink_command_long_message(*self._to, command, 0, self._in_flight, interval_us, 0, 0, 0, 0, 0)
 
     def _requeue_slow(self, t_ns: int) -> None:
         """Every few seconds, put the streams that come too slowly back into the queue."""

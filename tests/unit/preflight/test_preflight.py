@@ -15,6 +15,7 @@ from asvhil.preflight.computer import computer_checks
 from asvhil.preflight.survey import Survey
 from asvhil.simplant.lockstep import EPOCH_NS
 from asvhil.simplant.plant import Plant
+from asvhil.supervisor.reasons import describe
 from asvhil.types import Frame, Inputs
 from tests.support.plugins import write_line_wind
 
@@ -354,6 +355,42 @@ def test_a_version_that_does_not_come_is_unverified_and_one_that_is_refused_is_s
     dock = Dock()
     dock.plant.frontseat._commands.pop(dialect.MAV_CMD_REQUEST_MESSAGE)
     assert bad(dock.look()) == {"firmware": Result.WARN}
+
+
+def test_who_else_is_on_the_link_is_listed() -> None:
+    dock = Dock()
+    advance = dock.plant.advance
+    camera = dialect.MAVLink(None, srcSystem=1, srcComponent=100)
+    station = dialect.MAVLink(None, srcSystem=255, srcComponent=190)
+    twin = dialect.MAVLink(None, srcSystem=1, srcComponent=191)
+    beats = [
+        (camera, dialect.MAVLink_heartbeat_message(dialect.MAV_TYPE_GENERIC, 0, 0, 0, 4, 3)),
+        (station, dialect.MAVLink_heartbeat_message(dialect.MAV_TYPE_GCS, 8, 0, 0, 4, 3)),
+        (twin, dialect.MAVLink_heartbeat_message(dialect.MAV_TYPE_ONBOARD_CONTROLLER, 8, 0, 0, 4, 3)),
+    ]
+
+    def advance_all(t_ns: int) -> list[Frame]:
+        others = [
+            Frame(t_ns=t_ns, port="autopilot", data=bytes(beat.pack(mav)), peer="10.0.0.7:1")
+            for mav, beat in beats
+            if t_ns % S < TICK_NS
+        ]
+        return [*advance(t_ns), *others]
+
+    dock.plant.advance = advance_all  # type: ignore[method-assign]
+    checks = dock.look()
+    assert of(checks, "also on the link").found == "camera 1/100, ground station 255/190"
+    assert bad(checks) == {"our own id": Result.WARN}
+
+
+def test_a_copter_is_refused_by_name() -> None:
+    dock = Dock()
+    sent = dialect.MAVLink(None, srcSystem=1, srcComponent=1)
+    beat = bytes(dialect.MAVLink_heartbeat_message(dialect.MAV_TYPE_QUADROTOR, 3, 0, 0, 4, 3).pack(sent))
+    dock.survey = Survey(dock.config)
+    dock.survey.step(Inputs(t_ns=S, frames=(Frame(t_ns=S, port="autopilot", data=beat),)))
+    assert dock.survey.stage == "waiting" and dock.survey.link.stranger is not None
+    assert describe(dock.survey.link.stranger) == "this vehicle is no boat: quadrotor"
 
 
 def test_the_model_must_be_of_this_vehicle_and_step() -> None:
