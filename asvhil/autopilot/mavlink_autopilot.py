@@ -28,7 +28,7 @@ HEARTBEAT_NS = 1_000_000_000
 REQUEST_NS = 1_000_000_000
 FIRST_TIME_NS = 300_000_000  # between requests for the autopilot's clock until one was answered
 SILENCE_NS = 3_000_000_000  # after which nobody knows what has become of the vehicle
-BOOTING = (dialect.MAV_STATE_UNINIT, dialect.MAV_STATE_BOOT, dialect.MAV_STATE_CALIBRATING)
+BOOTING = (dialect.MAV_STATE_BOOT, dialect.MAV_STATE_CALIBRATING)
 ASK_MODE_AFTER_NS = 1_100_000_000  # since the last heartbeat, while other messages come: mode and arming are asked for
 ASK_MODE_NS = 400_000_000
 OLD_MODE_NS = 2_000_000_000
@@ -197,7 +197,7 @@ class MavlinkAutopilot:
 
     @property
     def booting(self) -> bool:
-        """Whether the autopilot says that it still sets itself up: parameters that it tells then may change again."""
+        """Whether the autopilot says that it still sets itself up: parameters may change then, and writes get lost."""
         return self._booting
 
     @property
@@ -291,7 +291,7 @@ class MavlinkAutopilot:
         self._mode = self._mode_names.get(m.custom_mode, f"MODE_{m.custom_mode}")
         was_booting, self._booting = self._booting, m.system_status in BOOTING
         if was_booting and not self._booting:
-            self.parameters.restart()  # what an ArduRover tells of some while it boots is not what they will be
+            self.parameters.forget()  # an ArduRover sets the defaults of some last
         if not self._armed:
             self._output.on_disarmed(t_ns)
         return self._status(t_ns)
@@ -388,7 +388,7 @@ class MavlinkAutopilot:
         due += self._timesync.data_to_send(t_ns)
         if connected:
             due += self._streams.data_to_send(t_ns)
-            due += self.parameters.data_to_send(t_ns)
+            due += [] if self._booting else self.parameters.data_to_send(t_ns)
             if not (self._armed or self._booting) and self.arming_checks.is_due(t_ns):
                 due.append(self._command(dialect.MAV_CMD_RUN_PREARM_CHECKS))
             due += self._questions(t_ns)

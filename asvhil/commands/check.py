@@ -22,6 +22,7 @@ COLOURS = {"pass": "green", "warn": "yellow", "fail": "red", "unverified": "mage
 PIPE_WIDTH = 140  # a file has no edge at which to fold names
 SAYS = {
     "waiting": "waiting for the autopilot's heartbeat",
+    "booting": "waiting for the autopilot to have set itself up",
     "asking": "reading parameters, asking for streams",
     "counting": "counting messages",
     "done": "done",

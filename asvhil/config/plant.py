@@ -183,6 +183,13 @@ class FrontseatConfig(Section):
         default=1, description="System whose overrides it accepts (SYSID_MYGCS, MAV_GCS_SYSID)."
     )
     boot_s: NonNegative = Field(default=1.0, description="Time from power-on until it runs.")
+    setup_s: NonNegative = Field(
+        default=0.0,
+        description=(
+            "Time after boot_s for which an ArduRover still sets itself up: it answers, and the default of a dead zone "
+            "(RC1_DZ, RC3_DZ of 30) is not in force yet. A real one takes about 1 s."
+        ),
+    )
     ready_after_s: NonNegative = Field(default=3.0, description="Time from power-on until it has a position.")
     rc_receiver: bool = Field(default=True, description="Whether a transmitter with sticks at rest is on.")
     override_timeout_s: Positive = Field(

@@ -23,6 +23,7 @@ from asvhil.types import Frame, Inputs
 TICK_S = 0.05
 BROKEN_S = 2.0  # a link that cannot be opened is told after this
 FIX_S = 30.0
+BOOT_S = 60.0  # of an autopilot that sets itself up, beyond the wait for its first heartbeat
 
 Choose = Callable[[list[Finding]], bool]
 
@@ -91,9 +92,14 @@ class Preflight:
 
     def _complain(self, waited_s: float) -> None:
         """LinkError where there is no sense in waiting for the first heartbeat any longer."""
+        endpoint = self._config.links.autopilot.endpoint
+        if self.survey.stage == "booting" and waited_s > self._timeout_s + BOOT_S:
+            raise LinkError(
+                f"{endpoint}: the autopilot is still setting itself up after {waited_s:.0f} s: see its texts"
+            )
         if self.survey.stage != "waiting":
             return
-        state, endpoint = self._links[AUTOPILOT].state, self._config.links.autopilot.endpoint
+        state = self._links[AUTOPILOT].state
         if state not in ("up", "connecting") and waited_s > BROKEN_S:
             raise LinkError(f"{state}; is `asvhil run` using it? (links.autopilot.endpoint)")
         stranger = self.survey.link.stranger

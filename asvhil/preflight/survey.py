@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter, deque
 from typing import Any
 
+from asvhil.autopilot.mavlink_autopilot import BOOTING
 from asvhil.autopilot.requirements import Finding
 from asvhil.backseat.build import build_firmware_watch, build_link
 from asvhil.config import QUANTITIES, Config, Quantity, SourceConfig
@@ -81,9 +82,9 @@ class Survey:
 
     @property
     def stage(self) -> str:
-        """waiting (for a heartbeat), asking, counting, done."""
+        """waiting (for a heartbeat), booting, asking, counting, done."""
         if self._heard_ns is None:
-            return "waiting"
+            return "waiting" if self.heartbeat is None else "booting"
         if self._count_ns is None:
             return "asking"
         return "counting" if self._t_ns < self._count_ns + COUNT_NS else "done"
@@ -102,6 +103,8 @@ class Survey:
         self._t_ns = t_ns = inputs.t_ns
         for frame in inputs.frames:
             self._read(frame)
+        if self.link.booting:
+            self._heard_ns = self._count_ns = None  # also where it has been restarted meanwhile
         if self._heard_ns is not None and self._count_ns is None:
             asked_ns = t_ns - self._heard_ns
             longest_ns = LOSSY_SETTLE_NS if self.link.parameters.values else MOST_SETTLE_NS
@@ -210,7 +213,8 @@ class Survey:
                 self.rc_channels = message.chancount
             elif msg_id == dialect.MAVLINK_MSG_ID_HEARTBEAT and self.link.autopilot_heartbeat_ns is not None:
                 self.heartbeat = message
-                self._heard_ns = frame.t_ns if self._heard_ns is None else self._heard_ns
+                if self._heard_ns is None and message.system_status not in BOOTING:
+                    self._heard_ns = frame.t_ns
 
     def _note(self, name: str, measurement: Measurement) -> None:
         quantity = quantity_of(measurement)

@@ -98,6 +98,12 @@ class ParameterClient:
         self._absent.clear()
         self._next_ns = 0
 
+    def forget(self) -> None:
+        """What was read proves nothing, as of an autopilot that was still setting itself up: ask for everything."""
+        self._values.clear()
+        self.answers += 1
+        self.restart()
+
     @property
     def values(self) -> Mapping[str, float]:
         """What is known, by the name that answered."""

@@ -11,6 +11,7 @@ from asvhil.simplant.vehicle.rc import ChannelCalibration
 
 FIXED = None  # not modelled: the value stands whatever is asked
 PULSES = (800.0, 2200.0)
+DEAD_ZONE_US = 30.0  # ArduRover's default, of both motors' sticks
 FUNCTIONS = (-1.0, 188.0)
 PORT_MOTOR, STARBOARD_MOTOR = 73, 74  # SERVOn_FUNCTION: throttle left and right
 
@@ -73,6 +74,8 @@ class Parameters(ParameterTable):
             ("INITIAL_MODE", 0, INT8, FIXED),
             ("SCHED_LOOP_RATE", config.loop_hz, INT16, FIXED),
         )
+        self._dead_zones = (f"RC{port}_DZ", f"RC{starboard}_DZ")
+        self._late: list[str] = []
         self._sticks: dict[int, ChannelCalibration] = {}
         self.mygcs_name = rows[1][0]
         super().__init__("simulated ArduRover", rows, config.parameters)
@@ -88,6 +91,20 @@ class Parameters(ParameterTable):
                 low_us=low_us, trim_us=trim_us, high_us=high_us, dead_zone_us=dead_zone_us, reversed=reverse != 0.0
             )
         return found
+
+    def begin_setup(self) -> None:
+        """Power on: a dead zone that is at its default reads 0 until the default is set."""
+        self.end_setup()
+        self._late = [name for name in self._dead_zones if self._values[name] == DEAD_ZONE_US]
+        for name in self._late:
+            self._put(name, 0.0)
+
+    def end_setup(self) -> None:
+        """The defaults are set where nothing else was written; a 0 that was written changed nothing, and is lost."""
+        for name in self._late:
+            if self._values[name] == 0.0:
+                self._put(name, DEAD_ZONE_US)
+        self._late = []
 
     @property
     def functions(self) -> set[int]:

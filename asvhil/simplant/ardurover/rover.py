@@ -44,6 +44,7 @@ class Rover(PoweredVehicle):
     def __init__(self, config: FrontseatConfig, pwm: PwmConfig, t_ns: int) -> None:
         self._port, self._starboard = pwm.port_channel - 1, pwm.starboard_channel - 1
         self._neutral_ns = round(1e9 * config.neutral_timeout_s)
+        self._setup_ns = round(1e9 * config.setup_s)
         self._failsafe_ns = round(1e9 * config.failsafe_timeout_s)
         self.parameters = Parameters(config, pwm)
         super().__init__(config, t_ns)
@@ -57,6 +58,8 @@ class Rover(PoweredVehicle):
         self.gcs_heard_ns: int | None = None
         self.mapped = int(self.parameters["RCMAP_ROLL"]), int(self.parameters["RCMAP_THROTTLE"])
         self.safety_on = self.parameters["BRD_SAFETY_DEFLT"] != 0.0
+        if self._setup_ns:
+            self.parameters.begin_setup()
         self._throttle = 0.0
         self._position_used = False
         self.radio_silent = self.parameters["FS_THR_ENABLE"] != 0.0 and not self.rc.receiver
@@ -85,7 +88,9 @@ class Rover(PoweredVehicle):
     def begin(self, t_ns: int) -> None:
         """The start of a loop, before messages are handled; never before `boot_ns`."""
         self.t_ns = t_ns
-        if self.mode == MODE_INITIALISING:
+        if self.mode == MODE_INITIALISING and t_ns >= self.boot_ns + self._setup_ns:
+            self.parameters.end_setup()
+            self.rc.last_input_ns = t_ns  # nobody has looked at the radio before
             self.mode = MODE_MANUAL
             self.texts.append((INFO, "ArduPilot Ready"))
         if not self._position_used and self.ready(t_ns):
@@ -94,7 +99,8 @@ class Rover(PoweredVehicle):
 
     def end(self) -> None:
         """The end of a loop: time-outs, then the motors."""
-        self._watch_radio()
+        if self.booted:
+            self._watch_radio()
         if self._rudder.asks(self):
             self.arm(by_rudder=True)
         self._watch_gcs()

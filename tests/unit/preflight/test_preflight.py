@@ -162,6 +162,33 @@ def test_each_wrong_parameter_of_a_px4_too(name: str, value: float) -> None:
     assert bad(dock.look()) == {}, "the second run"
 
 
+def test_an_autopilot_that_has_just_been_switched_on_fools_nobody() -> None:
+    early = ("plant.frontseat.setup_s=4", "plant.frontseat.rc1_dz_us=30", "plant.frontseat.rc3_dz_us=30")
+    dock = Dock(*early)
+    dock.run(3.0)
+    assert dock.survey.stage == "booting" and not dock.survey.fixable
+    assert not {m.get_type() for m in dock.said} & {"PARAM_REQUEST_READ", "PARAM_SET"}
+    dock.run(25.0)
+    assert dock.survey.stage == "done"
+    found = bad(checks_of(dock.survey))
+    assert found == {"RC1_DZ": Result.FAIL, "RC3_DZ": Result.FAIL}
+    dock.survey.fix()
+    dock.run(2.0)
+    assert dock.plant.frontseat.rover.parameters["RC1_DZ"] == 0.0
+    assert bad(dock.look()) == {}
+
+
+def test_an_autopilot_that_restarts_during_a_check_is_looked_at_anew() -> None:
+    dock = Dock("plant.frontseat.setup_s=1")
+    dock.run(6.0)
+    assert dock.survey.stage in ("asking", "counting")
+    dock.plant.frontseat.reboot(dock.t_ns)
+    dock.run(1.7)
+    assert dock.survey.stage == "booting"
+    dock.run(25.0)
+    assert dock.survey.stage == "done" and bad(checks_of(dock.survey)) == {}
+
+
 def test_all_wrong_at_once_are_mended_at_once() -> None:
     values = ", ".join(f"{name}: {value}" for name, value in WRONG.items())
     dock = Dock(f"plant.frontseat.parameters={{{values}}}")

@@ -93,6 +93,17 @@ def test_time_since_boot_counts_from_power_on() -> None:
             assert message.time_boot_ms == round(1000 * t)
 
 
+def test_what_is_written_while_it_sets_itself_up_may_be_lost() -> None:
+    boat = Boat("plant.frontseat.setup_s=1", "plant.frontseat.rc1_dz_us=30", "plant.frontseat.rc3_dz_us=30")
+    beats = of(boat.run(1.5), "HEARTBEAT")
+    assert {(m.custom_mode, m.system_status) for m in beats} == {(16, 2)}
+    assert set_parameter(boat, "RC1_DZ", 0.0) == 0.0  # as it reads now anyway
+    assert set_parameter(boat, "RC3_DZ", 5.0) == 5.0
+    boat.run(1.0)
+    assert of(boat.log, "HEARTBEAT")[-1].system_status == 4
+    assert (boat.seat.rover.parameters["RC1_DZ"], boat.seat.rover.parameters["RC3_DZ"]) == (30.0, 5.0)
+
+
 # --- streams ------------------------------------------------------------------------------------------------
 
 
