@@ -19,7 +19,7 @@ MODES = frozenset({0, 1, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 15})
 POSITION_MODES = frozenset({5, 6, 8, 9, 10, 11, 12, 15})  # refused until the position is used
 CHECKS_NS = 1_000_000_000  # between two rounds of the checks before arming
 TELL_CHECKS_NS = 30_000_000_000  # between two times that it says what fails
-OVERRIDES_IGNORED = 2  # bit of RC_OPTIONS
+RECEIVER_IGNORED, OVERRIDES_IGNORED = 1, 2  # bits of RC_OPTIONS
 TWO_PADDLES = 1  # PILOT_STEER_TYPE: a stick for each motor
 STEERING_NOT_FLIPPED = 3  # PILOT_STEER_TYPE: steering keeps its sense when going astern
 DISARM = -1
@@ -146,6 +146,8 @@ class Rover(PoweredVehicle):
             self.rc.drop_overrides()
         elif hold_s > 0.0:
             self.rc.expire(self.t_ns, round(1e9 * hold_s))
+        self.rc.ignored = bool(int(self.parameters["RC_OPTIONS"]) & RECEIVER_IGNORED)
+        self.rc.note_frame(self.t_ns)
         if self.parameters["FS_THR_ENABLE"] != 0.0:  # with 0 nobody looks any more: what was found last stands
             self.radio_silent = self._radio_lost(self._neutral_ns)
         if self.radio_failsafe:
@@ -170,6 +172,7 @@ class Rover(PoweredVehicle):
 
     def _fail_safe(self, what: str) -> None:
         self.texts.append((WARNING, f"{what} Failsafe"))
+        self.rc.drop_overrides()
         for action in FAILSAFE_ACTIONS.get(int(self.parameters["FS_ACTION"]), ()):
             if self.disarm() if action == DISARM else self.enter_mode(action):
                 return

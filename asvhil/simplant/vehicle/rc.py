@@ -22,6 +22,7 @@ class RcInputs:
 
     def __init__(self, receiver: bool, t_ns: int) -> None:
         self.receiver = receiver
+        self.ignored = False  # the receiver, by the vehicle (RC_OPTIONS)
         self.strength: int | None = None  # of a receiver that reports it
         self.sticks_us = [*STICKS_AT_REST, *[0] * (CHANNELS - len(STICKS_AT_REST))]
         self.radio_us: list[int] = []
@@ -84,9 +85,14 @@ class RcInputs:
         for index in list(self._overrides_ns):
             self._release(index)
 
+    def note_frame(self, t_ns: int) -> None:
+        """A receiver's frame: where the receiver is ignored, it still has the overrides that stand taken for input."""
+        if self.receiver and self.ignored and self._overrides_ns:
+            self.last_input_ns = t_ns
+
     def alive(self, t_ns: int, timeout_ns: int) -> bool:
         """Whether the radio gives input: a receiver, or overrides not older than the time-out."""
-        return self.receiver or t_ns - self.last_input_ns < timeout_ns
+        return (self.receiver and not self.ignored) or t_ns - self.last_input_ns < timeout_ns
 
     @property
     def rssi(self) -> int:
@@ -99,7 +105,7 @@ class RcInputs:
 
     def _release(self, index: int) -> None:
         self._overrides_ns.pop(index, None)
-        if self.receiver:
+        if self.receiver and not self.ignored:
             self.radio_us[index] = self.sticks_us[index]
 
 

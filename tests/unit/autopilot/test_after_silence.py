@@ -5,44 +5,15 @@ import pytest
 from asvhil.autopilot.after_silence import after_silence_of_ardurover
 from asvhil.config import load_config
 from asvhil.types import Radio
+from tests.support.after_silence import HEARD, MEASURED
 
 DEFAULTS = {
     "FS_THR_ENABLE": 1.0, "RC_OVERRIDE_TIME": 3.0, "RC_OPTIONS": 32.0, "FS_ACTION": 2.0, "FS_GCS_ENABLE": 0.0,
     "FS_GCS_TIMEOUT": 5.0,
 }  # fmt: skip
-ABSENT, HEARD, LOST = Radio.ABSENT, Radio.HEARD, Radio.LOST
 
 
-# Seconds from the kill of the sender to neutral outputs; None: they still ran after 12 s.
-@pytest.mark.parametrize(
-    ("radio", "changed", "measured_s"),
-    [
-        (ABSENT, {}, 0.5),
-        (ABSENT, {"FS_THR_ENABLE": 2}, 0.5),
-        (ABSENT, {"FS_ACTION": 0}, 0.5),
-        (ABSENT, {"FS_ACTION": 5}, 0.5),
-        (ABSENT, {"RC_OVERRIDE_TIME": -1}, 0.5),
-        (ABSENT, {"RC_OVERRIDE_TIME": 10}, 0.5),
-        (ABSENT, {"FS_THR_ENABLE": 0}, None),
-        (ABSENT, {"FS_THR_ENABLE": 0, "RC_OVERRIDE_TIME": 0.5}, None),
-        (ABSENT, {"FS_THR_ENABLE": 0, "FS_GCS_ENABLE": 1}, 6.6),
-        (ABSENT, {"FS_THR_ENABLE": 0, "FS_GCS_ENABLE": 1, "FS_ACTION": 0}, None),
-        (HEARD, {}, 3.0),
-        (HEARD, {"FS_ACTION": 0}, 3.0),
-        (HEARD, {"RC_OVERRIDE_TIME": 1}, 1.1),
-        (HEARD, {"RC_OVERRIDE_TIME": 10}, 10.1),
-        (HEARD, {"FS_THR_ENABLE": 0}, 3.1),
-        (HEARD, {"RC_OVERRIDE_TIME": -1}, None),
-        (HEARD, {"RC_OVERRIDE_TIME": -1, "FS_THR_ENABLE": 0}, None),
-        (HEARD, {"RC_OVERRIDE_TIME": -1, "FS_GCS_ENABLE": 1}, 6.6),
-        (HEARD, {"RC_OVERRIDE_TIME": -1, "FS_GCS_ENABLE": 1, "FS_ACTION": 0}, 6.6),
-        (HEARD, {"RC_OPTIONS": 33}, 3.5),
-        (HEARD, {"RC_OPTIONS": 33, "FS_THR_ENABLE": 0}, None),
-        (LOST, {}, 0.6),
-        (LOST, {"RC_OVERRIDE_TIME": -1}, 0.6),
-        (LOST, {"FS_THR_ENABLE": 0}, None),
-    ],
-)
+@pytest.mark.parametrize(("radio", "changed", "measured_s"), MEASURED)
 @pytest.mark.parametrize("output", ["rc_override", "manual_control"])
 def test_as_measured(output: str, radio: Radio, changed: dict[str, float], measured_s: float | None) -> None:
     link = load_config("sitl", (f"links.autopilot.output={output}",)).links.autopilot

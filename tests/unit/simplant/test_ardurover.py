@@ -9,7 +9,8 @@ import pytest
 
 from asvhil.errors import ConfigError
 from asvhil.io.mavlink.frames import dialect as mav
-from asvhil.types import Frame
+from asvhil.types import Frame, Radio
+from tests.support.after_silence import MEASURED
 from tests.support.simplant_boat import Boat, of, times
 
 GCS = {"system": 255, "component": 190, "peer": "station"}
@@ -303,6 +304,33 @@ def test_a_reboot_forgets_streams_mode_and_arming_but_not_parameters() -> None:
     assert of(log, "ATTITUDE")[0].time_boot_ms < 2100
     assert of(log, "HEARTBEAT")[0].custom_mode == MANUAL
     assert boat.seat.rover.parameters["RC1_DZ"] == 30.0
+
+
+@pytest.mark.parametrize(("radio", "changed", "measured_s"), MEASURED)
+def test_what_stops_the_motors_after_a_crash_is_as_measured(
+    radio: Radio, changed: dict[str, float], measured_s: float | None
+) -> None:
+    boat = Boat(f"plant.frontseat.rc_receiver={str(radio is not Radio.ABSENT).lower()}")
+    boat.ready()
+    boat.send(mav.MAVLink_heartbeat_message(18, 8, 0, 0, 4, 3))
+    boat.hold(1500, 1500, 3.0, rate_hz=20)
+    assert boat.mode(MANUAL) == ACCEPTED and boat.arm() == ACCEPTED
+    for name, value in ({"RC_OVERRIDE_TIME": 3.0} | changed).items():
+        set_parameter(boat, name, value)
+    boat.hold(1600, 1420, 1.0, rate_hz=20)
+    if radio is Radio.LOST:
+        boat.seat.set_receiver(False)
+    boat.hold(1600, 1420, 2.0, rate_hz=20)
+    boat.send(mav.MAVLink_heartbeat_message(18, 8, 0, 0, 4, 3))
+    boat.hold(1600, 1420, 0.5, rate_hz=20)
+    assert boat.outputs() == (1600, 1420)
+    silent_ns = boat.t_ns
+    for _ in range(120):
+        if boat.outputs() != (1600, 1420):
+            break
+        boat.run(0.08)
+    stopped_s = None if boat.seat.outputs_us == (1600, 1420) else (boat.t_ns - silent_ns) * 1e-9
+    assert stopped_s == (None if measured_s is None else pytest.approx(measured_s, abs=0.65))
 
 
 # --- modes --------------------------------------------------------------------------------------------------
