@@ -168,11 +168,22 @@ class SensorsConfig(Section):
 class FrontseatConfig(Section):
     """The simulated autopilot; the defaults follow a real ArduRover with its dead zones removed.
 
-    A simulated PX4 takes system_id, boot_s, ready_after_s, rc_receiver, loop_hz and parameters from here.
+    A simulated PX4 takes system_id, boot_s, ready_after_s, rc_receiver, loop_hz, parameters, px4_version and
+    px4_outputs from here.
     """
 
     firmware: Literal["4.6", "4.7"] = Field(
         default="4.6", description="Version of ArduRover, which decides the names of some parameters."
+    )
+    px4_version: Literal["1.15", "1.16"] = Field(
+        default="1.15", description="Version of a PX4, which decides what it says at rest and while disarmed."
+    )
+    px4_outputs: Literal["board", "sitl"] = Field(
+        default="board",
+        description=(
+            "Outputs of a PX4: a board's, or those of PX4's own simulation, which have no MIN, MAX, DIS and FAIL "
+            "parameters and speak only where an output has a motor function."
+        ),
     )
     parameters: dict[str, float] = Field(
         default_factory=dict,

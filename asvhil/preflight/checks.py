@@ -311,13 +311,31 @@ def _rates(survey: Survey) -> list[Check]:
     for sources in survey.config.sources.resolved(links).values():
         needed |= {s.message for s in sources[:1] if s.link == AUTOPILOT and s.message != imu_message}
     return [
-        _rate(name, survey.rate_hz(name), asked_hz, name in needed)
+        _rate(name, survey.rate_hz(name), asked_hz, name in needed, _silence(survey, name))
         for name, asked_hz in sorted(links.autopilot.streams_hz.items())
     ]
 
 
-def _rate(name: str, found_hz: float, asked_hz: float, needed: bool) -> Check:
-    if found_hz >= GOOD_SHARE * asked_hz:
+def _silence(survey: Survey, name: str) -> tuple[Result, str] | None:
+    """What it means if a message does not come at all, where that is known: PX4 sends some only now and then."""
+    link, status = survey.config.links.autopilot, survey.status
+    if name == "RC_CHANNELS" and not link.overrides_sticks:
+        todo = "no transmitter heard: a PX4 sends this only with one; without it no stick can end a hold"
+        return Result.WARN, todo
+    if name == "ACTUATOR_OUTPUT_STATUS":
+        if status is not None and not status.armed:
+            return (
+                Result.WARN,
+                "a rover with PX4 1.16 in simulation tells nothing while disarmed; look again when armed",
+            )
+        return Result.FAIL, "in PX4's simulation a motor function on a spare output is needed: docs/boats/px4-rover.md"
+    return None
+
+
+def _rate(name: str, found_hz: float, asked_hz: float, needed: bool, silence: tuple[Result, str] | None) -> Check:
+    if found_hz == 0.0 and silence is not None:
+        result, todo = silence
+    elif found_hz >= GOOD_SHARE * asked_hz:
         result, todo = Result.PASS, ""
     elif found_hz >= LEAST_SHARE * asked_hz:
         result, todo = Result.WARN, "a slow link, or another station that asks for another rate"

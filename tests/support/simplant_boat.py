@@ -36,6 +36,7 @@ class Boat:
         self.t_ns = 0
         self.log: list[tuple[float, Any]] = []
         self.peers: list[str] = []
+        self.raw: list[bytes] = []
 
     @property
     def seat(self) -> Any:
@@ -50,9 +51,10 @@ class Boat:
         found = []
         for frame in self.plant.advance(self.t_ns):
             if frame.port == "autopilot":
-                (data,) = FrameSplitter().receive(frame.data)
-                found.append((frame.t_ns / 1e9, decode(data)))
-                self.peers.append(frame.peer)
+                self.raw.append(frame.data)
+                for data in FrameSplitter().receive(frame.data):  # none of a message that the dialect has not
+                    found.append((frame.t_ns / 1e9, decode(data)))
+                    self.peers.append(frame.peer)
         self.log += found
         return found
 

@@ -64,9 +64,10 @@ def sequence(frame: bytes) -> int:
     return frame[2] if frame[0] == MAGIC_V1 else frame[4]
 
 
-def checksum(body: bytes) -> bytes:
-    """The two bytes that follow a MAVLink 2 header and payload of a message in the dialect."""
-    extra = _CRC_EXTRA[int.from_bytes(body[7:10], "little")]
+def checksum(body: bytes, extra: bytes | None = None) -> bytes:
+    """The two bytes that follow a MAVLink 2 header and payload; `extra`: CRC_EXTRA of a message not in the dialect."""
+    if extra is None:
+        extra = _CRC_EXTRA[int.from_bytes(body[7:10], "little")]
     return int(mcrf4xx(body[1:] + extra)).to_bytes(CRC_LENGTH, "little")
 
 

@@ -85,6 +85,10 @@ class Rover(PoweredVehicle):
         """Whether the estimator uses its position."""
         return t_ns >= self.ready_ns
 
+    def has_fix(self, t_ns: int) -> bool:
+        """Whether the receiver has one: the estimator uses it at once."""
+        return self.ready(t_ns)
+
     def begin(self, t_ns: int) -> None:
         """The start of a loop, before messages are handled; never before `boot_ns`."""
         self.t_ns = t_ns

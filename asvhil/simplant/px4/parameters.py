@@ -8,13 +8,19 @@ from asvhil.config import FrontseatConfig, PwmConfig
 from asvhil.simplant.vehicle.parameter_table import INT32, REAL32, ParameterTable, Row
 
 ACTUATOR_SET_1 = 301  # PWM_MAIN_FUNCn: "Peripheral via Actuator Set 1"
+MOTOR_1, LAST_SERVO = 101, 208  # the functions that a controller serves: motors 101 to 112, servos 201 to 208
 FAIL_AS_DISARMED = 0  # PWM_MAIN_FAILn here: PX4's own default, -1, means the same for these functions
+OUTPUTS = 8  # of PWM MAIN
+MULTICOPTER, ROVER_DIFFERENTIAL = 0, 6  # CA_AIRFRAME
 
 
-def _output(number: int, function: int, pwm: PwmConfig) -> tuple[Row, ...]:
+def _output(number: int, function: int, config: FrontseatConfig, pwm: PwmConfig) -> tuple[Row, ...]:
     main = "PWM_MAIN_"
+    rows: tuple[Row, ...] = ((f"{main}FUNC{number}", function, INT32, (0.0, 2000.0)),)
+    if config.px4_outputs == "sitl" or function < ACTUATOR_SET_1:
+        return rows
     return (
-        (f"{main}FUNC{number}", function, INT32, (0.0, 2000.0)),
+        *rows,
         (f"{main}MIN{number}", pwm.astern_us, INT32, (800.0, 1600.0)),
         (f"{main}MAX{number}", pwm.ahead_us, INT32, (1400.0, 2200.0)),
         (f"{main}DIS{number}", pwm.neutral_us, INT32, (800.0, 2200.0)),
@@ -23,20 +29,38 @@ def _output(number: int, function: int, pwm: PwmConfig) -> tuple[Row, ...]:
 
 
 class Px4Parameters(ParameterTable):
-    """Integers travel as their bytes in the float field, as PX4 sends them."""
+    """Integers travel as their bytes in the float field, as PX4 sends them.
+
+    The outputs are as docs/boats/px4-rover.md has them: a motor function on the first spare one.
+    """
 
     def __init__(self, config: FrontseatConfig, pwm: PwmConfig) -> None:
+        functions = {pwm.port_channel: ACTUATOR_SET_1, pwm.starboard_channel: ACTUATOR_SET_1 + 1}
+        spare = next(number for number in (2, 1, 3) if number not in functions)
+        functions |= {spare: MOTOR_1}
+        functions = {number: 0 for number in range(1, OUTPUTS + 1)} | functions
+        self.channels = tuple(sorted(functions))
         rows: tuple[Row, ...] = (
             ("MAV_SYS_ID", config.system_id, INT32, (1.0, 250.0)),
-            *_output(pwm.port_channel, ACTUATOR_SET_1, pwm),
-            *_output(pwm.starboard_channel, ACTUATOR_SET_1 + 1, pwm),
+            *(row for number in self.channels for row in _output(number, functions[number], config, pwm)),
+            ("CA_AIRFRAME", ROVER_DIFFERENTIAL, INT32, (0.0, 15.0)),
+            ("COM_DISARM_LAND", 2.0, REAL32, (-1.0, 60.0)),
+            ("COM_DISARM_PRFLT", 10.0, REAL32, (-1.0, 60.0)),
+            ("COM_FAIL_ACT_T", 5.0, REAL32, (0.0, 25.0)),
             ("COM_OF_LOSS_T", 1.0, REAL32, (0.0, 60.0)),
             ("COM_OBL_RC_ACT", 7, INT32, (0.0, 7.0)),
             ("COM_RC_LOSS_T", 0.5, REAL32, (0.0, 35.0)),
             ("COM_RCL_EXCEPT", 0, INT32, (0.0, 31.0)),
-            ("NAV_RCL_ACT", 6, INT32, (1.0, 6.0)),
+            ("EKF2_GPS_CHECK", 245, INT32, (0.0, 511.0)),
+            ("EKF2_REQ_HDRIFT", 0.1, REAL32, (0.1, 1.0)),
+            ("NAV_RCL_ACT", 2, INT32, (1.0, 6.0)),
         )
         super().__init__("simulated PX4", rows, config.parameters)
+
+    @property
+    def drives_a_motor(self) -> bool:
+        """Whether some output has a function that a controller serves: PX4's simulated outputs speak only then."""
+        return any(MOTOR_1 <= self[f"PWM_MAIN_FUNC{number}"] <= LAST_SERVO for number in self.channels)
 
     def _value_in(self, field: float, kind: int) -> float:
         return field if kind == REAL32 else float(struct.unpack("<i", struct.pack("<f", field))[0])

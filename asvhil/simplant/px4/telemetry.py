@@ -13,7 +13,7 @@ from asvhil.simplant.boat.vessel import Vessel
 from asvhil.simplant.px4.commander import OFFBOARD, STICK_MODES, Px4Vehicle
 from asvhil.simplant.vehicle.telemetry import VehicleTelemetry
 
-FLIGHT_SW_VERSION = 0x010F04FF  # 1.15.4
+FLIGHT_SW_VERSIONS = {"1.15": 0x010F04FF, "1.16": 0x011000FF}  # 1.15.4, 1.16.0
 CAPABILITIES = (
     dialect.MAV_PROTOCOL_CAPABILITY_COMMAND_INT
     | dialect.MAV_PROTOCOL_CAPABILITY_PARAM_ENCODE_BYTEWISE
@@ -21,18 +21,13 @@ CAPABILITIES = (
     | dialect.MAV_PROTOCOL_CAPABILITY_MAVLINK2
 )
 
-ALIGNED = dialect.ESTIMATOR_ATTITUDE | dialect.ESTIMATOR_CONST_POS_MODE
-READY = (
-    dialect.ESTIMATOR_ATTITUDE
-    | dialect.ESTIMATOR_VELOCITY_HORIZ
-    | dialect.ESTIMATOR_VELOCITY_VERT
-    | dialect.ESTIMATOR_POS_HORIZ_REL
-    | dialect.ESTIMATOR_POS_HORIZ_ABS
-    | dialect.ESTIMATOR_POS_VERT_ABS
-    | dialect.ESTIMATOR_PRED_POS_HORIZ_REL
-    | dialect.ESTIMATOR_PRED_POS_HORIZ_ABS
-)
-OUTPUTS = 8  # of the module that drives PWM MAIN
+# ESTIMATOR_STATUS.flags as recorded, armed. Disarmed, 1.15 has a height above ground too (the ground is taken to be
+# here); 1.16, where the vehicle is at rest, has constant position mode instead.
+READY = 831  # attitude, velocities, positions and predictions
+DROPPED = 165  # attitude, vertical velocity and position, constant position mode
+ON_GROUND, AT_REST = dialect.ESTIMATOR_POS_VERT_AGL, dialect.ESTIMATOR_CONST_POS_MODE
+BOARD_OUTPUTS, SITL_OUTPUTS = 8, 16  # of the module that drives PWM MAIN
+NO_CHANNEL = 65535
 
 # Of MAVLink in "normal" mode; the rest of what is streamed comes at 1 Hz.
 RATES_HZ = {
@@ -48,10 +43,17 @@ class Px4Telemetry(VehicleTelemetry):
     """One builder per message id; a builder gives None where the vehicle has nothing to say (yet)."""
 
     def __init__(
-        self, vehicle: Px4Vehicle, nav: Navigation, truth: Vessel, origin: LocalFrame, gnss: GnssSensorConfig
+        self,
+        vehicle: Px4Vehicle,
+        nav: Navigation,
+        truth: Vessel,
+        origin: LocalFrame,
+        gnss: GnssSensorConfig,
+        version: str,
     ) -> None:
         super().__init__(vehicle, nav, truth, origin, gnss)
         self._px4 = vehicle
+        self._version = FLIGHT_SW_VERSIONS[version]
         d = dialect
         self.streamed = {
             d.MAVLINK_MSG_ID_HEARTBEAT: self.heartbeat,
@@ -62,8 +64,8 @@ class Px4Telemetry(VehicleTelemetry):
             d.MAVLINK_MSG_ID_SYS_STATUS: self._sys_status,
             d.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: self._extended_sys_state,
             d.MAVLINK_MSG_ID_ESTIMATOR_STATUS: self._estimator_status,
-            d.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW: self._servo_output,
-            d.MAVLINK_MSG_ID_RC_CHANNELS: self._rc_channels,
+            d.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW: self._servo_output_where_told,
+            d.MAVLINK_MSG_ID_RC_CHANNELS: self._rc_channels_where_heard,
             d.MAVLINK_MSG_ID_GPS_RAW_INT: self._gps_raw,
             d.MAVLINK_MSG_ID_SYSTEM_TIME: self._system_time,
         }
@@ -80,19 +82,24 @@ class Px4Telemetry(VehicleTelemetry):
 
     def heartbeat(self, t_ns: int) -> Any:
         vehicle = self._px4
-        base_mode = dialect.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
+        d = dialect
+        base_mode = d.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
         if vehicle.mode in STICK_MODES:
-            base_mode |= dialect.MAV_MODE_FLAG_MANUAL_INPUT_ENABLED
+            base_mode |= d.MAV_MODE_FLAG_MANUAL_INPUT_ENABLED
         elif vehicle.mode != OFFBOARD:
-            base_mode |= dialect.MAV_MODE_FLAG_AUTO_ENABLED
+            base_mode |= (
+                d.MAV_MODE_FLAG_AUTO_ENABLED | d.MAV_MODE_FLAG_GUIDED_ENABLED | d.MAV_MODE_FLAG_STABILIZE_ENABLED
+            )
         if vehicle.armed:
-            base_mode |= dialect.MAV_MODE_FLAG_SAFETY_ARMED
+            base_mode |= d.MAV_MODE_FLAG_SAFETY_ARMED
         if vehicle.terminated:
-            state = dialect.MAV_STATE_FLIGHT_TERMINATION
+            state = d.MAV_STATE_FLIGHT_TERMINATION
         elif vehicle.failsafe:
-            state = dialect.MAV_STATE_CRITICAL
+            state = d.MAV_STATE_CRITICAL
+        elif vehicle.armed:
+            state = d.MAV_STATE_ACTIVE
         else:
-            state = dialect.MAV_STATE_ACTIVE if vehicle.armed else dialect.MAV_STATE_STANDBY
+            state = d.MAV_STATE_STANDBY if vehicle.checks_pass() else d.MAV_STATE_UNINIT
         return dialect.MAVLink_heartbeat_message(
             dialect.MAV_TYPE_SURFACE_BOAT, dialect.MAV_AUTOPILOT_PX4, base_mode, vehicle.mode, state, 3
         )
@@ -101,14 +108,15 @@ class Px4Telemetry(VehicleTelemetry):
         return self._global_position(t_ns) if self._px4.ready(t_ns) else None
 
     def _sys_status(self, t_ns: int) -> Any:
-        """MAV_SYS_STATUS_PREARM_CHECK is healthy where the vehicle would arm in its mode."""
-        d = dialect
+        """The health bit of the checks before arming alone tells of them; the receiver is present while it is heard."""
+        d, vehicle = dialect, self._px4
         sensors = d.MAV_SYS_STATUS_SENSOR_3D_GYRO | d.MAV_SYS_STATUS_SENSOR_3D_ACCEL | d.MAV_SYS_STATUS_SENSOR_GPS
-        healthy = sensors if self._px4.ready(t_ns) else sensors & ~d.MAV_SYS_STATUS_SENSOR_GPS
-        if self._px4.arming_refusal() is None:
-            healthy |= d.MAV_SYS_STATUS_PREARM_CHECK
-        sensors |= d.MAV_SYS_STATUS_PREARM_CHECK
-        return d.MAVLink_sys_status_message(sensors, sensors, healthy, 0, 12600, -1, -1, 0, 0, 0, 0, 0, 0)
+        radio = d.MAV_SYS_STATUS_SENSOR_RC_RECEIVER
+        present = sensors | (radio if vehicle.rc.receiver else 0)
+        healthy = present | (d.MAV_SYS_STATUS_PREARM_CHECK if vehicle.checks_pass() else 0)
+        if not vehicle.has_fix(t_ns):
+            healthy &= ~d.MAV_SYS_STATUS_SENSOR_GPS
+        return d.MAVLink_sys_status_message(present, sensors | radio, healthy, 0, 12600, -1, -1, 0, 0, 0, 0, 0, 0)
 
     def _extended_sys_state(self, t_ns: int) -> Any:
         """A rover is on the ground while it is disarmed."""
@@ -116,20 +124,36 @@ class Px4Telemetry(VehicleTelemetry):
         return dialect.MAVLink_extended_sys_state_message(dialect.MAV_VTOL_STATE_UNDEFINED, landed)
 
     def _estimator_status(self, t_ns: int) -> Any:
-        flags = READY if self._px4.ready(t_ns) else ALIGNED
+        vehicle = self._px4
+        flags = READY if vehicle.ready(t_ns) else DROPPED
+        if not vehicle.armed:
+            flags |= AT_REST if vehicle.says_rest and vehicle.ready(t_ns) else ON_GROUND
         return dialect.MAVLink_estimator_status_message(
             self._us(t_ns), flags, 0.05, 0.05, 0.05, 0.1, 0.0, 0.0, self._h_acc_mm * 1e-3, 1.0
         )
 
+    def _servo_output_where_told(self, t_ns: int) -> Any:
+        return self._servo_output(t_ns) if self._px4.tells_outputs else None
+
+    def _rc_channels_where_heard(self, t_ns: int) -> Any:
+        """None without a transmitter; what is above the channels of the receiver is no value."""
+        rc, present = self._px4.rc, 8
+        if not rc.receiver:
+            return None
+        values = [*rc.radio_us[:present], *[NO_CHANNEL] * (len(rc.radio_us) - present)]
+        return dialect.MAVLink_rc_channels_message(self._ms(t_ns), present, *values, rc.rssi)
+
     def _actuator_output_status(self, t_ns: int) -> Any:
         """Pulse widths in microseconds; PX4 fills `active` with the number of outputs."""
-        values = [float(pulse_us) for pulse_us in self._px4.servo_us[:OUTPUTS]]
-        return dialect.MAVLink_actuator_output_status_message(
-            self._us(t_ns), OUTPUTS, [*values, *[0.0] * (32 - OUTPUTS)]
-        )
+        vehicle = self._px4
+        if not vehicle.tells_outputs:
+            return None
+        active = BOARD_OUTPUTS if vehicle.on_board else SITL_OUTPUTS
+        values = [float(pulse_us) for pulse_us in vehicle.servo_us[:active]]
+        return dialect.MAVLink_actuator_output_status_message(self._us(t_ns), active, [*values, *[0.0] * (32 - active)])
 
     def _autopilot_version(self, t_ns: int) -> Any:
         none = [0] * 8
         return dialect.MAVLink_autopilot_version_message(
-            CAPABILITIES, FLIGHT_SW_VERSION, 0, 0, 0, none, none, none, 0, 0, 0
+            CAPABILITIES, self._version, 0, 0, 0, none, none, none, 0, 0, 0
         )

@@ -1,4 +1,4 @@
-"""A simulated PX4 boat on the link, sans-IO, by PX4's sources and documentation: none of it was seen on a real one."""
+"""A simulated PX4 boat on the link, sans-IO, as measured on a real one: docs/simulated-autopilots.md compares."""
 
 from __future__ import annotations
 
@@ -9,17 +9,28 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from asvhil.config import FrontseatConfig, GnssSensorConfig, PwmConfig
 from asvhil.config.autopilots import px4_custom_mode
 from asvhil.geo import LocalFrame
+from asvhil.io.mavlink.frames import message_id
 from asvhil.simplant.boat.sensors import Navigation
 from asvhil.simplant.boat.vessel import Vessel
 from asvhil.simplant.px4.commander import Px4Vehicle
 from asvhil.simplant.px4.telemetry import RATES_HZ, Px4Telemetry
-from asvhil.simplant.vehicle.autopilot import ACCEPTED, CUSTOM_MODE, DENIED, FAILED, SimulatedAutopilot, whole
+from asvhil.simplant.px4.traffic import OtherTraffic, RawFrame
+from asvhil.simplant.vehicle.autopilot import (
+    ACCEPTED,
+    CUSTOM_MODE,
+    DENIED,
+    FAILED,
+    SimulatedAutopilot,
+    whole,
+)
 from asvhil.simplant.vehicle.schedule import Schedule
+from asvhil.types import Frame
 
 TEMPORARILY_REJECTED = int(dialect.MAV_RESULT_TEMPORARILY_REJECTED)
 ROLL_PITCH_RATE_IGNORE = (
     dialect.ATTITUDE_TARGET_TYPEMASK_BODY_ROLL_RATE_IGNORE | dialect.ATTITUDE_TARGET_TYPEMASK_BODY_PITCH_RATE_IGNORE
 )
+PEERS = 8  # whose heartbeats are forwarded to one another
 POSITION_IGNORE, VELOCITY_IGNORE, ACCELERATION_IGNORE = 0b111, 0b111000, 0b111000000  # of a position target's mask
 
 
@@ -27,6 +38,7 @@ class SimulatedPx4(SimulatedAutopilot):
     """An autopilot with OFFBOARD, actuator sets and packed modes. News of mode and arming wait for the heartbeat."""
 
     arming_refused = TEMPORARILY_REJECTED
+    timesync_every_ns = 100_000_000
 
     def __init__(
         self,
@@ -39,8 +51,9 @@ class SimulatedPx4(SimulatedAutopilot):
         t_ns: int,
     ) -> None:
         self._loop_hz = config.loop_hz
-        self.vehicle = Px4Vehicle(config, pwm, t_ns)
-        self._messages = Px4Telemetry(self.vehicle, nav, truth, origin, gnss)
+        self.vehicle = Px4Vehicle(config, pwm, nav, t_ns)
+        self._peers: list[str] = []
+        self._messages = Px4Telemetry(self.vehicle, nav, truth, origin, gnss, config.px4_version)
         super().__init__(self.vehicle, self.vehicle.parameters, self._messages, config.system_id, t_ns)
         self._handlers |= {
             dialect.MAVLINK_MSG_ID_SET_ATTITUDE_TARGET: self._on_attitude_target,
@@ -48,6 +61,27 @@ class SimulatedPx4(SimulatedAutopilot):
             dialect.MAVLINK_MSG_ID_SET_POSITION_TARGET_GLOBAL_INT: self._on_position_target,
         }
         self._commands[dialect.MAV_CMD_DO_SET_ACTUATOR] = self._do_set_actuator
+
+    def reboot(self, t_ns: int) -> None:
+        """Power on."""
+        super().reboot(t_ns)
+        self._traffic = OtherTraffic(self.vehicle.boot_ns)
+
+    def loop(self, t_ns: int) -> list[Frame]:
+        """One main loop, with what a real one sends besides."""
+        vehicle = self.vehicle
+        if t_ns >= vehicle.boot_ns:
+            more = self._traffic.take_due(t_ns, (t_ns - vehicle.power_on_ns) // 1000)
+            self._outbox += [("", message) for message in more]
+        return super().loop(t_ns)
+
+    def _dispatch(self, peer: str, data: bytes) -> None:
+        """Heartbeats go on to the other stations too, as from each of PX4's links to the others."""
+        if peer not in self._peers:
+            self._peers = [*self._peers[1 - PEERS :], peer]
+        if message_id(data) == dialect.MAVLINK_MSG_ID_HEARTBEAT:
+            self._outbox += [(other, RawFrame(data)) for other in self._peers if other != peer]
+        super()._dispatch(peer, data)
 
     def _new_schedule(self, boot_ns: int) -> Schedule:
         messages = self._messages
@@ -88,4 +122,4 @@ class SimulatedPx4(SimulatedAutopilot):
     def _on_position_target(self, peer: str, sender: tuple[int, int], m: Any) -> None:
         given = [mask for mask in (POSITION_IGNORE, VELOCITY_IGNORE, ACCELERATION_IGNORE) if m.type_mask & mask != mask]
         if given:
-            self.vehicle.offboard_signal()
+            self.vehicle.offboard_signal(position=True)

@@ -19,7 +19,6 @@ from asvhil.types import Frame
 
 COMPONENT_ID = 1
 FORCE_ARM = (2989.0, 21196.0)  # ArduPilot's magic number and MAVLink's
-TIMESYNC_NS = 10_000_000_000
 INBOX_LIMIT = 1000
 
 ACCEPTED = int(dialect.MAV_RESULT_ACCEPTED)
@@ -47,6 +46,8 @@ class Vehicle(Protocol):
     def outputs_us(self) -> tuple[int, int]: ...
 
     def ready(self, t_ns: int) -> bool: ...
+
+    def has_fix(self, t_ns: int) -> bool: ...
 
     def restart(self, t_ns: int) -> None: ...
 
@@ -77,6 +78,8 @@ class SimulatedAutopilot(ABC):
     It acts only at its loops, so a command waits for the next one, as on the real vehicle. Answers go to the peer
     that asked, streams and texts to all (an empty peer).
     """
+
+    timesync_every_ns = 10_000_000_000
 
     def __init__(
         self, vehicle: Vehicle, parameters: ParameterTable, telemetry: Messages, system_id: int, t_ns: int
@@ -128,7 +131,7 @@ class SimulatedAutopilot(ABC):
         self._parser = Parser()
         self._outbox.clear()
         self._rebooting = False
-        self._timesync_ns = vehicle.boot_ns + TIMESYNC_NS
+        self._timesync_ns = vehicle.boot_ns + self.timesync_every_ns
 
     # --- the pilot, who stands beside the link ---------------------------------------------------------------
 
@@ -184,7 +187,7 @@ class SimulatedAutopilot(ABC):
             self._outbox += [("", message) for message in self._texts.messages(severity, text)]
         vehicle.texts.clear()
         if t_ns >= self._timesync_ns:
-            self._timesync_ns += TIMESYNC_NS
+            self._timesync_ns += self.timesync_every_ns
             self._outbox.append(("", dialect.MAVLink_timesync_message(0, t_ns - vehicle.power_on_ns)))
         frames = self._flush(t_ns)
         if self._rebooting:

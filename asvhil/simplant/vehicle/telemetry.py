@@ -83,7 +83,7 @@ class VehicleTelemetry:
 
     def _gps_raw(self, t_ns: int) -> Any:
         nav = self._nav
-        if not self._vehicle.ready(t_ns):
+        if not self._vehicle.has_fix(t_ns):
             return dialect.MAVLink_gps_raw_int_message(
                 0, dialect.GPS_FIX_TYPE_NO_FIX, 0, 0, 0, 65535, 65535, 0, 0, 0, 0, 0, 0, 0, 0, 0
             )
@@ -213,5 +213,5 @@ class VehicleTelemetry:
         return dialect.MAVLink_rc_channels_message(self._ms(t_ns), channels, *rc.radio_us, rc.rssi)
 
     def _system_time(self, t_ns: int) -> Any:
-        unix_us = UNIX_EPOCH_AT_POWER_ON_US + self._us(t_ns) if self._vehicle.ready(t_ns) else 0
+        unix_us = UNIX_EPOCH_AT_POWER_ON_US + self._us(t_ns) if self._vehicle.has_fix(t_ns) else 0
         return dialect.MAVLink_system_time_message(unix_us, self._ms(t_ns))

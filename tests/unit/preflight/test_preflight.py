@@ -155,7 +155,8 @@ def test_each_wrong_parameter_is_found_and_named_mended_and_passes_the_second_ti
     ],
 )
 def test_each_wrong_parameter_of_a_px4_too(name: str, value: float) -> None:
-    dock = Dock(f"plant.frontseat.parameters={{{name}: {value}}}", config="sitl-px4")
+    # A motor that turns while disarmed would cost the PX4 its position: EKF2_GPS_CHECK 21 lets it drift.
+    dock = Dock(f"plant.frontseat.parameters={{{name}: {value}, EKF2_GPS_CHECK: 21}}", config="sitl-px4")
     assert bad(dock.look()) == {name: Result.FAIL}
     assert {finding.name for finding in dock.survey.fix()} == {name}
     dock.run(2.0)
@@ -241,6 +242,27 @@ def test_a_px4_is_looked_over_by_its_own_parameters() -> None:
     assert worst([c for c in checks if c.section in ("vehicle", "parameters", "sensors")]) is not Result.FAIL
     assert of(checks, "heartbeat").found == "PX4, boat"
     assert any(c.item == "COM_OBL_RC_ACT" for c in checks)
+
+
+@pytest.mark.parametrize("version", ["1.15", "1.16"])
+def test_a_px4_in_its_own_simulation_passes_at_rest_without_a_transmitter(version: str) -> None:
+    sitl = ("plant.frontseat.px4_outputs=sitl", f"plant.frontseat.px4_version='{version}'")
+    checks = Dock(*sitl, "plant.frontseat.rc_receiver=false", "vehicle.pwm.astern_us=1000", config="sitl-px4").look()
+    assert Result.FAIL not in bad(checks).values()
+    radio = of(checks, "RC_CHANNELS")
+    assert radio.result is Result.WARN and radio.todo.startswith("no transmitter heard")
+    outputs = of(checks, "ACTUATOR_OUTPUT_STATUS")
+    assert outputs.result is (Result.PASS if version == "1.15" else Result.WARN)
+    assert version == "1.15" or "while disarmed" in outputs.todo
+    assert {of(checks, name).result for name in ("position", "firmware")} == {Result.PASS}
+
+
+def test_outputs_that_an_armed_px4_does_not_tell_fail() -> None:
+    dock = Dock("plant.frontseat.px4_outputs=sitl", "plant.frontseat.parameters={PWM_MAIN_FUNC2: 0}", config="sitl-px4")
+    dock.run(5.0)
+    assert dock.plant.frontseat.arm(True)
+    outputs = of(dock.look(), "ACTUATOR_OUTPUT_STATUS")
+    assert outputs.result is Result.FAIL and "a motor function on a spare output" in outputs.todo
 
 
 def test_an_autopilot_of_another_make_fails() -> None:
