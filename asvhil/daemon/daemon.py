@@ -21,6 +21,7 @@ from asvhil.daemon.allowance import Allowance
 from asvhil.errors import AsvhilError, ConfigError
 from asvhil.io.mavlink.frames import refuse_ignored_crc
 from asvhil.io.mavlink.signing import SigningState
+from asvhil.io.sensors.dropped import dropped_of
 from asvhil.links.clock import Clock
 from asvhil.links.reconnecting import ReconnectingLink
 from asvhil.links.router import MavlinkRouter, save_states
@@ -206,6 +207,8 @@ class Daemon:
         now["phase"] = f"{outputs.phase}: {outputs.health.reason}"
         now |= {f"source of {quantity}:": name or "none" for quantity, name in outputs.health.sources}
         now |= {f"{note.subject}:": note.text for note in outputs.health.notes}
+        for port, causes in dropped_of(outputs.health.counters).items():  # by name: a count would change in each tick
+            now[f"{port} has dropped:"] = ", ".join(causes)
         fine = {f"{note.subject}:" for note in outputs.health.notes if note.ok}
         for key, text in now.items():
             if self._spoken.get(key) != text:

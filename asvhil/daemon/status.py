@@ -10,6 +10,7 @@ from rich.table import Table
 from rich.text import Text
 
 from asvhil.geo import wrap_rad
+from asvhil.io.sensors.dropped import dropped_of
 from asvhil.supervisor.reasons import remedy
 from asvhil.types import Outputs
 
@@ -40,6 +41,7 @@ def status_of(outputs: Outputs, links: dict[str, str], start_ns: int, overruns: 
         "autopilot_clock_s": outputs.autopilot_clock.offset_ns * 1e-9 if outputs.autopilot_clock else None,
         "round_trip_ms": outputs.autopilot_clock.round_trip_ns * 1e-6 if outputs.autopilot_clock else None,
         "sources": dict(outputs.health.sources),
+        "dropped": dropped_of(outputs.health.counters),
         "notes": {note.subject: note.text for note in outputs.health.notes},
         "links": links,
         "overruns": overruns,
@@ -68,6 +70,8 @@ def render(status: dict[str, Any], title: str) -> Group:
     table.add_row("autopilot's clock", clock)
     sources = {quantity: name for quantity, name in status["sources"].items() if name}
     table.add_row("sources", ", ".join(f"{quantity} {name}" for quantity, name in sources.items()) or "-")
+    for port, causes in status["dropped"].items():
+        table.add_row(f"dropped, {port}", ", ".join(f"{count} {cause}" for cause, count in causes.items()))
     for subject, text in status["notes"].items():
         table.add_row(subject, text)
     table.add_row("links", ", ".join(f"{port} {state}" for port, state in status["links"].items()))

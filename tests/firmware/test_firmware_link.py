@@ -180,4 +180,4 @@ def test_status_v_marks_the_wind_invalid(uno: Path) -> None:
         valid.append(now is not None and now.valid)
     assert valid[12] and not valid[-1]
     assert dict(decoder.sources(round(board.lines[-1][0] * 1e9)))["wind"] == ""
-    assert dict(decoder.counters())["anemometer.invalid"] >= 25
+    assert dict(decoder.counters())["anemometer.void"] >= 25

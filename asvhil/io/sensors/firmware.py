@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from asvhil.io.sensors.nmea_checksum import nmea_checksum
+from asvhil.io.sensors.nmea_framing import DropCause, NmeaFramer
 from asvhil.types import Frame, Note
 
 FIRMWARE = "arduino_anemometer"
@@ -12,7 +12,6 @@ VERSION = "1.0.0"  # of the firmware in this tree; a test compares the two
 QUERY = b"$PASVQ,V*3F\r\n"
 ASK_NS = 2_000_000_000
 PATIENCE = 3  # questions without an answer
-MAX_LINE = 256
 FIELD = r"([A-Za-z0-9_.+-]{1,40})"  # it goes to screens and logs: nothing else is let in
 SENTENCE = re.compile(f"PASVV,{FIELD},{FIELD},{FIELD}")
 
@@ -26,7 +25,7 @@ class FirmwareWatch:
     def __init__(self, port: str, expected: str | None) -> None:
         self.port = port
         self._expected = expected
-        self._buffer = b""
+        self._framer = NmeaFramer()
         self._heard = False
         self._asked = 0
         self._asked_ns: int | None = None
@@ -35,10 +34,8 @@ class FirmwareWatch:
     def receive(self, frame: Frame) -> None:
         """Look for a version sentence in one chunk of the stream; what is none, or damaged, is left alone."""
         self._heard = True
-        *lines, rest = (self._buffer + frame.data).split(b"\n")
-        self._buffer = rest if len(rest) <= MAX_LINE else b""
-        for line in lines:
-            told = _version(line)
+        for body in self._framer.receive(frame.data):
+            told = None if isinstance(body, DropCause) else _version(body)
             if told is None:
                 continue
             # An answer says nothing of the start: that is still the one before.
@@ -72,9 +69,6 @@ class FirmwareWatch:
         return Note(subject=subject, text=f"{name} {version}", ok=True)
 
 
-def _version(line: bytes) -> tuple[str, str, str] | None:
-    body, star, checksum = line[line.rfind(b"$") + 1 :].rstrip().partition(b"*")
-    if not star or checksum.upper() != b"%02X" % nmea_checksum(body):
-        return None
+def _version(body: bytes) -> tuple[str, str, str] | None:
     found = SENTENCE.fullmatch(body.decode("latin-1"))
     return None if found is None else (found[1], found[2], found[3])

@@ -15,7 +15,7 @@ from asvhil.config.ports import GNSS, INS
 from asvhil.config.registry import SensorKind
 from asvhil.geo import GRAVITY_MPS2, LocalFrame, wrap_2pi, wrap_rad
 from asvhil.io.sensors.nmea_checksum import nmea_sentence
-from asvhil.io.sensors.nmea_sentences import KNOTS_TO_MPS
+from asvhil.io.sensors.nmea_fields import KNOTS_TO_MPS
 from asvhil.io.sensors.vectornav import binary
 from asvhil.io.sensors.vectornav.codec import (
     ALIGNING,

@@ -21,3 +21,17 @@ def test_the_status_has_the_reason_its_code_and_the_remedy() -> None:
     console.print(render(status, "asvhil"))
     shown = console.file.getvalue()  # type: ignore[attr-defined]
     assert describe(why) in shown and remedy(Reason.STICK_MOVED) in shown
+
+
+def test_the_status_has_what_the_sensors_have_dropped_by_cause() -> None:
+    outputs = sample_outputs(5)
+    counters = (
+        *(("anemometer.sentences", 9), ("anemometer.bad_checksum", 3), ("anemometer.out_of_range", 1)),
+        *(("anemometer.void", 0), ("anemometer.unused", 5), ("autopilot.bad_crc", 7), ("mast.lines", 4)),
+    )
+    health = dataclasses.replace(outputs.health, counters=counters)
+    status = status_of(dataclasses.replace(outputs, health=health), {}, 0, 0)
+    assert status["dropped"] == {"anemometer": {"bad checksum": 3, "out of range": 1}}
+    console = Console(file=io.StringIO(), width=200)
+    console.print(render(status, "asvhil"))
+    assert "3 bad checksum, 1 out of range" in console.file.getvalue()  # type: ignore[attr-defined]

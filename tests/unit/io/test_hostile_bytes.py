@@ -9,7 +9,9 @@ from asvhil.autopilot.ardurover import ArduRoverAutopilot
 from asvhil.autopilot.px4 import Px4Autopilot
 from asvhil.config import AutopilotLinkConfig, PwmConfig, load_config
 from asvhil.io.mavlink.frames import FrameSplitter, Parser
-from asvhil.io.sensors.nmea import EVERYTHING, MAX_LINE, NmeaCodec
+from asvhil.io.sensors.nmea import NmeaCodec
+from asvhil.io.sensors.nmea_framing import MAX_LINE
+from asvhil.io.sensors.nmea_sentences import EVERYTHING
 from asvhil.io.sensors.vectornav.codec import VectorNavCodec
 from asvhil.logs.tlog import read_tlog
 from asvhil.operator.session import OperatorSession, encode_hold, encode_release
@@ -58,7 +60,7 @@ def operator() -> Subject:
 
 def nmea() -> Subject:
     codec = NmeaCodec("gnss", EVERYTHING)
-    return Subject(codec.decode, lambda: len(codec._buffer), MAX_LINE)
+    return Subject(codec.decode, lambda: codec.held, MAX_LINE)
 
 
 def vectornav() -> Subject:

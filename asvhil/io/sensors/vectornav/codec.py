@@ -10,11 +10,13 @@ The sources that it gives, by name:
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import re
 
 from asvhil.config import Section
 from asvhil.geo import is_place
+from asvhil.io.sensors.nmea_fields import Refused
 from asvhil.io.sensors.protocol import NamedMeasurement
 from asvhil.io.sensors.vectornav import binary, sentences
 from asvhil.types import Frame, GroundVelocity, Heading, Position, SpecificForce, YawRate, record
@@ -29,7 +31,16 @@ NOT_TRACKING, ALIGNING, TRACKING, GNSS_LOST = range(4)
 FIX_2D = 2
 FIX_TYPES = 10  # 0 none, 1 time alone, 2 2D, 3 3D, then kinds of 3D with corrections
 
+# What each part of a sample can be: half or whole circles, the sensor's own ranges, and where receivers must stop.
+RANGES = {
+    "ypr_deg": (-360.0, 360.0),
+    "rate_radps": (-40.0, 40.0),
+    "velocity_mps": (-515.0, 515.0),
+    "accel_mps2": (-200.0, 200.0),
+}
+
 _START = re.compile(rb"[\xfa$]")
+_LINE_END = re.compile(rb"[\r\n]")
 _NO_TEXT = re.compile(rb"[^\x20-\x7e\r\n]")
 
 
@@ -107,6 +118,8 @@ class VectorNavCodec:
         self.invalid = 0  # parts that the sensor itself does not stand by, or that are no numbers
         self.errors = 0  # $VNERR
         self.ignored = 0  # sentences of other kinds
+        self.malformed = 0  # sentences with fields that are missing, or no numbers
+        self.out_of_range = 0  # parts that no such sensor can mean
 
     def decode(self, frame: Frame) -> list[NamedMeasurement]:
         """Measurements in one chunk of the stream, each with the name of its source."""
@@ -116,10 +129,10 @@ class VectorNavCodec:
         while True:
             start = _START.search(buffer, at)
             if start is None:
-                self.garbage_bytes += len(buffer) - at
+                self.garbage_bytes += _odd_bytes(buffer[at:])
                 at = len(buffer)
                 break
-            self.garbage_bytes += start.start() - at
+            self.garbage_bytes += _odd_bytes(buffer[at : start.start()])
             at = start.start()
             length = binary.measure(buffer, at) if buffer[at] == binary.SYNC else _measure_sentence(buffer, at)
             if length == binary.INCOMPLETE or at + length > len(buffer):
@@ -133,7 +146,10 @@ class VectorNavCodec:
 
     def counters(self) -> tuple[tuple[str, int], ...]:
         """Cumulative counts of what came in and what was dropped."""
-        names = ("packets", "sentences", "bad_crc", "garbage_bytes", "invalid", "errors", "ignored")
+        names = (
+            *("packets", "sentences", "bad_crc", "garbage_bytes", "invalid", "errors", "ignored"),
+            *("malformed", "out_of_range"),
+        )
         return tuple((f"{self._port}.{name}", getattr(self, name)) for name in names)
 
     def _take(self, t_ns: int, message: bytes, found: list[NamedMeasurement]) -> bool:
@@ -171,7 +187,11 @@ class VectorNavCodec:
         if parts[0] == "VNERR":
             self.errors += 1
             return
-        solution, inertial = sentences.ins_solution(parts), sentences.inertial(parts)
+        try:
+            solution, inertial = sentences.ins_solution(parts), sentences.inertial(parts)
+        except Refused:
+            self.malformed += 1
+            return
         if solution is not None:
             sample = InsSample(
                 ypr_deg=solution.ypr_deg,
@@ -189,6 +209,8 @@ class VectorNavCodec:
 
     def _measurements(self, source: str, t_ns: int, sample: InsSample, found: list[NamedMeasurement]) -> None:
         """Everything in a sample that its status says is valid and that can be a measurement."""
+        sample, beyond = within_range(sample)
+        self.out_of_range += beyond
         rate, accel = sample.rate_radps, sample.accel_mps2
         fix = _fix(t_ns, sample)
         found += [(source, measurement) for measurement in fix]
@@ -208,9 +230,25 @@ class VectorNavCodec:
                 self.invalid += 1
 
 
+def within_range(sample: InsSample) -> tuple[InsSample, int]:
+    """A sample without the parts that no such sensor can mean, and how many these were. What is NaN is left."""
+    beyond = {
+        name
+        for name, (least, most) in RANGES.items()
+        if (values := getattr(sample, name)) is not None and any(value < least or value > most for value in values)
+    }
+    return (dataclasses.replace(sample, **dict.fromkeys(beyond)) if beyond else sample), len(beyond)
+
+
+def _odd_bytes(between: bytes) -> int:
+    """How many bytes between two messages are no line end."""
+    return len(between.strip(b"\r\n"))
+
+
 def _measure_sentence(buffer: bytes, at: int) -> int:
     """The length of the sentence that starts at `at`, as `binary.measure` tells that of a message."""
-    end = buffer.find(b"\n", at, at + sentences.MAX_SENTENCE)
+    found = _LINE_END.search(buffer, at, at + sentences.MAX_SENTENCE)
+    end = found.start() if found else -1
     stop = end + 1 if end >= 0 else min(len(buffer), at + sentences.MAX_SENTENCE)
     if _NO_TEXT.search(buffer, at, stop):
         return binary.IMPOSSIBLE

@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-import math
 import re
 
 from fastcrc.crc16 import xmodem
 
 from asvhil.io.sensors.nmea_checksum import nmea_checksum
+from asvhil.io.sensors.nmea_fields import Refused, decimal
+from asvhil.io.sensors.nmea_framing import DropCause
 from asvhil.types import record
 
 MAX_SENTENCE = 256  # VNINS, the longest that is used, has less than 160
 INS_REGISTER = 63  # what $VNRRG answers with the content of $VNINS
 INS_FIELDS, YMR_FIELDS = 15, 12
 
-_FORM = re.compile(rb"\$(VN[A-Z]{3}[^*$]*)\*([0-9A-Fa-f]{4}|[0-9A-Fa-f]{2})\r?\n\Z")
+_FORM = re.compile(rb"\$(VN[A-Z]{3}[^*$]*)\*([0-9A-Fa-f]{4}|[0-9A-Fa-f]{2})[ \t]*(\r?\n|\r)\Z")
+_STATUS = re.compile(r"(0[xX])?[0-9A-Fa-f]{1,8}")
 
 
 @record
@@ -44,30 +46,28 @@ def split(line: bytes) -> list[str] | None:
     match = _FORM.match(line)
     if match is None:
         return None
-    body, check = match.groups()
-    computed = nmea_checksum(body) if len(check) == 2 else int(xmodem(body))
-    if int(check, 16) != computed:
+    body, check = match[1], match[2]
+    bodies = (body, body.rstrip())  # a blank before the star may be counted, or not
+    computed = [nmea_checksum(one) if len(check) == 2 else int(xmodem(one)) for one in bodies]
+    if int(check, 16) not in computed:
         return None
     return [part.strip() for part in body.decode("ascii", "replace").split(",")]
 
 
 def ins_solution(parts: list[str]) -> InsSolution | None:
-    """The content of VNINS, or of VNRRG with register 63; None where it is something else or has a wrong field."""
+    """The content of VNINS, or of VNRRG with register 63; None where it is something else. Refused on a wrong field."""
     if parts[0] == "VNINS":
         words = parts[1:]
     elif parts[0] == "VNRRG" and len(parts) > 1 and parts[1].lstrip("0") == str(INS_REGISTER):
         words = parts[2:]
     else:
         return None
-    if len(words) != INS_FIELDS:
-        return None
-    try:
-        status = int(words[2], 16)
-        n = [float(word) for word in (*words[:2], *words[3:])]  # time of week and week are checked, and not used
-    except ValueError:
-        return None
-    if not all(math.isfinite(value) for value in n):
-        return None
+    if len(words) < INS_FIELDS:
+        raise Refused(DropCause.MISSING_FIELD)
+    if not _STATUS.fullmatch(words[2]):
+        raise Refused(DropCause.MALFORMED)
+    status = int(words[2], 16)
+    n = [decimal(word) for word in (*words[:2], *words[3:INS_FIELDS])]  # time of week and week are checked, not used
     return InsSolution(
         status=status,
         ypr_deg=(n[2], n[3], n[4]),
@@ -78,13 +78,10 @@ def ins_solution(parts: list[str]) -> InsSolution | None:
 
 
 def inertial(parts: list[str]) -> Inertial | None:
-    """The content of VNYMR; None where it is something else or has a wrong field."""
-    if parts[0] != "VNYMR" or len(parts) != 1 + YMR_FIELDS:
+    """The content of VNYMR; None where it is something else. Refused on a wrong field."""
+    if parts[0] != "VNYMR":
         return None
-    try:
-        n = [float(word) for word in parts[1:]]
-    except ValueError:
-        return None
-    if not all(math.isfinite(value) for value in n):
-        return None
+    if len(parts) <= YMR_FIELDS:
+        raise Refused(DropCause.MISSING_FIELD)
+    n = [decimal(word) for word in parts[1 : 1 + YMR_FIELDS]]
     return Inertial(accel_mps2=(n[6], n[7], n[8]), rate_radps=(n[9], n[10], n[11]))

@@ -294,7 +294,7 @@ def test_garbage_between_messages_costs_itself_alone() -> None:
     codec = VectorNavCodec("ins")
     assert len(feed(codec, b"\x00\xff noise \xfa\x00" + MANUAL_YPR + b"$VNINS,1*ZZ\r\n" + b"$\x80" + MANUAL_YPR)) == 2
     assert count(codec, "packets") == 2 and count(codec, "bad_crc") == 1
-    assert count(codec, "garbage_bytes") == 11 + 13 + 2
+    assert count(codec, "garbage_bytes") == 11 + 11 + 2  # line ends are none
 
 
 def test_a_sentence_without_end_does_not_hold_up_the_line() -> None:
@@ -305,6 +305,48 @@ def test_a_sentence_without_end_does_not_hold_up_the_line() -> None:
 
 
 # --- sentences -------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        VNINS.replace(b"\r\n", b"\n"),
+        VNINS.replace(b"\r\n", b"\r"),
+        VNINS.replace(b"\r\n", b" \r\n"),
+        VNINS.replace(b"*", b" *"),
+        sentence(VNINS[1:-5].decode().replace(",+", ", +")),
+        sentence(VNINS[1:-5].decode() + ","),
+        sentence(VNINS[1:-5].decode().replace("8206", "0X8206")),
+        b"\n\r\n" + VNINS,
+    ],
+)
+def test_an_ins_sentence_as_bridges_and_loggers_leave_it(line: bytes) -> None:
+    codec = VectorNavCodec("ins")
+    whole = feed(VectorNavCodec("ins"), VNINS)
+    assert feed(codec, line) + feed(codec, line) == whole * 2 and count(codec, "garbage_bytes") == 0
+    for cut in range(len(line)):
+        codec = VectorNavCodec("ins")
+        assert feed(codec, line[:cut]) + feed(codec, line[cut:]) == whole
+
+
+@pytest.mark.parametrize(
+    ("good", "bad", "left"),
+    [
+        ("+082.014", "+782.014", 2),
+        ("-000.001", "-900.001", 2),
+        ("+51.51992529", "+95.51992529", 1),
+    ],
+)
+def test_what_no_ins_can_mean_is_counted_and_the_rest_is_taken(good: str, bad: str, left: int) -> None:
+    codec = VectorNavCodec("ins")
+    assert len(feed(codec, sentence(VNINS[1:-5].decode().replace(good, bad)))) == left
+    assert count(codec, "out_of_range") + count(codec, "invalid") == 1
+    codec = VectorNavCodec("ins")
+    ((_, rate),) = feed(codec, message("01 2001", struct.pack("<3f3f", 0.0, 0.0, 0.25, 900.0, 0.0, 0.0)))
+    assert isinstance(rate, YawRate) and count(codec, "out_of_range") == 1
+    assert feed(codec, message("01 2000", struct.pack("<3f", 0.0, 0.0, 99.0))) == []
+    assert feed(codec, message("01 0800", struct.pack("<3f", -400.0, 0.0, 0.0))) == []
+    assert count(codec, "out_of_range") == 3
 
 
 def test_a_recorded_ins_sentence() -> None:
@@ -357,11 +399,11 @@ def test_rates_and_force_in_ascii() -> None:
         (VNINS.replace(b"+082", b"+083"), "bad_crc"),
         (b"$VNERR,03*72\r\n", "errors"),
         (sentence("VNRRG,01,VN-300"), "ignored"),
-        (sentence("VNINS,1,2,3"), "ignored"),
-        (sentence("VNINS,x,2332,8206,1,2,3,4,5,6,7,8,9,1,2,3"), "ignored"),
-        (sentence("VNINS,1,2332,8206,nan,2,3,4,5,6,7,8,9,1,2,3"), "ignored"),
-        (sentence("VNYMR,1,2,3,4,5,6,7,8,9,inf,1,2"), "ignored"),
-        (sentence("VNRRG,63"), "ignored"),
+        (sentence("VNINS,1,2,3"), "malformed"),
+        (sentence("VNINS,x,2332,8206,1,2,3,4,5,6,7,8,9,1,2,3"), "malformed"),
+        (sentence("VNINS,1,2332,8206,nan,2,3,4,5,6,7,8,9,1,2,3"), "malformed"),
+        (sentence("VNYMR,1,2,3,4,5,6,7,8,9,inf,1,2"), "malformed"),
+        (sentence("VNRRG,63"), "malformed"),
         (sentence("VNRRG"), "ignored"),
     ],
 )
