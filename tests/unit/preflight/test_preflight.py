@@ -209,6 +209,39 @@ def test_the_safety_switch_is_told_and_left_alone() -> None:
     assert dock.survey.fix() == []
 
 
+def test_a_transmitter_that_is_switched_off_is_lost_though_its_channels_stay() -> None:
+    dock = Dock()
+    checks = dock.look()
+    assert of(checks, "transmitter").found == "8 channels, no signal strength"
+    assert of(checks, "arming").found == "its checks pass"
+    assert of(checks, "motors after a crash").found == "the sticks are back after 2.9 s (RC_OVERRIDE_TIME)"
+    dock.plant.frontseat.set_receiver(False)
+    dock.run(1.0)
+    checks = dock.look()
+    assert bad(checks) == {"transmitter": Result.WARN, "arming": Result.WARN}
+    assert of(checks, "transmitter").found == "lost: it has been heard before"
+    assert of(checks, "arming").found == "refused: Radio failsafe on"
+
+
+def test_a_boat_without_a_receiver_is_told_how_it_is_armed() -> None:
+    checks = Dock("plant.frontseat.rc_receiver=false").look()
+    assert bad(checks) == {"transmitter": Result.WARN, "arming": Result.WARN}
+    assert "how to arm such a boat" in of(checks, "transmitter").todo
+    assert of(checks, "motors after a crash").found == "neutral within 1 s (FS_THR_ENABLE)"
+
+
+@pytest.mark.parametrize(("tolerate", "result"), [("", Result.FAIL), ("unbounded", Result.WARN)])
+def test_motors_that_nothing_stops_after_a_crash_fail_unless_that_is_taken_on(tolerate: str, result: Result) -> None:
+    dock = Dock(
+        "plant.frontseat.rc_receiver=false",
+        "plant.frontseat.parameters={FS_THR_ENABLE: 0}",
+        f"supervisor.readback.tolerate=[{tolerate}]",
+    )
+    check = of(dock.look(), "motors after a crash")
+    assert check.result is result
+    assert check.found == "run on: FS_THR_ENABLE is 0, and no transmitter is heard"
+
+
 @pytest.mark.parametrize(
     ("config", "overrides"),
     [
