@@ -416,6 +416,7 @@ def test_the_sensor_rate_can_be_asked_for() -> None:
         (0.5, -0.25, ARMED, (1700, 1400)),
         (7.0, -9.0, ARMED, (1900, 1100)),
         (math.nan, 0.1, ARMED, (1500, 1540)),
+        (-1.8, -1.8, ARMED, (1500, 1500)),  # terminated, as PX4 1.16 says it
         (math.inf, -math.inf, ARMED, (1900, 1100)),
         (1.0, 1.0, 1, (0, 0)),  # disarmed
     ],

@@ -34,6 +34,7 @@ MAX_STRIDE = 25
 STRIDES = 8  # answers whose distances are looked at
 SILENT_US = 200_000
 FASTEST_US, SLOWEST_US = 1_000, 20_000
+TERMINATED, TERMINATED_BAND = -1.8, 0.01  # 600 us: what PX4's simulated outputs say for their fail-safe value
 NEVER_NS = 2**63
 
 
@@ -162,9 +163,9 @@ class Px4Hil:
         self._neutral = all(abs(pulse_us - neutral_us) <= band_us for pulse_us in self.outputs_us)
 
     def _pulse_us(self, control: float) -> int:
-        """The pulse width of a control in [-1, 1]; NaN is PX4's word for a motor that is off."""
+        """The pulse width of a control in [-1, 1]; neutral where the motor is off: NaN, or PX4 has terminated."""
         pwm = self._pwm
-        if math.isnan(control):
+        if math.isnan(control) or abs(control - TERMINATED) <= TERMINATED_BAND:
             return pwm.neutral_us
         span_us = pwm.ahead_us - pwm.neutral_us if control >= 0.0 else pwm.neutral_us - pwm.astern_us
         return pwm.neutral_us + round(max(-1.0, min(1.0, control)) * span_us)
