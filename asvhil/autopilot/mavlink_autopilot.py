@@ -165,6 +165,11 @@ class MavlinkAutopilot:
         return self._neighbours.names(t_ns)
 
     @property
+    def lost(self) -> int:
+        """Frames of the autopilot that did not come, by its sequence numbers, over all ways that it comes by."""
+        return self._parser.lost_of(self._it)
+
+    @property
     def stranger(self) -> Explanation | None:
         """Why this is not our boat: it is of another kind, or it is two."""
         if self._one.is_two(self._t_ns):
@@ -248,7 +253,7 @@ class MavlinkAutopilot:
             ("autopilot.bad_crc", self._parser.total("bad_crc")),
             ("autopilot.garbage_bytes", self._parser.total("garbage_bytes")),
             ("autopilot.unknown", self._parser.total("unknown")),
-            ("autopilot.lost", self._parser.total("lost")),
+            ("autopilot.lost", self.lost),
             ("autopilot.impossible", self.impossible),
             ("autopilot.reboots", self.reboots),
             ("autopilot.timesync_rejected", self._timesync.rejected),

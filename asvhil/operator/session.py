@@ -155,7 +155,6 @@ class OperatorSession:
             ("operator.frames", self._parser.total("frames")),
             ("operator.bad_crc", self._parser.total("bad_crc")),
             ("operator.garbage_bytes", self._parser.total("garbage_bytes")),
-            ("operator.lost", self._parser.total("lost")),
         )
 
     # --- in ------------------------------------------------------------------------------------------------

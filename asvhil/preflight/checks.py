@@ -17,6 +17,7 @@ from asvhil.types import Cause, FrontseatStatus, Radio, record
 
 ROUND_TRIP_MAX_MS = 100.0
 CLOCK_OFF_MAX_S = 5.0
+TOLD_LOSS = 0.01
 GOOD_SHARE, LEAST_SHARE = 0.8, 0.5  # of the rate that was asked for
 VEHICLES = {dialect.MAV_TYPE_SURFACE_BOAT: "boat", dialect.MAV_TYPE_GROUND_ROVER: "rover"}
 # Without these nothing is held; the others are missed less.
@@ -180,11 +181,14 @@ def _after_silence(survey: Survey) -> list[Check]:
 
 
 def _neighbours(survey: Survey) -> list[Check]:
-    """Who else is on the link: seldom a fault, and good to know where something is odd."""
+    """Who else is on the link, and what it loses: no fault by itself, and good to know where something is odd."""
     checks = []
     if survey.neighbours:
         found = ", ".join(survey.neighbours)
         checks.append(Check(section="vehicle", item="also on the link", result=Result.PASS, found=found))
+    if survey.lost_share >= TOLD_LOSS:
+        found = f"{survey.lost_share:.0%} of the autopilot's frames"
+        checks.append(Check(section="vehicle", item="lost on the link", result=Result.PASS, found=found))
     checks += [
         Check(section="vehicle", item=note.subject, result=Result.WARN, found=note.text)
         for note in survey.link.notes

@@ -71,6 +71,7 @@ class Survey:
         self._valid: dict[tuple[Quantity, str], deque[int]] = {}
         self._version_asked_ns: int | None = None
         self.version_refused = False
+        self._frames = 0
         self.bytes_heard = 0
         self.heartbeat: Any | None = None
         self.version: Any | None = None
@@ -154,6 +155,12 @@ class Survey:
         """Of the anemometer; None where nothing is known of it."""
         return self._firmware.note()
 
+    @property
+    def lost_share(self) -> float:
+        """Of the autopilot's frames, by its sequence numbers."""
+        lost = self.link.lost
+        return lost / max(lost + self._frames, 1)
+
     def rate_hz(self, name: str) -> float:
         """Of a message of the autopilot."""
         return self._counts[self._wanted[name]] / self._counted_s
@@ -196,6 +203,7 @@ class Survey:
         for data in self._parser.receive(frame.peer, frame.data):
             if not self.link.is_its_own(data):
                 continue
+            self._frames += 1
             msg_id = message_id(data)
             if self.stage == "counting":
                 self._counts[msg_id] += 1

@@ -10,6 +10,7 @@ import difflib
 import os
 import re
 import struct
+from collections import Counter
 from typing import Any
 
 from fastcrc.crc16 import mcrf4xx
@@ -145,6 +146,9 @@ class Numbering:
         return left_ns is not None and t_ns - left_ns < self.KEPT_NS
 
 
+COUNTERS = ("frames", "bad_crc", "unknown", "garbage_bytes")
+
+
 class FrameSplitter:
     """Puts MAVLink frames together whose checksum holds, wherever their bytes were cut. Never raises; counts drops.
 
@@ -165,11 +169,11 @@ class FrameSplitter:
         self._buffer = b""
         self._datagrams = datagrams
         self._sequences: dict[tuple[int, int], int] = {}
+        self._lost: Counter[tuple[int, int]] = Counter()
         self.frames = 0
         self.bad_crc = 0
         self.unknown = 0
         self.garbage_bytes = 0
-        self.lost = 0
 
     def receive(self, data: bytes) -> list[bytes]:
         """All complete frames that `data` brings to an end, in order."""
@@ -246,10 +250,20 @@ class FrameSplitter:
         if last is not None:
             missing = (number - last - 1) % 256
             if missing < 128:
-                self.lost += missing
+                self._lost[sender] += missing
         elif len(self._sequences) >= self.MAX_SENDERS:
             return
         self._sequences[sender] = number
+
+    def lost_of(self, sender: tuple[int, int]) -> int:
+        """Frames of a (system, component) that did not come. Of one that is routed to us others may be held back."""
+        return self._lost[sender]
+
+    def forget(self, other: FrameSplitter) -> None:
+        """Go on with the counts of another, which is gone."""
+        for name in COUNTERS:
+            setattr(self, name, getattr(self, name) + getattr(other, name))
+        self._lost += other._lost
 
     def _known_within(self, buffer: bytes, at: int, end: int) -> bool:
         """Whether a whole frame of a known message begins in buffer[at:end]."""
@@ -299,9 +313,6 @@ def decode(frame: bytes) -> Any | None:
         return None
 
 
-COUNTERS = ("frames", "bad_crc", "unknown", "garbage_bytes", "lost")
-
-
 class Parser:
     """Frames of one port, put together for each peer by itself. At most 16 peers are remembered.
 
@@ -325,12 +336,17 @@ class Parser:
         return splitter.receive(data)
 
     def total(self, name: str) -> int:
-        """The sum of one counter (frames, bad_crc, unknown, garbage_bytes, lost) over all peers."""
-        every = [*self._splitters.values(), self._forgotten]
-        return sum(getattr(splitter, name) for splitter in every)
+        """The sum of one counter (frames, bad_crc, unknown, garbage_bytes) over all peers."""
+        return sum(getattr(splitter, name) for splitter in self._every())
+
+    def lost_of(self, sender: tuple[int, int]) -> int:
+        """Frames of a (system, component) that did not come, over all peers: by its numbers with each of them."""
+        return sum(splitter.lost_of(sender) for splitter in self._every())
+
+    def _every(self) -> list[FrameSplitter]:
+        return [*self._splitters.values(), self._forgotten]
 
     def _forget(self) -> None:
         oldest = next(iter(self._splitters))
         gone = self._splitters.pop(next((key for key, one in self._splitters.items() if not one.frames), oldest))
-        for name in COUNTERS:
-            setattr(self._forgotten, name, getattr(self._forgotten, name) + getattr(gone, name))
+        self._forgotten.forget(gone)

@@ -170,7 +170,8 @@ def test_frames_cut_at_any_size_are_put_together_for_each_peer(size: int) -> Non
         for peer, chunk in zip(cut, chunks, strict=True):
             got[peer] += parser.receive(peer, chunk)
     assert got == sent
-    assert [parser.total(name) for name in ("bad_crc", "garbage_bytes", "lost")] == [0, 0, 0]
+    assert [parser.total(name) for name in ("bad_crc", "garbage_bytes")] == [0, 0]
+    assert [parser.lost_of((n, 1)) for n in (1, 2, 3)] == [0, 0, 0]
 
 
 @given(st.lists(st.integers(1, 300), min_size=1, max_size=60), st.integers(0, 2**32))
@@ -208,11 +209,11 @@ def test_lost_frames_are_counted_by_sender_and_peer() -> None:
             parser.receive("route:1", frame)
         if number % 4:
             parser.receive("route:2", frame)
-    assert parser.total("lost") == len(frames) // 10 - 1 + len(frames) // 4 - 1  # the first is not missed
+    assert parser.lost_of((1, 1)) == len(frames) // 10 - 1 + len(frames) // 4 - 1  # the first is not missed
     constant = Parser()
     for _ in range(50):
         constant.receive("", ATTITUDE)  # a sender that does not count
-    assert constant.total("lost") == 0
+    assert constant.lost_of((1, 1)) == 0
 
 
 def test_decode_gives_the_fields_or_none() -> None:
