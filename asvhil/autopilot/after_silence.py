@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from asvhil.autopilot.px4_parameters import DISARM, TERMINATE
 from asvhil.config import AutopilotLinkConfig
 from asvhil.types import Radio, record
 
@@ -60,3 +61,17 @@ def after_silence_of_ardurover(
     if throttle != 0.0 or receiver:
         return AfterSilence(text=f"RC_OVERRIDE_TIME is {hold_s:g}: overrides never end", within_s=None)
     return AfterSilence(text=f"FS_THR_ENABLE is {throttle:g}, and no transmitter is heard", within_s=None)
+
+
+def after_silence_of_px4(values: Mapping[str, float], *, keeps_offboard: bool) -> AfterSilence | None:
+    """What happens where this program or the link dies in a hold; None while a parameter for it has not answered.
+
+    A COM_OBL_RC_ACT that stops nothing is told by the requirement on it.
+    """
+    if not keeps_offboard:
+        return AfterSilence(text="no mode of PX4 but OFFBOARD ends when set-points stop", within_s=None)
+    action, late_s = values.get("COM_OBL_RC_ACT"), values.get("COM_OF_LOSS_T")
+    if action not in (TERMINATE, DISARM) or late_s is None:
+        return None
+    word = "disarms" if action == DISARM else "terminates"
+    return AfterSilence(text=f"PX4 {word} after {late_s:g} s (COM_OBL_RC_ACT)", within_s=late_s)

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+from asvhil.autopilot.after_silence import AfterSilence, after_silence_of_px4
 from asvhil.autopilot.mavlink_autopilot import MavlinkAutopilot
 from asvhil.autopilot.px4_parameters import requirements
 from asvhil.autopilot.requirements import Requirement
@@ -40,6 +41,10 @@ class Px4Autopilot(MavlinkAutopilot):
             dialect.MAVLINK_MSG_ID_ESTIMATOR_STATUS: self._on_estimator_status,
             dialect.MAVLINK_MSG_ID_ACTUATOR_OUTPUT_STATUS: self._on_actuator_output,
         }
+
+    @property
+    def after_silence(self) -> AfterSilence | None:
+        return after_silence_of_px4(self.parameters.values, keeps_offboard=self._keeps_offboard)
 
     def _requirements(self) -> tuple[Requirement, ...]:
         return requirements(self._config, self._pwm)

@@ -231,7 +231,7 @@ def test_px4_streams_are_asked_for_again_after_a_reboot_and_when_another_station
 
 
 def test_with_manual_as_the_control_mode_the_px4_is_driven_there() -> None:
-    loop = Loop(config("set_actuator", "supervisor.control_mode=MANUAL")).driving()
+    loop = Loop(config("set_actuator", "supervisor.control_mode=MANUAL", TAKEN)).driving()
     assert loop.left_alone(60.0) != NEUTRAL  # nothing bounds a crash then: docs/autopilots.md
 
 

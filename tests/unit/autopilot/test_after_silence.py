@@ -2,8 +2,9 @@
 
 import pytest
 
-from asvhil.autopilot.after_silence import after_silence_of_ardurover
+from asvhil.autopilot.after_silence import after_silence_of_ardurover, after_silence_of_px4
 from asvhil.config import load_config
+from asvhil.simplant.lockstep import Lockstep
 from asvhil.types import Radio
 from tests.support.after_silence import HEARD, MEASURED
 
@@ -44,3 +45,22 @@ def test_what_has_not_answered_proves_nothing(missing: str) -> None:
 def test_overrides_that_are_ignored_leave_nothing_behind() -> None:
     after = after_silence_of_ardurover(load_config("sitl").links.autopilot, DEFAULTS | {"RC_OVERRIDE_TIME": 0}, HEARD)
     assert after is not None and after.within_s == 0.0
+
+
+def test_a_px4_that_no_set_points_keep_in_offboard_is_stopped_by_nothing() -> None:
+    right = {"COM_OBL_RC_ACT": 7.0, "COM_OF_LOSS_T": 1.0}
+    after = after_silence_of_px4(right, keeps_offboard=False)
+    assert after is not None and after.within_s is None
+    after = after_silence_of_px4(right, keeps_offboard=True)
+    assert after is not None and after.within_s == 1.0 and "disarms" in after.text
+    assert after_silence_of_px4({"COM_OF_LOSS_T": 1.0}, keeps_offboard=True) is None
+    assert after_silence_of_px4(right | {"COM_OBL_RC_ACT": 0.0}, keeps_offboard=True) is None  # a requirement tells it
+
+
+def test_a_px4_in_another_control_mode_is_not_held() -> None:
+    settings = ("supervisor.engage=command", "supervisor.control_mode=MANUAL")
+    loop = Lockstep(load_config("sitl-px4", settings))
+    for _ in range(200):
+        _, outputs = loop.tick()
+    notes = {note.subject: note.text for note in outputs.health.notes}
+    assert notes["motors after a crash"].startswith("nothing stops them (no mode of PX4 but OFFBOARD")
