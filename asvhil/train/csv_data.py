@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
+import re
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -33,6 +34,8 @@ from asvhil.train.series import (
 
 NAN_SHARE = 0.05  # more missing values than this is no gap but a broken file
 COMMAND_SLACK = 1.05  # commands a little beyond 1 are rounding; more is a wrong unit
+MISSING = frozenset({"", "nan", "-nan", "na", "n/a", "null", "none"})
+DECIMAL = re.compile(r"[+-]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][+-]?[0-9]{1,3})?", re.ASCII)
 PULSE_US = (500.0, 2500.0)
 
 
@@ -41,8 +44,8 @@ def dataset_from_csv(
 ) -> Dataset:
     """All files as one dataset; `smoothed` looks ahead, so it is for training data only.
 
-    Rows with an empty field or NaN are gaps. ConfigError on the column map; LogError on a file that lacks a column,
-    has text where a number should be, more than 5 % NaN, time that does not rise, or less than 30 s.
+    Rows with an empty field or NaN are gaps. ConfigError on the column map; LogError on a file that lacks a column
+    or has it twice, has text where a number should be, more than 5 % NaN, time that does not rise, or less than 30 s.
     """
     columns = load_columns(column_map)
     segments: list[Segment] = []
@@ -160,7 +163,7 @@ def _numbers(path: Path, delimiter: str, names: dict[str, str]) -> tuple[dict[st
     """The columns as numbers, NaN where a field is empty, and the row of the file (from 1) that each comes from."""
     try:
         with path.open(encoding="utf-8-sig", newline="") as file:
-            reader = csv.reader(file, delimiter=delimiter)
+            reader = csv.reader(file, delimiter=delimiter, strict=True)
             header = [name.strip() for name in next(reader, [])]
             if not header:
                 raise LogError(f"{path}: row 1: empty, where the names of the columns should be")
@@ -168,13 +171,17 @@ def _numbers(path: Path, delimiter: str, names: dict[str, str]) -> tuple[dict[st
             if missing:
                 there = ", ".join(repr(name) for name in header) or "nothing"
                 raise LogError(f"{path}: row 1: no column {', '.join(missing)}; the header has {there}")
+            twice = [column for column in names.values() if header.count(column) > 1]
+            if twice:
+                at = [str(place) for place, name in enumerate(header, 1) if name == twice[0]]
+                raise LogError(f"{path}: row 1: column {twice[0]!r} is there {len(at)} times (as {' and '.join(at)})")
             places = {name: header.index(column) for name, column in names.items()}
             values: list[list[float]] = []
             rows: list[int] = []
             for fields in reader:
                 if not fields:
                     continue
-                if len(fields) < len(header):
+                if len(fields) < len(header) or any(map(str.strip, fields[len(header) :])):
                     raise LogError(f"{path}: row {reader.line_num}: {len(fields)} of {len(header)} fields")
                 rows.append(reader.line_num)
                 values.append([_number(path, reader.line_num, header[at], fields[at]) for at in places.values()])
@@ -191,11 +198,16 @@ def _numbers(path: Path, delimiter: str, names: dict[str, str]) -> tuple[dict[st
 
 
 def _number(path: Path, row: int, column: str, text: str) -> float:
-    try:
-        value = float(text) if text.strip() else math.nan
-    except ValueError:
-        raise LogError(f"{path}: row {row}, column {column!r}: a number is expected, not {text!r}") from None
-    return value if math.isfinite(value) else math.nan
+    """A decimal number; NaN where it is empty or says so. No other text that Python takes for one: 1_500, inf, 0x10."""
+    text = text.strip()
+    if text.lower() in MISSING:
+        return math.nan
+    value = float(text) if DECIMAL.fullmatch(text) else math.inf
+    if not math.isfinite(value):
+        near = text.replace("_", "").replace(" ", "").replace(",", "." if text.count(",") == 1 else "")
+        meant = f"; did you mean {near}?" if near != text and DECIMAL.fullmatch(near) else ""
+        raise LogError(f"{path}: row {row}, column {column!r}: a number is expected, not {text!r}{meant}")
+    return value
 
 
 def _check_nan(path: Path, names: dict[str, str], raw: dict[str, Array], rows: Array) -> None:

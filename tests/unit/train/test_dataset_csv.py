@@ -1,6 +1,8 @@
 """CSV files of somebody's boat: units, signs and winds by a column map, and a clear line for every broken file."""
 
 import math
+import random
+import re
 from pathlib import Path
 
 import numpy as np
@@ -155,6 +157,82 @@ def test_broken_files_are_told_by_row_and_column(tmp_path: Path, rows, header: s
     path.write_text("\n".join([header, *(",".join(fields) for fields in rows)]))
     with pytest.raises(LogError, match=f"^{path}: {words}"):
         dataset_from_csv([path], column_map(tmp_path), 0.2)
+
+
+@pytest.mark.parametrize(
+    ("text", "meant"),
+    [
+        ("1_500", "; did you mean 1500?"),
+        ("1 500", "; did you mean 1500?"),
+        ("0,5", "; did you mean 0.5?"),
+        ("1,234,567", "; did you mean 1234567?"),
+        ("inf", ""),
+        ("-Infinity", ""),
+        ("1e999", ""),
+        ("0x10", ""),
+        ("1.2.3", ""),
+        ("12:30", ""),
+        ("5 m/s", ""),
+        ("\u0663", ""),
+        ("1\n5", ""),
+    ],
+)
+def test_what_python_or_a_sheet_takes_for_a_number_and_nobody_else(tmp_path: Path, text: str, meant: str) -> None:
+    path = write(tmp_path, put(all_rows(), 41, 1, f'"{text}"'))
+    words = f"{path}: row {43 + text.count(chr(10))}, column 'surge': a number is expected, not {text!r}{meant}"
+    with pytest.raises(LogError, match=f"^{re.escape(words)}$"):
+        dataset_from_csv([path], column_map(tmp_path), 0.2)
+
+
+def test_numbers_as_programs_write_them(tmp_path: Path) -> None:
+    rows = all_rows()
+    plain = dataset_from_csv([write(tmp_path, rows)], column_map(tmp_path), 0.2).segments[0].nu
+    for k, form in enumerate(("{:+.9f}", " {:.9f} ", '"{:.9f}"', "{:.9e}", "{:.9E}", "{:g}"), start=30):
+        rows[k][1] = form.format(float(rows[k][1]))
+    assert np.allclose(dataset_from_csv([write(tmp_path, rows)], column_map(tmp_path), 0.2).segments[0].nu, plain)
+    for k, missing in enumerate(("", " ", "NaN", "nan", "NA", "null"), start=40):
+        rows[5 * k][1] = missing
+    dataset = dataset_from_csv([write(tmp_path, rows)], column_map(tmp_path), 0.2)
+    assert dataset.missing == 6
+
+
+def test_a_column_that_is_there_twice_is_refused_if_it_is_used(tmp_path: Path) -> None:
+    rows = [[*fields, "9"] for fields in all_rows()]
+    path = write(tmp_path, rows, f"{HEADER}, surge ")
+    with pytest.raises(LogError, match=rf"^{path}: row 1: column 'surge' is there 2 times \(as 2 and 8\)$"):
+        dataset_from_csv([path], column_map(tmp_path), 0.2)
+    rows = [[*fields, "9"] for fields in rows]
+    assert dataset_from_csv([write(tmp_path, rows, f"{HEADER},note,note")], column_map(tmp_path), 0.2).segments
+
+
+def test_a_row_with_more_fields_than_names_is_refused_unless_they_are_empty(tmp_path: Path) -> None:
+    assert dataset_from_csv([write(tmp_path, [[*fields, ""] for fields in all_rows()])], column_map(tmp_path), 0.2)
+    path = write(tmp_path, put(all_rows(), 20, 1, "0,25"))  # a decimal comma in a file of commas
+    with pytest.raises(LogError, match=rf"^{path}: row 22: 8 of 7 fields$"):
+        dataset_from_csv([path], column_map(tmp_path), 0.2)
+    path = write(tmp_path, put(all_rows(), 20, 1, '"0.25'))  # a quote that is never closed
+    with pytest.raises(LogError, match=rf"^{path}: row \d+: "):
+        dataset_from_csv([path], column_map(tmp_path), 0.2)
+
+
+def test_mutated_files_are_read_or_refused_in_one_line(tmp_path: Path) -> None:
+    noise, columns = random.Random(1), column_map(tmp_path)
+    whole = write(tmp_path).read_bytes()
+    refused = 0
+    for _ in range(60):
+        data = bytearray(whole)
+        for _ in range(noise.randrange(1, 4)):
+            at = noise.randrange(len(data))
+            odd = (b",", b'"', b"\n", b"\x00", b"_", b"-", b"e", b"\xff", b" ", b"", b";", b"inf", b"\r")
+            data[at : at + noise.randrange(4)] = noise.choice(odd)
+        path = tmp_path / "odd.csv"
+        path.write_bytes(bytes(data))
+        try:
+            dataset_from_csv([path], columns, 0.2)
+        except LogError as error:
+            refused += 1
+            assert str(error).startswith(f"{path}: ") and "\n" not in str(error)
+    assert refused > 20
 
 
 def test_no_rows_no_file_no_text(tmp_path: Path) -> None:
