@@ -389,8 +389,8 @@ def _source(survey: Survey, quantity: Quantity, place: int, state: SourceState, 
         elif state.source.link == AUTOPILOT:
             todo = "the autopilot does not send it, or its position is not in use yet"
         else:
-            key = survey.config.links.key_of(state.source.link)
-            todo = f"silent or invalid: its line, its speed, its supply ({key}.endpoint)"
+            diagnosis = survey.diagnosis(quantity, state.source)
+            found, todo = diagnosis.found, diagnosis.todo
     return Check(
         section="sensors",
         item=f"{quantity}{'' if place == 0 else f', {place + 1}. choice'}: {name}",

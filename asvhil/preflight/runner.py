@@ -82,6 +82,8 @@ class Preflight:
         while not condition():
             frames = tuple(self._inbox)
             self._inbox.clear()
+            for port, state in self.states().items():
+                self.survey.note_link(port, state)
             for frame in self.survey.step(Inputs(t_ns=self._clock.now_ns(), frames=frames)):
                 for leaving in self._router.outgoing(frame):
                     await self._links[leaving.port].send(leaving)

@@ -13,6 +13,7 @@ from asvhil.config.ports import AUTOPILOT
 from asvhil.io.mavlink.frames import Parser, decode, dialect, message_id
 from asvhil.io.sensors.decoder import Decoder
 from asvhil.io.sensors.sources import quantity_of
+from asvhil.preflight.lines import Diagnosis, SensorLine
 from asvhil.types import Frame, FrontseatStatus, Inputs, Measurement, Note, TimeOffset, record
 
 S = 1_000_000_000
@@ -59,6 +60,7 @@ class Survey:
         self.link = build_link(config)
         self._decoder = Decoder.from_config(config, self.link.receive)
         self._firmware = build_firmware_watch(config)
+        self._lines = {port: SensorLine(config, port) for port in config.links.sensor_links()}
         self._sources: dict[Quantity, tuple[SourceConfig, ...]] = config.sources.resolved(config.links)
         self._wanted = {name: getattr(dialect, f"MAVLINK_MSG_ID_{name}") for name in config.links.autopilot.streams_hz}
         self._parser = Parser()
@@ -169,6 +171,15 @@ class Survey:
         """How each source of each quantity was heard."""
         return {q: tuple(self._state(q, s) for s in self._sources[q]) for q in QUANTITIES}
 
+    def diagnosis(self, quantity: Quantity, source: SourceConfig) -> Diagnosis:
+        """Why a source on a sensor link gives nothing."""
+        return self._lines[source.link].diagnosis(quantity, source, self._end())
+
+    def note_link(self, port: str, state: str) -> None:
+        """The state of a link: up, or why not."""
+        if port in self._lines:
+            self._lines[port].state = state
+
     # --- parts ---------------------------------------------------------------------------------------------
 
     @property
@@ -188,6 +199,8 @@ class Survey:
     def _read(self, frame: Frame) -> None:
         if frame.port == AUTOPILOT:
             self.bytes_heard += len(frame.data)
+        if frame.port in self._lines:
+            self._lines[frame.port].receive(frame)
         if frame.port == self._firmware.port:
             self._firmware.receive(frame)
         for name, measurement in self._decoder.decode_every_source(frame):

@@ -26,7 +26,7 @@ class NmeaCodec:
 
     `wanted` are the sentences to use. `declination_rad` (east positive) turns magnetic directions into true ones; where
     None, the variation that RMC or HDG on the same line told last. `dropped` counts by cause what gave nothing,
-    `heard` the sentences with a right checksum by name.
+    `heard` the sentences with a right checksum by name, and `refused` why those that are wanted gave nothing.
     """
 
     def __init__(
@@ -40,6 +40,7 @@ class NmeaCodec:
         self.sentences = 0
         self.dropped: dict[DropCause, int] = dict.fromkeys(DropCause, 0)
         self.heard: dict[str, int] = {}
+        self.refused: dict[str, dict[DropCause, int]] = {}
 
     @property
     def held(self) -> int:
@@ -74,11 +75,16 @@ class NmeaCodec:
             raise Refused(DropCause.UNKNOWN)
         if source not in self._wanted:
             raise Refused(DropCause.UNUSED)
-        if self._listens_for_variation and source in VARIATION:
-            variation_rad = variation_of(fields)
-            if variation_rad is not None:
-                self._compass = Compass(declination_rad=variation_rad)
-        return [(source, measurement) for measurement in DECODERS[source](t_ns, fields, self._compass)]
+        try:
+            if self._listens_for_variation and source in VARIATION:
+                variation_rad = variation_of(fields)
+                if variation_rad is not None:
+                    self._compass = Compass(declination_rad=variation_rad)
+            return [(source, measurement) for measurement in DECODERS[source](t_ns, fields, self._compass)]
+        except Refused as refused:
+            causes = self.refused.setdefault(source, {})
+            causes[refused.cause] = causes.get(refused.cause, 0) + 1
+            raise
 
 
 def build(settings: NmeaLinkConfig, port: str, messages: frozenset[str]) -> NmeaCodec:

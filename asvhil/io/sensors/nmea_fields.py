@@ -22,6 +22,7 @@ RANGES: dict[str, tuple[float, float]] = {
 }
 
 _NUMBER = re.compile(r"[+-]?([0-9]+(\.[0-9]*)?|\.[0-9]+)", re.ASCII)
+_ADDRESS = re.compile(r"[A-Z0-9]{0,10}", re.ASCII)
 _ANGLE = re.compile(r"([0-9]{0,3}?)([0-9]{1,2}(\.[0-9]*)?)", re.ASCII)  # degrees and minutes: 4025.422
 _MOST_CHARACTERS = 30
 
@@ -38,12 +39,14 @@ class Fields:
     """The fields of a sentence, from 0, without blanks around them; a field that is not there is an empty one."""
 
     def __init__(self, body: bytes) -> None:
-        """Refused (malformed) where the body is no ASCII text."""
+        """Refused (malformed) where the body is no ASCII text, or begins with no name."""
         try:
             address, *values = body.decode("ascii").split(",")
         except UnicodeDecodeError:
             raise Refused(DropCause.MALFORMED) from None
         address = address.strip().upper()
+        if not _ADDRESS.fullmatch(address):
+            raise Refused(DropCause.MALFORMED)
         # Two letters of a talker, then three of the sentence; P stands before what is a maker's own.
         self.name = address[2:] if len(address) == 5 and address[0] != "P" else address
         self._values = [value.strip() for value in values]
