@@ -15,7 +15,7 @@ from asvhil.autopilot.transmitter import Transmitter
 from asvhil.config import AutopilotLinkConfig, PwmConfig
 from asvhil.config.ports import AUTOPILOT
 from asvhil.config.registry import AUTOPILOTS
-from asvhil.io.mavlink.frames import Numbering, Parser, decode, dialect, message_id, source
+from asvhil.io.mavlink.frames import Numbering, Parser, decode, dialect, message_id, source, target
 from asvhil.io.mavlink.parameter_client import ParameterClient
 from asvhil.io.mavlink.streams import StreamRequester
 from asvhil.io.mavlink.timesync import TimeSync
@@ -24,6 +24,7 @@ from asvhil.io.sensors.protocol import NamedMeasurement
 from asvhil.supervisor.reasons import Explanation, Reason, describe, explain
 from asvhil.types import Frame, FrontseatStatus, Heading, Measurement, Note, Radio, TimeOffset, YawRate
 
+COMMAND_ACK = dialect.MAVLINK_MSG_ID_COMMAND_ACK
 HEARTBEAT_NS = 1_000_000_000
 REQUEST_NS = 1_000_000_000
 FIRST_TIME_NS = 300_000_000  # between requests for the autopilot's clock until one was answered
@@ -123,8 +124,11 @@ class MavlinkAutopilot:
         found: list[NamedMeasurement] = []
         t_ns = self._t_ns = frame.t_ns
         for data in self._parser.receive(frame.peer, frame.data):
-            if source(data) != self._it:
+            if not self.is_its_own(data):
                 self._on_neighbour(t_ns, data)
+                continue
+            if not self.is_for_us(data):
+                self._on_sign_of_life(t_ns)
                 continue
             self._streams.receive(data)
             message = decode(data) if message_id(data) in self._handlers else None
@@ -159,6 +163,10 @@ class MavlinkAutopilot:
     def is_its_own(self, data: bytes) -> bool:
         """Whether a complete frame is the autopilot's: one component of one vehicle, whoever else talks."""
         return source(data) == self._it
+
+    def is_for_us(self, data: bytes) -> bool:
+        """Whether a complete frame of it is not an answer to somebody else; MAVLink 1 does not tell to whom one is."""
+        return message_id(data) != COMMAND_ACK or target(data) in (self._us, (0, 0))
 
     def neighbours(self, t_ns: int) -> tuple[str, ...]:
         """Who else is heard on the link, by kind and number."""

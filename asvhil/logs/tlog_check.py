@@ -40,6 +40,7 @@ def check_tlog(config: Config, path: Path, on_tick: Callable[[int], None] | None
     from_ns: int | None = None
     ticks = 0
     splitter = FrameSplitter(datagrams=True)
+    autopilot = (config.links.autopilot.autopilot_system_id, config.links.autopilot.autopilot_component_id)
     for unix_us, data in read_tlog(path):
         t_ns = unix_us * 1000
         first_ns = t_ns if first_ns is None else first_ns
@@ -65,7 +66,7 @@ def check_tlog(config: Config, path: Path, on_tick: Callable[[int], None] | None
                 undecoded += 1
                 continue
             counts[message.get_type()] += 1
-            if source(frame) == (config.links.autopilot.autopilot_system_id, 1) and message_id(frame) in (
+            if source(frame) == autopilot and message_id(frame) in (
                 dialect.MAVLINK_MSG_ID_GLOBAL_POSITION_INT,
                 dialect.MAVLINK_MSG_ID_ATTITUDE,
             ):

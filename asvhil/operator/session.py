@@ -69,7 +69,7 @@ class OperatorSession:
     ) -> None:
         operator = operator or OperatorLinkConfig()
         self._us = (config.system_id, config.component_id)
-        self._autopilot_system_id = config.autopilot_system_id
+        self._autopilot = (config.autopilot_system_id, config.autopilot_component_id)
         self._claim_goto = operator.claim_goto
         self._parser = Parser()
         self._senders = {self._us: dialect.MAVLink(None, srcSystem=self._us[0], srcComponent=self._us[1])}
@@ -175,8 +175,8 @@ class OperatorSession:
         system_id, component_id = target(data)
         claimed = (
             self._claim_goto
-            and system_id == self._autopilot_system_id
-            and component_id in (dialect.MAV_COMP_ID_AUTOPILOT1, dialect.MAV_COMP_ID_ALL)
+            and system_id == self._autopilot[0]
+            and component_id in (self._autopilot[1], dialect.MAV_COMP_ID_ALL)
             and is_goto(data)
         )
         to_us = (system_id, component_id) == self._us
@@ -190,7 +190,7 @@ class OperatorSession:
                 self._parameters.tell(change.name)  # the answer was lost, and somebody may have set another value since
                 return None
             return None if change is None else self._request(frame, data, change, None, self._us)
-        answer_as = (system_id, dialect.MAV_COMP_ID_AUTOPILOT1) if claimed else self._us
+        answer_as = self._autopilot if claimed else self._us
         if msg_id == SETPOINT:
             return self._on_setpoint(frame, data, message, answer_as) if claimed or to_us else None
         return self._on_command(frame, data, message, answer_as, alone=claimed or to_us)

@@ -214,7 +214,7 @@ class Survey:
     def _look(self, frame: Frame) -> None:
         """What the link itself has no use for."""
         for data in self._parser.receive(frame.peer, frame.data):
-            if not self.link.is_its_own(data):
+            if not (self.link.is_its_own(data) and self.link.is_for_us(data)):
                 continue
             self._frames += 1
             msg_id = message_id(data)

@@ -149,6 +149,16 @@ def test_a_stream_that_dries_up_is_asked_for_again_and_a_denied_one_is_named() -
     assert again == [108]
 
 
+def test_acknowledgements_to_others_are_not_ours() -> None:
+    ardurover = link(output="set_servo")
+    feed(ardurover, heartbeat())
+    refused = dialect.MAV_RESULT_DENIED
+    for to, counts in (((255, 190), False), ((1, 100), False), ((1, 191), True), ((0, 0), True)):
+        feed(ardurover, dialect.MAVLink_command_ack_message(183, 0, 0, 0, 1, 191))
+        feed(ardurover, dialect.MAVLink_command_ack_message(183, refused, 0, 0, *to))
+        assert ("motor commands" in {note.subject for note in ardurover.notes}) == counts, to
+
+
 @pytest.mark.parametrize("answer", ["UNSUPPORTED", "DENIED", None])
 def test_where_intervals_cannot_be_set_whole_streams_are_asked_for_as_of_old(answer: str | None) -> None:
     ardurover = link(streams_hz={"ATTITUDE": 20.0, "RC_CHANNELS": 4.5, "SERVO_OUTPUT_RAW": 10.0, "SCALED_IMU": 1.0})

@@ -439,6 +439,15 @@ def test_a_version_that_does_not_come_is_unverified_and_one_that_is_refused_is_s
     assert bad(dock.look()) == {"firmware": Result.WARN}
 
 
+def test_a_refusal_to_another_station_is_not_the_vehicles_answer_to_us() -> None:
+    dock = Dock(lost=("AUTOPILOT_VERSION",))
+    advance = dock.plant.advance
+    refusal = dialect.MAVLink_command_ack_message(dialect.MAV_CMD_REQUEST_MESSAGE, 3, 0, 0, 255, 190)
+    data = bytes(refusal.pack(dialect.MAVLink(None, srcSystem=1, srcComponent=1)))
+    dock.plant.advance = lambda t_ns: [*advance(t_ns), Frame(t_ns=t_ns, port="autopilot", data=data)]  # type: ignore[method-assign]
+    assert of(dock.look(), "firmware").result is Result.UNVERIFIED
+
+
 def test_who_else_is_on_the_link_is_listed() -> None:
     dock = Dock()
     advance = dock.plant.advance
