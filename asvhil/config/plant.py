@@ -237,6 +237,7 @@ FaultKind = Literal[
     "ins",
     "ins-gnss",
     "nmea",
+    "transmitter",
 ]
 
 

@@ -109,6 +109,8 @@ class Plant:
             for (port, link), seed in zip(sorted(config.links.sensors.items()), sensor_seeds, strict=True)
         ]
         self._moored: Moored | None = None
+        self._has_receiver = plant.frontseat.rc_receiver
+        self._transmitter_lost = False
 
     @property
     def motion(self) -> TrueMotion:
@@ -184,6 +186,9 @@ class Plant:
             if self._moored is None:
                 vessel.step(weather.wind_n_mps, weather.wind_e_mps)
             weather.advance()
+            if self._has_receiver and ("transmitter" in faults) is not self._transmitter_lost:
+                self._transmitter_lost = not self._transmitter_lost
+                self.frontseat.set_receiver(not self._transmitter_lost)
             if self._loop.take_due(self._t_ns):
                 self._navigation.sample(self._t_ns, self.motion, faults.of("autopilot"))
                 sent += self._autopilot.loop(self._t_ns)

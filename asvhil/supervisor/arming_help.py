@@ -47,6 +47,8 @@ class ArmingHelp:
         """Why it is to be sent no longer, where the link is alive; None while it is."""
         status = situation.status
         assert status is not None and self._until_ns is not None
+        if status.radio is Radio.UNKNOWN:
+            return explain(Reason.WAITING_FOR_AUTOPILOT)  # it has been restarted
         if status.radio is not Radio.ABSENT:
             return explain(Reason.TRANSMITTER_HEARD)
         if status.armed and status.mode != self._config.control_mode:

@@ -362,6 +362,8 @@ def test_a_fault_that_the_interface_cannot_carry_is_refused() -> None:
         ArduPilotJson(config("plant.faults=[{kind: vane}, {kind: gnss, from_s: 3}]"))
     with pytest.raises(ConfigError, match=r"plant.glitches.kinds.0.kind: .* take gnss-jump out"):
         ArduPilotJson(config("plant.glitches={}"))
+    with pytest.raises(ConfigError, match="take transmitter out, and use the autopilot's own SIM_RC_FAIL"):
+        ArduPilotJson(config("plant.faults=[{kind: transmitter}]"))
     ArduPilotJson(config("plant.glitches.kinds=[{kind: gnss-jump, device: nmea}, {kind: anemometer}]"))
 
 

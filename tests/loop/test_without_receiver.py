@@ -122,6 +122,15 @@ def test_a_transmitter_that_was_heard_has_nothing_sent_in_its_place() -> None:
     assert any(text == "vehicle is not armed (Radio failsafe on)" for text in boat.said)
 
 
+def test_the_loss_of_a_transmitter_can_be_rehearsed_as_a_fault() -> None:
+    boat = Boat("plant.frontseat.rc_receiver=true", "plant.faults=[{kind: transmitter, from_s: 8, until_s: 12}]")
+    told = []
+    for _ in range(15):
+        outputs = boat.run(1.0)
+        told.append({note.subject for note in outputs.health.notes if not note.ok} & {"transmitter", "arming"})
+    assert told[6] == set() and told[10] == {"transmitter", "arming"} and told[14] == set()
+
+
 @pytest.mark.parametrize(("reports", "phase"), [(True, Phase.STANDBY), (False, Phase.HOLD)])
 def test_a_transmitter_lost_in_a_hold_is_seen_where_it_reports_its_signal(reports: bool, phase: Phase) -> None:
     boat = Boat("plant.frontseat.rc_receiver=true")

@@ -78,6 +78,8 @@ class ArduPilotJson:
                     f"key {where}.kind: ArduPilot's JSON interface carries the true motion and no fix; "
                     f"take {fault.kind} out, and use the autopilot's own SIM_ parameters"
                 )
+            if fault.kind == "transmitter":
+                raise ConfigError(f"key {where}.kind: take transmitter out, and use the autopilot's own SIM_RC_FAIL")
         hil, pwm = config.plant.hil, config.vehicle.pwm
         self._port, self._starboard = pwm.port_channel - 1, pwm.starboard_channel - 1
         self._neutral_us, self._band_us = pwm.neutral_us, hil.neutral_band_us

@@ -92,6 +92,14 @@ def test_a_transmitter_that_comes_has_its_sticks_at_once() -> None:
     assert lets_go(decision, Reason.TRANSMITTER_HEARD) and not decision.neutral
 
 
+def test_an_autopilot_that_is_restarted_gets_no_more_until_it_has_told_of_its_radio() -> None:
+    dock = Dock()
+    dock.hold()
+    dock.wait(3.0)
+    dock.change(radio=Radio.UNKNOWN)
+    assert lets_go(dock.step(), Reason.WAITING_FOR_AUTOPILOT)
+
+
 def test_other_sticks_and_another_mode_have_the_boat_too() -> None:
     dock = Dock()
     dock.hold()
