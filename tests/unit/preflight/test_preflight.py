@@ -166,7 +166,14 @@ def test_each_wrong_parameter_of_a_px4_too(name: str, value: float) -> None:
 def test_an_autopilot_that_has_just_been_switched_on_fools_nobody() -> None:
     early = ("plant.frontseat.setup_s=4", "plant.frontseat.rc1_dz_us=30", "plant.frontseat.rc3_dz_us=30")
     dock = Dock(*early)
-    dock.run(3.0)
+    dock.run(2.0)
+    station = dialect.MAVLink(
+        None, srcSystem=255, srcComponent=190
+    )  # reads all that is told so early: it comes by here
+    every = dialect.MAVLink_param_request_list_message(1, 1).pack(station)
+    dock.plant.receive(Frame(t_ns=dock.t_ns, port="autopilot", data=every))
+    dock.run(1.0)
+    assert dock.survey.link.parameters.values["RC1_DZ"] == 0.0
     assert dock.survey.stage == "booting" and not dock.survey.fixable
     assert not {m.get_type() for m in dock.said} & {"PARAM_REQUEST_READ", "PARAM_SET"}
     dock.run(25.0)
