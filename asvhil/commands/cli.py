@@ -13,6 +13,7 @@ from asvhil.commands.calibrate import calibrate
 from asvhil.commands.check import check
 from asvhil.commands.collect import collect
 from asvhil.commands.evaluate import evaluate
+from asvhil.commands.numbers import refuse_odd_numbers
 from asvhil.commands.operate import hold, release
 from asvhil.commands.plant import plant
 from asvhil.commands.replay import replay
@@ -36,6 +37,7 @@ for command in (
 ):
     app.command()(command)
 app.add_typer(study.app, name="study")
+refuse_odd_numbers(app)
 
 
 def _version(value: bool) -> None:

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from asvhil.commands.numbers import lat_lon
 from asvhil.commands.options import SetOption
-from asvhil.errors import AsvhilError, ConfigError
+from asvhil.errors import AsvhilError
 
 if TYPE_CHECKING:
     from asvhil.config import Config
@@ -32,7 +33,7 @@ def hold(
     from asvhil.operator.session import encode_hold
 
     settings = load_config(config, tuple(set_))
-    lat_deg, lon_deg = (None, None) if at is None else _lat_lon(at)
+    lat_deg, lon_deg = (None, None) if at is None else lat_lon("--at", at)
     psi_rad = None if heading is None else math.radians(heading)
     data = encode_hold(settings.links.autopilot, lat_deg, lon_deg, psi_rad)
     _ask(settings, data, dialect.MAV_CMD_DO_REPOSITION, "holding")
@@ -60,14 +61,3 @@ def _ask(config: Config, data: bytes, mav_cmd: int, done: str) -> None:
     if result != 0:
         raise AsvhilError(f"the daemon refused: {text or f'MAV_RESULT {result}'}")
     typer.echo(done)
-
-
-def _lat_lon(text: str) -> tuple[float, float]:
-    lat, _, lon = text.partition(",")
-    try:
-        lat_deg, lon_deg = float(lat), float(lon)
-    except ValueError:
-        lat_deg = lon_deg = math.nan
-    if not (abs(lat_deg) <= 90.0 and abs(lon_deg) <= 180.0):
-        raise ConfigError(f"--at {text}: LAT,LON in degrees is expected, such as 40.4237,-86.9212")
-    return lat_deg, lon_deg

@@ -25,7 +25,7 @@ def read_key(path: Path) -> tuple[bytes, str | None]:
     if len(data) > MAX_KEY_FILE_BYTES:
         raise ConfigError(f"{path}: too long for a signing key; 64 hexadecimal digits or a passphrase is expected")
     try:
-        key = derive_key(data.decode())
+        key = derive_key(data.decode("utf-8-sig"))
     except UnicodeDecodeError:
         raise ConfigError(f"{path}: not text; 64 hexadecimal digits or a passphrase is expected") from None
     except ConfigError as error:

@@ -13,6 +13,7 @@ from __future__ import annotations
 import enum
 import hashlib
 import hmac
+import re
 from collections import Counter
 from collections.abc import Collection, Mapping
 
@@ -21,6 +22,7 @@ from asvhil.io.mavlink.frames import MAGIC_V2, SIGNATURE_LENGTH, SIGNED, checksu
 from asvhil.types import record
 
 KEY_BYTES = 32
+LIKE_A_KEY = 48  # hexadecimal digits; nobody makes a passphrase of so many
 SIGNATURE_BYTES = 6
 TIMESTAMP_BYTES = 6
 EPOCH_2015_NS = 1_420_070_400_000_000_000
@@ -30,17 +32,25 @@ PER_SECOND = 100_000
 CLOCK_UNSET_BEFORE = (1_767_225_600_000_000_000 - EPOCH_2015_NS) // TICK_NS  # 2026-01-01
 MAX_STREAMS = 1024  # only owners of the key can make streams; this bounds a faulty one
 
+_HEX = re.compile("[0-9A-Fa-f]+")
+
 Stream = tuple[int, int, int]  # system id, component id, link id
 
 
 def derive_key(text: str) -> bytes:
     """The 32-byte key of a key file's text: 64 hexadecimal digits as they are, else the passphrase's SHA-256.
 
-    Ground stations make the key of a passphrase in the same way. Raises ConfigError, without the text, when empty.
+    Ground stations make the key of a passphrase in the same way. Raises ConfigError, without the text, when empty, of
+    several lines, or nearly a key: a digit too few makes a passphrase that nobody else has.
     """
     text = text.strip()
     if not text:
         raise ConfigError("is empty; 64 hexadecimal digits or a passphrase is expected")
+    if not text.isprintable():
+        raise ConfigError("is more than one line of text; 64 hexadecimal digits or a passphrase is expected")
+    digits = "".join(character for character in text if character not in " :-").removeprefix("0x")
+    if len(digits) >= LIKE_A_KEY and _HEX.fullmatch(digits) and len(text) != 2 * KEY_BYTES:
+        raise ConfigError(f"has {len(digits)} hexadecimal digits; {2 * KEY_BYTES}, without blanks or signs, are a key")
     if len(text) == 2 * KEY_BYTES:
         try:
             return bytes.fromhex(text)

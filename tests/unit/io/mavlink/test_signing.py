@@ -108,6 +108,25 @@ def test_keys() -> None:
         derive_key(" \n")
 
 
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("ab" * 31 + "a", "63 hexadecimal digits"),  # one was lost in copying
+        ("ab" * 33, "66 hexadecimal digits"),
+        (":".join(["ab"] * 32), "64 hexadecimal digits; 64, without blanks or signs, are a key"),
+        (" ".join(["ab"] * 32), "64 hexadecimal digits"),
+        ("0x" + "ab" * 32, "64 hexadecimal digits"),
+        ("ab" * 16 + "\n" + "cd" * 16, "more than one line"),
+        ("open\nsesame", "more than one line"),
+        ("open\x00sesame", "more than one line"),
+    ],
+)
+def test_what_is_nearly_a_key_is_no_passphrase(text: str, words: str) -> None:
+    with pytest.raises(ConfigError, match=words) as caught:
+        derive_key(text)
+    assert "abab" not in str(caught.value) and "sesame" not in str(caught.value)
+
+
 # --- verdicts --------------------------------------------------------------------------------------------------
 
 

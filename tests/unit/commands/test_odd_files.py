@@ -1,0 +1,120 @@
+"""Damaged, foreign and empty files at the command line: done, or one line and status 2, never a traceback."""
+
+import random
+import shutil
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from asvhil.commands import cli
+from asvhil.config import load_config
+from asvhil.dynamics.weights import save_model
+from asvhil.sitl import run_lockstep
+from tests.support.model_samples import sample
+from tests.support.paths import DATA
+
+COLUMNS = """
+time: {column: t, unit: s}
+u: {column: u, unit: m/s}
+v: {column: v, unit: m/s}
+r: {column: r, unit: rad/s}
+port: {column: left, unit: '1'}
+starboard: {column: right, unit: '1'}
+"""
+COMMANDS = {
+    "run.csv": ("evaluate", "net.npz", "--data", "run.csv", "--columns", "map.yaml", "--horizon", "2"),
+    "net.npz": ("evaluate", "net.npz", "--data", "run.csv", "--columns", "map.yaml", "--horizon", "2"),
+    "map.yaml": ("evaluate", "net.npz", "--data", "run.csv", "--columns", "map.yaml", "--horizon", "2"),
+    "drive.tlog": ("replay", "--tlog", "drive.tlog"),
+    "log.mcap": ("replay", "log.mcap"),
+    "boat.yaml": ("replay", "--tlog", "short.tlog", "--config", "boat.yaml"),
+    "signing.key": ("hold", "--config", "boat.yaml", "--set", "links.operator.signing.key_file=signing.key"),
+}
+
+# The log is too short to be held against the autopilot, and nothing is there to replay, or to answer.
+WHOLE = {"drive.tlog": 1, "boat.yaml": 2, "signing.key": 2}
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A file of each kind as it should be."""
+    place = tmp_path_factory.mktemp("whole")
+    (place / "map.yaml").write_text(COLUMNS)
+    (place / "boat.yaml").write_text("base: field\nlinks: {operator: {endpoint: 'tcp:127.0.0.1:9'}}\n")
+    (place / "signing.key").write_text("ab" * 32)
+    t = np.arange(0.0, 40.0, 0.2)
+    lines = [f"{at:.3f},{np.sin(at):.4f},0.1,{np.cos(at):.4f},0.2,0.3" for at in t]
+    (place / "run.csv").write_text("\n".join(["t,u,v,r,left,right", *lines]))
+    save_model(place / "net.npz", sample("nnsem"))
+    tlog = (DATA / "ardurover-4.6.3-json-boat-drive.tlog").read_bytes()
+    (place / "drive.tlog").write_bytes(tlog[:3971])
+    (place / "short.tlog").write_bytes(b"")
+    run_lockstep(load_config("sitl", ("controller.name=loiter",)), place / "log.mcap", 3.0)
+    return place
+
+
+def call(
+    arguments: tuple[str, ...], monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> tuple[int, str]:
+    """The exit status, and what was written to stderr."""
+    monkeypatch.setattr(sys, "argv", ["asvhil", *arguments])
+    capfd.readouterr()
+    code = 0
+    try:
+        cli.main()
+    except SystemExit as end:
+        code = int(end.code or 0)
+    return code, capfd.readouterr().err
+
+
+def odd(data: bytes, noise: random.Random, number: int) -> bytes:
+    """Data with a few changes; the first ones are the usual accidents."""
+    accidents = (b"", b"\n", bytes(64), data[: len(data) // 2], data[:-1], data[1:], noise.randbytes(500), data + data)
+    if number < len(accidents):
+        return accidents[number]
+    changed = bytearray(data)
+    for _ in range(noise.randrange(1, 4)):
+        at = noise.randrange(len(changed))
+        piece = noise.choice((noise.randbytes(1), noise.randbytes(4), b"\xff\xff\xff\xff", bytes(4), b"", b"\n", b","))
+        changed[at : at + noise.choice((0, 1, 4))] = piece
+    return bytes(changed)
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_odd_files_are_one_line(
+    name: str, whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    shutil.copytree(whole, tmp_path, dirs_exist_ok=True)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("MPLBACKEND", "agg")
+    assert call(COMMANDS[name], monkeypatch, capfd)[0] == WHOLE.get(name, 0)
+    noise, data, refused = random.Random(len(name)), (whole / name).read_bytes(), 0
+    for number in range(24):
+        Path(name).write_bytes(odd(data, noise, number))
+        code, err = call(COMMANDS[name], monkeypatch, capfd)
+        assert code in (0, WHOLE.get(name, 0), 2) and "Traceback" not in err, (number, err)
+        if code == 2:
+            refused += 1
+            assert err.startswith("asvhil: ") and err.count("\n") == 1, (number, err)
+    assert refused >= 4
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_a_folder_or_another_file_in_its_place_is_one_line(
+    name: str, whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    shutil.copytree(whole, tmp_path, dirs_exist_ok=True)
+    monkeypatch.chdir(tmp_path)
+    for other in [None, *(other for other in COMMANDS if other != name)]:
+        Path(name).unlink()
+        if other is None:
+            Path(name).mkdir()
+        else:
+            shutil.copy(whole / other, name)
+        code, err = call(COMMANDS[name], monkeypatch, capfd)
+        assert code == 2 and err.startswith("asvhil: ") and err.count("\n") == 1, (other, err)
+        if other is None:
+            Path(name).rmdir()
+            Path(name).touch()
