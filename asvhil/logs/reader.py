@@ -30,6 +30,7 @@ T = TypeVar("T")
 
 _RECORD_HEAD = struct.Struct("<BQ")  # opcode, length of the content
 _KNOWN = frozenset(Opcode)
+COMPRESSIONS = ("zstd", "lz4", "")
 _UNKNOWN_SIZE = -1  # of a zstd frame that was written as a stream
 _CHUNK_MAX_BYTES = 256 * 1024 * 1024  # unpacked; a damaged size must not ask for all of the memory
 # What the package raises on damaged bytes. RuntimeError is lz4's, OverflowError that of a length beyond 2^63.
@@ -80,6 +81,7 @@ class LogFile:
         try:
             with path.open("rb") as file:
                 self._scan(file)
+                self._check_compression(file)
                 self._drop_damaged_tail(file)
         except OSError as error:
             raise LogError(f"{path}: cannot be read ({error.strerror})") from None
@@ -191,6 +193,18 @@ class LogFile:
             raise LogError(f"{self.path}: the log's layout is {layout!r}, and this asvhil reads {LAYOUT!r}")
         if count != str(len(self.metadata)):
             raise LogError(f"{self.path}: {len(self.metadata)} of {count} metadata records are found")
+
+    def _check_compression(self, file: BinaryIO) -> None:
+        """LogError where the chunks are packed in a way that is not read; else all of them would count as damaged."""
+        first: McapRecord | None = None
+        for offset, size in self._data:
+            with contextlib.suppress(LogError):  # damage is told where it is read
+                first = self._parse(file, offset, size)
+            if isinstance(first, Chunk):
+                break
+        if isinstance(first, Chunk) and first.compression not in COMPRESSIONS:
+            known = ", ".join(name or "none" for name in COMPRESSIONS)
+            raise LogError(f"{self.path}: its compression {first.compression!r} is not supported ({known} are)")
 
     def _drop_damaged_tail(self, file: BinaryIO) -> None:
         """After a power cut the last chunks may have their length but not their content."""

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import dataclasses
+import random
 import struct
 from collections.abc import Callable, Iterator
 from io import BytesIO
@@ -13,7 +14,7 @@ from mcap.data_stream import RecordBuilder
 from mcap.reader import make_reader
 from mcap.records import Chunk
 from mcap.stream_reader import StreamReader
-from mcap.writer import MCAP0_MAGIC, CompressionType, Writer
+from mcap.writer import MCAP0_MAGIC, CompressionType, IndexType, Writer
 
 from asvhil.errors import LogError
 from asvhil.logs.reader import LogFile
@@ -253,6 +254,58 @@ def test_a_log_that_another_tool_has_written_anew(whole: bytes, tmp_path: Path, 
     assert log.metadata == METADATA
     assert not log.truncated and log.damage is None
     assert list(log.ticks()) == list(LogFile(source).ticks())
+
+
+VARIANTS: dict[str, dict[str, Any]] = {
+    "zstd": {},
+    "lz4": {"compression": CompressionType.LZ4},
+    "plain": {"compression": CompressionType.NONE},
+    "no CRC": {"enable_crcs": False},
+    "no chunks": {"use_chunking": False},
+    "no index": {"index_types": IndexType.NONE, "use_summary_offsets": False, "use_statistics": False},
+    "no summary": {
+        **{"index_types": IndexType.NONE, "use_summary_offsets": False, "use_statistics": False},
+        **{"repeat_channels": False, "repeat_schemas": False},
+    },
+}
+
+
+@pytest.mark.parametrize("options", VARIANTS.values(), ids=list(VARIANTS))
+def test_a_rewritten_log_that_is_damaged_at_any_place(whole: bytes, tmp_path: Path, options: dict[str, Any]) -> None:
+    """Cut, or with bytes changed: the ticks before the damage, or one line that names the file; nothing else."""
+    source, target, odd = tmp_path / "a.mcap", tmp_path / "b.mcap", tmp_path / "odd.mcap"
+    source.write_bytes(whole)
+    rewrite(source, target, **options)
+    data, ticks = target.read_bytes(), list(LogFile(source).ticks())
+    assert list(LogFile(target).ticks()) == ticks
+    noise = random.Random(len(data))
+    told = 0
+    for number in range(60):
+        at = noise.randrange(len(data))
+        changed = data[:at] if number % 2 else data[:at] + noise.randbytes(4) + data[at + 4 :]
+        odd.write_bytes(changed)
+        found: list[Any] = []
+        try:
+            log = LogFile(odd)
+            told += log.damage is not None
+            for tick in log.ticks():
+                found.append(tick)
+        except LogError as error:
+            told += 1
+            assert str(error).startswith(f"{odd}: ") and "\n" not in str(error)
+        if number % 2 or options.get("use_chunking", options.get("enable_crcs", True)):
+            whole_ones = found[:-1] if found and found[-1][1] is None else found
+            assert whole_ones == ticks[: len(whole_ones)]
+    assert told >= 30  # every cut
+
+
+def test_a_compression_that_is_not_known_is_told(whole: bytes, tmp_path: Path) -> None:
+    source, target = tmp_path / "a.mcap", tmp_path / "b.mcap"
+    source.write_bytes(whole)
+    rewrite(source, target, compression=CompressionType.LZ4)
+    target.write_bytes(target.read_bytes().replace(b"\x03\x00\x00\x00lz4", b"\x03\x00\x00\x00br9"))
+    with pytest.raises(LogError, match=r"b.mcap: its compression 'br9' is not supported \(zstd, lz4, none are\)$"):
+        LogFile(target)
 
 
 def repacked(whole: bytes, compressor: zstandard.ZstdCompressor) -> bytes:
