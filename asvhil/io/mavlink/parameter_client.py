@@ -15,6 +15,7 @@ ATTEMPTS = 4  # of each name at least, before it is left alone for a while
 MOST_ATTEMPTS = 40  # of each name, on the worst of links
 MISSED = 1e-4  # chance that a name which exists has not been heard of after all attempts
 AGAIN_NS = 30_000_000_000
+DOUBLINGS = 4  # of that, each time that a name is silent which never answered, while others do
 REFRESH_NS = 60_000_000_000  # a change that another station made may have been lost on the way
 NEVER_NS = 2**63
 
@@ -53,6 +54,7 @@ class _Request:
 
     def __init__(self) -> None:
         self.attempts = 0
+        self.rounds = 0
         self.due_ns = 0
         self.given_up = False
         self.contradicted = 0
@@ -66,10 +68,11 @@ class _Request:
 class ParameterClient:
     """Keeps a few parameters known, each under the names that firmware versions give it: the one that answers counts.
 
-    Every name is asked for half a second apart, and if nothing comes again half a minute later: four times on a link
-    that answers every request, and on one that loses many as often as it takes to hear of nearly all that exist. What
-    is known is asked for again once a minute, and any PARAM_VALUE that comes by is taken. A name that the autopilot
-    says it does not have (PARAM_ERROR) is asked for no more. `bytewise`: the autopilot sends integers by their bytes
+    Every name is asked for half a second apart, and if nothing comes again half a minute later, and then after twice as
+    long each time, up to 8 minutes: four times on a link that answers every request, and on one that loses many as
+    often as it takes to hear of nearly all that exist. What is known is asked for again once a minute, and any
+    PARAM_VALUE that comes by is taken. A name that the autopilot says it does not have (PARAM_ERROR) is asked for no
+    more. `bytewise`: the autopilot sends integers by their bytes
     (PX4), not as floats (ArduPilot).
     """
 
@@ -175,7 +178,10 @@ class ParameterClient:
                 asking.due_ns = NEVER_NS
                 continue
             if asking.attempts >= self._enough * len(names):
-                asking.attempts, asking.given_up, asking.due_ns = 0, True, t_ns + AGAIN_NS
+                wait_ns = AGAIN_NS << min(asking.rounds, DOUBLINGS)
+                if self._values and not self._known(group):
+                    asking.rounds += 1  # PX4's simulation has no PWM_MAIN_MIN: do not ask for it without end
+                asking.attempts, asking.given_up, asking.due_ns = 0, True, t_ns + wait_ns
                 continue
             name = names[asking.attempts % len(names)]
             asking.attempts += 1
