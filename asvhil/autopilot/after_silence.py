@@ -39,7 +39,7 @@ def after_silence_of_ardurover(
     """What happens where this program or the link dies in a hold; None while a parameter for it has not answered."""
     if link.output == "set_servo":
         return AfterSilence(text="DO_SET_SERVO has no time-out", within_s=None)
-    if not {"FS_THR_ENABLE", "RC_OVERRIDE_TIME"} <= set(values):
+    if "FS_THR_ENABLE" not in values or "RC_OVERRIDE_TIME" not in values:
         return None
     hold_s, throttle = values["RC_OVERRIDE_TIME"], values["FS_THR_ENABLE"]
     if hold_s == 0.0:

@@ -11,7 +11,7 @@ from asvhil.autopilot.mavlink_autopilot import MavlinkAutopilot
 from asvhil.autopilot.requirements import Requirement
 from asvhil.config import AutopilotLinkConfig, Config, PwmConfig
 from asvhil.io.mavlink.frames import dialect
-from asvhil.types import Measurement
+from asvhil.types import Measurement, Radio
 
 EKF_HORIZONTAL_POSITION = dialect.EKF_POS_HORIZ_ABS
 EKF_CONSTANT_POSITION = dialect.EKF_CONST_POS_MODE
@@ -26,10 +26,15 @@ class ArduRoverAutopilot(MavlinkAutopilot):
     def __init__(self, config: AutopilotLinkConfig, pwm: PwmConfig) -> None:
         super().__init__(config, pwm)
         self._handlers[dialect.MAVLINK_MSG_ID_EKF_STATUS_REPORT] = self._on_ekf_status
+        self._after_silence: tuple[tuple[int, Radio] | None, AfterSilence | None] = (None, None)  # and of what
 
     @property
     def after_silence(self) -> AfterSilence | None:
-        return after_silence_of_ardurover(self._config, self.parameters.values, self.transmitter.radio)
+        known = self.parameters.answers, self.transmitter.radio
+        if known != self._after_silence[0]:
+            after = after_silence_of_ardurover(self._config, self.parameters.values, self.transmitter.radio)
+            self._after_silence = known, after
+        return self._after_silence[1]
 
     def _requirements(self) -> tuple[Requirement, ...]:
         return requirements(self._config, self._pwm)

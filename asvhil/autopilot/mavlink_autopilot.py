@@ -131,14 +131,14 @@ class MavlinkAutopilot:
                 self._on_sign_of_life(t_ns)
                 continue
             self._streams.receive(data)
-            message = decode(data) if message_id(data) in self._handlers else None
-            if message is not None:
+            handler = self._handlers.get(message_id(data))
+            if handler is not None:
+                message = decode(data)
+                if message is None:
+                    self.impossible += 1
+                    continue
                 self._new_clock = self._one.take(t_ns, frame.peer, message)
-                handler = self._handlers[message.get_msgId()]
                 found += [(message.msgname, measurement) for measurement in handler(t_ns, message) or ()]
-            elif message_id(data) in self._handlers:
-                self.impossible += 1
-                continue
             self._on_sign_of_life(t_ns)
         return found
 

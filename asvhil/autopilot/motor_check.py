@@ -27,6 +27,7 @@ class MotorCheck:
         self._driving_ns: int | None = None
         self._unread = False
         self._found: Explanation | None = None  # by the readback, last
+        self._judged: tuple[list[Finding], Explanation | None] = ([], None)  # what follows from which findings
         self.fault: Explanation | None = None  # why the motors do not, or would not, follow the commands
 
     def on_status(self, status: FrontseatStatus) -> None:
@@ -86,7 +87,13 @@ class MotorCheck:
         return explain(Reason.UNBOUNDED, why=why) if why and Cause.UNBOUNDED not in self._tolerate else None
 
     def _wrong_parameter(self) -> Explanation | None:
-        for finding in self._autopilot.findings:
+        findings = self._autopilot.findings
+        if findings is not self._judged[0]:  # a new list comes with each parameter that is read
+            self._judged = findings, self._first_wrong(findings)
+        return self._judged[1]
+
+    def _first_wrong(self, findings: list[Finding]) -> Explanation | None:
+        for finding in findings:
             cause = finding.requirement.cause
             if finding.wrong and cause is not None and cause not in self._tolerate:
                 return explain(Reason.AUTOPILOT_PARAMETER, finding=finding.text)

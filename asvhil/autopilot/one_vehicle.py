@@ -81,13 +81,7 @@ class OneVehicle:
 
     def take(self, t_ns: int, peer: str, m: Any) -> bool:
         """A message of the autopilot's component. Whether its clock since boot is one that was not heard before."""
-        way = self._ways.pop(peer, None)
-        if way is None:
-            way = _Way()
-            self._asked = 0
-            if len(self._ways) >= WAYS:
-                self._ways.pop(next(iter(self._ways)))
-        self._ways[peer] = way
+        way = self._way(peer)
         way.t_ns = t_ns
         number = m.get_msgId()
         if number == dialect.MAVLINK_MSG_ID_HEARTBEAT:
@@ -104,6 +98,20 @@ class OneVehicle:
             return self._on_clock(t_ns, peer, number, m.time_boot_ms * 1_000_000)
         return False
 
+    def _way(self, peer: str) -> _Way:
+        way = self._ways.get(peer)
+        if way is not None and len(self._ways) == 1:
+            return way
+        if way is None:
+            way = _Way()
+            self._asked = 0
+            if len(self._ways) >= WAYS:
+                self._ways.pop(next(iter(self._ways)))
+        else:
+            del self._ways[peer]  # the one heard last stands last
+        self._ways[peer] = way
+        return way
+
     # --- evidence ------------------------------------------------------------------------------------------
 
     def _on_clock(self, t_ns: int, peer: str, number: int, clock_ns: int) -> bool:
@@ -115,6 +123,10 @@ class OneVehicle:
         self._last_clock[number, peer] = clock_ns
         offset_ns = clock_ns - t_ns
         clocks = self._clocks.setdefault(number, [])
+        if len(clocks) == 1 and abs(clocks[0].offset_ns - offset_ns) <= SAME_NS:  # as nearly always
+            only = clocks[0]
+            only.offset_ns, only.t_ns, only.peer = offset_ns, t_ns, peer
+            return False
         known = min(clocks, key=lambda clock: abs(clock.offset_ns - offset_ns), default=None)
         if known is None or abs(known.offset_ns - offset_ns) > SAME_NS:
             late = bool(clocks) and self._are_copies(t_ns, peer, clocks[-1].peer)
@@ -131,13 +143,13 @@ class OneVehicle:
 
     def _on_state(self, t_ns: int, peer: str, number: int, m: Any) -> None:
         """At one time of its clock a vehicle has one state."""
-        key, state = (number, m.time_boot_ms), bytes(m.get_payload()).rstrip(b"\0")
+        key, state = (number, m.time_boot_ms), m.get_payload()
         before = self._moments.get(key)
         if before is None:
             self._moments[key] = (peer, state)
             if len(self._moments) > MOMENTS:
                 self._moments.popitem(last=False)
-        elif before[0] != peer and before[1] != state:
+        elif before[0] != peer and before[1].rstrip(b"\0") != state.rstrip(b"\0"):
             if number != SYSTEM_TIME:  # which has the microseconds of its sending
                 self._note(t_ns)
         elif before[0] != peer:

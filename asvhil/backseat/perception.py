@@ -28,6 +28,7 @@ from asvhil.types import (
     record,
 )
 
+NOT_THE_ESTIMATORS = frozenset({FrontseatStatus, ApparentWind, BowWind, TrueWind})
 REMEMBERED_NS = 30_000_000_000  # for so long a measured wind is a better guess than the disturbance
 
 
@@ -154,12 +155,14 @@ class Perception:
         if frame.port == self._firmware.port:
             self._firmware.receive(frame)
         measurements = self._decoder.decode(frame)
-        self._estimator.on_measurements(measurements)
+        if measurements:
+            self._estimator.on_measurements(measurements)
         for measurement in measurements:
-            self._take_rest(measurement)
+            if type(measurement) in NOT_THE_ESTIMATORS:
+                self._take_rest(measurement)
 
     def _take_rest(self, measurement: Measurement) -> None:
-        """What is not the estimator's: wind, and the autopilot's status."""
+        """Wind, and the autopilot's status."""
         match measurement:
             case FrontseatStatus():
                 self._status = measurement

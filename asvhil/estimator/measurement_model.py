@@ -18,6 +18,7 @@ Corrected = Position | GroundVelocity | Heading | YawRate
 Correction = tuple[Corrected | SpecificForce, ...]  # one event of the filter: a pair, or one alone
 
 ROWS: dict[type, int] = {Position: 2, GroundVelocity: 2, Heading: 1, YawRate: 1}
+EVENTS = (Position, GroundVelocity, Heading, YawRate, SpecificForce)
 PAIRS: tuple[tuple[type, ...], ...] = ((Position, GroundVelocity), (Heading, YawRate))
 
 
@@ -46,14 +47,13 @@ def corrections(measurements: Sequence[Measurement]) -> list[Correction]:
     """
     events: list[Correction] = []
     for m in measurements:
-        if isinstance(m, SpecificForce):
+        if not isinstance(m, EVENTS):
+            continue
+        before = events[-1][0] if events and len(events[-1]) == 1 else None
+        if before is not None and (type(before), type(m)) in PAIRS and before.t_ns == m.t_ns:
+            events[-1] = (before, m)
+        else:
             events.append((m,))
-        elif isinstance(m, Corrected):
-            before = events[-1][0] if events and len(events[-1]) == 1 else None
-            if before is not None and (type(before), type(m)) in PAIRS and before.t_ns == m.t_ns:
-                events[-1] = (before, m)
-            else:
-                events.append((m,))
     return events
 
 

@@ -15,10 +15,11 @@ from typing import BinaryIO, NamedTuple, TypeVar
 
 import msgspec
 import zstandard
+from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Channel, Chunk, Header, McapRecord, Message, Metadata, Statistics
-from mcap.stream_reader import MAGIC_SIZE, StreamReader, breakup_chunk
+from mcap.stream_reader import MAGIC_SIZE, StreamReader, get_chunk_data_stream
 from mcap.writer import MCAP0_MAGIC
 
 from asvhil.config.ports import OPERATOR
@@ -29,8 +30,10 @@ from asvhil.types import Frame, Inputs, record
 T = TypeVar("T")
 
 _RECORD_HEAD = struct.Struct("<BQ")  # opcode, length of the content
+_MESSAGE_HEAD = struct.Struct("<BQHIQQ")  # the same; channel, sequence, log time, publish time
 _KNOWN = frozenset(Opcode)
 COMPRESSIONS = ("zstd", "lz4", "")
+_MESSAGE, _CHANNEL = int(Opcode.MESSAGE), int(Opcode.CHANNEL)
 _UNKNOWN_SIZE = -1  # of a zstd frame that was written as a stream
 _CHUNK_MAX_BYTES = 256 * 1024 * 1024  # unpacked; a damaged size must not ask for all of the memory
 # What the package raises on damaged bytes. RuntimeError is lz4's, OverflowError that of a length beyond 2^63.
@@ -239,7 +242,8 @@ class LogFile:
                 size = zstandard.frame_content_size(item.data)
                 if size not in (_UNKNOWN_SIZE, item.uncompressed_size):
                     raise ValueError("its two sizes differ")
-            return breakup_chunk(item, validate_crc=True)
+            stream, size = get_chunk_data_stream(item, validate_crc=True)
+            return list(_records(stream.read(size)))
         except _DAMAGE as error:
             raise self._error(f"damaged ({error})", offset) from None
 
@@ -269,6 +273,25 @@ class LogFile:
 
     def _error(self, what: str, chunk_at: int) -> LogError:
         return LogError(f"{self.path}: chunk at byte {chunk_at}: {what}")
+
+
+def _records(data: bytes) -> Iterator[McapRecord]:
+    """The channels and messages of an unpacked chunk. Messages are cut here: the package takes three times as long."""
+    at, size = 0, len(data)
+    while at < size:
+        opcode, length = _RECORD_HEAD.unpack_from(data, at)
+        end = at + _RECORD_HEAD.size + length
+        if end > size:
+            raise ValueError("a record is longer than its chunk")
+        if opcode == _MESSAGE:
+            _, _, channel_id, sequence, log_time, publish_time = _MESSAGE_HEAD.unpack_from(data, at)
+            content = data[at + _MESSAGE_HEAD.size : end]
+            yield Message(
+                channel_id=channel_id, data=content, log_time=log_time, publish_time=publish_time, sequence=sequence
+            )
+        elif opcode == _CHANNEL:
+            yield Channel.read(ReadDataStream(BytesIO(data[at + _RECORD_HEAD.size : end])))
+        at = end
 
 
 def _channel(declared: Channel) -> _Channel:

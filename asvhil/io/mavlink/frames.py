@@ -233,7 +233,10 @@ class FrameSplitter:
                 at += 1
                 continue
             found.append(buffer[at:end])
-            self._count_lost(found[-1])
+            if magic == MAGIC_V2:
+                self._count_lost(buffer[at + 4], (buffer[at + 5], buffer[at + 6]))
+            else:
+                self._count_lost(buffer[at + 2], (buffer[at + 3], buffer[at + 4]))
             at = end
         self.frames += len(found)
         rest = buffer[at:]
@@ -243,9 +246,8 @@ class FrameSplitter:
         self._buffer = rest[-self.MAX_BUFFER :]
         return found
 
-    def _count_lost(self, frame: bytes) -> None:
+    def _count_lost(self, number: int, sender: tuple[int, int]) -> None:
         """A step back, or of half a round, is a repetition, a restart or a sender that does not count."""
-        number, sender = sequence(frame), source(frame)
         last = self._sequences.get(sender)
         if last is not None:
             missing = (number - last - 1) % 256
