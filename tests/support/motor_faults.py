@@ -7,7 +7,7 @@ from collections.abc import Collection
 from typing import Any
 
 from asvhil.config import load_config
-from asvhil.io.mavlink.frames import FrameSplitter, decode, dialect, message_id
+from asvhil.io.mavlink.frames import FrameSplitter, checksum, decode, dialect, message_id
 from asvhil.operator.session import encode_hold
 from asvhil.simplant.lockstep import Lockstep
 from asvhil.supervisor.reasons import Reason
@@ -63,6 +63,7 @@ class Trial:
         self.loop = Lockstep(load_config("sitl", settings))
         self.loop.plant = Lossy(self.loop.plant, lost)  # type: ignore[assignment]
         self.words: list[str] = []
+        self.commands = 0
         self.results: list[int] = []
         self.overrides: list[list[tuple[int, int]]] = []  # of each tick
         for _ in range(140):
@@ -89,9 +90,10 @@ class Trial:
 
     def hold(self, limit_s: float = 6.0) -> tuple[float | None, Outputs]:
         """Seconds until the motors are let go after a hold (0: refused; None: it goes on), and the last outputs."""
-        self.loop.inject(
-            "operator", encode_hold(self.loop.config.links.autopilot, 40.4237, -86.9212, 0.0), "10.0.0.1:9"
-        )
+        self.commands += 1  # numbered, as `asvhil hold` does: the same bytes again would be a repetition
+        asked = encode_hold(self.loop.config.links.autopilot, 40.4237, -86.9212, 0.0)
+        body = asked[:4] + bytes([self.commands % 256]) + asked[5:-2]
+        self.loop.inject("operator", body + checksum(body), "10.0.0.1:9")
         start_ns = self.loop.t_ns
         outputs = self.tick()
         if self.results[-1] != 0:
