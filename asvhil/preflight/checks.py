@@ -10,6 +10,7 @@ from asvhil.autopilot.requirements import Finding
 from asvhil.config import AutopilotLinkConfig, Quantity
 from asvhil.config.ports import AUTOPILOT
 from asvhil.config.registry import AUTOPILOTS
+from asvhil.estimator.ekf_step import SLOWEST_INERTIAL_S
 from asvhil.io.mavlink.frames import dialect
 from asvhil.preflight.survey import SourceState, Survey
 from asvhil.supervisor.reasons import describe, remedy
@@ -19,6 +20,7 @@ ROUND_TRIP_MAX_MS = 100.0
 CLOCK_OFF_MAX_S = 5.0
 TOLD_LOSS = 0.01
 GOOD_SHARE, LEAST_SHARE = 0.8, 0.5  # of the rate that was asked for
+READINGS_PER_LIMIT = 1.5  # in the time after which a sensor is silent, so that jitter alone does not make it so
 VEHICLES = {dialect.MAV_TYPE_SURFACE_BOAT: "boat", dialect.MAV_TYPE_GROUND_ROVER: "rover"}
 # Without these nothing is held; the others are missed less.
 NEEDED: frozenset[Quantity] = frozenset({"position", "velocity", "heading"})
@@ -359,7 +361,9 @@ def _sensors(survey: Survey) -> list[Check]:
         for place, (state, good) in enumerate(zip(states, fresh, strict=True)):
             lost = quantity in NEEDED or (quantity == "wind" and _is_configured(survey, state))
             result = Result.PASS if good else Result.FAIL if lost and not any(fresh) else Result.WARN
-            checks.append(_source(survey, quantity, place, state, result))
+            in_use = good and not any(fresh[:place])
+            slow = _too_slow(survey, quantity, state) if in_use else ""
+            checks.append(_source(survey, quantity, place, state, Result.WARN if slow else result, slow))
     note = survey.firmware
     if note is not None:
         mended = "restarted" in note.text
@@ -379,11 +383,31 @@ def _is_configured(survey: Survey, state: SourceState) -> bool:
     return link == AUTOPILOT or link in survey.config.links.sensor_links()
 
 
-def _source(survey: Survey, quantity: Quantity, place: int, state: SourceState, result: Result) -> Check:
+def _too_slow(survey: Survey, quantity: Quantity, state: SourceState) -> str:
+    """What to do about a source in use that comes slower than the estimator can use; empty where it does not."""
+    estimator = survey.config.estimator
+    if quantity == "acceleration":
+        uses = estimator.kind == "ekf" and estimator.ekf.accelerometer
+        least_hz, why = (1.0 / SLOWEST_INERTIAL_S if uses else 0.0), "the filter leaves a slower one out"
+    else:
+        key = "wind" if quantity == "wind" else "ekf"
+        limit_s = estimator.wind.stale_after_s if quantity == "wind" else estimator.ekf.stale_after_s
+        least_hz = READINGS_PER_LIMIT / limit_s
+        why = f"it is silent after {limit_s:g} s (estimator.{key}.stale_after_s)"
+    if state.rate_hz >= GOOD_SHARE * least_hz:
+        return ""
+    source = state.source
+    where = f"links.autopilot.streams_hz.{source.message}" if source.link == AUTOPILOT else "the sensor's own rate"
+    return f"at least {least_hz:g} Hz are needed, {why}: raise {where}"
+
+
+def _source(
+    survey: Survey, quantity: Quantity, place: int, state: SourceState, result: Result, slow: str = ""
+) -> Check:
     name = state.source.name
     found = "nothing valid" if state.age_s is None else f"{state.rate_hz:.1f} Hz, last {state.age_s:.2f} s ago"
-    todo = ""
-    if result is not Result.PASS:
+    todo = slow
+    if result is not Result.PASS and not slow:
         if not _is_configured(survey, state):
             todo = f"there is no {survey.config.links.key_of(state.source.link)}"
         elif state.source.link == AUTOPILOT:

@@ -371,6 +371,25 @@ def test_a_silent_accelerometer_is_a_warning_with_either_autopilot(config: str, 
     assert (rate.found, rate.result) == ("0.0 Hz", Result.WARN)
 
 
+@pytest.mark.parametrize(
+    ("override", "item", "words"),
+    [
+        ("links.autopilot.streams_hz.RAW_IMU=2", "acceleration: autopilot.RAW_IMU", "at least 5 Hz are needed"),
+        ("estimator.ekf.stale_after_s=0.1", "position: autopilot.GPS_RAW_INT", "estimator.ekf.stale_after_s"),
+        ("estimator.wind.stale_after_s=0.2", "wind: anemometer.MWV", "raise the sensor's own rate"),
+    ],
+)
+def test_a_source_in_use_that_is_too_slow_for_the_estimator_is_a_warning(override: str, item: str, words: str) -> None:
+    slow = of(Dock(override).look(), item)
+    assert slow.result is Result.WARN
+    assert words in slow.todo
+
+
+def test_a_slow_accelerometer_that_nothing_uses_is_none() -> None:
+    checks = Dock("links.autopilot.streams_hz.RAW_IMU=2", "estimator.ekf.accelerometer=false").look()
+    assert of(checks, "acceleration: autopilot.RAW_IMU").result is Result.PASS
+
+
 def test_a_link_that_carries_nothing_to_the_autopilot_fails() -> None:
     dock = Dock()
     dock.plant.receive = lambda frame: None  # type: ignore[method-assign]
@@ -414,7 +433,8 @@ def test_a_lossy_link_makes_no_finding_and_nothing_to_write(loss: float, seed: i
     dock = LossyDock(loss, seed)
     checks = dock.look()
     wrong = {c.item for c in checks if c.result in (Result.FAIL, Result.WARN) and c.section != "rates"}
-    assert wrong <= {"clock of this computer"}
+    late = {c.item for c in checks if c.section == "rates" and c.result is not Result.PASS}  # not granted in time
+    assert wrong <= {"clock of this computer", *(f"acceleration: autopilot.{name}" for name in late)}
     assert dock.survey.fixable == [] and dock.survey.fix() == []
 
 
