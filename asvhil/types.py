@@ -73,12 +73,17 @@ class Position:
 
 @record
 class GroundVelocity:
-    """Velocity of the antenna over ground, NED."""
+    """Velocity of the antenna over ground, NED.
+
+    `fused`: from a filter that has fused it with position, and whose error therefore stays the same for minutes; a
+    receiver's own velocity (Doppler) is independent of its position.
+    """
 
     t_ns: int
     vn_mps: float
     ve_mps: float
     arm_m: tuple[float, float] = (0.0, 0.0)
+    fused: bool = False
 
 
 @record

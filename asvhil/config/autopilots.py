@@ -53,7 +53,7 @@ _STREAMS_HZ = {
     "ATTITUDE": 20.0,
     "GLOBAL_POSITION_INT": 10.0,
     "RC_CHANNELS": 10.0,
-    "GPS_RAW_INT": 1.0,
+    "GPS_RAW_INT": 5.0,
     "SYSTEM_TIME": 1.0,
     "SYS_STATUS": 2.0,
 }
@@ -75,7 +75,13 @@ AUTOPILOTS.fill(
             control_mode="MANUAL",
             outputs=("rc_override", "manual_control", "set_servo"),
             unsuited={"set_actuator": "ArduPilot has no MAV_CMD_DO_SET_ACTUATOR"},
-            streams_hz={**_STREAMS_HZ, "HEARTBEAT": 5.0, "SERVO_OUTPUT_RAW": 10.0, "EKF_STATUS_REPORT": 2.0},
+            streams_hz={
+                **_STREAMS_HZ,
+                "HEARTBEAT": 5.0,
+                "SERVO_OUTPUT_RAW": 10.0,
+                "EKF_STATUS_REPORT": 2.0,
+                "RAW_IMU": 20.0,
+            },
             imu_message="RAW_IMU",
             mav_autopilot=3,  # MAV_AUTOPILOT_ARDUPILOTMEGA
             firmware="ArduPilot",
@@ -93,7 +99,12 @@ AUTOPILOTS.fill(
                 "set_servo": "PX4 has no MAV_CMD_DO_SET_SERVO on the link",
             },
             # PX4's heartbeat has a fixed rate of 1 Hz.
-            streams_hz={**_STREAMS_HZ, "ACTUATOR_OUTPUT_STATUS": 10.0, "ESTIMATOR_STATUS": 2.0},
+            streams_hz={
+                **_STREAMS_HZ,
+                "ACTUATOR_OUTPUT_STATUS": 10.0,
+                "ESTIMATOR_STATUS": 2.0,
+                "HIGHRES_IMU": 20.0,
+            },
             imu_message="HIGHRES_IMU",
             mav_autopilot=12,  # MAV_AUTOPILOT_PX4
             firmware="PX4",

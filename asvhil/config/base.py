@@ -37,6 +37,11 @@ def known_only(info: ValidationInfo) -> bool:
     return bool(info.context and info.context.get("known_only"))
 
 
+def is_stored(info: ValidationInfo) -> bool:
+    """Whether a config is read back from a log, where all of its keys are written out."""
+    return bool(info.context and info.context.get("stored"))
+
+
 def _checked_link(spec: str, info: ValidationInfo) -> str:
     try:
         if not known_only(info):

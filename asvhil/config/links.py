@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo, model_validator
 
 from asvhil.config.autopilots import outputs_of
-from asvhil.config.base import LinkSpecText, MavlinkId, Positive, Section
+from asvhil.config.base import LinkSpecText, MavlinkId, Positive, Section, is_stored
 from asvhil.config.chosen import NamedIn
 from asvhil.config.mavlink import GroundStationLinkConfig, LinkName, MavlinkLinkConfig, RoutingConfig
 from asvhil.config.ports import AUTOPILOT, OPERATOR
@@ -22,8 +22,16 @@ from asvhil.config.sensors import (
     SensorName,
 )
 
+
+def _without_none(rates: Any) -> Any:
+    """Without the messages that are not to be asked for: a rate of 0 or null."""
+    return {name: rate for name, rate in rates.items() if rate not in (0, None)} if isinstance(rates, dict) else rates
+
+
 # Sorted, for they are asked for in this order, and a config that is read back from a log comes sorted.
-Streams = Annotated[dict[str, Positive], AfterValidator(lambda rates: dict(sorted(rates.items())))]
+Streams = Annotated[
+    dict[str, Positive], BeforeValidator(_without_none), AfterValidator(lambda rates: dict(sorted(rates.items())))
+]
 
 
 def _streams_hz(profile: str) -> dict[str, float]:
@@ -61,18 +69,18 @@ class AutopilotLinkConfig(MavlinkLinkConfig):
             "listened to."
         ),
     )
-    position_source: Literal["GLOBAL_POSITION_INT", "GPS_RAW_INT"] = Field(
-        default="GLOBAL_POSITION_INT",
+    position_source: Literal["GLOBAL_POSITION_INT", "GPS_RAW_INT"] | None = Field(
+        default=None,
         description=(
             "Message for position and velocity where `sources` names none: the autopilot's estimate or its receiver's "
-            "fix."
+            "fix; the other one stands by. null: GPS_RAW_INT, if it is asked for at 2 Hz or more."
         ),
     )
     streams_hz: Streams = Field(
         default_factory=lambda: _streams_hz("ardurover"),
         description=(
-            "Rate to request for each message, as {MESSAGE: Hz}. Default: what the profile needs "
-            "(asvhil/config/autopilots.py). A mapping given here replaces the default."
+            "Rate to request for each message, as {MESSAGE: Hz}; merged over those that the profile needs "
+            "(asvhil/config/autopilots.py). 0 or null: not asked for. What `sources` lists is asked for in any case."
         ),
     )
 
@@ -84,13 +92,17 @@ class AutopilotLinkConfig(MavlinkLinkConfig):
 
     @model_validator(mode="before")
     @classmethod
-    def _fill_in(cls, tree: Any) -> Any:
-        """The profile's own output and streams where none are given."""
-        profile = tree.get("profile") if isinstance(tree, dict) else None
+    def _fill_in(cls, tree: Any, info: ValidationInfo) -> Any:
+        """The profile's own output where none is given, and its streams under those that are."""
+        if not isinstance(tree, dict):
+            return tree
+        profile = tree.get("profile", "ardurover")
         kind = AUTOPILOTS.get(profile) if isinstance(profile, str) else None
         if kind is None:
             return tree
-        return {"output": kind.outputs[0], "streams_hz": dict(kind.streams_hz), **tree}
+        given = tree.get("streams_hz", {})
+        streams = {**kind.streams_hz, **given} if isinstance(given, dict) and not is_stored(info) else given
+        return {"output": kind.outputs[0], **tree, "streams_hz": streams}
 
     @model_validator(mode="after")
     def _check_output(self) -> AutopilotLinkConfig:

@@ -15,7 +15,8 @@ from asvhil.config.told import Lines, told
 from asvhil.config.yaml_text import Path_, parse_yaml, read_yaml
 from asvhil.errors import ConfigError
 
-KNOWN_ONLY = {"known_only": True}
+STORED = {"stored": True}
+KNOWN_ONLY = {**STORED, "known_only": True}
 
 
 def find_config(name: str) -> Path:
@@ -65,7 +66,7 @@ def config_from_json(text: str, source: str, *, known_only: bool = False) -> Con
         tree = json.loads(text)
     except (ValueError, RecursionError) as error:
         raise ConfigError(f"{source}: the stored config is not JSON ({error})") from None
-    return _validate(_known(tree), source, {}, KNOWN_ONLY) if known_only else _validate(tree, source, {})
+    return _validate(_known(tree), source, {}, KNOWN_ONLY) if known_only else _validate(tree, source, {}, STORED)
 
 
 def _known(tree: Any) -> Any:

@@ -92,6 +92,17 @@ class GnssSensorConfig(Section):
     velocity_white_mps: NonNegative = Field(default=0.05, description="White noise of the velocity, each axis.")
 
 
+class FusedVelocityConfig(Section):
+    """Error that the autopilot's own filter adds to its velocity (GLOBAL_POSITION_INT, LOCAL_POSITION_NED).
+
+    A first-order Gauss-Markov process on each axis, north and east; the filter's position is off by what comes of it in
+    a second. The defaults are those of a real ArduRover 4.6.3 (docs/results/real-ardurover.md).
+    """
+
+    slow_bias_mps: NonNegative = Field(default=0.015, description="Standard deviation of the slow error, each axis.")
+    slow_bias_time_s: Positive = Field(default=150.0, description="Correlation time of the slow error.")
+
+
 class HeadingSensorConfig(Section):
     """Errors of the heading: white noise, and a deviation A + B sin psi + C cos psi + D sin 2 psi + E cos 2 psi.
 
@@ -158,6 +169,9 @@ class SensorsConfig(Section):
     """Errors of the simulated sensors: the autopilot's own, the anemometer's, and those of devices beside them."""
 
     gnss: GnssSensorConfig = Field(default=GnssSensorConfig(), description="The autopilot's receiver.")
+    fused_velocity: FusedVelocityConfig = Field(
+        default=FusedVelocityConfig(), description="Error of the velocity that the autopilot's own filter tells."
+    )
     heading: HeadingSensorConfig = Field(default=HeadingSensorConfig(), description="The autopilot's heading.")
     imu: ImuSensorConfig = Field(default=ImuSensorConfig(), description="The autopilot's IMU.")
     anemometer: AnemometerSensorConfig = Field(default=AnemometerSensorConfig(), description="The wind sensor.")

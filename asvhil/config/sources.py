@@ -8,12 +8,21 @@ from typing import Any
 from pydantic import Field, model_validator
 
 from asvhil.config.base import NonNegative, Positive, Section
-from asvhil.config.links import LinksConfig
+from asvhil.config.links import AutopilotLinkConfig, LinksConfig
 from asvhil.config.ports import ANEMOMETER, AUTOPILOT
 from asvhil.config.registry import AUTOPILOTS, SENSORS
 from asvhil.config.sensors import ATTITUDE, FIX, INERTIAL, QUANTITIES, WIND, Quantity
 
 LEAST_INTERVALS = 2.0  # of a stream within a time-out: jitter alone must not be a failure
+# How often the estimator wants a quantity: the rate at which a listed message is asked for that has none.
+NEEDED_HZ: dict[Quantity, float] = {
+    "position": 5.0,
+    "velocity": 5.0,
+    "heading": 20.0,
+    "yaw_rate": 20.0,
+    "acceleration": 20.0,
+    "wind": 5.0,
+}
 
 # What each message of the autopilot can give.
 AUTOPILOT_MESSAGES: dict[str, tuple[Quantity, ...]] = {
@@ -77,7 +86,8 @@ class SourcesConfig(Section):
     """Sources of each quantity in order of preference: one is used at a time, and the next one when it fails."""
 
     position: Sources = Field(
-        default=(), description="Sources of position; empty: links.autopilot.position_source of the autopilot."
+        default=(),
+        description="Sources of position; empty: GPS_RAW_INT, GLOBAL_POSITION_INT (links.autopilot.position_source).",
     )
     velocity: Sources = Field(default=(), description="Sources of velocity over ground; empty: as for position.")
     heading: Sources = Field(default=(), description="Sources of heading; empty: autopilot.ATTITUDE.")
@@ -93,14 +103,14 @@ class SourcesConfig(Section):
 
     def resolved(self, links: LinksConfig) -> dict[Quantity, Sources]:
         """The sources of every quantity, the defaults for lists that are empty."""
-        fix = SourceConfig(link=AUTOPILOT, message=links.autopilot.position_source)
+        fixes = _fixes(links.autopilot)
         attitude = SourceConfig(link=AUTOPILOT, message="ATTITUDE")
         # Without a stream request the IMU's rate is 1 Hz.
         message = AUTOPILOTS.find(links.autopilot.profile).imu_message
         imu = SourceConfig(link=AUTOPILOT, message=message, timeout_s=3.0)
         return {
-            "position": self.position or (fix,),
-            "velocity": self.velocity or (fix,),
+            "position": self.position or fixes,
+            "velocity": self.velocity or fixes,
             "heading": self.heading or (attitude,),
             "yaw_rate": self.yaw_rate or (attitude,),
             "acceleration": self.acceleration or (imu,),
@@ -108,10 +118,39 @@ class SourcesConfig(Section):
         }
 
 
-def _check_stream(where: str, source: SourceConfig, rate_hz: float | None) -> None:
+def _fixes(link: AutopilotLinkConfig) -> Sources:
+    """The sources of position and velocity by default, in order of preference.
+
+    The receiver's fix comes first: its velocity, from the Doppler shift, is independent of its position. The velocity
+    of an autopilot's filter is not: on a real ArduRover it is off by 1 to 2 cm/s for minutes
+    (docs/results/real-ardurover.md).
+    """
+    raw, fused = (SourceConfig(link=AUTOPILOT, message=name) for name in ("GPS_RAW_INT", "GLOBAL_POSITION_INT"))
+    rates = link.streams_hz
+    fast = raw.timeout_s * rates.get(raw.message, 0.0) >= LEAST_INTERVALS
+    preferred = link.position_source or (raw.message if fast else fused.message)
+    first, second = (raw, fused) if preferred == raw.message else (fused, raw)
+    return (first, second) if second.timeout_s * rates.get(second.message, 0.0) >= LEAST_INTERVALS else (first,)
+
+
+def ask_for(sources: SourcesConfig, link: AutopilotLinkConfig) -> None:
+    """Give every listed message of the autopilot that has no rate the one that the quantity needs."""
+    rates = link.streams_hz
+    missing: dict[str, float] = {}
+    for quantity in QUANTITIES:
+        for source in getattr(sources, quantity):
+            known = source.link == AUTOPILOT and quantity in AUTOPILOT_MESSAGES.get(source.message, ())
+            if known and source.message not in rates:
+                least_hz = LEAST_INTERVALS / source.timeout_s
+                missing[source.message] = max(missing.get(source.message, 0.0), NEEDED_HZ[quantity], least_hz)
+    if missing:
+        merged = dict(sorted({**rates, **missing}.items()))
+        rates.clear()
+        rates.update(merged)
+
+
+def _check_stream(where: str, source: SourceConfig, rate_hz: float) -> None:
     key = f"links.autopilot.streams_hz.{source.message}"
-    if rate_hz is None:
-        raise ValueError(f"{where} is not asked for; give {key} a rate")
     if source.timeout_s * rate_hz < LEAST_INTERVALS:
         least_s = LEAST_INTERVALS / rate_hz
         raise ValueError(f"{where} comes at {rate_hz:g} Hz: timeout_s of at least {least_s:g}, or a higher {key}")
@@ -150,7 +189,7 @@ def check_sources(sources: SourcesConfig, links: LinksConfig, history_s: float, 
                 key = links.key_of(source.link)
                 raise ValueError(f"{where} gives no {quantity}; of {key} can: {', '.join(able) or 'nothing'}")
             if source.link == AUTOPILOT:
-                _check_stream(where, source, links.autopilot.streams_hz.get(source.message))
+                _check_stream(where, source, links.autopilot.streams_hz[source.message])
             if source.delay_s > history_s:
                 raise ValueError(f"{where}: delay_s must not be above estimator.ekf.history_s, which is {history_s:g}")
             if source.delay_s >= stale_after_s:

@@ -20,6 +20,7 @@ from asvhil.estimator.states import (
     D_E,
     D_N,
     D_R,
+    DEVIATION,
     PSI,
     SIZE,
     E,
@@ -57,6 +58,8 @@ class Filter:
         self._n_motor = model.n_motor
         self._motion = MotionModel(model, ekf.position_bias_time_s)
         self._noise_rate = noise_rate(ekf)
+        self._noise_rate_without_bias = self._noise_rate.copy()
+        self._noise_rate_without_bias[[B_N, B_E]] = 0.0
         self._model_density = float(self._noise_rate[U])  # the same for v
         self._accel_density = ekf.accel_std_mps2**2  # times the interval between samples
         # Of the states from D_N to B_E: what no disturbance and no receiver's slow error is beyond.
@@ -99,6 +102,8 @@ class Filter:
         x[U], x[V] = c * vn + s * ve, -s * vn + c * ve
         x[N], x[E] = -(c * arm_x - s * arm_y), -(s * arm_x + c * arm_y)
         state = FilterState(position.t_ns, x, np.diag(prior(ekf)), np.zeros(self._n_motor))
+        if velocity is not None and velocity.fused:
+            state.follows_bias = False
         state.tracks["position"] = Track(heard_ns=position.t_ns, used_ns=position.t_ns, used=1)
         state.tracks["heading"] = Track(heard_ns=heading.t_ns, used_ns=heading.t_ns, used=1)
         return state
@@ -126,8 +131,9 @@ class Filter:
     def _predict(self, state: FilterState, t_ns: int) -> None:
         remaining_s = (t_ns - state.t_ns) * 1e-9
         state.t_ns = t_ns
+        noise_rate = self._noise_rate if state.follows_bias else self._noise_rate_without_bias
         if remaining_s > MAX_GAP_S:
-            state.p = state.p + np.diag(self._noise_rate) * remaining_s
+            state.p = state.p + np.diag(noise_rate) * remaining_s
             return
         motion = self._motion
         fused = state.interval_s > 0.0 and (t_ns - state.inertial_ns) * 1e-9 <= OVERDUE * state.interval_s
@@ -141,7 +147,7 @@ class Filter:
             state.x = motion.after[:SIZE].copy()
             state.motor = motion.after[SIZE:].copy()
             p = motion.jacobian @ state.p @ motion.jacobian.T
-            p.reshape(-1)[:: SIZE + 1] += self._noise_rate * dt_s
+            p.reshape(-1)[:: SIZE + 1] += noise_rate * dt_s
             if gain:
                 p[U, U] -= gain * self._model_density * dt_s
                 p[V, V] -= gain * self._model_density * dt_s
@@ -193,6 +199,10 @@ class Filter:
     def _on_correction(self, state: FilterState, t_ns: int, measurements: tuple[Corrected, ...]) -> None:
         for m in measurements:
             if isinstance(m, GroundVelocity):
+                # A filter's velocity that is off by 1 cm/s for minutes would pass for a receiver's slow error: the
+                # estimate would walk away from the filter's own position, and the boat follow. So with a fused velocity
+                # that error is not estimated; what was found of it decays.
+                state.follows_bias = not m.fused
                 fault_recovery.travel(state, t_ns, m.vn_mps, m.ve_mps)
         noise = self._noise[tuple(type(m) for m in measurements)]
         self._take(state, t_ns, measurement_model.reading_of(state.x, measurements, self._frame), noise)
@@ -247,7 +257,7 @@ class Filter:
             steady = fault_recovery.steady_part(state, t_ns, name, off)
             state.tracks[name] = track = sensor_health.refuse(track, t_ns, steady, off, slack)
             if fault_recovery.convinces(state, t_ns, name, math.hypot(*off) - slack, self._return_ns):
-                fault_recovery.give_up(state, name)
+                self._give_up(state, name, math.hypot(*off))
                 ph = state.p @ h.T
                 s = h @ ph + noise
                 state.tracks[name] = sensor_health.use(track, t_ns)
@@ -260,9 +270,26 @@ class Filter:
         self._correct(state, ph, s, innovation, h, noise)
         return True
 
+    def _give_up(self, state: FilterState, name: str, off: float) -> None:
+        """Let the reading be right. Of a position: with a slow error of its own, where the boat has not moved so far.
+
+        The receiver's velocity is believed, so it is not the boat that is `off` (m) from where the filter has it.
+        """
+        std_m = self._config.ekf.position_bias_std_m
+        velocity = state.tracks.get("velocity")
+        moved = velocity is None or velocity.used == 0 or velocity.refused_in_row > 0
+        if name != "position" or moved or not state.follows_bias or off > BIAS_SIGMA * std_m:
+            fault_recovery.give_up(state, name)
+            return
+        state.resets += 1
+        state.p = state.p.copy()
+        state.p[[B_N, B_E], [B_N, B_E]] += std_m**2
+
     def _correct(self, state: FilterState, ph: Array, s: Array, innovation: Array, h: Array, noise: Array) -> None:
         """Joseph-form update, which keeps the covariance symmetric and positive."""
         gain = np.linalg.solve(s, ph.T).T
+        if not state.follows_bias:  # a fused velocity has the heading's error in it, and tells nothing of the compass
+            gain[DEVIATION] = 0.0
         x = state.x + gain @ innovation
         x[PSI] = wrap_rad(x[PSI])
         self._clip(x)

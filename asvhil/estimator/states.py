@@ -42,13 +42,16 @@ def noise_rate(config: EkfConfig) -> Array:
 
 
 def prior(config: EkfConfig) -> Array:
-    """Variances at the start, for a first fix of unknown quality."""
+    """Variances at the start, for a first fix of unknown quality.
+
+    The GNSS position's slow error counts from what it is at the start, so it is zero then: a constant part is not
+    observable, and a prior for it would have the estimate follow the receiver by half of what it wanders.
+    """
     compass_variance = math.radians(config.compass.std_deg) ** 2
-    bias_variance = config.position_bias_std_m**2
-    pose_and_velocity = [1.0 + bias_variance] * 2 + [0.05] + [0.25] * 2 + [0.01]
+    pose_and_velocity = [1.0] * 2 + [0.05] + [0.25] * 2 + [0.01]
     disturbance = [1e-3, 1e-3, 1e-4]
     inertial = [config.accel_bias_std_mps2**2] * 2 + [config.gyro_bias_std_radps**2]
-    return np.array(pose_and_velocity + disturbance + inertial + [bias_variance] * 2 + [compass_variance] * 5)
+    return np.array(pose_and_velocity + disturbance + inertial + [0.0] * 2 + [compass_variance] * 5)
 
 
 class Forcing(NamedTuple):
@@ -63,6 +66,7 @@ class FilterState:
 
     __slots__ = (
         "carries_wind",
+        "follows_bias",
         "forcing",
         "inertial_ns",
         "interval_s",
@@ -91,6 +95,7 @@ class FilterState:
         self.invalid_since_ns = NEVER
         self.resets = 0
         self.started_ns = t_ns
+        self.follows_bias = True  # the velocity is independent of the position, so the position's slow error shows
         self.carries_wind = False  # the disturbance stands in for the load of a wind that is not known
 
     def copy(self) -> FilterState:
@@ -103,4 +108,5 @@ class FilterState:
         other.travel, other.travelled_ns = self.travel, self.travelled_ns
         other.invalid_since_ns, other.resets = self.invalid_since_ns, self.resets
         other.started_ns, other.carries_wind = self.started_ns, self.carries_wind
+        other.follows_bias = self.follows_bias
         return other

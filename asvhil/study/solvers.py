@@ -193,11 +193,14 @@ def _at_horizon(config: Config, horizon_s: float) -> Config:
     stages = round(horizon_s / mpc.first_step_s)
     mpc = mpc.model_copy(update={"stages": stages, "last_step_s": mpc.first_step_s})
     gnss = config.plant.sensors.gnss.model_copy(update={"slow_bias_m": 0.0})
-    sensors = config.plant.sensors.model_copy(update={"gnss": gnss})
+    fused = config.plant.sensors.fused_velocity.model_copy(update={"slow_bias_mps": 0.0})
+    sensors = config.plant.sensors.model_copy(update={"gnss": gnss, "fused_velocity": fused})
+    link = config.links.autopilot.model_copy(update={"position_source": "GLOBAL_POSITION_INT"})
     ekf = config.estimator.ekf.model_copy(update={"position_bias_std_m": 0.0})
     return config.model_copy(
         update={
             "controller": config.controller.model_copy(update={"mpc": mpc}),
+            "links": config.links.model_copy(update={"autopilot": link}),
             "plant": config.plant.model_copy(update={"sensors": sensors}),
             "estimator": config.estimator.model_copy(update={"ekf": ekf}),
         }

@@ -16,6 +16,7 @@ CALM = (
     "plant.start_n_m=0",
     "plant.start_e_m=0",
     "plant.sensors.gnss.slow_bias_m=0",
+    "plant.sensors.fused_velocity.slow_bias_mps=0",
     "plant.sensors.gnss.white_m=0",
     "plant.sensors.gnss.velocity_white_mps=0",
     "plant.sensors.heading.white_deg=0",

@@ -74,7 +74,7 @@ class MavlinkSensors:
             return ()
         return (
             Position(t_ns=t_ns, lat_deg=lat_deg, lon_deg=lon_deg, h_acc_m=self._h_acc_m),
-            GroundVelocity(t_ns=t_ns, vn_mps=m.vx * 0.01, ve_mps=m.vy * 0.01),
+            GroundVelocity(t_ns=t_ns, vn_mps=m.vx * 0.01, ve_mps=m.vy * 0.01, fused=True),
         )
 
     def _gps_raw(self, t_ns: int, m: Any) -> Found:

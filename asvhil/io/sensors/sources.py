@@ -63,7 +63,7 @@ class SourceChoice:
 
     A source is alive while its last valid value is no older than its time-out. The one in use is kept until it is no
     longer alive (then the best of those that are takes over at once), or until a preferred one has been alive without
-    a break for the return time.
+    a break for the return time. At the start a preferred one has its time-out to be heard, and is used at once.
     """
 
     def __init__(self, sources: tuple[SourceConfig, ...], return_after_s: float) -> None:
@@ -73,6 +73,7 @@ class SourceChoice:
         self._heard_ns: list[int | None] = [None] * len(sources)
         self._alive_since_ns = [0] * len(sources)
         self._using: int | None = None
+        self._begun_ns: int | None = None  # when the first of all was heard
 
     @property
     def alone(self) -> bool:
@@ -87,6 +88,8 @@ class SourceChoice:
         if not self._alive(number, t_ns):
             self._alive_since_ns[number] = t_ns
         self._heard_ns[number] = t_ns
+        if self._begun_ns is None:
+            self._begun_ns = t_ns
         self._choose(t_ns)
         return self._using == number
 
@@ -103,9 +106,14 @@ class SourceChoice:
         using = self._using
         lost = using is None or not self._alive(using, t_ns)
         for number in range(len(self._names) if using is None or lost else using):
-            if self._alive(number, t_ns) and (lost or t_ns - self._alive_since_ns[number] >= self._return_ns):
+            if self._alive(number, t_ns) and (lost or self._may_return(number, t_ns)):
                 self._using = number
                 return
+
+    def _may_return(self, number: int, t_ns: int) -> bool:
+        since_ns = self._alive_since_ns[number]
+        never_failed = self._begun_ns is not None and since_ns - self._begun_ns <= self._timeouts_ns[number]
+        return never_failed or t_ns - since_ns >= self._return_ns
 
 
 class SourceSelector:

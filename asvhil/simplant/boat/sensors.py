@@ -14,6 +14,7 @@ from asvhil.simplant.boat.faults import SOUND, SensorFaults
 from asvhil.simplant.boat.noise import NormalSource, OrnsteinUhlenbeck
 from asvhil.types import record
 
+FUSION_S = 1.0  # for so long a filter's position follows its velocity: both errors are of one mind
 RETRY_NS = 10_000_000_000  # AP_NavEKF3.h: posRetryTimeUseVel_ms and magFailTimeLimit_ms are 10000
 Jump = tuple[float, float, float]  # north, east (m), heading (rad)
 VANE_STALL_MPS = 0.01  # without wind nothing turns the vane: it stays where it was
@@ -60,6 +61,7 @@ class Navigation:
 
     A jump shows in the fix at once. Where a `filtered` set of sensors tells its own estimate, as an autopilot does, it
     shows in the fused position and the heading only after the 10 s for which ArduPilot's filter holds out against it.
+    Its velocity then has a slow error of its own (`FusedVelocityConfig`), and its position what comes of that.
     """
 
     __slots__ = (
@@ -78,6 +80,8 @@ class Navigation:
         "_heading_bias",
         "_heading_std",
         "_period_ns",
+        "_slow_ve",
+        "_slow_vn",
         "_sources",
         "_velocity_std",
         "_white_std",
@@ -110,7 +114,9 @@ class Navigation:
         filtered: bool = False,
     ) -> None:
         gnss, imu = config.gnss, config.imu
-        bias_n, bias_e, white, velocity, heading, gyro, accel, turn_on = (NormalSource(part) for part in seed.spawn(8))
+        bias_n, bias_e, white, velocity, heading, gyro, accel, turn_on, slow_n, slow_e = (
+            NormalSource(part) for part in seed.spawn(10)
+        )
         self._sources = white, velocity, heading, gyro, accel
         period_s = 1.0 / min(gnss.rate_hz, loop_hz)  # a fix faster than the loop that reads it would be lost
         self._period_ns = round(1e9 * period_s)
@@ -122,6 +128,9 @@ class Navigation:
         self._heading_bias = math.radians(config.heading.bias_deg)
         self._deviation = tuple(math.radians(part) for part in config.heading.deviation_deg)
         self._follower = Follower() if filtered else None
+        fused, slow_mps = config.fused_velocity, config.fused_velocity.slow_bias_mps if filtered else 0.0
+        self._slow_vn = OrnsteinUhlenbeck(slow_mps, fused.slow_bias_time_s, period_s, slow_n)
+        self._slow_ve = OrnsteinUhlenbeck(slow_mps, fused.slow_bias_time_s, period_s, slow_e)
         self._gyro_std, self._accel_std = imu.gyro_white_radps, imu.accel_white_mps2
         self._accel_bias = imu.accel_bias_mps2 * turn_on.next(), imu.accel_bias_mps2 * turn_on.next()
         self._err_n = self._err_e = self._err_vn = self._err_ve = 0.0
@@ -147,8 +156,8 @@ class Navigation:
             self._fix_due_ns += self._period_ns
         if due and not faults.gnss_silent:
             if self.fixes:
-                self._bias_n.advance()
-                self._bias_e.advance()
+                for slow in (self._bias_n, self._bias_e, self._slow_vn, self._slow_ve):
+                    slow.advance()
             self._err_n = self._bias_n.value + self._white_std * white.next()
             self._err_e = self._bias_e.value + self._white_std * white.next()
             self._err_vn = self._velocity_std * velocity.next()
@@ -160,8 +169,10 @@ class Navigation:
                 self.fix_e_m = truth.e_m + self._err_e + faults.jump_e_m
                 self.fix_vn_mps, self.fix_ve_mps = vn + self._err_vn, ve + self._err_ve
         if not (faults.gnss_silent or faults.gnss_frozen):
-            self.n_m, self.e_m = truth.n_m + self._err_n + fused_n_m, truth.e_m + self._err_e + fused_e_m
-            self.vn_mps, self.ve_mps = vn + self._err_vn, ve + self._err_ve
+            slow_vn, slow_ve = self._slow_vn.value, self._slow_ve.value
+            self.n_m = truth.n_m + self._err_n + fused_n_m + FUSION_S * slow_vn
+            self.e_m = truth.e_m + self._err_e + fused_e_m + FUSION_S * slow_ve
+            self.vn_mps, self.ve_mps = vn + self._err_vn + slow_vn, ve + self._err_ve + slow_ve
         bias_rad = self._heading_bias + self._deviation_at(truth.psi_rad)
         self.compass_error_rad = bias_rad + faults.turn_rad
         self.psi_rad = wrap_2pi(truth.psi_rad + bias_rad + turn_rad + self._heading_std * heading.next())

@@ -19,8 +19,13 @@ from asvhil.logs.metrics import PoseErrors, score
 from asvhil.simplant.lockstep import Lockstep
 from asvhil.types import Phase
 
-# A receiver without its slow error, and a filter that looks for none: that error is a floor under every controller.
-NO_SLOW_ERROR = ("plant.sensors.gnss.slow_bias_m=0", "estimator.ekf.position_bias_std_m=0")
+# Position and velocity without slow errors, and a filter that looks for none: they are a floor under every controller.
+NO_SLOW_ERROR = (
+    "plant.sensors.gnss.slow_bias_m=0",
+    "plant.sensors.fused_velocity.slow_bias_mps=0",
+    "links.autopilot.position_source=GLOBAL_POSITION_INT",
+    "estimator.ekf.position_bias_std_m=0",
+)
 NO_NOISE = (
     "plant.weather.wind.gust_along=0",
     "plant.weather.wind.gust_across=0",

@@ -8,7 +8,13 @@ import numpy as np
 import pytest
 from pynmeagps import NMEAReader
 
-from asvhil.config import AnemometerSensorConfig, GnssSensorConfig, SensorsConfig, load_config
+from asvhil.config import (
+    AnemometerSensorConfig,
+    FusedVelocityConfig,
+    GnssSensorConfig,
+    SensorsConfig,
+    load_config,
+)
 from asvhil.simplant.boat.sensors import Anemometer, Navigation, mwv_sentence
 from asvhil.simplant.boat.vessel import Vessel
 
@@ -48,6 +54,21 @@ def test_slow_bias_has_its_spread_and_correlation_time() -> None:
     for column in (fixes - [10.0, -20.0]).T:
         assert column.std() == pytest.approx(1.0, rel=0.07)
         assert np.mean(column[10:] * column[:-10]) / column.var() == pytest.approx(math.exp(-1.0), abs=0.07)
+
+
+def test_a_filter_has_a_slow_error_of_velocity_and_what_comes_of_it_in_its_position() -> None:
+    gnss = GnssSensorConfig(slow_bias_m=0.0, white_m=0.0, velocity_white_mps=0.0)
+    config = SensorsConfig(gnss=gnss, fused_velocity=FusedVelocityConfig(slow_bias_mps=0.015, slow_bias_time_s=2.0))
+    names = ("vn_mps", "ve_mps", "n_m", "e_m", "fix_vn_mps", "fix_ve_mps", "fix_n_m", "fix_e_m")
+    filtered = Navigation(config, 50.0, 0, np.random.SeedSequence(1), filtered=True)
+    seen = record(filtered, truth(), 200_000, *names)[::10]
+    for column in seen[:, :2].T:
+        assert column.std() == pytest.approx(0.015, rel=0.07)
+        assert np.mean(column[10:] * column[:-10]) / column.var() == pytest.approx(math.exp(-1.0), abs=0.07)
+    assert np.allclose(seen[:, 2:4] - [10.0, -20.0], 1.0 * seen[:, :2])  # 1 s of it
+    assert np.allclose(seen[:, 4:], [0.0, 0.0, 10.0, -20.0])  # the receiver has none of it
+    receiver = record(Navigation(config, 50.0, 0, np.random.SeedSequence(1)), truth(), 100, *names)
+    assert np.allclose(receiver, [0.0, 0.0, 10.0, -20.0, 0.0, 0.0, 10.0, -20.0])
 
 
 def test_fixes_come_at_their_rate_and_the_fused_position_moves_on_between_them() -> None:

@@ -36,7 +36,8 @@ from asvhil.train.series import (
 )
 from asvhil.types import Frame
 
-CONFIG = load_config("sitl", ("plant.weather.wind.gust_along=0", "plant.weather.wind.gust_across=0"))
+FUSED = ("links.autopilot.position_source=GLOBAL_POSITION_INT", "plant.sensors.fused_velocity.slow_bias_mps=0")
+CONFIG = load_config("sitl", ("plant.weather.wind.gust_along=0", "plant.weather.wind.gust_across=0", *FUSED))
 
 
 def rms(a: np.ndarray) -> np.ndarray:

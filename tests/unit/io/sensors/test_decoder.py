@@ -44,21 +44,22 @@ def sentence(body: str, port: str = "anemometer", t_ns: int = 5) -> Frame:
 
 
 def test_measurements_come_from_the_source_in_use_in_the_order_of_the_bytes() -> None:
-    status, *found = decoder().decode(from_autopilot(READY, ATTITUDE, RAW, FUSED))
+    names = [f"sources.{quantity}=[autopilot.GLOBAL_POSITION_INT]" for quantity in ("position", "velocity")]
+    fused = decoder(*names)
+    status, *found = fused.decode(from_autopilot(READY, ATTITUDE, RAW, FUSED))
     assert isinstance(status, FrontseatStatus)
     assert found == [
         Heading(t_ns=5, psi_rad=-2.5),
         YawRate(t_ns=5, r_radps=0.125),
         Position(t_ns=5, lat_deg=40.4237, lon_deg=-86.9212, h_acc_m=0.3),
-        GroundVelocity(t_ns=5, vn_mps=0.12, ve_mps=-0.34),
+        GroundVelocity(t_ns=5, vn_mps=0.12, ve_mps=-0.34, fused=True),
     ]
 
 
-def test_the_position_of_the_receiver_alone_where_the_config_says_so() -> None:
-    raw = decoder("links.autopilot.position_source=GPS_RAW_INT")
-    _, place, velocity = raw.decode(from_autopilot(READY, RAW, FUSED))
+def test_the_receiver_comes_before_the_filter_that_has_fused_it() -> None:
+    _, place, velocity = decoder().decode(from_autopilot(READY, RAW, FUSED))
     assert isinstance(place, Position) and place.lat_deg == 10 * 1e-7
-    assert isinstance(velocity, GroundVelocity) and velocity.ve_mps == pytest.approx(1.0)
+    assert isinstance(velocity, GroundVelocity) and velocity.ve_mps == pytest.approx(1.0) and not velocity.fused
 
 
 def test_a_fix_has_the_place_and_the_time_that_the_config_gives_its_source() -> None:

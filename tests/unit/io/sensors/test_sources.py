@@ -50,9 +50,15 @@ def test_the_first_that_speaks_is_used_until_a_better_one_has_been_heard_for_the
     assert two.current(0) == "" and two.offer(0, B)
     for tenth in range(1, 100):
         t_ns = tenth * S // 10
-        used_a, used_b = two.offer(t_ns, A), two.offer(t_ns, B)
+        used_a, used_b = t_ns > S and two.offer(t_ns, A), two.offer(t_ns, B)
         assert used_a != used_b
-        assert used_a is (t_ns >= 5 * S + S // 10), t_ns
+        assert used_a is (t_ns >= 6 * S + S // 10), t_ns
+
+
+def test_at_the_start_a_better_one_that_is_heard_within_its_time_out_is_used_at_once() -> None:
+    two = choice(A, B)
+    assert two.offer(0, B) and two.offer(S // 2, B)
+    assert two.offer(S, A) and not two.offer(S, B)
 
 
 def test_a_silent_source_loses_after_its_time_out_and_wins_back_after_the_return_time() -> None:
@@ -191,8 +197,8 @@ def test_the_status_of_the_autopilot_passes() -> None:
 def test_switches_are_told_once_and_only_where_there_is_a_choice() -> None:
     chooser = selector(position=[A, B], velocity=[A])
     for name in (B, A):
-        chooser.select(name, PLACE)
         chooser.select(name, VELOCITY)
+    chooser.select(B, PLACE)
     assert [(s.quantity, s.before, s.after) for s in chooser.switches(0)] == [("position", "", B)]
     assert chooser.switches(S // 2) == []
     assert [(s.quantity, s.before, s.after) for s in chooser.switches(3 * S)] == [("position", B, "")]
@@ -205,13 +211,48 @@ def config(*overrides: str) -> Config:
     return load_config("sitl-vn300", overrides)
 
 
-def test_the_defaults_are_what_the_links_give() -> None:
-    plain = load_config("sitl")
+RAW, FUSED = "autopilot.GPS_RAW_INT", "autopilot.GLOBAL_POSITION_INT"
+
+
+@pytest.mark.parametrize("name", ["field", "field-px4", "sitl", "sitl-px4"])
+@pytest.mark.parametrize(
+    ("override", "fixes"),
+    [
+        ("plant.seed=1", [RAW, FUSED]),
+        ("links.autopilot.position_source=GLOBAL_POSITION_INT", [FUSED, RAW]),
+        ("links.autopilot.streams_hz.GPS_RAW_INT=1", [FUSED]),  # too slow for any time-out of 1 s
+        ("links.autopilot.streams_hz.GPS_RAW_INT=0", [FUSED]),
+        ("links.autopilot.streams_hz.GLOBAL_POSITION_INT=null", [RAW]),
+    ],
+)
+def test_the_defaults_are_what_the_links_give(name: str, override: str, fixes: list[str]) -> None:
+    plain = load_config(name, (override,))
     names = {q: [s.name for s in list_] for q, list_ in plain.sources.resolved(plain.links).items()}
-    assert names["position"] == names["velocity"] == ["autopilot.GLOBAL_POSITION_INT"]
+    assert names["position"] == names["velocity"] == fixes
     assert names["heading"] == names["yaw_rate"] == ["autopilot.ATTITUDE"] and names["wind"] == ["anemometer.MWV"]
-    raw = load_config("sitl", ("links.autopilot.position_source=GPS_RAW_INT",))
-    assert [s.name for s in raw.sources.resolved(raw.links)["position"]] == ["autopilot.GPS_RAW_INT"]
+
+
+@pytest.mark.parametrize(
+    ("override", "message", "rate_hz"),
+    [
+        ("sources.wind=[autopilot.WIND]", "WIND", 5.0),
+        ("sources.heading=[autopilot.ATTITUDE_QUATERNION]", "ATTITUDE_QUATERNION", 20.0),
+        ("sources.position=[{link: autopilot, message: GPS2_RAW, timeout_s: 0.2}]", "GPS2_RAW", 10.0),
+        ("sources.wind=[anemometer.MWV, {link: autopilot, message: WIND, timeout_s: 3}]", "WIND", 5.0),
+    ],
+)
+def test_a_listed_message_is_asked_for(override: str, message: str, rate_hz: float) -> None:
+    plain, asked = config().links.autopilot.streams_hz, config(override).links.autopilot.streams_hz
+    assert message not in plain
+    assert asked == {**plain, message: rate_hz}
+    assert list(asked) == sorted(asked)
+    given = config(override, f"links.autopilot.streams_hz.{message}=12").links.autopilot.streams_hz
+    assert given == {**plain, message: 12.0}
+
+
+def test_a_config_read_back_from_a_log_asks_for_what_it_asked_for() -> None:
+    less = config("links.autopilot.streams_hz.RC_CHANNELS=0", "sources.wind=[autopilot.WIND]")
+    assert config_from_json(less.canonical_json(), "log") == less
 
 
 def test_a_word_and_a_mapping_are_the_same_and_survive_the_log() -> None:
@@ -225,8 +266,10 @@ def test_a_word_and_a_mapping_are_the_same_and_survive_the_log() -> None:
         ("sources.position=[gnss.RMC]", "sources.position.0: gnss.RMC: there is no links.gnss"),
         ("sources.heading=[ins.GNSS1]", "ins.GNSS1 gives no heading; of links.ins can: BINARY, VNINS"),
         ("sources.wind=[ins.BINARY]", "ins.BINARY gives no wind; of links.ins can: nothing"),
-        ("sources.wind=[autopilot.WIND]", "give links.autopilot.streams_hz.WIND a rate"),
-        ("sources.position=[autopilot.GPS_RAW_INT]", "comes at 1 Hz: timeout_s of at least 2"),
+        (
+            "sources.position=[{link: autopilot, message: GPS_RAW_INT, timeout_s: 0.2}]",
+            "comes at 5 Hz: timeout_s of at least 0.4",
+        ),
         ("sources.heading=[ins.BINARY, ins.BINARY]", "sources.heading.1: ins.BINARY stands in the list twice"),
         ("sources.heading=[HDT]", "a source is LINK.MESSAGE"),
         ("sources.heading=[radar.HDT]", "sources.heading.0: radar.HDT: there is no links.sensors.radar (links with"),
