@@ -127,7 +127,7 @@ class Px4Telemetry(VehicleTelemetry):
         vehicle = self._px4
         flags = READY if vehicle.ready(t_ns) else DROPPED
         if not vehicle.armed:
-            flags |= AT_REST if vehicle.says_rest and vehicle.ready(t_ns) else ON_GROUND
+            flags |= AT_REST if vehicle.says_rest else ON_GROUND
         return dialect.MAVLink_estimator_status_message(
             self._us(t_ns), flags, 0.05, 0.05, 0.05, 0.1, 0.0, 0.0, self._h_acc_mm * 1e-3, 1.0
         )

@@ -53,7 +53,7 @@ class Px4Boat(Boat):
         return of(self.run(1.0), "HEARTBEAT")[-1]
 
 
-@pytest.mark.parametrize(("version", "at_rest", "dropped"), [("1.15", 895, 229), ("1.16", 959, 229)])
+@pytest.mark.parametrize(("version", "at_rest", "dropped"), [("1.15", 895, 229), ("1.16", 959, 165)])
 def test_heartbeat_and_readiness_flags(version: str, at_rest: int, dropped: int) -> None:
     boat = Px4Boat("plant.frontseat.ready_after_s=20", f"plant.frontseat.px4_version='{version}'")
     before = boat.run(19.9)
