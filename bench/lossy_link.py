@@ -6,7 +6,6 @@ In virtual time: 60 preflights and 60 starts with a first hold for each share of
 from __future__ import annotations
 
 import argparse
-import dataclasses
 import json
 import statistics
 from collections import Counter
@@ -102,7 +101,7 @@ def main() -> None:
     given = options.parse_args()
     console = Console()
     seeds = range(1, given.starts + 1)
-    checks, holds, every = [], [], []
+    checks, holds = [], []
     check = partial(check_start, config=given.config)
     hold = partial(hold_start, hold_s=given.hold, config=given.config, overrides=tuple(given.set))
     with ProcessPoolExecutor(given.jobs) as pool:
@@ -115,7 +114,7 @@ def main() -> None:
             ]
     print("\n".join(rows(checks, holds)))
     if given.json is not None:
-        figures = {"config": given.config, "set": given.set, "checks": checks, "holds": holds, "starts": every}
+        figures = {"config": given.config, "set": given.set, "checks": checks, "holds": holds}
         given.json.write_text(json.dumps(figures, indent=1) + "\n", encoding="utf-8")
 
 
