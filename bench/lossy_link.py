@@ -109,9 +109,6 @@ def main() -> None:
             checks.append(checked(loss, list(pool.map(check, [loss] * len(seeds), seeds))))
             starts = list(pool.map(hold, [loss] * len(seeds), seeds))
             holds.append(held(loss, starts))
-            every += [
-                {"loss": loss, "seed": s, **dataclasses.asdict(one)} for s, one in zip(seeds, starts, strict=True)
-            ]
     print("\n".join(rows(checks, holds)))
     if given.json is not None:
         figures = {"config": given.config, "set": given.set, "checks": checks, "holds": holds}
