@@ -19,7 +19,7 @@ def requirements(link: AutopilotLinkConfig, pwm: PwmConfig) -> tuple[Requirement
         ("port", pwm.port_channel, link.port_actuator),
         ("starboard", pwm.starboard_channel, link.starboard_actuator),
     )
-    outputs = (replace(row, motor=motor[0]) for motor in motors for row in _output(*motor, pwm))
+    outputs = (replace(row, motor=motor[0], wiring=True) for motor in motors for row in _output(*motor, pwm))
     return (*outputs, *_offboard_loss())
 
 

@@ -15,8 +15,8 @@ class Requirement:
     A value must lie within `least` and `most`, and not have any bit of `clear`; with `like`, both bounds count from the
     value of another parameter, which stands before it in the table. `wanted` is what to write where it does not, None
     where that is not ours to decide. With a `cause` a hold is refused; `must`: a preflight fails. `fault` is what
-    happens, in a few words; `why` in more. `motor` is port or starboard, empty for both. `reboot`: what is written
-    takes effect after one.
+    happens, in a few words; `why` in more. `motor` is port or starboard, empty for both. `wiring`: it says how the boat
+    is built, which is its builder's to know: `wanted` is what the config says, and is never written.
     """
 
     names: tuple[str, ...]
@@ -29,7 +29,7 @@ class Requirement:
     must: bool = True
     motor: str = ""
     clear: int = 0
-    reboot: bool = False
+    wiring: bool = False
     like: str = ""
 
 
@@ -89,6 +89,11 @@ class Finding:
         return not self.ok and not self.unverified
 
     @property
+    def fixable(self) -> bool:
+        """Whether it is wrong and `wanted` may be written: what has not answered and what is wiring is left alone."""
+        return self.wrong and self.wanted is not None and not self.requirement.wiring
+
+    @property
     def text(self) -> str:
         """In one line: for a refusal, and short enough for a STATUSTEXT."""
         value = f"{self.name} is {self.value:g}" if self.value is not None else f"{self.name} is not known"
@@ -102,7 +107,7 @@ def judge(required: Iterable[Requirement], values: Mapping[str, float]) -> list[
     findings = []
     for requirement in required:
         finding = _judge(requirement, values, settled)
-        right = finding.wanted if finding.wrong and finding.wanted is not None else finding.value
+        right = finding.wanted if finding.fixable else finding.value
         if right is not None and not finding.unverified:
             settled[finding.name] = right
         findings.append(finding)
@@ -126,7 +131,7 @@ def _judge(requirement: Requirement, values: Mapping[str, float], settled: Mappi
 
 def _see_swapped(findings: list[Finding]) -> list[Finding]:
     """Two outputs that have each other's function are swapped, which says more than two wrong ones."""
-    wrong = [f for f in findings if f.requirement.cause is Cause.STUCK and f.wrong]
+    wrong = [f for f in findings if f.requirement.cause is Cause.STUCK and f.requirement.motor and f.wrong]
     if len(wrong) < 2 or {f.value for f in wrong} != {f.wanted for f in wrong}:
         return findings
     return [_swapped(f) if f in wrong else f for f in findings]

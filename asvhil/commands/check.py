@@ -100,8 +100,6 @@ def _tell_written(console: Any, written: list[Finding], survey: Survey) -> None:
         else:
             words = f"{'not taken: still' if finding.name in parameters.unwritten else 'written, reads back'} {now:g}"
         say(console, f"{finding.name}: {finding.value:g} -> {finding.wanted:g}, {words}")
-    if any(finding.requirement.reboot for finding in written):
-        say(console, "reboot the autopilot: some of these take effect then")
 
 
 def _show(console: Any, settings: Config, checks: list[Check], everything: bool) -> None:

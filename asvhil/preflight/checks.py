@@ -293,10 +293,17 @@ def _parameter(finding: Finding) -> Check:
         result, found = Result.UNVERIFIED, f"{finding.value:g}"
     else:
         result, found = Result.PASS if finding.ok else bad, f"{finding.value:g}"
-        todo = "" if finding.ok else f"{requirement.why}{'' if finding.wanted is None else '; --fix writes it'}"
+        todo = "" if finding.ok else f"{requirement.why}{_remedy(finding)}"
     return Check(
         section=PARAMETERS, item=finding.name, result=result, found=found, wanted=wanted_text(finding), todo=todo
     )
+
+
+def _remedy(finding: Finding) -> str:
+    """Who puts it right."""
+    if finding.requirement.wiring:
+        return "; the boat's wiring, never written: change the config, or the boat by hand"
+    return "" if finding.wanted is None else "; --fix writes it"
 
 
 def wanted_text(finding: Finding) -> str:

@@ -140,8 +140,8 @@ class Survey:
 
     @property
     def fixable(self) -> list[Finding]:
-        """Those that were read, are wrong and have a value to be written; what has not answered is left alone."""
-        return [f for f in self.findings if f.wrong and f.wanted is not None]
+        """Those that were read, are wrong and have a value to be written."""
+        return [f for f in self.findings if f.fixable]
 
     @property
     def clock(self) -> TimeOffset | None:

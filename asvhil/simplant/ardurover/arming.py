@@ -30,10 +30,10 @@ def failing_checks(rover: Rover) -> list[str]:
     waits = not rc.receiver and rc.streamed_ns(rover.t_ns) < OVERRIDES_BEFORE_ARMING_NS
     if rover.radio_silent or (waits and rover.parameters["FS_THR_ENABLE"] != 0.0):
         failing.append("Radio failsafe on")
-    return failing + _motor_faults(rover.parameters.functions)
+    return failing + _motor_faults(frozenset(rover.parameters.functions))
 
 
-def _motor_faults(functions: set[int]) -> list[str]:
+def _motor_faults(functions: frozenset[int]) -> list[str]:
     """Of the functions of the outputs. These texts begin with PreArm at an attempt to arm too."""
     left, right = PORT_MOTOR in functions, STARBOARD_MOTOR in functions
     if not functions & {PORT_MOTOR, STARBOARD_MOTOR, THROTTLE, STEERING, SCRIPT_1}:

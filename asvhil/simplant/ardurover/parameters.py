@@ -15,7 +15,7 @@ DEAD_ZONE_US = 30.0  # ArduRover's default, of both motors' sticks
 FUNCTIONS = (-1.0, 188.0)
 PORT_MOTOR, STARBOARD_MOTOR = 73, 74  # SERVOn_FUNCTION: throttle left and right
 
-STICK_DEFAULTS = (("MIN", 1000.0), ("TRIM", 1500.0), ("MAX", 2000.0), ("DZ", 0.0), ("REVERSED", 0.0))  # not a motor's
+OUTPUTS = 16  # and as many channels of the transmitter
 
 
 def _identity(config: FrontseatConfig) -> tuple[Row, ...]:
@@ -25,18 +25,25 @@ def _identity(config: FrontseatConfig) -> tuple[Row, ...]:
         ("SYSID_THISMAV" if old else "MAV_SYSID", config.system_id, INT16, FIXED),
         ("SYSID_MYGCS" if old else "MAV_GCS_SYSID", config.mygcs_system_id, INT16, (1.0, 255.0)),
         ("ARMING_CHECK", 1, INT32, (0.0, 2.0**20)) if old else ("ARMING_SKIPCHK", 0, INT32, (-1.0, 2.0**20)),
+        ("SYSID_ENFORCE", 0, INT8, (0.0, 1.0)) if old else ("MAV_OPTIONS", 0, INT8, (0.0, 1.0)),
     )
 
 
-def _channel(number: int, dead_zone_us: int, function: int) -> tuple[Row, ...]:
-    """A motor's stick and its output, which have the same travel."""
-    rc, servo = f"RC{number}", f"SERVO{number}"
+def _channel(number: int, dead_zone_us: int) -> tuple[Row, ...]:
+    """A channel of the transmitter."""
+    rc = f"RC{number}"
     return (
         (f"{rc}_MIN", 1000, INT16, PULSES),
         (f"{rc}_TRIM", 1500, INT16, PULSES),
         (f"{rc}_MAX", 2000, INT16, PULSES),
         (f"{rc}_REVERSED", 0, INT8, (0.0, 1.0)),
         (f"{rc}_DZ", dead_zone_us, INT16, (0.0, 200.0)),
+    )
+
+
+def _output(number: int, function: int) -> tuple[Row, ...]:
+    servo = f"SERVO{number}"
+    return (
         (f"{servo}_MIN", 1000, INT16, PULSES),
         (f"{servo}_TRIM", 1500, INT16, PULSES),
         (f"{servo}_MAX", 2000, INT16, PULSES),
@@ -50,20 +57,29 @@ class Parameters(ParameterTable):
 
     def __init__(self, config: FrontseatConfig, pwm: PwmConfig) -> None:
         port, starboard = pwm.port_channel, pwm.starboard_channel
+        dead_zones_us = {port: config.rc1_dz_us, starboard: config.rc3_dz_us}
+        functions = {port: PORT_MOTOR, starboard: STARBOARD_MOTOR}
         rows: tuple[Row, ...] = (
             *_identity(config),
             ("PILOT_STEER_TYPE", 1, INT8, (0.0, 3.0)),
-            *_channel(port, config.rc1_dz_us, PORT_MOTOR),
-            *_channel(starboard, config.rc3_dz_us, STARBOARD_MOTOR),
-            *((f"SERVO{n}_FUNCTION", 0, INT16, FUNCTIONS) for n in range(1, 9) if n not in (port, starboard)),
-            ("ARMING_RUDDER", 0, INT8, (0.0, 2.0)),  # ArduRover's default is 2
+            *(row for n in range(1, OUTPUTS + 1) for row in _channel(n, dead_zones_us.get(n, 0))),
+            *(row for n in range(1, OUTPUTS + 1) for row in _output(n, functions.get(n, 0))),
             ("RC_OVERRIDE_TIME", config.override_timeout_s, REAL32, (-1.0, 120.0)),
             ("RC_OPTIONS", 32, INT32, (0.0, 32767.0)),
             ("MOT_SLEWRATE", 0, INT16, (0.0, 1000.0)),
             ("MOT_THR_MIN", 0, INT8, (0.0, 20.0)),
+            ("MOT_THR_MAX", 100, INT8, (5.0, 100.0)),
             ("MOT_THST_EXPO", 0, REAL32, (-1.0, 1.0)),
+            ("MOT_THST_ASYM", 1, REAL32, (1.0, 10.0)),
+            ("MOT_STR_THR_MIX", 0.5, REAL32, (0.2, 1.0)),
+            ("MOT_SPD_SCA_BASE", 1, REAL32, (0.0, 10.0)),
+            ("MOT_PWM_TYPE", 0, INT8, FIXED),
+            ("MANUAL_STR_EXPO", 0, REAL32, (-0.5, 0.95)),
+            ("MANUAL_OPTIONS", 0, INT32, (0.0, 1.0)),
+            ("ARMING_RUDDER", 0, INT8, (0.0, 2.0)),  # ArduRover's default is 2
             ("FS_ACTION", 2, INT8, (0.0, 5.0)),
             ("FS_THR_ENABLE", 1, INT8, (0.0, 2.0)),
+            ("FS_THR_VALUE", 910, INT16, (0.0, 2200.0)),
             ("FS_TIMEOUT", 1.5, REAL32, FIXED),
             ("FS_GCS_ENABLE", 0, INT8, (0.0, 2.0)),
             ("FS_GCS_TIMEOUT", 5.0, REAL32, (2.0, 120.0)),
@@ -77,6 +93,7 @@ class Parameters(ParameterTable):
         self._dead_zones = (f"RC{port}_DZ", f"RC{starboard}_DZ")
         self._late: list[str] = []
         self._sticks: dict[int, ChannelCalibration] = {}
+        self._functions: tuple[int, ...] | None = None
         self.mygcs_name = rows[1][0]
         super().__init__("simulated ArduRover", rows, config.parameters)
 
@@ -85,7 +102,7 @@ class Parameters(ParameterTable):
         found = self._sticks.get(channel)
         if found is None:
             low_us, trim_us, high_us, dead_zone_us, reverse = (
-                self._values.get(f"RC{channel}_{part}", default) for part, default in STICK_DEFAULTS
+                self[f"RC{channel}_{part}"] for part in ("MIN", "TRIM", "MAX", "DZ", "REVERSED")
             )
             found = self._sticks[channel] = ChannelCalibration(
                 low_us=low_us, trim_us=trim_us, high_us=high_us, dead_zone_us=dead_zone_us, reversed=reverse != 0.0
@@ -107,10 +124,23 @@ class Parameters(ParameterTable):
         self._late = []
 
     @property
-    def functions(self) -> set[int]:
-        """SERVOn_FUNCTION of all outputs."""
-        return {int(value) for name, value in self._values.items() if name.endswith("_FUNCTION")}
+    def functions(self) -> tuple[int, ...]:
+        """SERVOn_FUNCTION of every output, from the first."""
+        if self._functions is None:
+            self._functions = tuple(int(self[f"SERVO{n}_FUNCTION"]) for n in range(1, OUTPUTS + 1))
+        return self._functions
+
+    def pulse_us(self, output: int, throttle: float) -> int:
+        """Pulse width of an output (from 1) for a throttle in [-1, 1], cut as ArduPilot does, away from its trim."""
+        low_us, trim_us, high_us, reverse = (
+            self[f"SERVO{output}_{part}"] for part in ("MIN", "TRIM", "MAX", "REVERSED")
+        )
+        throttle = -throttle if reverse else throttle
+        if throttle > 0.0:
+            return int(trim_us) + int(min(throttle, 1.0) * (high_us - trim_us) + 1e-6)
+        return int(trim_us) - int(min(-throttle, 1.0) * (trim_us - low_us) + 1e-6)
 
     def _put(self, name: str, value: float) -> None:
         super()._put(name, value)
         self._sticks.clear()
+        self._functions = None

@@ -8,9 +8,10 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from asvhil.config import FrontseatConfig, PwmConfig
 from asvhil.simplant.ardurover.arming import RudderWatch, failing_checks, sticks_out
-from asvhil.simplant.ardurover.parameters import PORT_MOTOR, STARBOARD_MOTOR, Parameters
+from asvhil.simplant.ardurover.parameters import OUTPUTS, PORT_MOTOR, STARBOARD_MOTOR, Parameters
+from asvhil.simplant.ardurover.wiring import WiredMotor
 from asvhil.simplant.vehicle.powered import PoweredVehicle
-from asvhil.simplant.vehicle.rc import CHANNELS, IGNORE
+from asvhil.simplant.vehicle.rc import CHANNELS, IGNORE, RELEASE_HIGH
 
 MODE_MANUAL = 0
 MODE_HOLD = 4
@@ -22,6 +23,7 @@ TELL_CHECKS_NS = 30_000_000_000  # between two times that it says what fails
 RECEIVER_IGNORED, OVERRIDES_IGNORED = 1, 2  # bits of RC_OPTIONS
 TWO_PADDLES = 1  # PILOT_STEER_TYPE: a stick for each motor
 STEERING_NOT_FLIPPED = 3  # PILOT_STEER_TYPE: steering keeps its sense when going astern
+SPEED_SCALING = 1  # bit of MANUAL_OPTIONS
 DISARM = -1
 MODE_RTL, MODE_SMART_RTL = 11, 12
 # FS_ACTION: modes to be entered, the first that is possible; 0 does nothing.
@@ -42,11 +44,16 @@ class Rover(PoweredVehicle):
     """
 
     def __init__(self, config: FrontseatConfig, pwm: PwmConfig, t_ns: int) -> None:
-        self._port, self._starboard = pwm.port_channel - 1, pwm.starboard_channel - 1
         self._neutral_ns = round(1e9 * config.neutral_timeout_s)
         self._setup_ns = round(1e9 * config.setup_s)
         self._failsafe_ns = round(1e9 * config.failsafe_timeout_s)
         self.parameters = Parameters(config, pwm)
+        # The motors hang where the parameters that the boat is built with say, and stay there whatever is set later.
+        self._motors = tuple(
+            WiredMotor(self.parameters, pwm, function, default)
+            for function, default in ((PORT_MOTOR, pwm.port_channel), (STARBOARD_MOTOR, pwm.starboard_channel))
+        )
+        self.speed_mps = 0.0  # ahead, over ground
         super().__init__(config, t_ns)
 
     def restart(self, t_ns: int) -> None:
@@ -56,11 +63,11 @@ class Rover(PoweredVehicle):
         self.radio_failsafe = False
         self.gcs_failsafe = False
         self.gcs_heard_ns: int | None = None
-        self.mapped = int(self.parameters["RCMAP_ROLL"]), int(self.parameters["RCMAP_THROTTLE"])
         self.safety_on = self.parameters["BRD_SAFETY_DEFLT"] != 0.0
         if self._setup_ns:
             self.parameters.begin_setup()
         self._throttle = 0.0
+        self._throttle_low_ns: int | None = None
         self._position_used = False
         self.radio_silent = self.parameters["FS_THR_ENABLE"] != 0.0 and not self.rc.receiver
         self.checks_pass = False
@@ -69,8 +76,12 @@ class Rover(PoweredVehicle):
 
     @property
     def outputs_us(self) -> tuple[int, int]:
-        """Pulse widths at the port and the starboard motor; 0: no signal, as before boot or the safety switch."""
-        return (0, 0) if self.safety_on else (self.servo_us[self._port], self.servo_us[self._starboard])
+        """Pulse widths at the port and the starboard motor, as motors on plain outputs would get them (`WiredMotor`).
+
+        0: no signal, as before boot or the safety switch.
+        """
+        port, starboard = self._motors
+        return (0, 0) if self.safety_on else (port.plain_us(self.servo_us), starboard.plain_us(self.servo_us))
 
     def press_safety_switch(self) -> None:
         """The button on the boat: the outputs come alive."""
@@ -103,6 +114,7 @@ class Rover(PoweredVehicle):
 
     def end(self) -> None:
         """The end of a loop: time-outs, then the motors."""
+        self._watch_throttle()
         if self.booted:
             self._watch_radio()
         if self._rudder.asks(self):
@@ -124,17 +136,17 @@ class Rover(PoweredVehicle):
             self.rc.override(self.t_ns, values, self._neutral_ns)
 
     def manual_control(self, sender_system: int, y: int, z: int) -> None:
-        """MANUAL_CONTROL: y moves the port channel, z the starboard one; -1000..1000 over the stick's travel.
+        """MANUAL_CONTROL: y moves the stick of RCMAP_ROLL, z that of RCMAP_THROTTLE; -1000..1000 over its travel.
 
         32767 (no value) gives the channel back: ArduPilot overrides it with 0 then.
         """
         values = [IGNORE] * CHANNELS
-        for index, axis in ((self._port, y), (self._starboard, z)):
-            values[index] = 0
+        for channel, axis in zip(self.mapped, (y, z), strict=True):
+            values[channel - 1] = 0 if channel <= 8 else RELEASE_HIGH
             if axis != 32767:
-                stick = self.parameters.stick(index + 1)
+                stick = self.parameters.stick(channel)
                 share = (max(-1000, min(1000, axis)) + 1000) / 2000
-                values[index] = int(stick.low_us + (stick.high_us - stick.low_us) * share)
+                values[channel - 1] = int(stick.low_us + (stick.high_us - stick.low_us) * share)
         self.override(sender_system, values)
 
     def _overrides_ignored(self) -> bool:
@@ -142,7 +154,19 @@ class Rover(PoweredVehicle):
         return bool(options & OVERRIDES_IGNORED) or self.parameters["RC_OVERRIDE_TIME"] == 0.0
 
     def _radio_lost(self, timeout_ns: int) -> bool:
-        return self.parameters["FS_THR_ENABLE"] != 0.0 and not self.rc.alive(self.t_ns, timeout_ns)
+        if self.parameters["FS_THR_ENABLE"] == 0.0:
+            return False
+        low_ns = self._throttle_low_ns  # counts as lost at once, as a silent radio does after `neutral_ns`
+        low = low_ns is not None and self.t_ns - low_ns >= timeout_ns - self._neutral_ns
+        return low or not self.rc.alive(self.t_ns, timeout_ns)
+
+    def _watch_throttle(self) -> None:
+        """A throttle stick below FS_THR_VALUE, overridden or not, says that the transmitter is lost."""
+        throttle_us = self.rc.radio_us[self.mapped[1] - 1]
+        if not 0 < throttle_us < self.parameters["FS_THR_VALUE"]:
+            self._throttle_low_ns = None
+        elif self._throttle_low_ns is None:
+            self._throttle_low_ns = self.t_ns
 
     def _watch_radio(self) -> None:
         hold_s = self.parameters["RC_OVERRIDE_TIME"]
@@ -184,16 +208,11 @@ class Rover(PoweredVehicle):
     # --- motors --------------------------------------------------------------------------------------------
 
     def set_servo(self, channel: int, pulse_us: int) -> bool:
-        """DO_SET_SERVO: refused on motor outputs; any other holds its value until power-off."""
-        if not 1 <= channel <= 16 or not 0 <= pulse_us <= 2500 or self._function(channel - 1) != 0:
+        """DO_SET_SERVO: refused on outputs with a function; any other holds its value until power-off."""
+        if not 1 <= channel <= OUTPUTS or not 0 <= pulse_us <= 2500 or self.parameters.functions[channel - 1] != 0:
             return False
         self.servo_us[channel - 1] = pulse_us
         return True
-
-    def _function(self, index: int) -> int:
-        """SERVOn_FUNCTION of an output (index from 0); beyond the eighth none is listed."""
-        name = f"SERVO{index + 1}_FUNCTION"
-        return int(self.parameters[name]) if name in self.parameters.names else 0
 
     def _drive(self) -> None:
         if not self.armed or self.mode != MODE_MANUAL or self.radio_silent:
@@ -213,9 +232,42 @@ class Rover(PoweredVehicle):
             step = 0.01 * slew / self._config.loop_hz
             throttle = max(self._throttle - step, min(self._throttle + step, throttle))
         self._throttle = throttle
+        expo = self.parameters["MANUAL_STR_EXPO"]
+        if expo < 0.95:
+            steering = (1.0 - expo) * steering / (1.0 - expo * abs(steering))
+        largest = 0.01 * self.parameters["MOT_THR_MAX"]
+        throttle = max(-largest, min(largest, throttle))
+        self._put_out(*(self._thrust_curve(motor) for motor in self._mix(self._scaled_by_speed(steering), throttle)))
+
+    def _scaled_by_speed(self, steering: float) -> float:
+        """MANUAL_OPTIONS: steering lessens above MOT_SPD_SCA_BASE, and changes its sense with the boat's way."""
+        if not int(self.parameters["MANUAL_OPTIONS"]) & SPEED_SCALING:
+            return steering
+        base_mps = self.parameters["MOT_SPD_SCA_BASE"]
+        if 0.0 < base_mps < abs(self.speed_mps):
+            steering *= base_mps / abs(self.speed_mps)
+        return -steering if self.speed_mps < 0.0 else steering
+
+    def _mix(self, steering: float, throttle: float) -> tuple[float, float]:
+        """The mixer of ArduPilot's AR_Motors for two motors that give less thrust astern, by MOT_THST_ASYM."""
+        asymmetry = max(self.parameters["MOT_THST_ASYM"], 1.0)
+        least = -1.0 / asymmetry
+        best = 0.5 * (1.0 + least)
+        reach = max(throttle, 0.0) - least if throttle < best else 1.0 - best
+        steering = max(-reach, min(reach, steering))
+        throttle = max(least, min(1.0, throttle))
+        excess = max(throttle + abs(steering), (throttle - abs(steering)) / least)
+        if excess > 1.0:
+            fair, mix = 1.0 / excess, self.parameters["MOT_STR_THR_MIX"]
+            if mix >= 0.5:
+                steering *= fair + (1.0 - fair) * (mix - 0.5) / 0.5
+                throttle = 1.0 - abs(steering) if throttle >= best else abs(steering) + least
+            else:
+                throttle *= fair + (1.0 - fair) * (0.5 - mix) / 0.5
+                left = 1.0 - throttle if throttle >= best else throttle - least
+                steering = math.copysign(left, steering)
         port, starboard = throttle + steering, throttle - steering
-        largest = max(1.0, abs(port), abs(starboard))
-        self._put_out(self._thrust_curve(port / largest), self._thrust_curve(starboard / largest))
+        return (port * asymmetry if port < 0.0 else port), (starboard * asymmetry if starboard < 0.0 else starboard)
 
     def _thrust_curve(self, fraction: float) -> float:
         """MOT_THR_MIN, then MOT_THST_EXPO, as ArduPilot's AR_Motors scales a throttle."""
@@ -229,22 +281,18 @@ class Rover(PoweredVehicle):
 
     def _put_out(self, port: float, starboard: float) -> None:
         """Throttles in [-1, 1] to the outputs that have their functions; an output without one keeps its pulse."""
-        for index in (self._port, self._starboard):
-            throttle = {PORT_MOTOR: port, STARBOARD_MOTOR: starboard}.get(self._function(index))
+        for output, function in enumerate(self.parameters.functions, start=1):
+            throttle = {PORT_MOTOR: port, STARBOARD_MOTOR: starboard}.get(function)
             if throttle is not None:
-                self.servo_us[index] = self._pulse_us(index, throttle)
+                self.servo_us[output - 1] = self.parameters.pulse_us(output, throttle)
 
-    def _pulse_us(self, index: int, throttle: float) -> int:
-        """Pulse width of an output, cut to whole microseconds as ArduPilot does."""
-        servo, parameters = f"SERVO{index + 1}", self.parameters
-        if parameters[f"{servo}_REVERSED"]:
-            throttle = -throttle
-        trim_us = parameters[f"{servo}_TRIM"]
-        end_us = parameters[f"{servo}_MAX" if throttle > 0.0 else f"{servo}_MIN"]
-        return int(trim_us + abs(end_us - trim_us) * throttle + 1e-6)
+    @property
+    def mapped(self) -> tuple[int, int]:
+        """The channels that drive, which a real one reads anew each second."""
+        return int(self.parameters["RCMAP_ROLL"]), int(self.parameters["RCMAP_THROTTLE"])
 
     def sticks(self) -> tuple[float, float]:
-        """The two that drive, from the channels that they were mapped to at boot."""
+        """The two that drive, in [-1, 1]."""
         first, second = self.mapped
         radio_us = self.rc.radio_us
         return (

@@ -15,6 +15,7 @@ from asvhil.simplant.boat.vessel import Vessel
 from asvhil.simplant.vehicle.autopilot import ACCEPTED, CUSTOM_MODE, DENIED, FAILED, SimulatedAutopilot, whole
 from asvhil.simplant.vehicle.rc import CHANNELS
 from asvhil.simplant.vehicle.schedule import Schedule
+from asvhil.types import Frame
 
 TEMPORARILY_REJECTED = int(dialect.MAV_RESULT_TEMPORARILY_REJECTED)
 # What each stream of the legacy REQUEST_DATA_STREAM holds; stream 0 is all of them.
@@ -43,6 +44,7 @@ class SimulatedArduRover(SimulatedAutopilot):
         t_ns: int,
     ) -> None:
         self._loop_hz = config.loop_hz
+        self._truth = truth
         self.rover = Rover(config, pwm, t_ns)
         self._messages = RoverTelemetry(self.rover, nav, truth, origin, gnss, FLIGHT_SW_VERSIONS[config.firmware])
         super().__init__(self.rover, self.rover.parameters, self._messages, config.system_id, t_ns)
@@ -55,6 +57,10 @@ class SimulatedArduRover(SimulatedAutopilot):
         }
         self._commands[dialect.MAV_CMD_DO_SET_SERVO] = self._do_set_servo
         self._commands[dialect.MAV_CMD_RUN_PREARM_CHECKS] = self._run_checks
+
+    def loop(self, t_ns: int) -> list[Frame]:
+        self.rover.speed_mps = self._truth.ground_velocity_body()[0]
+        return super().loop(t_ns)
 
     def _new_schedule(self, boot_ns: int) -> Schedule:
         return Schedule(self._messages.streamed, self._messages.on_request, self._loop_hz, boot_ns)

@@ -66,7 +66,7 @@ def test_a_parameter_that_was_read_and_is_right_is_not_the_cause() -> None:
     right = findings(SERVO1_REVERSED=0.0)
     assert hint(Fault(cause=Cause.REVERSED), right) == "RC1/3_REVERSED"
     assert hint(Fault(cause=Cause.REVERSED, motor="port"), right) == "RC1_REVERSED"
-    functions = {"SERVO1_FUNCTION": 73.0, "SERVO3_FUNCTION": 74.0}
+    functions = {"SERVO1_FUNCTION": 73.0, "SERVO3_FUNCTION": 74.0, "FS_THR_VALUE": 910.0}
     assert hint(Fault(cause=Cause.STUCK, blind=True), findings(**functions)) == "SYSID_MYGCS or RC_OPTIONS"
     assert hint(Fault(cause=Cause.SWAPPED), findings(**functions)) == "RCMAP_ROLL or RCMAP_THROTTLE"
 
@@ -84,7 +84,7 @@ def test_what_was_read_as_wrong_comes_before_what_has_not_answered() -> None:
 
 
 def test_a_motor_that_does_not_answer_though_its_function_is_right_has_no_parameter_to_look_at() -> None:
-    functions = {"SERVO1_FUNCTION": 73.0, "SERVO3_FUNCTION": 74.0}
+    functions = {"SERVO1_FUNCTION": 73.0, "SERVO3_FUNCTION": 74.0, "FS_THR_VALUE": 910.0}
     assert hint(Fault(cause=Cause.STUCK), findings(**functions)) == ""
 
 

@@ -596,8 +596,18 @@ def test_in_manual_armed_the_outputs_follow_the_overrides_one_to_one() -> None:
 
 def test_overrides_beyond_the_travel_are_cut() -> None:
     boat = Boat().armed()
-    boat.override(2200, 800)
+    boat.override(2200, 950)
     assert boat.outputs() == (2000, 1000)
+
+
+def test_a_throttle_stick_below_fs_thr_value_is_a_lost_transmitter_though_it_is_overridden() -> None:
+    boat = Boat("plant.frontseat.parameters={FS_THR_VALUE: 1100}").armed()
+    boat.hold(1300, 1100, 3.0)
+    assert boat.outputs() == (1300, 1100)
+    boat.override(1300, 1099)
+    assert boat.outputs() == (1500, 1500) and boat.seat.rover.mode == MANUAL
+    boat.hold(1300, 1099, 2.5)
+    assert boat.seat.rover.mode == HOLD
 
 
 def test_disarmed_or_in_hold_the_outputs_are_neutral() -> None:
@@ -921,7 +931,12 @@ def test_parameters_come_from_the_config_and_unknown_ones_are_named() -> None:
         ({"SERVO3_TRIM": 1480}, (1700, 1384)),
         ({"RC1_TRIM": 1520}, (1687, 1400)),
         ({"MOT_THR_MIN": 10}, (1730, 1360)),
-        ({"MOT_THST_EXPO": 0.5}, (1762, 1346)),
+        ({"MOT_THST_EXPO": 0.5}, (1762, 1347)),
+        ({"MOT_THST_ASYM": 2}, (1700, 1300)),
+        ({"MOT_THR_MAX": 5}, (1675, 1375)),
+        ({"MANUAL_STR_EXPO": 0.5}, (1638, 1462)),
+        ({"RCMAP_ROLL": 3, "RCMAP_THROTTLE": 1}, (1400, 1700)),
+        ({"SERVO1_FUNCTION": 0, "SERVO6_FUNCTION": 73}, (1500, 1400)),
     ],
 )
 def test_outputs_under_parameters_that_change_them(changes: dict[str, float], outputs: tuple[int, int]) -> None:
