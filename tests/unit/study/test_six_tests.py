@@ -150,7 +150,7 @@ def test_other_keys_are_not_refused_and_the_approach_refuses_its_starts():
     refuse_own(("plant.weather.wind={gust_along: 0}", "plant.seeds=1"), row_overrides("1", 1))
     with pytest.raises(ConfigError, match=r"key plant\.start_n_m is set by the study itself"):
         study_approach(nothing_runs, 1, overrides=("plant.start_n_m=5",))
-    with pytest.raises(ConfigError, match="the value is not valid YAML"):
+    with pytest.raises(ConfigError, match="not valid YAML"):
         study_approach(nothing_runs, 1, overrides=("plant.seed=[",))
 
 
