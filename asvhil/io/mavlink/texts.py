@@ -38,10 +38,10 @@ class TextReader:
     def receive(self, message: Any) -> str | None:
         """The text that a STATUSTEXT brings to an end, if it does, without the tab that PX4 ends some with."""
         if message.id == 0:
-            return str(message.text).rstrip()
+            return str(message.text).rstrip("\t")
         if message.chunk_seq == 0:
             self._number, self._pieces = message.id, []
         elif message.id != self._number or message.chunk_seq != len(self._pieces):
             return None
         self._pieces.append(message.text)
-        return "".join(self._pieces).rstrip() if len(message.text) < TEXT_BYTES else None
+        return "".join(self._pieces).rstrip("\t") if len(message.text) < TEXT_BYTES else None
