@@ -62,14 +62,15 @@ def sitl(
     if log is not None and picture and log.parent.is_dir():
         check_writable(log.with_suffix(".png"))
     board = _simulated_arduino(settings, anemometer, arduino, lockstep)
-    folder = make_run_folder(settings, "lockstep" if lockstep else "sitl")
-    path = log or folder / "log.mcap"
     console = Console()
     if lockstep:
+        path = log or make_run_folder(settings, "lockstep") / "log.mcap"
         with progress(console) as bar:
             task = bar.add_task("lockstep", total=round(duration * settings.daemon.tick_hz))
             wall_s = run_lockstep(settings, path, duration, lambda _: bar.advance(task))
     else:
+        folder = make_run_folder(settings, "sitl")  # which also has the serial lines of the sensors
+        path = log or folder / "log.mcap"
         title = f"asvhil sitl: {settings.vehicle.name}, {settings.controller.name}, {duration:.0f} s"
         view = LiveView(settings, title)
         with board or contextlib.nullcontext(), view:

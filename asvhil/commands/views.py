@@ -149,6 +149,10 @@ def print_summary(console: Any, figures: dict[str, Any]) -> None:
     factor = figures["realtime_factor"]
     speed_text = f"; {factor:.{0 if factor > 2 else 2}f} times real time" if factor else ""
     say(console, f"{figures['ticks']} ticks, {figures['overruns']} overruns; {timing}{phases}{speed_text}")
+    sources = ", ".join(f"{quantity} {name or 'not heard'}" for quantity, name in figures["sources"].items())
+    say(console, f"sources at the end: {sources}")
+    for port, causes in figures["dropped"].items():
+        say(console, f"dropped, {port}: {', '.join(f'{count} {cause}' for cause, count in causes.items())}")
     for subject, text in figures["notes"].items():
         say(console, f"{subject}: {text}")
 

@@ -14,6 +14,7 @@ from asvhil.dynamics.arrays import Array
 from asvhil.errors import LogError
 from asvhil.geo import LocalFrame, wrap_rad
 from asvhil.io.mavlink.frames import Parser, decode, dialect, message_id
+from asvhil.io.sensors.dropped import dropped_of
 from asvhil.logs.encoding import decode_outputs
 from asvhil.logs.metrics import PoseErrors, score, settled_from_s
 from asvhil.logs.reader import LogFile
@@ -57,6 +58,8 @@ class RunLog:
     step_ms: Array
     overruns: int
     counters: dict[str, int]
+    sources: dict[str, str]  # the one in use for each quantity at the end, empty where none was heard
+    dropped: dict[str, dict[str, int]]  # by sensor link and cause
     notes: dict[str, str]
 
 
@@ -127,6 +130,8 @@ def read_run(path: Path, plan_every_s: float = 10.0) -> RunLog:
         step_ms=np.array([row.step_ns * 1e-6 for row in timing]),
         overruns=sum(row.overrun for row in timing),
         counters=dict(last.health.counters),
+        sources=dict(last.health.sources),
+        dropped=dropped_of(last.health.counters),
         notes={note.subject: note.text for note in last.health.notes},
     )
 
@@ -173,6 +178,8 @@ def summarise(run: RunLog, wall_s: float | None = None) -> dict[str, Any]:
         "realtime_factor": run.duration_s / wall_s if wall_s else None,
         "phases": run.phases_s,
         "counters": run.counters,
+        "sources": run.sources,
+        "dropped": run.dropped,
         "notes": run.notes,
     }
 
