@@ -19,6 +19,7 @@ from asvhil.io.sensors.firmware import FIRMWARE
 from asvhil.logs.opening import open_recorder
 from asvhil.simplant.boat.arduino import SimulatedArduino
 from asvhil.simplant.lockstep import Lockstep
+from asvhil.simplant.plant import with_lines_read
 from asvhil.types import Outputs
 
 STOP_S = 10.0
@@ -113,7 +114,7 @@ def _end(process: subprocess.Popen[Any]) -> None:
 
 def _with_own_ports(config: Config, folder: Path) -> Config:
     """The config with links of this run's own: two runs side by side never meet."""
-    tree = config.model_dump(mode="json")
+    tree = with_lines_read(config).model_dump(mode="json")
     autopilot = _free_udp_port()
     tree["links"]["autopilot"]["endpoint"] = f"udpin:127.0.0.1:{autopilot}"
     tree["plant"]["links"]["autopilot"] = f"udpout:127.0.0.1:{autopilot}"

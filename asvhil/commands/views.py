@@ -75,10 +75,18 @@ class LiveView:
                 say(self._console, f"{status['t_s']:6.1f} s  {status['phase']}: {status['reason']}{where}")
 
     def _news(self, status: dict[str, Any]) -> dict[str, str]:
-        """Notes and links that have changed; a link that is up only where it was not. Counts are for the table."""
+        """Notes, links and sources that have changed; a link that is up only where it was not.
+
+        Of what is dropped the causes are told, not the counts: these are for the table.
+        """
+        from asvhil.daemon.status import sources_text
+
         links = {f"link {port}": state.partition(";")[0] for port, state in status["links"].items()}
+        dropped = {f"dropped, {port}": ", ".join(causes) for port, causes in status["dropped"].items()}
+        sources = {"sources": sources_text(status["sources"])}
         said = self._noted
-        self._noted = links | status["notes"]
+        heard = sources if any(status["sources"].values()) or "sources" in said else {}
+        self._noted = links | heard | dropped | status["notes"]
         return {
             subject: text
             for subject, text in self._noted.items()
@@ -123,6 +131,8 @@ def report_run(log: Path, json_file: Path | None, picture: Path | None, console:
 def print_summary(console: Any, figures: dict[str, Any]) -> None:
     from rich.table import Table
 
+    from asvhil.daemon.status import counts_text, sources_text
+
     table = Table(title=f"from {figures['settled_from_s']:.0f} s on", title_justify="left")
     for heading in ("", "mean", "std", "max"):
         table.add_column(heading, justify="left" if not heading else "right")
@@ -141,7 +151,9 @@ def print_summary(console: Any, figures: dict[str, Any]) -> None:
         table.add_row(f"penalty score, {name}", f"{part['penalty_score']:.2f}", "", "")
     speed = figures["wind"]["estimated_speed_mps"]
     if speed is not None:
-        table.add_row("wind, estimated (m/s)", f"{speed['mean']:.2f}", f"{speed['std']:.2f}", "")
+        guessed = figures["wind"]["origin"] == "disturbance"
+        name = "wind, from the disturbance (m/s)" if guessed else "wind, estimated (m/s)"
+        table.add_row(name, f"{speed['mean']:.2f}", f"{speed['std']:.2f}", "")
     console.print(table)
     steps = figures["step_ms"]
     phases = ", ".join(f"{phase} {seconds:.1f} s" for phase, seconds in figures["phases"].items())
@@ -149,10 +161,9 @@ def print_summary(console: Any, figures: dict[str, Any]) -> None:
     factor = figures["realtime_factor"]
     speed_text = f"; {factor:.{0 if factor > 2 else 2}f} times real time" if factor else ""
     say(console, f"{figures['ticks']} ticks, {figures['overruns']} overruns; {timing}{phases}{speed_text}")
-    sources = ", ".join(f"{quantity} {name or 'not heard'}" for quantity, name in figures["sources"].items())
-    say(console, f"sources at the end: {sources}")
+    say(console, f"sources at the end: {sources_text(figures['sources'])}")
     for port, causes in figures["dropped"].items():
-        say(console, f"dropped, {port}: {', '.join(f'{count} {cause}' for cause, count in causes.items())}")
+        say(console, f"dropped, {port}: {counts_text(causes)}")
     for subject, text in figures["notes"].items():
         say(console, f"{subject}: {text}")
 

@@ -68,15 +68,24 @@ def render(status: dict[str, Any], title: str) -> Group:
     table.add_row("port, starboard", f"{pwm[0]}, {pwm[1]} us" if pwm else "released")
     clock = f"{_show(status['autopilot_clock_s'], 's', 4)}, round trip {_show(status['round_trip_ms'], 'ms', 1)}"
     table.add_row("autopilot's clock", clock)
-    sources = {quantity: name for quantity, name in status["sources"].items() if name}
-    table.add_row("sources", ", ".join(f"{quantity} {name}" for quantity, name in sources.items()) or "-")
+    table.add_row("sources", sources_text(status["sources"]))
     for port, causes in status["dropped"].items():
-        table.add_row(f"dropped, {port}", ", ".join(f"{count} {cause}" for cause, count in causes.items()))
+        table.add_row(f"dropped, {port}", counts_text(causes))
     for subject, text in status["notes"].items():
         table.add_row(subject, text)
     table.add_row("links", ", ".join(f"{port} {state}" for port, state in status["links"].items()))
     table.add_row("overruns", str(status["overruns"]))
     return Group(table)
+
+
+def sources_text(sources: dict[str, str]) -> str:
+    """The source in use for each quantity, such as "position autopilot.GPS_RAW_INT, wind not heard"."""
+    return ", ".join(f"{quantity} {name or 'not heard'}" for quantity, name in sources.items()) or "-"
+
+
+def counts_text(causes: dict[str, int]) -> str:
+    """Counts by cause, such as "3 bad checksum, 1 out of range"."""
+    return ", ".join(f"{count} {cause}" for cause, count in causes.items())
 
 
 def _show(value: float | None, unit: str, digits: int = 2) -> str:

@@ -51,6 +51,7 @@ class RunLog:
     station: Station | None  # the last one held
     held_from_s: float | None
     wind: Array  # rows of (t_s, speed m/s, direction the wind blows toward, rad)
+    wind_origin: str | None  # of the last of them: "sensor", or "disturbance" where none has measured it
     pwm: Array  # rows of (t_s, port us, starboard us), NaN where released
     command: Array  # rows of (t_s, port, starboard) in [-1, 1], one per solution
     plans: list[tuple[float, Array]]  # (t_s, rows of t, n, e, psi)
@@ -72,6 +73,7 @@ def read_run(path: Path, plan_every_s: float = 10.0) -> RunLog:
     last: Outputs | None = None
     measured: list[tuple[float, ...]] = []
     wind: list[tuple[float, ...]] = []
+    wind_origin: str | None = None
     pwm: list[tuple[float, ...]] = []
     command: list[tuple[float, ...]] = []
     plans: list[tuple[float, Array]] = []
@@ -100,6 +102,7 @@ def read_run(path: Path, plan_every_s: float = 10.0) -> RunLog:
         if outputs.wind is not None:
             vn, ve = outputs.wind.vn_mps, outputs.wind.ve_mps
             wind.append((t_s, float(np.hypot(vn, ve)), float(np.arctan2(ve, vn))))
+            wind_origin = outputs.wind.origin
         pulses = outputs.pwm_us or (np.nan, np.nan)
         pwm.append((t_s, *pulses))
         if outputs.phase in MOVING_PHASES:
@@ -123,6 +126,7 @@ def read_run(path: Path, plan_every_s: float = 10.0) -> RunLog:
         station=station,
         held_from_s=held_from_s,
         wind=_rows(wind, 3),
+        wind_origin=wind_origin,
         pwm=_rows(pwm, 3),
         command=_rows(command, 3),
         plans=plans,
@@ -162,6 +166,7 @@ def summarise(run: RunLog, wall_s: float | None = None) -> dict[str, Any]:
             "estimated_speed_mps": {"mean": float(wind[:, 1].mean()), "std": float(wind[:, 1].std())}
             if len(wind)
             else None,
+            "origin": run.wind_origin,
             "estimated_toward_deg": float(np.degrees(np.angle(vector.mean()))) if len(vector) else None,
         },
         # Mean squared command of both motors: what a battery feels, without a motor's own curve.

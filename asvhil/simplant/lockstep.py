@@ -11,7 +11,7 @@ from asvhil.config import Config
 from asvhil.config.ports import OPERATOR
 from asvhil.logs.recorder import Recorder
 from asvhil.operator.session import FINAL_TICKS, encode_release
-from asvhil.simplant.plant import Plant
+from asvhil.simplant.plant import Plant, with_lines_read
 from asvhil.types import Frame, Inputs, Outputs
 
 EPOCH_NS = 1_700_000_000_000_000_000  # virtual time starts at a fixed instant, so that two runs are alike
@@ -22,7 +22,7 @@ class Lockstep:
 
     def __init__(self, config: Config, recorder: Recorder | None = None) -> None:
         self.config = config
-        self.plant = Plant(config, EPOCH_NS)
+        self.plant = Plant(with_lines_read(config), EPOCH_NS)
         self.backseat: Backseat = build_backseat(config)
         self._recorder = recorder
         self._period_ns = round(1e9 / config.daemon.tick_hz)

@@ -7,7 +7,7 @@ from typing import Protocol
 import numpy as np
 
 from asvhil.config import Config
-from asvhil.config.ports import ANEMOMETER, AUTOPILOT
+from asvhil.config.ports import ANEMOMETER, AUTOPILOT, GNSS, INS
 from asvhil.config.registry import SENSORS
 from asvhil.geo import LocalFrame, wrap_rad
 from asvhil.simplant.ardurover.vehicle import SimulatedArduRover
@@ -36,6 +36,14 @@ class Truth:
     wind_e_mps: float
     thrust_n: tuple[float, float]
     outputs_us: tuple[int, int]
+
+
+def with_lines_read(config: Config) -> Config:
+    """The config without those lines of the simulated boat's own sensors that the daemon does not read."""
+    lines = config.plant.links
+    unread = {port: None for port in (ANEMOMETER, GNSS, INS) if getattr(config.links, port) is None}
+    plant = config.plant.model_copy(update={"links": lines.model_copy(update=unread)})
+    return config.model_copy(update={"plant": plant})
 
 
 class AttachedAutopilot(Protocol):
@@ -90,6 +98,7 @@ class Plant:
         )
         self._navigation = Navigation(plant.sensors, plant.frontseat.loop_hz, t_ns, navigation_seed, filtered=True)
         self._anemometer = Anemometer(plant.sensors.anemometer, anemometer_seed)
+        self._has_anemometer = config.links.anemometer is not None or plant.links.anemometer is not None
         self.origin = LocalFrame(lat_deg=plant.origin_lat_deg, lon_deg=plant.origin_lon_deg)
         kind = SimulatedPx4 if plant.autopilot == "px4" else SimulatedArduRover
         self.frontseat: SimulatedArduRover | SimulatedPx4 = kind(
@@ -202,7 +211,7 @@ class Plant:
                     vane_stuck=stuck or "vane" in faults,
                     cups_stuck=stuck or "cups" in faults,
                 )
-                if "anemometer" not in faults:
+                if self._has_anemometer and "anemometer" not in faults:
                     data = mwv_sentence(speed_mps, from_deg)
                     sent.append(Frame(t_ns=self._t_ns, port=ANEMOMETER, data=data))
             for device in self._devices:

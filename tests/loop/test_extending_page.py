@@ -93,6 +93,21 @@ def test_the_sensor_measures_the_wind(done: Callable[[str], Example]) -> None:
     assert summary["counters"]["mast.lines"] > 100 and summary["counters"]["mast.bad"] == 0
 
 
+def test_the_summary_says_whether_the_sensor_is_used(done: Callable[[str], Example]) -> None:
+    example = done("A sensor")
+    assert "wind mast.WIND\n" in example.sitl and "dropped" not in example.sitl
+    text = (example.folder / "my_wind.py").read_text()
+    broken = example.folder / "broken"
+    broken.mkdir()
+    (broken / "my_wind.py").write_text(text.replace('letter == b"W"', 'letter == b"V"'))
+    (broken / "my-boat.yaml").write_text((example.folder / "my-boat.yaml").read_text())
+    command = ["asvhil", "sitl", "my-boat.yaml", "--lockstep", "--duration", "10", "--no-picture", "--log", "log.mcap"]
+    said = run(command, broken)
+    assert "wind not heard\n" in said and re.search(r"^dropped, mast: \d+ bad$", said, re.MULTILINE)
+    assert "wind, estimated" not in said
+    assert not (broken / "runs").exists()  # the log is elsewhere, and there is nothing else to keep
+
+
 def test_the_autopilot_tells_its_battery(done: Callable[[str], Example]) -> None:
     assert "battery: low: 12.6 V" in done("An autopilot").sitl
 

@@ -192,7 +192,11 @@ class Navigation:
 
 @record
 class SensorReading:
-    """What a simulated sensor of a registered kind measures, errors included; the apparent wind as from the bow."""
+    """What a simulated sensor of a registered kind measures, errors included.
+
+    Position in degrees; velocity over ground, NED; true heading in [0, 2 pi) and yaw rate, clockwise; specific force
+    along body x and y; apparent wind: speed, and the direction it comes FROM, clockwise from the bow, in [0, 2 pi).
+    """
 
     lat_deg: float
     lon_deg: float

@@ -28,10 +28,11 @@ def test_the_status_has_what_the_sensors_have_dropped_by_cause() -> None:
     counters = (
         *(("anemometer.sentences", 9), ("anemometer.bad_checksum", 3), ("anemometer.out_of_range", 1)),
         *(("anemometer.void", 0), ("anemometer.unused", 5), ("autopilot.bad_crc", 7), ("mast.lines", 4)),
+        *(("anemometer.bad", 4), ("mast.bad", 2), ("aft.bad", 0)),
     )
     health = dataclasses.replace(outputs.health, counters=counters)
     status = status_of(dataclasses.replace(outputs, health=health), {}, 0, 0)
-    assert status["dropped"] == {"anemometer": {"bad checksum": 3, "out of range": 1}}
+    assert status["dropped"] == {"anemometer": {"bad checksum": 3, "out of range": 1}, "mast": {"bad": 2}}
     console = Console(file=io.StringIO(), width=200)
     console.print(render(status, "asvhil"))
     assert "3 bad checksum, 1 out of range" in console.file.getvalue()  # type: ignore[attr-defined]

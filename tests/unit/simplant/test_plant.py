@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import json
 import math
 from collections import Counter
 
@@ -14,6 +15,7 @@ from pynmeagps import NMEAReader
 
 from asvhil.config import Config, load_config
 from asvhil.io.mavlink.frames import dialect as mav
+from asvhil.simplant.lockstep import Lockstep
 from asvhil.simplant.plant import Plant
 from asvhil.types import Frame
 from tests.support.simplant_boat import CALM, Boat, of
@@ -205,3 +207,13 @@ def test_well_formed_frames_with_random_contents_never_raise(
 def test_commands_with_any_numbers_never_raise(params: list[float], command: int) -> None:
     message = mav.MAVLink_command_long_message(1, 1, command, 0, *params)
     step_the_fuzzed(message.pack(mav.MAVLink(None, srcSystem=1, srcComponent=191)))
+
+
+@pytest.mark.parametrize("port", ["anemometer", "gnss", "ins"])
+def test_the_boat_has_no_sensor_that_nobody_reads(port: str) -> None:
+    """A config that takes a link from its base leaves the boat's end of the line there."""
+    lines = {name: f"pty:{name}" for name in ("anemometer", "gnss", "ins")}
+    read = [f"links.{name}.endpoint=pty:x" for name in lines if name != port]
+    lockstep = Lockstep(config(f"plant.links={json.dumps(lines)}", f"links.{port}=null", *read))
+    ports = {frame.port for _ in range(60) for frame in lockstep.tick()[0].frames}
+    assert ports == {"autopilot", *lines} - {port}
