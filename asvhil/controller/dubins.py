@@ -14,6 +14,7 @@ from asvhil.types import record
 WORDS = ("LSL", "RSR", "LSR", "RSL", "RLR", "LRL")
 SIGN = {"L": -1.0, "S": 0.0, "R": 1.0}
 FULL_TURN_RAD = 1e-9  # an arc this short of a full turn is rounding, and none at all
+ROUNDING = 16.0 * math.ulp(1.0)  # of the centre of a circle, relative to the numbers that it is computed from
 
 Pose = tuple[float, float, float]  # n_m, e_m, psi_rad
 
@@ -126,10 +127,13 @@ def _centre(pose: Pose, sign: float, radius_m: float) -> tuple[float, float]:
     return pose[0] - sign * radius_m * math.sin(pose[2]), pose[1] + sign * radius_m * math.cos(pose[2])
 
 
-def _turn(sign: float, from_rad: float, to_rad: float) -> float:
-    """Angle in [0, 2 pi) through which one turns from a heading to another, going round one way only."""
+def _turn(sign: float, from_rad: float, to_rad: float, slack_rad: float = FULL_TURN_RAD) -> float:
+    """Angle in [0, 2 pi) through which one turns from a heading to another, going round one way only.
+
+    A turn that is short of a full one by less than the slack is none.
+    """
     turn_rad = wrap_2pi(sign * (to_rad - from_rad))
-    return 0.0 if turn_rad > 2.0 * math.pi - FULL_TURN_RAD else turn_rad
+    return 0.0 if turn_rad > 2.0 * math.pi - slack_rad else turn_rad
 
 
 def _centres(begin: Pose, end: Pose, radius_m: float, first: float, last: float) -> tuple[float, float]:
@@ -146,14 +150,36 @@ def _csc(begin: Pose, end: Pose, radius_m: float, first: float, last: float) -> 
     b the straight of length l asks for d sin(phi - b) = (s1 - s3) R and d cos(phi - b) = l.
     """
     distance_m, bearing_rad = _centres(begin, end, radius_m, first, last)
-    across_m = (first - last) * radius_m
-    if distance_m < abs(across_m):
-        return []
+    if first == last:
+        straight_m, heading_rad = distance_m, bearing_rad
+        # The bearing of centres that are close is known less well: without slack a straight of 1 nm begins with a turn.
+        size_m = max(abs(begin[0]), abs(begin[1]), abs(end[0]), abs(end[1])) + radius_m
+        slack_rad = max(FULL_TURN_RAD, ROUNDING * size_m / max(distance_m, FULL_TURN_RAD * radius_m))
+    else:
+        square_m2 = _inner_tangent_m2(begin, end, first * radius_m)
+        if square_m2 < 0.0:
+            return []
+        straight_m = math.sqrt(square_m2)
+        heading_rad = bearing_rad + math.atan2((first - last) * radius_m, straight_m)
+        slack_rad = FULL_TURN_RAD
     one_circle = distance_m < FULL_TURN_RAD * radius_m  # then there is no straight, and any heading is a tangent's
-    heading_rad = begin[2] if one_circle else bearing_rad + math.asin(across_m / distance_m)
-    straight_m = math.sqrt(distance_m**2 - across_m**2)
-    in_m, out_m = _turn(first, begin[2], heading_rad), _turn(last, heading_rad, end[2])
-    return [(radius_m * in_m, straight_m, radius_m * out_m)]
+    in_rad = 0.0 if one_circle else _turn(first, begin[2], heading_rad, slack_rad)
+    if in_rad == 0.0:
+        heading_rad = begin[2]
+    out_rad = _turn(last, heading_rad, end[2], slack_rad)
+    return [(radius_m * in_rad, straight_m, radius_m * out_rad)]
+
+
+def _inner_tangent_m2(begin: Pose, end: Pose, first_m: float) -> float:
+    """The square of the length of the inner tangent, d^2 - 4 R^2, without the difference of two large numbers.
+
+    `first_m` is the radius with the sign of the first circle. With the step p from begin to end, their directions to
+    starboard a and b, and |a + b|^2 = 4 - 4 sin^2(turn / 2): |p|^2 - 2 s R p (a + b) - 4 R^2 sin^2(turn / 2).
+    """
+    dn_m, de_m = end[0] - begin[0], end[1] - begin[1]
+    abeam_m = dn_m * (-math.sin(begin[2]) - math.sin(end[2])) + de_m * (math.cos(begin[2]) + math.cos(end[2]))
+    half_m = 2.0 * first_m * math.sin(0.5 * (end[2] - begin[2]))
+    return dn_m**2 + de_m**2 - 2.0 * first_m * abeam_m - half_m**2
 
 
 def _ccc(begin: Pose, end: Pose, radius_m: float, first: float) -> list[tuple[float, float, float]]:

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from asvhil.controller.dubins import SIGN, WORDS, Dubins, candidates, shortest
@@ -96,6 +96,10 @@ def test_every_word_ends_at_the_goal(begin, end, radius_m):
 
 
 @settings(max_examples=120, deadline=None)
+@example((2.0, 2.0, 1.0), [("S", 1e-9)], 0.3046875)  # the bearing of circles so close is known to 1e-7 only
+@example((0.0, 0.0, 0.0), [("S", 1.192092896e-07)], 3.3304969087687053)  # d^2 - 4 R^2 loses its digits
+@example((0.0, 0.0, 0.0), [("S", 1.192092896e-07)], 1.25)
+@example((0.0, 0.0, 0.0), [("L", 1.192092896e-07), ("S", 1.192092896e-07)], 2.375)
 @given(poses, st.lists(st.tuples(st.sampled_from("LSR"), st.floats(0.0, 6.0)), min_size=1, max_size=6), radii)
 def test_no_path_of_bounded_curvature_is_shorter(begin, pieces, radius_m):
     """Wherever a boat gets by any sequence of arcs and straights, it gets there by the shortest path no later."""
@@ -128,6 +132,8 @@ def test_reversed_and_mirrored_paths_are_as_long(begin, end, radius_m):
 
 
 @settings(max_examples=60, deadline=None)
+@example((0.0, 0.0, 0.0), (0.0, 0.0, 1e-9), 0.375, 0.0, 0.0, 1.25)  # within rounding of the goal: no path, or a loop
+@example((1e-9, 0.0, 0.0), (0.0, 0.0, 0.0), 0.8610015915251525, 0.0, 0.0, 0.857421875)
 @given(poses, poses, radii, coordinates, coordinates, angles)
 def test_moved_and_turned_paths_are_as_long(begin, end, radius_m, dn_m, de_m, turn_rad):
     def moved(pose):
@@ -142,11 +148,12 @@ def test_moved_and_turned_paths_are_as_long(begin, end, radius_m, dn_m, de_m, tu
 
 def _jump(begin, end, radius_m) -> bool:
     """Whether the length jumps here: a nudge of the goal turns no arc into a whole turn, or back."""
+    nudges = (-1e-7, -1e-9, 0.0, 1e-9, 1e-7)
     lengths = [
         shortest(begin, (end[0] + a, end[1] + b, end[2] + c), radius_m).length_m
-        for a in (-1e-7, 1e-7)
-        for b in (-1e-7, 1e-7)
-        for c in (-1e-7, 1e-7)
+        for a in nudges
+        for b in nudges
+        for c in nudges
     ]
     return max(lengths) - min(lengths) > 1e-5
 
