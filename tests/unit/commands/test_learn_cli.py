@@ -14,20 +14,13 @@ import pytest
 
 from asvhil.commands import cli
 from asvhil.dynamics.weights import read_model, save_model
+from tests.support.csv_columns import COLUMNS
 from tests.support.model_data import drive
 from tests.support.model_samples import sample
 from tests.support.paths import ROOT
 
 pytest.importorskip("torch")
 
-COLUMNS = """
-time: {column: t, unit: s}
-u: {column: u, unit: m/s}
-v: {column: v, unit: m/s}
-r: {column: r, unit: rad/s}
-port: {column: left, unit: "1"}
-starboard: {column: right, unit: "1"}
-"""
 PNG = b"\x89PNG"
 SHIPPED = ROOT / "config" / "models" / "wamv16-nnsem.npz"
 

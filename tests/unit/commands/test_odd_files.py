@@ -12,17 +12,10 @@ from asvhil.commands import cli
 from asvhil.config import load_config
 from asvhil.dynamics.weights import save_model
 from asvhil.sitl import run_lockstep
+from tests.support.csv_columns import COLUMNS
 from tests.support.model_samples import sample
 from tests.support.paths import DATA
 
-COLUMNS = """
-time: {column: t, unit: s}
-u: {column: u, unit: m/s}
-v: {column: v, unit: m/s}
-r: {column: r, unit: rad/s}
-port: {column: left, unit: '1'}
-starboard: {column: right, unit: '1'}
-"""
 COMMANDS = {
     "run.csv": ("evaluate", "net.npz", "--data", "run.csv", "--columns", "map.yaml", "--horizon", "2"),
     "net.npz": ("evaluate", "net.npz", "--data", "run.csv", "--columns", "map.yaml", "--horizon", "2"),

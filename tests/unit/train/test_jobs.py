@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.support.csv_columns import COLUMNS
 from tests.support.model_data import drive
 from tests.support.model_samples import sample
 
@@ -28,14 +29,6 @@ from asvhil.train.progress import TrainingProgress  # noqa: E402
 from tests.support.paths import ROOT  # noqa: E402
 
 MODELS = ROOT / "config" / "models"
-COLUMNS = """
-time: {column: t, unit: s}
-u: {column: u, unit: m/s}
-v: {column: v, unit: m/s}
-r: {column: r, unit: rad/s}
-port: {column: left, unit: "1"}
-starboard: {column: right, unit: "1"}
-"""
 
 
 @pytest.fixture(scope="module")
