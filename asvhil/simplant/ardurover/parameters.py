@@ -52,6 +52,27 @@ def _output(number: int, function: int) -> tuple[Row, ...]:
     )
 
 
+class MotorOutput:
+    """An output (from 1) with the function of a motor, and what becomes of a throttle there."""
+
+    PARTS = ("MIN", "TRIM", "MAX", "REVERSED")
+    __slots__ = ("_high_us", "_low_us", "_sense", "_trim_us", "function", "number")
+
+    def __init__(
+        self, number: int, function: int, low_us: float, trim_us: float, high_us: float, reverse: float
+    ) -> None:
+        self.number, self.function = number, function
+        self._low_us, self._trim_us, self._high_us = low_us, trim_us, high_us
+        self._sense = -1.0 if reverse else 1.0
+
+    def pulse_us(self, throttle: float) -> int:
+        """Pulse width for a throttle in [-1, 1], cut as ArduPilot does, away from its trim."""
+        share = min(1.0, max(-1.0, self._sense * throttle))
+        span_us = self._high_us - self._trim_us if share > 0.0 else self._trim_us - self._low_us
+        offset_us = int(abs(share) * span_us + 1e-6)
+        return int(self._trim_us) + (offset_us if share > 0.0 else -offset_us)
+
+
 class Parameters(ParameterTable):
     """Every type travels as a float, as ArduPilot sends them."""
 
@@ -94,6 +115,7 @@ class Parameters(ParameterTable):
         self._late: list[str] = []
         self._sticks: dict[int, ChannelCalibration] = {}
         self._functions: tuple[int, ...] | None = None
+        self._motor_outputs: tuple[MotorOutput, ...] | None = None
         self.mygcs_name = rows[1][0]
         super().__init__("simulated ArduRover", rows, config.parameters)
 
@@ -130,17 +152,19 @@ class Parameters(ParameterTable):
             self._functions = tuple(int(self[f"SERVO{n}_FUNCTION"]) for n in range(1, OUTPUTS + 1))
         return self._functions
 
-    def pulse_us(self, output: int, throttle: float) -> int:
-        """Pulse width of an output (from 1) for a throttle in [-1, 1], cut as ArduPilot does, away from its trim."""
-        low_us, trim_us, high_us, reverse = (
-            self[f"SERVO{output}_{part}"] for part in ("MIN", "TRIM", "MAX", "REVERSED")
-        )
-        throttle = -throttle if reverse else throttle
-        if throttle > 0.0:
-            return int(trim_us) + int(min(throttle, 1.0) * (high_us - trim_us) + 1e-6)
-        return int(trim_us) - int(min(-throttle, 1.0) * (trim_us - low_us) + 1e-6)
+    @property
+    def motor_outputs(self) -> tuple[MotorOutput, ...]:
+        """The outputs that have the function of a motor."""
+        if self._motor_outputs is None:
+            self._motor_outputs = tuple(
+                MotorOutput(number, function, *(self[f"SERVO{number}_{part}"] for part in MotorOutput.PARTS))
+                for number, function in enumerate(self.functions, start=1)
+                if function in (PORT_MOTOR, STARBOARD_MOTOR)
+            )
+        return self._motor_outputs
 
     def _put(self, name: str, value: float) -> None:
         super()._put(name, value)
         self._sticks.clear()
         self._functions = None
+        self._motor_outputs = None

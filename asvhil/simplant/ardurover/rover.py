@@ -281,10 +281,8 @@ class Rover(PoweredVehicle):
 
     def _put_out(self, port: float, starboard: float) -> None:
         """Throttles in [-1, 1] to the outputs that have their functions; an output without one keeps its pulse."""
-        for output, function in enumerate(self.parameters.functions, start=1):
-            throttle = {PORT_MOTOR: port, STARBOARD_MOTOR: starboard}.get(function)
-            if throttle is not None:
-                self.servo_us[output - 1] = self.parameters.pulse_us(output, throttle)
+        for output in self.parameters.motor_outputs:
+            self.servo_us[output.number - 1] = output.pulse_us(port if output.function == PORT_MOTOR else starboard)
 
     @property
     def mapped(self) -> tuple[int, int]:
