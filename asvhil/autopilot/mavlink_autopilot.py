@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from operator import attrgetter
 from typing import Any
 
 from asvhil.autopilot.after_silence import AfterSilence
@@ -27,6 +28,8 @@ from asvhil.types import Frame, FrontseatStatus, Heading, Measurement, Note, Rad
 COMMAND_ACK = dialect.MAVLINK_MSG_ID_COMMAND_ACK
 HEARTBEAT_NS = 1_000_000_000
 REQUEST_NS = 1_000_000_000
+CHANNELS_OF = attrgetter(*(f"chan{i}_raw" for i in range(1, 19)))  # of RC_CHANNELS
+OUTPUTS_OF = attrgetter(*(f"servo{i}_raw" for i in range(1, 17)))  # of SERVO_OUTPUT_RAW
 FIRST_TIME_NS = 300_000_000  # between requests for the autopilot's clock until one was answered
 SILENCE_NS = 3_000_000_000  # after which nobody knows what has become of the vehicle
 BOOTING = (dialect.MAV_STATE_BOOT, dialect.MAV_STATE_CALIBRATING)
@@ -316,9 +319,8 @@ class MavlinkAutopilot:
         return f"is {make}, but links.autopilot.profile is {self._config.profile}"
 
     def _on_rc_channels(self, t_ns: int, m: Any) -> Sequence[Measurement]:
-        values = (getattr(m, f"chan{i}_raw") for i in range(1, 19))
         self._rc_ns = t_ns
-        self._rc_us = tuple(0 if value == IGNORE_CHANNEL else value for value in values)
+        self._rc_us = tuple([0 if value == IGNORE_CHANNEL else value for value in CHANNELS_OF(m)])
         self.transmitter.on_rc_channels(t_ns, m.chancount, m.rssi)
         return self._status(t_ns)
 
@@ -326,7 +328,7 @@ class MavlinkAutopilot:
         if m.port != 0:
             return ()
         self._outputs_ns = t_ns
-        self._outputs_us = tuple(getattr(m, f"servo{i}_raw") for i in range(1, 17))
+        self._outputs_us = OUTPUTS_OF(m)
         return self._status(t_ns)
 
     def _on_sys_status(self, t_ns: int, m: Any) -> Sequence[Measurement]:

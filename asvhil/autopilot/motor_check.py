@@ -27,7 +27,8 @@ class MotorCheck:
         self._driving_ns: int | None = None
         self._unread = False
         self._found: Explanation | None = None  # by the readback, last
-        self._judged: tuple[list[Finding], Explanation | None] = ([], None)  # what follows from which findings
+        # What follows from which findings: a fault, and what to tell. Each parameter that is read makes a new list.
+        self._judged: tuple[list[Finding], Explanation | None, str] = ([], None, "")
         self.fault: Explanation | None = None  # why the motors do not, or would not, follow the commands
 
     def on_status(self, status: FrontseatStatus) -> None:
@@ -70,10 +71,9 @@ class MotorCheck:
         if why:
             taken = "; tolerated" if Cause.UNBOUNDED in self._tolerate else ""
             found.append(Note(subject="motors after a crash", text=f"nothing stops them ({why}){taken}", ok=False))
-        wrong = [f for f in self._autopilot.findings if f.wrong and f.requirement.must]
+        wrong = self._judge_parameters()[2]
         if wrong:
-            more = f" (and {len(wrong) - 1} more)" if len(wrong) > 1 else ""
-            found.append(Note(subject="parameters", text=f"{wrong[0].text}{more}", ok=False))
+            found.append(Note(subject="parameters", text=wrong, ok=False))
         if self._found is not None:
             found.append(Note(subject="outputs", text=describe(self._found), ok=False))
         elif self._unread:
@@ -87,17 +87,19 @@ class MotorCheck:
         return explain(Reason.UNBOUNDED, why=why) if why and Cause.UNBOUNDED not in self._tolerate else None
 
     def _wrong_parameter(self) -> Explanation | None:
-        findings = self._autopilot.findings
-        if findings is not self._judged[0]:  # a new list comes with each parameter that is read
-            self._judged = findings, self._first_wrong(findings)
-        return self._judged[1]
+        return self._judge_parameters()[1]
 
-    def _first_wrong(self, findings: list[Finding]) -> Explanation | None:
-        for finding in findings:
-            cause = finding.requirement.cause
-            if finding.wrong and cause is not None and cause not in self._tolerate:
-                return explain(Reason.AUTOPILOT_PARAMETER, finding=finding.text)
-        return None
+    def _judge_parameters(self) -> tuple[list[Finding], Explanation | None, str]:
+        findings = self._autopilot.findings
+        if findings is not self._judged[0]:
+            wrong = [f for f in findings if f.wrong]
+            causes = (None, *self._tolerate)
+            faults = (f for f in wrong if f.requirement.cause not in causes)
+            fault = next((explain(Reason.AUTOPILOT_PARAMETER, finding=f.text) for f in faults), None)
+            must = [f for f in wrong if f.requirement.must]
+            more = f" (and {len(must) - 1} more)" if len(must) > 1 else ""
+            self._judged = findings, fault, f"{must[0].text}{more}" if must else ""
+        return self._judged
 
     def _tolerated_bend(self) -> Finding | None:
         """A parameter that is wrong, or could not be read, and whose effect is tolerated."""

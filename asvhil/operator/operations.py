@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Iterable
+from typing import Any
 
 from asvhil.geo import wrap_rad
 from asvhil.io.mavlink.frames import dialect
@@ -116,18 +116,16 @@ class Operations:
 
     def _report(self, situation: Situation, decision: Decision) -> OperatorReport:
         station, estimate, frame = decision.station, situation.estimate, situation.frame
-        report = OperatorReport(phase=decision.phase, solve_ms=self._session.solve_ms)
+        known: dict[str, Any] = {"phase": decision.phase, "solve_ms": self._session.solve_ms}
         if self._control is not None:
-            iterations = float(self._control.iterations)
-            report = dataclasses.replace(report, iterations=iterations, control_ok=self._control.ok)
-        if station is None or estimate is None or frame is None:
-            return report
-        return dataclasses.replace(
-            report,
-            distance_m=math.hypot(estimate.n_m - station.n_m, estimate.e_m - station.e_m),
-            heading_error_rad=wrap_rad(estimate.psi_rad - station.psi_rad),
-            station=(*frame.to_geodetic(station.n_m, station.e_m), station.psi_rad),
-        )
+            known |= {"iterations": float(self._control.iterations), "control_ok": self._control.ok}
+        if station is not None and estimate is not None and frame is not None:
+            known |= {
+                "distance_m": math.hypot(estimate.n_m - station.n_m, estimate.e_m - station.e_m),
+                "heading_error_rad": wrap_rad(estimate.psi_rad - station.psi_rad),
+                "station": (*frame.to_geodetic(station.n_m, station.e_m), station.psi_rad),
+            }
+        return OperatorReport(**known)
 
     def _take_remarks(self, notes: tuple[Note, ...]) -> list[tuple[int, str]]:
         """What has become wrong, and what has recovered, since the last tick: (severity, text)."""

@@ -339,7 +339,10 @@ class Parser:
 
     def total(self, name: str) -> int:
         """The sum of one counter (frames, bad_crc, unknown, garbage_bytes) over all peers."""
-        return sum(getattr(splitter, name) for splitter in self._every())
+        count: int = getattr(self._forgotten, name)
+        for splitter in self._splitters.values():
+            count += getattr(splitter, name)
+        return count
 
     def lost_of(self, sender: tuple[int, int]) -> int:
         """Frames of a (system, component) that did not come, over all peers: by its numbers with each of them."""

@@ -120,9 +120,8 @@ class ParameterClient:
     @property
     def silent(self) -> tuple[str, ...]:
         """The first names of those that were given up: whether they exist, and what they are, is not known."""
-        return tuple(
-            g[0] for g in self._groups if self._asking[g].given_up and not self._known(g) and not self._is_absent(g)
-        )
+        silent = [group for group, asking in self._asking.items() if asking.given_up]
+        return tuple(group[0] for group in silent if not self._known(group) and not self._is_absent(group))
 
     def receive(self, t_ns: int, message: Any) -> None:
         """A PARAM_VALUE of the autopilot."""

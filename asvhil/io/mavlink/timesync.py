@@ -31,7 +31,8 @@ class _Exchange(NamedTuple):
 class TimeSync:
     """Measures one peer's clock, and answers its questions for ours.
 
-    `rejected` counts answers that were late, unasked for, or outliers; `steps` how often the clock was set.
+    `offset` is the other clock less ours, None before the first exchange. `rejected` counts answers that were late,
+    unasked for, or outliers; `steps` how often the clock was set.
     """
 
     def __init__(self) -> None:
@@ -40,23 +41,17 @@ class TimeSync:
         self._answers: deque[tuple[int, int]] = deque(maxlen=ANSWERS)
         self._outliers = 0
         self._asks = False
+        self.offset: TimeOffset | None = None
         self.accepted = 0
         self.rejected = 0
         self.steps = 0
-
-    @property
-    def offset(self) -> TimeOffset | None:
-        """The other clock less ours, None before the first exchange."""
-        if not self._exchanges:
-            return None
-        best = self._best()
-        return TimeOffset(offset_ns=best.offset_ns, round_trip_ns=best.round_trip_ns, exchanges=self.accepted)
 
     def restart(self) -> None:
         """The other end has started anew: nothing of its clock is known."""
         self._asked.clear()
         self._exchanges.clear()
         self._outliers = 0
+        self.offset = None
 
     def ask(self) -> None:
         """Have a request sent with the next data."""
@@ -101,6 +96,8 @@ class TimeSync:
         self._outliers = 0
         self.accepted += 1
         self._exchanges.append(exchange)
+        best = self._best()
+        self.offset = TimeOffset(offset_ns=best.offset_ns, round_trip_ns=best.round_trip_ns, exchanges=self.accepted)
 
     def _best(self) -> _Exchange:
         """The shortest round trip of the window, the latest of equals."""

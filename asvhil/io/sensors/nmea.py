@@ -39,6 +39,7 @@ class NmeaCodec:
         self._framer = NmeaFramer()
         self.sentences = 0
         self.dropped: dict[DropCause, int] = dict.fromkeys(DropCause, 0)
+        self._counters = tuple(f"{port}.{name}" for name in ("sentences", "bad", *self.dropped))
         self.heard: dict[str, int] = {}
         self.refused: dict[str, dict[DropCause, int]] = {}
 
@@ -62,9 +63,8 @@ class NmeaCodec:
 
     def counters(self) -> tuple[tuple[str, int], ...]:
         """Cumulative counts of sentences with a right checksum, of bad lines, and of what gave nothing by cause."""
-        bad = sum(self.dropped[cause] for cause in BAD_LINES)
-        dropped = ((f"{self._port}.{cause}", count) for cause, count in self.dropped.items())
-        return ((f"{self._port}.sentences", self.sentences), (f"{self._port}.bad", bad), *dropped)
+        bad = sum([self.dropped[cause] for cause in BAD_LINES])
+        return tuple(zip(self._counters, (self.sentences, bad, *self.dropped.values()), strict=True))
 
     def _sentence(self, t_ns: int, body: bytes) -> list[NamedMeasurement]:
         fields = Fields(body)

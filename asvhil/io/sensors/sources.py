@@ -68,6 +68,7 @@ class SourceChoice:
 
     def __init__(self, sources: tuple[SourceConfig, ...], return_after_s: float) -> None:
         self._names = [source.name for source in sources]
+        self._numbers = {name: number for number, name in enumerate(self._names)}
         self._timeouts_ns = [round(source.timeout_s * NS_PER_S) for source in sources]
         self._return_ns = round(return_after_s * NS_PER_S)
         self._heard_ns: list[int | None] = [None] * len(sources)
@@ -82,9 +83,9 @@ class SourceChoice:
 
     def offer(self, t_ns: int, name: str) -> bool:
         """A valid value has come from a source: whether it is the one in use."""
-        if name not in self._names:
+        number = self._numbers.get(name)
+        if number is None:
             return False
-        number = self._names.index(name)
         if not self._alive(number, t_ns):
             self._alive_since_ns[number] = t_ns
         self._heard_ns[number] = t_ns
