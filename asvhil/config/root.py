@@ -16,7 +16,7 @@ from asvhil.config.links import LinksConfig
 from asvhil.config.plant import PlantConfig
 from asvhil.config.plugins import PluginFile, loaded
 from asvhil.config.registry import AUTOPILOTS, CONTROLLERS, ESTIMATORS, LINKS, OUTPUTS, SENSORS, SOLVERS, Registry
-from asvhil.config.sources import SourcesConfig, ask_for, check_sources
+from asvhil.config.sources import SourcesConfig, check_sources, with_streams_of
 from asvhil.config.supervisor import SupervisorConfig
 from asvhil.config.vehicle import VehicleConfig, VesselConfig
 from asvhil.errors import ConfigError
@@ -71,7 +71,7 @@ class Config(Section):
             if channel in self.supervisor.stick_channels:
                 raise ValueError(f"supervisor.stick_channels must not hold the motor channel {channel}")
         if not known_only(info):
-            ask_for(self.sources, link)
+            object.__setattr__(self, "links", with_streams_of(self.sources, self.links))  # frozen, but not built yet
             try:
                 self.check_plugins()
             except ConfigError as error:

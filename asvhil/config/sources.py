@@ -133,9 +133,12 @@ def _fixes(link: AutopilotLinkConfig) -> Sources:
     return (first, second) if second.timeout_s * rates.get(second.message, 0.0) >= LEAST_INTERVALS else (first,)
 
 
-def ask_for(sources: SourcesConfig, link: AutopilotLinkConfig) -> None:
-    """Give every listed message of the autopilot that has no rate the one that the quantity needs."""
-    rates = link.streams_hz
+def with_streams_of(sources: SourcesConfig, links: LinksConfig) -> LinksConfig:
+    """The links with a rate for every listed message of the autopilot that has none: the rate that its quantity needs.
+
+    The links that were given are not changed.
+    """
+    rates = links.autopilot.streams_hz
     missing: dict[str, float] = {}
     for quantity in QUANTITIES:
         for source in getattr(sources, quantity):
@@ -143,10 +146,10 @@ def ask_for(sources: SourcesConfig, link: AutopilotLinkConfig) -> None:
             if known and source.message not in rates:
                 least_hz = LEAST_INTERVALS / source.timeout_s
                 missing[source.message] = max(missing.get(source.message, 0.0), NEEDED_HZ[quantity], least_hz)
-    if missing:
-        merged = dict(sorted({**rates, **missing}.items()))
-        rates.clear()
-        rates.update(merged)
+    if not missing:
+        return links
+    autopilot = links.autopilot.model_copy(update={"streams_hz": dict(sorted({**rates, **missing}.items()))})
+    return links.model_copy(update={"autopilot": autopilot})
 
 
 def _check_stream(where: str, source: SourceConfig, rate_hz: float) -> None:

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from asvhil.config import Config, SourceConfig, config_from_json, load_config
+from asvhil.config import Config, SourceConfig, SourcesConfig, config_from_json, load_config
 from asvhil.errors import ConfigError
 from asvhil.io.sensors.sources import SourceChoice, SourceSelector
 from asvhil.types import (
@@ -253,6 +253,15 @@ def test_a_listed_message_is_asked_for(override: str, message: str, rate_hz: flo
 def test_a_config_read_back_from_a_log_asks_for_what_it_asked_for() -> None:
     less = config("links.autopilot.streams_hz.RC_CHANNELS=0", "sources.wind=[autopilot.WIND]")
     assert config_from_json(less.canonical_json(), "log") == less
+
+
+def test_links_that_two_configs_share_keep_their_rates() -> None:
+    links = config().links
+    rates = dict(links.autopilot.streams_hz)
+    wind = SourcesConfig(wind=(SourceConfig(link="autopilot", message="WIND"),))
+    asked = Config(vehicle=config().vehicle, links=links, sources=wind)
+    assert "WIND" in asked.links.autopilot.streams_hz
+    assert links.autopilot.streams_hz == rates
 
 
 def test_a_word_and_a_mapping_are_the_same_and_survive_the_log() -> None:
