@@ -39,6 +39,7 @@ from asvhil.logs.opening import open_recorder
 from asvhil.logs.reader import LogFile
 from asvhil.operator.session import encode_hold
 from asvhil.types import Control, Estimate, Station, Wind
+from tests.support.ports import free_port
 
 SENSOR_HZ = 50.0
 FLOOD_HZ = 5000
@@ -103,7 +104,7 @@ class Child:
 
     def __init__(self, folder: Path, cut: tuple[str, float]) -> None:
         self.log = folder / "log.mcap"
-        self.autopilot_port, self.operator_port = _free_port(), _free_port()
+        self.autopilot_port, self.operator_port = free_port(), free_port()
         words = ["--serve", "--log", str(self.log), "--cut", cut[0], "--tick-hz", str(cut[1])]
         words += ["--autopilot", str(self.autopilot_port), "--operator", str(self.operator_port)]
         self.process = subprocess.Popen(
@@ -122,12 +123,6 @@ class Child:
         self.process.send_signal(signal.SIGINT)
         words, _ = self.process.communicate(timeout=60.0)
         return dict(json.loads(words.splitlines()[-1]))
-
-
-def _free_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
 
 
 class Autopilot:

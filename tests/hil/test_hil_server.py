@@ -25,6 +25,7 @@ from asvhil.io.mavlink.frames import dialect as mav
 from asvhil.links.clock import Clock
 from asvhil.simplant.hil.server import ArduPilotJsonServer, Px4HilServer
 from tests.support.hil_clients import NEUTRAL, JsonAutopilot, Px4, as_ardupilot_reads, serving, servo_frame
+from tests.support.ports import free_port
 
 pytestmark = pytest.mark.real_time
 
@@ -328,12 +329,6 @@ def command(*arguments: str, cwd: Path) -> Iterator[subprocess.Popen[str]]:
         if child.poll() is None:
             child.kill()
         child.communicate()
-
-
-def free_port(kind: int) -> int:
-    with socket.socket(socket.AF_INET, kind) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
 
 
 def test_the_command_is_the_physics_of_an_ardupilot_until_interrupted(tmp_path: Path) -> None:

@@ -8,7 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.support.processes import Bench, bench, free_udp_port
+from tests.support.ports import free_port
+from tests.support.processes import Bench, bench
 
 pytestmark = pytest.mark.real_time
 
@@ -45,7 +46,7 @@ def test_what_is_wrong_is_named_mended_and_passes_the_second_time(tmp_path: Path
 
 
 def test_without_a_vehicle_it_ends_in_one_line() -> None:
-    port = free_udp_port()
+    port = free_port()
     done = alone("--timeout", "1", "--set", f"links.autopilot.endpoint=udpin:127.0.0.1:{port}")
     assert done.returncode == 2
     assert done.stderr.strip().splitlines() == [

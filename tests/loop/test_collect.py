@@ -23,7 +23,7 @@ from asvhil.operator.session import encode_hold
 from asvhil.simplant.plant import Plant
 from asvhil.supervisor.reasons import Reason, describe, explain
 from asvhil.types import Frame, Phase
-from tests.support.processes import free_udp_port
+from tests.support.ports import free_port
 
 CONFIG = load_config("sitl")
 
@@ -127,7 +127,7 @@ class Boat:
 @pytest.mark.real_time
 @pytest.mark.parametrize("stick", [False, True])
 def test_on_the_vehicle_it_waits_for_hold_and_the_pilot_ends_it(tmp_path: Path, stick: bool) -> None:
-    autopilot, operator = free_udp_port(), free_udp_port()
+    autopilot, operator = free_port(), free_port()
     config = load_config(
         "sitl",
         (

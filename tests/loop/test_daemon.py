@@ -19,6 +19,7 @@ from asvhil.logs.opening import open_recorder
 from asvhil.logs.reader import LogFile
 from asvhil.logs.recorder import Recorder
 from asvhil.types import Frame, Inputs, Outputs
+from tests.support.waiting import until
 
 pytestmark = pytest.mark.real_time
 
@@ -62,23 +63,15 @@ async def test_a_step_that_raises_ends_in_neutral_and_release(tmp_path: Path) ->
     assert not LogFile(tmp_path / "log.mcap").truncated
 
 
-async def wait_until(condition, seconds: float = 5.0) -> None:  # type: ignore[no-untyped-def]
-    for _ in range(round(seconds / 0.02)):
-        if condition():
-            return
-        await asyncio.sleep(0.02)
-    raise AssertionError("did not come true in time")
-
-
 async def test_a_serial_line_is_unplugged_and_plugged_in_again(tmp_path: Path) -> None:
     clock, inbox, path = Clock(), deque[Frame](), tmp_path / "line"
     link = ReconnectingLink("anemometer", f"serial:{path}:115200", config(), clock, inbox)
     reader = asyncio.create_task(link.run())
     try:
         for round_ in range(2):
-            await wait_until(lambda: link.state not in ("connecting", "up"))  # says why it is not there
+            await until(lambda: link.state not in ("connecting", "up"))  # says why it is not there
             plug = await open_endpoint(f"pty:{path}", "plug", clock.now_ns)
-            await wait_until(lambda: link.state == "up")
+            await until(lambda: link.state == "up")
             data = b"hello %d" % round_
 
             async def arrived(plug=plug, data=data) -> bool:  # type: ignore[no-untyped-def]
@@ -106,10 +99,10 @@ async def test_a_flooded_inbox_drops_the_oldest_and_counts() -> None:
     link = ReconnectingLink("operator", f"udpin:127.0.0.1:{port}", config(), clock, inbox)
     reader = asyncio.create_task(link.run())
     try:
-        await wait_until(lambda: link.state == "up")
+        await until(lambda: link.state == "up")
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
             sender.sendto(b"new", ("127.0.0.1", port))
-            await wait_until(lambda: inbox[-1].data == b"new")
+            await until(lambda: inbox[-1].data == b"new")
         assert len(inbox) == INBOX_FRAMES and link.overflowed == 1
     finally:
         reader.cancel()

@@ -20,7 +20,8 @@ from asvhil.config import load_config
 from asvhil.logs.replay import replay
 from asvhil.logs.tlog_check import check_tlog
 from tests.support.paths import ROOT
-from tests.support.processes import Process, end_by_its_input, free_udp_port, sets
+from tests.support.ports import free_port
+from tests.support.processes import Process, end_by_its_input, sets
 
 pytestmark = pytest.mark.real_time
 
@@ -84,7 +85,7 @@ def mavproxy(port: int, folder: Path) -> Iterator[MavProxy]:
     not MAVPROXY.exists() and not os.environ.get("CI"), reason="needs `make .venv/.stamps/mavproxy` for MAVProxy"
 )
 def test_mavproxy_through_the_daemon_and_its_log(tmp_path: Path) -> None:
-    autopilot, gcs, operator = free_udp_port(), free_udp_port(), free_udp_port()
+    autopilot, gcs, operator = free_port(), free_port(), free_port()
     log = tmp_path / "log.mcap"
     options = sets(
         "links.anemometer=null",

@@ -25,7 +25,8 @@ from asvhil.io.mavlink.frames import FrameSplitter, decode, dialect, message_id
 from asvhil.logs.reader import LogFile
 from asvhil.logs.replay import replay
 from tests.support.paths import ROOT
-from tests.support.processes import Process, end_by_its_input, free_udp_port, sets
+from tests.support.ports import free_port
+from tests.support.processes import Process, end_by_its_input, sets
 
 pytestmark = pytest.mark.real_time
 
@@ -105,7 +106,7 @@ def is_here(state: dict[str, Any], lat_deg: float, lon_deg: float, within_m: flo
 
 
 def test_the_simulated_vehicle_is_one_to_mavsdk() -> None:
-    port = free_udp_port()
+    port = free_port()
     options = sets(
         f"plant.links.autopilot=udpout:127.0.0.1:{port}",
         "plant.links.anemometer=null",
@@ -144,7 +145,7 @@ def truth(log: Path) -> list[tuple[float, float, float, float]]:
 
 def test_a_goto_of_mavsdk_is_kept_by_the_daemon(tmp_path: Path) -> None:
     """Arm, goto, parameters, commands to the daemon by name, release; and what the boat really did meanwhile."""
-    autopilot, gcs, operator = free_udp_port(), free_udp_port(), free_udp_port()
+    autopilot, gcs, operator = free_port(), free_port(), free_port()
     log = tmp_path / "log.mcap"
     options = sets(
         "links.anemometer=null",
@@ -224,7 +225,7 @@ def refused_goto(ground: Peer, lat_deg: float, lon_deg: float) -> list[str]:
 
 
 def test_mavsdk_as_the_autopilot_is_read_by_the_daemon(tmp_path: Path) -> None:
-    autopilot, operator = free_udp_port(), free_udp_port()
+    autopilot, operator = free_port(), free_port()
     options = sets(
         "links.anemometer=null",
         "links.autopilot.profile=px4",

@@ -31,16 +31,12 @@ from asvhil.operator.session import encode_hold, encode_release
 from asvhil.simplant.lockstep import Lockstep
 from asvhil.supervisor.reasons import Reason
 from asvhil.types import Frame, Outputs, Phase
+from tests.support.ports import free_port
+from tests.support.waiting import until
 
 pytestmark = pytest.mark.real_time
 
 KEY_TEXT = "correct horse battery staple"
-
-
-def free_port(kind: socket.SocketKind = socket.SOCK_DGRAM) -> int:
-    with socket.socket(socket.AF_INET, kind) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
 
 
 class Peer:
@@ -114,18 +110,6 @@ class Running:
             self._recorder.close()
 
 
-async def until(condition: Callable[[], bool], say: Callable[[], object] = lambda: None, seconds: float = 8.0) -> None:
-    """Wait for a condition, saying something every 50 ms."""
-    for _ in range(round(seconds / 0.05)):
-        if condition():
-            return
-        said = say()
-        if asyncio.iscoroutine(said):
-            await said
-        await asyncio.sleep(0.05)
-    raise AssertionError("did not come true in time")
-
-
 def config(*overrides: str) -> Config:
     return load_config(
         "sitl",
@@ -167,7 +151,7 @@ async def test_a_ground_station_reaches_the_autopilot_and_the_daemon(tmp_path: P
                 and any(source(frame) == (255, 190) for frame in dashboard.frames)
             )
 
-        await until(met, talk)
+        await until(met, meanwhile=talk)
         asked = await qgc.say(dialect.MAVLink_param_request_list_message(1, 1))
         await until(lambda: asked in autopilot.frames)  # unchanged, to the byte
         value = await autopilot.say(dialect.MAVLink_param_value_message(b"RC1_DZ", 30.0, 2, 1, 0))
@@ -200,7 +184,8 @@ async def test_slow_and_dead_links_hold_nobody_up(tmp_path: Path) -> None:
         peer(f"udpout:127.0.0.1:{fast_port}", 255, 190) as fast,
     ):
         await until(
-            lambda: bool(fast.frames), lambda: asyncio.gather(autopilot.say(HEARTBEAT), fast.say(GCS_HEARTBEAT))
+            lambda: bool(fast.frames),
+            meanwhile=lambda: asyncio.gather(autopilot.say(HEARTBEAT), fast.say(GCS_HEARTBEAT)),
         )
         with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as sloth:
             sloth.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
@@ -238,7 +223,9 @@ async def test_the_autopilots_cable_is_pulled_and_the_rest_goes_on(tmp_path: Pat
                 autopilot.frames.clear()
                 await until(
                     lambda: running.links.get("autopilot", "").startswith("up") and bool(from_component(1)),
-                    lambda autopilot=autopilot: asyncio.gather(autopilot.say(HEARTBEAT), qgc.say(GCS_HEARTBEAT)),  # type: ignore[misc]
+                    meanwhile=lambda autopilot=autopilot: asyncio.gather(
+                        autopilot.say(HEARTBEAT), qgc.say(GCS_HEARTBEAT)
+                    ),  # type: ignore[misc]
                 )
                 asked = await qgc.say(dialect.MAVLink_param_request_list_message(1, 1))
                 await until(lambda autopilot=autopilot, asked=asked: asked in autopilot.frames)  # type: ignore[misc]
@@ -271,7 +258,7 @@ async def test_gotos_are_claimed_or_passed_on(tmp_path: Path) -> None:
                 await autopilot.say(HEARTBEAT)
                 await qgc.say(GCS_HEARTBEAT)
 
-            await until(lambda qgc=qgc: {source(f) for f in qgc.frames} >= {(1, 1), (1, 191)}, talk)  # type: ignore[misc]
+            await until(lambda qgc=qgc: {source(f) for f in qgc.frames} >= {(1, 1), (1, 191)}, meanwhile=talk)  # type: ignore[misc]
             goto = await qgc.say(
                 dialect.MAVLink_command_int_message(1, 1, 0, 192, 0, 0, -1, 1, 0, 0, 404237000, -869212000, 0)
             )
@@ -357,7 +344,7 @@ async def test_signed_links(tmp_path: Path) -> None:
                 "too old",
             }
 
-        await until(heard, talk)
+        await until(heard, meanwhile=talk)
         assert running.outputs is not None and running.outputs.health.link_ok
         assert "is this computer's clock right?" in running.links["autopilot"]
         words = await asyncio.to_thread(
@@ -368,7 +355,7 @@ async def test_signed_links(tmp_path: Path) -> None:
             signing=settings.links.operator.signing,
         )
         assert words == (0, "")
-        await until(lambda: len(autopilot.frames) > 8, talk)
+        await until(lambda: len(autopilot.frames) > 8, meanwhile=talk)
     receiver = dialect.MAVLink(None)
     receiver.signing.secret_key, receiver.signing.timestamp = key, timestamp_of(now_ns())
     assert all(is_signed(frame) and frame[-13] == 3 for frame in autopilot.frames)
@@ -389,7 +376,7 @@ async def test_signed_links(tmp_path: Path) -> None:
     ):
         rejected: Counter[str] = running.daemon._router._filters["autopilot"].rejected
         old = itertools.cycle(good)
-        await until(lambda: rejected["replayed"] > 10, lambda: attacker.say_raw(next(old)))
+        await until(lambda: rejected["replayed"] > 10, meanwhile=lambda: attacker.say_raw(next(old)))
         assert running.outputs is not None and not running.outputs.health.link_ok
 
 
@@ -401,9 +388,11 @@ async def test_only_the_named_senders_are_listened_to(tmp_path: Path) -> None:
         peer(f"udpout:127.0.0.1:{autopilot_port}", 1, 2) as other,
         peer(f"udpout:127.0.0.1:{autopilot_port}", 1, 1) as autopilot,
     ):
-        await until(lambda: "of other senders" in running.links.get("autopilot", ""), lambda: other.say(HEARTBEAT))
+        await until(
+            lambda: "of other senders" in running.links.get("autopilot", ""), meanwhile=lambda: other.say(HEARTBEAT)
+        )
         assert running.outputs is not None and not running.outputs.health.link_ok
-        await until(lambda: running.outputs.health.link_ok, lambda: autopilot.say(HEARTBEAT))
+        await until(lambda: running.outputs.health.link_ok, meanwhile=lambda: autopilot.say(HEARTBEAT))
 
 
 def test_an_override_of_somebody_else_takes_the_boat_from_us() -> None:
@@ -504,5 +493,5 @@ async def test_ticks_are_cut_when_something_is_heard(tmp_path: Path) -> None:
                 await asyncio.sleep(0.01)
 
         # Twice what the timer alone would give.
-        await until(lambda: running.daemon.ticks > 20 + 2 * 10 * (time.monotonic() - start_s), talk)
+        await until(lambda: running.daemon.ticks > 20 + 2 * 10 * (time.monotonic() - start_s), meanwhile=talk)
     assert replay(log).mismatch is None

@@ -20,12 +20,7 @@ from types import TracebackType
 from typing import Any
 
 from asvhil.io.mavlink.frames import FrameSplitter, decode
-
-
-def free_udp_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
+from tests.support.ports import free_port
 
 
 class Process:
@@ -153,7 +148,7 @@ class Bench:
     """Ports and overrides for one plant and one daemon that know each other and nobody else."""
 
     def __init__(self, folder: Path, *overrides: str) -> None:
-        self.autopilot_port, self.operator_port = free_udp_port(), free_udp_port()
+        self.autopilot_port, self.operator_port = free_port(), free_port()
         self.line = NoisyLine()
         self.log = folder / "log.mcap"
         settings = [

@@ -19,6 +19,7 @@ from hypothesis import strategies as st
 
 from asvhil.errors import ConfigError, LinkError
 from asvhil.links.endpoint import Endpoint, memory_pair, open_endpoint, parse_spec
+from tests.support.waiting import until
 
 pytestmark = pytest.mark.real_time
 
@@ -52,13 +53,6 @@ def run(body: Callable[[], Awaitable[None]]) -> None:
     asyncio.run(guarded())
     gc.collect(1)  # what a test leaves is young
     assert not noise
-
-
-async def until(condition: Callable[[], bool], timeout_s: float = 2.0) -> None:
-    deadline_s = time.monotonic() + timeout_s
-    while not condition():
-        assert time.monotonic() < deadline_s, "did not happen in time"
-        await asyncio.sleep(0.001)
 
 
 async def recv_soon(link: Endpoint, timeout_s: float = 2.0) -> bytes:
@@ -564,7 +558,7 @@ def test_pty_gives_nothing_stale_to_the_next_reader(tmp_path: Path) -> None:
             await link.send(b"left unread")
             os.close(fd)
             assert await recv_exactly(link, 5) == b"bye\r\n"
-            await until(lambda: link._stream is None)  # type: ignore[attr-defined]
+            await until(lambda: link._stream is None, pause_s=0.001)  # type: ignore[attr-defined]
             await link.send(b"stale")
         assert link.unsent == 11
         cpu_s = time.process_time()

@@ -7,7 +7,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
@@ -17,6 +16,7 @@ from asvhil.study import runner
 from asvhil.study.runner import Job, run_jobs
 from tests.support.paths import ROOT
 from tests.support.study_jobs import fail_at_three, jobs, square
+from tests.support.waiting import wait_until
 
 
 def ran(folder: Path) -> list[int]:
@@ -183,12 +183,12 @@ def test_a_study_that_is_killed_leaves_no_process_and_goes_on_where_it_was(tmp_p
         stderr=subprocess.STDOUT,
     )
     try:
-        wait_for(lambda: len(ran(tmp_path)) == 4 and store.read_text().count("\n") == 2)
+        wait_until(lambda: len(ran(tmp_path)) == 4 and store.read_text().count("\n") == 2, 60.0)
         workers = children(study.pid)
         assert len(workers) >= 2
         study.send_signal(number)
         study.communicate(timeout=60.0)  # ends only when all that share its output have ended
-        wait_for(lambda: not any(Path(f"/proc/{pid}").exists() for pid in workers))
+        wait_until(lambda: not any(Path(f"/proc/{pid}").exists() for pid in workers), 60.0)
     finally:
         study.kill()
         study.wait()
@@ -205,11 +205,3 @@ def children(pid: int) -> list[int]:
             if parent == pid:
                 found.append(int(path.parent.name))
     return found
-
-
-def wait_for(condition) -> None:
-    for _ in range(600):
-        if condition():
-            return
-        time.sleep(0.1)
-    raise AssertionError("it never came")
