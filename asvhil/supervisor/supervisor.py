@@ -15,6 +15,7 @@ from asvhil.types import FrontseatStatus, HoldCommand, MoveCommand, Phase, Radio
 
 RELEASE_REPEATS = 3  # datagrams get lost
 PILOT_FIRST_NS = 1_000_000_000  # a hold command that comes so soon was sent before its sender knew
+NAMED_LATER_NS = 10_000_000_000  # after a hold has ended for what another vehicle said, until that is known for another
 
 Request = HoldCommand | MoveCommand | ReleaseCommand
 
@@ -68,10 +69,11 @@ class Supervisor:
         self._next_station: Station | None = None  # to be held once the control mode stands
         self._arming_help = ArmingHelp(config, self._pilot, overrides_sticks=overrides_sticks)
         self._pilot_ns: int | None = None  # when the pilot took the boat last
+        self._ended_ns: int | None = None  # when the last hold ended unasked, while that is the reason to stand by
 
     def step(self, situation: Situation, requests: Sequence[Request] = ()) -> Decision:
         """The decision of this tick: the requests in turn, then what has become of engagement in this situation."""
-        station_before = self._held
+        station_before, was_held = self._held, self._phase in (Phase.HOLD, Phase.FAILSAFE)
         if situation.sent is not None:
             self._pilot.note_sent(situation.sent)
         if situation.control_ok is not None:
@@ -85,6 +87,7 @@ class Supervisor:
             self._await_arming(situation)
         if self._phase in (Phase.HOLD, Phase.FAILSAFE):
             self._watch(situation)
+        self._name_the_end(situation, was_held=was_held)
         releasing = self._phase is Phase.STANDBY and self._release_left > 0
         self._release_left -= releasing
         link_ok = self._link_ok(situation)
@@ -296,6 +299,22 @@ class Supervisor:
             self._let_go(failure, neutral_first=True)
             return
         self._phase, self._why = Phase.FAILSAFE, failure
+
+    def _name_the_end(self, situation: Situation, *, was_held: bool) -> None:
+        """A second vehicle may end a hold by what it says of itself, before it is known for another one.
+
+        Its heartbeat that says "disarmed" could be the pilot's word, and is not waited on; the reason follows.
+        """
+        if self._phase is not Phase.STANDBY or self._why.reason is Reason.RELEASED:
+            self._ended_ns = None
+            return
+        if was_held:
+            self._ended_ns = situation.t_ns
+        if self._ended_ns is None or situation.stranger is None:
+            return
+        if situation.t_ns - self._ended_ns <= NAMED_LATER_NS:
+            self._why = situation.stranger
+        self._ended_ns = None
 
     def _failing(self, situation: Situation) -> Explanation | None:
         """What is missing to steer by."""

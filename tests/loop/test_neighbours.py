@@ -19,6 +19,7 @@ S = 1_000_000_000
 BOAT, OTHER_BOAT = "10.0.0.1:14550", "10.0.0.2:14550"
 Talk = Callable[[int, int], Iterable[Frame]]  # (tick, t_ns) to what others send
 NEUTRAL = (1500, 1500)
+HOLD_MODE = 4  # of an ArduRover
 
 
 class Loop(Lockstep):
@@ -287,17 +288,38 @@ def test_two_boats_from_the_start_are_never_armed_into_a_hold() -> None:
     assert "two vehicles have system id 1" in loop.words
 
 
-def test_a_second_boat_that_is_disarmed_ends_the_hold_as_a_disarmed_one_and_refuses_the_next() -> None:
+@pytest.mark.parametrize("says", ["disarmed", "another mode"])
+def test_a_second_boat_ends_the_hold_by_what_it_says_and_is_named_once_it_is_known(says: str) -> None:
     """A heartbeat that says so may be the pilot's word, and is not waited on."""
     loop = Loop().ready()
     assert loop.ask().phase is Phase.HOLD
     second = another_boat(loop.config)
     second.advance(loop.t_ns)
+    if says == "another mode":
+        second.frontseat.set_receiver(True)
+        assert second.frontseat.arm(True)
+        second.frontseat.set_mode(HOLD_MODE)
     loop.others.append(second)
-    for _ in range(100):
-        _, outputs = loop.tick()
-    assert outputs.phase is Phase.STANDBY and outputs.health.code in (Reason.DISARMED, Reason.TWO_VEHICLES)
+    codes = [loop.tick()[1].health.code for _ in range(120)]
+    assert codes[-1] == Reason.TWO_VEHICLES
+    assert set(codes) <= {Reason.HOLDING, Reason.DISARMED, Reason.MODE_CHANGED, Reason.TWO_VEHICLES}
     assert loop.ask().phase is Phase.STANDBY and loop.tick() and "two vehicles have system id 1" in loop.words
+
+
+def test_a_hold_that_has_ended_long_before_keeps_its_reason() -> None:
+    loop = Loop().ready()
+    assert loop.ask().phase is Phase.HOLD
+    loop.held(1.0)
+    assert loop.plant.frontseat.arm(False)
+    for _ in range(220):
+        _, outputs = loop.tick()
+    assert outputs.health.code == Reason.DISARMED
+    loop.others.append(another_boat(loop.config, boots_after_s=3.0))
+    loop.others[0].advance(loop.t_ns)
+    for _ in range(120):
+        _, outputs = loop.tick()
+    assert outputs.health.code == Reason.DISARMED
+    assert "autopilot" in {note.subject for note in outputs.health.notes}
 
 
 def test_two_boats_on_one_line_without_peers() -> None:
