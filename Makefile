@@ -17,11 +17,11 @@ help:
 	@echo "make check-aarch64  download the daemon's packages as wheels for 64-bit ARM"
 	@echo "make clean  remove the virtual environment and caches"
 
-# The daemon's own packages: no torch.
+# The daemon's own packages, and the Lua interpreter of the simulated autopilot: no torch.
 $(STAMPS)/base: pyproject.toml constraints.txt
 	@echo "setting up $(VENV) ..."
 	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
-	@$(INSTALL) -e .
+	@$(INSTALL) -e '.[sim]'
 	@mkdir -p $(STAMPS) && touch $@
 
 $(STAMPS)/test: $(STAMPS)/base

@@ -110,6 +110,8 @@ class Parameters(ParameterTable):
             ("FRAME_CLASS", 2, INT8, FIXED),
             ("INITIAL_MODE", 0, INT8, FIXED),
             ("SCHED_LOOP_RATE", config.loop_hz, INT16, FIXED),
+            ("SCR_ENABLE", 0, INT8, (0.0, 1.0)),
+            ("SCR_VM_I_COUNT", 10000, INT32, (1000.0, 1e6)),
         )
         self._dead_zones = (f"RC{port}_DZ", f"RC{starboard}_DZ")
         self._late: list[str] = []

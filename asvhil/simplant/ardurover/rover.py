@@ -54,6 +54,7 @@ class Rover(PoweredVehicle):
             for function, default in ((PORT_MOTOR, pwm.port_channel), (STARBOARD_MOTOR, pwm.starboard_channel))
         )
         self.speed_mps = 0.0  # ahead, over ground
+        self.named_floats: list[tuple[str, float]] = []  # from scripts to the stations
         super().__init__(config, t_ns)
 
     def restart(self, t_ns: int) -> None:
@@ -73,6 +74,9 @@ class Rover(PoweredVehicle):
         self.checks_pass = False
         self._checked_ns = self._told_ns = self.boot_ns
         self._rudder = RudderWatch()
+        self.emergency_stop = False
+        self.named_floats.clear()
+        self._held: dict[int, tuple[int, int]] = {}  # by scripts: index of an output to its pulse, and loops left
 
     @property
     def outputs_us(self) -> tuple[int, int]:
@@ -280,9 +284,49 @@ class Rover(PoweredVehicle):
         return math.copysign(size, fraction)
 
     def _put_out(self, port: float, starboard: float) -> None:
-        """Throttles in [-1, 1] to the outputs that have their functions; an output without one keeps its pulse."""
+        """Throttles in [-1, 1] to the outputs that have their functions; an output without one keeps its pulse.
+
+        The emergency stop neutralises motors while armed alone: what scripts hold goes out disarmed, whatever is on.
+        """
+        stopped = self.emergency_stop and self.armed
         for output in self.parameters.motor_outputs:
-            self.servo_us[output.number - 1] = output.pulse_us(port if output.function == PORT_MOTOR else starboard)
+            throttle = port if output.function == PORT_MOTOR else starboard
+            self.servo_us[output.number - 1] = output.pulse_us(0.0 if self.emergency_stop else throttle)
+        for index, (pulse_us, loops) in list(self._held.items()):
+            motor = self.parameters.functions[index] in (PORT_MOTOR, STARBOARD_MOTOR)
+            if not (motor and stopped):
+                self.servo_us[index] = pulse_us
+            if loops > 1:
+                self._held[index] = pulse_us, loops - 1
+            else:
+                del self._held[index]
+
+    # --- what scripts see and do -----------------------------------------------------------------------------
+
+    def parameter(self, name: str) -> float | None:
+        """The value of a parameter; None where there is none of that name."""
+        return self.parameters[name] if name in self.parameters.names else None
+
+    def stick_us(self, channel: int) -> int | None:
+        """A channel of the transmitter, overridden or not; None where there is none, 0 without a signal."""
+        return self.rc.radio_us[channel - 1] if 1 <= channel <= CHANNELS else None
+
+    def hold_output(self, index: int, pulse_us: int, timeout_ms: int) -> None:
+        """Drive an output (from 0) past everything, for a time that is rounded up to whole loops; 0 lets go."""
+        if not 0 <= index < OUTPUTS:
+            raise ValueError("argument out of range")
+        loops = math.ceil(timeout_ms * 1e-3 * self._config.loop_hz - 1e-9)
+        self._held.pop(index, None)
+        if loops > 0:
+            self._held[index] = pulse_us, loops
+
+    def say(self, severity: int, text: str) -> None:
+        """A text to all stations."""
+        self.texts.append((severity, text))
+
+    def named_float(self, name: str, value: float) -> None:
+        """NAMED_VALUE_FLOAT to all stations."""
+        self.named_floats.append((name, value))
 
     @property
     def mapped(self) -> tuple[int, int]:

@@ -87,6 +87,11 @@ class RoverTelemetry(VehicleTelemetry):
             dialect.MAV_TYPE_SURFACE_BOAT, dialect.MAV_AUTOPILOT_ARDUPILOTMEGA, base_mode, rover.mode, status, 3
         )
 
+    def named_float(self, name: str, value: float) -> Any:
+        """NAMED_VALUE_FLOAT of a script."""
+        milliseconds = (self._rover.t_ns - self._rover.power_on_ns) // 1_000_000
+        return dialect.MAVLink_named_value_float_message(milliseconds, name.encode("ascii", "replace"), value)
+
     def _ekf_status(self, t_ns: int) -> Any:
         rover = self._rover
         if rover.ready(t_ns):

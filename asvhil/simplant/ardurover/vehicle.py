@@ -8,15 +8,27 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from asvhil.config import FrontseatConfig, GnssSensorConfig, PwmConfig
 from asvhil.geo import LocalFrame
+from asvhil.io.mavlink.frames import MAGIC_V2
 from asvhil.simplant.ardurover.rover import Rover
+from asvhil.simplant.ardurover.scripting import Scripting, whole_but_damaged
 from asvhil.simplant.ardurover.telemetry import FLIGHT_SW_VERSIONS, RoverTelemetry
 from asvhil.simplant.boat.sensors import Navigation
 from asvhil.simplant.boat.vessel import Vessel
-from asvhil.simplant.vehicle.autopilot import ACCEPTED, CUSTOM_MODE, DENIED, FAILED, SimulatedAutopilot, whole
+from asvhil.simplant.vehicle.autopilot import (
+    ACCEPTED,
+    CUSTOM_MODE,
+    DENIED,
+    FAILED,
+    UNSUPPORTED,
+    SimulatedAutopilot,
+    whole,
+)
 from asvhil.simplant.vehicle.rc import CHANNELS
 from asvhil.simplant.vehicle.schedule import Schedule
 from asvhil.types import Frame
 
+MOTOR_EMERGENCY_STOP = 31  # RCn_OPTION
+LOW, MIDDLE, HIGH = 0.0, 1.0, 2.0  # positions of a switch
 TEMPORARILY_REJECTED = int(dialect.MAV_RESULT_TEMPORARILY_REJECTED)
 # What each stream of the legacy REQUEST_DATA_STREAM holds; stream 0 is all of them.
 DATA_STREAMS = {
@@ -45,6 +57,7 @@ class SimulatedArduRover(SimulatedAutopilot):
     ) -> None:
         self._loop_hz = config.loop_hz
         self._truth = truth
+        self.files: dict[str, bytes] = {}  # of the memory card: path to content
         self.rover = Rover(config, pwm, t_ns)
         self._messages = RoverTelemetry(self.rover, nav, truth, origin, gnss, FLIGHT_SW_VERSIONS[config.firmware])
         super().__init__(self.rover, self.rover.parameters, self._messages, config.system_id, t_ns)
@@ -57,10 +70,31 @@ class SimulatedArduRover(SimulatedAutopilot):
         }
         self._commands[dialect.MAV_CMD_DO_SET_SERVO] = self._do_set_servo
         self._commands[dialect.MAV_CMD_RUN_PREARM_CHECKS] = self._run_checks
+        self._commands[dialect.MAV_CMD_DO_AUX_FUNCTION] = self._do_aux_function
+        self._commands[dialect.MAV_CMD_SCRIPTING] = self._do_scripting
+
+    def reboot(self, t_ns: int) -> None:
+        super().reboot(t_ns)
+        self.scripting = Scripting(self.rover, self.files)
 
     def loop(self, t_ns: int) -> list[Frame]:
         self.rover.speed_mps = self._truth.ground_velocity_body()[0]
         return super().loop(t_ns)
+
+    def _before_outputs(self, frames: list[Frame]) -> None:
+        """Scripts run beside the main loop; here, after its messages: they get those of others and damaged ones too."""
+        for frame in frames if self.scripting.listening else ():
+            damaged = whole_but_damaged(frame.data)
+            if damaged is not None:
+                self.scripting.message(damaged)
+        self.scripting.run()
+        self._outbox += [("", self._messages.named_float(name, value)) for name, value in self.rover.named_floats]
+        self.rover.named_floats.clear()
+
+    def _dispatch(self, peer: str, data: bytes) -> None:
+        if data[0] == MAGIC_V2:
+            self.scripting.message(data)
+        super()._dispatch(peer, data)
 
     def _new_schedule(self, boot_ns: int) -> Schedule:
         return Schedule(self._messages.streamed, self._messages.on_request, self._loop_hz, boot_ns)
@@ -82,6 +116,17 @@ class SimulatedArduRover(SimulatedAutopilot):
 
     def _run_checks(self, peer: str, m: Any) -> int:
         return ACCEPTED if self.rover.tell_checks() else TEMPORARILY_REJECTED
+
+    def _do_aux_function(self, peer: str, m: Any) -> int:
+        """Of an auxiliary switch: the emergency stop of the motors alone."""
+        if m.param1 != MOTOR_EMERGENCY_STOP or m.param2 not in (LOW, MIDDLE, HIGH):
+            return FAILED
+        if m.param2 != MIDDLE:
+            self.rover.emergency_stop = m.param2 == HIGH
+        return ACCEPTED
+
+    def _do_scripting(self, peer: str, m: Any) -> int:
+        return ACCEPTED if self.scripting.command(m.param1) else UNSUPPORTED
 
     def _on_heartbeat(self, peer: str, sender: tuple[int, int], m: Any) -> None:
         self.rover.heartbeat(sender[0])

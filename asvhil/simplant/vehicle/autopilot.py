@@ -173,9 +173,11 @@ class SimulatedAutopilot(ABC):
             self._take_inbox(t_ns)  # nobody listens yet
             return []
         vehicle.begin(t_ns)
-        for frame in self._take_inbox(t_ns):
+        frames = self._take_inbox(t_ns)
+        for frame in frames:
             for data in self._parser.receive(frame.peer, frame.data):
                 self._dispatch(frame.peer, data)
+        self._before_outputs(frames)
         vehicle.end()
         due = self._schedule.take_due(t_ns)
         for msg_id in due:
@@ -189,10 +191,13 @@ class SimulatedAutopilot(ABC):
         if t_ns >= self._timesync_ns:
             self._timesync_ns += self.timesync_every_ns
             self._outbox.append(("", dialect.MAVLink_timesync_message(0, t_ns - vehicle.power_on_ns)))
-        frames = self._flush(t_ns)
+        sent = self._flush(t_ns)
         if self._rebooting:
             self.reboot(t_ns)
-        return frames
+        return sent
+
+    def _before_outputs(self, frames: list[Frame]) -> None:  # noqa: B027 - most have nothing
+        """What else acts on the outputs; `frames` as they came, whole or not."""
 
     def _take_inbox(self, t_ns: int) -> list[Frame]:
         frames = []
