@@ -39,7 +39,7 @@ def measure(name: str, lost: str, seeds: int) -> dict[str, Any]:
         for wind in WINDS:
             run = trial(parameters, LOST[lost], seed, wind)
             found_s, outputs = run.hold()
-            said = run.words[-1] if found_s == 0.0 else outputs.health.reason
+            said = run.texts[-1] if found_s == 0.0 else outputs.health.reason
             named_parameter = any(part in said for part in (*parameters, "RC1_MIN"))
             right = named_parameter if found_s == 0.0 else outputs.health.code == reason
             named += right and found_s is not None

@@ -43,7 +43,8 @@ APPROACHING = (Stage.APPROACH, Stage.RECOVER)
 class Procedure:
     """A `Controller` around another one: brings the boat to it, and lets it keep the station.
 
-    `favour_position` tells the keeper to forget the heading (True) or not; without it there is no r_h rule.
+    `favour_position` tells the keeper to forget the heading (True) or not; without it there is no r_h rule. `config`
+    has the settings in use, `retune`d ones included.
     """
 
     def __init__(
@@ -53,7 +54,7 @@ class Procedure:
         keeper: Controller,
         favour_position: Callable[[bool], None] | None = None,
     ) -> None:
-        self._config, self._keeper = config, keeper
+        self.config, self.keeper = config, keeper
         self._favour_position = favour_position if config.r_h_rule else None
         self._keeper_retune: Callable[[ControllerConfig], None] | None = getattr(keeper, "retune", None)
         self._ilos, self._helm = Ilos(config), Helm(config, vessel)
@@ -61,7 +62,7 @@ class Procedure:
 
     def retune(self, config: ControllerConfig) -> None:
         """Other radii and speeds from the next step on, and the keeper's own settings where it has any."""
-        self._config = config.procedure
+        self.config = config.procedure
         self._ilos.retune(config.procedure)
         if self._keeper_retune is not None:
             self._keeper_retune(config)
@@ -71,13 +72,13 @@ class Procedure:
         self.stage: Stage | None = None
         self._since_ns = self._last_ns = self._planned_ns = 0
         self._path: Dubins | None = None
-        self._keeper.reset()
+        self.keeper.reset()
         self._keeper_idle = False  # others have had the motors since its last step
 
     def new_station(self) -> None:
         """Begin anew with an approach, or within r_s with the keeper, which goes on driving."""
         self.stage, self._path = None, None
-        self._keeper.new_station()
+        self.keeper.new_station()
 
     def step(self, estimate: Estimate, wind: Wind | None, station: Station) -> Control:
         """One control tick. Neutral and not ok where the estimate or the wind is not finite or the keeper fails."""
@@ -94,11 +95,11 @@ class Procedure:
         self._last_ns = estimate.t_ns
         if stage in APPROACHING:
             return self._approach(stage, estimate, wind, station, distance_m, elapsed_s)
-        return dataclasses.replace(self._keeper.step(estimate, wind, station), stage=stage)
+        return dataclasses.replace(self.keeper.step(estimate, wind, station), stage=stage)
 
     def _next(self, t_ns: int, distance_m: float) -> Stage:
         """The stage that a distance asks for, once the present one has lasted long enough."""
-        config, stage = self._config, self.stage
+        config, stage = self.config, self.stage
         if stage is None:
             return self._keep(distance_m) if distance_m < config.r_s_m else Stage.APPROACH
         if (t_ns - self._since_ns) * 1e-9 < config.dwell_s:
@@ -110,7 +111,7 @@ class Procedure:
     def _keep(self, distance_m: float) -> Stage:
         if self._favour_position is None:
             return Stage.KEEP_HEADING
-        radius_m = self._config.r_h_m * (1.0 if self.stage is Stage.KEEP_HEADING else self._config.r_h_back)
+        radius_m = self.config.r_h_m * (1.0 if self.stage is Stage.KEEP_HEADING else self.config.r_h_back)
         return Stage.KEEP_HEADING if distance_m < radius_m else Stage.KEEP_POSITION
 
     def _enter(self, stage: Stage, t_ns: int) -> None:
@@ -118,7 +119,7 @@ class Procedure:
             self._path, self._keeper_idle = None, True
         else:
             if self._keeper_idle:
-                self._keeper.reset()
+                self.keeper.reset()
                 self._keeper_idle = False
             if self._favour_position is not None:
                 self._favour_position(stage is Stage.KEEP_POSITION)
@@ -137,7 +138,7 @@ class Procedure:
     ) -> Control:
         path, guidance = self._follow(estimate, station, elapsed_s)
         heading_error_rad = wrap_rad(guidance.psi_rad - estimate.psi_rad)
-        u_mps = approach_speed(self._config, distance_m, heading_error_rad)
+        u_mps = approach_speed(self.config, distance_m, heading_error_rad)
         return Control(
             command=self._helm.command(estimate, wind, guidance, u_mps),
             ok=True,
@@ -153,7 +154,7 @@ class Procedure:
         if path is not None:
             guidance = self._ilos.step(path, estimate, elapsed_s)
             off = (
-                abs(guidance.cross_m) > self._config.replan_beyond_m
+                abs(guidance.cross_m) > self.config.replan_beyond_m
                 or abs(wrap_rad(guidance.psi_rad - estimate.psi_rad)) > HEADING_OFF_RAD
                 or guidance.along_m >= path.length_m
             )
@@ -161,7 +162,7 @@ class Procedure:
                 return path, guidance
         begin = (estimate.n_m, estimate.e_m, estimate.psi_rad)
         goal = (station.n_m, station.e_m, station.psi_rad)
-        self._path = path = shortest(begin, goal, self._config.turn_radius_m)
+        self._path = path = shortest(begin, goal, self.config.turn_radius_m)
         self._planned_ns = estimate.t_ns
         self._ilos.begin()
         return path, self._ilos.step(path, estimate, 0.0)

@@ -10,7 +10,7 @@ from asvhil.config.link_spec import LinkSpec, host_port, parse_spec
 from asvhil.config.mavlink import SigningConfig
 from asvhil.config.ports import OPERATOR
 from asvhil.errors import LinkError
-from asvhil.io.mavlink.frames import checksum, decode, source, target
+from asvhil.io.mavlink.frames import decode, renumbered, source, target
 from asvhil.io.mavlink.signature_filter import SignatureFilter
 from asvhil.io.mavlink.signing import Signer, SigningClock, Verifier
 from asvhil.io.mavlink.texts import TextReader
@@ -33,7 +33,7 @@ def send_and_wait(
     with the same key are heard. Raises LinkError where nobody answers, or where the daemon listens on no port.
     """
     signer, verifier = _with_key(signing)
-    data = _numbered(data, round(10.0 * time.time()))
+    data = renumbered(data, round(10.0 * time.time()))
     spec = parse_spec(endpoint)
     if spec.scheme not in KINDS:
         listens = "udpin: or tcpin:, such as udpin:127.0.0.1:14660"
@@ -118,12 +118,6 @@ def _called(spec: LinkSpec) -> socket.socket:
         link.close()
         raise
     return link
-
-
-def _numbered(data: bytes, number: int) -> bytes:
-    """A MAVLink 2 frame with another sequence number."""
-    body = data[:4] + bytes([number % 256]) + data[5:-2]
-    return body + checksum(body)
 
 
 def _with_key(signing: SigningConfig | None) -> tuple[Signer | None, Verifier | None]:

@@ -25,28 +25,36 @@ class Lockstep:
         self.plant = Plant(with_lines_read(config), EPOCH_NS)
         self.backseat: Backseat = build_backseat(config)
         self._recorder = recorder
-        self._period_ns = round(1e9 / config.daemon.tick_hz)
-        self._pending: list[Frame] = []
+        self.period_ns = round(1e9 / config.daemon.tick_hz)
+        self._injected: list[Frame] = []
         self.t_ns = EPOCH_NS
         self.ticks = 0
 
     def inject(self, port: str, data: bytes, peer: str = "") -> None:
         """Bytes from elsewhere (an operator, an attacker) that arrive before the next tick."""
-        self._pending.append(Frame(t_ns=self.t_ns, port=port, data=data, peer=peer))
+        self._injected.append(Frame(t_ns=self.t_ns, port=port, data=data, peer=peer))
+
+    def receive(self) -> tuple[Frame, ...]:
+        """What has arrived by this tick: what was injected, then what the plant sends up to now."""
+        frames = (*self._injected, *self.plant.advance(self.t_ns))
+        self._injected.clear()
+        return frames
+
+    def deliver(self, frames: tuple[Frame, ...]) -> None:
+        """Hand the frames that the backseat sends to the plant."""
+        for frame in frames:
+            self.plant.receive(frame)
 
     def tick(self) -> tuple[Inputs, Outputs]:
         """Advance the plant to the next tick, step the backseat, hand its frames to the plant."""
-        self.t_ns += self._period_ns
-        frames = (*self._pending, *self.plant.advance(self.t_ns))
-        self._pending = []
-        inputs = Inputs(t_ns=self.t_ns, frames=frames)
+        self.t_ns += self.period_ns
+        inputs = Inputs(t_ns=self.t_ns, frames=self.receive())
         if self._recorder is not None:
             self._recorder.write_inputs(inputs)
         start_ns = time.perf_counter_ns()
         outputs = self.backseat.step(inputs)
         step_ns = time.perf_counter_ns() - start_ns
-        for frame in outputs.frames:
-            self.plant.receive(frame)
+        self.deliver(outputs.frames)
         if self._recorder is not None:
             self._recorder.write_outputs(outputs)
             self._recorder.write_timing(inputs.t_ns, step_ns, overrun=False)

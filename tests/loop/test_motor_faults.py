@@ -9,7 +9,8 @@ from asvhil.config import load_config
 from asvhil.simplant.lockstep import Lockstep
 from asvhil.supervisor.reasons import Explanation, Reason, describe, explain
 from asvhil.types import Frame, Phase
-from tests.support.motor_faults import BLIND_REASON, WRONG, Lossy, Trial
+from tests.support.lossy_plant import PlantBehindLink, losing, losing_messages
+from tests.support.motor_faults import BLIND_REASON, WRONG, Trial
 
 LIMIT_S = 3.0
 REJECTED = 1
@@ -19,12 +20,12 @@ BLIND = ("PARAM_VALUE", "RC_CHANNELS")
 
 def neutral_then_released(trial: Trial) -> None:
     """Neutral and release went out in the tick that let go, and nothing but releases since."""
-    assert trial.overrides[-1][-2:] == [(1500, 1500), (0, 0)]
+    assert trial.overrides_us[-1][-2:] == [(1500, 1500), (0, 0)]
     for _ in range(40):
-        outputs = trial.tick()
+        outputs = trial.step()
         assert outputs.phase is Phase.STANDBY and outputs.pwm_us is None
-    assert all(pulses in ((1500, 1500), (0, 0)) for sent in trial.overrides[-40:] for pulses in sent)
-    assert trial.overrides[-1] == []
+    assert all(pulses in ((1500, 1500), (0, 0)) for sent in trial.overrides_us[-40:] for pulses in sent)
+    assert trial.overrides_us[-1] == []
 
 
 @pytest.mark.parametrize("name", WRONG)
@@ -34,10 +35,10 @@ def test_a_parameter_that_was_read_refuses_the_hold_at_once_and_is_named(name: s
     seconds, outputs = trial.hold()
     assert seconds == 0.0 and trial.results == [REJECTED]
     assert outputs.phase is Phase.STANDBY and outputs.pwm_us is None
-    assert any(wrong in trial.words[-1] for wrong in (*parameters, "RC1_MIN"))
+    assert any(wrong in trial.texts[-1] for wrong in (*parameters, "RC1_MIN"))
     (note,) = [note for note in outputs.health.notes if note.subject == "parameters"]
-    assert not note.ok and trial.words[-1] in note.text
-    assert not any(trial.overrides), "nothing was ever sent to the motors"
+    assert not note.ok and trial.texts[-1] in note.text
+    assert not any(trial.overrides_us), "nothing was ever sent to the motors"
 
 
 @pytest.mark.parametrize("name", WRONG)
@@ -53,7 +54,7 @@ def test_without_parameters_the_read_back_finds_it_within_3_s_of_the_hold(
     if lost == BLIND and reason is Reason.OVERRIDES_IGNORED:
         reason = BLIND_REASON
     assert outputs.health.code == reason
-    assert any(outputs.health.reason[:35] in said for said in trial.words)
+    assert any(outputs.health.reason[:35] in said for said in trial.texts)
     neutral_then_released(trial)
 
 
@@ -73,8 +74,8 @@ def test_motors_that_nothing_would_stop_are_not_taken(name: str) -> None:
     parameters, overrides = UNBOUNDED[name]
     trial = Trial(parameters, *overrides, "supervisor.readback.tolerate=[ignored]")
     seconds, outputs = trial.hold()
-    assert seconds == 0.0 and trial.results == [REJECTED] and not any(trial.overrides)
-    assert "nothing would stop the motors if this program died" in "".join(trial.words)
+    assert seconds == 0.0 and trial.results == [REJECTED] and not any(trial.overrides_us)
+    assert "nothing would stop the motors if this program died" in "".join(trial.texts)
     (note,) = [note for note in outputs.health.notes if note.subject == "motors after a crash"]
     assert not note.ok and not note.text.endswith("tolerated")
 
@@ -92,9 +93,9 @@ def test_unless_the_config_takes_that_on_itself_by_name(name: str) -> None:
 def test_a_parameter_that_goes_wrong_while_holding_ends_the_hold() -> None:
     trial = Trial({})
     assert trial.hold()[0] is None
-    trial.loop.plant.frontseat.rover.parameters.set("PILOT_STEER_TYPE", 0.0)
+    trial.frontseat.rover.parameters.set("PILOT_STEER_TYPE", 0.0)
     for _ in range(round(LIMIT_S * 20)):
-        outputs = trial.tick()
+        outputs = trial.step()
         if outputs.phase is Phase.STANDBY:
             break
     assert outputs.health.reason == describe(explain(Reason.COMMANDS_MIXED, hint="PILOT_STEER_TYPE"))
@@ -104,16 +105,16 @@ def test_a_parameter_that_goes_wrong_while_holding_ends_the_hold() -> None:
 def test_a_hold_after_the_mistake_was_mended_is_granted() -> None:
     trial = Trial(WRONG["mixed"][0], lost=NO_ANSWER)
     assert trial.hold()[0] is not None
-    trial.loop.plant.frontseat.rover.parameters.set("PILOT_STEER_TYPE", 1.0)
+    trial.frontseat.rover.parameters.set("PILOT_STEER_TYPE", 1.0)
     assert trial.hold()[0] is None
-    notes = {note.subject: note for note in trial.tick().health.notes}
+    notes = {note.subject: note for note in trial.step().health.notes}
     assert notes["outputs"].ok and notes["outputs"].text == "follow the commands"
 
 
 def test_a_cause_that_is_tolerated_is_told_and_nothing_more() -> None:
     trial = Trial(WRONG["slew"][0], "supervisor.readback.tolerate=[slew]", lost=NO_ANSWER)
     assert trial.hold()[0] is None
-    (note,) = [note for note in trial.tick().health.notes if note.subject == "outputs"]
+    (note,) = [note for note in trial.step().health.notes if note.subject == "outputs"]
     assert note.text == "outputs lag behind (MOT_SLEWRATE)" and not note.ok
     trial = Trial(WRONG["slew"][0], "supervisor.readback.tolerate=[slew]")
     assert trial.hold()[0] is None
@@ -142,22 +143,22 @@ def test_engage_auto_waits_for_the_mistake_to_be_mended_and_never_arms() -> None
 def test_the_pilots_act_is_named_as_his(lost: tuple[str, ...], act: str, why: Explanation) -> None:
     trial = Trial({}, lost=lost)
     assert trial.hold()[0] is None
-    frontseat = trial.loop.plant.frontseat
+    frontseat = trial.frontseat
     assert frontseat.set_mode(4) if act == "mode" else frontseat.arm(False)
     for _ in range(5):
-        outputs = trial.tick()
+        outputs = trial.step()
         if outputs.phase is Phase.STANDBY:
             break
     assert (outputs.health.code, outputs.health.reason) == (why.reason, describe(why))
-    assert trial.overrides[-1] == [(0, 0)], "released, and nothing else said"
+    assert trial.overrides_us[-1] == [(0, 0)], "released, and nothing else said"
 
 
 def test_the_pilot_comes_first_while_a_fault_is_being_found() -> None:
     trial = Trial(WRONG["swapped"][0], lost=NO_ANSWER)
     assert trial.hold(limit_s=0.5)[0] is None
-    trial.loop.plant.frontseat.set_sticks({4: 1700})
+    trial.frontseat.set_sticks({4: 1700})
     for _ in range(4):
-        outputs = trial.tick()
+        outputs = trial.step()
         if outputs.phase is Phase.STANDBY:
             break
     assert outputs.health.reason == describe(explain(Reason.STICK_MOVED, channel=4))
@@ -166,9 +167,9 @@ def test_the_pilot_comes_first_while_a_fault_is_being_found() -> None:
 def test_a_pilot_who_switches_overrides_off_is_not_a_wrong_parameter() -> None:
     trial = Trial({}, lost=NO_ANSWER)
     assert trial.hold()[0] is None
-    trial.loop.plant.frontseat.rover.parameters.set("RC_OPTIONS", 34.0)  # as his switch would
+    trial.frontseat.rover.parameters.set("RC_OPTIONS", 34.0)  # as his switch would
     for _ in range(20):
-        outputs = trial.tick()
+        outputs = trial.step()
         if outputs.phase is Phase.STANDBY:
             break
     assert outputs.health.code == Reason.OVERRIDE_NOT_FOLLOWED
@@ -208,14 +209,12 @@ def test_a_boat_that_is_set_right_is_held(
 ) -> None:
     chance = random.Random(5)
     loop = Lockstep(load_config(config, tuple(overrides)))
-    plant = loop.plant
-    loop.plant = Lossy(plant, lost, loss)  # type: ignore[assignment]
 
-    def receive(frame: Frame) -> None:
-        if chance.random() >= loss:
-            plant.receive(replace(frame, t_ns=frame.t_ns + late_ms * 1_000_000))
+    def late_or_lost(frame: Frame) -> list[Frame]:
+        return [replace(frame, t_ns=frame.t_ns + late_ms * 1_000_000)] if chance.random() >= loss else []
 
-    loop.plant.receive = receive  # type: ignore[method-assign]
+    from_plant = losing_messages(lost, then=losing(loss, random.Random(3)))
+    loop.plant = PlantBehindLink(loop.plant, from_plant, late_or_lost)  # type: ignore[assignment]
     held = False
     for _ in range(30 * 20):
         _, outputs = loop.tick()

@@ -8,12 +8,12 @@ from collections.abc import Callable, Iterable
 import pytest
 
 from asvhil.config import Config, load_config
-from asvhil.io.mavlink.frames import FrameSplitter, decode, dialect, message_id, source
-from asvhil.operator.session import encode_hold
-from asvhil.simplant.lockstep import Lockstep
+from asvhil.io.mavlink.frames import decode, dialect, source
 from asvhil.simplant.plant import Plant
 from asvhil.supervisor.reasons import Reason
-from asvhil.types import Frame, Inputs, Outputs, Phase
+from asvhil.types import Frame, Outputs, Phase
+from tests.support.loop import GroundStationLoop
+from tests.support.lossy_plant import Way, losing_messages, whole
 
 S = 1_000_000_000
 BOAT, OTHER_BOAT = "10.0.0.1:14550", "10.0.0.2:14550"
@@ -22,75 +22,59 @@ NEUTRAL = (1500, 1500)
 HOLD_MODE = 4  # of an ArduRover
 
 
-class Loop(Lockstep):
-    """A boat at a peer of its own, and whoever talks beside it."""
+class SharedLoop(GroundStationLoop):
+    """A boat at a peer of its own, and whoever talks beside it.
+
+    `way` gives what becomes of a frame of the boat. `others` are boats at one more peer, and `talk` anybody else.
+    """
 
     def __init__(self, *overrides: str, config: str = "sitl") -> None:
         super().__init__(load_config(config, ("supervisor.engage=command", *overrides)))
         self.talk: Talk = lambda tick, t_ns: ()
-        self.ways: Callable[[Frame], Iterable[Frame]] = lambda frame: (frame,)
-        self.sent: list[bytes] = []  # by us, in the last tick
+        self.way: Way = whole
+        self.sent: list[bytes] = []  # to the autopilot, in the last tick
         self.others: list[Plant] = []
         self.peers = (BOAT, OTHER_BOAT)
-        self.words: list[str] = []
 
-    def tick(self) -> tuple[Inputs, Outputs]:
-        self.t_ns += self._period_ns
-        frames = [*self._pending]
-        self._pending = []
-        for frame in self.plant.advance(self.t_ns):
-            at = dataclasses.replace(frame, peer=self.peers[0]) if frame.port == "autopilot" else frame
-            frames += self.ways(at) if frame.port == "autopilot" else (at,)
+    def receive(self) -> tuple[Frame, ...]:
+        frames: list[Frame] = []
+        for frame in super().receive():
+            if frame.port == "autopilot":
+                frames += self.way(dataclasses.replace(frame, peer=self.peers[0]))
+            else:
+                frames.append(frame)
         for other in self.others:
             frames += [
                 dataclasses.replace(frame, peer=self.peers[1])
                 for frame in other.advance(self.t_ns)
                 if frame.port == "autopilot"
             ]
-        frames += self.talk(self.ticks, self.t_ns)
-        inputs = Inputs(t_ns=self.t_ns, frames=tuple(frames))
-        outputs = self.backseat.step(inputs)
-        self.sent = [frame.data for frame in outputs.frames if frame.port == "autopilot"]
-        for frame in outputs.frames:
-            for boat in (self.plant, *self.others):
-                boat.receive(frame)
-            if frame.port == "operator":
-                found = [decode(data) for data in FrameSplitter().receive(frame.data)]
-                self.words += [m.text for m in found if m is not None and m.get_type() == "STATUSTEXT"]
-        self.ticks += 1
-        return inputs, outputs
+        return (*frames, *self.talk(self.ticks, self.t_ns))
 
-    def ready(self) -> Loop:
+    def deliver(self, frames: tuple[Frame, ...]) -> None:
+        super().deliver(frames)
+        self.sent = [frame.data for frame in frames if frame.port == "autopilot"]
+        for frame in frames:
+            for boat in self.others:
+                boat.receive(frame)
+
+    def ready(self) -> SharedLoop:
         """Armed, and ready for a hold."""
-        for _ in range(150):
-            self.tick()
+        self.wait(7.5)
         for boat in (self.plant, *self.others):
             assert boat.frontseat.arm(True)
-        for _ in range(10):
-            self.tick()
+        self.wait(0.5)
         return self
 
-    def ask(self) -> Outputs:
-        self.inject("operator", encode_hold(self.config.links.autopilot, None, None, None), "10.0.0.9:1")
-        return self.tick()[1]
-
     def held(self, seconds: float) -> Outputs:
-        """Ticks for a time in which the station is held throughout; the last outputs."""
-        outputs = None
-        for _ in range(round(seconds * 20)):
-            _, outputs = self.tick()
-            assert outputs.phase is Phase.HOLD, outputs.health.reason
-        assert outputs is not None
+        """Ticks for a time in which the station is held throughout: the last outputs."""
+        outputs = self.wait(seconds, lambda outputs: outputs.phase is not Phase.HOLD)
+        assert outputs.phase is Phase.HOLD, outputs.health.reason
         return outputs
 
     def neutral_at_the_end(self) -> None:
-        """What was said in the tick of the end: neutral, then release."""
-        pulses = [
-            (m.chan1_raw, m.chan3_raw)  # type: ignore[union-attr]
-            for data in self.sent
-            if (m := decode(data)) is not None and m.get_type() == "RC_CHANNELS_OVERRIDE"
-        ]
-        assert pulses[0] == NEUTRAL and pulses[-1] == (0, 0)
+        """The last tick has sent neutral, then release."""
+        assert self.overrides_us[-1][0] == NEUTRAL and self.overrides_us[-1][-1] == (0, 0)
 
 
 class Voice:
@@ -141,11 +125,11 @@ VOICES = {
 
 @pytest.mark.parametrize("name", VOICES)
 def test_whoever_else_talks_the_hold_goes_on(name: str) -> None:
-    alone, loop = Loop(), Loop()
+    alone, loop = SharedLoop(), SharedLoop()
     loop.talk = VOICES[name]
     for one in (alone, loop):
         one.ready()
-        assert one.ask().phase is Phase.HOLD
+        assert one.ask_to_hold().phase is Phase.HOLD
     plain, outputs = alone.held(12.0), loop.held(12.0)
     assert outputs.estimate is not None and plain.estimate is not None
     assert outputs.estimate == plain.estimate and outputs.pwm_us == plain.pwm_us
@@ -156,7 +140,7 @@ def test_whoever_else_talks_the_hold_goes_on(name: str) -> None:
 
 
 def test_who_calls_itself_an_autopilot_is_noted_by_name() -> None:
-    loop = Loop()
+    loop = SharedLoop()
     loop.talk = VOICES["a gimbal"]
     _, outputs = loop.ready().tick()
     assert [(n.subject, n.text, n.ok) for n in outputs.health.notes if n.subject == "neighbours"] == [
@@ -166,11 +150,11 @@ def test_who_calls_itself_an_autopilot_is_noted_by_name() -> None:
 
 @pytest.mark.parametrize("name", ["a camera", "a gimbal", "an ADS-B receiver"])
 def test_a_voice_beside_a_dead_autopilot_does_not_keep_the_link_alive(name: str) -> None:
-    loop = Loop().ready()
-    assert loop.ask().phase is Phase.HOLD
+    loop = SharedLoop().ready()
+    assert loop.ask_to_hold().phase is Phase.HOLD
     loop.talk = VOICES[name]
     loop.held(3.0)
-    loop.ways = lambda frame: ()  # the autopilot dies
+    loop.way = lambda frame: ()  # the autopilot dies
     start_ns = loop.t_ns
     phases = []
     while (loop.t_ns - start_ns) < 6 * S:
@@ -190,7 +174,7 @@ def test_a_voice_beside_a_dead_autopilot_does_not_keep_the_link_alive(name: str)
     ],
 )
 def test_a_vehicle_that_does_not_float_is_refused_by_name(kind: int, word: str) -> None:
-    loop = Loop()
+    loop = SharedLoop()
 
     def kind_of(frame: Frame) -> Iterable[Frame]:
         message = decode(frame.data)
@@ -201,15 +185,15 @@ def test_a_vehicle_that_does_not_float_is_refused_by_name(kind: int, word: str) 
             frame = dataclasses.replace(frame, data=bytes(message.pack(mav)))
         yield frame
 
-    loop.ways = kind_of
-    outputs = loop.ready().ask()
+    loop.way = kind_of
+    outputs = loop.ready().ask_to_hold()
     assert outputs.phase is Phase.STANDBY
     loop.tick()
-    assert f"this vehicle is no boat: {word}" in loop.words
+    assert f"this vehicle is no boat: {word}" in loop.texts
     assert ("autopilot", f"this vehicle is no boat: {word}") in {(n.subject, n.text) for n in outputs.health.notes}
     # Where it comes beside our boat, a hold ends.
-    loop = Loop().ready()
-    assert loop.ask().phase is Phase.HOLD
+    loop = SharedLoop().ready()
+    assert loop.ask_to_hold().phase is Phase.HOLD
     loop.talk = Voice(1, 1, kind, T.MAV_AUTOPILOT_ARDUPILOTMEGA, peer=OTHER_BOAT)
     while loop.tick()[1].phase is Phase.HOLD:
         assert loop.ticks < 250
@@ -218,7 +202,7 @@ def test_a_vehicle_that_does_not_float_is_refused_by_name(kind: int, word: str) 
 
 
 def test_another_program_with_our_own_id_is_told_and_our_own_echo_is_not() -> None:
-    loop = Loop()
+    loop = SharedLoop()
     echo: list[bytes] = []
     loop.talk = lambda tick, t_ns: [Frame(t_ns=t_ns, port="autopilot", data=data, peer="10.0.0.7:1") for data in echo]
     for _ in range(200):
@@ -238,7 +222,7 @@ def test_another_program_with_our_own_id_is_told_and_our_own_echo_is_not() -> No
 def another_boat(config: Config, *overrides: str, boots_after_s: float = 0.0) -> Plant:
     """A boat of the same system id, at the same port."""
     settings = ("supervisor.engage=command", "plant.seed=77", *overrides)
-    return Plant(load_config("sitl", settings), Loop().t_ns + round(boots_after_s * S))
+    return Plant(load_config("sitl", settings), SharedLoop().t_ns + round(boots_after_s * S))
 
 
 @pytest.mark.parametrize(
@@ -253,8 +237,8 @@ def another_boat(config: Config, *overrides: str, boots_after_s: float = 0.0) ->
 def test_a_second_boat_with_the_same_id_ends_the_hold_in_words(
     case: str, overrides: tuple[str, ...], boots_after_s: float
 ) -> None:
-    loop = Loop().ready()
-    assert loop.ask().phase is Phase.HOLD
+    loop = SharedLoop().ready()
+    assert loop.ask_to_hold().phase is Phase.HOLD
     loop.held(2.0)
     second = another_boat(loop.config, *overrides, boots_after_s=boots_after_s)
     while loop.t_ns < second.t_ns + 15 * S:
@@ -271,28 +255,28 @@ def test_a_second_boat_with_the_same_id_ends_the_hold_in_words(
     for _ in range(100):
         _, outputs = loop.tick()
         assert outputs.pwm_us is None
-    assert loop.ask().phase is Phase.STANDBY and loop.tick() and "two vehicles have system id 1" in loop.words
+    assert loop.ask_to_hold().phase is Phase.STANDBY and loop.tick() and "two vehicles have system id 1" in loop.texts
     # Once the other is gone, 10 s later, ours is ours again.
     loop.others.clear()
     for _ in range(260):
         _, outputs = loop.tick()
     assert [n for n in outputs.health.notes if n.subject == "autopilot"] == []
-    assert loop.ask().phase is Phase.HOLD
+    assert loop.ask_to_hold().phase is Phase.HOLD
 
 
 def test_two_boats_from_the_start_are_never_armed_into_a_hold() -> None:
-    loop = Loop()
+    loop = SharedLoop()
     loop.others.append(another_boat(loop.config, "plant.start_n_m=20", boots_after_s=0.37))
-    assert loop.ready().ask().phase is Phase.STANDBY
+    assert loop.ready().ask_to_hold().phase is Phase.STANDBY
     loop.tick()
-    assert "two vehicles have system id 1" in loop.words
+    assert "two vehicles have system id 1" in loop.texts
 
 
 @pytest.mark.parametrize("says", ["disarmed", "another mode"])
 def test_a_second_boat_ends_the_hold_by_what_it_says_and_is_named_once_it_is_known(says: str) -> None:
     """A heartbeat that says so may be the pilot's word, and is not waited on."""
-    loop = Loop().ready()
-    assert loop.ask().phase is Phase.HOLD
+    loop = SharedLoop().ready()
+    assert loop.ask_to_hold().phase is Phase.HOLD
     second = another_boat(loop.config)
     second.advance(loop.t_ns)
     if says == "another mode":
@@ -303,12 +287,12 @@ def test_a_second_boat_ends_the_hold_by_what_it_says_and_is_named_once_it_is_kno
     codes = [loop.tick()[1].health.code for _ in range(120)]
     assert codes[-1] == Reason.TWO_VEHICLES
     assert set(codes) <= {Reason.HOLDING, Reason.DISARMED, Reason.MODE_CHANGED, Reason.TWO_VEHICLES}
-    assert loop.ask().phase is Phase.STANDBY and loop.tick() and "two vehicles have system id 1" in loop.words
+    assert loop.ask_to_hold().phase is Phase.STANDBY and loop.tick() and "two vehicles have system id 1" in loop.texts
 
 
 def test_a_hold_that_has_ended_long_before_keeps_its_reason() -> None:
-    loop = Loop().ready()
-    assert loop.ask().phase is Phase.HOLD
+    loop = SharedLoop().ready()
+    assert loop.ask_to_hold().phase is Phase.HOLD
     loop.held(1.0)
     assert loop.plant.frontseat.arm(False)
     for _ in range(220):
@@ -323,10 +307,10 @@ def test_a_hold_that_has_ended_long_before_keeps_its_reason() -> None:
 
 
 def test_two_boats_on_one_line_without_peers() -> None:
-    loop = Loop()
+    loop = SharedLoop()
     loop.peers = ("", "")
     loop.ready()
-    assert loop.ask().phase is Phase.HOLD
+    assert loop.ask_to_hold().phase is Phase.HOLD
     second = another_boat(loop.config, boots_after_s=-4.0)
     second.advance(loop.t_ns)
     assert second.frontseat.arm(True)
@@ -341,7 +325,7 @@ class SecondWay:
     """The same boat once more: the same frames by another peer, later, some of them lost or the link stalled."""
 
     def __init__(self, delay_s: float, lost: int = 0, stalls: tuple[tuple[float, float], ...] = ()) -> None:
-        self._delay_ns = round(delay_s * S)
+        self.delay_ns = round(delay_s * S)
         self._lost, self._stalls = lost, stalls
         self._late: list[Frame] = []
         self._count = 0
@@ -358,7 +342,7 @@ class SecondWay:
         since_s = 0.0 if self._start_ns is None else (t_ns - self._start_ns) / S
         if any(begin <= since_s < end for begin, end in self._stalls):
             return
-        while self._late and self._late[0].t_ns + self._delay_ns <= t_ns:
+        while self._late and self._late[0].t_ns + self.delay_ns <= t_ns:
             yield dataclasses.replace(self._late.pop(0), t_ns=t_ns, peer=OTHER_BOAT)
 
 
@@ -374,15 +358,15 @@ class SecondWay:
     ids=["at once", "0.3 s", "1.4 s and lossy", "3 s", "stalled"],
 )
 def test_one_boat_by_two_ways_is_one_boat(way: SecondWay) -> None:
-    loop = Loop()
-    loop.ways, loop.talk = way.keep, way
+    loop = SharedLoop()
+    loop.way, loop.talk = way.keep, way
     loop.ready()
     for _ in range(20):
         _, outputs = loop.tick()
     assert not [n for n in outputs.health.notes if n.subject == "autopilot"]
     assert dict(outputs.health.counters)["autopilot.reboots"] == 0
-    if way._delay_ns < S:  # what is later is no good to steer by, but no second boat either
-        assert loop.ask().phase is Phase.HOLD
+    if way.delay_ns < S:  # what is later is no good to steer by, but no second boat either
+        assert loop.ask_to_hold().phase is Phase.HOLD
         outputs = loop.held(15.0)
     else:
         for _ in range(300):
@@ -393,8 +377,8 @@ def test_one_boat_by_two_ways_is_one_boat(way: SecondWay) -> None:
 
 def test_one_boat_by_two_ports_of_its_autopilot_is_one_boat() -> None:
     """Each port has streams of its own: other times, other numbers, the same clock."""
-    loop = Loop().ready()
-    assert loop.ask().phase is Phase.HOLD
+    loop = SharedLoop().ready()
+    assert loop.ask_to_hold().phase is Phase.HOLD
     mav = dialect.MAVLink(None, srcSystem=1, srcComponent=1)
 
     def other_port(frame: Frame) -> Iterable[Frame]:
@@ -408,7 +392,7 @@ def test_one_boat_by_two_ports_of_its_autopilot_is_one_boat() -> None:
         mav.seq = (mav.seq + 1) % 256
         yield dataclasses.replace(frame, data=data, peer=OTHER_BOAT)
 
-    loop.ways = other_port
+    loop.way = other_port
     outputs = loop.held(15.0)
     assert [n for n in outputs.health.notes if n.subject == "autopilot"] == []
 
@@ -416,29 +400,24 @@ def test_one_boat_by_two_ports_of_its_autopilot_is_one_boat() -> None:
 # --- life, and the age of the mode ------------------------------------------------------------------------------
 
 
-def drops(loop: Loop, name: str) -> None:
-    number = getattr(dialect, f"MAVLINK_MSG_ID_{name}")
-    loop.ways = lambda frame: () if message_id(frame.data) == number else (frame,)
-
-
 @pytest.mark.parametrize("lost_s", [0.9, 2.0, 3.0, 3.9])
 def test_lost_heartbeats_end_no_hold_while_other_messages_come(lost_s: float) -> None:
-    loop = Loop("links.autopilot.streams_hz={HEARTBEAT: 1}").ready()
-    assert loop.ask().phase is Phase.HOLD
+    loop = SharedLoop("links.autopilot.streams_hz={HEARTBEAT: 1}").ready()
+    assert loop.ask_to_hold().phase is Phase.HOLD
     loop.held(2.0)
-    drops(loop, "HEARTBEAT")
+    loop.way = losing_messages(["HEARTBEAT"])
     outputs = loop.held(lost_s)
     if lost_s < 1.0 or lost_s >= 3.0:  # the last heartbeat came up to a second before
         assert bool([n for n in outputs.health.notes if n.subject == "autopilot's mode"]) == (lost_s >= 3.0)
-    loop.ways = lambda frame: (frame,)
+    loop.way = whole
     loop.held(3.0)
 
 
 def test_without_a_heartbeat_the_motors_are_neutral_once_the_mode_is_too_old() -> None:
-    loop = Loop().ready()
-    assert loop.ask().phase is Phase.HOLD
+    loop = SharedLoop().ready()
+    assert loop.ask_to_hold().phase is Phase.HOLD
     loop.held(2.0)
-    drops(loop, "HEARTBEAT")
+    loop.way = losing_messages(["HEARTBEAT"])
     assert loop.plant.frontseat.set_mode(4)  # the pilot's word, which the link loses
     start_ns, phases, asked = loop.t_ns, {}, 0
     while loop.t_ns - start_ns < 9 * S:
@@ -456,15 +435,15 @@ def test_without_a_heartbeat_the_motors_are_neutral_once_the_mode_is_too_old() -
 
 def test_a_mode_that_is_asked_for_comes_back() -> None:
     """Only the heartbeats that stream are lost: those that were asked for come."""
-    loop = Loop("links.autopilot.streams_hz={HEARTBEAT: 0.05}").ready()
-    outputs = loop.ask()
+    loop = SharedLoop("links.autopilot.streams_hz={HEARTBEAT: 0.05}").ready()
+    outputs = loop.ask_to_hold()
     assert outputs.phase is Phase.HOLD, outputs.health.reason
     loop.held(25.0)
 
 
 def test_of_frames_that_are_cut_none_is_lost() -> None:
     for size in (1, 64, 256):
-        loop = Loop()
+        loop = SharedLoop()
         rest, sent = bytearray(), [0]
 
         def cut(frame: Frame, size: int = size, rest: bytearray = rest, sent: list[int] = sent) -> Iterable[Frame]:
@@ -474,9 +453,9 @@ def test_of_frames_that_are_cut_none_is_lost() -> None:
                 yield dataclasses.replace(frame, data=bytes(rest[:size]))
                 del rest[:size]
 
-        loop.ways = cut
+        loop.way = cut
         loop.ready()
-        assert loop.ask().phase is Phase.HOLD
+        assert loop.ask_to_hold().phase is Phase.HOLD
         outputs = loop.held(5.0)
         counters = dict(outputs.health.counters)
         assert [counters[f"autopilot.{name}"] for name in ("bad_crc", "garbage_bytes", "lost")] == [0, 0, 0]
@@ -485,9 +464,9 @@ def test_of_frames_that_are_cut_none_is_lost() -> None:
 
 
 def test_the_autopilot_may_be_another_component_where_the_config_says_so() -> None:
-    loop = Loop("links.autopilot.autopilot_component_id=2")
+    loop = SharedLoop("links.autopilot.autopilot_component_id=2")
     loop.ready()
-    outputs = loop.ask()
+    outputs = loop.ask_to_hold()
     assert outputs.phase is Phase.STANDBY and outputs.health.code == Reason.WAITING_FOR_HOLD
     (note,) = [n for n in outputs.health.notes if n.subject == "neighbours"]
     assert note.text.startswith("surface boat 1/1 is heard, 1/2 is not") and not note.ok

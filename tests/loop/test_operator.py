@@ -3,23 +3,23 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
 
-from asvhil.config import load_config
-from asvhil.io.mavlink.frames import FrameSplitter, decode, dialect
-from asvhil.io.mavlink.texts import TextReader
+from asvhil.backseat.build import build_backseat, build_controller, build_model
+from asvhil.config import Config, load_config
+from asvhil.controller.procedure import Procedure
+from asvhil.controller.station_mpc import StationMpc
+from asvhil.io.mavlink.frames import dialect
 from asvhil.logs.opening import open_recorder
 from asvhil.logs.replay import replay
 from asvhil.operator.session import encode_hold, encode_release
-from asvhil.simplant.lockstep import Lockstep
 from asvhil.supervisor.reasons import Reason, describe, explain
 from asvhil.types import Outputs, Phase
+from tests.support.loop import GroundStationLoop
+from tests.support.messages import of_type
 
-GCS = dialect.MAVLink(None, srcSystem=255, srcComponent=190)
 BASE = (
     "plant.weather.wind.speed_mps=0",
     "plant.start_n_m=0",
@@ -28,58 +28,30 @@ BASE = (
 )
 
 
-class Loop:
-    """A boat, a daemon, and a ground station that hears what the daemon says on its operator port."""
+def calm(*overrides: str) -> Config:
+    return load_config("sitl", (*BASE, *overrides))
 
-    def __init__(self, log: Path | None = None, *overrides: str) -> None:
-        self.config = load_config("sitl", (*BASE, *overrides))
-        self.recorder = None if log is None else open_recorder(self.config, log, "lockstep", threaded=False)
-        self.loop = Lockstep(self.config, self.recorder)
-        self.heard: list[Any] = []
-        self.texts: list[str] = []
-        self._reader = TextReader()
-        self.outputs: Outputs | None = None
 
-    def run(self, seconds: float, until: Callable[[Outputs], bool] = lambda outputs: False) -> Outputs:
-        for _ in range(round(seconds * 20)):
-            _, self.outputs = self.loop.tick()
-            for frame in self.outputs.frames:
-                if frame.port == "operator":
-                    for message in map(decode, FrameSplitter().receive(frame.data)):
-                        self.heard.append(message)
-                        if message.get_type() == "STATUSTEXT" and (text := self._reader.receive(message)):
-                            self.texts.append(text)
-            if until(self.outputs):
-                return self.outputs
-        assert self.outputs is not None
-        return self.outputs
-
-    def hold(self) -> None:
-        assert self.run(60.0, lambda o: o.phase is Phase.HOLD).phase is Phase.HOLD
-
-    def say(self, message: Any) -> None:
-        data = message if isinstance(message, bytes) else bytes(message.pack(GCS))
-        self.loop.inject("operator", data, "gcs:1")
-
-    def set(self, name: str, value: float) -> float:
-        """Set a parameter; the value that is answered."""
-        self.say(dialect.MAVLink_param_set_message(1, 191, name.encode(), value, 9))
-        self.run(0.3)
-        return [m for m in self.heard if m.get_type() == "PARAM_VALUE" and m.param_id == name][-1].param_value
-
-    def end(self) -> None:
-        if self.recorder is not None:
-            self.recorder.close()
+def set_parameter(loop: GroundStationLoop, name: str, value: float) -> float:
+    """Set a parameter: the value that is answered."""
+    loop.say(dialect.MAVLink_param_set_message(1, 191, name.encode(), value, 9))
+    loop.wait(0.3)
+    return [m for m in of_type(loop.heard, "PARAM_VALUE") if m.param_id == name][-1].param_value
 
 
 def test_parameters_take_effect_are_bounded_and_are_replayed(tmp_path: Path) -> None:
     log = tmp_path / "log.mcap"
-    loop = Loop(log, "controller.name=sd-mpc", "controller.procedure.enabled=true")
-    assert math.isnan(loop.set("ST_HDG", 45.0)) and describe(explain(Reason.NO_STATION_HELD)) in loop.texts
-    loop.hold()
+    config = calm("controller.name=sd-mpc", "controller.procedure.enabled=true")
+    recorder = open_recorder(config, log, "lockstep", threaded=False)
+    loop = GroundStationLoop(config, recorder)
+    controller = build_controller(config, build_model(config))
+    assert isinstance(controller, Procedure) and isinstance(controller.keeper, StationMpc)
+    loop.backseat = build_backseat(config, controller=controller)
+    assert math.isnan(set_parameter(loop, "ST_HDG", 45.0)) and describe(explain(Reason.NO_STATION_HELD)) in loop.texts
+    assert loop.wait(60.0, lambda o: o.phase is Phase.HOLD).phase is Phase.HOLD
     loop.say(dialect.MAVLink_param_request_list_message(1, 191))
-    loop.run(3.0)
-    told = {m.param_id: m for m in loop.heard if m.get_type() == "PARAM_VALUE"}
+    loop.wait(3.0)
+    told = {m.param_id: m for m in of_type(loop.heard, "PARAM_VALUE")}
     count = next(iter(told.values())).param_count
     assert len(told) == count and all(len(name) <= 16 for name in told)
     configured = loop.config.controller
@@ -87,10 +59,8 @@ def test_parameters_take_effect_are_bounded_and_are_replayed(tmp_path: Path) -> 
     assert told["PROC_R_S"].param_value == configured.procedure.r_s_m
     assert told["ST_LAT"].param_value == pytest.approx(40.4237, abs=1e-5)
     # A weight and a radius: at once, in the controller that runs.
-    controller = loop.loop.backseat._actuation._controller
-    keeper = controller._keeper  # type: ignore[attr-defined]
-    assert loop.set("W_NEAR_HDG", 300.0) == 300.0 and keeper._config.near.heading == 300.0
-    assert loop.set("PROC_R_S", 12.0) == 12.0 and controller._config.r_s_m == 12.0  # type: ignore[attr-defined]
+    assert set_parameter(loop, "W_NEAR_HDG", 300.0) == 300.0 and controller.keeper.config.near.heading == 300.0
+    assert set_parameter(loop, "PROC_R_S", 12.0) == 12.0 and controller.config.r_s_m == 12.0
     # What cannot be: the old value, and why.
     out_of_range, conflict = Reason.PARAMETER_OUT_OF_RANGE, Reason.PARAMETER_CONFLICT
     for name, value, why in (
@@ -106,39 +76,39 @@ def test_parameters_take_effect_are_bounded_and_are_replayed(tmp_path: Path) -> 
     ):
         loop.texts.clear()
         before = told[name].param_value if name != "W_NEAR_HDG" else 300.0
-        assert loop.set(name, value) == pytest.approx(before, abs=1e-3), name
+        assert set_parameter(loop, name, value) == pytest.approx(before, abs=1e-3), name
         assert loop.texts == [describe(why)]
     # The station: turned and moved, and the boat goes there.
-    assert loop.set("ST_HDG", 30.0) == pytest.approx(30.0)
+    assert set_parameter(loop, "ST_HDG", 30.0) == pytest.approx(30.0)
     station = loop.outputs.station  # type: ignore[union-attr]
-    assert loop.set("ST_NORTH", station.n_m + 3.0) == pytest.approx(station.n_m + 3.0)  # type: ignore[union-attr]
-    loop.run(60.0)
-    truth, origin = loop.loop.plant.truth, loop.loop.plant.origin
+    assert set_parameter(loop, "ST_NORTH", station.n_m + 3.0) == pytest.approx(station.n_m + 3.0)  # type: ignore[union-attr]
+    loop.wait(60.0)
+    truth, origin = loop.plant.truth, loop.plant.origin
     lat_deg, lon_deg = origin.to_geodetic(truth.n_m, truth.e_m)
-    n_m, _ = loop.loop.backseat.frame.to_ned(lat_deg, lon_deg)  # type: ignore[union-attr]
+    n_m, _ = loop.backseat.frame.to_ned(lat_deg, lon_deg)  # type: ignore[union-attr]
     assert n_m == pytest.approx(station.n_m + 3.0, abs=2.0)  # type: ignore[union-attr]
     assert math.degrees(truth.psi_rad) == pytest.approx(30.0, abs=5.0)
-    loop.end()
+    recorder.close()
     result = replay(log)
     assert result.mismatch is None and result.compared > 1000
 
 
 def test_a_stream_of_set_points_moves_the_station_and_does_not_take_it_back() -> None:
-    loop = Loop(None, "controller.name=loiter", "supervisor.engage=command")
-    loop.run(40.0, lambda o: o.estimate is not None and o.estimate.valid)
-    rover = loop.loop.plant.frontseat
+    loop = GroundStationLoop(calm("controller.name=loiter", "supervisor.engage=command"))
+    loop.wait(40.0, lambda o: o.estimate is not None and o.estimate.valid)
+    rover = loop.frontseat
     rover.set_receiver(True)
     rover.set_mode(0)
-    loop.run(4.0)
+    loop.wait(4.0)
     assert rover.arm(True)
-    loop.run(1.0)
+    loop.wait(1.0)
     mask = 0b110111111000
 
     def stream(seconds: float, lat: float) -> Outputs:
         for _ in range(round(seconds * 5)):
             target = (round(lat * 1e7), round(-86.9212 * 1e7))
             loop.say(dialect.MAVLink_set_position_target_global_int_message(0, 1, 191, 6, mask, *target, *[0.0] * 9))
-            loop.run(0.2)
+            loop.wait(0.2)
         assert loop.outputs is not None
         return loop.outputs
 
@@ -151,35 +121,35 @@ def test_a_stream_of_set_points_moves_the_station_and_does_not_take_it_back() ->
     assert stream(3.0, 40.42380).phase is Phase.STANDBY
     rover.set_sticks({2: 1500})
     assert stream(5.0, 40.42380).phase is Phase.STANDBY  # still the same stream
-    loop.run(3.5)
+    loop.wait(3.5)
     assert stream(1.0, 40.42380).phase is Phase.HOLD  # a new one
 
 
 @pytest.mark.parametrize("by", ["reposition", "loiter"])
 def test_the_mode_is_taken_and_given_back(by: str) -> None:
-    loop = Loop(None, "controller.name=loiter", "supervisor.engage=command", "supervisor.take_mode=true")
-    loop.run(40.0, lambda o: o.estimate is not None and o.estimate.valid)
-    rover = loop.loop.plant.frontseat
+    loop = GroundStationLoop(calm("controller.name=loiter", "supervisor.engage=command", "supervisor.take_mode=true"))
+    loop.wait(40.0, lambda o: o.estimate is not None and o.estimate.valid)
+    rover = loop.frontseat
     rover.set_receiver(True)
-    loop.run(3.0)
+    loop.wait(3.0)
     assert rover.arm(True) and rover.set_mode(15)
-    loop.run(1.0)
+    loop.wait(1.0)
     if by == "reposition":
         loop.say(encode_hold(loop.config.links.autopilot, 40.42375, -86.9212, 0.5))
     else:
         loop.say(dialect.MAVLink_command_long_message(1, 191, 17, 0, 0, 0, 0, 30.0, 0.0, 0.0, 0.0))
-    assert loop.run(3.0, lambda o: o.phase is Phase.HOLD).phase is Phase.HOLD
+    assert loop.wait(3.0, lambda o: o.phase is Phase.HOLD).phase is Phase.HOLD
     assert rover.rover.mode == 0
-    loop.run(5.0)
+    loop.wait(5.0)
     assert loop.outputs is not None and loop.outputs.phase is Phase.HOLD
     loop.say(encode_release(loop.config.links.autopilot))
-    loop.run(2.0)
+    loop.wait(2.0)
     assert rover.rover.mode == 15 and loop.outputs.phase is Phase.STANDBY
     assert f"standby: {describe(explain(Reason.RELEASED))}" in loop.texts
     # Now the pilot changes it while we hold: his choice stands.
     loop.say(encode_hold(loop.config.links.autopilot, None, None, None))
-    loop.run(3.0)
+    loop.wait(3.0)
     assert rover.rover.mode == 0 and loop.outputs.phase is Phase.HOLD
     assert rover.set_mode(4)
-    loop.run(5.0)
+    loop.wait(5.0)
     assert rover.rover.mode == 4 and loop.outputs.phase is Phase.STANDBY

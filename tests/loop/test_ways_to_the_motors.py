@@ -13,7 +13,7 @@ from asvhil.operator.session import encode_release
 from asvhil.simplant.lockstep import Lockstep
 from asvhil.sitl import run_lockstep
 from asvhil.supervisor.reasons import Reason, describe, explain
-from asvhil.types import Frame, Inputs, Outputs, Phase
+from asvhil.types import Frame, Phase
 from tests.support.settled import NO_BIAS, settled
 
 FREE = "plant.frontseat.parameters={SERVO1_FUNCTION: 0, SERVO3_FUNCTION: 0, SERVO5_FUNCTION: 94}"
@@ -32,24 +32,20 @@ def config(way: str, *overrides: str) -> Config:
     return load_config(name, (NO_BIAS, *own, *overrides))
 
 
-class Loop(Lockstep):
+class SeveredLoop(Lockstep):
     """A loop whose backseat can be made deaf to the autopilot, cut off from it both ways, or killed."""
 
     deaf = cut = False
 
-    def tick(self) -> tuple[Inputs, Outputs]:
-        if not self.deaf and not self.cut:
-            return super().tick()
-        self.t_ns += self._period_ns
-        self.plant.advance(self.t_ns)
-        inputs = Inputs(t_ns=self.t_ns, frames=())
-        outputs = self.backseat.step(inputs)
-        if not self.cut:
-            for frame in outputs.frames:
-                self.plant.receive(frame)
-        return inputs, outputs
+    def receive(self) -> tuple[Frame, ...]:
+        frames = super().receive()
+        return () if self.deaf or self.cut else frames
 
-    def driving(self) -> "Loop":
+    def deliver(self, frames: tuple[Frame, ...]) -> None:
+        if not self.cut:
+            super().deliver(frames)
+
+    def driving(self) -> "SeveredLoop":
         """On the way to the station, well away from neutral."""
         for _ in range(400):
             held = self.tick()[1].phase is Phase.HOLD
@@ -66,12 +62,12 @@ class Loop(Lockstep):
 
 @pytest.mark.parametrize("way", WAYS)
 def test_the_station_is_kept(way: str) -> None:
-    distance_m, heading_mean_deg, _ = settled(Loop(config(way)), 150.0, 60.0)
+    distance_m, heading_mean_deg, _ = settled(SeveredLoop(config(way)), 150.0, 60.0)
     assert distance_m <= 0.6 and abs(heading_mean_deg) <= 1.0
 
 
 def test_across_the_wind_with_a_px4_too() -> None:
-    loop = Loop(config("set_actuator", "plant.weather.wind.speed_mps=6", "plant.weather.wind.toward_deg=90"))
+    loop = SeveredLoop(config("set_actuator", "plant.weather.wind.speed_mps=6", "plant.weather.wind.toward_deg=90"))
     distance_m, heading_mean_deg, heading_std_deg = settled(loop, 180.0, 60.0)
     assert distance_m < 3.0 and abs(heading_mean_deg) < 3.0 and 5.0 < heading_std_deg < 16.0
 
@@ -83,30 +79,30 @@ def test_a_log_replays_to_the_bit(way: str, tmp_path: Path) -> None:
     assert result.mismatch is None and result.compared > 600
 
 
-def _mode(loop: Loop) -> None:
+def _mode(loop: SeveredLoop) -> None:
     assert loop.plant.frontseat.set_mode({"px4": 0x03040000, "ardurover": 4}[loop.config.plant.autopilot])
 
 
-def _disarm(loop: Loop) -> None:
+def _disarm(loop: SeveredLoop) -> None:
     assert loop.plant.frontseat.arm(False)
 
 
-def _stick(loop: Loop) -> None:
+def _stick(loop: SeveredLoop) -> None:
     loop.plant.frontseat.set_sticks({4: 1700})
 
 
-def _operator(loop: Loop) -> None:
+def _operator(loop: SeveredLoop) -> None:
     loop.inject("operator", encode_release(loop.config.links.autopilot))
 
 
-def _deaf(loop: Loop) -> None:
+def _deaf(loop: SeveredLoop) -> None:
     loop.deaf = True
 
 
 @pytest.mark.parametrize("end", [_mode, _disarm, _stick, _operator, _deaf])
 @pytest.mark.parametrize("way", WAYS)
 def test_however_it_ends_the_motors_are_neutral(way: str, end: object) -> None:
-    loop = Loop(config(way)).driving()
+    loop = SeveredLoop(config(way)).driving()
     end(loop)  # type: ignore[operator]
     # PX4 tells of its mode once a second; a lost heartbeat is believed after 2.5 s.
     limit_s = {"_deaf": 2.8}.get(end.__name__, 1.3 if way == "set_actuator" else 0.5)  # type: ignore[attr-defined]
@@ -120,7 +116,7 @@ def test_however_it_ends_the_motors_are_neutral(way: str, end: object) -> None:
 
 @pytest.mark.parametrize("way", ["set_servo", "set_actuator"])
 def test_where_the_sticks_are_the_pilots_own_any_of_them_takes_the_boat(way: str) -> None:
-    loop = Loop(config(way)).driving()
+    loop = SeveredLoop(config(way)).driving()
     loop.plant.frontseat.set_sticks({1: 1620})
     outputs = [loop.tick()[1] for _ in range(8)][-1]
     assert outputs.phase is Phase.STANDBY and outputs.health.reason == describe(explain(Reason.STICK_MOVED, channel=1))
@@ -128,19 +124,19 @@ def test_where_the_sticks_are_the_pilots_own_any_of_them_takes_the_boat(way: str
 
 @pytest.mark.parametrize("way", ["rc_override", "manual_control"])
 def test_after_a_crash_sticks_are_given_back_by_the_autopilot(way: str) -> None:
-    loop = Loop(config(way)).driving()
+    loop = SeveredLoop(config(way)).driving()
     assert loop.left_alone(2.8) != NEUTRAL
     assert loop.left_alone(0.3) == NEUTRAL
 
 
 def test_after_a_crash_px4_disarms_when_offboard_is_lost() -> None:
-    loop = Loop(config("set_actuator")).driving()
+    loop = SeveredLoop(config("set_actuator")).driving()
     assert loop.left_alone(0.8) != NEUTRAL
     assert loop.left_alone(0.4) == NEUTRAL
 
 
 def test_after_a_crash_a_servo_command_stands_until_the_daemon_is_back() -> None:
-    loop = Loop(config("set_servo")).driving()
+    loop = SeveredLoop(config("set_servo")).driving()
     standing = loop.left_alone(0.1)
     assert loop.left_alone(600.0) == standing != NEUTRAL  # the hazard, as a real ArduRover shows it
     loop.backseat = build_backseat(loop.config.model_copy(update={"supervisor": _by_command(loop.config)}))
@@ -150,7 +146,7 @@ def test_after_a_crash_a_servo_command_stands_until_the_daemon_is_back() -> None
 
 
 def test_arming_again_after_a_crash_starts_no_motor_once_the_daemon_is_back() -> None:
-    loop = Loop(config("set_actuator")).driving()
+    loop = SeveredLoop(config("set_actuator")).driving()
     at_the_end = loop.plant.frontseat.outputs_us
     assert loop.left_alone(1.5) == NEUTRAL  # PX4 has disarmed
     assert _arm_in_manual(loop)
@@ -165,7 +161,7 @@ def test_arming_again_after_a_crash_starts_no_motor_once_the_daemon_is_back() ->
 
 @pytest.mark.parametrize("way", ["set_servo", "set_actuator"])
 def test_a_command_that_stood_through_a_broken_link_ends_when_the_link_is_back(way: str) -> None:
-    loop = Loop(config(way)).driving()
+    loop = SeveredLoop(config(way)).driving()
     standing = loop.plant.frontseat.outputs_us
     loop.cut = True
     for _ in range(200):  # the hold has ended, and the neutral that was said then is lost
@@ -177,7 +173,7 @@ def test_a_command_that_stood_through_a_broken_link_ends_when_the_link_is_back(w
     assert set(outputs[30:]) == {NEUTRAL}
 
 
-def _arm_in_manual(loop: Loop) -> bool:
+def _arm_in_manual(loop: SeveredLoop) -> bool:
     """The pilot, with a transmitter."""
     seat = loop.plant.frontseat
     return seat.set_mode({"px4": 0x00010000, "ardurover": 0}[loop.config.plant.autopilot]) and seat.arm(True)
@@ -197,12 +193,12 @@ def _by_command(whole: Config) -> object:
     ],
 )
 def test_a_px4_that_is_set_wrong_is_not_driven_and_the_parameter_is_named(parameters: str, words: str) -> None:
-    loop = Loop(config("set_actuator", f"plant.frontseat.parameters={parameters}"))
+    loop = SeveredLoop(config("set_actuator", f"plant.frontseat.parameters={parameters}"))
     for _ in range(200):
         outputs = loop.tick()[1]
         assert outputs.phase is Phase.STANDBY and outputs.pwm_us is None
     assert (outputs.health.code, outputs.health.reason) == (Reason.AUTOPILOT_PARAMETER, words)
-    tolerant = Loop(
+    tolerant = SeveredLoop(
         config("set_actuator", f"plant.frontseat.parameters={parameters}", "supervisor.readback.tolerate=[unbounded]")
     )
     for _ in range(200):
@@ -211,7 +207,7 @@ def test_a_px4_that_is_set_wrong_is_not_driven_and_the_parameter_is_named(parame
 
 
 def test_px4_streams_are_asked_for_again_after_a_reboot_and_when_another_station_slowed_them() -> None:
-    loop = Loop(config("set_actuator", "supervisor.engage=command"))
+    loop = SeveredLoop(config("set_actuator", "supervisor.engage=command"))
 
     def attitudes(seconds: float) -> int:
         frames = [frame for _ in range(round(20 * seconds)) for frame in loop.tick()[0].frames]
@@ -231,12 +227,12 @@ def test_px4_streams_are_asked_for_again_after_a_reboot_and_when_another_station
 
 
 def test_with_manual_as_the_control_mode_the_px4_is_driven_there() -> None:
-    loop = Loop(config("set_actuator", "supervisor.control_mode=MANUAL", TAKEN)).driving()
+    loop = SeveredLoop(config("set_actuator", "supervisor.control_mode=MANUAL", TAKEN)).driving()
     assert loop.left_alone(60.0) != NEUTRAL  # nothing bounds a crash then: docs/autopilots.md
 
 
 def test_a_refused_servo_command_is_told_in_words() -> None:
-    loop = Loop(config("set_servo", "plant.frontseat.parameters={SERVO1_FUNCTION: 0, SERVO3_FUNCTION: 74}"))
+    loop = SeveredLoop(config("set_servo", "plant.frontseat.parameters={SERVO1_FUNCTION: 0, SERVO3_FUNCTION: 74}"))
     notes = [note.text for _ in range(200) for note in loop.tick()[1].health.notes]
     assert any("refuses DO_SET_SERVO (FAILED)" in text for text in notes)
     assert math.isclose(loop.plant.truth.thrust_n[1], 0.0)

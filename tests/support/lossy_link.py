@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import random
-from typing import Any
+from typing import cast
 
 from asvhil.config import load_config
-from asvhil.io.mavlink.frames import FrameSplitter, decode
-from asvhil.operator.session import encode_hold
 from asvhil.preflight.checks import Check, Result, checks_of
 from asvhil.preflight.survey import Survey
-from asvhil.simplant.lockstep import EPOCH_NS, Lockstep
+from asvhil.simplant.lockstep import EPOCH_NS
 from asvhil.simplant.plant import Plant
 from asvhil.supervisor.reasons import WORDS, Reason
-from asvhil.types import Frame, Inputs, Outputs, Phase, record
+from asvhil.types import Inputs, Outputs, Phase, record
+from tests.support.loop import GroundStationLoop
+from tests.support.lossy_plant import PlantBehindLink, losing
+from tests.support.messages import messages, of_type
 
 TICK_NS = 50_000_000
 # What a parameter that is right must never be the cause of.
@@ -31,25 +32,10 @@ OF_THE_LINK = ("rates",)  # sections of a check in which a loss is what is to be
 ASK_TICKS = 40  # a refused hold is asked for again
 
 
-class LossyPlant:
-    """A plant whose autopilot's link loses each frame with the same chance, either way."""
-
-    def __init__(self, plant: Any, loss: float, seed: int) -> None:
-        self._plant, self._loss = plant, loss
-        self._chance = random.Random(f"lossy link {seed}")
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._plant, name)
-
-    def advance(self, t_ns: int) -> list[Frame]:
-        return [frame for frame in self._plant.advance(t_ns) if self._passes(frame)]
-
-    def receive(self, frame: Frame) -> None:
-        if self._passes(frame):
-            self._plant.receive(frame)
-
-    def _passes(self, frame: Frame) -> bool:
-        return frame.port != "autopilot" or self._chance.random() >= self._loss
+def behind_lossy_link(plant: Plant, loss: float, seed: int) -> Plant:
+    """The plant, each frame of its autopilot's link lost with the same probability, either way."""
+    way = losing(loss, random.Random(f"lossy link {seed}"))
+    return cast(Plant, PlantBehindLink(plant, way, way))
 
 
 @record
@@ -87,7 +73,7 @@ class HoldStart:
 def check_start(loss: float, seed: int, config: str = "sitl") -> CheckStart:
     """A preflight, from its first tick to its end."""
     settings = load_config(config, (f"plant.seed={seed}",))
-    plant, survey, t_ns = LossyPlant(Plant(settings, EPOCH_NS), loss, seed), Survey(settings), EPOCH_NS
+    plant, survey, t_ns = behind_lossy_link(Plant(settings, EPOCH_NS), loss, seed), Survey(settings), EPOCH_NS
     while survey.stage != "done":
         t_ns += TICK_NS
         for frame in survey.step(Inputs(t_ns=t_ns, frames=tuple(plant.advance(t_ns)))):
@@ -105,61 +91,46 @@ def _is_false(check: Check) -> bool:
     return check.result in (Result.WARN, Result.FAIL) and check.item != "clock of this computer"
 
 
-class _Loop(Lockstep):
-    """Keeps what operators are told."""
-
-    def __init__(self, loss: float, seed: int, config: str, overrides: tuple[str, ...]) -> None:
-        settings = ("supervisor.engage=command", f"plant.seed={seed}", *overrides)
-        super().__init__(load_config(config, settings))
-        self.plant = LossyPlant(self.plant, loss, seed)  # type: ignore[assignment]
-        self.result: int | None = None
-
-    def ask(self) -> Outputs:
-        self.inject("operator", encode_hold(self.config.links.autopilot, None, None, None), f"10.0.0.1:{self.ticks}")
-        _, outputs = self.tick()
-        for frame in outputs.frames:
-            for data in FrameSplitter().receive(frame.data) if frame.port == "operator" else ():
-                message = decode(data)
-                if message is not None and message.get_type() == "COMMAND_ACK":
-                    self.result = message.result
-        return outputs
-
-
 def hold_start(
     loss: float, seed: int, hold_s: float = 60.0, config: str = "sitl", overrides: tuple[str, ...] = ()
 ) -> HoldStart:
     """Start the daemon, arm as soon as the vehicle can be armed, and a second later hold."""
-    loop = _Loop(loss, seed, config, overrides)
+    settings = ("supervisor.engage=command", f"plant.seed={seed}", *overrides)
+    loop = GroundStationLoop(load_config(config, settings))
+    loop.plant = behind_lossy_link(loop.plant, loss, seed)
     false: dict[str, None] = {}
 
     def note(outputs: Outputs) -> Outputs:
         false.update({n.text: None for n in outputs.health.notes if n.subject == "parameters"})
         return outputs
 
+    def granted() -> bool:
+        return bool(loop.results) and loop.results[-1] == 0
+
     for _ in range(140):
-        note(loop.tick()[1])
+        note(loop.step())
     for _ in range(600):
         if loop.plant.frontseat.arm(True):
             break
-        note(loop.tick()[1])
+        note(loop.step())
     for _ in range(20):  # a person looks before asking
-        note(loop.tick()[1])
+        note(loop.step())
     mode = loop.config.supervisor.control_mode
     if mode == "OFFBOARD":
         for _ in range(40):
             loop.plant.frontseat.set_mode(6 << 16)
-            note(loop.tick()[1])
+            note(loop.step())
     asked_ns, refused = loop.t_ns, []
-    outputs = note(loop.ask())
-    while loop.result != 0 and loop.t_ns - asked_ns < 60_000_000_000:
-        refused.append(_refusal(loop, outputs))
+    outputs = note(loop.ask_to_hold())
+    while not granted() and loop.t_ns - asked_ns < 60_000_000_000:
+        refused.append(_refusal(outputs))
         for _ in range(ASK_TICKS):
-            note(loop.tick()[1])
-        outputs = note(loop.ask())
-    granted_ns = loop.t_ns if loop.result == 0 else None
+            note(loop.step())
+        outputs = note(loop.ask_to_hold())
+    granted_ns = loop.t_ns if granted() else None
     neutral, fail_safes, before, ended = 0, 0, Phase.HOLD, ""
     while granted_ns is not None and loop.t_ns - granted_ns < hold_s * 1e9:
-        outputs = note(loop.tick()[1])
+        outputs = note(loop.step())
         neutral += outputs.phase is Phase.FAILSAFE
         fail_safes += outputs.phase is Phase.FAILSAFE and before is not Phase.FAILSAFE
         before = outputs.phase
@@ -177,14 +148,9 @@ def hold_start(
     )
 
 
-def _refusal(loop: _Loop, outputs: Outputs) -> str:
+def _refusal(outputs: Outputs) -> str:
     """The code of the reason, by its text to the operator."""
-    texts = []
-    for frame in outputs.frames:
-        for data in FrameSplitter().receive(frame.data) if frame.port == "operator" else ():
-            message = decode(data)
-            if message is not None and message.get_type() == "STATUSTEXT":
-                texts.append(message.text)
+    texts = [message.text for message in of_type(messages(outputs.frames, "operator"), "STATUSTEXT")]
     for reason, words in WORDS.items():
         if any(words.text.split("{")[0] and text.startswith(words.text.split("{")[0]) for text in texts):
             return reason.value

@@ -72,6 +72,12 @@ def checksum(body: bytes, extra: bytes | None = None) -> bytes:
     return int(mcrf4xx(body[1:] + extra)).to_bytes(CRC_LENGTH, "little")
 
 
+def renumbered(frame: bytes, number: int) -> bytes:
+    """A MAVLink 2 frame without a signature, with another sequence number (modulo 256) and the checksum of it."""
+    body = frame[:4] + bytes([number % 256]) + frame[5:-CRC_LENGTH]
+    return body + checksum(body)
+
+
 def message_number(name: str) -> int:
     """The id of a message by its name. Raises ConfigError with the nearest name that exists."""
     number = getattr(dialect, f"MAVLINK_MSG_ID_{name}", None)
