@@ -93,7 +93,7 @@ def serve(arguments: argparse.Namespace) -> None:
         asyncio.run(daemon.run())
     finally:
         recorder.close()
-    losses = {port: link.losses for port, link in daemon._links.items() if link.losses}
+    losses = {port: link.losses for port, link in daemon.links.items() if link.losses}
     print(
         json.dumps({"ticks": daemon.ticks, "overruns": daemon.overruns, "losses": losses, "dropped": recorder.dropped})
     )

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import pytest
 
 import asvhil
-from tests.support.plugins import forget_plugins
+from asvhil.config.plugins import unload_all
 
 assert asvhil.__version__
 
@@ -14,4 +14,4 @@ assert asvhil.__version__
 def own_plugins() -> Iterator[None]:
     """The plug-ins of a test are not those of the next."""
     yield
-    forget_plugins()
+    unload_all()

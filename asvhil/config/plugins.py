@@ -61,6 +61,13 @@ def all_loaded() -> tuple[Plugin, ...]:
     return tuple(_loaded.values())
 
 
+def unload_all() -> None:
+    """Take out the rows of all plug-ins and installed packages, as in a new process. Configs that use them are void."""
+    for registry in REGISTRIES:
+        registry.forget_added()
+    _loaded.clear()
+
+
 def load_files(files: Iterable[PluginFile]) -> list[Plugin]:
     """Load the plug-ins of one config. ConfigError, one line, where one cannot be loaded, or two define one name."""
     found: list[Plugin] = []

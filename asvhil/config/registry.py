@@ -231,6 +231,11 @@ class Registry(Generic[K]):
         self._rows[row.name] = row
         self._origins[row.name] = origin
 
+    def forget_added(self) -> None:
+        """Take out all rows but those of this package."""
+        for name in [name for name, origin in self._origins.items() if origin != Origin()]:
+            del self._rows[name], self._origins[name]
+
     def get(self, name: str) -> K | None:
         """The row of a name; None where neither a table nor an installed package has it."""
         if name not in self._rows:

@@ -75,7 +75,7 @@ class Manoeuvres:
     def reset(self) -> None:
         """Begin anew, as after a time without control."""
         rng = np.random.default_rng(self._config.seed)
-        self._blocks = programme(self._config.duration_s, rng)
+        self.blocks = programme(self._config.duration_s, rng)
         self._hand = HumanOperator(rng, self._config.reaction_s)
         self._index = 0
         self._in_block_s = 0.0
@@ -145,12 +145,12 @@ class Manoeuvres:
     def _advance(self, elapsed_s: float) -> Block:
         """The block at this time of the programme."""
         self._in_block_s += elapsed_s if 0.0 <= elapsed_s <= LATE_S else 0.0
-        block = self._blocks[self._index]
+        block = self.blocks[self._index]
         while self._in_block_s >= block.duration_s - 1e-6:
             self._in_block_s -= block.duration_s
-            self._index = (self._index + 1) % len(self._blocks)
+            self._index = (self._index + 1) % len(self.blocks)
             self._reference_rad = None
-            block = self._blocks[self._index]
+            block = self.blocks[self._index]
         return block
 
     # --- manoeuvres that look at the boat ------------------------------------------------------------------

@@ -38,7 +38,7 @@ class StationMpc:
         make_solver: Callable[[StationProblem], Solver] = Sqp,
         command_rate_per_s: float = math.inf,
     ) -> None:
-        self._model, self._config, self._period_s = model, config, period_s
+        self._model, self.config, self._period_s = model, config, period_s
         self._delay_s = config.delay_s + (0.0 if model.n_motor else config.unmodelled_lag_s)
         self._problem = StationProblem(model, config, command_rate_per_s)
         self._solver = make_solver(self._problem)
@@ -57,7 +57,7 @@ class StationMpc:
     def new_station(self) -> None:
         """Forget what was found for the last station, the trim and the way round to it; the plan is where to start."""
         self._near = False
-        self._trim_rad = self._near_s = 0.0
+        self.trim_rad = self._near_s = 0.0
         self._psi_rad: float | None = None
 
     def favour_position(self, on: bool) -> None:
@@ -66,7 +66,7 @@ class StationMpc:
 
     def retune(self, config: ControllerConfig) -> None:
         """Other weights, radii and trim from the next step on; the problem and its solver stay as they were built."""
-        self._config = self._config.model_copy(update={name: getattr(config.mpc, name) for name in TUNED})
+        self.config = self.config.model_copy(update={name: getattr(config.mpc, name) for name in TUNED})
 
     def step(self, estimate: Estimate, wind: Wind | None, station: Station) -> Control:
         """One control tick. Neutral and not ok where an input is not finite or the solver fails.
@@ -76,9 +76,9 @@ class StationMpc:
         if len(estimate.motor) != self._model.n_motor:
             raise ValueError(f"{len(estimate.motor)} motor states, model {self._model.name} has {self._model.n_motor}")
         # Without a wind the model sees still air, and the disturbance carries the wind's mean load.
-        use_wind = self._config.wind_feedforward and wind is not None and wind.valid
+        use_wind = self.config.wind_feedforward and wind is not None and wind.valid
         air = (wind.vn_mps, wind.ve_mps) if wind is not None and use_wind else (0.0, 0.0)
-        push = estimate.disturbance if self._config.disturbance_feedforward else (0.0, 0.0, 0.0)
+        push = estimate.disturbance if self.config.disturbance_feedforward else (0.0, 0.0, 0.0)
         pose = (estimate.n_m, estimate.e_m, estimate.psi_rad, station.n_m, station.e_m, station.psi_rad)
         nu = (estimate.u_mps, estimate.v_mps, estimate.r_radps)
         if not all(map(math.isfinite, (*pose, *nu, *estimate.motor, *air, *push))):
@@ -88,7 +88,7 @@ class StationMpc:
         x, y = ned_to_body(station.psi_rad, estimate.n_m - station.n_m, estimate.e_m - station.e_m)
         psi_rad = self._heading_error_rad(estimate.psi_rad - station.psi_rad)
         distance_m = math.hypot(x, y)
-        self._near = distance_m < (self._config.far_radius_m if self._near else self._config.near_radius_m)
+        self._near = distance_m < (self.config.far_radius_m if self._near else self.config.near_radius_m)
         self._update_trim(psi_rad)
         state = (x, y, psi_rad, *nu, *estimate.motor)
         wind_here = ned_to_body(station.psi_rad, *air)
@@ -102,12 +102,12 @@ class StationMpc:
 
     def _update_trim(self, psi_rad: float) -> None:
         """Integrate the heading error into the trim, once the boat has been near for a while."""
-        config = self._config
+        config = self.config
         self._near_s = self._near_s + self._period_s if self._near else 0.0
         settled = self._near_s > TRIM_WAITS * config.trim_time_s
         if settled and not self._position_only and abs(psi_rad) < TRIM_WITHIN_RAD:
-            trim_rad = self._trim_rad - psi_rad * self._period_s / config.trim_time_s
-            self._trim_rad = min(max(trim_rad, -config.trim_max_rad), config.trim_max_rad)
+            trim_rad = self.trim_rad - psi_rad * self._period_s / config.trim_time_s
+            self.trim_rad = min(max(trim_rad, -config.trim_max_rad), config.trim_max_rad)
 
     def _parameters(
         self, state: tuple[float, ...], wind: tuple[float, float], disturbance: tuple[float, float, float]
@@ -115,9 +115,9 @@ class StationMpc:
         """The problem's parameters, all in the station's frame, with the weights that hold now."""
 
         def packed(weights: MpcWeights) -> Array:
-            return self._problem.pack(state, wind, disturbance, self._trim_rad, self._input, weights)
+            return self._problem.pack(state, wind, disturbance, self.trim_rad, self._input, weights)
 
-        config = self._config
+        config = self.config
         # An offset is worth swings of the heading too: a heavy heading weight would park the boat beside the station.
         share = max(self._side_load_share, _ramp(math.hypot(state[0], state[1]), config.offset_m))
         if self._position_only:
@@ -132,7 +132,7 @@ class StationMpc:
         mps2 = abs(self._problem.side_acceleration(wind, disturbance))
         if self._side_load_mps2 is None:
             self._side_load_mps2 = mps2
-        gain = min(self._period_s / self._config.side_load_time_s, 1.0)
+        gain = min(self._period_s / self.config.side_load_time_s, 1.0)
         self._side_load_mps2 += gain * (mps2 - self._side_load_mps2)
 
     @property
@@ -142,7 +142,7 @@ class StationMpc:
         Two fixed motors carry a side load by swings of the heading alone, and these a heavy heading weight would
         forbid. Without one there is no reason to swing, and a light weight would only follow noise.
         """
-        return _ramp(self._side_load_mps2 or 0.0, self._config.side_load_mps2)
+        return _ramp(self._side_load_mps2 or 0.0, self.config.side_load_mps2)
 
     def _solve(self, parameters: Array, distance_m: float) -> tuple[Solution, int]:
         """The cheaper of the shifted last plan and, far off or after a failure, one alternate start in turn.
@@ -151,14 +151,14 @@ class StationMpc:
         """
         lost = self._plan is None
         start = np.zeros((self._problem.stages, 2)) if self._plan is None else self._shift @ self._plan
-        best = self._solver.solve(parameters, start, self._config.iterations)
+        best = self._solver.solve(parameters, start, self.config.iterations)
         iterations = best.iterations
         self._ticks += 1
-        if self._config.alternate_iterations and (lost or not best.ok or distance_m > self._config.alternate_beyond_m):
+        if self.config.alternate_iterations and (lost or not best.ok or distance_m > self.config.alternate_beyond_m):
             share = ALTERNATE_STARTS[self._ticks % len(ALTERNATE_STARTS)]
             level = share * (self._problem.upper if share > 0.0 else -self._problem.lower)
             start = np.full((self._problem.stages, 2), level)
-            other = self._solver.solve(parameters, start, self._config.alternate_iterations)
+            other = self._solver.solve(parameters, start, self.config.alternate_iterations)
             iterations += other.iterations
             if other.ok and (not best.ok or other.cost < best.cost):
                 best = other

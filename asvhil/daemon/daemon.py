@@ -58,17 +58,17 @@ class Daemon:
         self._wake = asyncio.Event()  # a tick is asked for before its time
         self._on_arrival = config.daemon.cut_on == "arrival"
         self._allowance = Allowance(config.daemon.arrival_hz_max, ARRIVALS_AT_ONCE)
-        self._router = MavlinkRouter(
+        self.router = MavlinkRouter(
             config.links, start_ns=clock.now_ns(), unix_ns=time.time_ns, on_forward=recorder.write_forwarded
         )
         self._saving: asyncio.Task[None] | None = None
         self._spoken: dict[str, str] = {}
-        specs = config.links.endpoints | self._router.ground_specs
-        self._links = {
+        specs = config.links.endpoints | self.router.ground_specs
+        self.links = {
             port: ReconnectingLink(port, spec, config, clock, self._inbox, self._receive)
             for port, spec in specs.items()
         }
-        self._router.attach(self._links)
+        self.router.attach(self.links)
         self.ticks = 0
         self.overruns = 0
         self._slowest_ns = 0
@@ -84,8 +84,8 @@ class Daemon:
         loop = asyncio.get_running_loop()
         for number in (signal.SIGINT, signal.SIGTERM):
             loop.add_signal_handler(number, self.stop)
-        readers = [asyncio.create_task(link.run(), name=port) for port, link in self._links.items()]
-        for text in self._router.warnings:
+        readers = [asyncio.create_task(link.run(), name=port) for port, link in self.links.items()]
+        for text in self.router.warnings:
             self._recorder.write_log(self._clock.now_ns(), "warning", text)
         # The recorder's thread would else keep the interpreter for up to 5 ms while an answer waits to be sent.
         sys.setswitchinterval(SWITCH_S)
@@ -102,14 +102,14 @@ class Daemon:
             for reader in readers:
                 reader.cancel()
             await asyncio.gather(*readers, return_exceptions=True)
-            for port, link in self._links.items():
+            for port, link in self.links.items():
                 if link.losses:
                     self._recorder.write_log(self._clock.now_ns(), "warning", f"link {port}: {link.losses}")
-            for text in self._router.take_all_news():
+            for text in self.router.take_all_news():
                 self._recorder.write_log(self._clock.now_ns(), "warning", text)
             if self._saving is not None:
                 await self._saving
-            await self._save(self._router.states())
+            await self._save(self.router.states())
             for number in (signal.SIGINT, signal.SIGTERM):
                 loop.remove_signal_handler(number)
 
@@ -117,11 +117,11 @@ class Daemon:
         """What the backseat gets of a received frame."""
         if self._on_arrival and frame.port != OPERATOR and not frame.port.startswith(GROUND):
             self._wake.set()
-        return await self._router.receive(frame)
+        return await self.router.receive(frame)
 
     async def _send(self, frame: Frame) -> None:
-        for leaving in self._router.outgoing(frame):
-            await self._links[leaving.port].send(leaving)
+        for leaving in self.router.outgoing(frame):
+            await self.links[leaving.port].send(leaving)
 
     async def _save(self, states: dict[Path, SigningState]) -> None:
         """Signing timestamps to the disk, on a thread: it may take its time."""
@@ -175,7 +175,7 @@ class Daemon:
         self._speak(outputs)
         self._keep_house(outputs.t_ns)
         if self._on_tick is not None:
-            self._on_tick(outputs, {port: self._state(port) for port in self._links})
+            self._on_tick(outputs, {port: self._state(port) for port in self.links})
 
     def _tell_solve_time(self, t_ns: int, step_ns: int) -> None:
         """The core has no clock, so what it tells operators of its own speed comes in like everything else."""
@@ -191,19 +191,19 @@ class Daemon:
         return outputs, time.perf_counter_ns() - start_ns
 
     def _state(self, port: str) -> str:
-        remarks = self._router.remarks(port)
-        return f"{self._links[port].state}; {remarks}" if remarks else self._links[port].state
+        remarks = self.router.remarks(port)
+        return f"{self.links[port].state}; {remarks}" if remarks else self.links[port].state
 
     def _keep_house(self, t_ns: int) -> None:
         """Log the router's news, and save its signing timestamps when that is due."""
-        for text in self._router.take_news(t_ns):
+        for text in self.router.take_news(t_ns):
             self._recorder.write_log(t_ns, "warning", text)
-        if self._router.take_save_due(t_ns) and (self._saving is None or self._saving.done()):
-            self._saving = asyncio.create_task(self._save(self._router.states()))
+        if self.router.take_save_due(t_ns) and (self._saving is None or self._saving.done()):
+            self._saving = asyncio.create_task(self._save(self.router.states()))
 
     def _speak(self, outputs: Outputs) -> None:
         """Log what changed: phase and reason, and the state of each link."""
-        now = {f"link {port}": link.state for port, link in self._links.items()}
+        now = {f"link {port}": link.state for port, link in self.links.items()}
         now["phase"] = f"{outputs.phase}: {outputs.health.reason}"
         now |= {f"source of {quantity}:": name or "none" for quantity, name in outputs.health.sources}
         now |= {f"{note.subject}:": note.text for note in outputs.health.notes}

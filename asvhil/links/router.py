@@ -74,6 +74,10 @@ class MavlinkRouter:
         self._save_ns = start_ns
         self._saved_last = self._clock.last
 
+    def rejected(self, port: str) -> Counter[str]:
+        """How many frames of a link were refused so far, by why."""
+        return self._filters[port].rejected
+
     def attach(self, links: Mapping[str, ForwardingLink]) -> None:
         """The links to forward on, by port."""
         self._links = links

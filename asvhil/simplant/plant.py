@@ -87,14 +87,14 @@ class Plant:
         self._t_ns = t_ns
         self._loop = Metronome(t_ns, plant.frontseat.loop_hz)
         self._sentence = Metronome(t_ns, plant.sensors.anemometer.rate_hz)
-        self._weather = Weather(plant.weather, plant.step_s, weather_seed)
+        self.weather = Weather(plant.weather, plant.step_s, weather_seed)
         self._vessel = Vessel(
             vessel,
             pwm,
             plant.step_s,
             (plant.start_n_m, plant.start_e_m, np.radians(plant.start_heading_deg).item()),
-            (self._weather.current_n_mps, self._weather.current_e_mps),
-            self._weather.waves,
+            (self.weather.current_n_mps, self.weather.current_e_mps),
+            self.weather.waves,
         )
         self._navigation = Navigation(plant.sensors, plant.frontseat.loop_hz, t_ns, navigation_seed, filtered=True)
         self._anemometer = Anemometer(plant.sensors.anemometer, anemometer_seed)
@@ -154,12 +154,12 @@ class Plant:
         if loop_hz is not None:
             self._loop.set_rate(self._t_ns, loop_hz)
         self._vessel.set_step(step_s)
-        self._weather.set_step(step_s)
+        self.weather.set_step(step_s)
 
     @property
     def truth(self) -> Truth:
         """The state after the last step."""
-        vessel, weather = self._vessel, self._weather
+        vessel, weather = self._vessel, self.weather
         u_mps, v_mps = (0.0, 0.0) if self._moored else vessel.ground_velocity_body()
         return Truth(
             t_ns=self._t_ns,
@@ -188,7 +188,7 @@ class Plant:
     def advance(self, t_ns: int) -> list[Frame]:
         """Step up to, never beyond, a time; what was sent on the way, in time order."""
         sent: list[Frame] = []
-        vessel, weather = self._vessel, self._weather
+        vessel, weather = self._vessel, self.weather
         while self._t_ns + self._step_ns <= t_ns:
             self._t_ns += self._step_ns
             faults = self._faults.at(self._t_ns)

@@ -127,13 +127,13 @@ def study_solvers(
     """
     config = checked_study(config, solvers, horizon_s)
     failed = {}
-    with _one_core():
+    with one_core():
         runs: dict[str, tuple[list[Step], Array]] = {}
         recorded: dict[str, Problems] = {}
         for name in solvers:
             problem, run = _drive(config, model, name, steps, tell)
             chosen = np.unique(np.linspace(0, len(run) - 1, min(problems, len(run))).round().astype(int))
-            recorded[name] = _with_optima(problem, [run[i] for i in chosen], f"{name}: optima", tell)
+            recorded[name] = with_optima(problem, [run[i] for i in chosen], f"{name}: optima", tell)
             costs = np.array([run[i].cost for i in chosen])
             runs[name] = run, costs
         first = recorded[solvers[0]]
@@ -145,7 +145,7 @@ def study_solvers(
             rows[name] = row
         if peer:
             try:
-                rows["mpc.torch"] = _peer_row(config, peer, peer_model_file, recorded["torch-lqr"], tell)
+                rows["mpc.torch"] = peer_row(config, peer, peer_model_file, recorded["torch-lqr"], tell)
             except AsvhilError as error:  # the others' figures are worth keeping
                 failed["peer_failed"] = str(error)
     return {
@@ -163,7 +163,7 @@ def study_solvers(
 
 def checked_study(config: Config, solvers: Sequence[str], horizon_s: float) -> Config:
     """The config that all of them run with. ConfigError where one of them or the horizon cannot be, before any runs."""
-    config = _at_horizon(config, horizon_s)
+    config = at_horizon(config, horizon_s)
     for name in solvers:
         choose_solver(_with_solver(config.controller, name))
     if "fatrop" in solvers and not fatrop_available():
@@ -180,7 +180,7 @@ def starts_of(problem: StationProblem, warm: Array) -> list[Array]:
 # --- parts of the study ------------------------------------------------------------------------------------
 
 
-def _at_horizon(config: Config, horizon_s: float) -> Config:
+def at_horizon(config: Config, horizon_s: float) -> Config:
     """The config with a uniform grid, and without the slow error of GNSS (as `trial.NO_SLOW_ERROR`).
 
     ConfigError where the grid would have fewer or more stages than an MPC may have.
@@ -212,7 +212,7 @@ def _with_solver(config: ControllerConfig, name: str) -> ControllerConfig:
 
 
 @contextmanager
-def _one_core() -> Iterator[None]:
+def one_core() -> Iterator[None]:
     """This process on one core, the last that it may use."""
     if not hasattr(os, "sched_setaffinity"):
         yield
@@ -264,7 +264,7 @@ def _drive(config: Config, model: Dynamics, name: str, steps: int, tell: Tell) -
     raise AsvhilError(f"{name}: the boat was held for {len(run)} of {steps} steps only")
 
 
-def _with_optima(problem: StationProblem, steps: list[Step], what: str, tell: Tell) -> Problems:
+def with_optima(problem: StationProblem, steps: list[Step], what: str, tell: Tell) -> Problems:
     reference = Ipopt(problem, (REFERENCE_CAP,))
     optima = np.full(len(steps), np.nan)
     for i, step in enumerate(steps):
@@ -351,7 +351,7 @@ def _gap_figures(gaps: Array) -> dict[str, float]:
     }
 
 
-def _peer_row(config: Config, peer: Sequence[str], model_file: str, recorded: Problems, tell: Tell) -> Any:
+def peer_row(config: Config, peer: Sequence[str], model_file: str, recorded: Problems, tell: Tell) -> Any:
     """mpc.torch on the problems and warm starts of the torch-lqr run. AsvhilError where the command fails."""
     tell("mpc.torch: recorded problems", 0, len(recorded.parameters))
     with tempfile.TemporaryDirectory() as folder:

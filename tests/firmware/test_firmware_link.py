@@ -86,8 +86,8 @@ async def test_in_real_time_the_wind_of_the_weather_blows_on_the_board(uno: Path
 def test_a_board_that_dies_says_so(uno: Path) -> None:
     with SimulatedArduino(BUILD) as board:
         assert board.failure is None
-        board._child.kill()
-        board._child.wait()
+        board.child.kill()
+        board.child.wait()
         assert board.failure == "the simulated Arduino ended early (-9): it said nothing"
 
 

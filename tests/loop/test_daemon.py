@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from asvhil.backseat.build import build_backseat
 from asvhil.config import Config, load_config
 from asvhil.daemon.daemon import RELEASES, Daemon
 from asvhil.errors import AsvhilError
@@ -43,15 +44,16 @@ async def test_a_step_that_raises_ends_in_neutral_and_release(tmp_path: Path) ->
         autopilot.setblocking(False)
         settings = config(f"links.autopilot.endpoint=udpout:127.0.0.1:{autopilot.getsockname()[1]}")
         with recorder_at(settings, tmp_path / "log.mcap") as recorder:
-            daemon = Daemon(settings, recorder, Clock())
-            honest = daemon._backseat.step
+            backseat = build_backseat(settings)
+            step = backseat.step
+            daemon = Daemon(settings, recorder, Clock(), backseat=backseat)
 
             def broken(inputs: Inputs) -> Outputs:
                 if daemon.ticks == 10:
                     raise ZeroDivisionError("a bug")
-                return honest(inputs)
+                return step(inputs)
 
-            daemon._backseat.step = broken  # type: ignore[method-assign]
+            backseat.step = broken  # type: ignore[method-assign]
             with pytest.raises(AsvhilError, match=r"motors released: ZeroDivisionError: a bug"):
                 await daemon.run(5.0)
         received = []

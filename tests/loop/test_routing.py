@@ -295,7 +295,7 @@ async def test_others_wait_for_a_congested_serial_line_and_the_override_does_not
                     await qgc.say(dialect.MAVLink_statustext_message(6, b"y" * 50))
                 await asyncio.sleep(0.01)
             await until(lambda: "forwarded frames found no room" in running.links["autopilot"])
-            endpoint = running.daemon._links["autopilot"]._endpoint
+            endpoint = running.daemon.links["autopilot"]._endpoint
             assert endpoint is not None and endpoint.congested and endpoint.unsent == 0
             assert endpoint._stream.pending_bytes < 2000  # type: ignore[attr-defined]
     finally:
@@ -335,8 +335,7 @@ async def test_signed_links(tmp_path: Path) -> None:
             await attacker.say_raw(sign(evil, key, 9, stamp - 3600 * 100_000))
 
         def heard() -> bool:
-            signature_filter = running.daemon._router._filters["autopilot"]
-            return len(good) > 20 and set(signature_filter.rejected) == {
+            return len(good) > 20 and set(running.daemon.router.rejected("autopilot")) == {
                 "unsigned",
                 "wrongly signed",
                 "replayed",
@@ -374,7 +373,7 @@ async def test_signed_links(tmp_path: Path) -> None:
         Running(settings, tmp_path / "second.mcap") as running,
         peer(f"udpout:127.0.0.1:{autopilot_port}", 1, 1) as attacker,
     ):
-        rejected: Counter[str] = running.daemon._router._filters["autopilot"].rejected
+        rejected: Counter[str] = running.daemon.router.rejected("autopilot")
         old = itertools.cycle(good)
         await until(lambda: rejected["replayed"] > 10, meanwhile=lambda: attacker.say_raw(next(old)))
         assert running.outputs is not None and not running.outputs.health.link_ok

@@ -8,6 +8,7 @@ import pytest
 from mcap.reader import make_reader
 
 from asvhil.config import Config, config_from_json, find_shipped, load_config
+from asvhil.config.plugins import unload_all
 from asvhil.errors import ConfigError, LogError
 from asvhil.logs.opening import open_recorder
 from asvhil.logs.plugins import load_plugins
@@ -17,7 +18,7 @@ from asvhil.logs.run import read_run
 from asvhil.simplant.lockstep import Lockstep
 from asvhil.sitl import run_lockstep, run_realtime
 from asvhil.train.log_series import read_log_series
-from tests.support.plugins import forget_plugins, write_line_wind
+from tests.support.plugins import write_line_wind
 
 SECOND = "links.sensors.aft={kind: nmea, endpoint: 'pty:aft', declination_deg: 5.0}"
 
@@ -72,7 +73,7 @@ def test_the_wind_of_a_plugin_is_measured_logged_replayed_and_trained_from(tmp_p
     measured = read_run(log).wind
     assert measured[-200:, 1].mean() == pytest.approx(6.0, abs=0.6)  # the factor is on both sides of the line
     assert read_log_series(log).wind.values[:, 0].mean() == pytest.approx(6.0, abs=0.8)
-    forget_plugins()
+    unload_all()
     words = r"log\.mcap: the run had the sensor line-wind of the plug-in wind\.py .*--plugin .*wind\.py, or"
     with pytest.raises(LogError, match=words):
         read_log_series(log)

@@ -2,9 +2,6 @@
 
 from pathlib import Path
 
-from asvhil.config import plugins
-from asvhil.config.registry import REGISTRIES, Origin
-
 PUSHER = """
 from asvhil.config import Section
 from asvhil.config.registry import ControllerKind, OperatorParameter, SearchRange
@@ -61,14 +58,6 @@ def install(folder: Path, module: str, text: str, entry_points: str, version: st
     info.mkdir()
     (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {module.replace('_', '-')}\nVersion: {version}\n")
     (info / "entry_points.txt").write_text(entry_points)
-
-
-def forget_plugins() -> None:
-    """As in a new process: the rows of asvhil alone."""
-    for registry in REGISTRIES:
-        for name in [name for name in registry._rows if registry.origin(name) != Origin()]:
-            del registry._rows[name], registry._origins[name]
-    plugins._loaded.clear()
 
 
 LINE_WIND = '''

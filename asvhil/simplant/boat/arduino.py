@@ -53,7 +53,7 @@ class SimulatedArduino:
         self.check()
         self._words = tempfile.TemporaryFile("w+")
         try:
-            self._child = subprocess.Popen(
+            self.child = subprocess.Popen(
                 [self._harness, self._elf, "--real"],
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
@@ -64,14 +64,14 @@ class SimulatedArduino:
         except OSError as error:
             self._words.close()
             raise AsvhilError(f"{self._harness}: cannot be run ({error.strerror})") from None
-        assert self._child.stdout is not None
-        watch = threading.Timer(START_S, self._child.kill)
+        assert self.child.stdout is not None
+        watch = threading.Timer(START_S, self.child.kill)
         watch.start()
-        word, _, self.pty = self._child.stdout.readline().strip().partition(" ")
+        word, _, self.pty = self.child.stdout.readline().strip().partition(" ")
         watch.cancel()
         if word != "pty":
-            self._child.kill()
-            self._child.wait()
+            self.child.kill()
+            self.child.wait()
             words = self._last_words()
             self._end()
             raise AsvhilError(f"{self._harness}: did not start: {words}")
@@ -93,11 +93,11 @@ class SimulatedArduino:
     @property
     def failure(self) -> str | None:
         """Why the board no longer runs, None while it does."""
-        status = self._child.poll()
+        status = self.child.poll()
         return None if status is None else f"the simulated Arduino ended early ({status}): {self._last_words()}"
 
     def _blow(self) -> None:
-        assert self._child.stdin is not None
+        assert self.child.stdin is not None
         codec = NmeaCodec("weather")
         while not self._stop.is_set():
             try:
@@ -109,7 +109,7 @@ class SimulatedArduino:
                     continue
                 speed_mps, degrees = min(sample.speed_mps, HARNESS_MAX_MPS), math.degrees(sample.from_rad)
                 try:
-                    os.write(self._child.stdin.fileno(), f"wind {speed_mps:.3f} {degrees:.2f}\n".encode())
+                    os.write(self.child.stdin.fileno(), f"wind {speed_mps:.3f} {degrees:.2f}\n".encode())
                 except OSError:  # the board is gone: `failure` tells
                     return
 
@@ -120,13 +120,13 @@ class SimulatedArduino:
 
     def _end(self) -> None:
         """The board ends with its standard input."""
-        for stream in (self._child.stdin, self._child.stdout):
+        for stream in (self.child.stdin, self.child.stdout):
             if stream is not None:
                 with contextlib.suppress(OSError):
                     stream.close()
         try:
-            self._child.wait(STOP_S)
+            self.child.wait(STOP_S)
         except subprocess.TimeoutExpired:
-            self._child.kill()
-            self._child.wait()
+            self.child.kill()
+            self.child.wait()
         self._words.close()

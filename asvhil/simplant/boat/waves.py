@@ -32,19 +32,19 @@ class Waves:
         "_a",
         "_at",
         "_block",
-        "_factor",
         "_mixing",
-        "_output",
         "_peak_radps",
         "_rng",
         "_state",
-        "_transition",
         "ae_mps2",
         "an_mps2",
         "e_m",
         "n_m",
+        "noise_factor",
+        "output",
         "psi_rad",
         "r_radps",
+        "transition",
         "ve_mps",
         "vn_mps",
     )
@@ -58,7 +58,7 @@ class Waves:
         self._a, self._peak_radps = a, peak_radps
         self.set_step(step_s)
         # The second filter's states are position and velocity in the time unit 1 / w0; a's last row is acceleration.
-        self._output = unit * np.stack([np.eye(4)[2] / peak_radps, np.eye(4)[3], peak_radps * a[3]])
+        self.output = unit * np.stack([np.eye(4)[2] / peak_radps, np.eye(4)[3], peak_radps * a[3]])
         way = math.radians(toward_deg if config.toward_deg is None else config.toward_deg)
         along, across = config.orbital_std_mps, config.spreading * config.orbital_std_mps
         self._mixing = np.array(
@@ -75,22 +75,22 @@ class Waves:
     def set_step(self, step_s: float) -> None:
         """Steps of another length from now on; numbers that were drawn for the old length are discarded."""
         phase = self._peak_radps * step_s
-        self._transition = _exponential(self._a * phase)
-        self._factor = _noise_factor(self._a, phase)
+        self.transition = _exponential(self._a * phase)
+        self.noise_factor = _noise_factor(self._a, phase)
         self._block: Array = np.empty((0, 4, 3))
         self._at = 0
 
     def advance(self) -> None:
         """One step on."""
         if self._at == len(self._block):
-            self._block = self._factor @ self._rng.standard_normal((BLOCK, 4, 3)) @ self._mixing
+            self._block = self.noise_factor @ self._rng.standard_normal((BLOCK, 4, 3)) @ self._mixing
             self._at = 0
-        self._state = self._transition @ self._state + self._block[self._at]
+        self._state = self.transition @ self._state + self._block[self._at]
         self._at += 1
         self._read()
 
     def _read(self) -> None:
-        position, velocity, acceleration = (self._output @ self._state).tolist()
+        position, velocity, acceleration = (self.output @ self._state).tolist()
         self.n_m, self.e_m, self.psi_rad = position
         self.vn_mps, self.ve_mps, self.r_radps = velocity
         self.an_mps2, self.ae_mps2, _ = acceleration

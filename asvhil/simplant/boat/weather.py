@@ -14,6 +14,7 @@ from asvhil.simplant.boat.waves import Waves
 class Weather:
     """Mean wind plus Ornstein-Uhlenbeck gusts along and across it, and the current, as NED velocities (m/s).
 
+    `mean_mps` is the speed of the mean wind; a change of it takes effect with the next step, of a wind with gusts.
     `waves` are for the vessel to ride on, which steps them itself; None where there are none.
     """
 
@@ -22,10 +23,10 @@ class Weather:
         "_along",
         "_east",
         "_north",
-        "_speed_mps",
         "_still",
         "current_e_mps",
         "current_n_mps",
+        "mean_mps",
         "waves",
         "wind_e_mps",
         "wind_n_mps",
@@ -34,7 +35,7 @@ class Weather:
     def __init__(self, config: WeatherConfig, step_s: float, seed: np.random.SeedSequence) -> None:
         wind, current = config.wind, config.current
         along_seed, across_seed, wave_seed = seed.spawn(3)
-        self._speed_mps = wind.speed_mps
+        self.mean_mps = wind.speed_mps
         self._north = math.cos(math.radians(wind.toward_deg))
         self._east = math.sin(math.radians(wind.toward_deg))
         along_std, across_std = wind.gust_along * wind.speed_mps, wind.gust_across * wind.speed_mps
@@ -64,7 +65,7 @@ class Weather:
         self._compose()
 
     def _compose(self) -> None:
-        along = self._speed_mps + self._along.value
+        along = self.mean_mps + self._along.value
         across = self._across.value
         self.wind_n_mps = self._north * along - self._east * across
         self.wind_e_mps = self._east * along + self._north * across

@@ -46,7 +46,7 @@ def run_abrupt(base: str, overrides: tuple[str, ...], start_s: float, duration_s
         "moved_after_m": float(place_m[end:].max()),
         "moved_after_deg": float(heading_deg[end:].max()),
         "wind_moved_mps": float(wind_mps[start:end].max()),
-        "recovery_s": _recovery_s(good[end:], hz),
+        "recovery_s": recovery_s(good[end:], hz),
         "flags": _flags(run.outputs, start, end, hz),
         "false_flags": sorted({flag for made in run.outputs[before:start] for flag in bad_notes(made)}),
         "invalid": share_invalid(run.outputs[start:end]),
@@ -70,7 +70,7 @@ def _flags(outputs: Sequence[Outputs], start: int, end: int, hz: float) -> dict[
     return found
 
 
-def _recovery_s(good: NDArray[np.bool_], hz: float) -> float | None:
+def recovery_s(good: NDArray[np.bool_], hz: float) -> float | None:
     calm = round(CALM_S * hz)
     for number in range(len(good) - calm + 1):
         if good[number : number + calm].all():

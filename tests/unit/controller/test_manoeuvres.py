@@ -93,7 +93,7 @@ def test_the_command_limit_holds() -> None:
 
 def test_the_zigzag_reverses_where_the_heading_is_reached() -> None:
     controller = manoeuvres()
-    controller._blocks = (Block(kind="zigzag", duration_s=1000.0, surge=0.5, turn=0.3),)
+    controller.blocks = (Block(kind="zigzag", duration_s=1000.0, surge=0.5, turn=0.3),)
     psi_rad, sides, headings = 3.1, [], []  # across the wrap
     for k in range(300):
         port, starboard = controller.step(at(0.2 * k, psi_rad=math.remainder(psi_rad, math.tau)), None, STATION).command
@@ -124,7 +124,7 @@ def test_the_hand_is_late_and_coarse() -> None:
 
 def test_beyond_the_fence_the_programme_waits_and_goes_on_where_it_was() -> None:
     controller = manoeuvres(geofence_radius_m=20.0, return_fraction=0.5)
-    controller._blocks = tuple(Block(kind="circle", duration_s=10.0, pieces=((10.0, 0.1 * i, 0.0),)) for i in range(9))
+    controller.blocks = tuple(Block(kind="circle", duration_s=10.0, pieces=((10.0, 0.1 * i, 0.0),)) for i in range(9))
 
     def command(t_s: float, distance_m: float) -> tuple[float, float]:
         control = controller.step(at(t_s, distance_m), None, STATION)

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from asvhil.config import MpcConfig, MpcWeights, load_config
 from asvhil.controller.solvers.choice import choose_solver
 from asvhil.controller.solvers.problem import StationProblem
+from asvhil.controller.solvers.sqp import Sqp
 from asvhil.controller.station_mpc import StationMpc, shift_matrix
 from asvhil.dynamics.arrays import namespace_of
 from asvhil.dynamics.integrate import advance, integrate, substeps
@@ -422,7 +423,7 @@ def test_the_trim_waits_anew_after_each_time_far_off():
     for tick in range(12):
         left.step(away if tick == 6 else held, None, ORIGIN)
         stayed.step(held, None, ORIGIN)
-    assert left._trim_rad == 0.0 > stayed._trim_rad
+    assert left.trim_rad == 0.0 > stayed.trim_rad
 
 
 def test_the_first_input_stays_close_to_the_last_one_applied_where_slew_is_dear():
@@ -448,17 +449,19 @@ def test_building_is_quick_enough_for_a_daemon():
     assert problem.linearised.n_instructions() < 40_000
 
 
-def recorded_weights(controller, monkeypatch) -> list[np.ndarray]:
-    """What the controller hands to its solver in each step: the weights of the states after the first stage."""
-    seen: list[np.ndarray] = []
-    solve = controller._solve
+class NotedWeights:
+    """A solver that notes the weights of the states after the first stage, and then solves."""
 
-    def watch(parameters, distance_m):
-        seen.append(controller._problem.unpack_cost(parameters)[0][0])
-        return solve(parameters, distance_m)
+    def __init__(self) -> None:
+        self.seen: list[np.ndarray] = []
 
-    monkeypatch.setattr(controller, "_solve", watch)
-    return seen
+    def __call__(self, problem: StationProblem) -> "NotedWeights":
+        self._problem, self._solver = problem, Sqp(problem)
+        return self
+
+    def solve(self, parameters, start, iterations):
+        self.seen.append(self._problem.unpack_cost(parameters)[0][0])
+        return self._solver.solve(parameters, start, iterations)
 
 
 @pytest.mark.parametrize(
@@ -471,31 +474,31 @@ def recorded_weights(controller, monkeypatch) -> list[np.ndarray]:
         (None, (0.0, -0.01, 0.0), 850.0),  # half-way between the two limits
     ],
 )
-def test_heading_weighs_more_where_there_is_no_side_load_to_carry(monkeypatch, wind, disturbance, heading):
+def test_heading_weighs_more_where_there_is_no_side_load_to_carry(wind, disturbance, heading):
     config = MpcConfig(near=LIGHT, along=HEAVY, side_load_mps2=(0.005, 0.015))
-    controller = StationMpc(MODEL, config, 0.2)
-    seen = recorded_weights(controller, monkeypatch)
+    noted = NotedWeights()
+    controller = StationMpc(MODEL, config, 0.2, noted)
     assert controller.step(estimate(np.zeros(8), disturbance), wind, ORIGIN).ok
-    assert seen[0][2] == pytest.approx(0.2 * heading, rel=1e-6)
+    assert noted.seen[0][2] == pytest.approx(0.2 * heading, rel=1e-6)
 
 
-def test_a_gust_from_abeam_does_not_flip_the_weights(monkeypatch):
-    controller = StationMpc(MODEL, MpcConfig(near=LIGHT, along=HEAVY), 0.2)
-    seen = recorded_weights(controller, monkeypatch)
+def test_a_gust_from_abeam_does_not_flip_the_weights():
+    noted = NotedWeights()
+    controller = StationMpc(MODEL, MpcConfig(near=LIGHT, along=HEAVY), 0.2, noted)
     for ve_mps in (0.0, 6.0, 0.0):
         controller.step(estimate(np.zeros(8)), air(3.0, ve_mps), ORIGIN)
-    assert all(row[2] > 0.2 * 1450.0 for row in seen)
+    assert all(row[2] > 0.2 * 1450.0 for row in noted.seen)
     for _ in range(200):
         controller.step(estimate(np.zeros(8)), air(3.0, 6.0), ORIGIN)
-    assert seen[-1][2] == pytest.approx(0.2 * 200.0)
+    assert noted.seen[-1][2] == pytest.approx(0.2 * 200.0)
 
 
 @pytest.mark.parametrize(("offset_m", "heading"), [(0.1, 1500.0), (0.4, 850.0), (0.7, 200.0)])
-def test_off_the_station_heading_gives_way(monkeypatch, offset_m, heading):
-    controller = StationMpc(MODEL, MpcConfig(near=LIGHT, along=HEAVY, offset_m=(0.2, 0.6)), 0.2)
-    seen = recorded_weights(controller, monkeypatch)
+def test_off_the_station_heading_gives_way(offset_m, heading):
+    noted = NotedWeights()
+    controller = StationMpc(MODEL, MpcConfig(near=LIGHT, along=HEAVY, offset_m=(0.2, 0.6)), 0.2, noted)
     controller.step(estimate((0.0, offset_m, 0, 0, 0, 0, 0, 0)), None, ORIGIN)
-    assert seen[0][2] == pytest.approx(0.2 * heading, rel=1e-6)
+    assert noted.seen[0][2] == pytest.approx(0.2 * heading, rel=1e-6)
 
 
 @pytest.mark.parametrize("name", ["side_load_mps2", "offset_m"])

@@ -8,13 +8,14 @@ from pathlib import Path
 import pytest
 
 from asvhil.config import load_config
+from asvhil.config.plugins import unload_all
 from asvhil.errors import ConfigError, LogError
 from asvhil.logs.plugins import load_plugins
 from asvhil.logs.reader import LogFile
 from asvhil.logs.replay import config_of, replay
 from asvhil.logs.run import read_run
 from asvhil.sitl import run_lockstep
-from tests.support.plugins import PUSHER, forget_plugins, install, write_pusher
+from tests.support.plugins import PUSHER, install, write_pusher
 
 
 @pytest.fixture
@@ -22,7 +23,7 @@ def log(tmp_path: Path) -> Path:
     """Of a run whose plug-in is at `boat/pusher.py`, and not loaded any more."""
     path = tmp_path / "log.mcap"
     run_lockstep(load_config(write_pusher(tmp_path / "boat", level=0.3)), path, 8.0)
-    forget_plugins()
+    unload_all()
     return path
 
 
@@ -121,7 +122,7 @@ def test_an_installed_package_is_recorded_and_its_absence_is_one_line(
     with monkeypatch.context() as installed:
         installed.syspath_prepend(site)
         run_lockstep(load_config("sitl", ("controller.name=the-pusher",)), path, 8.0)
-        forget_plugins()
+        unload_all()
         assert replay(path).mismatch is None
     log = LogFile(path)
     assert log.metadata["plugin.0"] == {
@@ -130,7 +131,7 @@ def test_an_installed_package_is_recorded_and_its_absence_is_one_line(
         "gives": "controller the-pusher",
     }
     assert log.metadata["versions"]["pusher-package"] == "1.2"
-    forget_plugins()
+    unload_all()
     words = "the run had the controller the-pusher of the package pusher-package 1.2, which is not installed here"
     assert refusal(path) == f"{path}: {words}"
     assert read_run(path).config.controller.name == "the-pusher"
@@ -153,4 +154,4 @@ def test_a_replay_that_differs_tells_that_a_package_is_of_another_version(
                 result = replay(path)
                 assert result.mismatch is not None
                 assert result.changed_packages == ("pusher-one 1.2 then, pusher-two 1.3 now",)
-            forget_plugins()
+            unload_all()

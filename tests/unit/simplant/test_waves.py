@@ -80,21 +80,21 @@ def test_any_step_keeps_the_stationary_law_and_the_correlation(step_s: float) ->
     density = spectrum(frequency_hz, 0.3, 0.15)
     wanted = float((density * np.cos(math.tau * frequency_hz * step_s)).sum() / density.sum())
     waves, law = sea(step_s), np.zeros((4, 4))
-    transition, kick = waves._transition, waves._factor @ waves._factor.T
+    transition, kick = waves.transition, waves.noise_factor @ waves.noise_factor.T
     for _ in range(60):  # the law that lasts is the sum of all kicks, here by doubling the number of steps
         law, kick, transition = kick, kick + transition @ kick @ transition.T, transition @ transition
-    velocity = waves._output[1]
+    velocity = waves.output[1]
     assert velocity @ law @ velocity == pytest.approx(1.0, rel=1e-9)
-    assert velocity @ waves._transition @ law @ velocity == pytest.approx(wanted, abs=2e-6)
+    assert velocity @ waves.transition @ law @ velocity == pytest.approx(wanted, abs=2e-6)
 
 
 def test_two_half_steps_are_a_whole_one_but_for_the_noise() -> None:
     whole, half = sea(2.0), sea(1.0)
-    transition = half._transition @ half._transition
-    covariance = half._factor @ half._factor.T
-    assert np.allclose(whole._transition, transition, atol=1e-13)
-    wanted = half._transition @ covariance @ half._transition.T + covariance
-    assert np.allclose(whole._factor @ whole._factor.T, wanted, atol=1e-13)
+    transition = half.transition @ half.transition
+    covariance = half.noise_factor @ half.noise_factor.T
+    assert np.allclose(whole.transition, transition, atol=1e-13)
+    wanted = half.transition @ covariance @ half.transition.T + covariance
+    assert np.allclose(whole.noise_factor @ whole.noise_factor.T, wanted, atol=1e-13)
 
 
 def test_position_is_the_integral_of_velocity_and_velocity_that_of_acceleration() -> None:

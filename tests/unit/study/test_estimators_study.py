@@ -87,14 +87,14 @@ def test_traces_are_points_of_the_same_run() -> None:
 def test_recovery_is_when_it_stays_good() -> None:
     hz = 10.0
     good = np.ones(300, dtype=bool)
-    assert abrupt._recovery_s(good, hz) == 0.0
+    assert abrupt.recovery_s(good, hz) == 0.0
     good[10:15] = False
-    assert abrupt._recovery_s(good, hz) == 1.5
+    assert abrupt.recovery_s(good, hz) == 1.5
     good[120] = False  # 10 s of calm from 1.5 s on end before 11.5 s: this is another story
-    assert abrupt._recovery_s(good, hz) == 1.5
+    assert abrupt.recovery_s(good, hz) == 1.5
     good[100] = False
-    assert abrupt._recovery_s(good, hz) == 12.1
-    assert abrupt._recovery_s(np.zeros(300, dtype=bool), hz) is None
+    assert abrupt.recovery_s(good, hz) == 12.1
+    assert abrupt.recovery_s(np.zeros(300, dtype=bool), hz) is None
 
 
 def test_a_jump_moves_the_raw_estimate_by_its_size_and_it_comes_back() -> None:

@@ -64,7 +64,7 @@ def test_progress_comes_to_its_end_for_every_part(study):
 
 def test_one_core_is_used_and_the_others_given_back_even_after_an_error():
     before = os.sched_getaffinity(0)
-    with pytest.raises(AsvhilError), study_module._one_core():
+    with pytest.raises(AsvhilError), study_module.one_core():
         assert len(os.sched_getaffinity(0)) == 1
         raise AsvhilError("stop")
     assert os.sched_getaffinity(0) == before
@@ -78,13 +78,13 @@ def test_the_same_study_gives_the_same_figures_but_for_the_times(study):
 
 
 def test_the_optimum_is_the_cheapest_of_the_converged_starts():
-    problem = StationProblem(MODEL, study_module._at_horizon(CONFIG, 4.0).controller.mpc)
+    problem = StationProblem(MODEL, study_module.at_horizon(CONFIG, 4.0).controller.mpc)
     p = problem.pack((-14.0, -3.0, *[0.0] * 6), (1.0, 2.0), (0.0, 0.0, 0.0), 0.0, (0.0, 0.0), CONFIG.controller.mpc.far)
     warm = np.full((20, 2), 0.4)
     starts = starts_of(problem, warm)
     assert [start[0, 0] for start in starts] == pytest.approx([0.4, 0.0, 0.7 * problem.upper, 0.7 * problem.lower])
     step = study_module.Step(parameters=p, start=warm, cost=0.0, ok=True, wall_ms=0.0, cpu_ms=0.0, truth=None)
-    optimum = study_module._with_optima(problem, [step], "", lambda *args: None).optima[0]
+    optimum = study_module.with_optima(problem, [step], "", lambda *args: None).optima[0]
     solver = Ipopt(problem)
     assert optimum == min(solver.solve(p, start, 500).cost for start in starts)
 
@@ -118,7 +118,7 @@ PROBLEMS = study_module.Problems(
 )
 def test_a_peer_that_fails_is_named(peer, words):
     with pytest.raises(AsvhilError, match=words):
-        study_module._peer_row(CONFIG, peer, "", PROBLEMS, lambda *args: None)
+        study_module.peer_row(CONFIG, peer, "", PROBLEMS, lambda *args: None)
 
 
 def test_a_peer_that_fails_takes_no_other_solver_with_it():
