@@ -16,7 +16,7 @@ from asvhil.io.mavlink.frames import dialect as mav
 from asvhil.simplant.hil.ardupilot_json import ArduPilotJson, ServoFrame, parse_servos
 from asvhil.simplant.plant import Plant
 from asvhil.types import Frame
-from tests.support.hil_clients import NEUTRAL, as_ardupilot_reads, servo_frame
+from tests.support.hil_clients import NEUTRAL, FixedOutputs, as_ardupilot_reads, servo_frame
 
 FREE = "plant.hil.neutral_first_s=0"
 CALM = "plant.weather.wind.speed_mps=0"
@@ -273,11 +273,10 @@ def test_it_moves_as_the_loopback_plant_does_from_the_same_outputs(weather: list
     assert math.degrees(state["attitude"][2]) == pytest.approx(60.0, abs=10.0)
     assert len(set(outputs)) > 20
 
-    follower = Follower(outputs)
-    plant = Plant(config(*overrides), 0, follower)
-    for expected in path:
+    autopilot = FixedOutputs()
+    plant = Plant(config(*overrides), 0, autopilot)
+    for autopilot.outputs_us, expected in zip(outputs, path, strict=True):
         plant.step()
-        follower.step += 1
         truth = plant.truth
         vn, ve = plant.motion.ground_velocity_ned()
         assert (truth.n_m, truth.e_m) == pytest.approx(expected["position"][:2], abs=1e-6)
@@ -310,24 +309,6 @@ def test_it_moves_as_the_simulated_vehicle_moved_it() -> None:
             (state["attitude"][2], state["imu"]["gyro"][2]), abs=1e-6
         )
     assert len(driven) > 50
-
-
-class Follower:
-    """An autopilot that plays outputs back, one a step."""
-
-    def __init__(self, outputs: list[tuple[int, int]]) -> None:
-        self._outputs = outputs
-        self.step = 0
-
-    @property
-    def outputs_us(self) -> tuple[int, int]:
-        return self._outputs[min(self.step, len(self._outputs) - 1)]
-
-    def receive(self, frame: Frame) -> None:
-        pass
-
-    def loop(self, t_ns: int) -> list[Frame]:
-        return []
 
 
 # --- faults -----------------------------------------------------------------------------------------------------

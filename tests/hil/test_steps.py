@@ -9,6 +9,7 @@ from asvhil.config import WavesConfig, load_config
 from asvhil.simplant.boat.noise import NormalSource, OrnsteinUhlenbeck
 from asvhil.simplant.boat.waves import Waves
 from asvhil.simplant.plant import Plant
+from tests.support.hil_clients import FixedOutputs
 
 
 def test_gusts_keep_their_spread_and_correlation_time() -> None:
@@ -49,19 +50,9 @@ def test_the_sensors_are_read_on_the_new_grid() -> None:
 
 def test_a_step_takes_what_the_autopilot_says_when_it_begins() -> None:
     config = load_config("sitl", ("plant.weather.wind.speed_mps=0",))
-    plant = Plant(config, 0, autopilot := Outputs())
+    plant = Plant(config, 0, autopilot := FixedOutputs())
     plant.step()
     autopilot.outputs_us = (1900, 1900)
     plant.step()
     assert plant.truth.outputs_us == (1900, 1900)
     assert plant.truth.thrust_n[0] > 5.0
-
-
-class Outputs:
-    outputs_us = (1500, 1500)
-
-    def receive(self, frame: object) -> None:
-        pass
-
-    def loop(self, t_ns: int) -> list[object]:
-        return []

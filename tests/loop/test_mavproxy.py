@@ -8,10 +8,8 @@ from __future__ import annotations
 import os
 import re
 import subprocess
-import threading
 import time
-from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
@@ -21,7 +19,7 @@ from asvhil.logs.replay import replay
 from asvhil.logs.tlog_check import check_tlog
 from tests.support.paths import ROOT
 from tests.support.ports import free_port
-from tests.support.processes import Process, end_by_its_input, sets
+from tests.support.processes import PeerProcess, Process, sets
 
 pytestmark = pytest.mark.real_time
 
@@ -29,31 +27,20 @@ PYTHON = Path(os.environ.get("ASVHIL_MAVPROXY_PYTHON", ROOT / ".venv-mavproxy" /
 MAVPROXY = PYTHON.parent / "mavproxy.py"
 
 
-class MavProxy:
-    """The process: a line in is a command, and all that it prints is kept."""
+class MavProxy(PeerProcess):
+    """MAVProxy on a UDP port: what it prints is kept, to wait for words in it."""
 
     def __init__(self, port: int, folder: Path) -> None:
         self._said = ""
         self._read_to = 0
-        self.child = subprocess.Popen(
-            [
-                str(PYTHON), "-u", str(MAVPROXY), f"--master=udp:127.0.0.1:{port}", f"--state-basedir={folder}",
-                "--default-modules=mode,arm,cmdlong,param",
-            ],
-            cwd=folder, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, bufsize=1,
-        )  # fmt: skip
-        self._reader = threading.Thread(target=self._read, daemon=True)
-        self._reader.start()
+        words = [
+            str(PYTHON), "-u", str(MAVPROXY), f"--master=udp:127.0.0.1:{port}", f"--state-basedir={folder}",
+            "--default-modules=mode,arm,cmdlong,param",
+        ]  # fmt: skip
+        super().__init__(words, self._keep, by_line=False, cwd=folder, stderr=subprocess.STDOUT, bufsize=1)
 
-    def _read(self) -> None:
-        assert self.child.stdout is not None
-        while text := self.child.stdout.read(1):
-            self._said += text
-
-    def say(self, line: str) -> None:
-        assert self.child.stdin is not None
-        self.child.stdin.write(line + "\n")
-        self.child.stdin.flush()
+    def _keep(self, text: str) -> None:
+        self._said += text
 
     def hear(self, pattern: str, timeout_s: float = 20.0) -> str:
         """Wait for words that come after those that were heard last."""
@@ -66,19 +53,6 @@ class MavProxy:
             assert self.child.poll() is None, f"MAVProxy has ended: {self._said[-500:]}"
             time.sleep(0.05)
         raise AssertionError(f"{pattern!r} was not said within {timeout_s} s after: {self._said[self._read_to :]}")
-
-    def end(self) -> None:
-        """It writes its log out, and goes."""
-        end_by_its_input(self.child, self._reader)
-
-
-@contextmanager
-def mavproxy(port: int, folder: Path) -> Iterator[MavProxy]:
-    made = MavProxy(port, folder)
-    try:
-        yield made
-    finally:
-        made.end()
 
 
 @pytest.mark.skipif(
@@ -101,7 +75,7 @@ def test_mavproxy_through_the_daemon_and_its_log(tmp_path: Path) -> None:
     with ExitStack() as stack:
         plant = stack.enter_context(Process("plant", "sitl", "--quiet", *options))
         daemon = stack.enter_context(Process("run", "sitl", "--log", str(log), "--status-json", *options))
-        proxy = stack.enter_context(mavproxy(gcs, tmp_path))
+        proxy = stack.enter_context(MavProxy(gcs, tmp_path))
         proxy.hear("Detected vehicle 1:1 on link 0")
         proxy.hear("Mode MANUAL")
         daemon.wait_for(lambda status: status["heading_deg"] is not None, 60.0)

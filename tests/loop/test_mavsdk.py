@@ -9,12 +9,11 @@ import json
 import math
 import os
 import queue
-import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +25,8 @@ from asvhil.logs.reader import LogFile
 from asvhil.logs.replay import replay
 from tests.support.paths import ROOT
 from tests.support.ports import free_port
-from tests.support.processes import Process, end_by_its_input, sets
+from tests.support.processes import PeerProcess, Process, sets
+from tests.support.waiting import wait_until
 
 pytestmark = pytest.mark.real_time
 
@@ -41,32 +41,23 @@ except ImportError:
     pytest.skip("needs mavsdk: pip install 'asvhil[dev]'", allow_module_level=True)
 
 
-class Peer:
+class Mavsdk(PeerProcess):
     """The process that runs MAVSDK: a call is a line to it, and its answer."""
 
     def __init__(self, role: str, url: str) -> None:
-        self.child = subprocess.Popen(
-            [sys.executable, str(PEER), role, url],
-            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True,
-        )  # fmt: skip
         self._answers: queue.Queue[dict[str, Any]] = queue.Queue()
-        self._reader = threading.Thread(target=self._read, daemon=True)
-        self._reader.start()
+        super().__init__([sys.executable, str(PEER), role, url], self._take)
 
-    def _read(self) -> None:
-        assert self.child.stdout is not None
-        for line in self.child.stdout:
-            if line.startswith('{"'):  # the library has a word of its own now and then
-                self._answers.put(json.loads(line))
+    def _take(self, line: str) -> None:
+        if line.startswith('{"'):  # the library has a word of its own now and then
+            self._answers.put(json.loads(line))
 
     def ready(self, timeout_s: float = 60.0) -> None:
         """Once MAVSDK has found an autopilot, or is one."""
         assert self._answers.get(timeout=timeout_s) == {"ok": "up"}
 
     def call(self, do: str, timeout_s: float = 30.0, **fields: Any) -> dict[str, Any]:
-        assert self.child.stdin is not None
-        self.child.stdin.write(json.dumps({"do": do, **fields}) + "\n")
-        self.child.stdin.flush()
+        self.say(json.dumps({"do": do, **fields}))
         return self._answers.get(timeout=timeout_s)
 
     def ask(self, do: str, **fields: Any) -> Any:
@@ -76,25 +67,14 @@ class Peer:
 
     def wait_for(self, condition: Callable[[dict[str, Any]], bool], timeout_s: float = 30.0) -> dict[str, Any]:
         """The first state that meets a condition."""
-        end_s = time.monotonic() + timeout_s
-        while time.monotonic() < end_s:
-            state: dict[str, Any] = self.ask("state")
-            if condition(state):
-                return state
-            time.sleep(0.1)
-        raise AssertionError(f"not within {timeout_s} s; the last state was {state}")
+        state: dict[str, Any] = {}
 
-    def end(self) -> None:
-        end_by_its_input(self.child, self._reader)
+        def met() -> bool:
+            state.update(self.ask("state"))
+            return condition(state)
 
-
-@contextmanager
-def peer(role: str, url: str) -> Iterator[Peer]:
-    made = Peer(role, url)
-    try:
-        yield made
-    finally:
-        made.end()
+        wait_until(met, timeout_s, lambda: state)
+        return state
 
 
 def is_here(state: dict[str, Any], lat_deg: float, lon_deg: float, within_m: float) -> bool:
@@ -115,7 +95,10 @@ def test_the_simulated_vehicle_is_one_to_mavsdk() -> None:
         "plant.weather.wind.speed_mps=0",
         "plant.sensors.gnss.slow_bias_m=0",
     )
-    with Process("plant", "sitl", "--quiet", *options) as plant, peer("ground", f"udpin://127.0.0.1:{port}") as ground:
+    with (
+        Process("plant", "sitl", "--quiet", *options) as plant,
+        Mavsdk("ground", f"udpin://127.0.0.1:{port}") as ground,
+    ):
         ground.ready()
         start = ORIGIN.to_geodetic(-14.0, -3.0)
         state = ground.wait_for(lambda s: is_here(s, *start, within_m=1.0))
@@ -168,7 +151,7 @@ def test_a_goto_of_mavsdk_is_kept_by_the_daemon(tmp_path: Path) -> None:
     with ExitStack() as stack:
         plant = stack.enter_context(Process("plant", "sitl", "--quiet", *options))
         daemon = stack.enter_context(Process("run", "sitl", "--log", str(log), "--status-json", *options))
-        ground = stack.enter_context(peer("ground", f"udpin://127.0.0.1:{gcs}"))
+        ground = stack.enter_context(Mavsdk("ground", f"udpin://127.0.0.1:{gcs}"))
         ground.ready()
         ground.wait_for(lambda s: 191 in s["components"] and is_here(s, 40.4237, -86.9212, within_m=10.0))
         daemon.wait_for(lambda status: status["heading_deg"] is not None, 60.0)  # the estimate is there
@@ -218,7 +201,7 @@ def test_a_goto_of_mavsdk_is_kept_by_the_daemon(tmp_path: Path) -> None:
     assert replay(log).mismatch is None
 
 
-def refused_goto(ground: Peer, lat_deg: float, lon_deg: float) -> list[str]:
+def refused_goto(ground: Mavsdk, lat_deg: float, lon_deg: float) -> list[str]:
     """What the operator is told of a goto before the boat is armed."""
     assert "error" in ground.call("goto", lat_deg=lat_deg, lon_deg=lon_deg, heading_deg=0.0)
     return [text for _, text in ground.ask("heard")["texts"]]
@@ -237,7 +220,7 @@ def test_mavsdk_as_the_autopilot_is_read_by_the_daemon(tmp_path: Path) -> None:
     log = tmp_path / "log.mcap"
     with ExitStack() as stack:
         daemon = stack.enter_context(Process("run", "sitl-px4", "--log", str(log), "--status-json", *options))
-        side = stack.enter_context(peer("autopilot", f"udpout://127.0.0.1:{autopilot}"))
+        side = stack.enter_context(Mavsdk("autopilot", f"udpout://127.0.0.1:{autopilot}"))
         side.ready()
         stop = threading.Event()
 

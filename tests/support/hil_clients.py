@@ -14,10 +14,23 @@ from typing import Any
 from asvhil.io.mavlink.frames import FrameSplitter, decode
 from asvhil.io.mavlink.frames import dialect as mav
 from asvhil.simplant.hil.server import HilServer
+from asvhil.types import Frame
 
 NEUTRAL = (1500, 1500)
 MAGIC = {16: 18458, 32: 29569}
 NUMBER = r"-?[0-9]+(?:\.[0-9]+)?"
+
+
+class FixedOutputs:
+    """An autopilot for a plant in this process: its outputs are what a test sets, and it sends nothing."""
+
+    outputs_us = NEUTRAL
+
+    def receive(self, frame: Frame) -> None:
+        pass
+
+    def loop(self, t_ns: int) -> list[Frame]:
+        return []
 
 
 def servo_frame(count: int, pulses_us: tuple[int, int] = NEUTRAL, rate_hz: int = 400, channels: int = 16) -> bytes:

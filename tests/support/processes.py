@@ -17,7 +17,7 @@ import tty
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import TracebackType
-from typing import Any
+from typing import Any, Self
 
 from asvhil.io.mavlink.frames import FrameSplitter, decode
 from tests.support.ports import free_port
@@ -87,17 +87,47 @@ class Process:
                 stream.close()
 
 
-def end_by_its_input(child: subprocess.Popen[str], reader: threading.Thread) -> None:
-    """Close what a process reads from, which ends it, and wait for it and for the thread that reads what it says."""
-    assert child.stdin is not None and child.stdout is not None
-    child.stdin.close()
-    try:
-        child.wait(10.0)
-    except subprocess.TimeoutExpired:
-        child.kill()
-        child.wait()
-    reader.join(5.0)
-    child.stdout.close()
+class PeerProcess:
+    """A ground station of others as a process: a line in is a command, and `on_text` gets all that it prints.
+
+    It is ended at the end of a `with`.
+    """
+
+    def __init__(self, words: list[str], on_text: Callable[[str], None], by_line: bool = True, **popen: Any) -> None:
+        self.child = subprocess.Popen(
+            words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, **{"stderr": subprocess.DEVNULL, **popen}
+        )
+        self._on_text, self._by_line = on_text, by_line
+        self._reader = threading.Thread(target=self._read, daemon=True)
+        self._reader.start()
+
+    def _read(self) -> None:
+        assert self.child.stdout is not None
+        while text := self.child.stdout.readline() if self._by_line else self.child.stdout.read(1):
+            self._on_text(text)
+
+    def say(self, line: str) -> None:
+        assert self.child.stdin is not None
+        self.child.stdin.write(line + "\n")
+        self.child.stdin.flush()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.end()
+
+    def end(self) -> None:
+        """Close its input, and wait for it and for what it still prints. A second call does nothing."""
+        assert self.child.stdin is not None and self.child.stdout is not None
+        self.child.stdin.close()
+        try:
+            self.child.wait(10.0)
+        except subprocess.TimeoutExpired:
+            self.child.kill()
+            self.child.wait()
+        self._reader.join(5.0)
+        self.child.stdout.close()
 
 
 def sets(*pairs: str) -> list[str]:

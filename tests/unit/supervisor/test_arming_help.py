@@ -9,13 +9,13 @@ from asvhil.supervisor.reasons import Reason, explain
 from asvhil.supervisor.situation import MotorPulses
 from asvhil.supervisor.supervisor import Decision, Supervisor
 from asvhil.types import Phase, Radio
-from tests.unit.supervisor.test_supervisor import Bench, status
+from tests.support.supervisor_bench import SupervisorBench, status
 
 NEUTRAL = (1500, 1500)
 ARM_NOW = explain(Reason.ARM_NOW, seconds=30.0, mode="MANUAL")
 
 
-class Dock(Bench):
+class DisarmedBench(SupervisorBench):
     """A disarmed boat without a receiver, in HOLD as it boots; overrides show in its RC_CHANNELS."""
 
     def __init__(self, config: SupervisorConfig | None = None) -> None:
@@ -42,100 +42,100 @@ def lets_go(decision: Decision, reason: Reason) -> bool:
 
 
 def test_a_hold_command_has_neutral_sent_and_says_to_arm_and_a_second_one_holds() -> None:
-    dock = Dock()
-    assert dock.hold() == ARM_NOW
-    decision = dock.wait(10.0)
+    bench = DisarmedBench()
+    assert bench.hold() == ARM_NOW
+    decision = bench.wait(10.0)
     assert decision.phase is Phase.PREPARE and decision.neutral and not decision.drive and not decision.release
-    dock.change(mode="MANUAL")
-    dock.wait(1.0)
-    dock.change(armed=True, arming_fault="")
-    decision = dock.wait(5.0)
+    bench.change(mode="MANUAL")
+    bench.wait(1.0)
+    bench.change(armed=True, arming_fault="")
+    decision = bench.wait(5.0)
     assert decision.neutral and not decision.drive, "arming starts no motor"
-    assert dock.hold() is None
-    assert dock.step().drive
+    assert bench.hold() is None
+    assert bench.step().drive
 
 
 @pytest.mark.parametrize("armed", [False, True])
 def test_it_ends_in_neutral_and_release_after_a_while(armed: bool) -> None:
-    dock = Dock()
-    dock.hold()
-    dock.change(mode="MANUAL", armed=armed)
-    assert dock.wait(29.9).neutral
-    decision = dock.wait(0.1)
+    bench = DisarmedBench()
+    bench.hold()
+    bench.change(mode="MANUAL", armed=armed)
+    assert bench.wait(29.9).neutral
+    decision = bench.wait(0.1)
     assert lets_go(decision, Reason.NEUTRAL_ENDED) and decision.neutral
-    assert not (last := dock.wait(0.3)).neutral and not last.release
+    assert not (last := bench.wait(0.3)).neutral and not last.release
 
 
 def test_asking_again_prolongs_it() -> None:
-    dock = Dock()
-    dock.hold()
-    dock.wait(20.0)
-    assert dock.hold() == ARM_NOW
-    assert dock.wait(29.0).neutral
+    bench = DisarmedBench()
+    bench.hold()
+    bench.wait(20.0)
+    assert bench.hold() == ARM_NOW
+    assert bench.wait(29.0).neutral
 
 
 @pytest.mark.parametrize("radio", [Radio.UNKNOWN, Radio.HEARD, Radio.LOST])
 def test_nothing_is_sent_where_a_receiver_is_or_has_been_heard(radio: Radio) -> None:
-    dock = Dock()
-    dock.change(radio=radio)
-    assert dock.hold() == explain(Reason.NOT_ARMED, hint="Radio failsafe on")
-    decision = dock.wait(1.0)
+    bench = DisarmedBench()
+    bench.change(radio=radio)
+    assert bench.hold() == explain(Reason.NOT_ARMED, hint="Radio failsafe on")
+    decision = bench.wait(1.0)
     assert decision.phase is Phase.STANDBY and not decision.neutral and not decision.release
 
 
 def test_a_transmitter_that_comes_has_its_sticks_at_once() -> None:
-    dock = Dock()
-    dock.hold()
-    dock.wait(3.0)
-    dock.change(radio=Radio.HEARD)
-    decision = dock.step()
+    bench = DisarmedBench()
+    bench.hold()
+    bench.wait(3.0)
+    bench.change(radio=Radio.HEARD)
+    decision = bench.step()
     assert lets_go(decision, Reason.TRANSMITTER_HEARD) and not decision.neutral
 
 
 def test_an_autopilot_that_is_restarted_gets_no_more_until_it_has_told_of_its_radio() -> None:
-    dock = Dock()
-    dock.hold()
-    dock.wait(3.0)
-    dock.change(radio=Radio.UNKNOWN)
-    assert lets_go(dock.step(), Reason.WAITING_FOR_AUTOPILOT)
+    bench = DisarmedBench()
+    bench.hold()
+    bench.wait(3.0)
+    bench.change(radio=Radio.UNKNOWN)
+    assert lets_go(bench.step(), Reason.WAITING_FOR_AUTOPILOT)
 
 
 def test_other_sticks_and_another_mode_have_the_boat_too() -> None:
-    dock = Dock()
-    dock.hold()
-    dock.wait(3.0)
-    dock.change(rc_us=(1700, 0, 1500, 0, 0, 0, 0, 0))
-    assert lets_go(dock.step(), Reason.OVERRIDE_NOT_FOLLOWED)
-    dock = Dock()
-    dock.hold()
-    dock.wait(3.0)
-    dock.change(armed=True, mode="AUTO")
-    assert lets_go(dock.step(), Reason.MODE_CHANGED)
+    bench = DisarmedBench()
+    bench.hold()
+    bench.wait(3.0)
+    bench.change(rc_us=(1700, 0, 1500, 0, 0, 0, 0, 0))
+    assert lets_go(bench.step(), Reason.OVERRIDE_NOT_FOLLOWED)
+    bench = DisarmedBench()
+    bench.hold()
+    bench.wait(3.0)
+    bench.change(armed=True, mode="AUTO")
+    assert lets_go(bench.step(), Reason.MODE_CHANGED)
 
 
 def test_a_lost_link_ends_it_and_so_does_a_release() -> None:
-    dock = Dock()
-    dock.hold()
-    dock.age_s = 3.0
-    assert lets_go(dock.step(), Reason.NO_HEARTBEAT)
-    dock = Dock()
-    dock.hold()
-    assert lets_go(dock.release(), Reason.RELEASED)
+    bench = DisarmedBench()
+    bench.hold()
+    bench.age_s = 3.0
+    assert lets_go(bench.step(), Reason.NO_HEARTBEAT)
+    bench = DisarmedBench()
+    bench.hold()
+    assert lets_go(bench.release(), Reason.RELEASED)
 
 
 def test_it_can_be_switched_off_and_is_nothing_for_outputs_that_hold_their_value() -> None:
-    dock = Dock(SupervisorConfig(arming_neutral_s=0.0))
-    assert dock.hold() == explain(Reason.NOT_ARMED, hint="Radio failsafe on")
-    dock = Dock()
-    dock.supervisor = Supervisor(SupervisorConfig(), dock.pwm, overrides_sticks=False)
-    assert dock.hold() == explain(Reason.NOT_ARMED, hint="Radio failsafe on")
+    bench = DisarmedBench(SupervisorConfig(arming_neutral_s=0.0))
+    assert bench.hold() == explain(Reason.NOT_ARMED, hint="Radio failsafe on")
+    bench = DisarmedBench()
+    bench.supervisor = Supervisor(SupervisorConfig(), bench.pwm, overrides_sticks=False)
+    assert bench.hold() == explain(Reason.NOT_ARMED, hint="Radio failsafe on")
 
 
 # --- a transmitter that is lost -----------------------------------------------------------------------------
 
 
 def test_a_transmitter_that_is_lost_in_a_hold_ends_it_so_that_the_fail_safe_acts() -> None:
-    bench = Bench()
+    bench = SupervisorBench()
     bench.status = status(radio=Radio.HEARD)
     assert bench.hold() is None
     bench.step()
@@ -147,7 +147,7 @@ def test_a_transmitter_that_is_lost_in_a_hold_ends_it_so_that_the_fail_safe_acts
 
 
 def test_or_the_hold_goes_on_where_the_config_says_so() -> None:
-    bench = Bench(SupervisorConfig(transmitter_lost="hold"))
+    bench = SupervisorBench(SupervisorConfig(transmitter_lost="hold"))
     bench.status = status(radio=Radio.LOST)
     assert bench.hold() is None
     assert bench.step().drive

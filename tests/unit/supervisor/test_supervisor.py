@@ -5,84 +5,21 @@ from dataclasses import replace
 
 import pytest
 
-from asvhil.config import PwmConfig, StationConfig, SupervisorConfig
-from asvhil.geo import LocalFrame
+from asvhil.config import StationConfig, SupervisorConfig
 from asvhil.supervisor.reasons import Explanation, Reason, explain
-from asvhil.supervisor.situation import MotorPulses, Situation
-from asvhil.supervisor.supervisor import Decision, Request, Supervisor
-from asvhil.types import Estimate, FrontseatStatus, HoldCommand, MoveCommand, Phase, ReleaseCommand, Station
-
-MS = 1_000_000
-FRAME = LocalFrame(lat_deg=40.0, lon_deg=-86.0)
-STICKS = (1500, 1500, 1500, 1500, 1800, 0, 0, 0)
-
-
-def status(**changes: object) -> FrontseatStatus:
-    base = FrontseatStatus(t_ns=0, armed=True, mode="MANUAL", ready=True, rc_us=STICKS, outputs_us=(1500, 0, 1500))
-    return replace(base, **changes)  # type: ignore[arg-type]
-
-
-ESTIMATE = Estimate(
-    t_ns=0, n_m=1.0, e_m=2.0, psi_rad=0.5, u_mps=0.0, v_mps=0.0, r_radps=0.0,
-    motor=(0.0, 0.0), std=(0.1,) * 6, disturbance=(0.0, 0.0, 0.0), valid=True,
-)  # fmt: skip
-
-
-class Bench:
-    """A supervisor with good news everywhere, and knobs to spoil one thing at a time."""
-
-    def __init__(self, config: SupervisorConfig | None = None) -> None:
-        self.pwm = PwmConfig()
-        self.supervisor = Supervisor(config or SupervisorConfig(), self.pwm)
-        self.t_ns = 0
-        self.status: FrontseatStatus | None = status()
-        self.age_s: float | None = 0.1
-        self.estimate: Estimate | None = ESTIMATE
-        self.sent: MotorPulses | None = None  # in the last tick
-        self.control_ok: bool | None = None
-
-    def hold(self, **fields: float) -> Explanation | None:
-        """Ask to hold; the answer."""
-        return self.step(0, HoldCommand(t_ns=self.t_ns, **fields)).answers[0]
-
-    def move(self, **fields: float) -> Explanation | None:
-        """Ask to move the station; the answer."""
-        return self.step(0, MoveCommand(t_ns=self.t_ns, **fields)).answers[0]
-
-    def release(self) -> Decision:
-        return self.step(0, ReleaseCommand(t_ns=self.t_ns))
-
-    def step(self, ms: int = 50, *requests: Request) -> Decision:
-        self.t_ns += ms * MS
-        situation = Situation(
-            t_ns=self.t_ns,
-            status=self.status,
-            heartbeat_age_s=self.age_s,
-            estimate=self.estimate,
-            frame=FRAME,
-            control_ok=self.control_ok,
-            sent=self.sent,
-        )
-        self.control_ok = self.sent = None
-        return self.supervisor.step(situation, requests)
-
-    def drive(self, seconds: float = 2.0, pulses: tuple[int, int] = (1600, 1400)) -> Decision:
-        """Hold with the echo of the override on the motor channels, as an autopilot shows it."""
-        for _ in range(round(seconds * 20)):
-            decision = self.step()
-            self.sent = MotorPulses(t_ns=self.t_ns, us=pulses)
-            self.status = status(rc_us=(pulses[0], 1500, pulses[1], *STICKS[3:]))
-        return decision
+from asvhil.supervisor.situation import MotorPulses
+from asvhil.types import FrontseatStatus, HoldCommand, MoveCommand, Phase, ReleaseCommand, Station
+from tests.support.supervisor_bench import ESTIMATE, FRAME, STICKS, SupervisorBench, status
 
 
 def test_nothing_is_sent_before_a_command() -> None:
-    decision = Bench().step()
+    decision = SupervisorBench().step()
     assert decision.phase is Phase.STANDBY
     assert not (decision.drive or decision.neutral or decision.release or decision.prepare)
 
 
 def test_hold_here_and_hold_there() -> None:
-    bench = Bench()
+    bench = SupervisorBench()
     assert bench.hold() is None
     decision = bench.step()
     assert decision.drive and decision.phase is Phase.HOLD
@@ -111,7 +48,7 @@ def test_hold_here_and_hold_there() -> None:
     ],
 )
 def test_hold_is_refused_with_the_reason(spoil: dict[str, object], why: Explanation) -> None:
-    bench = Bench()
+    bench = SupervisorBench()
     for name, value in spoil.items():
         setattr(bench, name, value)
     assert bench.hold() == why
@@ -120,7 +57,7 @@ def test_hold_is_refused_with_the_reason(spoil: dict[str, object], why: Explanat
 
 def test_a_station_in_another_county_is_refused() -> None:
     lat, lon = FRAME.to_geodetic(3000.0, 0.0)
-    refusal = Bench().hold(lat_deg=lat, lon_deg=lon)
+    refusal = SupervisorBench().hold(lat_deg=lat, lon_deg=lon)
     assert refusal is not None and refusal.reason is Reason.STATION_TOO_FAR
     assert dict(refusal.detail)["distance_km"] == pytest.approx(3.0, abs=0.01)
 
@@ -137,7 +74,7 @@ def test_a_station_in_another_county_is_refused() -> None:
     ],
 )
 def test_the_pilot_gets_the_motors_in_the_same_tick_and_keeps_them(act: FrontseatStatus, why: Explanation) -> None:
-    bench = Bench()
+    bench = SupervisorBench()
     bench.hold()
     assert bench.drive().drive
     bench.status = act
@@ -154,7 +91,7 @@ def test_the_pilot_gets_the_motors_in_the_same_tick_and_keeps_them(act: Frontsea
 
 def test_the_echo_of_a_command_that_stood_while_we_stalled_is_not_the_pilot() -> None:
     """A stall of 1.5 s as seen on a real ArduRover: a report 0.9 s late shows the command before the only later one."""
-    bench = Bench()
+    bench = SupervisorBench()
     bench.hold()
     bench.drive(pulses=(1630, 1400))
     bench.step(500)
@@ -167,7 +104,7 @@ def test_the_echo_of_a_command_that_stood_while_we_stalled_is_not_the_pilot() ->
 
 
 def test_small_stick_noise_and_our_own_echo_are_not_the_pilot() -> None:
-    bench = Bench()
+    bench = SupervisorBench()
     bench.hold()
     bench.drive(pulses=(1700, 1300))
     bench.status = status(rc_us=(1690, 1530, 1320, 1480))
@@ -183,7 +120,7 @@ def test_small_stick_noise_and_our_own_echo_are_not_the_pilot() -> None:
     ],
 )
 def test_a_failing_input_means_neutral_then_release(spoil: dict[str, object], why: Reason) -> None:
-    bench = Bench()
+    bench = SupervisorBench()
     bench.hold()
     bench.drive()
     for name, value in spoil.items():
@@ -199,7 +136,7 @@ def test_a_failing_input_means_neutral_then_release(spoil: dict[str, object], wh
 
 
 def test_a_short_failure_is_ridden_out_with_neutral_motors() -> None:
-    bench = Bench()
+    bench = SupervisorBench()
     bench.hold()
     bench.drive()
     bench.estimate = replace(ESTIMATE, valid=False)
@@ -209,7 +146,7 @@ def test_a_short_failure_is_ridden_out_with_neutral_motors() -> None:
 
 
 def test_a_failed_controller_means_neutral_until_it_finds_a_solution() -> None:
-    bench = Bench()
+    bench = SupervisorBench()
     bench.hold()
     bench.drive()
     bench.control_ok = False
@@ -226,7 +163,7 @@ def test_a_failed_controller_means_neutral_until_it_finds_a_solution() -> None:
 
 
 def test_release_is_always_granted_neutral_first() -> None:
-    bench = Bench()
+    bench = SupervisorBench()
     bench.hold()
     bench.drive()
     decision = bench.release()
@@ -236,7 +173,7 @@ def test_release_is_always_granted_neutral_first() -> None:
 
 def test_auto_asks_for_mode_and_arming_once_and_never_after_the_pilot() -> None:
     station = StationConfig(lat_deg=40.0, lon_deg=-86.0, heading_deg=90.0)
-    bench = Bench(SupervisorConfig(engage="auto", station=station))
+    bench = SupervisorBench(SupervisorConfig(engage="auto", station=station))
     bench.status = status(ready=False)
     assert bench.step().phase is Phase.STANDBY
     bench.status = status(armed=False, mode="HOLD")
@@ -256,15 +193,15 @@ def test_auto_asks_for_mode_and_arming_once_and_never_after_the_pilot() -> None:
 # --- the autopilot's mode ------------------------------------------------------------------------------------------
 
 
-def taking() -> Bench:
-    bench = Bench(SupervisorConfig(take_mode=True))
+def taking() -> SupervisorBench:
+    bench = SupervisorBench(SupervisorConfig(take_mode=True))
     bench.status = status(mode="GUIDED")
     assert bench.hold() is None
     return bench
 
 
 def test_another_mode_is_a_refusal_unless_it_may_be_taken() -> None:
-    bench = Bench()
+    bench = SupervisorBench()
     bench.status = status(mode="GUIDED")
     assert bench.hold() == explain(Reason.WRONG_MODE, mode="GUIDED", needed="MANUAL")
     decision = taking().step()
@@ -325,14 +262,14 @@ def test_a_mode_that_is_not_entered_ends_the_attempt() -> None:
 
 
 def test_a_mode_that_stood_already_is_not_touched() -> None:
-    bench = Bench(SupervisorConfig(take_mode=True))
+    bench = SupervisorBench(SupervisorConfig(take_mode=True))
     assert bench.hold() is None
     bench.drive()
     assert bench.release().ask_mode is None
 
 
 def test_a_station_is_moved_only_where_one_is_held() -> None:
-    bench = Bench()
+    bench = SupervisorBench()
     assert bench.move(lat_deg=40.0, lon_deg=-86.0) == explain(Reason.NO_STATION_HELD)
     assert bench.step().phase is Phase.STANDBY
     assert bench.hold() is None
@@ -346,7 +283,7 @@ def test_a_station_is_moved_only_where_one_is_held() -> None:
 
 
 def test_what_a_move_leaves_open_stays_as_it_is() -> None:
-    bench = Bench()
+    bench = SupervisorBench()
     bench.hold()  # at 1 m north, 2 m east, 0.5 rad
     lat, _ = FRAME.to_geodetic(30.0, 0.0)
     moves = ({"psi_rad": 1.0}, {"n_m": 5.0}, {"e_m": -3.0}, {"lat_deg": lat})
@@ -364,7 +301,7 @@ def test_what_a_move_leaves_open_stays_as_it_is() -> None:
 
 
 def test_requests_are_decided_in_turn_and_answered_in_their_tick() -> None:
-    bench = Bench()
+    bench = SupervisorBench()
     here, release = HoldCommand(t_ns=0), ReleaseCommand(t_ns=0)
     decision = bench.step(50, MoveCommand(t_ns=0, psi_rad=1.0), here, MoveCommand(t_ns=0, psi_rad=1.0))
     assert [answer and answer.reason for answer in decision.answers] == [Reason.NO_STATION_HELD, None, None]
@@ -377,7 +314,7 @@ def test_requests_are_decided_in_turn_and_answered_in_their_tick() -> None:
 
 
 def test_the_decision_says_when_the_station_is_another_one() -> None:
-    bench = Bench()
+    bench = SupervisorBench()
     assert not bench.step().station_changed
     decision = bench.step(50, HoldCommand(t_ns=0))
     assert decision.station_changed and decision.station is not None

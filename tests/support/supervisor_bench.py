@@ -1,0 +1,73 @@
+"""A supervisor on a clock of its own, with good news everywhere, so that a test spoils one thing at a time."""
+
+from dataclasses import replace
+
+from asvhil.config import PwmConfig, SupervisorConfig
+from asvhil.geo import LocalFrame
+from asvhil.supervisor.reasons import Explanation
+from asvhil.supervisor.situation import MotorPulses, Situation
+from asvhil.supervisor.supervisor import Decision, Request, Supervisor
+from asvhil.types import Estimate, FrontseatStatus, HoldCommand, MoveCommand, ReleaseCommand
+
+MS = 1_000_000
+FRAME = LocalFrame(lat_deg=40.0, lon_deg=-86.0)
+STICKS = (1500, 1500, 1500, 1500, 1800, 0, 0, 0)
+
+
+def status(**changes: object) -> FrontseatStatus:
+    """An armed boat in MANUAL with its sticks at rest, or with changes."""
+    base = FrontseatStatus(t_ns=0, armed=True, mode="MANUAL", ready=True, rc_us=STICKS, outputs_us=(1500, 0, 1500))
+    return replace(base, **changes)  # type: ignore[arg-type]
+
+
+ESTIMATE = Estimate(
+    t_ns=0, n_m=1.0, e_m=2.0, psi_rad=0.5, u_mps=0.0, v_mps=0.0, r_radps=0.0,
+    motor=(0.0, 0.0), std=(0.1,) * 6, disturbance=(0.0, 0.0, 0.0), valid=True,
+)  # fmt: skip
+
+
+class SupervisorBench:
+    """A supervisor, and the facts of its next tick as attributes that a test can change."""
+
+    def __init__(self, config: SupervisorConfig | None = None) -> None:
+        self.pwm = PwmConfig()
+        self.supervisor = Supervisor(config or SupervisorConfig(), self.pwm)
+        self.t_ns = 0
+        self.status: FrontseatStatus | None = status()
+        self.age_s: float | None = 0.1
+        self.estimate: Estimate | None = ESTIMATE
+        self.sent: MotorPulses | None = None  # in the last tick
+        self.control_ok: bool | None = None
+
+    def hold(self, **fields: float) -> Explanation | None:
+        """Ask to hold; the answer."""
+        return self.step(0, HoldCommand(t_ns=self.t_ns, **fields)).answers[0]
+
+    def move(self, **fields: float) -> Explanation | None:
+        """Ask to move the station; the answer."""
+        return self.step(0, MoveCommand(t_ns=self.t_ns, **fields)).answers[0]
+
+    def release(self) -> Decision:
+        return self.step(0, ReleaseCommand(t_ns=self.t_ns))
+
+    def step(self, ms: int = 50, *requests: Request) -> Decision:
+        self.t_ns += ms * MS
+        situation = Situation(
+            t_ns=self.t_ns,
+            status=self.status,
+            heartbeat_age_s=self.age_s,
+            estimate=self.estimate,
+            frame=FRAME,
+            control_ok=self.control_ok,
+            sent=self.sent,
+        )
+        self.control_ok = self.sent = None
+        return self.supervisor.step(situation, requests)
+
+    def drive(self, seconds: float = 2.0, pulses: tuple[int, int] = (1600, 1400)) -> Decision:
+        """Hold with the echo of the override on the motor channels, as an autopilot shows it."""
+        for _ in range(round(seconds * 20)):
+            decision = self.step()
+            self.sent = MotorPulses(t_ns=self.t_ns, us=pulses)
+            self.status = status(rc_us=(pulses[0], 1500, pulses[1], *STICKS[3:]))
+        return decision
