@@ -131,7 +131,7 @@ def report_run(log: Path, json_file: Path | None, picture: Path | None, console:
 def print_summary(console: Any, figures: dict[str, Any]) -> None:
     from rich.table import Table
 
-    from asvhil.daemon.status import counts_text, sources_text
+    from asvhil.daemon.status import counts_text, shares_text, sources_text
 
     table = Table(title=f"from {figures['settled_from_s']:.0f} s on", title_justify="left")
     for heading in ("", "mean", "std", "max"):
@@ -162,6 +162,9 @@ def print_summary(console: Any, figures: dict[str, Any]) -> None:
     speed_text = f"; {factor:.{0 if factor > 2 else 2}f} times real time" if factor else ""
     say(console, f"{figures['ticks']} ticks, {figures['overruns']} overruns; {timing}{phases}{speed_text}")
     say(console, f"sources at the end: {sources_text(figures['sources'])}")
+    shares = shares_text(figures["source_shares"])
+    if shares:
+        say(console, f"sources, of the time: {shares}")
     for port, causes in figures["dropped"].items():
         say(console, f"dropped, {port}: {counts_text(causes)}")
     for subject, text in figures["notes"].items():

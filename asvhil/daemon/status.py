@@ -83,6 +83,23 @@ def sources_text(sources: dict[str, str]) -> str:
     return ", ".join(f"{quantity} {name or 'not heard'}" for quantity, name in sources.items()) or "-"
 
 
+def shares_text(shares: dict[str, dict[str, float]]) -> str:
+    """Of each quantity that had more than one source, the share of time of each: "position ins.BINARY 99 %, ...".
+
+    Less than half a per cent is shown as "<1 %"; empty where every quantity had one source throughout.
+    """
+    return "; ".join(
+        f"{quantity} " + ", ".join(f"{name or 'not heard'} {_percent(share)}" for name, share in of_quantity.items())
+        for quantity, of_quantity in shares.items()
+        if len(of_quantity) > 1
+    )
+
+
+def _percent(share: float) -> str:
+    """Never 100 % of what is not all."""
+    return "<1 %" if share < 0.005 else ">99 %" if share > 0.995 else f"{100.0 * share:.0f} %"
+
+
 def counts_text(causes: dict[str, int]) -> str:
     """Counts by cause, such as "3 bad checksum, 1 out of range"."""
     return ", ".join(f"{count} {cause}" for cause, count in causes.items())

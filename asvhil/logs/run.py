@@ -60,6 +60,7 @@ class RunLog:
     overruns: int
     counters: dict[str, int]
     sources: dict[str, str]  # the one in use for each quantity at the end, empty where none was heard
+    source_shares: dict[str, dict[str, float]]  # of the time since one was first heard; empty name: none was
     dropped: dict[str, dict[str, int]]  # by sensor link and cause
     notes: dict[str, str]
 
@@ -78,6 +79,7 @@ def read_run(path: Path, plan_every_s: float = 10.0) -> RunLog:
     command: list[tuple[float, ...]] = []
     plans: list[tuple[float, Array]] = []
     phases: Counter[str] = Counter()
+    used: dict[str, Counter[str]] = {}
     truth_frames: list[tuple[int, Any]] = []
     parser = Parser()
     station: Station | None = None
@@ -96,6 +98,9 @@ def read_run(path: Path, plan_every_s: float = 10.0) -> RunLog:
         ticks += 1
         last = outputs = decode_outputs(recorded)
         phases[outputs.phase] += 1
+        for quantity, source in outputs.health.sources:
+            if source or quantity in used:
+                used.setdefault(quantity, Counter())[source] += 1
         estimate = outputs.estimate
         if estimate is not None:
             measured.append((t_s, estimate.n_m, estimate.e_m, estimate.psi_rad))
@@ -135,6 +140,7 @@ def read_run(path: Path, plan_every_s: float = 10.0) -> RunLog:
         overruns=sum(row.overrun for row in timing),
         counters=dict(last.health.counters),
         sources=dict(last.health.sources),
+        source_shares={quantity: _shares(counts) for quantity, counts in used.items()},
         dropped=dropped_of(last.health.counters),
         notes={note.subject: note.text for note in last.health.notes},
     )
@@ -184,9 +190,15 @@ def summarise(run: RunLog, wall_s: float | None = None) -> dict[str, Any]:
         "phases": run.phases_s,
         "counters": run.counters,
         "sources": run.sources,
+        "source_shares": run.source_shares,
         "dropped": run.dropped,
         "notes": run.notes,
     }
+
+
+def _shares(counts: Counter[str]) -> dict[str, float]:
+    """Of their sum, the greatest first."""
+    return {name: count / counts.total() for name, count in counts.most_common()}
 
 
 def _truth(frames: list[tuple[int, Any]], start_ns: int, origin_deg: tuple[float, float] | None) -> PoseTrack | None:

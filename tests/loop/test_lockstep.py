@@ -1,9 +1,12 @@
 """The whole loop in virtual time: the station is kept, and the same seed gives the same bytes."""
 
+import io
 from pathlib import Path
 
 import pytest
+from rich.console import Console
 
+from asvhil.commands.views import print_summary
 from asvhil.config import Config, load_config
 from asvhil.logs.encoding import encode_outputs
 from asvhil.logs.run import read_run, summarise
@@ -74,6 +77,22 @@ def test_the_summary_of_a_log_has_every_figure(tmp_path: Path) -> None:
     assert figures["realtime_factor"] > 1.0
     assert figures["wind"]["estimated_speed_mps"]["mean"] == pytest.approx(3.0, abs=0.7)
     assert 0.0 < figures["energy"] <= 1.0
+
+
+def test_the_summary_has_the_share_of_time_of_each_source(tmp_path: Path) -> None:
+    """The receiver is silent for 4 s: 1 s later the filter takes over, 5 s after its return it gives back."""
+    lost = "plant.faults=[{kind: gnss, from_s: 8, until_s: 12}]"
+    run_lockstep(load_config("sitl", (NO_BIAS, lost)), tmp_path / "log.mcap", 20.0)
+    run = read_run(tmp_path / "log.mcap")
+    position = run.source_shares["position"]
+    assert sum(position.values()) == pytest.approx(1.0)
+    assert set(position) == {"autopilot.GPS_RAW_INT", "autopilot.GLOBAL_POSITION_INT"} and len(position) == 2
+    assert 0.25 < position["autopilot.GLOBAL_POSITION_INT"] < 0.5  # 8 s of some 19 s
+    assert run.source_shares["heading"] == {"autopilot.ATTITUDE": 1.0}
+    said = io.StringIO()
+    print_summary(Console(file=said, width=200), summarise(run))
+    (line,) = [line for line in said.getvalue().splitlines() if line.startswith("sources, of the time: ")]
+    assert "position autopilot.GPS_RAW_INT" in line and "heading" not in line
 
 
 def test_a_run_ends_with_neutral_and_release() -> None:

@@ -5,7 +5,7 @@ import io
 
 from rich.console import Console
 
-from asvhil.daemon.status import render, status_of
+from asvhil.daemon.status import render, shares_text, status_of
 from asvhil.supervisor.reasons import Reason, describe, explain, remedy
 from tests.support.log_samples import sample_outputs
 
@@ -36,3 +36,13 @@ def test_the_status_has_what_the_sensors_have_dropped_by_cause() -> None:
     console = Console(file=io.StringIO(), width=200)
     console.print(render(status, "asvhil"))
     assert "3 bad checksum, 1 out of range" in console.file.getvalue()  # type: ignore[attr-defined]
+
+
+def test_shares_of_sources_name_what_changed_and_never_round_to_all_or_nothing() -> None:
+    shares = {
+        "position": {"ins.BINARY": 0.999, "gnss.RMC": 0.001},
+        "heading": {"ins.BINARY": 1.0},
+        "wind": {"mast.MWV": 0.8, "": 0.2},
+    }
+    assert shares_text(shares) == "position ins.BINARY >99 %, gnss.RMC <1 %; wind mast.MWV 80 %, not heard 20 %"
+    assert shares_text({}) == shares_text({"heading": {"ins.BINARY": 1.0}}) == ""
