@@ -11,16 +11,17 @@ from asvhil.types import Cause
 ACTUATOR_SET = 300  # PWM_MAIN_FUNCn: 301 is "Peripheral via Actuator Set 1"
 TERMINATE, DISARM = 6, 7  # COM_OBL_RC_ACT
 NEUTRAL_SLACK_US = 5
+MOVING_CHECKS = 32 | 64 | 128 | 256  # of EKF2_GPS_CHECK: drift and speed, horizontal and vertical
 
 
 def requirements(link: AutopilotLinkConfig, pwm: PwmConfig) -> tuple[Requirement, ...]:
-    """Both outputs, and the fail-safe that is all that bounds a command which outlives us."""
+    """Both outputs, the fail-safe that is all that bounds a command which outlives us, and what a boat adrift needs."""
     motors = (
         ("port", pwm.port_channel, link.port_actuator),
         ("starboard", pwm.starboard_channel, link.starboard_actuator),
     )
     outputs = (replace(row, motor=motor[0], wiring=True) for motor in motors for row in _output(*motor, pwm))
-    return (*outputs, *_offboard_loss())
+    return (*outputs, *_offboard_loss(), _adrift())
 
 
 def _output(side: str, channel: int, actuator: int, pwm: PwmConfig) -> tuple[Requirement, ...]:
@@ -44,3 +45,13 @@ def _offboard_loss() -> tuple[Requirement, ...]:
         within("COM_OBL_RC_ACT", (TERMINATE, DISARM), DISARM, "motors run on after a crash", stops, Cause.UNBOUNDED),
         within("COM_OF_LOSS_T", (0.3, 2), 1, "late, or too soon", silence),
     )
+
+
+def _adrift() -> Requirement:
+    """PX4 takes a disarmed boat for one that lies on land, where a receiver that moves is a bad one."""
+    moves = (
+        "while disarmed, a receiver that moves by more than EKF2_REQ_HDRIFT (0.1 m/s) is dropped; 21 checks "
+        "satellites and accuracies alone"
+    )
+    lost = "a boat adrift has no position until it is armed"
+    return within("EKF2_GPS_CHECK", (0, 0xFFFF), None, lost, moves, must=False, clear=MOVING_CHECKS)

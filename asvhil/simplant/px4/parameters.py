@@ -31,7 +31,8 @@ def _output(number: int, function: int, config: FrontseatConfig, pwm: PwmConfig)
 class Px4Parameters(ParameterTable):
     """Integers travel as their bytes in the float field, as PX4 sends them.
 
-    The outputs are as docs/boats/px4-rover.md has them: a motor function on the first spare one.
+    Outputs and fail-safes are as docs/boats/px4-rover.md has them: a motor function on the first spare output, and an
+    EKF2_GPS_CHECK that lets a disarmed boat drift.
     """
 
     def __init__(self, config: FrontseatConfig, pwm: PwmConfig) -> None:
@@ -51,7 +52,7 @@ class Px4Parameters(ParameterTable):
             ("COM_OBL_RC_ACT", 7, INT32, (0.0, 7.0)),
             ("COM_RC_LOSS_T", 0.5, REAL32, (0.0, 35.0)),
             ("COM_RCL_EXCEPT", 0, INT32, (0.0, 31.0)),
-            ("EKF2_GPS_CHECK", 245, INT32, (0.0, 511.0)),
+            ("EKF2_GPS_CHECK", 21, INT32, (0.0, 1023.0)),
             ("EKF2_REQ_HDRIFT", 0.1, REAL32, (0.1, 1.0)),
             ("NAV_RCL_ACT", 2, INT32, (1.0, 6.0)),
         )

@@ -177,12 +177,27 @@ def test_what_is_the_boats_wiring_is_told_and_never_written(config: str, name: s
     ],
 )
 def test_each_wrong_parameter_of_a_px4_too(name: str, value: float) -> None:
-    # A motor that turns while disarmed would cost the PX4 its position: EKF2_GPS_CHECK 21 lets it drift.
-    dock = Dock(f"plant.frontseat.parameters={{{name}: {value}, EKF2_GPS_CHECK: 21}}", config="sitl-px4")
+    dock = Dock(f"plant.frontseat.parameters={{{name}: {value}}}", config="sitl-px4")
     assert bad(dock.look()) == {name: Result.FAIL}
     assert {finding.name for finding in dock.survey.fix()} == {name}
     dock.run(2.0)
     assert bad(dock.look()) == {}, "the second run"
+
+
+@pytest.mark.parametrize(("value", "written"), [(245, 21), (1023, 543), (53, 21)])
+def test_a_px4_that_would_lose_a_boat_adrift_is_told_the_cure(value: int, written: int) -> None:
+    """Adrift in a current: the position is lost after some 15 s. 245 is the default of PX4 1.15, 1023 that of 1.16."""
+    adrift = ("plant.weather.current.speed_mps=0.3", f"plant.frontseat.parameters={{EKF2_GPS_CHECK: {value}}}")
+    dock = Dock(*adrift, config="sitl-px4")
+    dock.run(30.0)
+    checks = dock.look()
+    assert bad(checks)["EKF2_GPS_CHECK"] is Result.WARN
+    found = of(checks, "EKF2_GPS_CHECK")
+    assert "--fix writes it" in found.todo and "moves" in found.todo
+    dock.survey.fix()
+    dock.run(12.0)
+    assert dock.plant.frontseat.vehicle.parameters["EKF2_GPS_CHECK"] == written
+    assert bad(dock.look()) == {}, "position and heading too"
 
 
 def test_an_autopilot_that_has_just_been_switched_on_fools_nobody() -> None:

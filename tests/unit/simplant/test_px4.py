@@ -159,7 +159,8 @@ def test_long_texts_come_in_chunks() -> None:
 def test_a_boat_adrift_and_disarmed_loses_its_position_until_it_is_armed() -> None:
     """As on a real one at 6 m/s of wind: EKF2 takes a boat without vibration for one at rest, its receiver for bad."""
     adrift = ("plant.weather.current.speed_mps=0.3",)
-    boat = Px4Boat(*adrift).ready()
+    default = "plant.frontseat.parameters={EKF2_GPS_CHECK: 245}"
+    boat = Px4Boat(*adrift, default).ready()
     log = boat.run(40.0)
     last_s = times(log, "GLOBAL_POSITION_INT")[-1]
     assert 5.0 < last_s < 25.0
@@ -171,9 +172,9 @@ def test_a_boat_adrift_and_disarmed_loses_its_position_until_it_is_armed() -> No
     assert boat.mode(OFFBOARD) == ACCEPTED and boat.arm() == ACCEPTED
     boat.alive(7.0)
     assert len(of(boat.run(0.9), "GLOBAL_POSITION_INT")) > 3
-    boat = Px4Boat(*adrift, "plant.frontseat.parameters={EKF2_GPS_CHECK: 21}").ready()
+    boat = Px4Boat(*adrift).ready()  # set right: 21
     assert len(of(boat.run(40.0), "GLOBAL_POSITION_INT")) == 200
-    assert len(of(Px4Boat().ready().run(40.0), "GLOBAL_POSITION_INT")) == 200  # moored, so to say
+    assert len(of(Px4Boat(default).ready().run(40.0), "GLOBAL_POSITION_INT")) == 200  # moored, so to say
 
 
 def test_actuators_drive_the_outputs_while_armed_in_any_mode_and_hold_for_ever() -> None:
