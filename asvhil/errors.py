@@ -41,6 +41,7 @@ class LinkError(AsvhilError):
       - another program listens on the UDP or TCP port
       - the peer of a TCP link closed the connection
       - `asvhil check` got no heartbeat
+      - the autopilot refuses to write a file, or does not answer MAVFTP
     """
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from asvhil.commands.options import ConfigArgument, JsonOption, SetOption
-from asvhil.commands.views import check_writable, say, write_json
+from asvhil.commands.views import check_writable, say, stage_bar, write_json
 from asvhil.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -56,7 +56,7 @@ def check(
     if not console.is_terminal:
         console = Console(width=PIPE_WIDTH)
     own = computer_checks(settings)
-    with _bar(console) as bar:
+    with stage_bar(console) as bar:
         task = bar.add_task(SAYS["waiting"], total=1.0)
         preflight = Preflight(settings, timeout, lambda survey: _advance(bar, task, survey))
         survey = preflight.survey
@@ -125,13 +125,6 @@ def _show(console: Any, settings: Config, checks: list[Check], everything: bool)
     counts = {result: sum(line.result.value == result for line in checks) for result in COLOURS}
     unverified = f", {counts['unverified']} unverified" if counts["unverified"] else ""
     say(console, f"{counts['pass']} pass, {counts['warn']} warn, {counts['fail']} fail{unverified}")
-
-
-def _bar(console: Any) -> Any:
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-
-    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
-    return Progress(*columns, console=console, transient=True)
 
 
 def _advance(bar: Any, task: Any, survey: Survey) -> None:

@@ -108,6 +108,14 @@ def progress(console: Any, *, spinner: bool = False) -> Any:
     return Progress(*columns, console=console, transient=True)
 
 
+def stage_bar(console: Any) -> Any:
+    """A bar whose description is the stage of the work."""
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+    return Progress(*columns, console=console, transient=True)
+
+
 def report_run(log: Path, json_file: Path | None, picture: Path | None, console: Any, wall_s: float | None) -> None:
     from asvhil.logs.run import read_run, summarise
 

@@ -4,21 +4,15 @@ from __future__ import annotations
 
 import asyncio
 import time
-from collections import deque
 from collections.abc import Callable
 
 from asvhil.autopilot.requirements import Finding
 from asvhil.config import Config
-from asvhil.config.mavlink import RoutingConfig
-from asvhil.config.ports import AUTOPILOT, OPERATOR
+from asvhil.config.ports import AUTOPILOT
 from asvhil.errors import AsvhilError, LinkError
-from asvhil.io.mavlink.frames import refuse_ignored_crc
-from asvhil.links.clock import Clock
-from asvhil.links.reconnecting import ReconnectingLink
-from asvhil.links.router import MavlinkRouter, save_states
 from asvhil.preflight.survey import Survey
+from asvhil.preflight.visit import Visit
 from asvhil.supervisor.reasons import describe
-from asvhil.types import Frame, Inputs
 
 TICK_S = 0.05
 BROKEN_S = 2.0  # a link that cannot be opened is told after this
@@ -34,32 +28,18 @@ class Preflight:
     def __init__(
         self, config: Config, timeout_s: float, on_tick: Callable[[Survey], None] = lambda survey: None
     ) -> None:
-        refuse_ignored_crc()
         self._config = config
         self._timeout_s = timeout_s
         self._on_tick = on_tick
-        self._clock = Clock()
         self.survey = Survey(config)
-        self._inbox: deque[Frame] = deque()
-        links = config.links.model_copy(update={"ground_stations": {}, "routing": RoutingConfig(enabled=False)})
-        self._router = MavlinkRouter(links, start_ns=self._clock.now_ns(), unix_ns=time.time_ns)
-        specs = {port: spec for port, spec in links.endpoints.items() if port != OPERATOR}
-        self._links = {
-            port: ReconnectingLink(port, spec, config, self._clock, self._inbox, self._router.receive)
-            for port, spec in specs.items()
-        }
-
-    def states(self) -> dict[str, str]:
-        """Of the links: up, or why not."""
-        return {port: link.state for port, link in self._links.items()}
+        self._visit = Visit(config)
 
     async def run(self, choose: Choose | None = None) -> list[Finding]:
         """Look, until all is known. With `choose`, ask it whether to write what is wrong; what was written.
 
         Raises LinkError in one line where no autopilot is heard.
         """
-        readers = [asyncio.create_task(link.run(), name=port) for port, link in self._links.items()]
-        try:
+        async with self._visit:
             await self._until(lambda: self.survey.stage == "done", self._complain)
             wrong = self.survey.fixable
             if choose is None or not wrong or not await asyncio.to_thread(choose, wrong):
@@ -71,26 +51,16 @@ class Preflight:
             end_s = time.monotonic() + FIX_S
             await self._until(lambda: not self.survey.fixing or time.monotonic() > end_s)
             return wrong
-        finally:
-            for reader in readers:
-                reader.cancel()
-            await asyncio.gather(*readers, return_exceptions=True)
-            save_states(self._router.states())
 
     async def _until(self, condition: Callable[[], bool], complain: Callable[[float], None] | None = None) -> None:
         start_s = time.monotonic()
         while not condition():
-            frames = tuple(self._inbox)
-            self._inbox.clear()
-            for port, state in self.states().items():
+            for port, state in self._visit.states().items():
                 self.survey.note_link(port, state)
-            for frame in self.survey.step(Inputs(t_ns=self._clock.now_ns(), frames=frames)):
-                for leaving in self._router.outgoing(frame):
-                    await self._links[leaving.port].send(leaving)
+            await self._visit.tick(self.survey.step, TICK_S)
             self._on_tick(self.survey)
             if complain is not None:
                 complain(time.monotonic() - start_s)
-            await asyncio.sleep(TICK_S)
 
     def _complain(self, waited_s: float) -> None:
         """LinkError where there is no sense in waiting for the first heartbeat any longer."""
@@ -101,7 +71,7 @@ class Preflight:
             )
         if self.survey.stage != "waiting":
             return
-        state = self._links[AUTOPILOT].state
+        state = self._visit.states()[AUTOPILOT]
         if state not in ("up", "connecting") and waited_s > BROKEN_S:
             raise LinkError(f"{state}; is `asvhil run` using it? (links.autopilot.endpoint)")
         stranger = self.survey.link.stranger
@@ -110,7 +80,7 @@ class Preflight:
         if waited_s < self._timeout_s:
             return
         heard = self.survey.bytes_heard
-        remarks = self._router.remarks(AUTOPILOT)
+        remarks = self._visit.remarks(AUTOPILOT)
         dropped = f"; {remarks}" if remarks else ""
         if heard:
             own = self._config.links.autopilot

@@ -16,7 +16,7 @@ from asvhil.errors import ConfigError
 from asvhil.io.mavlink.frames import CRC_LENGTH, HEADER_V2, MAGIC_V2, SIGNATURE_LENGTH, checksum, message_id
 from asvhil.simplant.ardurover.parameters import OUTPUTS
 
-FOLDER = "/APM/scripts/"
+SCRIPTS_FOLDER = "/APM/scripts"
 RESTART_NS = 1_000_000_000  # from the end of scripting until it begins again
 AGAIN_NS = 10_000_000_000  # between two times that an error is told
 CRITICAL = dialect.MAV_SEVERITY_CRITICAL
@@ -169,8 +169,13 @@ class Scripting:
         self._scripts = []
         api = self._api()
         for path in sorted(self._files):
-            name = path.removeprefix(FOLDER)
-            if not path.startswith(FOLDER) or "/" in name or name.startswith(".") or not name.endswith(".lua"):
+            name = path.removeprefix(f"{SCRIPTS_FOLDER}/")
+            if (
+                not path.startswith(f"{SCRIPTS_FOLDER}/")
+                or "/" in name
+                or name.startswith(".")
+                or not name.endswith(".lua")
+            ):
                 continue
             made = sandboxed(api, self._files[path].decode("latin-1"), f"scripts/{name}", self._steps)
             if isinstance(made, str):

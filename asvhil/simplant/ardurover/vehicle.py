@@ -8,9 +8,11 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from asvhil.config import FrontseatConfig, GnssSensorConfig, PwmConfig
 from asvhil.geo import LocalFrame
+from asvhil.io.mavlink.file_transfer import decode_packet
 from asvhil.io.mavlink.frames import MAGIC_V2
+from asvhil.simplant.ardurover.file_server import FileServer
 from asvhil.simplant.ardurover.rover import Rover
-from asvhil.simplant.ardurover.scripting import Scripting, whole_but_damaged
+from asvhil.simplant.ardurover.scripting import SCRIPTS_FOLDER, Scripting, whole_but_damaged
 from asvhil.simplant.ardurover.telemetry import FLIGHT_SW_VERSIONS, RoverTelemetry
 from asvhil.simplant.boat.sensors import Navigation
 from asvhil.simplant.boat.vessel import Vessel
@@ -58,6 +60,7 @@ class SimulatedArduRover(SimulatedAutopilot):
         self._loop_hz = config.loop_hz
         self._truth = truth
         self.files: dict[str, bytes] = {}  # of the memory card: path to content
+        self.file_server = FileServer(self.files, (SCRIPTS_FOLDER,))
         self.rover = Rover(config, pwm, t_ns)
         self._messages = RoverTelemetry(self.rover, nav, truth, origin, gnss, FLIGHT_SW_VERSIONS[config.firmware])
         super().__init__(self.rover, self.rover.parameters, self._messages, config.system_id, t_ns)
@@ -67,6 +70,7 @@ class SimulatedArduRover(SimulatedAutopilot):
             dialect.MAVLINK_MSG_ID_MANUAL_CONTROL: self._on_manual_control,
             dialect.MAVLINK_MSG_ID_SET_MODE: self._on_set_mode,
             dialect.MAVLINK_MSG_ID_REQUEST_DATA_STREAM: self._on_data_stream,
+            dialect.MAVLINK_MSG_ID_FILE_TRANSFER_PROTOCOL: self._on_files,
         }
         self._commands[dialect.MAV_CMD_DO_SET_SERVO] = self._do_set_servo
         self._commands[dialect.MAV_CMD_RUN_PREARM_CHECKS] = self._run_checks
@@ -127,6 +131,14 @@ class SimulatedArduRover(SimulatedAutopilot):
 
     def _do_scripting(self, peer: str, m: Any) -> int:
         return ACCEPTED if self.scripting.command(m.param1) else UNSUPPORTED
+
+    def _on_files(self, peer: str, sender: tuple[int, int], m: Any) -> None:
+        request = decode_packet(bytes(m.payload))
+        if request is None:
+            return
+        for answer in self.file_server.receive(self.rover.t_ns, sender, request):
+            message = dialect.MAVLink_file_transfer_protocol_message(0, *sender, answer.encode())
+            self._outbox.append((peer, message))
 
     def _on_heartbeat(self, peer: str, sender: tuple[int, int], m: Any) -> None:
         self.rover.heartbeat(sender[0])
