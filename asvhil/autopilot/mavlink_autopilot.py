@@ -190,6 +190,12 @@ class MavlinkAutopilot:
         return None
 
     @property
+    def slow_stream(self) -> Explanation | None:
+        """A message that comes much slower than it was asked for, while it is being asked for again."""
+        slow = self._streams.still_asked_for(self._t_ns)
+        return None if slow is None else explain(Reason.STREAM_SLOW, message=slow[0], wanted=f"{slow[1]:g}")
+
+    @property
     def clock(self) -> TimeOffset | None:
         """The autopilot's clock less ours; None before the first exchange."""
         return self._timesync.offset
@@ -239,6 +245,7 @@ class MavlinkAutopilot:
             ("arming", "" if self._armed else self._arming_fault),
             ("motor output", self._output.hazard),
             ("motor commands", self._output.refused),
+            ("streams", self._slow_text()),
             ("unread parameters", self._unread_text()),
         )
         heard = self.autopilot_heartbeat_ns is not None
@@ -251,6 +258,14 @@ class MavlinkAutopilot:
         """For how long other messages have come without a heartbeat."""
         heard_ns, beat_ns = self.autopilot_heard_ns, self.autopilot_heartbeat_ns
         return 0 if heard_ns is None or beat_ns is None else heard_ns - beat_ns
+
+    def _slow_text(self) -> str:
+        slow = self._streams.slow
+        if not slow:
+            return ""
+        more = f", and so do {len(slow) - 1} more" if len(slow) > 1 else ""
+        name, wanted_hz = slow[0]
+        return describe(explain(Reason.STREAM_SLOW, message=name, wanted=f"{wanted_hz:g}")) + more
 
     def _unread_text(self) -> str:
         unread = self.unread_parameters

@@ -29,6 +29,11 @@ class Autopilot(Protocol):
         ...
 
     @property
+    def slow_stream(self) -> Explanation | None:
+        """A message that comes too slowly to begin a hold, while it is being asked for again."""
+        ...
+
+    @property
     def clock(self) -> TimeOffset | None:
         """The autopilot's clock less ours; None before the first exchange."""
         ...

@@ -84,6 +84,7 @@ class Backseat:
             heartbeat_age_s=None if beat_ns is None else (seen.t_ns - beat_ns) * 1e-9,
             heard_age_s=None if heard_ns is None else (seen.t_ns - heard_ns) * 1e-9,
             stranger=self._autopilot.stranger,
+            slow=self._autopilot.slow_stream,
             estimate=seen.estimate,
             frame=seen.frame,
             fault=self._actuation.fault,

@@ -46,6 +46,7 @@ class Reason(enum.StrEnum):
     ARM_NOW = "arm-now"
     WRONG_MODE = "wrong-mode"
     NO_ESTIMATE = "no-estimate"
+    STREAM_SLOW = "stream-slow"
     PILOT_FIRST = "pilot-first"
     NO_STATION_HELD = "no-station-held"
     STATION_TOO_FAR = "station-too-far"
@@ -181,6 +182,11 @@ WORDS: Mapping[Reason, Words] = {
     Reason.NO_ESTIMATE: Words(
         text="no valid position and heading yet",
         remedy="Wait for the sensors; `sources` in the status names what is heard of each quantity.",
+    ),
+    Reason.STREAM_SLOW: Words(
+        text="{message} comes at less than a third of {wanted} Hz",
+        remedy="It is asked for again: send the hold command in some seconds. If that does not help, a hold is granted "
+        "after 15 s, and the note stays: look at the link's rate and losses (`asvhil check`).",
     ),
     Reason.PILOT_FIRST: Words(
         text="the pilot has just taken over", remedy="Send the hold command again, if the pilot wants you to."

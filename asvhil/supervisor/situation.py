@@ -21,6 +21,7 @@ class Situation:
 
     `heartbeat_age_s`: since the autopilot told its mode and arming; `heard_age_s`: since it told anything, where None
     since its heartbeat. `stranger`: why the vehicle on the link is not ours to drive.
+    `slow`: what comes too slowly to begin a hold, while it is being asked for again.
     `fault`: why the motors do not, or would not, follow the commands. `unverified`: what it means if the motors' sticks
     do not show our commands; None once they have, for then somebody else has them. `control_ok`: whether the solution
     of the last tick can be used; None where there was none. `sent`: what the last tick sent to the motors.
@@ -33,6 +34,7 @@ class Situation:
     stranger: Explanation | None = None
     estimate: Estimate | None = None
     frame: LocalFrame | None = None
+    slow: Explanation | None = None
     fault: Explanation | None = None
     unverified: Explanation | None = None
     control_ok: bool | None = None

@@ -140,7 +140,7 @@ class Supervisor:
 
     def _hold(self, command: HoldCommand, situation: Situation) -> Explanation | None:
         """Take up a station. Returns None, or why not."""
-        refusal = self._why_not(situation, situation.fault)
+        refusal = self._why_not(situation, situation.fault) or situation.slow
         if refusal is None and self._pilot_ns is not None and situation.t_ns - self._pilot_ns < PILOT_FIRST_NS:
             refusal = explain(Reason.PILOT_FIRST)
         if refusal is not None and refusal.reason is Reason.NOT_ARMED:

@@ -2,6 +2,10 @@
 
 import pytest
 
+from asvhil.config import load_config
+from asvhil.io.mavlink.frames import decode, dialect
+from asvhil.types import Frame, Outputs, Phase
+from tests.support.loop import GroundStationLoop
 from tests.support.lossy_link import check_start, hold_start
 
 
@@ -22,3 +26,58 @@ def test_a_hold_begins_and_goes_on(loss: float, seed: int) -> None:
         assert start.held_s >= 14.9 and start.ended == "" and start.neutral_s < 2.0, start
     else:  # the request for a message may be lost four times, and 1 Hz of it is too seldom then: told as what it is
         assert start.ended in ("", "estimate-stale"), start
+
+
+SLOW = "ATTITUDE comes at less than a third of 20 Hz"
+
+
+class WithoutRequests(GroundStationLoop):
+    """Requests for ATTITUDE, which then comes at the autopilot's own 1 Hz, get lost until a time (s)."""
+
+    def __init__(self, until_s: float) -> None:
+        super().__init__(load_config("sitl", ("supervisor.engage=command",)))
+        self._until_ns = self.t_ns + round(until_s * 1e9)
+
+    def deliver(self, frames: tuple[Frame, ...]) -> None:
+        lost = self.t_ns < self._until_ns
+        super().deliver(tuple(frame for frame in frames if not (lost and _asks_for_attitude(frame))))
+
+
+def _asks_for_attitude(frame: Frame) -> bool:
+    m = decode(frame.data) if frame.port == "autopilot" else None
+    if m is None or m.get_type() != "COMMAND_LONG":
+        return False
+    return m.command == dialect.MAV_CMD_SET_MESSAGE_INTERVAL and m.param1 == dialect.MAVLINK_MSG_ID_ATTITUDE
+
+
+def _armed(loop: GroundStationLoop) -> Outputs:
+    loop.wait(7.0)
+    assert loop.frontseat.arm(True)
+    return loop.wait(1.0)
+
+
+def _notes(outputs: Outputs) -> dict[str, str]:
+    return {note.subject: note.text for note in outputs.health.notes}
+
+
+def test_a_hold_waits_for_a_stream_whose_request_was_lost() -> None:
+    loop = WithoutRequests(until_s=9.0)
+    assert _notes(_armed(loop))["streams"] == SLOW
+    assert loop.ask_to_hold().phase is Phase.STANDBY
+    loop.wait(0.2)
+    assert any(SLOW in text for text in loop.texts)
+    outputs = loop.wait(8.0)
+    assert "streams" not in _notes(outputs), "asked for again, and heard"
+    assert loop.ask_to_hold().phase is Phase.HOLD
+    assert loop.wait(5.0).phase is Phase.HOLD
+
+
+def test_where_it_cannot_be_had_a_hold_is_not_refused_for_it_for_ever_and_the_note_stays() -> None:
+    loop = WithoutRequests(until_s=1e6)
+    _armed(loop)
+    loop.wait(20.0)
+    loop.texts.clear()
+    outputs = loop.ask_to_hold()
+    assert _notes(outputs)["streams"] == SLOW
+    loop.wait(0.2)
+    assert not any(SLOW in text for text in loop.texts), "the answer is another one, if any"

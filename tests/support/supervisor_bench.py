@@ -38,6 +38,7 @@ class SupervisorBench:
         self.estimate: Estimate | None = ESTIMATE
         self.sent: MotorPulses | None = None  # in the last tick
         self.control_ok: bool | None = None
+        self.slow: Explanation | None = None
 
     def hold(self, **fields: float) -> Explanation | None:
         """Ask to hold; the answer."""
@@ -58,6 +59,7 @@ class SupervisorBench:
             heartbeat_age_s=self.age_s,
             estimate=self.estimate,
             frame=FRAME,
+            slow=self.slow,
             control_ok=self.control_ok,
             sent=self.sent,
         )

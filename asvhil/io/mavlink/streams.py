@@ -10,9 +10,14 @@ from asvhil.io.mavlink.frames import decode, dialect, message_id, target
 EVERYBODY = (0, 0)  # an acknowledgement of MAVLink 1 names nobody
 ACK_TIMEOUT_NS = 500_000_000
 ATTEMPTS = 4
+MORE_ROUNDS = 3  # of ATTEMPTS each for a request that gets no answer where others did
 WATCH_NS = 5_000_000_000
+FIRST_WATCH_NS = 2_000_000_000  # or until FEW messages are due: a stream that nobody has asked for is known by then
+FEW = 5
+LOOK_NS = 500_000_000
 RETRY_AFTER_NS = 15_000_000_000
 LEAST_SHARE = 0.5  # of the asked rate: below it the stream is asked for again
+SLOW_SHARE = 0.3  # below it the stream is called slow: no loss that a boat can be used with makes it so
 STALE_NS = 3_000_000_000  # for so long a second answer to a repeated request may be on its way
 UNANSWERED = 3  # messages in a row without any acknowledgement, before it is thought that there are none
 
@@ -55,15 +60,19 @@ class StreamRequester:
         self._wanted = {getattr(dialect, f"MAVLINK_MSG_ID_{name}"): rate for name, rate in rates_hz.items()}
         self._names = {getattr(dialect, f"MAVLINK_MSG_ID_{name}"): name for name in rates_hz}
         self._queue: list[int] = []
-        self._counts: dict[int, int] = dict.fromkeys(self._wanted, 0)
+        self._counts: dict[int, int] = dict.fromkeys(self._wanted, 0)  # since the watch of each began
+        self._watch: dict[int, tuple[int, int]] = {}  # by message: since when, and for how long
+        self._absent: set[int] = set()  # in the last watch, or from the start
+        self._look_ns = 0
         self._in_flight: int | None = None
         self._asked_ns = 0
         self._attempts = 0
         self._stale = (0, 0)  # second answers that may still come, and until when
         self._acknowledged = False
-        self._unanswered = 0
-        self._watch_from_ns: int | None = None
+        self._unanswered: list[int] = []  # before the first acknowledgement
         self._not_before_ns: dict[int, int] = {}
+        self._rounds: dict[int, int] = {}
+        self._slow_since_ns: dict[int, int] = {}
         self.denied: set[str] = set()
         self.requests = 0
         self.restart()
@@ -72,8 +81,12 @@ class StreamRequester:
         """Ask for everything again."""
         self._queue = list(self._wanted)
         self._in_flight = None
-        self._watch_from_ns = None
+        self._watch.clear()
+        self._absent = set(self._wanted)
         self._not_before_ns.clear()
+        self._rounds.clear()
+        self._unanswered.clear()
+        self._slow_since_ns.clear()
         self._legacy.clear()
         self.denied.clear()
 
@@ -82,10 +95,25 @@ class StreamRequester:
         """Whether every message has been requested, and its request answered or given up for now."""
         return not self._queue and self._in_flight is None
 
+    @property
+    def slow(self) -> tuple[tuple[str, float], ...]:
+        """Messages that come at less than SLOW_SHARE of the rate asked for (Hz), by the last watch; not the absent."""
+        return tuple((self._names[msg_id], self._wanted[msg_id]) for msg_id in self._slow_since_ns)
+
+    def still_asked_for(self, t_ns: int) -> tuple[str, float] | None:
+        """The first slow message that is being asked for again; None once that was tried in vain."""
+        for msg_id, since_ns in self._slow_since_ns.items():
+            if t_ns - since_ns < RETRY_AFTER_NS:
+                return self._names[msg_id], self._wanted[msg_id]
+        return None
+
     def receive(self, frame: bytes) -> None:
         """Any complete frame of the autopilot: it is counted, and an acknowledgement of a request is understood."""
         msg_id = message_id(frame)
         if msg_id in self._counts:
+            if msg_id in self._absent:  # as outputs do, once the vehicle is armed
+                self._absent.discard(msg_id)
+                self._begin_watch(msg_id)
             self._counts[msg_id] += 1
         elif msg_id == dialect.MAVLINK_MSG_ID_COMMAND_ACK and self._is_for_us(frame):
             message = decode(frame)
@@ -105,7 +133,10 @@ class StreamRequester:
         return self._us is None or target(acknowledgement) in (self._us, EVERYBODY)
 
     def _on_acknowledgement(self, result: int) -> None:
-        self._acknowledged = True
+        if not self._acknowledged:
+            self._acknowledged = True
+            self._queue += self._unanswered  # those were lost, then
+            self._unanswered.clear()
         if self._in_flight is None or result == dialect.MAV_RESULT_IN_PROGRESS:
             return
         if result != dialect.MAV_RESULT_ACCEPTED:
@@ -115,6 +146,7 @@ class StreamRequester:
                 return  # it may be the answer to a repetition of the request before
             self.denied.add(self._names[self._in_flight])
             self._fall_back(self._in_flight)
+        self._begin_watch(self._in_flight)
         self._stale = (self._attempts - 1, self._t_ns + STALE_NS)
         self._in_flight = None
 
@@ -129,14 +161,19 @@ class StreamRequester:
         return due
 
     def _give_up(self, msg_id: int) -> None:
-        """No answer. What comes by without one is right; what does not is asked for again, if only its ACK is late."""
+        """No answer. What comes all the same is right; else it was lost, where others are answered, and comes again."""
         if self._acknowledged:
+            rounds = self._rounds[msg_id] = self._rounds.get(msg_id, 0) + 1
+            expected = self._wanted[msg_id] * (self._t_ns - self._watch[msg_id][0]) * 1e-9
+            if rounds <= MORE_ROUNDS and self._counts[msg_id] < LEAST_SHARE * expected:
+                self._queue.append(msg_id)
             return
-        self._unanswered += 1
-        if self._unanswered == UNANSWERED:
+        if msg_id not in self._unanswered:
+            self._unanswered.append(msg_id)
+        if len(self._unanswered) == UNANSWERED:
             for name in self._wanted:
                 self._fall_back(name)
-        elif self._unanswered > UNANSWERED:
+        elif len(self._unanswered) > UNANSWERED:
             self._fall_back(msg_id)
 
     def _fall_back(self, msg_id: int) -> None:
@@ -158,6 +195,8 @@ class StreamRequester:
                 return None
             self._in_flight = self._queue.pop(0)
             self._attempts = 0
+            if self._in_flight not in self._watch:
+                self._begin_watch(self._in_flight)
         self._attempts += 1
         self._asked_ns = t_ns
         self.requests += 1
@@ -165,21 +204,30 @@ class StreamRequester:
         command = dialect.MAV_CMD_SET_MESSAGE_INTERVAL
         return dialect.MAVLink_command_long_message(*self._to, command, 0, self._in_flight, interval_us, 0, 0, 0, 0, 0)
 
+    def _begin_watch(self, msg_id: int) -> None:
+        """Count from now on: first for as short a time as tells a slow stream."""
+        first_ns = min(WATCH_NS, max(FIRST_WATCH_NS, round(FEW / self._wanted[msg_id] * 1e9)))
+        self._counts[msg_id] = 0
+        self._watch[msg_id] = (self._t_ns, first_ns)
+
     def _requeue_slow(self, t_ns: int) -> None:
-        """Every few seconds, put the streams that come too slowly back into the queue."""
-        if self._queue or self._in_flight is not None:
-            self._watch_from_ns = None
+        """Put the streams that come too slowly back into the queue, at the end of the watch of each."""
+        if t_ns - self._look_ns < LOOK_NS:
             return
-        if self._watch_from_ns is None:
-            self._watch_from_ns = t_ns
-            self._counts = dict.fromkeys(self._wanted, 0)
-            return
-        elapsed_ns = t_ns - self._watch_from_ns
-        if elapsed_ns < WATCH_NS:
-            return
-        for msg_id, rate_hz in self._wanted.items():
-            slow = self._counts[msg_id] < LEAST_SHARE * rate_hz * elapsed_ns * 1e-9
-            if slow and t_ns >= self._not_before_ns.get(msg_id, 0):
+        self._look_ns = t_ns
+        for msg_id, (from_ns, watch_ns) in self._watch.items():
+            if t_ns - from_ns < watch_ns:
+                continue
+            count, expected = self._counts[msg_id], self._wanted[msg_id] * (t_ns - from_ns) * 1e-9
+            if count == 0:
+                self._absent.add(msg_id)
+            self._counts[msg_id], self._watch[msg_id] = 0, (t_ns, WATCH_NS)
+            if 0 < count < SLOW_SHARE * expected:
+                self._slow_since_ns.setdefault(msg_id, t_ns)
+            else:
+                self._slow_since_ns.pop(msg_id, None)
+            asked = msg_id == self._in_flight or msg_id in self._queue
+            if count < LEAST_SHARE * expected and not asked and t_ns >= self._not_before_ns.get(msg_id, 0):
                 self._not_before_ns[msg_id] = t_ns + RETRY_AFTER_NS
+                self._rounds.pop(msg_id, None)
                 self._queue.append(msg_id)
-        self._watch_from_ns = None

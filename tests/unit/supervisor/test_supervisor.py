@@ -11,6 +11,8 @@ from asvhil.supervisor.situation import MotorPulses
 from asvhil.types import FrontseatStatus, HoldCommand, MoveCommand, Phase, ReleaseCommand, Station
 from tests.support.supervisor_bench import ESTIMATE, FRAME, STICKS, SupervisorBench, status
 
+SLOW = explain(Reason.STREAM_SLOW, message="ATTITUDE", wanted="20")
+
 
 def test_nothing_is_sent_before_a_command() -> None:
     decision = SupervisorBench().step()
@@ -45,6 +47,8 @@ def test_hold_here_and_hold_there() -> None:
         ({"status": status(mode="HOLD")}, explain(Reason.WRONG_MODE, mode="HOLD", needed="MANUAL")),
         ({"estimate": None}, explain(Reason.NO_ESTIMATE)),
         ({"estimate": replace(ESTIMATE, valid=False)}, explain(Reason.NO_ESTIMATE)),
+        ({"slow": SLOW}, SLOW),
+        ({"slow": SLOW, "estimate": None}, explain(Reason.NO_ESTIMATE)),
     ],
 )
 def test_hold_is_refused_with_the_reason(spoil: dict[str, object], why: Explanation) -> None:
@@ -53,6 +57,13 @@ def test_hold_is_refused_with_the_reason(spoil: dict[str, object], why: Explanat
         setattr(bench, name, value)
     assert bench.hold() == why
     assert bench.step().phase is Phase.STANDBY
+
+
+def test_a_stream_that_becomes_slow_in_a_hold_ends_nothing_by_itself() -> None:
+    bench = SupervisorBench()
+    assert bench.hold() is None
+    bench.slow = SLOW
+    assert bench.drive().phase is Phase.HOLD
 
 
 def test_a_station_in_another_county_is_refused() -> None:
