@@ -56,7 +56,7 @@ def calibrate(
 
 
 def _check_output(output: Path, base: str) -> None:
-    """Before the work: what is there is not lost, and what is written can be loaded. Raises AsvhilError."""
+    """Before the work: AsvhilError where the output exists, or where it could not be loaded with its base."""
     from asvhil.config.loading import find_config
 
     if output.exists():

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from asvhil.preflight.survey import Survey
 
 COLOURS = {"pass": "green", "warn": "yellow", "fail": "red", "unverified": "magenta"}
-PIPE_WIDTH = 140  # a file has no edge at which to fold names
+PIPE_WIDTH = 140  # of tables in a file or a pipe, which have no width of their own
 SAYS = {
     "waiting": "waiting for the autopilot's heartbeat",
     "booting": "waiting for the autopilot to have set itself up",

@@ -1,4 +1,4 @@
-"""Numbers as people type them on the command line: understood, or refused in one line."""
+"""Numbers on the command line: parsed in the usual notations, or refused in one line."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ AT_FORM = "LAT,LON in degrees is expected, such as 40.4237,-86.9212"
 
 
 def lat_lon(option: str, text: str) -> tuple[float, float]:
-    """LAT,LON in degrees: with blanks, degree signs, or N, S, E and W. ConfigError names the option."""
+    """(latitude, longitude) of LAT,LON in degrees; blanks, degree signs, N, S, E and W are allowed. ConfigError."""
     parts = text.strip().upper().replace("DEG", "\u00b0").split(",")
     if len(parts) in (3, 4):
         raise ConfigError(f"{option} {text}: {AT_FORM}, with points for decimals")
@@ -33,7 +33,7 @@ def lat_lon(option: str, text: str) -> tuple[float, float]:
 
 
 def _signed(match: re.Match[str], positive: str, negative: str) -> float | None:
-    """Degrees with the sign of their letter; None with a letter of the other axis, two letters, or sign and letter."""
+    """Signed degrees. None with a letter of the other axis, two letters, or both a sign and a letter."""
     letter, value = match[1] or match[3], float(match[2])
     if (match[1] and match[3]) or letter not in ("", positive, negative) or (letter and match[2][0] in "+-"):
         return None
@@ -41,7 +41,7 @@ def _signed(match: re.Match[str], positive: str, negative: str) -> float | None:
 
 
 def finite(command: Callable[..., Any]) -> Callable[..., Any]:
-    """The function of a command, refusing options that are NaN or infinite: ranges let NaN through."""
+    """A command's function that refuses NaN and infinite options, since typer's ranges accept NaN."""
 
     @functools.wraps(command)
     def checked(**values: Any) -> Any:
@@ -56,7 +56,7 @@ def finite(command: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def refuse_odd_numbers(app: typer.Typer) -> None:
-    """`finite` for all commands of an app, and of those below it."""
+    """Apply `finite` to all commands of an app and of its sub-apps."""
     for group in app.registered_groups:
         if group.typer_instance is not None:
             refuse_odd_numbers(group.typer_instance)

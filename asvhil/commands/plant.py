@@ -101,7 +101,7 @@ def _pose(truth: Truth) -> str:
 
 
 def _with_status_line(title: str, quiet: bool, run: Callable[[Callable[[str], None] | None], Any]) -> None:
-    """`run` with a line that it may change: on a terminal; on a pipe the title stands alone."""
+    """Call `run` with a status line that it may change. On a pipe only the title is printed."""
     from rich.console import Console
     from rich.text import Text
 

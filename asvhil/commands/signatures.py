@@ -1,4 +1,4 @@
-"""Commands whose options are not written out as parameters of one function, but put together from a table."""
+"""Commands whose options come from a table rather than from the parameters of one function."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def option(name: str, annotation: Any, default: Any) -> inspect.Parameter:
 
 
 def with_parameters(function: F, parameters: Sequence[inspect.Parameter]) -> F:
-    """The function, seen by typer with these parameters. They arrive as keywords."""
+    """The function with a signature of these parameters for typer. It gets them as keyword arguments."""
     function.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
     function.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
     return function

@@ -1,4 +1,4 @@
-"""`asvhil sitl`: a station kept with the simulated boat."""
+"""`asvhil sitl`: station keeping with the simulated boat."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def sitl(
 def _simulated_arduino(
     settings: Config, anemometer: str, folder: Path | None, lockstep: bool
 ) -> SimulatedArduino | None:
-    """What `sitl --anemometer firmware` needs, None for the simulated sensor. ConfigError where options disagree."""
+    """The board for `sitl --anemometer firmware`, None for the simulated sensor. ConfigError where options conflict."""
     if anemometer not in ("simulated", "firmware"):
         raise ConfigError(f"--anemometer {anemometer}: simulated or firmware is expected")
     if anemometer == "simulated":

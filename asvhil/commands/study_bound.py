@@ -1,4 +1,4 @@
-"""`asvhil study bound`: the bound that penalty scores are held against."""
+"""`asvhil study bound`: the physical bound that penalty scores are compared with."""
 
 from __future__ import annotations
 

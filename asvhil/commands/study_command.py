@@ -1,4 +1,4 @@
-"""What the commands of studies have in common: options, and the way from checked options to figures in a folder."""
+"""Shared by the commands of studies: common options, running a study, and writing its figures to a folder."""
 
 from __future__ import annotations
 
@@ -35,11 +35,11 @@ Figures = dict[str, Any]
 
 @record
 class Study:
-    """A study whose options are checked.
+    """A study whose options have been checked.
 
-    `stem` is the name of its files in the output folder: figures (json), `text` (md), and the picture (png) where there
-    is one to `draw`. `notes` are said before it begins. `resumes`: an interrupted one is taken up by the same command.
-    `failure` of the figures, where a part of them could not be had, ends the command after all else is written.
+    `stem` is the name of its files in the output folder: figures (json), `text` (md), and a picture (png) if there is
+    one to `draw`. `notes` are printed before it begins. `resumes`: the same command continues an interrupted study.
+    `failure` gives the error, if any, that the command ends with after everything is written.
     """
 
     title: str
@@ -53,7 +53,7 @@ class Study:
 
 
 def study_command(prepare: Callable[..., Study]) -> Callable[..., None]:
-    """The command of a study: options, `--output` among them, as `prepare` has them, and `--json`."""
+    """The command of a study: its options are the parameters of `prepare`, `--output` among them, and `--json`."""
 
     @functools.wraps(prepare)
     def command(json_: Path | None, **options: Any) -> None:

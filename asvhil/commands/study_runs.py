@@ -1,4 +1,4 @@
-"""The studies that are many runs in lockstep: what each is asked, and which of its figures go where."""
+"""The studies that consist of many runs in lockstep: their options, and where their figures go."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ def approach(
     quick: QuickOption = False,
     set_: SetOption = [],  # noqa: B006
 ) -> Study:
-    """From 60 m off, at any heading, in 6 m/s of wind: random starts brought to the station and kept there."""
+    """Approach from 60 m off, at any heading, in 6 m/s of wind: random starts."""
     from asvhil.study.approach import markdown, study_approach
     from asvhil.study.approach_figure import draw_tracks
     from asvhil.study.runner import run_into
@@ -134,7 +134,7 @@ def robustness(
     quick: QuickOption = False,
     set_: SetOption = [],  # noqa: B006
 ) -> Study:
-    """Without a wind sensor; with a crude model and a turned vane; the same in a current."""
+    """Cost of no wind sensor, of a crude model with a turned vane, and of a current."""
     from asvhil.study.robustness import markdown, study_robustness
     from asvhil.study.rows import FROM_S, QUICK_S, ROWS, TO_S, checked
     from asvhil.study.runner import run_into
@@ -168,7 +168,7 @@ def learned_loop(
     quick: QuickOption = False,
     set_: SetOption = [],  # noqa: B006
 ) -> Study:
-    """Learned models in the loop against SD-MPC with the true parameters, and with parameters 30 % off."""
+    """Learned models in closed loop against SD-MPC with the true parameters, and with parameters 30 % off."""
     from asvhil.study.learned_loop import LEARNED, markdown, study_learned_loop
     from asvhil.study.rows import FROM_S, QUICK_S, TO_S
     from asvhil.study.runner import run_into
@@ -200,7 +200,7 @@ def estimator(
     quick: QuickOption = False,
     set_: SetOption = [],  # noqa: B006
 ) -> Study:
-    """The EKF beside the paper's FIR fusion and the raw readings: errors, abrupt faults, a station through glitches."""
+    """The EKF beside the paper's FIR fusion and raw readings: errors, abrupt faults, station keeping in glitches."""
     from asvhil.study.estimators import FULL, QUICK, SETS, study_estimators
     from asvhil.study.estimators_report import draw_estimators, report
     from asvhil.study.rows import checked

@@ -1,4 +1,4 @@
-"""`asvhil study solvers`: the solvers side by side, a peer in its own environment among them."""
+"""`asvhil study solvers`: comparison of the solvers, with mpc.torch in an environment of its own."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def solvers(
     quick: QuickOption = False,
     set_: SetOption = [],  # noqa: B006
 ) -> Study:
-    """All solvers side by side on one core: time of a step, gap to the optimum, and what the boat makes of it."""
+    """Compare all solvers on one core: time of a step, gap to the optimum, and scores in closed loop."""
     from asvhil.backseat.build import build_model, model_file
     from asvhil.config import load_config
     from asvhil.config.registry import CONTROLLERS
@@ -78,7 +78,7 @@ def solvers(
 
 
 def _peer_command(text: str) -> list[str]:
-    """The words of --peer. ConfigError where they are no command, or there is no such program."""
+    """The words of --peer. ConfigError where they are not a command, or there is no such program."""
     try:
         words = shlex.split(text)
     except ValueError as error:

@@ -12,7 +12,7 @@ from asvhil.commands.study_command import RUNS, ConfigOption, OutOption
 from asvhil.commands.study_views import check_output, watching
 from asvhil.commands.views import say, write_json
 
-BUDGET = 40  # of the searches on record
+BUDGET = 40  # evaluations, as in the published searches
 
 
 def tune(
@@ -24,7 +24,7 @@ def tune(
     workers: Annotated[int | None, typer.Option(help="Processes; as many as cores by default.")] = None,
     json_: JsonOption = None,
 ) -> None:
-    """Search the gains of a baseline on winds that are not in the six tests; NAME.json each, taken up again."""
+    """Search the gains of baselines, on winds that are not in the six tests. One resumable NAME.json each."""
     from rich.console import Console
 
     from asvhil.config import load_config

@@ -1,4 +1,4 @@
-"""What the studies show and leave: progress with the time to go, tables, figures as JSON, and the bounds they use."""
+"""Output of the studies: progress with the time left, tables, figures as JSON, and the bounds they use."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ BOUNDS = Path(__file__).resolve().parents[2] / "docs" / "results" / "bound.json"
 
 @contextmanager
 def watching(console: Any, title: str, *, resumes: bool = True) -> Iterator[Tell]:
-    """A progress bar with the time to go; on a pipe a line at each tenth. The expected total is said once it is known.
+    """A progress bar with the time left; on a pipe a line at each tenth. The expected total is printed once known.
 
-    Ctrl-C ends a study that resumes in one line that says how to go on.
+    Ctrl-C ends a resumable study with one line that says how to continue.
     """
     said = {"expected": False, "tenth": 0}
 
@@ -55,7 +55,7 @@ def watching(console: Any, title: str, *, resumes: bool = True) -> Iterator[Tell
 
 
 def check_output(output: Path | None, stem: str, json_: Path | None) -> None:
-    """Before hours of work: makes the folder. AsvhilError where it, a file of it or the --json file is out of reach.
+    """Before the work: make the folder. AsvhilError where it, a file in it or the --json file cannot be written.
 
     Also where the page in the folder would be overwritten (`page.head_of`).
     """
@@ -76,7 +76,7 @@ def finish(
     json_: Path | None,
     draw: Callable[[Path], None] | None = None,
 ) -> None:
-    """Figures as JSON and Markdown into the folder, the Markdown on the console, and last the picture by `draw`."""
+    """Write figures as JSON and Markdown to the folder, print the Markdown, then `draw` the picture."""
     text = text_of(figures)
     if output is not None:
         folder(output)
@@ -88,7 +88,7 @@ def finish(
             write_page(page, text)
     write_json(json_, figures)
     say(console, text)
-    if output is not None and draw is not None:  # after the tables: a picture that fails takes nothing with it
+    if output is not None and draw is not None:  # last, so that a failure of the picture loses nothing else
         picture = output / f"{stem}.png"
         with writing(picture):
             draw(picture)
@@ -103,12 +103,12 @@ def folder(path: Path) -> Path:
 
 
 def stem_of(study: str, quick: bool) -> str:
-    """The name of its files: quick runs stand apart, so that they never take the place of full tables."""
+    """The name of a study's files. Quick runs have one of their own, so that they never replace full tables."""
     return f"{study}-quick" if quick else study
 
 
 def bounds_at_hand(file: Path | None, config: str, overrides: tuple[str, ...]) -> tuple[dict[str, float], str]:
-    """The bounds to hold scores against; without them a line that says what to do."""
+    """The bounds to compare scores with; without them a line is printed that says how to get them."""
     from asvhil.config import load_config
     from asvhil.study.bound import read_bounds
 

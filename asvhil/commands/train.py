@@ -39,7 +39,7 @@ def train(
     json_: JsonOption = None,
     **chosen: Any,
 ) -> None:
-    """Train a vessel model on logs; leaves the model file and a picture of its loss."""
+    """Train a vessel model on logs. Writes the model file and a picture of its loss."""
     from rich.console import Console
 
     _need_torch()
@@ -113,7 +113,7 @@ def _kind_options() -> Iterator[inspect.Parameter]:
 
 
 def _words(defaults: dict[str, Any]) -> str:
-    """The default of most kinds, and of those that differ."""
+    """The default of most kinds, then those of kinds that differ, as text."""
     texts = {
         kind: ("on" if value else "off") if isinstance(value, bool) else f"{value:g}"
         for kind, value in defaults.items()

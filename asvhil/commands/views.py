@@ -1,4 +1,4 @@
-"""What the commands show: the live table, progress bars, the summary of a run, and figures as JSON."""
+"""Output of the commands: the live table, progress bars, the summary of a run, and figures as JSON."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class LiveView:
             self.show_status(status_of(outputs, links, self._start_ns, overruns))
 
     def show_status(self, status: dict[str, Any]) -> None:
-        """One status, however it came."""
+        """One status, of this process or read from another."""
         from asvhil.daemon.status import render
 
         if self._as_json:
@@ -75,9 +75,9 @@ class LiveView:
                 say(self._console, f"{status['t_s']:6.1f} s  {status['phase']}: {status['reason']}{where}")
 
     def _news(self, status: dict[str, Any]) -> dict[str, str]:
-        """Notes, links and sources that have changed; a link that is up only where it was not.
+        """Lines for notes, links and sources that have changed; for a link that is up only if it was not before.
 
-        Of what is dropped the causes are told, not the counts: these are for the table.
+        Dropped data are given by cause; the counts are in the table.
         """
         from asvhil.daemon.status import sources_text
 
@@ -180,7 +180,7 @@ def print_summary(console: Any, figures: dict[str, Any]) -> None:
 
 
 def say(console: Any, text: str, end: str = "\n") -> None:
-    """Plain text: no markup, no colours, and lines as long as they are."""
+    """Print plain text: no markup, no colours, no line wrapping."""
     console.print(text, markup=False, highlight=False, soft_wrap=True, end=end)
 
 
@@ -188,7 +188,7 @@ def say(console: Any, text: str, end: str = "\n") -> None:
 
 
 def write_json(path: Path | None, figures: dict[str, Any]) -> None:
-    """The file of --json, where one is asked for."""
+    """Write the file of --json, if there is one. AsvhilError."""
     if path is not None:
         with writing(path, "--json "):
             path.write_text(json.dumps(figures, indent=2) + "\n", encoding="utf-8")
@@ -196,7 +196,7 @@ def write_json(path: Path | None, figures: dict[str, Any]) -> None:
 
 @contextmanager
 def writing(file: Path, option: str = "") -> Iterator[None]:
-    """An OSError in writing a file as an AsvhilError that names the option and the file."""
+    """Turn an OSError of writing a file into an AsvhilError that names the option and the file."""
     try:
         yield
     except OSError as error:
@@ -204,7 +204,7 @@ def writing(file: Path, option: str = "") -> Iterator[None]:
 
 
 def check_picture(file: Path | None) -> None:
-    """Before long work, the file of --picture. AsvhilError where it cannot be written or is of another format."""
+    """Check the file of --picture before long work. AsvhilError where it cannot be written, or has no known format."""
     if file is None:
         return
     from asvhil.logs.figure import FORMATS
@@ -215,7 +215,7 @@ def check_picture(file: Path | None) -> None:
 
 
 def check_writable(file: Path | None, option: str = "") -> None:
-    """Before long work. AsvhilError where the file cannot be written; nothing is left behind."""
+    """Check before long work that a file can be written. AsvhilError; no file is left behind."""
     if file is None:
         return
     with writing(file, option):

@@ -1,10 +1,10 @@
-"""How often the daemon cuts a tick because something has arrived."""
+"""Rate limit of the ticks that the daemon cuts on arrival."""
 
 from __future__ import annotations
 
 
 class Allowance:
-    """A rate that holds on average: single events pass at once, a flood is spread out."""
+    """A token bucket: single events pass at once, many at a time are spread out to the average rate."""
 
     def __init__(self, rate_hz: float, burst: int) -> None:
         self._rate_hz = rate_hz
@@ -13,7 +13,7 @@ class Allowance:
         self._at_s: float | None = None
 
     def take_s(self, now_s: float) -> float:
-        """Take one event. Returns the seconds that it has to wait for its turn."""
+        """Take one event at a time (s): the seconds to wait before it."""
         elapsed_s = 0.0 if self._at_s is None else now_s - self._at_s
         self._at_s = now_s
         self._left = min(self._burst, self._left + elapsed_s * self._rate_hz) - 1.0

@@ -32,11 +32,11 @@ from asvhil.types import Frame, Inputs, Outputs
 RELEASES, RELEASE_S = 3, 0.05
 SWITCH_S = 0.0005
 ARRIVALS_AT_ONCE = 20
-SOLVE_TOLD_NS = 500_000_000
+SOLVE_REPORT_NS = 500_000_000
 
 
 class Daemon:
-    """Runs one backseat against its links until told to stop; the log holds all that it was given and all it did."""
+    """Runs one backseat against its links until stopped. The log holds all inputs and outputs of the backseat."""
 
     def __init__(
         self,
@@ -46,7 +46,7 @@ class Daemon:
         on_tick: Callable[[Outputs, dict[str, str]], None] | None = None,
         backseat: Backseat | None = None,
     ) -> None:
-        """`backseat`: one that is given is used as it is, as by a benchmark."""
+        """`on_tick` gets the outputs and each link's state. `backseat` is used in place of one built of the config."""
         refuse_ignored_crc()
         self._config = config
         self._recorder = recorder
@@ -55,14 +55,14 @@ class Daemon:
         self._backseat: Backseat = backseat or build_backseat(config)
         self._inbox: deque[Frame] = deque()
         self._stop = asyncio.Event()
-        self._wake = asyncio.Event()  # a tick is asked for before its time
+        self._wake = asyncio.Event()  # set to cut a tick before its time
         self._on_arrival = config.daemon.cut_on == "arrival"
         self._allowance = Allowance(config.daemon.arrival_hz_max, ARRIVALS_AT_ONCE)
         self.router = MavlinkRouter(
             config.links, start_ns=clock.now_ns(), unix_ns=time.time_ns, on_forward=recorder.write_forwarded
         )
         self._saving: asyncio.Task[None] | None = None
-        self._spoken: dict[str, str] = {}
+        self._logged: dict[str, str] = {}
         specs = config.links.endpoints | self.router.ground_specs
         self.links = {
             port: ReconnectingLink(port, spec, config, clock, self._inbox, self._receive)
@@ -72,29 +72,29 @@ class Daemon:
         self.ticks = 0
         self.overruns = 0
         self._slowest_ns = 0
-        self._solve_told_ns = 0
+        self._solve_reported_ns = 0
 
     def stop(self) -> None:
-        """Ask for neutral, release and the end; safe from a signal handler on the loop."""
+        """Request the end of `run`, with a release of the motors. May be called from a signal handler of the loop."""
         self._stop.set()
         self._wake.set()
 
     async def run(self, duration_s: float | None = None) -> None:
-        """Tick until stopped, or for a time. Raises AsvhilError when the backseat failed; motors are released first."""
+        """Tick until stopped, or for a time (s). Raises AsvhilError when the backseat failed, motors released first."""
         loop = asyncio.get_running_loop()
         for number in (signal.SIGINT, signal.SIGTERM):
             loop.add_signal_handler(number, self.stop)
         readers = [asyncio.create_task(link.run(), name=port) for port, link in self.links.items()]
         for text in self.router.warnings:
             self._recorder.write_log(self._clock.now_ns(), "warning", text)
-        # The recorder's thread would else keep the interpreter for up to 5 ms while an answer waits to be sent.
+        # Otherwise the recorder's thread could hold the interpreter lock for 5 ms while an answer waits to be sent.
         sys.setswitchinterval(SWITCH_S)
         gc.collect()
-        gc.freeze()  # what start-up built lives as long as the process: keep the collector's pauses short
+        gc.freeze()  # objects of start-up live as long as the process: leaving them out keeps collection pauses short
         try:
             with ThreadPoolExecutor(1, thread_name_prefix="step") as worker:
                 await self._tick_until_stopped(loop, worker, duration_s)
-                await self._let_go(loop, worker)
+                await self._release_and_end(loop, worker)
         except Exception as error:
             await self._release_to_pilot()
             raise AsvhilError(f"the backseat failed, motors released: {type(error).__name__}: {error}") from error
@@ -114,7 +114,7 @@ class Daemon:
                 loop.remove_signal_handler(number)
 
     async def _receive(self, frame: Frame) -> list[Frame]:
-        """What the backseat gets of a received frame."""
+        """The frames for the backseat out of one received frame."""
         if self._on_arrival and frame.port != OPERATOR and not frame.port.startswith(GROUND):
             self._wake.set()
         return await self.router.receive(frame)
@@ -124,7 +124,7 @@ class Daemon:
             await self.links[leaving.port].send(leaving)
 
     async def _save(self, states: dict[Path, SigningState]) -> None:
-        """Signing timestamps to the disk, on a thread: it may take its time."""
+        """Write signing timestamps to the disk, on a thread since a disk may stall."""
         try:
             await asyncio.to_thread(save_states, states)
         except ConfigError as error:
@@ -151,8 +151,8 @@ class Daemon:
                 await asyncio.sleep(self._allowance.take_s(loop.time()))
                 due_s = min(due_s, loop.time())
 
-    async def _let_go(self, loop: asyncio.AbstractEventLoop, worker: ThreadPoolExecutor) -> None:
-        """The shutdown is an operator's release, so that replay sees it too."""
+    async def _release_and_end(self, loop: asyncio.AbstractEventLoop, worker: ThreadPoolExecutor) -> None:
+        """Shut down by an operator's release, so that the log has it as an input and replay gets it too."""
         data = encode_release(self._config.links.autopilot)
         self._inbox.append(Frame(t_ns=self._clock.now_ns(), port=OPERATOR, data=data))
         for _ in range(FINAL_TICKS):
@@ -171,19 +171,19 @@ class Daemon:
         self._recorder.write_timing(inputs.t_ns, step_ns, overrun)
         self.ticks += 1
         if outputs.control is not None:
-            self._tell_solve_time(outputs.t_ns, step_ns)
-        self._speak(outputs)
-        self._keep_house(outputs.t_ns)
+            self._report_solve_time(outputs.t_ns, step_ns)
+        self._log_changes(outputs)
+        self._log_router(outputs.t_ns)
         if self._on_tick is not None:
             self._on_tick(outputs, {port: self._state(port) for port in self.links})
 
-    def _tell_solve_time(self, t_ns: int, step_ns: int) -> None:
-        """The core has no clock, so what it tells operators of its own speed comes in like everything else."""
+    def _report_solve_time(self, t_ns: int, step_ns: int) -> None:
+        """Give the backseat its own solution time, as a frame: the core has no clock to measure it."""
         self._slowest_ns = max(self._slowest_ns, step_ns)
-        if t_ns - self._solve_told_ns >= SOLVE_TOLD_NS:
+        if t_ns - self._solve_reported_ns >= SOLVE_REPORT_NS:
             data = encode_solve_time(self._config.links.autopilot, self._slowest_ns * 1e-6)
             self._inbox.append(Frame(t_ns=self._clock.now_ns(), port=OPERATOR, data=data))
-            self._solve_told_ns, self._slowest_ns = t_ns, 0
+            self._solve_reported_ns, self._slowest_ns = t_ns, 0
 
     def _timed_step(self, inputs: Inputs) -> tuple[Outputs, int]:
         start_ns = time.perf_counter_ns()
@@ -194,32 +194,32 @@ class Daemon:
         remarks = self.router.remarks(port)
         return f"{self.links[port].state}; {remarks}" if remarks else self.links[port].state
 
-    def _keep_house(self, t_ns: int) -> None:
-        """Log the router's news, and save its signing timestamps when that is due."""
+    def _log_router(self, t_ns: int) -> None:
+        """Log the router's remarks, and save its signing timestamps when that is due."""
         for text in self.router.take_news(t_ns):
             self._recorder.write_log(t_ns, "warning", text)
         if self.router.take_save_due(t_ns) and (self._saving is None or self._saving.done()):
             self._saving = asyncio.create_task(self._save(self.router.states()))
 
-    def _speak(self, outputs: Outputs) -> None:
-        """Log what changed: phase and reason, and the state of each link."""
+    def _log_changes(self, outputs: Outputs) -> None:
+        """Log what has changed: phase and reason, link states, sources, notes, causes of dropped data."""
         now = {f"link {port}": link.state for port, link in self.links.items()}
         now["phase"] = f"{outputs.phase}: {outputs.health.reason}"
         now |= {f"source of {quantity}:": name or "none" for quantity, name in outputs.health.sources}
         now |= {f"{note.subject}:": note.text for note in outputs.health.notes}
-        for port, causes in dropped_of(outputs.health.counters).items():  # by name: a count would change in each tick
+        for port, causes in dropped_of(outputs.health.counters).items():  # not the counts, which change in each tick
             now[f"{port} has dropped:"] = ", ".join(causes)
         fine = {f"{note.subject}:" for note in outputs.health.notes if note.ok}
         for key, text in now.items():
-            if self._spoken.get(key) != text:
-                chosen = key.startswith("source") and (text != "none" or key not in self._spoken)
+            if self._logged.get(key) != text:
+                chosen = key.startswith("source") and (text != "none" or key not in self._logged)
                 good = chosen or key == "phase" or key in fine or text in ("up", "connecting")
                 level = "info" if good else "warning"
                 self._recorder.write_log(outputs.t_ns, level, f"{key} {text}")
-        self._spoken = now
+        self._logged = now
 
     async def _release_to_pilot(self) -> None:
-        """Several times: datagrams get lost, and some outputs keep their last value for ever."""
+        """Send neutral and release, several times: datagrams get lost, and some outputs keep their last value."""
         for _ in range(RELEASES):
             for frame in self._backseat.release_to_pilot(self._clock.now_ns()):
                 await self._send(frame)

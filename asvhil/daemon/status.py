@@ -1,4 +1,4 @@
-"""What a person wants to see of a running daemon, as a JSON line and as a table."""
+"""The status of a running daemon, as a JSON line and as a table for the terminal."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ COLOURS = {"hold": "green", "standby": "yellow", "prepare": "cyan", "failsafe": 
 
 
 def status_of(outputs: Outputs, links: dict[str, str], start_ns: int, overruns: int) -> dict[str, Any]:
-    """The state of one tick in plain JSON types; parts that are not known are None."""
+    """The status of one tick in JSON types; values that are not known are None."""
     estimate, station, wind = outputs.estimate, outputs.station, outputs.wind
     distance_m = heading_deg = None
     if estimate is not None and station is not None:
