@@ -6,7 +6,7 @@ import time
 
 
 class Clock:
-    """Nanoseconds since the Unix epoch as it was believed at start; never steps, never runs back."""
+    """Nanoseconds since the Unix epoch, monotonic; the offset is that of the system clock at start."""
 
     def __init__(self) -> None:
         self._offset_ns = time.time_ns() - time.monotonic_ns()

@@ -1,7 +1,7 @@
 """The links of the daemon and the plant: UDP, TCP, serial, pseudo terminal, memory, behind one protocol.
 
-Links are one-shot: a broken one is never repaired, whoever owns it opens a new one. Nothing here waits for a slow
-peer: what is not read or cannot be sent in time is dropped, oldest first, and counted.
+Links are one-shot: a broken one is never repaired, its owner opens a new one. Nothing here waits for a slow peer: what
+is not read or cannot be sent in time is dropped, oldest first, and counted.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ from asvhil.types import Frame
 
 __all__ = ["INBOX_FRAMES", "Endpoint", "LinkSpec", "memory_pair", "open_endpoint", "parse_spec"]
 
-INBOX_FRAMES = 20_000  # four seconds of a flooded link: how many wait for their reader before the oldest are dropped
+INBOX_FRAMES = 20_000  # queued before the oldest are dropped: 4 s of a flooded link
 
 
 class Endpoint(Protocol):
-    """One open link. `spec` is as configured; `address` is where it really is (bound port, slave of the pty)."""
+    """One open link. `spec` is as configured; `address` is the actual one (bound port, slave of the pty)."""
 
     spec: str
     address: str
@@ -30,7 +30,7 @@ class Endpoint(Protocol):
         ...
 
     async def send(self, data: bytes, peer: str = "") -> None:
-        """Send to `peer`, else to all that were heard lately; drops rather than waits; LinkError when gone."""
+        """Send to `peer`, or to all peers of the last 10 s. Never waits: drops and counts. LinkError when gone."""
         ...
 
     async def close(self) -> None:
@@ -49,7 +49,7 @@ class Endpoint(Protocol):
 
     @property
     def congested(self) -> bool:
-        """Whether sends wait behind others: then only what matters should be sent."""
+        """Whether sends are queued: then only urgent data should be sent."""
         ...
 
 

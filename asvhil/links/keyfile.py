@@ -1,4 +1,4 @@
-"""Signing keys and timestamps on the disk: read at start, timestamps written while running. The key is never shown."""
+"""Files of signing keys and timestamps. Timestamps are also written while running; a key is never printed."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ OWNER_ONLY = 0o600
 
 
 def read_key(path: Path) -> tuple[bytes, str | None]:
-    """The key in a file, and a warning where others may read it too. ConfigError names the file, never its content."""
+    """The key in a file, and a warning if other users may read it. ConfigError names the file, never its content."""
     try:
         with path.open("rb") as file:
             mode = os.fstat(file.fileno()).st_mode
@@ -48,12 +48,12 @@ def read_state(path: Path) -> SigningState:
         streams = {_stream(name): _timestamp(value) for name, value in tree["streams"].items()}
         return SigningState(last=_timestamp(tree["last"]), streams=streams)
     except (ValueError, KeyError, TypeError, AttributeError):
-        # Not taken for an empty one: that would let old frames in again.
+        # Not read as empty: then recorded frames would be accepted again.
         raise ConfigError(f"{path}: signing timestamps are damaged; delete the file to start without them") from None
 
 
 def write_state(path: Path, state: SigningState) -> None:
-    """Replace the file as a whole and bring it to the disk. OSError where that fails."""
+    """Replace the file atomically and sync it. OSError."""
     streams = {"/".join(map(str, stream)): timestamp for stream, timestamp in sorted(state.streams.items())}
     data = json.dumps({"last": state.last, "streams": streams}).encode()
     fresh = path.with_name(f"{path.name}.{os.getpid()}")

@@ -1,4 +1,4 @@
-"""What all links share: the bounded queue of received frames, the one reason for being gone, and closing."""
+"""Base class of links: the bounded queue of received frames, the reason of a loss, and closing."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from asvhil.errors import LinkError
 from asvhil.types import Frame
 
 MAX_FRAMES = 4096
-MAX_BYTES = 512 * 1024  # 5 s of a full 921600 baud line: whoever is that late wants the news, not the history
+MAX_BYTES = 512 * 1024  # 5 s of a full 921600 baud line; a later reader needs the newest frames
 OPEN_TIMEOUT_S = 5.0
 
 _HINTS = {
@@ -31,7 +31,7 @@ _HINTS = {
 
 
 def why(exc: OSError) -> str:
-    """An operating system error as half a line: what, and what to look at."""
+    """An operating system error as a phrase: what it is, and what to check."""
     if exc.errno is None:
         return " ".join(str(exc).split()) or type(exc).__name__
     hint = _HINTS.get(exc.errno)
@@ -84,8 +84,8 @@ class Link(ABC):
 
     @property
     def congested(self) -> bool:
-        """Whether what was handed over will still keep the line busy for a while: time to leave out the unimportant."""
-        return False  # datagrams go at once or never
+        """Whether queued bytes keep the line busy: then only urgent data should be sent."""
+        return False  # datagrams are sent at once or dropped
 
     async def recv(self) -> Frame:
         """The next frame. After the link is lost: what had arrived, then LinkError. After close(): LinkError."""
@@ -98,13 +98,13 @@ class Link(ABC):
         return frame
 
     async def send(self, data: bytes, peer: str = "") -> None:
-        """Hand bytes to the link; never waits, drops and counts instead. LinkError when the link is gone."""
+        """Send without waiting; what cannot be sent is dropped and counted. LinkError when the link is gone."""
         self._check()
         if data:
             self._transmit(bytes(data), peer)
 
     async def close(self) -> None:
-        """Free the link; idempotent. A pending recv() raises LinkError, whatever was not read is discarded."""
+        """Free the link; idempotent. A pending recv() raises LinkError, and unread frames are discarded."""
         if self._closed:
             return
         self._closed = True
@@ -122,7 +122,7 @@ class Link(ABC):
             raise LinkError(f"{self.spec}: {self._gone}")
 
     def _received(self, data: bytes, peer: str = "") -> int:
-        """Stamp and queue what just arrived; the stamp in ns. The only place where a received frame gets its time."""
+        """Stamp and queue received bytes: the stamp (ns). The only place where a received frame gets its time."""
         t_ns = self._now_ns()
         if self._gone or not data:
             return t_ns
@@ -135,7 +135,7 @@ class Link(ABC):
         return t_ns
 
     def _lose(self, reason: str) -> None:
-        """The link broke by itself: free it now, so that the same device can be opened anew before close()."""
+        """The link is lost: free it at once, so that the device can be opened again before close()."""
         if not self._gone:
             self._gone = reason
             self._arrived.set()
@@ -149,8 +149,8 @@ class Link(ABC):
         """Send or drop and count, without waiting."""
 
     async def _linger(self) -> None:
-        """Give the last bytes a bounded time to leave."""
-        return  # nothing waits on a link that sends at once
+        """Wait, for a bounded time, until the last bytes are sent."""
+        return  # nothing is queued
 
     @abstractmethod
     def _release(self) -> None:

@@ -1,4 +1,4 @@
-"""Two links in one process, tied together: the same contract without the operating system."""
+"""Two connected links in one process, without the operating system."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from asvhil.links.link import Link
 
 
 class MemoryLink(Link):
-    """One end of a pair; what one sends, the other has received when send() returns."""
+    """One end of a pair: the other end has received what it sends when send() returns."""
 
     def __init__(self, port: str, now_ns: Callable[[], int]) -> None:
         super().__init__("memory", f"memory:{port}", port, now_ns)

@@ -1,4 +1,4 @@
-"""The other end of the operator's port: one command to a running daemon, and its answer."""
+"""A client of the operator's port: one command to a running daemon, and its answer."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from asvhil.links.keyfile import read_key
 from asvhil.links.link import why
 from asvhil.types import Frame
 
-AGAIN_S = 0.5  # without an answer the command is sent again
+RESEND_S = 0.5  # the command is sent again if no answer has come
 KINDS = {"udpin": socket.SOCK_DGRAM, "tcpin": socket.SOCK_STREAM}
 OURS = {"0.0.0.0": "127.0.0.1", "::": "::1"}  # where to call a daemon that listens on all addresses
 
@@ -26,7 +26,7 @@ OURS = {"0.0.0.0": "127.0.0.1", "::": "::1"}  # where to call a daemon that list
 def send_and_wait(
     data: bytes, endpoint: str, mav_cmd: int, timeout_s: float = 2.0, signing: SigningConfig | None = None
 ) -> tuple[int, str]:
-    """Send a command frame to the daemon's operator port until it answers: (MAV_RESULT, its words).
+    """Send a command frame to the daemon's operator port until it answers: (MAV_RESULT, text).
 
     Each call numbers its frame anew, so that the daemon knows a second call from a repetition of the first. With
     `signing` each attempt is signed anew, as a repeated frame would be taken for an attack, and only answers signed
@@ -46,7 +46,7 @@ def send_and_wait(
                 asked = _Answers(endpoint, target(data), mav_cmd, SignatureFilter((), verifier))
                 while time.monotonic() < end_s:
                     link.sendall(data if signer is None else signer.sign(data, time.time_ns()))
-                    result = asked.wait(link, min(time.monotonic() + AGAIN_S, end_s))
+                    result = asked.wait(link, min(time.monotonic() + RESEND_S, end_s))
                     strangers = asked.strangers
                     if result is not None:
                         return result, asked.words
@@ -61,7 +61,7 @@ def send_and_wait(
 
 
 class _Answers:
-    """Reads what comes back: the acknowledgement of a command by the component that was asked, and its words."""
+    """Reads the answers to a command: the acknowledgement of the component asked, and its last text."""
 
     def __init__(self, endpoint: str, daemon: tuple[int, int], mav_cmd: int, accepts: SignatureFilter) -> None:
         self._endpoint, self._daemon, self._mav_cmd, self._accepts = endpoint, daemon, mav_cmd, accepts
@@ -70,7 +70,7 @@ class _Answers:
         self.strangers = ""
 
     def wait(self, link: socket.socket, until_s: float) -> int | None:
-        """The MAV_RESULT; None where there is none until then."""
+        """The MAV_RESULT; None if none has come by that time."""
         while (left_s := until_s - time.monotonic()) > 0.0:
             link.settimeout(left_s)
             try:
@@ -112,7 +112,7 @@ def _called(spec: LinkSpec) -> socket.socket:
     family, _, _, _, address = found[0]
     link = socket.socket(family, kind)
     try:
-        link.settimeout(AGAIN_S)
+        link.settimeout(RESEND_S)
         link.connect(address)
     except BaseException:
         link.close()

@@ -1,4 +1,4 @@
-"""A configured link that is opened again with bounded back-off whenever it is gone."""
+"""A configured link that is reopened, with bounded back-off, whenever it is lost."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from asvhil.types import Frame
 
 
 class ReconnectingLink:
-    """One configured port: opens its endpoint, reads it, and opens it again with bounded back-off when it is gone."""
+    """One configured port: opens its endpoint, reads it, and reopens it with bounded back-off after a loss."""
 
     def __init__(
         self,
@@ -63,7 +63,7 @@ class ReconnectingLink:
             await self._close()
 
     async def send(self, frame: Frame) -> None:
-        """Send now or never: a motor command is worth nothing later."""
+        """Send at once, or drop: a motor command must not arrive late."""
         endpoint = self._endpoint
         if endpoint is None:
             self.unsent += 1
@@ -75,7 +75,7 @@ class ReconnectingLink:
             self.state = str(error)
 
     async def forward(self, data: bytes) -> bool:
-        """Pass on a frame of others where the link has room for it: ours must not wait behind theirs."""
+        """Forward a frame of others if the link is not congested, so that the daemon's own frames never wait for it."""
         endpoint = self._endpoint
         if endpoint is None or endpoint.congested:
             return False
@@ -87,7 +87,7 @@ class ReconnectingLink:
 
     @property
     def losses(self) -> str:
-        """What was not sent or not read, in words; empty where nothing was."""
+        """How much was not sent or not read, as text; empty if nothing."""
         return f"{self.unsent} sends and {self.overflowed} frames dropped" if self.unsent or self.overflowed else ""
 
     async def _close(self) -> None:

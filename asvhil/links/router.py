@@ -1,7 +1,7 @@
 """The daemon's MAVLink links: checks of senders and signatures, and routing between autopilot and ground stations.
 
-The backseat gets, and the log keeps, only what has passed the checks, and what is sent is signed after it was logged:
-so a replay needs neither key nor clock, and no key is ever in a log.
+The backseat and the log get only frames that have passed the checks, and frames are signed after they were logged. So
+a replay needs neither key nor clock, and no key is ever in a log.
 """
 
 from __future__ import annotations
@@ -28,10 +28,10 @@ SAVE_NS = 10_000_000_000
 
 
 class ForwardingLink(Protocol):
-    """What the router needs of a link."""
+    """The part of a link that the router uses."""
 
     async def forward(self, data: bytes) -> bool:
-        """Pass a frame on if there is room for it; whether there was."""
+        """Forward a frame if the link has room: whether it had."""
         ...
 
 
@@ -41,7 +41,7 @@ class MavlinkRouter:
     Raises ConfigError where a key, a message name or a file of the config is wrong.
 
     `unix_ns` is the computer's time of day, for signatures alone; `t_ns` of frames is the daemon's own clock.
-    `on_forward` is told of every frame of others that goes to the autopilot.
+    `on_forward` is called with every frame of others that is forwarded to the autopilot.
     """
 
     def __init__(
@@ -75,7 +75,7 @@ class MavlinkRouter:
         self._saved_last = self._clock.last
 
     def rejected(self, port: str) -> Counter[str]:
-        """How many frames of a link were refused so far, by why."""
+        """Cumulative counts of the rejected frames of a link, by reason."""
         return self._filters[port].rejected
 
     def attach(self, links: Mapping[str, ForwardingLink]) -> None:
@@ -83,13 +83,13 @@ class MavlinkRouter:
         self._links = links
 
     async def receive(self, frame: Frame) -> list[Frame]:
-        """The frames for the backseat out of one received frame; frames for others are forwarded meanwhile."""
+        """The frames for the backseat out of one received frame; frames for others are forwarded."""
         signature_filter = self._filters.get(frame.port)
         if signature_filter is None:
             return [frame]
         routed = self._table is not None and frame.port != OPERATOR
         if not routed and not signature_filter.guards:
-            return [frame]  # untouched: the codec behind counts the garbage
+            return [frame]  # no MAVLink frame in it: the codec counts it as garbage
         accepted = signature_filter.receive(frame, self._unix_ns())
         operators: list[Frame] = []
         if routed:
@@ -112,7 +112,7 @@ class MavlinkRouter:
         return [self._signed(Frame(t_ns=frame.t_ns, port=name, data=frame.data, peer=frame.peer)) for name in ports]
 
     def remarks(self, port: str) -> str:
-        """What was dropped on a link and why; empty where nothing was."""
+        """How many frames were dropped on a link, and why, as text; empty if none."""
         signature_filter = self._filters.get(port)
         rejected = signature_filter.rejected if signature_filter is not None else Counter[str]()
         parts = [f"{count} {reason}" for reason, count in sorted(rejected.items())]
@@ -125,7 +125,7 @@ class MavlinkRouter:
         return text
 
     def take_news(self, t_ns: int) -> list[str]:
-        """New remarks on all links, at most every 5 s, so that an attack does not fill the log."""
+        """Remarks that have changed, on all links; at most every 5 s, so that an attack does not fill the log."""
         if t_ns - self._news_ns < NEWS_NS:
             return []
         self._news_ns = t_ns
@@ -139,14 +139,14 @@ class MavlinkRouter:
         return fresh
 
     def take_save_due(self, t_ns: int) -> bool:
-        """Whether to write the timestamps now; true at most every 10 s, and only where they have changed."""
+        """Whether to write the timestamps now: at most every 10 s, and only if they have changed."""
         if not self._state_files or t_ns - self._save_ns < SAVE_NS or self._clock.last == self._saved_last:
             return False
         self._save_ns, self._saved_last = t_ns, self._clock.last
         return True
 
     def states(self) -> dict[Path, SigningState]:
-        """The signing timestamps of every link and the file each belongs in: a copy, for a thread to write."""
+        """A copy of the signing timestamps of every link by file, for a thread to write."""
         found = {}
         for port, path in self._state_files.items():
             verifier = self._filters[port].verifier
@@ -169,7 +169,7 @@ class MavlinkRouter:
         if not hops.local:
             return []
         if frame.port == AUTOPILOT and (source(data)[0] == self._autopilot_system_id or target(data)[0] == 0):
-            return []  # the vehicle's own talk, which the codec of that port reads; an operator asks us by name
+            return []  # messages of the vehicle, which the codec of that port reads; an operator addresses this daemon
         return [Frame(t_ns=frame.t_ns, port=OPERATOR, data=data, peer=frame.peer, via=frame.port)]
 
     def _signed(self, frame: Frame) -> Frame:
@@ -188,7 +188,7 @@ class MavlinkRouter:
             self.warnings.append(warning)
         path = self._state_files[port] = state_file(signing, port)
         state = read_state(path)
-        save_states({path: state})  # now is the time to hear that it cannot be written
+        save_states({path: state})  # fails at start if the file cannot be written
         self._signers[port] = Signer(key, signing.link_id, self._clock)
         return Verifier(
             key,

@@ -1,6 +1,6 @@
 """Bytes in and out of a non-blocking file descriptor: what TCP, serial ports and pseudo terminals have in common.
 
-Not asyncio's transports, because those buffer without bound, and not pyserial-asyncio-fast, because it spins inside
+Not asyncio's transports, because those buffer without bound, and not pyserial-asyncio-fast, because it loops inside
 write() for ever when the kernel's buffer of a serial port is full (version 0.16 with pyserial 3.5).
 """
 
@@ -18,7 +18,7 @@ MAX_PENDING_BYTES = 256 * 1024
 
 
 class ByteStream:
-    """Reads and writes a descriptor that its owner opened and closes; stops itself before it calls `lost`."""
+    """Reads and writes a file descriptor, which its owner opens and closes; stops itself before it calls `lost`."""
 
     def __init__(
         self,
@@ -59,7 +59,7 @@ class ByteStream:
             self._unsent(1)
 
     def stop(self) -> None:
-        """Let go of the descriptor, before its owner closes it; what is still pending counts as unsent. Idempotent."""
+        """Stop using the descriptor, before its owner closes it; pending sends count as unsent. Idempotent."""
         if self._stopped:
             return
         self._stopped = True
@@ -106,7 +106,7 @@ class ByteStream:
             self._loop.remove_writer(self._fd)
 
     def _write_failed(self, exc: OSError) -> None:
-        """The other end left, but what it said before leaving is still in the kernel: read that first."""
+        """The peer has closed: read what it sent before, which the kernel still has."""
         for _ in range(1024):
             if self._stopped:
                 return

@@ -1,4 +1,4 @@
-"""TCP links: `tcp` calls a server, `tcpin` is one for a single client at a time."""
+"""TCP links: `tcp` connects to a server, `tcpin` is a server for one client at a time."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from asvhil.links.link import OPEN_TIMEOUT_S, Link, resolve, why
 from asvhil.links.stream import ByteStream
 
 DEAD_PEER_S = 10
-CONGESTED_BYTES = 16 * 1024  # that the kernel did not take: the peer does not keep up
+CONGESTED_BYTES = 16 * 1024  # not accepted by the kernel yet: the peer is too slow
 
 
 def _tune(sock: socket.socket) -> None:
-    """Send at once, and find out within some 10 s when the other computer is gone without a word."""
+    """Set no-delay, and keep-alive so that a peer that vanishes is noticed within some 10 s."""
     sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
     sock.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
     sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_KEEPIDLE, 4)
@@ -26,7 +26,7 @@ def _tune(sock: socket.socket) -> None:
 
 
 class TcpClient(Link):
-    """One connection; when the server leaves, the link is lost."""
+    """One connection; when the server closes it, the link is lost."""
 
     def __init__(self, spec: LinkSpec, port: str, now_ns: Callable[[], int], sock: socket.socket) -> None:
         super().__init__(spec.text, host_port(*sock.getpeername()[:2]), port, now_ns)
@@ -38,7 +38,7 @@ class TcpClient(Link):
 
     @property
     def congested(self) -> bool:
-        """Whether the peer reads too slowly."""
+        """Whether sends are queued since the peer reads too slowly."""
         return self._stream.pending_bytes > CONGESTED_BYTES
 
     def _release(self) -> None:
@@ -47,7 +47,7 @@ class TcpClient(Link):
 
 
 class TcpServer(Link):
-    """Listens; the newest client wins, so that a client that reconnects is not shut out by its own ghost."""
+    """Listens; a new client replaces the last one, so that a dead connection never blocks a client that reconnects."""
 
     def __init__(self, spec: LinkSpec, port: str, now_ns: Callable[[], int], sock: socket.socket) -> None:
         super().__init__(spec.text, host_port(*sock.getsockname()[:2]), port, now_ns)
@@ -67,8 +67,8 @@ class TcpServer(Link):
         try:
             client, _ = self._listener.accept()
         except (BlockingIOError, InterruptedError, ConnectionError):
-            return  # it left before it was served
-        except OSError as exc:  # out of descriptors: the listener would stay readable and spin the loop
+            return  # the client closed before it was accepted
+        except OSError as exc:  # out of file descriptors: the listener would stay readable and keep the loop busy
             self._lose(f"cannot take a client: {why(exc)}")
             return
         self._drop_client()
@@ -100,7 +100,7 @@ class TcpServer(Link):
 
     @property
     def congested(self) -> bool:
-        """Whether the client reads too slowly."""
+        """Whether sends are queued since the client reads too slowly."""
         return self._stream is not None and self._stream.pending_bytes > CONGESTED_BYTES
 
     def _release(self) -> None:
@@ -118,7 +118,7 @@ async def open_tcp(spec: LinkSpec, port: str, now_ns: Callable[[], int]) -> TcpC
         try:
             sock.setblocking(False)
             await asyncio.wait_for(asyncio.get_running_loop().sock_connect(sock, target), OPEN_TIMEOUT_S)
-            # A client that calls a free port of its own computer again and again is one day connected to itself.
+            # Repeated attempts at a free port of this computer can end in a connection of the socket to itself.
             if sock.getsockname() == sock.getpeername():
                 raise ConnectionRefusedError("no server listens there")
             _tune(sock)

@@ -1,4 +1,4 @@
-"""Serial ports, and the pseudo terminal that stands in for one on the plant's side."""
+"""Serial ports, and the pseudo terminal that simulates one on the plant's side."""
 
 from __future__ import annotations
 
@@ -41,13 +41,13 @@ class SerialLink(Link):
 
     @property
     def congested(self) -> bool:
-        """Whether more is queued, here and in the driver, than the line carries in 50 ms."""
+        """Whether more bytes are queued, here and in the driver, than the line sends in 50 ms."""
         if self._gone:
             return False
         return self._stream.pending_bytes + _queued_bytes(self._device.fileno()) > self._congested_bytes
 
     async def _linger(self) -> None:
-        """Let the last sends (release the motors) leave; the kernel's own wait in close() would block up to 30 s."""
+        """Wait for the last sends (release of the motors); the kernel's own wait in close() would block up to 30 s."""
         loop = asyncio.get_running_loop()
         deadline_s = loop.time() + LINGER_S
         while self._device.is_open and (self._stream.pending_bytes or _queued_bytes(self._device.fileno())):
@@ -99,8 +99,8 @@ async def open_serial(spec: LinkSpec, port: str, now_ns: Callable[[], int]) -> S
 class PtyLink(Link):
     """The master end of a pseudo terminal; `address` is the slave's path, a symlink at the spec's path leads there.
 
-    While nobody has the slave open, sends are dropped: the kernel would keep them and hand stale bytes to the next
-    reader. An opened slave is noticed at the next send, or within 20 ms.
+    While no process has the slave open, sends are dropped: the kernel would keep them for the next reader, which would
+    get stale bytes. An opened slave is noticed at the next send, or within 20 ms.
     """
 
     def __init__(self, spec: LinkSpec, slave_path: str, port: str, now_ns: Callable[[], int], master_fd: int) -> None:
@@ -114,7 +114,7 @@ class PtyLink(Link):
         self._look()
 
     def _look(self) -> None:
-        """Has somebody opened the slave? Then read and write it until they close it; else look again later."""
+        """Check whether a process has opened the slave: then read and write it until it is closed, else check again."""
         if self._timer is not None:
             self._timer.cancel()
             self._timer = None
@@ -122,7 +122,7 @@ class PtyLink(Link):
             data = os.read(self._master_fd, CHUNK_BYTES)
         except (BlockingIOError, InterruptedError):
             data = b""
-        except OSError:  # EIO: the slave is closed. The loop cannot wait for its opening, only spin on its absence.
+        except OSError:  # EIO: the slave is closed. A closed slave polls as readable, so its opening cannot be awaited.
             self._timer = self._loop.call_later(LOOK_PERIOD_S, self._look)
             return
         self._stream = ByteStream(self._master_fd, self._received, self._slave_closed, self._count_unsent)
@@ -131,7 +131,7 @@ class PtyLink(Link):
 
     def _slave_closed(self, _reason: str) -> None:
         self._stream = None
-        try:  # what the last reader left unread is not for the next one
+        try:  # discard what the last reader has not read
             slave_fd = os.open(self.address, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
         except OSError:
             pass
@@ -158,7 +158,7 @@ class PtyLink(Link):
         if self._stream is not None:
             self._stream.stop()
             self._stream = None
-        with contextlib.suppress(OSError):  # no longer there, or another plant's by now
+        with contextlib.suppress(OSError):  # already gone, or replaced by another plant's
             if os.readlink(self._path) == self.address:
                 os.unlink(self._path)
         os.close(self._master_fd)
@@ -166,7 +166,7 @@ class PtyLink(Link):
 
 
 async def open_pty(spec: LinkSpec, port: str, now_ns: Callable[[], int]) -> PtyLink:
-    """Make a raw pseudo terminal and the symlink to its slave; LinkError when the symlink cannot be put there."""
+    """Open a raw pseudo terminal and make the symlink to its slave; LinkError when the symlink cannot be made."""
     if os.path.lexists(spec.path) and not os.path.islink(spec.path):
         raise LinkError(f"{spec.text}: something that is not a symlink is already there")
     try:

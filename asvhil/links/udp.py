@@ -1,4 +1,4 @@
-"""UDP links: `udpin` binds and learns its peers, `udpout` calls one peer. Datagrams stay whole and are never queued."""
+"""UDP links: `udpin` binds and learns its peers, `udpout` has one peer. Datagrams stay whole and are never queued."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from asvhil.links.link import Link, resolve, why
 MAX_PEERS = 16
 PEER_LIFE_NS = 10_000_000_000
 DATAGRAM_BYTES = 65536
-# What the kernel keeps while the process waits for a core; its default is some 50 ms of 5000 datagrams a second. It
-# grants less where net.core.rmem_max is smaller.
+# Receive buffer for the time that the process waits for a core; the default holds some 50 ms at 5000 datagrams/s. The
+# kernel grants less where net.core.rmem_max is smaller.
 RECEIVE_BUFFER_BYTES = 2 * 1024 * 1024
 BURST = 64  # datagrams per turn of the loop: a flood must not starve the control tick
-# What the network reports of earlier sends: the peer, or the way to it, is not there yet. Each is reported once.
+# Errors of earlier sends, each reported once: the peer, or the route to it, is not there yet.
 _PASSING = {errno.ECONNREFUSED, errno.EHOSTUNREACH, errno.ENETUNREACH, errno.ENETDOWN, errno.EHOSTDOWN, errno.EINTR}
 
 
 class UdpLink(Link):
-    """What both ends share: reading in bursts, and errors that pass."""
+    """Base class of both kinds: reading in bursts, and tolerance of transient errors."""
 
     def __init__(self, spec: LinkSpec, address: str, port: str, now_ns: Callable[[], int], sock: socket.socket) -> None:
         super().__init__(spec.text, address, port, now_ns)
@@ -46,7 +46,7 @@ class UdpLink(Link):
             self._heard(peer, source, self._received(data, peer))
 
     def _heard(self, peer: str, source: Any, t_ns: int) -> None:
-        """A datagram came from this address."""
+        """Note the address of a received datagram."""
 
     def _release(self) -> None:
         if self._sock.fileno() >= 0:
@@ -55,7 +55,7 @@ class UdpLink(Link):
 
 
 class UdpIn(UdpLink):
-    """Bound; sends without a peer go to all that were heard in the last 10 s, at most 16 peers are remembered."""
+    """Bound. Sends without a peer go to all peers heard in the last 10 s, of at most 16."""
 
     def __init__(self, *args: Any) -> None:
         super().__init__(*args)
@@ -86,7 +86,7 @@ class UdpIn(UdpLink):
 
 
 class UdpOut(UdpLink):
-    """Connected to one peer, which may start later, restart, or be out of reach for a while."""
+    """Connected to one peer, which may start later, restart, or be unreachable for a while."""
 
     def _transmit(self, data: bytes, peer: str) -> None:
         for _ in range(2):  # an ICMP error of an earlier datagram is reported instead of sending this one

@@ -2,7 +2,7 @@
 
 The record is JSON with the fields in the order of `asvhil.types`; bytes are base64, floats are the shortest text that
 reads back to the same double. JSON has no NaN: a non-finite float is written as the string "NaN", "Infinity" or
-"-Infinity", because the cost of a failed solve is just what a log is opened for.
+"-Infinity", because the cost of a failed solution must be readable in a log.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from asvhil.types import Outputs
 
 
 def _plain(value: Any) -> Any:
-    """NumPy scalars, which msgspec does not know, as Python numbers of the same value."""
+    """A NumPy scalar as a Python number of the same value: msgspec does not know NumPy's."""
     item = getattr(value, "item", None)
     if item is None:
         raise TypeError(f"a {type(value).__name__} cannot be recorded")
@@ -36,15 +36,15 @@ def encode_outputs(outputs: Outputs) -> bytes:
     """The record of one tick's outputs: equal outputs give equal bytes. TypeError on what JSON cannot hold."""
     data = _encoder.encode(outputs)
     absent = sum(value is None for value in _fields(outputs))
-    # msgspec writes null for a non-finite float. A surplus of nulls (or of that word in a text) takes the slow way,
-    # which is right for all.
+    # msgspec writes null for a non-finite float. More nulls than None fields (or that word in a text) take the slow
+    # path, which is right in every case.
     if data.count(b"null") > absent:
         data = _encoder.encode(_spell_non_finite(msgspec.to_builtins(outputs, enc_hook=_plain)))
     return data
 
 
 def decode_outputs(data: bytes) -> Outputs:
-    """The outputs of a record. LogError names the field that is wrong."""
+    """The outputs of a record. LogError names the wrong field."""
     try:
         return _strict.decode(data)
     except msgspec.DecodeError:
@@ -98,7 +98,7 @@ def _difference(path: str, a: Any, b: Any) -> str | None:
             if found:
                 return found
         return None if len(a) == len(b) else f"{path}: {len(a)} items recorded, {len(b)} replayed"
-    # By their JSON, not by ==, which cannot tell -0.0 from 0.0 nor 1 from 1.0.
+    # Compared as JSON, since == does not tell -0.0 from 0.0 nor 1 from 1.0.
     if msgspec.json.encode(a) == msgspec.json.encode(b):
         return None
     return f"{path or 'record'}: {_show(a)} recorded, {_show(b)} replayed"

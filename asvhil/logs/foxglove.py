@@ -1,4 +1,4 @@
-"""What Foxglove, Lichtblick and Rerun draw of a log: JSON messages in their schemas, made from Outputs.
+"""Messages for Foxglove, Lichtblick and Rerun: JSON in their schemas, made from Outputs.
 
 The world frame is `map`: east, north, up, with its origin at that of the local NED frame. The body frame is
 `base_link`: forward, left, up. Estimates that are invalid or not finite are not drawn, so the JSON never holds NaN.
@@ -24,7 +24,7 @@ TRANSFORM_TOPIC = "/tf"
 PLAN_TOPIC = "/asvhil/plan"
 LOG_TOPIC = "/asvhil/log"
 
-_LIFETIME_NS = 1_000_000_000  # a plan or station that is not renewed vanishes
+_LIFETIME_NS = 1_000_000_000  # viewers remove a plan or station after this time without a new one
 _STATION_LENGTH_M = 3.0
 _LEVELS = {"debug": 1, "info": 2, "warning": 3, "error": 4, "critical": 5, "fatal": 5}
 _SANE = 1e9
@@ -33,7 +33,7 @@ _LINE_STRIP = 0
 
 
 # --- schemas ---------------------------------------------------------------------------------------------
-# Only types that the viewers' JSON Schema readers take: nested objects in place, no $ref, no bare oneOf.
+# Only what the viewers' JSON Schema readers accept: nested objects in place, no $ref, no bare oneOf.
 
 
 def _object(title: str = "", optional: tuple[str, ...] = (), **properties: Any) -> dict[str, Any]:
@@ -149,7 +149,7 @@ TOPIC_SCHEMAS: dict[str, str] = {
 
 
 def convert_outputs(outputs: Outputs) -> list[tuple[str, bytes]]:
-    """(topic, JSON) of all that can be drawn of one tick; the fix needs the origin of the local frame."""
+    """(topic, JSON) of each message of one tick; the fix needs the origin of the local frame."""
     messages: list[tuple[str, bytes]] = []
     estimate = outputs.estimate
     if estimate is not None and _drawable(estimate):

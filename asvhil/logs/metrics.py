@@ -1,4 +1,4 @@
-"""How well a station was kept: the paper's errors and penalty score, from series of pose errors."""
+"""Station keeping metrics: the paper's errors and penalty score, from series of pose errors."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any
 from asvhil.dynamics.arrays import Array
 from asvhil.types import record
 
-SETTLED_FROM_S = 60.0  # the score looks at what the controller holds, not at how it got there
+SETTLED_FROM_S = 60.0  # the score is of station keeping, not of the way to the station
 
 
 @record

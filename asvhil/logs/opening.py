@@ -40,7 +40,7 @@ def log_metadata(config: Config, mode: str) -> dict[str, dict[str, str]]:
     """The metadata records that make a log replayable: the whole config, versions, plug-ins, seed and mode."""
     model = model_file(config)
     if model is not None:
-        build_model(config, model)  # one that will not do is told before there is a log
+        build_model(config, model)  # raises for an unsuitable model before a log is made
     data = model.read_bytes() if model is not None else b""
     # The model itself goes into the log: a replay must not depend on a file that training may write again.
     stored = (

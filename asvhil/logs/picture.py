@@ -32,7 +32,7 @@ def draw_run(run: RunLog, path: Path, title: str) -> None:
 
 
 def _draw_track(axes: Axes, run: RunLog) -> None:
-    """The track about the station, north up; about the local origin where nothing was held."""
+    """The track relative to the station, north up; relative to the local origin if no station was held."""
     station = run.station or Station(n_m=0.0, e_m=0.0, psi_rad=0.0)
     for _, plan in run.plans:
         axes.plot(plan[:, 2] - station.e_m, plan[:, 1] - station.n_m, color="tab:orange", linewidth=0.8, alpha=0.7)

@@ -1,4 +1,4 @@
-"""Plug-ins of a run in its log: what was recorded of them, and whether they are here when it is read.
+"""Plug-ins of a run in its log: their records, and the check that they are available when the log is read.
 
 One metadata record for each, `plugin.0`, `plugin.1`, ...: of a file its path, its SHA-256 and its text; of an installed
 package its name and version. `gives` are the kinds that the run had of it, such as `controller my-pid`.
@@ -90,7 +90,7 @@ def _gives(plugin: Plugin) -> str:
 
 
 def _given(record: dict[str, str]) -> list[tuple[Registry[Any], str]]:
-    """The kinds that a run had of a package."""
+    """The kinds that a run used of a package."""
     registries = {registry.what: registry for registry in REGISTRIES}
     pairs = (given.rpartition(" ") for given in record.get("gives", "").split(", ") if "package" in record)
     return [(registries[what], name) for what, _, name in pairs if what in registries]
@@ -114,7 +114,7 @@ def _load_recorded(record: dict[str, str], path: Path) -> None:
 
 
 def _missing(record: dict[str, str]) -> str:
-    """What to tell of a plug-in file that is not loaded."""
+    """The message for a plug-in file that is not loaded."""
     file, sha256 = Path(record.get("file", "")), record.get("sha256", "")
     others = [one for one in all_loaded() if Path(one.file).name == file.name]
     what = f"the run had the {record.get('gives')} of the plug-in {file.name} (SHA-256 {sha256[:12]})"
@@ -125,7 +125,7 @@ def _missing(record: dict[str, str]) -> str:
 
 
 def _place(file: Path, sha256: str) -> str:
-    """Where the file still is, unchanged. It is looked at, and not run: a log does not choose what is."""
+    """The path of the file if it is still there, unchanged. It is read, not run: a log never chooses what is run."""
     try:
         same = file.is_file() and hashlib.sha256(file.read_bytes()).hexdigest() == sha256
     except OSError:

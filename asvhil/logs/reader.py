@@ -71,7 +71,7 @@ class LogFile:
 
     `truncated`: the file has no end or a damaged tail; all that is intact before it is read. `damage` says in words
     what is wrong, None for a whole file. Damage with intact chunks behind it ends the iterators with a LogError that
-    names its byte offset, because a replay must not step over a hole.
+    names its byte offset, because a replay must not skip a gap.
     """
 
     def __init__(self, path: Path) -> None:
@@ -80,7 +80,7 @@ class LogFile:
         self.truncated = False
         self.damage: str | None = None
         self._data: list[tuple[int, int]] = []  # (offset, size) of chunks, and of messages and channels outside of them
-        self._hole = False  # the file has its end, but not all before it
+        self._gap = False  # the file has its end, but a gap before it
         try:
             with path.open("rb") as file:
                 self._scan(file)
@@ -133,7 +133,7 @@ class LogFile:
     # --- the records of the file ---
 
     def _scan(self, file: BinaryIO) -> None:
-        """Find the records that hold data and read the metadata, stepping over the contents of all else."""
+        """Index the records that hold data and read the metadata; the contents of all others are skipped."""
         size = file.seek(0, 2)
         file.seek(0)
         if file.read(MAGIC_SIZE) != MCAP0_MAGIC:
@@ -158,7 +158,7 @@ class LogFile:
             elif opcode == Opcode.DATA_END:
                 data_ended = True
             elif opcode == Opcode.STATISTICS:
-                with contextlib.suppress(LogError):  # damage there leaves the data readable
+                with contextlib.suppress(LogError):  # the data are readable without it
                     statistics = self._parse(file, offset, end - offset)
                     assert isinstance(statistics, Statistics)
                     chunks_expected = statistics.chunk_count
@@ -169,12 +169,12 @@ class LogFile:
         self._check_metadata(offset)
         if whole:
             if chunks_expected not in (None, chunks):
-                self._hole = True
+                self._gap = True
                 self.damage = f"{self.path}: damaged: {chunks} of {chunks_expected} chunks are found"
             return
         file.seek(max(0, size - MAGIC_SIZE))
         if file.read() == MCAP0_MAGIC and not data_ended:
-            self._hole = True
+            self._gap = True
             self.damage = f"{self.path}: damaged at byte {offset}: no record starts there"
         else:
             self.truncated = True
@@ -187,7 +187,7 @@ class LogFile:
             raise LogError(f"{self.path}: not a log of asvhil: an MCAP file of profile {profile!r}, not {PROFILE!r}")
 
     def _check_metadata(self, end: int) -> None:
-        """LogError unless the recorder's metadata are all there, in the bytes up to `end`."""
+        """LogError unless all metadata of the recorder are in the bytes up to `end`."""
         if LAYOUT_RECORD not in self.metadata:
             raise LogError(f"{self.path}: not a log of asvhil, or cut off at byte {end}, in its metadata")
         about = self.metadata.pop(LAYOUT_RECORD)
@@ -198,10 +198,10 @@ class LogFile:
             raise LogError(f"{self.path}: {len(self.metadata)} of {count} metadata records are found")
 
     def _check_compression(self, file: BinaryIO) -> None:
-        """LogError where the chunks are packed in a way that is not read; else all of them would count as damaged."""
+        """LogError for an unknown compression of the chunks, which would otherwise all count as damaged."""
         first: McapRecord | None = None
         for offset, size in self._data:
-            with contextlib.suppress(LogError):  # damage is told where it is read
+            with contextlib.suppress(LogError):  # reported where the chunk is read
                 first = self._parse(file, offset, size)
             if isinstance(first, Chunk):
                 break
@@ -211,7 +211,7 @@ class LogFile:
 
     def _drop_damaged_tail(self, file: BinaryIO) -> None:
         """After a power cut the last chunks may have their length but not their content."""
-        while self._data and not self._hole:
+        while self._data and not self._gap:
             try:
                 self._contents(file, *self._data[-1])
             except LogError as error:
@@ -222,7 +222,7 @@ class LogFile:
                 return
 
     def _parse(self, file: BinaryIO, offset: int, size: int) -> McapRecord:
-        """The record in those bytes of the file, a chunk unopened."""
+        """The record in a range of bytes; a chunk is not decompressed."""
         file.seek(offset)
         try:
             return next(StreamReader(BytesIO(file.read(size)), skip_magic=True, emit_chunks=True).records)
@@ -262,7 +262,7 @@ class LogFile:
             raise LogError(f"{self.path}: cannot be read ({error.strerror})") from None
         except KeyError as error:
             raise self._error(f"a message of the channel {error}, which is not declared", offset) from None
-        if self._hole:
+        if self._gap:
             raise LogError(str(self.damage))
 
     def _decode(self, decoder: msgspec.json.Decoder[T], data: bytes, topic: str, chunk_at: int) -> T:
@@ -297,7 +297,7 @@ def _records(data: bytes) -> Iterator[McapRecord]:
 def _channel(declared: Channel) -> _Channel:
     values = declared.metadata
     port, peer, via = values.get("port", ""), values.get("peer", ""), values.get("via")
-    if via is None and port == OPERATOR:  # written before there was one
+    if via is None and port == OPERATOR:  # of a log older than `via`
         via, _, peer = peer.rpartition("|")
     return _Channel(declared.topic, port, values.get("direction", ""), peer, via or "")
 

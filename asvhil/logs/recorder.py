@@ -59,12 +59,12 @@ _OUTPUTS_BYTES = 8000
 
 
 class Recorder:
-    """Writes a log on a thread of its own; no call blocks, and no failure of the disk reaches the caller.
+    """Writes a log on a thread of its own. No call blocks or raises when the disk stalls or fails.
 
-    When the disk fails, `error` is set and recording stops. When it stalls until `queue_bytes` wait, whole ticks are
-    dropped (an Inputs with its Outputs). `dropped` counts the calls that were not written. LogError is raised by the
-    constructor alone: the file exists already, or cannot be made.
-    `threaded=False` writes in the caller's time and syncs at `close` only.
+    When the disk fails, `error` is set and recording stops. When more than `queue_bytes` wait for a stalled disk, whole
+    ticks are dropped (an Inputs with its Outputs). `dropped` counts the calls that were not written. LogError is
+    raised by the constructor alone: the file exists already, or cannot be made.
+    `threaded=False` writes within the calls and syncs at `close` only.
     """
 
     def __init__(
@@ -117,7 +117,7 @@ class Recorder:
 
     def write_outputs(self, outputs: Outputs) -> None:
         """The record of a tick, its outbound frames, and what viewers draw of it."""
-        if self._gap:  # never an outcome without its inputs
+        if self._gap:  # the inputs of this tick were dropped
             self._refused += 1
             return
         size = _OUTPUTS_BYTES + sum(len(sent.data) + _RECORD_BYTES for sent in outputs.frames)
@@ -136,7 +136,7 @@ class Recorder:
         self._submit(_RECORD_BYTES + len(text), self._file.write_log, t_ns, level, text)
 
     def close(self) -> None:
-        """Write what waits, finish the file, sync and close it. May be called again."""
+        """Write the queue, finish the file, sync and close it. Idempotent."""
         if self._closed:
             return
         self._closed = True
@@ -186,12 +186,12 @@ class Recorder:
         self._attempt(self._file.close, even_after_error=True)
 
     def _attempt(self, write: Callable[..., None], *args: Any, even_after_error: bool = False) -> bool:
-        """Whether the write went well; the first that does not ends the recording."""
+        """Write, and tell whether it succeeded; the first failure ends the recording."""
         if self.error is not None and not even_after_error:
             return False
         try:
             write(*args)
-        except Exception as error:  # whatever it is, the boat sails on without its log
+        except Exception as error:  # whatever it is, control goes on without a log
             reason = error.strerror if isinstance(error, OSError) else f"{type(error).__name__}: {error}"
             self.error = self.error or LogError(f"{self.path}: recording stopped: {reason}")
             return False
@@ -253,14 +253,14 @@ class _LogWriter:
         self._add(self._views[LOG_TOPIC], t_ns, log_message(t_ns, level, text))
 
     def sync(self) -> None:
-        """End the chunk and bring it to the disk."""
+        """End the chunk and sync the file."""
         if self._written:
             self._mcap.flush()  # type: ignore[no-untyped-call]
             self._sink.sync()
             self._written = False
 
     def finish(self) -> None:
-        """The summary that makes the file whole."""
+        """Write the summary and the end of the file."""
         self._mcap.finish()  # type: ignore[no-untyped-call]
         self._sink.sync()
 
@@ -321,7 +321,7 @@ class _Sink:
 
 
 def _sync_folder(folder: Path) -> None:
-    """Bring the name of a new file to the disk too."""
+    """Sync the folder, so that the name of a new file is on the disk too."""
     fd = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
     try:
         os.fsync(fd)

@@ -1,4 +1,4 @@
-"""Replay: the recorded inputs through the same object, its outputs compared byte by byte with the recorded ones."""
+"""Replay: the recorded inputs through a fresh backseat, its outputs compared byte by byte with the recorded ones."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Mismatch:
 
 @record
 class ReplayResult:
-    """What a replay found. `span_s` is recorded time, `wall_s` what the replay took.
+    """The result of a replay. `span_s` is recorded time, `wall_s` what the replay took.
 
     `changed_packages` are plug-ins of the run that are installed in another version now.
     """
@@ -48,7 +48,7 @@ class ReplayResult:
 def config_of(log: LogFile, path: Path, *, known_only: bool = False) -> Config:
     """The config that a log was recorded with; `known_only` as `config_from_json`.
 
-    LogError where it has none, or where a plug-in of the run is needed and not here.
+    LogError where it has none, or where a plug-in that the run needs is not available.
     """
     stored = log.metadata.get("config", {}).get("json")
     if stored is None:
@@ -82,7 +82,7 @@ def recorded_model(log: LogFile, path: Path) -> Iterator[Path | None]:
 
 
 def build_recorded(log: LogFile, path: Path) -> Backseat:
-    """A fresh backseat as the one that wrote a log: its config, and the learned model that the log holds."""
+    """A fresh backseat like the one that wrote a log, by the log's config and learned model."""
     config = config_of(log, path)
     with recorded_model(log, path) as file:
         return build_backseat(config, file)

@@ -1,4 +1,4 @@
-"""One run as arrays, out of its log: what the backseat believed and did, and the simulated truth where it was sent."""
+"""One run as arrays, from its log: estimates, commands, and the simulated true state where it was logged."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class PoseTrack:
 
 @record
 class RunLog:
-    """Everything of a run that its summary and its picture need. Times are seconds since the first tick."""
+    """The data of a run for its summary and its picture. Times are seconds since the first tick."""
 
     config: Config
     metadata: dict[str, dict[str, str]]
@@ -175,7 +175,7 @@ def summarise(run: RunLog, wall_s: float | None = None) -> dict[str, Any]:
             "origin": run.wind_origin,
             "estimated_toward_deg": float(np.degrees(np.angle(vector.mean()))) if len(vector) else None,
         },
-        # Mean squared command of both motors: what a battery feels, without a motor's own curve.
+        # Mean squared command of both motors, as a measure of energy that needs no power curve of a motor.
         "energy": float((settled_command[:, 1:] ** 2).mean()) if len(settled_command) else None,
         "ticks": run.ticks,
         "overruns": run.overruns,

@@ -18,7 +18,7 @@ _SIGNED = 0x01
 def read_tlog(path: Path) -> Iterator[tuple[int, bytes]]:
     """(Unix time in us, MAVLink frame of version 1 or 2) in file order; checksums are left to the decoder.
 
-    LogError names the byte offset of the first record that is damaged or cut off; those before it have been given.
+    LogError names the byte offset of the first record that is damaged or cut off, after those before it were yielded.
     """
     try:
         with path.open("rb") as file:

@@ -1,4 +1,4 @@
-"""Codec and estimator over a MAVLink telemetry log, held against the autopilot's own estimate in it."""
+"""Codec and estimator run over a MAVLink telemetry log, compared with the autopilot's own estimate in it."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def check_tlog(config: Config, path: Path, on_tick: Callable[[int], None] | None
         first_ns = t_ns if first_ns is None else first_ns
         next_ns = t_ns + tick_ns if next_ns is None else next_ns
         if t_ns - next_ns > 60_000_000_000:
-            next_ns = t_ns  # the recording paused: do not tick through the night
+            next_ns = t_ns  # the recording paused: continue at the next record
         while t_ns >= next_ns:
             inputs = Inputs(t_ns=next_ns, frames=tuple(pending))
             pending = []
@@ -94,7 +94,7 @@ def check_tlog(config: Config, path: Path, on_tick: Callable[[int], None] | None
 def _compare(
     estimate: Any, local: Any, theirs: dict[str, Any], position_m: list[float], heading_deg: list[float]
 ) -> None:
-    """Append the errors to what the autopilot last said of itself."""
+    """Append the differences to the autopilot's last own position and heading."""
     position, attitude = theirs.get("GLOBAL_POSITION_INT"), theirs.get("ATTITUDE")
     if position is None or attitude is None:
         return
