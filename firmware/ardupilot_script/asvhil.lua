@@ -11,9 +11,9 @@ local VERSION = 1
 
 local ROVER, HOLD = 1, 4 -- kind of vehicle; the only mode to drive in
 local PORT_MOTOR, STARBOARD_MOTOR = 73, 74 -- SERVOn_FUNCTION: throttle left, throttle right
-local TUNNEL, PAYLOAD_TYPE = 385, 42353 -- numbers from 32768 on are for private use
+local TUNNEL, TUNNEL_EXTRA, PAYLOAD_TYPE = 385, 147, 42353 -- payload types from 32768 on are for private use
 local AUTOPILOT, FIRST_SENDER, LAST_SENDER = 1, 191, 194 -- component ids: the autopilot's, onboard computers'
-local RELEASE, DRIVE = 0, 1 -- orders
+local RELEASE, DRIVE, LENGTH = 0, 1, 16 -- orders, and bytes of one
 local SHORTEST_US, LONGEST_US = 800, 2200 -- beyond these a number is no pulse for a motor
 local STICK_US = 60 -- a stick that is further from its trim is the pilot's
 local TIMEOUT_MS, PASS_MS, ALIVE_MS = 300, 10, 500
@@ -38,7 +38,18 @@ local last_ms = 0 -- when pulses went out last
 local used, dropped = 0, 0 -- orders
 local told, told_ms = -1, 0
 
--- CRC-32 by half bytes: damaged messages reach scripts too.
+-- Whether a message came undamaged, by MAVLink's own checksum: those with a wrong one reach scripts too.
+local function undamaged(message)
+  local bytes, c = message:sub(4, 12 + message:byte(4)) .. string.char(TUNNEL_EXTRA), 0xFFFF
+  for i = 1, #bytes do
+    local t = (bytes:byte(i) ~ c) & 0xFF
+    t = (t ~ (t << 4)) & 0xFF
+    c = (c >> 8) ~ (t << 8) ~ (t << 3) ~ (t >> 4)
+  end
+  return c == string.unpack('<H', message)
+end
+
+-- CRC-32 by half bytes.
 local CRC = {}
 for half = 0, 15 do
   local c = half
@@ -117,8 +128,10 @@ local function read(message)
   local version, order, start, count, port, starboard, check = string.unpack('<BBHI4HHI4', message, 18)
   local right = system == vehicle_id and component >= FIRST_SENDER and component <= LAST_SENDER
     and to_system == vehicle_id and to_component == AUTOPILOT
-    and length == 16 and version == VERSION and (order == DRIVE or order == RELEASE)
+    and length == LENGTH and message:byte(4) <= 5 + LENGTH -- no steps for what is longer
+    and version == VERSION and (order == DRIVE or order == RELEASE)
     and math.min(port, starboard) >= SHORTEST_US and math.max(port, starboard) <= LONGEST_US
+    and undamaged(message)
     and crc32(message:sub(8, 9) .. message:sub(13, 29)) == check -- sender, target and order
   if not right then return false end
   return { sender = component, order = order, start = start, count = count, pulses = { port, starboard } }

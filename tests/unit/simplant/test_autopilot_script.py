@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from asvhil.autopilot.script_protocol import Order, ScriptReason
+from asvhil.io.mavlink.frames import checksum
 from asvhil.io.mavlink.frames import dialect as mav
 from tests.support.autopilot_script import HOLD, MANUAL, NEUTRAL, PATH, SCRIPT, ScriptBoat, order_frame, parameters
 from tests.support.simplant_boat import of, times
@@ -118,14 +119,25 @@ def drops_what_is_damaged(text: str) -> None:
 
 
 def drops_a_flipped_bit_of_a_frame_with_a_wrong_checksum(text: str) -> None:
-    """The autopilot hands these to scripts: every bit from the sender to the end of the order."""
+    """The autopilot hands these to scripts: every bit from the frame's number to the end of its checksum."""
     boat = ScriptBoat(text).driving()
-    for bit in range(8 * 5, 8 * 31):
+    for bit in [*range(8 * 4, 8 * 7), *range(8 * 10, 8 * 33)]:
         boat.drive(HELD)
         frame = bytearray(boat.next_order(OTHER))
         frame[bit // 8] ^= 1 << bit % 8
         boat.put(bytes(frame))
-        assert boat.motors == HELD, bit
+        assert boat.now == HELD, bit
+
+
+def leaves_no_damage_to_luck(text: str) -> None:
+    """A frame that was damaged and got a right MAVLink checksum again, as by a bridge that packs messages anew."""
+    boat = ScriptBoat(text).driving()
+    for bit in range(8 * 10, 8 * 31):
+        boat.drive(HELD)
+        frame = bytearray(boat.next_order(OTHER))
+        frame[bit // 8] ^= 1 << bit % 8
+        boat.put(bytes(frame[:-2]) + checksum(bytes(frame[:-2])))
+        assert boat.now == HELD, bit
 
 
 def drops_what_another_system_sends(text: str) -> None:
@@ -177,6 +189,18 @@ def drops_unknown_orders(text: str) -> None:
 def drops_other_lengths(text: str) -> None:
     boat = ScriptBoat(text).driving()
     assert dropped(boat, length=17)
+
+
+def is_not_kept_busy_by_long_messages(text: str) -> None:
+    """A script that takes too many steps in one pass is ended."""
+    boat = ScriptBoat(text).driving()
+    for _ in range(3):
+        boat.drive(HELD)
+        long = bytearray(boat.next_order(OTHER)[:-2] + bytes(111) + b"x")
+        long[1] = len(long) - 10
+        boat.put(b"".join([bytes(long) + checksum(bytes(long))] * 5))
+    assert boat.now == HELD
+    assert not [words for words in boat.texts() if words.startswith("Lua")]
 
 
 def leaves_tunnels_of_others_alone(text: str) -> None:
@@ -454,12 +478,14 @@ WITHOUT: list[tuple[str, str, Callable[[str], None]]] = [
     ("TIMEOUT_MS, PASS_MS, ALIVE_MS = 300,", "TIMEOUT_MS, PASS_MS, ALIVE_MS = 1000,", neutral_when_orders_stop),
     ("TIMEOUT_MS, PASS_MS, ALIVE_MS = 300,", "TIMEOUT_MS, PASS_MS, ALIVE_MS = 150,", neutral_when_orders_stop),
     ("  if payload_type ~= PAYLOAD_TYPE then return nil end\n", "", leaves_tunnels_of_others_alone),
+    ("    and undamaged(message)\n", "", drops_a_flipped_bit_of_a_frame_with_a_wrong_checksum),
     ("system == vehicle_id and component", "component", drops_what_another_system_sends),
     ("component >= FIRST_SENDER and ", "", starts_for_onboard_computers_alone),
     (" and component <= LAST_SENDER", "", starts_for_onboard_computers_alone),
     ("to_system == vehicle_id and ", "", drops_what_is_for_another_vehicle),
     (" and to_component == AUTOPILOT", "", drops_what_is_for_another_component),
-    ("length == 16 and ", "", drops_other_lengths),
+    ("length == LENGTH and message", "message", drops_other_lengths),
+    (" and message:byte(4) <= 5 + LENGTH", "", is_not_kept_busy_by_long_messages),
     ("version == VERSION and ", "", drops_other_versions),
     (" and (order == DRIVE or order == RELEASE)", "", drops_unknown_orders),
     ("math.min(port, starboard) >= SHORTEST_US and ", "", drops_what_is_no_pulse),
@@ -468,7 +494,7 @@ WITHOUT: list[tuple[str, str, Callable[[str], None]]] = [
     (
         "    and crc32(message:sub(8, 9) .. message:sub(13, 29)) == check",
         "   ",
-        drops_a_flipped_bit_of_a_frame_with_a_wrong_checksum,
+        leaves_no_damage_to_luck,
     ),
     (
         "message:sub(8, 9) .. message:sub(13, 29)",
