@@ -1,8 +1,8 @@
 """Extended Kalman filter over pose, velocity, disturbance and sensor biases, with vessel model and accelerometer.
 
-The state is that of `states.py`; the model's motor states are propagated, not corrected. Readings may come late: each
-is put back at its own time (`out_of_sequence.py`). Each is gated, and a sensor that is off, frozen or silent is left
-out for as long as the rest can bridge it (`sensor_health.py`, `validity.py`).
+`states.py` lists the states; the model's motor states are propagated and not corrected. Late readings are processed at
+their own time (`out_of_sequence.py`). Each reading is gated; the estimate stays valid without a sensor that is off,
+frozen or silent for as long as the others can bridge it (`sensor_health.py`, `validity.py`).
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ NAMES = {
 
 
 class Ekf:
-    """Measurements in, `Estimate` out. Starts at the first position with a heading known."""
+    """Extended Kalman filter: measurements in, `Estimate` out. It starts at the first position with a heading known."""
 
     def __init__(self, config: EstimatorConfig, model: Dynamics) -> None:
         self._config = config
@@ -45,35 +45,35 @@ class Ekf:
 
     @property
     def state(self) -> FilterState | None:
-        """All that the filter knows now; None before the start."""
+        """The filter's present state; None before the start."""
         return None if self._history is None else self._history.state
 
     @property
     def rejected(self) -> dict[str, int]:
-        """How many readings of each kind were not used."""
+        """Cumulative counts of rejected readings by kind."""
         tracks = self._history.state.tracks if self._history is not None else {}
         return {name: tracks[name].refused if name in tracks else 0 for name in NAMES}
 
     @property
     def resets(self) -> int:
-        """How often the filter has given up what it believed for what a sensor went on saying."""
+        """How often the filter has reset states to a sensor that it had rejected before."""
         return 0 if self._history is None else self._history.state.resets
 
     @property
     def too_late(self) -> int:
-        """How many readings were older than the history."""
+        """How many readings were dropped since they were older than the history."""
         return 0 if self._history is None else self._history.too_late
 
     def set_forcing(self, model_input: tuple[float, float], wind_ned: tuple[float, float] | None) -> None:
-        """What drives the prediction from now on: the model's input, and the true wind (m/s, NED) where it is known."""
+        """Set what drives the prediction from now on: the model's input (2), and the true wind (m/s, NED) if known."""
         self._forcing = Forcing(model_input, wind_ned)
         if self._history is not None:
             self._history.add(self._history.t_ns, self._forcing)
 
     def on_measurements(self, measurements: Sequence[Measurement]) -> None:
-        """Correct the state with what one frame holds of position, velocity, heading and yaw rate.
+        """Correct the state with the positions, velocities, headings and yaw rates of one frame.
 
-        With a specific force it predicts from then on, and learns from it what the model misses.
+        A specific force drives the prediction from its time on, and corrects the disturbance.
         """
         for event in corrections(measurements):
             if self._history is None:
@@ -82,7 +82,7 @@ class Ekf:
                 self._history.add(event[0].t_ns, event)
 
     def counters(self) -> tuple[tuple[str, int], ...]:
-        """Cumulative counts of readings that were not used, of those that came too late, and of resets."""
+        """Cumulative counts of rejected readings, of those that came too late, and of resets."""
         return (
             *((f"ekf.rejected_{name}", count) for name, count in self.rejected.items()),
             ("ekf.too_late", self.too_late),
@@ -90,13 +90,13 @@ class Ekf:
         )
 
     def predict(self, t_ns: int) -> None:
-        """Bring the state forward to a time, and judge it there; earlier times change nothing."""
+        """Predict the state to a time, and evaluate its validity there; earlier times change nothing."""
         history = self._history
         if history is not None and (t_ns > history.t_ns or (t_ns == history.t_ns and history.event is not None)):
             history.add(t_ns, None)
 
     def estimate(self, t_ns: int) -> Estimate | None:
-        """The state at a time, or None before the start; not valid where sensors have been missing for too long."""
+        """The estimate at a time, None before the start; not valid if sensors have been missing for too long."""
         self.predict(t_ns)
         if self._history is None:
             return None
@@ -117,7 +117,7 @@ class Ekf:
         )
 
     def notes(self, t_ns: int) -> tuple[Note, ...]:
-        """The sensors that are off, frozen or silent."""
+        """Notes on the sensors that are off, frozen or silent."""
         if self._history is None:
             return ()
         found = []
@@ -128,7 +128,7 @@ class Ekf:
         return tuple(found)
 
     def _start(self, event: Correction) -> None:
-        """Remember a heading; begin at a position, if the heading is not stale by then."""
+        """Keep a heading; start at a position, if the heading is not stale by then."""
         match event:
             case (Heading() as heading, *rest):
                 rate = rest[0] if rest and isinstance(rest[0], YawRate) else None

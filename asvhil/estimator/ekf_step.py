@@ -1,4 +1,4 @@
-"""One step of the filter: a state and an event to the state after it, the one before left as it was."""
+"""One step of the filter: the state after an event, from the state before it, which is not changed."""
 
 from __future__ import annotations
 
@@ -37,11 +37,11 @@ from asvhil.geo import LocalFrame, wrap_rad
 from asvhil.types import GroundVelocity, Heading, Position, SpecificForce, YawRate
 
 MAX_GAP_S = 5.0
-SLOWEST_INERTIAL_S = 0.2  # a residual that is held for longer says nothing of the motion meanwhile
-OVERDUE = 2.5  # intervals, after which the accelerometer is gone
+SLOWEST_INERTIAL_S = 0.2  # longest time for which a residual of the accelerometer is held
+OVERDUE = 2.5  # intervals without a sample, after which the accelerometer counts as missing
 FIRST = Track()
-BIAS_SIGMA = 3.0  # no receiver's slow error is larger: the rest is motion, or a jump, and must show as that
-CARRIED_NS = 10_000_000_000  # without wind, after which its load has become part of the disturbance
+BIAS_SIGMA = 3.0  # bound of the slow error of a receiver: more is motion, or a jump
+CARRIED_NS = 10_000_000_000  # without wind, after which its load stays in the disturbance
 
 
 class Filter:
@@ -62,7 +62,7 @@ class Filter:
         self._noise_rate_without_bias[[B_N, B_E]] = 0.0
         self._model_density = float(self._noise_rate[U])  # the same for v
         self._accel_density = ekf.accel_std_mps2**2  # times the interval between samples
-        # Of the states from D_N to B_E: what no disturbance and no receiver's slow error is beyond.
+        # Bounds of the states from D_N to B_E: disturbance, biases and slow error of the receiver.
         self._most: Array = np.full(B_E + 1 - D_N, np.inf)
         self._most[: D_R - D_N] = ekf.disturbance_max_mps2
         self._most[D_R - D_N] = ekf.disturbance_yaw_max_radps2
@@ -109,7 +109,7 @@ class Filter:
         return state
 
     def step(self, before: FilterState, t_ns: int, event: Any) -> FilterState:
-        """The state after an event at a time that is not before the state's. None: the end of a tick."""
+        """The state after an event at a time not before that of the state. An event of None is the end of a tick."""
         state = before.copy()
         self._predict(state, t_ns)
         match event:
@@ -154,7 +154,7 @@ class Filter:
             state.p = p
 
     def _gain(self, interval_s: float) -> float:
-        """Share of the model's error that the accelerometer takes away: q_m / (q_m + q_a)."""
+        """Gain of the accelerometer's residual: k = q_m / (q_m + q_a), see `prediction.py`."""
         return self._model_density / (self._model_density + self._accel_density * interval_s)
 
     def _load(self, state: FilterState) -> None:
@@ -167,8 +167,8 @@ class Filter:
     def _force(self, state: FilterState, forcing: Forcing) -> None:
         """Another input and wind from now on.
 
-        A wind that is no longer known leaves its load on the boat to the disturbance, and takes it back when it
-        returns, so that neither makes the prediction jump.
+        When the wind is no longer known, its load is added to the disturbance; when it returns, the load is subtracted
+        again. So the prediction does not jump.
         """
         known, was_known = forcing.wind_ned is not None, state.forcing.wind_ned is not None
         hand_over = was_known and not known
@@ -199,9 +199,9 @@ class Filter:
     def _on_correction(self, state: FilterState, t_ns: int, measurements: tuple[Corrected, ...]) -> None:
         for m in measurements:
             if isinstance(m, GroundVelocity):
-                # A filter's velocity that is off by 1 cm/s for minutes would pass for a receiver's slow error: the
-                # estimate would walk away from the filter's own position, and the boat follow. So with a fused velocity
-                # that error is not estimated; what was found of it decays.
+                # An error of 1 cm/s for minutes in the velocity of an autopilot's filter would be taken for a slow
+                # error of the receiver: the estimate would drift off that filter's own position, and the boat with
+                # it. So with a fused velocity the slow error is not estimated, and decays.
                 state.follows_bias = not m.fused
                 fault_recovery.travel(state, t_ns, m.vn_mps, m.ve_mps)
         noise = self._noise[tuple(type(m) for m in measurements)]
@@ -233,7 +233,7 @@ class Filter:
     # --- correction ------------------------------------------------------------------------------------------
 
     def _take(self, state: FilterState, t_ns: int, reading: Reading, noise: Array) -> bool:
-        """Correct with those groups of rows that can be believed; True if any."""
+        """Correct with the groups of rows that pass the gate: whether there was any."""
         groups, innovation, h = reading
         if not groups:
             return False
@@ -271,9 +271,10 @@ class Filter:
         return True
 
     def _give_up(self, state: FilterState, name: str, off: float) -> None:
-        """Let the reading be right. Of a position: with a slow error of its own, where the boat has not moved so far.
+        """Reset the states of a rejected sensor to its reading.
 
-        The receiver's velocity is believed, so it is not the boat that is `off` (m) from where the filter has it.
+        A position that is `off` (m) while the receiver's velocity was accepted means a slow error of the receiver, and
+        no motion of the boat: then that error is what is reset.
         """
         std_m = self._config.ekf.position_bias_std_m
         velocity = state.tracks.get("velocity")
@@ -288,7 +289,7 @@ class Filter:
     def _correct(self, state: FilterState, ph: Array, s: Array, innovation: Array, h: Array, noise: Array) -> None:
         """Joseph-form update, which keeps the covariance symmetric and positive."""
         gain = np.linalg.solve(s, ph.T).T
-        if not state.follows_bias:  # a fused velocity has the heading's error in it, and tells nothing of the compass
+        if not state.follows_bias:  # a fused velocity holds the heading's own error
             gain[DEVIATION] = 0.0
         x = state.x + gain @ innovation
         x[PSI] = wrap_rad(x[PSI])

@@ -1,6 +1,6 @@
-"""Whether a sensor that the filter refuses, or another that hangs on it, is to be believed; and what is given up then.
+"""Recovery of the filter from wrong states: when a rejected sensor is right after all, and which states are then reset.
 
-`sensor_health.py` keeps the record of one sensor by itself; here it is held against the others and the filter's state.
+`sensor_health.py` has the record of each sensor by itself; here it is compared with the others and the filter's state.
 """
 
 from __future__ import annotations
@@ -11,10 +11,10 @@ from asvhil.estimator import sensor_health
 from asvhil.estimator.sensor_health import Liveliness, Track
 from asvhil.estimator.states import B_E, B_N, PSI, E, FilterState, N, R, U, V
 
-LONGEST_TRAVEL_S = 1.5  # between two velocities that are added up
-NEW = 20  # readings of a sensor, before which it has no record against which to hold a jump
+LONGEST_TRAVEL_S = 1.5  # between two velocities that are integrated
+NEW = 20  # readings that a sensor needs for a record to compare a jump with
 
-# States that are given up with a sensor's, and the variances that are left of them. The velocity over ground is known
+# States that are reset with a sensor's, and their variances then. The velocity over ground is known
 # in NED: with another heading it is another one in body axes.
 GIVEN_UP = {
     "position": ((N, 1e4), (E, 1e4), (U, 4.0), (V, 4.0)),
@@ -36,7 +36,7 @@ ALIVE = {
 
 
 def travel(state: FilterState, t_ns: int, vn_mps: float, ve_mps: float) -> None:
-    """Add up the receiver's own velocity."""
+    """Integrate the velocity of the receiver."""
     elapsed_s = (t_ns - state.travelled_ns) * 1e-9
     if elapsed_s <= LONGEST_TRAVEL_S:
         state.travel = (state.travel[0] + vn_mps * elapsed_s, state.travel[1] + ve_mps * elapsed_s)
@@ -44,7 +44,7 @@ def travel(state: FilterState, t_ns: int, vn_mps: float, ve_mps: float) -> None:
 
 
 def frozen(state: FilterState, name: str, track: Track) -> bool:
-    """A sensor that is frozen itself; and a velocity that repeats itself beside a frozen position, for it is as old."""
+    """Whether a sensor is frozen: by itself, or a velocity that repeats beside a frozen position of its receiver."""
     if track.frozen or name != "velocity":
         return track.frozen
     position = state.tracks.get("position")
@@ -52,9 +52,9 @@ def frozen(state: FilterState, name: str, track: Track) -> bool:
 
 
 def steady_part(state: FilterState, t_ns: int, name: str, off: tuple[float, float]) -> tuple[float, float]:
-    """What stays the same while a refused sensor goes on to be consistent: its distance to what it should say.
+    """The quantity that stays constant while a rejected sensor is consistent: its distance to the prediction.
 
-    A position is held against what the receiver's own velocity has added up to, where it has one.
+    For a position it is the distance to the integrated velocity of the receiver, if there is one.
     """
     if name != "position" or t_ns - state.travelled_ns > LONGEST_TRAVEL_S * 1e9:
         return off
@@ -63,11 +63,11 @@ def steady_part(state: FilterState, t_ns: int, name: str, off: tuple[float, floa
 
 
 def convinces(state: FilterState, t_ns: int, name: str, distance: float, return_ns: int) -> bool:
-    """Whether the filter must be wrong, and not the sensor that it goes on refusing.
+    """Whether the filter is wrong, and not the sensor that it keeps rejecting.
 
-    It must have been steady for the return time, and one of these hold: it has no record yet; there has been no
-    valid estimate for as long; or, of a receiver, position and velocity are refused both, agree with each other,
-    and such a velocity explains how far off (m) the position is, as after a push that nothing else has seen.
+    It must have been steady for the return time, and one of these must hold: it has no record yet; there has been no
+    valid estimate for as long; or both position and velocity of a receiver are rejected, agree with each other, and
+    the velocity explains how far off (m) the position is, as after a push that no other sensor shows.
     """
     track = state.tracks[name]
     if track.steady_since_ns == sensor_health.NEVER or t_ns - track.steady_since_ns < return_ns:
@@ -84,13 +84,13 @@ def convinces(state: FilterState, t_ns: int, name: str, distance: float, return_
 
 
 def give_up(state: FilterState, name: str) -> None:
-    """Forget what is believed of what a sensor tells, and of what hangs on it."""
+    """Reset the variances of the states that a sensor measures, and of those that depend on them."""
     state.resets += 1
     p = state.p.copy()
     for i, variance in GIVEN_UP[name]:
         p[i, :] = p[:, i] = 0.0
         p[i, i] = variance
-    if name == "position":  # a bias that was found for the position given up says nothing of the new one
+    if name == "position":  # the slow error was estimated for the old position
         x = state.x.copy()
         x[[N, E]] += x[[B_N, B_E]]  # what the reading is expected to say stays as it is
         x[[B_N, B_E]] = 0.0

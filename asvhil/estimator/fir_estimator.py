@@ -1,4 +1,4 @@
-"""Velocity as the paper gets it, and pose as the sensors give it: what the EKF is measured against.
+"""The paper's velocity estimate with the pose of the sensors, and the raw readings: baselines for the EKF.
 
 The paper has no equation for it. In its words (Results, Data Collection): an accelerometer "tends to drift over time,
 which is solved using a finite impulse response filter for the acceleration and fusing the speed calculated from the
@@ -34,7 +34,7 @@ class FirFilter:
         self._past: deque[float] = deque(maxlen=taps)
 
     def step(self, x: float) -> float:
-        """Take in one sample; the filtered value."""
+        """Add one sample: the filtered value."""
         while len(self._past) < len(self._weights) - 1:
             self._past.append(x)
         self._past.append(x)
@@ -42,7 +42,7 @@ class FirFilter:
 
 
 class HeldSensors:
-    """Pose, velocity and yaw rate as the sensors gave them last: no filter, no gate, nothing between two readings.
+    """The last readings of pose, velocity and yaw rate: no filter, no gate, no prediction between readings.
 
     The model's motor states are propagated, as they are in every estimator, for the controllers that need them.
     """
@@ -64,11 +64,11 @@ class HeldSensors:
         self.frame: LocalFrame | None = None
 
     def set_forcing(self, model_input: tuple[float, float], wind_ned: tuple[float, float] | None) -> None:
-        """The model's input moves the motor states; the wind is of no use here."""
+        """Set the model's input, which drives the motor states. The wind is not used."""
         self._input = model_input
 
     def on_measurements(self, measurements: Sequence[Measurement]) -> None:
-        """Take over each value."""
+        """Keep each value."""
         for m in measurements:
             match m:
                 case Position():
@@ -85,7 +85,7 @@ class HeldSensors:
                     pass
 
     def estimate(self, t_ns: int) -> Estimate | None:
-        """The readings as they stand. Not valid while position or heading is stale."""
+        """The last readings; not valid while position or heading is stale."""
         if self.frame is None:
             return None
         u, v = ned_to_body(self._psi_rad, self._vn_mps, self._ve_mps)
@@ -105,11 +105,11 @@ class HeldSensors:
         )
 
     def notes(self, t_ns: int) -> tuple[Note, ...]:
-        """None: nothing is judged."""
+        """No notes: sensors are not monitored."""
         return ()
 
     def counters(self) -> tuple[tuple[str, int], ...]:
-        """None: everything is believed."""
+        """No counters: nothing is rejected."""
         return ()
 
     def _take_position(self, m: Position) -> None:
@@ -123,13 +123,13 @@ class HeldSensors:
         self._vn_mps, self._ve_mps = m.vn_mps, m.ve_mps
 
     def _take_force(self, m: SpecificForce) -> None:
-        """Not used: a GNSS measures the velocity by itself."""
+        """Not used: the velocity is that of the GNSS."""
 
     def _fresh(self, at_ns: int | None, t_ns: int) -> bool:
         return at_ns is not None and t_ns - at_ns <= self._stale_ns
 
     def _turn_motors(self, t_ns: int, nu: tuple[float, float, float]) -> None:
-        """The motor states under the input since the last time, at a velocity that is held."""
+        """Propagate the motor states under the input, at constant velocity."""
         elapsed_s = 0.0 if self._motor_ns is None else (t_ns - self._motor_ns) * 1e-9
         self._motor_ns = t_ns
         if not len(self._motor) or elapsed_s <= 0.0:
@@ -144,7 +144,7 @@ class HeldSensors:
 
 
 class FirFusion(HeldSensors):
-    """The paper's: the FIR-filtered acceleration integrated to a velocity, which each GNSS velocity pulls to itself.
+    """The paper's estimator: the FIR-filtered acceleration is integrated, and corrected by each GNSS velocity.
 
     v += R(psi) a_f dt at each acceleration (trapezoidal rule, NED), and v += (1 - exp(-dt / T)) (v_gnss - v) at each
     fix, with T = `fusion_time_s`: the drift of a biased accelerometer ends at about T times the bias. Everything else
@@ -160,7 +160,7 @@ class FirFusion(HeldSensors):
         self._an_mps2 = self._ae_mps2 = 0.0
 
     def _take_force(self, m: SpecificForce) -> None:
-        """Integrate one acceleration, once there is a velocity to begin from."""
+        """Integrate one acceleration, once there is an initial velocity."""
         an, ae = body_to_ned(self._psi_rad, self._surge.step(m.ax_mps2), self._sway.step(m.ay_mps2))
         elapsed_s = 0.0 if self._imu_ns is None else (m.t_ns - self._imu_ns) * 1e-9
         if self._velocity_ns is not None and 0.0 < elapsed_s <= MAX_GAP_S:
@@ -179,10 +179,10 @@ class FirFusion(HeldSensors):
 
 
 def build_fir(settings: FirConfig, config: Config, model: Dynamics) -> FirFusion:
-    """The paper's estimator, of a config."""
+    """The paper's estimator of a config."""
     return FirFusion(config.estimator.ekf, settings, model)
 
 
 def build_raw(settings: None, config: Config, model: Dynamics) -> HeldSensors:
-    """The readings as they come, of a config."""
+    """The estimator of raw readings, of a config."""
     return HeldSensors(config.estimator.ekf, model)

@@ -1,4 +1,4 @@
-"""What the sensors should say in a state, and how far off it their readings are; which readings are one correction."""
+"""Measurement model: expected readings of a state, innovations, and which readings make one correction."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ PAIRS: tuple[tuple[type, ...], ...] = ((Position, GroundVelocity), (Heading, Yaw
 
 
 class Group(NamedTuple):
-    """The rows that are one sensor's: they are believed or refused together."""
+    """The rows of one sensor, which are accepted or rejected together."""
 
     sensor: str
     rows: slice
@@ -32,7 +32,7 @@ class Group(NamedTuple):
 
 
 class Reading(NamedTuple):
-    """The sensors that are in a reading; innovation (m) and measurement matrix (m, SIZE) of all its rows."""
+    """The sensors of one correction; innovation (m) and measurement matrix (m, SIZE) of all its rows."""
 
     groups: list[Group]
     innovation: Array
@@ -40,7 +40,7 @@ class Reading(NamedTuple):
 
 
 def corrections(measurements: Sequence[Measurement]) -> list[Correction]:
-    """The events that the measurements of one frame are to the filter; other records are left out.
+    """The filter's events of the measurements of one frame; other records are left out.
 
     Position and velocity of one time are one event, and so are heading and yaw rate: both are gated against the same
     prediction, and corrected together.
@@ -58,7 +58,7 @@ def corrections(measurements: Sequence[Measurement]) -> list[Correction]:
 
 
 def reading_of(x: Array, measurements: Sequence[Corrected], frame: LocalFrame) -> Reading:
-    """What the sensors say in one correction, held against a state."""
+    """The readings of one correction, compared with a state."""
     count = sum(ROWS[type(m)] for m in measurements)
     innovation, h = np.zeros(count), np.zeros((count, SIZE))
     groups = []
@@ -84,7 +84,7 @@ def reading_of(x: Array, measurements: Sequence[Corrected], frame: LocalFrame) -
 
 
 def _position(s: list[float], m: Position, frame: LocalFrame, rows: slice, innovation: Array, h: Array) -> Group:
-    """Of the antenna, the receiver's slow error included."""
+    """Position of the antenna, with the slow error of the receiver."""
     arm_n, arm_e = body_to_ned(s[PSI], *m.arm_m)
     n, e = s[N] + arm_n + s[B_N], s[E] + arm_e + s[B_E]
     h[0, N] = h[1, E] = h[0, B_N] = h[1, B_E] = 1.0
@@ -95,7 +95,7 @@ def _position(s: list[float], m: Position, frame: LocalFrame, rows: slice, innov
 
 
 def _velocity(s: list[float], m: GroundVelocity, rows: slice, innovation: Array, h: Array) -> Group:
-    """Of the antenna over ground, which moves with the turn of the boat."""
+    """Velocity over ground of the antenna, whose arm turns with the boat."""
     cos, sin = math.cos(s[PSI]), math.sin(s[PSI])
     arm_x, arm_y = m.arm_m
     arm_n, arm_e = body_to_ned(s[PSI], *m.arm_m)
@@ -108,7 +108,7 @@ def _velocity(s: list[float], m: GroundVelocity, rows: slice, innovation: Array,
 
 
 def _heading(x: Array, m: Heading, rows: slice, innovation: Array, h: Array) -> Group:
-    """With the deviation that a calibration has left."""
+    """Heading with the residual deviation of the compass."""
     psi = float(x[PSI])
     _, s1, c1, s2, c2 = row = deviation_row(psi)
     _, b, c, d, e = x[DEVIATION].tolist()
@@ -120,7 +120,7 @@ def _heading(x: Array, m: Heading, rows: slice, innovation: Array, h: Array) -> 
 
 
 def _yaw_rate(s: list[float], m: YawRate, rows: slice, innovation: Array, h: Array) -> Group:
-    """With the bias of the gyro."""
+    """Yaw rate with the bias of the gyro."""
     rate = s[R] + s[G_R]
     h[0, R] = h[0, G_R] = 1.0
     innovation[0] = m.r_radps - rate

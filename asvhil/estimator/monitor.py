@@ -1,4 +1,4 @@
-"""Does the boat still behave as the model says? One-step and horizon errors of the model in use, live."""
+"""Monitoring of the vessel model in use: one-step and horizon prediction errors while the boat is controlled."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ NU = slice(3, 6)
 
 
 class ModelMonitor:
-    """Runs the model open loop from where the boat was, under what was really sent, to where it is now.
+    """Rolls the model out in open loop from a past estimate, under the inputs that were sent, to the present one.
 
-    The disturbance estimate stays out of it: what is asked is how well the model stands alone. Errors are root mean
-    squares over a sliding window, so a single bad estimate raises no flag.
+    The disturbance estimate is left out, so the errors are those of the model alone. They are root mean squares over a
+    sliding window, so that a single bad estimate raises no flag.
     """
 
     def __init__(self, config: MonitorConfig, model: Dynamics, period_s: float) -> None:
@@ -41,11 +41,11 @@ class ModelMonitor:
         self._horizon = _Window(window)
 
     def reset(self) -> None:
-        """The boat was not ours for a while: what was sent to it is not known."""
+        """Forget everything, after a time in which others had the motors: the inputs are not known."""
         self._past.clear()
 
     def step(self, estimate: Estimate, model_input: tuple[float, float], wind: Wind | None) -> PredictionError | None:
-        """Take in the state of a control tick and the model's input from it on; errors once the horizon is filled."""
+        """Add the state of a control tick and the input from then on: the errors, once the horizon is filled."""
         if self._past and estimate.t_ns - self._past[-1][0].t_ns > self._max_gap_ns:
             self.reset()
         wind_ned = (wind.vn_mps, wind.ve_mps) if wind is not None else (0.0, 0.0)
@@ -56,7 +56,7 @@ class ModelMonitor:
         one_step = self._one_step.rms(self._miss(past[-1:], estimate))
         horizon = self._horizon.rms(self._miss(past[-self._steps :], estimate))
         limits = (self._config.max_u_mps, self._config.max_v_mps, self._config.max_r_radps)
-        # NaN compares false, so a model that runs away is not ok.
+        # NaN compares false, so a model that diverges is not ok.
         ok = not self._horizon.full or all(error <= limit for error, limit in zip(horizon, limits, strict=True))
         return PredictionError(one_step=one_step, horizon=horizon, horizon_s=self._config.horizon_s, ok=ok)
 
@@ -84,7 +84,7 @@ class ModelMonitor:
 
 
 class _Window:
-    """Squared errors of (u, v, r) over the last control ticks, added up anew each time: a running sum would drift."""
+    """Squared errors of (u, v, r) over the last control ticks, summed anew each time: a running sum would drift."""
 
     def __init__(self, length: int) -> None:
         self._length = length
@@ -95,7 +95,7 @@ class _Window:
         return len(self._squares[0]) == self._length
 
     def rms(self, error: tuple[float, float, float]) -> tuple[float, float, float]:
-        """Take in an error; the root mean squares with it."""
+        """Add an error: the root mean squares."""
         for squares, value in zip(self._squares, error, strict=True):
             squares.append(value * value)
         u, v, r = (math.sqrt(sum(squares) / len(squares)) for squares in self._squares)

@@ -1,4 +1,4 @@
-"""The last moments of a filter, so that a late reading is put back at its own time and all after it redone."""
+"""Out-of-sequence measurements: a history of events and states, to process a late reading at its own time."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ class _Entry(NamedTuple):
 
 
 class History(Generic[State]):
-    """Events in the order of their times, each with the state after it, over a bounded span.
+    """Events in order of time, each with the state after it, over a bounded span.
 
-    `step(state, t_ns, event)` gives the state after an event and leaves the one before as it was. What the newest state
-    is does not depend on the order in which events of different times came in, as long as none was too late.
+    `step(state, t_ns, event)` gives the state after an event and does not change the one before. The newest state does
+    not depend on the order in which events of different times were added, as long as none was too late.
     """
 
     def __init__(self, step: Callable[[State, int, Any], State], span_ns: int, t_ns: int, state: State) -> None:
@@ -45,7 +45,7 @@ class History(Generic[State]):
         return newest
 
     def add(self, t_ns: int, event: Any) -> None:
-        """Take in an event; one from before the span is dropped and counted."""
+        """Add an event, and redo all later ones; one from before the span is dropped and counted."""
         entries = self._entries
         newest = entries[-1]
         if t_ns >= newest.t_ns:
@@ -63,7 +63,7 @@ class History(Generic[State]):
             entries.append(_Entry(at_ns, what, self._step(entries[-1].state, at_ns, what)))
 
     def _forget(self, before_ns: int) -> None:
-        """Keep one entry from before the span: the state that the first event in it starts from."""
+        """Drop entries from before a time, but the last of them: its state is where the span begins."""
         keep = bisect_right(self._entries, before_ns, key=lambda entry: entry.t_ns) - 1
         if keep > 0:
             del self._entries[:keep]

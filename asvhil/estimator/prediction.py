@@ -1,4 +1,4 @@
-"""The motion of the filter's state and what an accelerometer should feel, as CasADi functions on plain buffers.
+"""Process model and expected specific force, as CasADi functions on plain buffers.
 
 Velocity is predicted from the model's acceleration f and the measured one z together. With model error and
 accelerometer noise white, of spectral densities q_m and q_a, the best of both is f + k (z - f), k = q_m / (q_m + q_a):
@@ -56,7 +56,7 @@ class MotionModel:
 
         middle = s + 0.5 * dt * rate(s)
         after = s + dt * rate(middle)
-        # For the covariance z is what is given, not e, so what the accelerometer takes over of the model falls away.
+        # In the covariance z is given, not e, so the part of the model that the accelerometer replaces has no effect.
         z = felt(middle) + e
         x, z_given = ca.SX.sym("x", size), ca.SX.sym("z", 2)
         free = free_of(x)
@@ -83,7 +83,7 @@ class MotionModel:
 
 
 def _free(model: Dynamics, bias_time_s: float, s: Any, a: Any, wind: Any) -> Any:
-    """s_dot by the model and the disturbance alone; the receiver's slow error decays, motors move last."""
+    """s_dot by model and disturbance alone. The receiver's slow error decays; the motor states come last."""
     moving = ca.vertcat(s[:MOVING], s[SIZE:])
     rate = motion_derivative(model, moving, a, wind, s[D_N : D_R + 1])
     decay = -s[B_N : B_E + 1] / bias_time_s
@@ -92,7 +92,7 @@ def _free(model: Dynamics, bias_time_s: float, s: Any, a: Any, wind: Any) -> Any
 
 
 def _specific_force(rate: Any, s: Any, arm: Any) -> Any:
-    """What the inertial sensor reads along body x and y, bias included: nu_dot + S(r) nu carried over to its place.
+    """Reading of the inertial sensor along body x and y, with its bias: nu_dot + S(r) nu, transferred to its place.
 
     Fossen (2011), eq. 2.7 differentiated, on the plane; level, so gravity has no part in it.
     """

@@ -1,4 +1,4 @@
-"""What every state estimator offers to the backseat."""
+"""The interface of every state estimator."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from asvhil.types import Estimate, Measurement, Note
 
 
 class StateEstimator(Protocol):
-    """Measurements in, the state of the boat out.
+    """State estimator: measurements in, the state of the boat out.
 
     `frame` is the local NED frame, None before the first position with a heading known; before that `estimate` gives
     None.
@@ -20,16 +20,16 @@ class StateEstimator(Protocol):
     def frame(self) -> LocalFrame | None: ...
 
     def set_forcing(self, model_input: tuple[float, float], wind_ned: tuple[float, float] | None) -> None:
-        """What drives the boat from now on: the model's input, and the true wind (m/s, NED) where it is known."""
+        """Set what drives the boat from now on: the model's input (2), and the true wind (m/s, NED) if known."""
 
     def on_measurements(self, measurements: Sequence[Measurement]) -> None:
-        """Take in the measurements of one frame, as the decoder gives them; kinds that it does not use are ignored."""
+        """Process the measurements of one frame, as the decoder gives them; unused kinds are ignored."""
 
     def estimate(self, t_ns: int) -> Estimate | None:
-        """The state at a time, not valid while what it needs is stale."""
+        """The state at a time; not valid while a sensor that it needs is stale."""
 
     def notes(self, t_ns: int) -> tuple[Note, ...]:
-        """Sensors that are not as they should be."""
+        """Notes on sensors with faults."""
 
     def counters(self) -> tuple[tuple[str, int], ...]:
-        """Cumulative counts of what was not believed."""
+        """Cumulative counts of rejected readings."""

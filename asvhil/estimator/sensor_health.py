@@ -1,6 +1,6 @@
-"""What is known of one sensor's readings: whether they are alive, believed, frozen, or have wandered off.
+"""The health of one sensor: whether its readings arrive, are accepted, frozen, or off the prediction.
 
-A `Track` is replaced and never changed, so that the filter can go back to one when a late reading comes in.
+A `Track` is replaced and never changed, so that the filter can return to an earlier one for a late reading.
 """
 
 from __future__ import annotations
@@ -9,14 +9,14 @@ import math
 from typing import NamedTuple
 
 NEVER = -(2**62)
-LEAST_REPEATS = 4  # a stream that says all twice makes three of one chance repeat
+LEAST_REPEATS = 4  # a stream that sends each reading twice makes three of one repeat by chance
 JITTER_GAIN = 0.05
 STEPS_OF_NOISE = 3.0  # noise of fewer steps of the resolution repeats itself often enough
-TOLD_AFTER = 2  # refusals in a row: a single outlier is not worth a word
+TOLD_AFTER = 2  # rejections in a row: a single outlier is not reported
 
 
 class Track(NamedTuple):
-    """One sensor, as far as it has been heard. Times are those of the readings."""
+    """The record of one sensor. Times are those of its readings."""
 
     heard_ns: int = NEVER
     used_ns: int = NEVER
@@ -24,7 +24,7 @@ class Track(NamedTuple):
     refused: int = 0
     refused_in_row: int = 0
     refused_since_ns: int = NEVER
-    # A refused sensor that keeps its distance to the prediction is steady: it may be right, and the filter wrong.
+    # A rejected sensor at a constant distance to the prediction is steady: it may be right, and the filter wrong.
     steady_since_ns: int = NEVER
     steady: tuple[float, float] = (0.0, 0.0)
     off: tuple[float, float] = (0.0, 0.0)
@@ -39,7 +39,7 @@ class Track(NamedTuple):
 
 
 class Liveliness(NamedTuple):
-    """When a repeated reading is a frozen one: its usual noise, or the boat's motion meanwhile, is above these.
+    """Limits of noise and motion above which a sensor that repeats its reading is frozen.
 
     `lag_ns`: for how long the prediction may be ahead of a sound sensor, as when motors start later than predicted.
     """
@@ -52,7 +52,7 @@ class Liveliness(NamedTuple):
 def hear(
     track: Track, t_ns: int, value: tuple[float, float], expected: tuple[float, float], alive: Liveliness, after_ns: int
 ) -> Track:
-    """Take note of a reading and of what was expected in its place; tells whether the sensor is frozen."""
+    """The track after a reading whose prediction was `expected`. `Track.frozen` then tells of a frozen sensor."""
     if value != track.value:
         jitter, step = track.jitter, track.step
         for change in (abs(value[0] - track.value[0]), abs(value[1] - track.value[1])):
@@ -83,7 +83,7 @@ def hear(
         # MotionModel is that of the prediction since the first of them; only if it agreed with the reading then.
         off = math.hypot(value[0] - track.expected[0], value[1] - track.expected[1])
         moved = math.hypot(expected[0] - track.expected[0], expected[1] - track.expected[1])
-        # A velocity of exactly zero is what many receivers tell of a boat that is slow.
+        # Many receivers report a velocity of exactly zero for a slow boat.
         noisy = track.jitter > max(alive.noise, STEPS_OF_NOISE * track.step) and value != (0.0, 0.0)
         motion = max(alive.motion, track.step)
         apart = moved > motion and off < motion
@@ -93,12 +93,12 @@ def hear(
 
 
 def use(track: Track, t_ns: int) -> Track:
-    """The reading has gone into the estimate."""
+    """Record that the reading was used."""
     return track._replace(used_ns=t_ns, used=track.used + 1, refused_in_row=0, steady_since_ns=NEVER)
 
 
 def refuse(track: Track, t_ns: int, steady: tuple[float, float], off: tuple[float, float], slack: float) -> Track:
-    """The reading is `off` the prediction. It is steady while `steady` changes by no more than `slack`."""
+    """Record that the reading was rejected, `off` the prediction; steady while `steady` changes by at most `slack`."""
     since_ns, first = track.steady_since_ns, track.steady
     if since_ns == NEVER or math.hypot(steady[0] - first[0], steady[1] - first[1]) > slack:
         since_ns, first = t_ns, steady
@@ -113,12 +113,12 @@ def refuse(track: Track, t_ns: int, steady: tuple[float, float], off: tuple[floa
 
 
 def skip(track: Track) -> Track:
-    """The reading says nothing: it is a frozen sensor's."""
+    """Record the reading of a frozen sensor."""
     return track._replace(refused=track.refused + 1, refused_in_row=0, steady_since_ns=NEVER)
 
 
 def fault(track: Track, t_ns: int, stale_ns: int) -> str:
-    """What is wrong with the sensor now, in words; empty where nothing is, or where it was never heard."""
+    """The present fault of the sensor as text; empty if there is none, or if it was never heard."""
     if track.heard_ns == NEVER:
         return ""
     if t_ns - track.heard_ns > stale_ns:

@@ -1,8 +1,8 @@
-"""What the filter's state vector holds, and what its process noise and priors are.
+"""The state vector of the filter, its process noise and its priors.
 
-Position n, e (m), heading psi (rad), velocity over ground u, v (m/s, body axes), yaw rate r (rad/s); the acceleration
-that the model misses d_n, d_e (m/s^2, NED) and d_r (rad/s^2); biases of accelerometer (m/s^2, body axes), gyro (rad/s)
-and GNSS position (m, NED); and the deviation of the compass that a calibration has left, coefficients A to E (rad).
+Position n, e (m), heading psi (rad), velocity over ground u, v (m/s, body axes), yaw rate r (rad/s); the disturbance,
+the acceleration that the model does not explain, d_n, d_e (m/s^2, NED) and d_r (rad/s^2); biases of accelerometer
+(m/s^2, body axes), gyro (rad/s) and GNSS position (m, NED); and the residual compass deviation after calibration, coefficients A to E (rad).
 """
 
 from __future__ import annotations
@@ -44,8 +44,8 @@ def noise_rate(config: EkfConfig) -> Array:
 def prior(config: EkfConfig) -> Array:
     """Variances at the start, for a first fix of unknown quality.
 
-    The GNSS position's slow error counts from what it is at the start, so it is zero then: a constant part is not
-    observable, and a prior for it would have the estimate follow the receiver by half of what it wanders.
+    The slow error of the GNSS position is relative to that at the start, so it is zero then: its constant part is not
+    observable, and with a prior for it the estimate would follow half of the receiver's wander.
     """
     compass_variance = math.radians(config.compass.std_deg) ** 2
     pose_and_velocity = [1.0] * 2 + [0.05] + [0.25] * 2 + [0.01]
@@ -55,14 +55,14 @@ def prior(config: EkfConfig) -> Array:
 
 
 class Forcing(NamedTuple):
-    """What drives the prediction: the model's input, and the true wind (m/s, NED), None where it is not known."""
+    """What drives the prediction: the model's input (2), and the true wind (m/s, NED), None if not known."""
 
     model_input: tuple[float, float]
     wind_ned: tuple[float, float] | None
 
 
 class FilterState:
-    """Everything that the filter knows at a time. Arrays and tracks are replaced, never written into."""
+    """The complete state of the filter at a time. Its arrays and tracks are replaced, never changed in place."""
 
     __slots__ = (
         "carries_wind",
@@ -90,16 +90,16 @@ class FilterState:
         self.inertial_ns = NEVER
         self.interval_s = 0.0
         self.tracks: dict[str, Track] = {}
-        self.travel = (0.0, 0.0)  # what the receiver's velocity adds up to (m, NED)
+        self.travel = (0.0, 0.0)  # integral of the receiver's velocity (m, NED)
         self.travelled_ns = NEVER
         self.invalid_since_ns = NEVER
         self.resets = 0
         self.started_ns = t_ns
         self.follows_bias = True  # the velocity is independent of the position, so the position's slow error shows
-        self.carries_wind = False  # the disturbance stands in for the load of a wind that is not known
+        self.carries_wind = False  # the disturbance includes the load of a wind that is not known
 
     def copy(self) -> FilterState:
-        """One to go on from."""
+        """A shallow copy."""
         other = FilterState.__new__(FilterState)  # line by line: it is made for every event
         other.t_ns, other.x, other.p, other.motor = self.t_ns, self.x, self.p, self.motor
         other.forcing, other.residual = self.forcing, self.residual

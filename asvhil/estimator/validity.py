@@ -1,4 +1,4 @@
-"""Whether there is an estimate to steer by: all sensors, or enough of them to bridge the one that is missing."""
+"""Validity of the estimate: all sensors, or enough of them to bridge a missing one."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from asvhil.estimator.states import PSI, E, FilterState, N
 
 
 def of(state: FilterState, t_ns: int, stale_ns: int, config: TrustConfig) -> bool:
-    """True with position and heading fresh; or one of the two missing, for a time, while the rest can bridge it.
+    """True with position and heading fresh; or with one of the two missing, for a time, while the others can bridge it.
 
     Position is bridged on heading and yaw rate (with velocity and acceleration where there are any), heading on
     position and yaw rate, within `dead_reckoning_s` and the limits of the predicted standard deviations.

@@ -1,4 +1,4 @@
-"""Apparent to true wind, its low-pass, and whether the anemometer that it comes from still turns."""
+"""Apparent to true wind, its low-pass filter, and faults of the anemometer."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from asvhil.types import ApparentWind, BowWind, Estimate, Note, TrueWind, Wind
 
 CUPS = Liveliness(noise=0.03, motion=0.5)  # m/s
 VANE_TURN_RAD = math.radians(35.0)  # one and a half of the steps of a vane with 16 positions
-VANE_MOVES_MPS = 1.0  # in less wind a vane may well stay where it is
-CALM_MPS = 0.5  # in less wind there is no direction to speak of
+VANE_MOVES_MPS = 1.0  # in less wind a vane may not move
+CALM_MPS = 0.5  # in less wind the direction is undefined
 
 
 def true_wind(sample: ApparentWind, estimate: Estimate) -> tuple[float, float]:
@@ -24,17 +24,17 @@ def true_wind(sample: ApparentWind, estimate: Estimate) -> tuple[float, float]:
 
 
 def apparent_wind(wind_ned: tuple[float, float], estimate: Estimate) -> tuple[float, float]:
-    """Speed (m/s) and direction FROM, clockwise from the bow (rad), of a true wind as the moving boat feels it."""
+    """Speed (m/s) and direction FROM, clockwise from the bow (rad), of a true wind, relative to the moving boat."""
     ahead, abeam = ned_to_body(estimate.psi_rad, *wind_ned)
     ahead, abeam = ahead - estimate.u_mps, abeam - estimate.v_mps
     return math.hypot(ahead, abeam), math.atan2(-abeam, -ahead)
 
 
 class WindFilter:
-    """First-order low-pass of the true wind, and the spread of the samples about it.
+    """First-order low-pass filter of the true wind, with the standard deviation of the samples.
 
     Speed and direction have time constants of their own: cups follow a gust at once, while a vane with 16 positions is
-    up to 11 degrees off, which only an average over the boat's swings and the gusts takes out.
+    up to 11 degrees off, which only an average over swings of the boat and gusts removes.
     """
 
     def __init__(self, config: WindFilterConfig) -> None:
@@ -51,7 +51,7 @@ class WindFilter:
         self._stuck = ""
 
     def on_apparent_wind(self, sample: ApparentWind, estimate: Estimate) -> None:
-        """Take in one anemometer sample with the estimate of its time; one of a stuck sensor is not used."""
+        """Add one anemometer sample, with the estimate at its time. A sample of a stuck sensor is not used."""
         if not (math.isfinite(sample.speed_mps) and math.isfinite(sample.from_rad)):
             return
         was_stuck = self._stuck
@@ -59,21 +59,21 @@ class WindFilter:
         if self._stuck:
             return
         if was_stuck:
-            self._t_ns = None  # what it has told meanwhile is worth nothing
+            self._t_ns = None  # samples since then are invalid
         self._take(sample.t_ns, *true_wind(sample, estimate))
 
     def on_bow_wind(self, sample: BowWind, estimate: Estimate) -> None:
-        """Take in true wind that is told from the bow: the instrument knows the boat's motion, not its heading."""
+        """Add a true wind relative to the bow, of an instrument that knows the boat's motion but not its heading."""
         ahead = -sample.speed_mps * math.cos(sample.from_rad)
         abeam = -sample.speed_mps * math.sin(sample.from_rad)
         self._take(sample.t_ns, *body_to_ned(estimate.psi_rad, ahead, abeam))
 
     def on_true_wind(self, sample: TrueWind) -> None:
-        """Take in true wind that is told from the earth."""
+        """Add a true wind relative to north."""
         self._take(sample.t_ns, sample.vn_mps, sample.ve_mps)
 
     def wind(self, t_ns: int) -> Wind | None:
-        """The filtered wind at a time, or None before the first sample; not valid once it is stale, or stuck."""
+        """The filtered wind at a time, None before the first sample; not valid when stale or stuck."""
         if self._t_ns is None:
             return None
         return Wind(
@@ -85,7 +85,7 @@ class WindFilter:
         )
 
     def notes(self, t_ns: int) -> tuple[Note, ...]:
-        """Whether the anemometer is stuck, silent, or tells what no wind is."""
+        """Notes: the anemometer is stuck, silent, or sends implausible values."""
         text = self._stuck
         if not text and self._refused_ns is not None and t_ns - self._refused_ns <= self._config.stale_after_s * 1e9:
             text = "implausible"
@@ -120,7 +120,7 @@ class WindFilter:
         self._t_ns = t_ns
 
     def _plausible(self, t_ns: int, vn: float, ve: float) -> bool:
-        """Whether a sample can be wind: a single wild one would throw the prediction, and with it the position."""
+        """Whether a sample is plausible: a single outlier would disturb the prediction, and with it the position."""
         config = self._config
         if math.hypot(vn, ve) > config.speed_max_mps:
             return False
@@ -132,7 +132,7 @@ class WindFilter:
         return t_ns - self._leap_ns >= config.leap_after_s * 1e9
 
     def _why_stuck(self, sample: ApparentWind, estimate: Estimate) -> str:
-        """What of the anemometer does not move though it should, in words; empty where nothing is wrong.
+        """Which part of the anemometer is stuck, as text; empty if none.
 
         Cups: the same speed to the last bit, from a sensor that used to be noisy. Vane: the same direction, while the
         boat has turned in a wind that was known. On a boat that does not turn, a vane that stays shows nothing.
@@ -144,7 +144,7 @@ class WindFilter:
         after_ns = round(self._config.stuck_after_s * 1e9)
         self._cups = sensor_health.hear(self._cups, sample.t_ns, (sample.speed_mps, 0.0), (speed, 0.0), CUPS, after_ns)
         self._cups = self._cups if self._cups.frozen else sensor_health.use(self._cups, sample.t_ns)
-        if self._cups.frozen and sample.speed_mps > 0.0:  # zero is what cups tell in a calm
+        if self._cups.frozen and sample.speed_mps > 0.0:  # zero is normal in a calm
             return "stuck"
         return "vane stuck" if self._vane_stuck(sample, estimate, after_ns) else ""
 

@@ -1,8 +1,7 @@
-"""The wind that would explain the disturbance, for where no sensor tells it. It is shown, and nothing steers by it.
+"""The wind that would explain the disturbance, where no sensor measures it. For display only: control does not use it.
 
-What the disturbance stands in for while the prediction knows no wind is the wind's load, here by the physics of the
-vessel: a network's answer to a wind is only as good as the winds in its data. Current passes for wind, and so does
-whatever else the model lacks.
+Without a known wind the disturbance contains the wind's load. It is inverted by the physics model, since a network is
+only as good as the winds in its training data. Current, and other errors of the model, appear as wind too.
 """
 
 from __future__ import annotations
@@ -18,14 +17,14 @@ from asvhil.dynamics.rigid_body import SimplifiedDynamics
 from asvhil.geo import ned_to_body
 from asvhil.types import Estimate, Wind
 
-FIRST_MPS = 2.0  # a load that goes with the square of the wind tells nothing at zero
-DAMPING = 1e-5  # (m/s^2 per m/s)^2: a direction in which the boat feels no wind stays as it was
+FIRST_MPS = 2.0  # start value: a quadratic load has no gradient at zero
+DAMPING = 1e-5  # (m/s^2 per m/s)^2: a component without effect on the boat stays unchanged
 LONGEST_STEP_MPS = 1.0
 LEAST_LOAD_MPS2 = 1e-4
 
 
 class WindFromLoad:
-    """One damped Gauss-Newton step towards the wind at each call, from the wind before."""
+    """Estimates the wind by one damped Gauss-Newton step at each call."""
 
     def __init__(self, vessel: VesselConfig) -> None:
         model = SimplifiedDynamics(vessel)
@@ -43,7 +42,7 @@ class WindFromLoad:
         self._run = bind(function, [self._nu, self._psi, self._wind], [self._load, columns])
 
     def wind(self, estimate: Estimate) -> Wind:
-        """The wind by now, not valid, of origin "disturbance"."""
+        """The present estimate of the wind: marked not valid, of origin "disturbance"."""
         d_n, d_e, d_r = estimate.disturbance
         load = math.hypot(d_n, d_e)
         if not self._wind.any() and load > LEAST_LOAD_MPS2:
