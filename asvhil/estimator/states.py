@@ -2,7 +2,8 @@
 
 Position n, e (m), heading psi (rad), velocity over ground u, v (m/s, body axes), yaw rate r (rad/s); the disturbance,
 the acceleration that the model does not explain, d_n, d_e (m/s^2, NED) and d_r (rad/s^2); biases of accelerometer
-(m/s^2, body axes), gyro (rad/s) and GNSS position (m, NED); and the residual compass deviation after calibration, coefficients A to E (rad).
+(m/s^2, body axes), gyro (rad/s) and GNSS position (m, NED); and the residual compass deviation after calibration,
+coefficients A to E (rad).
 """
 
 from __future__ import annotations
