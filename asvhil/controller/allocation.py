@@ -8,9 +8,9 @@ from asvhil.types import record
 
 @record
 class Allocation:
-    """What the motors are asked for: commands in [-1, 1], thrusts (N), and the force and moment that these make.
+    """Result of an allocation: commands in [-1, 1], thrusts (N), and the surge force and yaw moment that they produce.
 
-    `saturated` tells that the force or the moment falls short of what was wanted.
+    `saturated`: the force or the moment is not the one that was asked for.
     """
 
     command: tuple[float, float]  # port, starboard
@@ -23,9 +23,8 @@ class Allocation:
 class Allocator:
     """Splits (X, N) over two motors at arms of +-`arm_m`: X = T_p + T_s, N = arm (T_p - T_s).
 
-    Where both cannot be had, the yaw moment comes first: the difference of the thrusts is kept as far as the range of
-    one motor reaches, and the sum is moved to the nearest value that leaves both motors within their bounds. A boat
-    that cannot turn cannot use its thrust; one that turns first gets both.
+    If both cannot be reached, the yaw moment has priority: the difference of the thrusts is kept as far as the range of
+    the motors allows, and the sum is moved to the nearest value that leaves both motors within their bounds.
     """
 
     def __init__(self, curve: ThrustCurve, arm_m: float) -> None:

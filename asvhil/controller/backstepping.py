@@ -15,7 +15,7 @@ class Backstepping:
         tau = M1 [R^T eta_r_ddot + Rdot^T eta_r_dot] + C1(nu) R^T eta_r_dot + D1 R^T eta_r_dot
               - R^T Kd s - R^T Kp eta_e - tau_w
 
-    M1, C1, D1 are `SimplifiedModel`'s; what becomes of the sway force tells `Steering`.
+    M1, C1, D1 are `SimplifiedModel`'s; the sway force is used as `Steering` describes.
     """
 
     def __init__(self, vessel: VesselConfig, config: BacksteppingConfig) -> None:
@@ -24,7 +24,7 @@ class Backstepping:
         self._loop = FeedbackLoop(vessel, config.steering, config.wind_feedforward)
 
     def reset(self) -> None:
-        """Forget which way the boat was steered; the law itself remembers nothing."""
+        """Forget the steering direction; the law itself has no state."""
         self._loop.steering.reset()
 
     def new_station(self) -> None:
@@ -54,5 +54,5 @@ class Backstepping:
 
 
 def build(settings: BacksteppingConfig, config: Config, model: Dynamics) -> Backstepping:
-    """The controller of a config; it has a model of its own, of the vessel that the config believes in."""
+    """The controller of a config, with its simplified model of the vessel that the config assumes."""
     return Backstepping(config.believed_vessel, settings)

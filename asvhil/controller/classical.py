@@ -1,4 +1,4 @@
-"""What the classical feedback laws share: pose error, simplified model, wind feed-forward, steering, allocation.
+"""Common parts of the classical feedback laws: pose error, simplified model, wind feed-forward, steering, allocation.
 
 The laws are written in the station's frame (station at the origin, heading 0), which is the paper's earth-fixed frame
 turned so that its axes lie along and across the station's heading: diagonal gains then mean the same for any station.
@@ -19,7 +19,7 @@ Vector3 = tuple[float, float, float]  # surge, sway, yaw; or along, across, head
 
 LONGEST_STEP_S = 1.0  # a longer time between two steps is a pause, in which nothing is integrated
 FAILED = Control(command=(0.0, 0.0), ok=False, iterations=0, cost=0.0)
-BACK_SHARE = 0.5  # of the steering radius: within it the station's heading is taken up again
+BACK_SHARE = 0.5  # of the steering radius: within it the reference is the station's heading again
 TURN_ROUND_RAD = math.radians(120.0)  # bow or stern, once chosen, leads until it is this far off
 
 
@@ -79,7 +79,7 @@ def to_body(psi_rad: float, vector: Vector3) -> Vector3:
 
 
 class Steering:
-    """The heading reference of a boat that makes no side force (its motors are fixed): the field's usual way round.
+    """The heading reference of a boat without sway force, since its motors are fixed: the usual solution in practice.
 
     Beyond `radius_m` the bow or the stern, whichever is nearer, points at the station, until within half of the
     radius. Near, once the boat is abeam by `lean_from_m` and fully at twice that, the heading leans off the station's
@@ -112,7 +112,7 @@ class Steering:
         return bearing_rad + math.pi if self._astern else bearing_rad
 
     def lean_rad(self, y_m: float, psi_rad: float, surge_n: float, sway_n: float) -> float:
-        """How far to lean at an offset abeam for a wanted force in body axes; 0 while the boat is away."""
+        """The lean (rad) at an offset abeam (m) for a wanted force (N) in body axes; 0 while the boat is far off."""
         share = min(max(abs(y_m) / self._config.lean_from_m - 1.0, 0.0), 1.0)
         limit_rad = share * math.radians(self._config.lean_max_deg)
         if self.away or limit_rad == 0.0:
@@ -124,12 +124,12 @@ class Steering:
 
 
 class FeedbackLoop:
-    """From what is seen to motor commands around a law tau = f(motion) that knows of neither wind nor motors.
+    """From estimates to motor commands around a law tau = f(motion), which has no knowledge of wind and motors.
 
     The law's sway force Y cannot be produced; it only decides the lean. `law` is called twice in a step, so it must
     not change anything; what it integrates is advanced afterwards, from what `step` returns. The position error that
-    the law sees is shortened to `error_max_m`: the laws are proportional, and from afar the reference velocity, and
-    with it C1 R^T eta_r_dot, would outgrow what the motors can do.
+    the law sees is shortened to `error_max_m`: the laws are proportional, so that at a large distance the
+    reference velocity, and with it C1 R^T eta_r_dot, would exceed what the motors can do.
     """
 
     def __init__(self, vessel: VesselConfig, steering: SteeringConfig, wind_feedforward: bool) -> None:
@@ -142,7 +142,7 @@ class FeedbackLoop:
     def step(
         self, estimate: Estimate, wind: Wind | None, station: Station, law: Callable[[TrackingState], Vector3]
     ) -> tuple[TrackingState, Allocation] | None:
-        """The motion under the final heading reference and what the motors do; None where an input is not finite."""
+        """The motion under the final heading reference and the allocation; None if an input is not finite."""
         nu = (estimate.u_mps, estimate.v_mps, estimate.r_radps)
         x_m, y_m = ned_to_body(station.psi_rad, estimate.n_m - station.n_m, estimate.e_m - station.e_m)
         psi_rad = estimate.psi_rad - station.psi_rad

@@ -13,7 +13,7 @@ from asvhil.types import record
 
 WORDS = ("LSL", "RSR", "LSR", "RSL", "RLR", "LRL")
 SIGN = {"L": -1.0, "S": 0.0, "R": 1.0}
-FULL_TURN_RAD = 1e-9  # an arc this short of a full turn is rounding, and none at all
+FULL_TURN_RAD = 1e-9  # an arc within this of a full turn is due to rounding, and left out
 ROUNDING = 16.0 * math.ulp(1.0)  # of the centre of a circle, relative to the numbers that it is computed from
 
 Pose = tuple[float, float, float]  # n_m, e_m, psi_rad
@@ -128,9 +128,9 @@ def _centre(pose: Pose, sign: float, radius_m: float) -> tuple[float, float]:
 
 
 def _turn(sign: float, from_rad: float, to_rad: float, slack_rad: float = FULL_TURN_RAD) -> float:
-    """Angle in [0, 2 pi) through which one turns from a heading to another, going round one way only.
+    """Angle in [0, 2 pi) through which one turns from a heading to another, in one direction of rotation.
 
-    A turn that is short of a full one by less than the slack is none.
+    A turn within the slack of a full one counts as zero.
     """
     turn_rad = wrap_2pi(sign * (to_rad - from_rad))
     return 0.0 if turn_rad > 2.0 * math.pi - slack_rad else turn_rad
@@ -152,7 +152,7 @@ def _csc(begin: Pose, end: Pose, radius_m: float, first: float, last: float) -> 
     distance_m, bearing_rad = _centres(begin, end, radius_m, first, last)
     if first == last:
         straight_m, heading_rad = distance_m, bearing_rad
-        # The bearing of centres that are close is known less well: without slack a straight of 1 nm begins with a turn.
+        # The bearing between close centres is inaccurate: without slack a straight of 1 nm would begin with a turn.
         size_m = max(abs(begin[0]), abs(begin[1]), abs(end[0]), abs(end[1])) + radius_m
         slack_rad = max(FULL_TURN_RAD, ROUNDING * size_m / max(distance_m, FULL_TURN_RAD * radius_m))
     else:

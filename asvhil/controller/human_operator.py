@@ -1,4 +1,4 @@
-"""An imperfect hand at the sticks: what a human operator makes of station keeping, for the data that it leaves."""
+"""A simulated human operator at the sticks who keeps a station imperfectly, for data collection."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from asvhil.types import Estimate, Station
 
 LEVEL = 0.2  # sticks are moved in coarse steps
 LOOK_S = (0.3, 0.9)  # time between two looks at the boat, drawn anew each time
-NEAR_M = 3.0  # within it the hand cares for the heading, beyond it for the way back
+NEAR_M = 3.0  # within it the heading is controlled, beyond it the way back
 WOBBLE = 0.12  # standard deviation of where the stick ends up
 WRONG_SHARE = 0.05  # looks that end with a stick moved the wrong way
 
 
 class HumanOperator:
-    """A proportional and derivative hand with a reaction delay, coarse levels, wobble and some mistakes. Seeded."""
+    """A proportional-derivative law with reaction delay, coarse levels, random wobble and some mistakes. Seeded."""
 
     def __init__(self, rng: np.random.Generator, reaction_s: float) -> None:
         self._rng = rng
@@ -28,7 +28,7 @@ class HumanOperator:
         self._sticks = (0.0, 0.0)
 
     def step(self, estimate: Estimate, station: Station) -> tuple[float, float]:
-        """The sticks (surge, turn) in [-1, 1], moved at the next look by what was seen a reaction time ago."""
+        """Stick positions (surge, turn) in [-1, 1]: updated at each look, from the estimate of a reaction time ago."""
         self._seen.append(estimate)
         while len(self._seen) > 1 and self._seen[1].t_ns <= estimate.t_ns - self._reaction_ns:
             self._seen.popleft()
@@ -49,9 +49,9 @@ class HumanOperator:
         if self._rng.random() < WRONG_SHARE:
             surge, turn = -surge, -turn
         wobble = self._rng.normal(0.0, WOBBLE, 2)
-        return _coarse(surge + float(wobble[0])), _coarse(turn + float(wobble[1]))
+        return _quantised(surge + float(wobble[0])), _quantised(turn + float(wobble[1]))
 
 
-def _coarse(stick: float) -> float:
+def _quantised(stick: float) -> float:
     """The nearest level within [-1, 1]."""
     return LEVEL * round(min(max(stick, -1.0), 1.0) / LEVEL)

@@ -6,8 +6,8 @@ to starboard of the path, gamma the path's heading, D the look-ahead and s the i
     psi_d  = gamma - atan((y + s z) / D) - beta
     z_dot  = D y / ((y + s z)^2 + D^2)
 
-so that z (s; the gain in m/s) hardly grows while the boat is far off. beta is the drift angle as estimated; what it
-misses is left to z.
+so that z (s; the gain in m/s) hardly grows while the boat is far off. beta is the estimated drift angle; z corrects
+its error.
 """
 
 from __future__ import annotations
@@ -21,16 +21,16 @@ from asvhil.dynamics.rigid_body import RigidBody, ThrustCurve
 from asvhil.geo import ned_to_body, wrap_rad
 from asvhil.types import Estimate, Wind, record
 
-SEARCH_BACK_M, SEARCH_AHEAD_M = 3.0, 8.0  # the foot on the path moves no further in one step: paths cross themselves
-CURVATURE_LEAD_S = 0.6  # the yaw rate is asked for this much early: motor lag and inertia take about as long
+SEARCH_BACK_M, SEARCH_AHEAD_M = 3.0, 8.0  # range of the search for the nearest point
+CURVATURE_LEAD_S = 0.6  # the yaw rate is commanded this much ahead, for motor lag and inertia
 LEAST_SPEED_MPS = 0.5  # below it the drift angle is ill-defined, and is faded out
 DRIFT_MAX_RAD = 0.6
-ON_COURSE_RAD = 0.5  # beyond this heading error the integral waits: it would learn the turn, not the drift
+ON_COURSE_RAD = 0.5  # beyond this heading error the integral is held: the error is that of the turn, not of drift
 
 
 @record
 class Guidance:
-    """What to steer: heading (rad), yaw rate that the path asks for (rad/s), foot on the path and error to it (m)."""
+    """References: heading (rad), yaw rate of the path (rad/s), nearest point (m) and cross-track error (m)."""
 
     psi_rad: float
     r_radps: float
@@ -39,18 +39,18 @@ class Guidance:
 
 
 class Ilos:
-    """Follows one path; remembers the foot on it and the integral of the cross-track error."""
+    """Guidance along one path; its state is the nearest point and the integral of the cross-track error."""
 
     def __init__(self, config: ProcedureConfig) -> None:
         self._config = config
         self.begin()
 
     def retune(self, config: ProcedureConfig) -> None:
-        """Another look-ahead and the like from the next step on."""
+        """Other settings, such as the look-ahead, from the next step on."""
         self._config = config
 
     def begin(self) -> None:
-        """Start on a new path, from its beginning; the integral starts anew, for the wind now comes from elsewhere."""
+        """Start on a new path, from its beginning. The integral is reset, since the wind acts from another side."""
         self._along_m = 0.0
         self.integral_s = 0.0
 
@@ -69,7 +69,7 @@ class Ilos:
             self._integrate(cross_m, elapsed_s)
         moving_mps = max(estimate.u_mps, 0.0)
         curvature = path.curvature(along_m + CURVATURE_LEAD_S * moving_mps)
-        # On the inside of a turn the foot runs ahead of the boat; within half a radius, beyond that it is off the path.
+        # On the inside of a turn the nearest point moves faster than the boat; half a radius is the limit.
         foot_mps = moving_mps / max(1.0 - curvature * cross_m, 0.5)
         return Guidance(psi_rad=psi_rad, r_radps=curvature * foot_mps, along_m=along_m, cross_m=cross_m)
 
@@ -81,9 +81,9 @@ class Ilos:
 
 
 def approach_speed(config: ProcedureConfig, distance_m: float, heading_error_rad: float) -> float:
-    """Surge speed (m/s) at a distance to the station: slowed to the hand-over speed at r_s, to none at the station.
+    """Surge speed (m/s) at a distance to the station: reduced to the hand-over speed at r_s, to zero at the station.
 
-    With the bow off the path it falls with the cosine, to none at a right angle.
+    With a heading error it is reduced by the cosine, to zero at a right angle.
     """
     beyond_m = distance_m - config.r_s_m
     if beyond_m > 0.0:
@@ -96,7 +96,7 @@ def approach_speed(config: ProcedureConfig, distance_m: float, heading_error_rad
 class Helm:
     """Heading and speed to motor commands by inverting the rigid body's surge and yaw equations (Fossen 2011, 6.109).
 
-    The known loads of the wind, and the disturbance that the estimator found, are met before they act.
+    The known wind load and the estimated disturbance are fed forward.
     """
 
     def __init__(self, config: ProcedureConfig, vessel: VesselConfig) -> None:

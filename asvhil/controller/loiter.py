@@ -1,4 +1,4 @@
-"""What the autopilot does by itself in its LOITER mode: the thing to use without a backseat, for comparison.
+"""The autopilot's own LOITER mode, which a boat without a backseat would use, for comparison.
 
 Written from the mode's documented and measured behaviour (ArduRover 4.6, boat): within the radius it drifts; outside
 it turns bow or stern to the station, whichever is nearer, and drives at a speed in proportion to the distance from the
@@ -17,7 +17,7 @@ from asvhil.types import Control, Estimate, Station, Wind
 
 
 class Loiter:
-    """The autopilot's speed and heading loops around its LOITER rule; the skid steering mix gives steering priority."""
+    """The autopilot's speed and heading loops with its LOITER rule. The skid-steering mixer gives steering priority."""
 
     def __init__(self, config: LoiterConfig) -> None:
         self._config = config
@@ -33,10 +33,10 @@ class Loiter:
         self._t_ns: int | None = None
 
     def new_station(self) -> None:
-        """Nothing to forget: the speed integral is of the motors, not of the station."""
+        """Nothing to do: the speed integral does not depend on the station."""
 
     def step(self, estimate: Estimate, wind: Wind | None, station: Station) -> Control:
-        """One control tick; the wind and the station's heading go unused. Not ok where an input is not finite."""
+        """One control tick; the wind and the station's heading are not used. Not ok where an input is not finite."""
         north_m, east_m = station.n_m - estimate.n_m, station.e_m - estimate.e_m
         seen = (north_m, east_m, estimate.psi_rad, estimate.u_mps, estimate.r_radps)
         if not all(map(math.isfinite, seen)):

@@ -1,4 +1,4 @@
-"""Predefined manoeuvres for data collection, fenced around the station; the data that vessel models are trained on."""
+"""Predefined manoeuvres for data collection within a geofence around the station, for the training of vessel models."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from asvhil.types import Control, Estimate, Station, Wind, record
 ZIGZAG_RAD = math.radians(20.0)  # the classic 20/20 zigzag: the turn is reversed at this heading off the first one
 ZIGZAG_REVERSE_S = 6.0  # or after this time, where the boat does not turn so far
 LATE_S = 1.0  # a longer time between two steps is a pause, and the programme waits
-OUT_FACTOR = 2.0  # of the geofence's radius: beyond it nothing is tried any more
+OUT_FACTOR = 2.0  # of the geofence's radius: beyond it the programme is given up
 
 MANUAL_S, ZIGZAG_S, STEPS_S, CIRCLE_S = 18.0, 14.0, 20.0, 10.0
 AHEAD = (0.35, 0.6, 0.9)  # levels of the straight runs; each is drawn 0.1 about its value
@@ -32,7 +32,7 @@ STEP_HOLD_S = (0.4, 4.0)
 
 @record
 class Block:
-    """One manoeuvre. `pieces` are rows of (duration_s, port, starboard) in turn; the others steer by what they see."""
+    """One manoeuvre. `pieces` are rows of (duration_s, port, starboard) in turn; blocks without them use feedback."""
 
     kind: str  # straight, circle, steps, zigzag, manual
     duration_s: float
@@ -42,7 +42,7 @@ class Block:
 
 
 def programme(duration_s: float, rng: np.random.Generator) -> tuple[Block, ...]:
-    """Blocks for at least a duration: cycles of some 310 s with all manoeuvres in drawn order and with drawn levels."""
+    """Blocks for at least a duration: cycles of some 310 s with all manoeuvres, in random order and levels."""
     blocks: list[Block] = []
     while sum(block.duration_s for block in blocks) < duration_s:
         cycle = [_straight(rng, ahead, astern) for ahead, astern in zip(AHEAD, ASTERN, strict=True)]
@@ -50,7 +50,7 @@ def programme(duration_s: float, rng: np.random.Generator) -> tuple[Block, ...]:
         cycle += [_zigzag(rng, surge, turn) for surge, turn in ZIGZAGS]
         cycle += [_steps(rng) for _ in range(3)]
         cycle = [cycle[i] for i in rng.permutation(len(cycle))]
-        for at in range(len(cycle), 0, -3):  # the hand tries to keep the station after every third
+        for at in range(len(cycle), 0, -3):  # the human operator keeps the station after every third block
             cycle.insert(at, Block(kind="manual", duration_s=MANUAL_S))
         blocks += cycle
     return tuple(blocks)
@@ -59,8 +59,9 @@ def programme(duration_s: float, rng: np.random.Generator) -> tuple[Block, ...]:
 class Manoeuvres:
     """Drives a programme for a time, as a pure function of the estimates that it is given; then keeps the station.
 
-    Beyond the geofence the programme waits while `home` brings the boat back; the total time runs on. Where that does
-    not help (twice the radius, or too long), `Control.ok` is False from then on, and the supervisor lets go.
+    Beyond the geofence the programme is paused while `home` brings the boat back; the total time runs on. If the boat
+    does not come back (twice the radius, or too long), `Control.ok` is False from then on, and the supervisor releases
+    the motors.
     """
 
     def __init__(self, config: ManoeuvresConfig, home: Controller) -> None:
@@ -73,10 +74,10 @@ class Manoeuvres:
         self.reset()
 
     def reset(self) -> None:
-        """Begin anew, as after a time without control."""
+        """Restart the programme, as after a time without control."""
         rng = np.random.default_rng(self._config.seed)
         self.blocks = programme(self._config.duration_s, rng)
-        self._hand = HumanOperator(rng, self._config.reaction_s)
+        self._operator = HumanOperator(rng, self._config.reaction_s)
         self._index = 0
         self._in_block_s = 0.0
         self._begin_ns: int | None = None
@@ -88,7 +89,7 @@ class Manoeuvres:
         self._home.reset()
 
     def new_station(self) -> None:
-        """The programme goes on about another station."""
+        """Continue the programme about another station."""
         self._home.new_station()
 
     @property
@@ -124,7 +125,7 @@ class Manoeuvres:
     # --- fence and programme -------------------------------------------------------------------------------
 
     def _fence(self, t_ns: int, distance_m: float) -> None:
-        """Begin or end the return; give up where the boat is too far off or the return takes too long."""
+        """Begin or end the return; give up if the boat is too far off or the return takes too long."""
         radius_m = self._config.geofence_radius_m
         since_ns = self._return_since_ns
         if since_ns is None and distance_m > radius_m:
@@ -153,7 +154,7 @@ class Manoeuvres:
             block = self.blocks[self._index]
         return block
 
-    # --- manoeuvres that look at the boat ------------------------------------------------------------------
+    # --- manoeuvres with feedback ------------------------------------------------------------------
 
     def _zigzag(self, block: Block, at_s: float, estimate: Estimate, station: Station) -> tuple[float, float]:
         if self._reference_rad is None:
@@ -164,7 +165,7 @@ class Manoeuvres:
         return block.surge + self._side * block.turn, block.surge - self._side * block.turn
 
     def _manual(self, block: Block, at_s: float, estimate: Estimate, station: Station) -> tuple[float, float]:
-        surge, turn = self._hand.step(estimate, station)
+        surge, turn = self._operator.step(estimate, station)
         return surge + turn, surge - turn
 
 
@@ -186,7 +187,7 @@ def _block(kind: str, pieces: list[tuple[float, float, float]]) -> Block:
 
 
 def _straight(rng: np.random.Generator, ahead: float, astern: float) -> Block:
-    """Ahead, coasting, and astern for about the way that it went ahead."""
+    """Ahead, coasting, and astern for about the same distance."""
     ahead, astern = _near(rng, ahead), _near(rng, astern)
     return _block("straight", [(6.0, ahead, ahead), (2.0, 0.0, 0.0), (9.0, astern, astern)])
 

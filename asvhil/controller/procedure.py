@@ -1,9 +1,9 @@
-"""The paper's station keeping procedure: approach on a Dubins path, hand over to a keeper, start over when far off.
+"""The paper's station keeping procedure: approach on a Dubins path, then station keeping, and again when far off.
 
     approach, recover --- inside r_s ---> keep_heading | keep_position --- beyond r_d ---> recover
     keep_heading --- beyond r_h ---> keep_position --- inside r_h_back r_h ---> keep_heading      (with r_h_rule)
 
-A stage lasts at least `dwell_s`, whatever happens: letting go in an emergency is the supervisor's part, not a stage.
+A stage lasts at least `dwell_s` in any case. Releasing the motors in an emergency is done by the supervisor.
 """
 
 from __future__ import annotations
@@ -20,16 +20,16 @@ from asvhil.controller.protocol import Controller
 from asvhil.geo import wrap_rad
 from asvhil.types import Control, Estimate, Station, Wind
 
-PLAN_ROWS = 24  # of the path ahead, for the log and the viewers
-PLAN_STEP_M = 1.0  # they stand no closer
-PLAN_SPEED_MPS = 0.3  # the times of the plan are reckoned with no less
+PLAN_ROWS = 24  # rows of the path ahead, for the log and the viewers
+PLAN_STEP_M = 1.0  # least distance between rows
+PLAN_SPEED_MPS = 0.3  # least speed for the times of the plan
 LATE_S = 1.0  # a longer time between two steps is a pause: the integral does not run on
 REPLAN_LEAST_S = 5.0  # between two plans in one stage
-HEADING_OFF_RAD = 2.0  # with the bow so far off the path, a path from where the boat points is better
+HEADING_OFF_RAD = 2.0  # at this heading error a new path from the present heading is better
 
 
 class Stage(enum.StrEnum):
-    """Where the procedure is; the log shows it as `Control.stage`."""
+    """Stages of the procedure, logged as `Control.stage`."""
 
     APPROACH = "approach"  # on the first path to the station
     KEEP_HEADING = "keep_heading"  # the keeper holds position and heading
@@ -41,9 +41,9 @@ APPROACHING = (Stage.APPROACH, Stage.RECOVER)
 
 
 class Procedure:
-    """A `Controller` around another one: brings the boat to it, and lets it keep the station.
+    """A `Controller` that brings the boat to the station, and runs another one, the keeper, to keep it.
 
-    `favour_position` tells the keeper to forget the heading (True) or not; without it there is no r_h rule. `config`
+    `favour_position` has the keeper ignore the heading (True) or not; without it there is no r_h rule. `config`
     has the settings in use, `retune`d ones included.
     """
 
@@ -76,7 +76,7 @@ class Procedure:
         self._keeper_idle = False  # others have had the motors since its last step
 
     def new_station(self) -> None:
-        """Begin anew with an approach, or within r_s with the keeper, which goes on driving."""
+        """Start with an approach, or within r_s with the keeper, which continues."""
         self.stage, self._path = None, None
         self.keeper.new_station()
 
@@ -98,7 +98,7 @@ class Procedure:
         return dataclasses.replace(self.keeper.step(estimate, wind, station), stage=stage)
 
     def _next(self, t_ns: int, distance_m: float) -> Stage:
-        """The stage that a distance asks for, once the present one has lasted long enough."""
+        """The stage for a distance, once the present one has lasted long enough."""
         config, stage = self.config, self.stage
         if stage is None:
             return self._keep(distance_m) if distance_m < config.r_s_m else Stage.APPROACH
@@ -149,7 +149,7 @@ class Procedure:
         )
 
     def _follow(self, estimate: Estimate, station: Station, elapsed_s: float) -> tuple[Dubins, Guidance]:
-        """The path, a new one where there is none or the boat has left it or run past its end, and what to steer."""
+        """The path, replanned if there is none or the boat has left it or passed its end, and its guidance."""
         path = self._path
         if path is not None:
             guidance = self._ilos.step(path, estimate, elapsed_s)

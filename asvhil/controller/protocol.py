@@ -1,4 +1,4 @@
-"""What every controller offers to the backseat."""
+"""The interface of every controller."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from asvhil.types import Control, Estimate, Station, Wind
 class Controller(Protocol):
     """Keeps a station: one solution per control period.
 
-    It need not compare stations: the supervisor holds the one in use, and `new_station` says that it is another.
+    The supervisor owns the station in use; `new_station` is called when it is another one.
 
     It may also have `retune(config: ControllerConfig)`, to take settings that operators change, and
-    `favour_position(on: bool)`, to keep the position at any heading while the procedure's `r_h` rule says so.
+    `favour_position(on: bool)`, to keep the position at any heading while the procedure's `r_h` rule requires it.
     """
 
     def step(self, estimate: Estimate, wind: Wind | None, station: Station) -> Control:
@@ -21,9 +21,9 @@ class Controller(Protocol):
         ...
 
     def new_station(self) -> None:
-        """The station is another one from the next step on: forget what was found for the last."""
+        """The station is another one from the next step on: drop state that belongs to the last one."""
         ...
 
     def reset(self) -> None:
-        """Forget everything: the motors have not been ours since the last step."""
+        """Drop all state: others have had the motors since the last step."""
         ...

@@ -1,4 +1,4 @@
-"""Motor commands to pulse widths, with the limits that are enforced last before the wire."""
+"""Motor commands to pulse widths, with the limits that are applied last before sending."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from asvhil.config import PwmConfig
 
 
 def pulse_of_command(config: PwmConfig, command: float) -> int:
-    """Pulse width (us) of a command in [-1, 1]; anything outside, or not a number, is clamped or neutral."""
+    """Pulse width (us) of a command in [-1, 1]; out of range it is clamped, NaN is neutral."""
     if not math.isfinite(command):
         return config.neutral_us
     span_us = config.ahead_us - config.neutral_us if command > 0.0 else config.neutral_us - config.astern_us
@@ -32,7 +32,7 @@ def command_rate_per_s(config: PwmConfig) -> float:
 
 
 class PulseLimiter:
-    """Bounds and slew rate of both motors. Going to neutral is never slowed down."""
+    """Limits range and slew rate of both motors. Changes towards neutral are never slowed down."""
 
     def __init__(self, config: PwmConfig) -> None:
         self._config = config
@@ -40,12 +40,12 @@ class PulseLimiter:
         self._t_ns: int | None = None
 
     def reset(self) -> None:
-        """The motors are no longer ours: start from neutral next time."""
+        """Start from neutral at the next step, after the motors were released."""
         self._last_us = (self._config.neutral_us, self._config.neutral_us)
         self._t_ns = None
 
     def neutral(self) -> tuple[int, int]:
-        """Both motors to neutral at once."""
+        """Neutral for both motors (us), at once."""
         self.reset()
         return self._last_us
 
@@ -66,6 +66,6 @@ class PulseLimiter:
         if (wanted_us - neutral_us) * (last_us - neutral_us) >= 0 and abs(wanted_us - neutral_us) <= abs(
             last_us - neutral_us
         ):
-            return wanted_us  # less thrust on the same side
+            return wanted_us  # towards neutral
         start_us = neutral_us if (wanted_us - neutral_us) * (last_us - neutral_us) < 0 else last_us
         return min(max(wanted_us, start_us - reach_us), start_us + reach_us)

@@ -41,7 +41,7 @@ class SlidingMode:
         self._t_ns: int | None = None
 
     def new_station(self) -> None:
-        """As `reset`: what was integrated is of the last station."""
+        """As `reset`: the integral belongs to the last station."""
         self.reset()
 
     def step(self, estimate: Estimate, wind: Wind | None, station: Station) -> Control:
@@ -78,9 +78,9 @@ class SlidingMode:
         return along, across, heading
 
     def _integrate(self, motion: TrackingState, saturated: bool) -> None:
-        """Anti-windup: an integral neither grows while the motors or its own sat() are at their bound, nor without end.
+        """Anti-windup: an integral does not grow while the motors or its own sat() are saturated, and is bounded.
 
-        While the boat is steered to a far station the errors are not those of keeping it, and nothing is integrated.
+        While the boat is steered to a distant station nothing is integrated.
         """
         elapsed_s = 0.0 if self._t_ns is None else (motion.t_ns - self._t_ns) * 1e-9
         self._t_ns = motion.t_ns
@@ -110,5 +110,5 @@ def _clip(value: float, limit: float) -> float:
 
 
 def build(settings: SlidingModeConfig, config: Config, model: Dynamics) -> SlidingMode:
-    """The controller of a config; it has a model of its own, of the vessel that the config believes in."""
+    """The controller of a config, with its simplified model of the vessel that the config assumes."""
     return SlidingMode(config.believed_vessel, settings)

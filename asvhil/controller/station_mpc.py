@@ -1,4 +1,4 @@
-"""The MPC station keeper: problem, solver, warm start, weight sets and heading trim behind `Controller`."""
+"""MPC for station keeping: problem, solver, warm start, weight sets and heading trim behind `Controller`."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ from asvhil.dynamics.protocol import Dynamics
 from asvhil.geo import body_to_ned, ned_to_body, wrap_rad
 from asvhil.types import Control, Estimate, Station, Wind
 
-ALTERNATE_STARTS = (0.0, 0.7, -0.7)  # of full ahead (positive) or full astern (negative), both motors, in turn
-TRIM_WAITS = 0.5  # of the trim's own time, once near: headings of the way in would stay in it for minutes
-TRIM_WITHIN_RAD = 0.5  # larger heading errors are transients, and would only wind the trim up
+ALTERNATE_STARTS = (0.0, 0.7, -0.7)  # of full ahead (positive) or astern, both motors, in turn
+TRIM_WAITS = 0.5  # of the trim time that the boat must be near first, or errors of the approach stay in it for minutes
+TRIM_WITHIN_RAD = 0.5  # larger heading errors are transients and would wind up the trim
 TUNED = ("near", "along", "far", "position_only", "near_radius_m", "far_radius_m", "trim_time_s", "trim_max_rad")
-TURN_HYSTERESIS_RAD = 0.3  # how far past half a turn the chosen way round is kept
+TURN_HYSTERESIS_RAD = 0.3  # the turning direction is kept up to this far past half a turn
 
 
 class StationMpc:
-    """Keeps a station by receding horizon control; remembers its plan, last input, weight set and heading trim.
+    """Keeps a station by receding horizon control. Its state: plan, last input, weight set and heading trim.
 
-    The caller runs `step` every `period_s` while the motors obey it, and `reset`s when they did not.
+    The caller runs `step` every `period_s` while the motors obey it, and calls `reset` when they did not.
     """
 
     def __init__(
@@ -55,7 +55,7 @@ class StationMpc:
         self.new_station()
 
     def new_station(self) -> None:
-        """Forget what was found for the last station, the trim and the way round to it; the plan is where to start."""
+        """Forget the trim and the turning direction, which belong to the last station; the plan is kept as a start."""
         self._near = False
         self.trim_rad = self._near_s = 0.0
         self._psi_rad: float | None = None
@@ -75,7 +75,7 @@ class StationMpc:
         """
         if len(estimate.motor) != self._model.n_motor:
             raise ValueError(f"{len(estimate.motor)} motor states, model {self._model.name} has {self._model.n_motor}")
-        # Without a wind the model sees still air, and the disturbance carries the wind's mean load.
+        # Without a wind the model assumes still air; the disturbance includes the mean wind load.
         use_wind = self.config.wind_feedforward and wind is not None and wind.valid
         air = (wind.vn_mps, wind.ve_mps) if wind is not None and use_wind else (0.0, 0.0)
         push = estimate.disturbance if self.config.disturbance_feedforward else (0.0, 0.0, 0.0)
@@ -84,7 +84,7 @@ class StationMpc:
         if not all(map(math.isfinite, (*pose, *nu, *estimate.motor, *air, *push))):
             return self._give_up(0)
 
-        # In the station's frame the problem does not know where the station is or where it points.
+        # The problem is written in the station's frame, so it does not depend on the station.
         x, y = ned_to_body(station.psi_rad, estimate.n_m - station.n_m, estimate.e_m - station.e_m)
         psi_rad = self._heading_error_rad(estimate.psi_rad - station.psi_rad)
         distance_m = math.hypot(x, y)
@@ -101,7 +101,7 @@ class StationMpc:
         return self._control(solution, iterations, station) if solution.ok else self._give_up(iterations)
 
     def _update_trim(self, psi_rad: float) -> None:
-        """Integrate the heading error into the trim, once the boat has been near for a while."""
+        """Integrate the heading error into the trim, once the boat has been near for some time."""
         config = self.config
         self._near_s = self._near_s + self._period_s if self._near else 0.0
         settled = self._near_s > TRIM_WAITS * config.trim_time_s
@@ -118,7 +118,7 @@ class StationMpc:
             return self._problem.pack(state, wind, disturbance, self.trim_rad, self._input, weights)
 
         config = self.config
-        # An offset is worth swings of the heading too: a heavy heading weight would park the boat beside the station.
+        # An offset justifies heading oscillations too: a high heading weight would leave the boat off the station.
         share = max(self._side_load_share, _ramp(math.hypot(state[0], state[1]), config.offset_m))
         if self._position_only:
             return packed(config.position_only)
@@ -128,7 +128,7 @@ class StationMpc:
         return share * packed(config.near) + (1.0 - share) * packed(config.along)
 
     def _update_side_load(self, wind: tuple[float, float], disturbance: tuple[float, float, float]) -> None:
-        """The acceleration that pushes the boat sideways at the station's heading, by a low-pass."""
+        """The low-passed sideways acceleration (m/s^2) of the boat at the station's heading."""
         mps2 = abs(self._problem.side_acceleration(wind, disturbance))
         if self._side_load_mps2 is None:
             self._side_load_mps2 = mps2
@@ -137,17 +137,17 @@ class StationMpc:
 
     @property
     def _side_load_share(self) -> float:
-        """0 where nothing pushes the boat sideways at the station's heading, 1 where it has a side load to carry.
+        """0 without a side load at the station's heading, 1 with one.
 
-        Two fixed motors carry a side load by swings of the heading alone, and these a heavy heading weight would
-        forbid. Without one there is no reason to swing, and a light weight would only follow noise.
+        Two fixed motors compensate a side load only by oscillations of the heading, which a high heading weight would
+        prevent. Without a side load a low weight would only follow noise.
         """
         return _ramp(self._side_load_mps2 or 0.0, self.config.side_load_mps2)
 
     def _solve(self, parameters: Array, distance_m: float) -> tuple[Solution, int]:
-        """The cheaper of the shifted last plan and, far off or after a failure, one alternate start in turn.
+        """The plan of lowest cost, from the shifted last plan and, if far off or failed, an alternate start in turn.
 
-        A single start parks in a local minimum that does nothing about a sideways offset. Also the QPs solved.
+        A single start can stay in a local minimum that leaves a sideways offset. Also gives the number of QPs solved.
         """
         lost = self._plan is None
         start = np.zeros((self._problem.stages, 2)) if self._plan is None else self._shift @ self._plan
@@ -188,7 +188,7 @@ class StationMpc:
         return self._model.input_of_command((0.0, 0.0))
 
     def _heading_error_rad(self, error_rad: float) -> float:
-        """The wrapped heading error, but the way round once chosen is kept: noise at half a turn must not flip it."""
+        """The wrapped heading error (rad), with hysteresis in the turning direction, against noise at half a turn."""
         if self._psi_rad is None:
             self._psi_rad = wrap_rad(error_rad)
         else:
@@ -215,7 +215,7 @@ def shift_matrix(times_s: Array, elapsed_s: float) -> Array:
 
 
 def build(settings: MpcConfig, config: Config, model: Dynamics) -> StationMpc:
-    """The MPC of a config with the solver that it asks for. ConfigError where that is not installed."""
+    """The MPC of a config with its solver. ConfigError if that is not installed."""
     capped, make_solver = choose_solver(config.controller)
     rate_per_s = command_rate_per_s(config.vehicle.pwm)
     return StationMpc(model, capped, 1.0 / config.daemon.control_hz, make_solver, rate_per_s)

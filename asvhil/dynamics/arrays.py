@@ -90,7 +90,7 @@ class CasadiArrays:
 
 
 class TorchArrays:
-    """The operations on torch tensors. Torch is taken from `sys.modules`, so that nothing here imports it."""
+    """The operations on torch tensors. Torch comes from `sys.modules`, so that this module does not import it."""
 
     @staticmethod
     def component(x: Any, i: int) -> Any:

@@ -1,4 +1,4 @@
-"""Calls of CasADi functions on NumPy buffers, which cost microseconds where a usual call costs tens of them."""
+"""Calls of CasADi functions on NumPy buffers: microseconds instead of the tens of a normal call."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ def bind(function: ca.Function, arguments: list[Array], results: list[Array]) ->
 
     Arrays are 1-D and contiguous, one for each argument and result, of the length of its nonzeros.
     """
-    bound: Any = function.buffer()  # its type hints ask for a size, which it does not take with a memoryview
+    bound: Any = function.buffer()  # the type hints want a size, which it does not accept with a memoryview
     buffer, call = bound
     for i, array in enumerate(arguments):
         buffer.set_arg(i, array.data)

@@ -2,8 +2,8 @@
 
 One monotone map, shared by both motors, turns the command into thrust relative to full ahead. Each motor follows it
 with a first-order lag. The acceleration is the sum of a small tanh network and of the skip terms, weighted products of
-the scaled velocities, thrusts and winds. The map's output is the model's input, so the optimisation never meets the
-dead band.
+the scaled velocities, thrusts and winds. The map's output is the model's input, so that the optimisation has no dead
+band.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ SKIP_FACTORS = (
     *((0,), (1,), (2,), (0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (2, 0)),
     *((3,), (4,), (5,), (6,), (5, 5), (6, 6), (5, 6)),
 )
-STATE_LIMIT = 2.0  # times the training range: beyond it the terms of the velocities no longer grow
+STATE_LIMIT = 2.0  # times the training range: beyond it the velocity terms are constant
 
 
 class ThrustMap:

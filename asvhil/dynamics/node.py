@@ -8,7 +8,7 @@ LONGEST_STEP_S = 0.45  # of the midpoint rule: these models have no motor lag, a
 
 
 class Node(Nnsem):
-    """NNSEM's network as a continuous-time model: trained through a fourth-order solver, so any small step holds."""
+    """NNSEM's network as a continuous-time model: trained with a fourth-order solver, so any small step holds."""
 
     name = "node"
     euler = False

@@ -1,4 +1,4 @@
-"""The interface of every vessel model, as estimator, controller and training use it."""
+"""The interface of every vessel model, for estimator, controller and training."""
 
 from __future__ import annotations
 

@@ -83,7 +83,7 @@ class SimplifiedDynamics:
     """The SD model: rigid body, wind load, and a first-order lag of each motor.
 
     Input and motor states are thrust demands and thrusts relative to full ahead. The known thrust curve is inverted
-    outside the optimisation, which so never meets the dead band.
+    outside of the optimisation, which therefore has no dead band.
     """
 
     name = "sd"

@@ -49,8 +49,8 @@ KINDS = tuple(_SHAPES)
 class TrainedModel:
     """The contents of a model file.
 
-    `data_hash`, `config_hash` and `seed` tell where the model comes from; `figures` are JSON-serialisable figures of
-    its training, for people to read.
+    `data_hash`, `config_hash` and `seed` identify the origin of the model; `figures` are JSON-serialisable figures of
+    its training, for display.
     """
 
     kind: str
@@ -188,7 +188,7 @@ def _find(arrays: Mapping[str, Array], name: str, path: Path) -> Array:
 
 
 def _numbers(arrays: Mapping[str, Array], name: str, shape: Shape, lengths: dict[str, int], path: Path) -> Array:
-    """A finite float64 array of a shape; `lengths` holds the lengths that letters stand for, set at their first use."""
+    """A finite float64 array of a shape; `lengths` has the length of each letter, set at its first use."""
     value = _find(arrays, name, path)
     if value.dtype.kind not in "fiu":
         raise ModelError(f"{path}: {name} does not hold numbers")

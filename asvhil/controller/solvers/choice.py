@@ -1,4 +1,4 @@
-"""The solver that a config asks for, imported only then: torch and the solvers of CasADi stay out of the rest."""
+"""The solver that a config names. It is imported only when chosen, so that torch is not loaded otherwise."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from asvhil.errors import ConfigError
 
 
 def choose_solver(config: ControllerConfig) -> tuple[MpcConfig, Callable[[StationProblem], Solver]]:
-    """The MPC config with that solver's caps of iterations, and what makes it of a problem.
+    """The MPC config with the solver's iteration caps, and the function that builds the solver of a problem.
 
-    Raises ConfigError, also from the making, where the solver's package is not installed.
+    Raises ConfigError, also from that function, where the solver's package is not installed.
     """
     kind, mpc = SOLVERS.find(config.solver), config.mpc
     try:

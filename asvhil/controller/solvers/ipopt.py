@@ -1,4 +1,4 @@
-"""IPOPT through CasADi by multiple shooting: the paper's second solver, its way. Exact Hessians, expanded to SX."""
+"""IPOPT through CasADi by multiple shooting: the paper's second solver. Exact Hessians, expanded to SX."""
 
 from __future__ import annotations
 

@@ -26,13 +26,13 @@ from asvhil.dynamics.integrate import advance, motion_derivative, substeps
 from asvhil.dynamics.protocol import Dynamics
 from asvhil.types import record
 
-FULL_TURN = 2.0  # of a motor command, from astern to ahead: a slew limit that allows it within a stage is none
+FULL_TURN = 2.0  # of a motor command, from astern to ahead: a slew limit that allows it within a stage has no effect
 POSE_AND_VELOCITY = 6  # x, y, psi, u, v, r: the states that carry a cost
 
 
 @record
 class Solution:
-    """What a solver returns: inputs (stages, 2), states (stages + 1, n_state), both finite where ok, and why not."""
+    """What a solver returns: inputs (stages, 2), states (stages + 1, n_state), both finite where ok, and the reason."""
 
     inputs: Array
     states: Array
@@ -99,7 +99,7 @@ class StationProblem:
         disturbance: tuple[float, float, float],
         delay_s: float,
     ) -> tuple[float, ...]:
-        """The state (n_state) after delay_s under the input applied now: where the boat is once a new one acts."""
+        """The state (n_state) after delay_s under the input applied now: the initial state of the plan."""
         at, count = np.array(state), substeps(delay_s, self.model.max_step_s)
         after = advance(self.model, at, np.array(applied), np.array(wind), np.array(disturbance), delay_s, count)
         return tuple(np.asarray(after).tolist())
@@ -114,8 +114,8 @@ class StationProblem:
     def bounds(self, parameters: Array) -> tuple[Array, Array]:
         """Lower and upper bounds of the inputs, (stages, 2) each, from the input applied last.
 
-        As the output limiter has it: towards neutral at once, away from it no faster than the slew rate. So a stage's
-        bounds hold whatever the stages before it do; they are exact for the first, the one that is applied.
+        As in the output limiter: towards neutral at once, away from it no faster than the slew rate. The bounds of a
+        stage do not depend on those before it; they are exact for the first, which is applied.
         """
         if self._reach is None:
             return self._limits

@@ -12,13 +12,13 @@ from asvhil.controller.solvers.problem import POSE_AND_VELOCITY, Solution, Stati
 from asvhil.dynamics.arrays import Array
 from asvhil.dynamics.buffers import bind
 
-ARMIJO = 0.25  # least part of the decrease promised by the slope that a step must bring: overlong steps zigzag
+ARMIJO = 0.25  # least part of the decrease predicted by the slope: longer steps zigzag
 SHORTEST_STEP = 1.0 / 64.0
 SHORTENED_TO = (0.25, 0.8)  # least and most of a step's length that is tried after it
-TOLERANCE = 3e-4  # stop where the slope promises less than this part of the cost
-USUAL = 3  # steps that are enough for a plan followed from tick to tick; more are taken only where they bring much
-COARSE = 1e-3  # the tolerance of those
-DAMPING = 1e-9  # of the Hessian's mean diagonal: keeps it definite where nothing weighs an input
+TOLERANCE = 3e-4  # stop when the slope predicts a decrease of less than this part of the cost
+USUAL = 3  # steps that suffice for a plan warm-started in each tick; more are taken only for a large decrease
+COARSE = 1e-3  # the tolerance of further steps
+DAMPING = 1e-9  # of the Hessian's mean diagonal: keeps it definite if an input has no weight
 QP_SOLVED = 1  # daqp's exit flag for an optimal solution
 
 
@@ -132,7 +132,7 @@ class Sqp:
         """The first of ever shorter steps that lowers the true cost enough, and its cost.
 
         The next length is the minimum of the parabola through what is known (Nocedal and Wright 2006, eq. 3.58): where
-        the heading swings, the Gauss-Newton step is several times too long, and halving would hit it only by chance.
+        the heading oscillates, the Gauss-Newton step is several times too long, and halving would be inaccurate.
         """
         length = 1.0
         least, most = SHORTENED_TO

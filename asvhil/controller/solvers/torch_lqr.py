@@ -40,7 +40,7 @@ class Terms:
 class TorchLqr:
     """Solves a `StationProblem` on the torch form of its model. No memory from one call to the next.
 
-    `batched` differentiates all stages at once, rather than each by itself as mpc.torch does: the same numbers, sooner.
+    `batched` differentiates all stages at once, rather than each by itself as mpc.torch does: the same, faster.
     """
 
     def __init__(self, problem: StationProblem, batched: bool = False) -> None:
@@ -170,7 +170,7 @@ class TorchLqr:
         new_states, new_inputs = np.empty_like(states), np.empty_like(inputs)
         new_states[0] = states[0]
         off = np.zeros(n + 2)
-        with torch.no_grad(), np.errstate(over="ignore", invalid="ignore"):  # a path that runs away is turned down
+        with torch.no_grad(), np.errstate(over="ignore", invalid="ignore"):  # a diverging path is rejected
             for k in range(problem.stages):
                 off[:n] = new_states[k] - states[k]
                 new_inputs[k] = bounded(inputs[k] + moves[k] + gains[k] @ off, *(bound[k] for bound in self._bounds))
