@@ -31,7 +31,7 @@ STATUS_HZ = 2.0
 
 @record
 class Collected:
-    """One log and how it went. `complete`: the programme was driven to its end; `reason` says why where it was not."""
+    """The result of one run: its log, whether the programme was `complete`, and the `reason` if not."""
 
     log: Path
     note: str
@@ -44,9 +44,9 @@ class Collected:
 def with_manoeuvres(
     config: Config, duration_s: float, wind: WindSector | None = None, note: str = "", run: int = 0
 ) -> Config:
-    """The config of one condition: manoeuvres for a time, its weather, and a note of it that the log keeps.
+    """The config of one condition: manoeuvres for a time, its weather, and a note of both for the log.
 
-    The seeds of programme, weather and sensors move on with the number of the run, so that no two are alike.
+    The seeds of programme, weather and sensors depend on the number of the run, so that no two are alike.
     """
     tree = config.model_dump(mode="json")
     manoeuvres, weather = tree["controller"]["manoeuvres"], tree["plant"]["weather"]["wind"]
@@ -83,9 +83,9 @@ def collect(
     on_status: Callable[[int, Status], None] = lambda run, status: None,
     on_start: Callable[[int, Path, str], None] = lambda run, log, note: None,
 ) -> list[Collected]:
-    """Drive the manoeuvres once for each wind and leave a log each; `on_status` comes twice a second of boat time.
+    """Drive the manoeuvres once for each wind and write a log each; `on_status` comes twice a second of boat time.
 
-    Ends at the first run that was not complete. Raises ConfigError where the mode cannot work with the config, and
+    Ends at the first incomplete run. Raises ConfigError where the mode cannot work with the config, and
     AsvhilError where a simulated boat never engaged.
     """
     if mode == "vehicle":
@@ -118,7 +118,7 @@ def collect(
 
 
 class _Watch:
-    """Follows one run by its ticks or by its status: since when it holds, and how it ended."""
+    """Monitors one run by its ticks or its status: since when it holds, and how it ended."""
 
     def __init__(self, config: Config, duration_s: float, on_status: Callable[[Status], None]) -> None:
         self._note = config.controller.manoeuvres.note
@@ -148,7 +148,7 @@ class _Watch:
 
     @property
     def holding(self) -> bool:
-        """Whether the motors have been taken."""
+        """Whether the hold has begun."""
         return self._held_from_s is not None
 
     @property
@@ -199,7 +199,7 @@ def _lockstep(config: Config, log: Path, watch: _Watch) -> None:
 
 
 def _vehicle(config: Config, log: Path, watch: _Watch) -> None:
-    """The daemon itself, as `asvhil run` does: waits for `asvhil hold`, and lets go at the end of the programme."""
+    """Run the daemon as `asvhil run` does: it waits for `asvhil hold`, and releases at the end of the programme."""
     recorder = open_recorder(config, log, "live")
     try:
         daemon: Daemon
@@ -218,7 +218,7 @@ def _vehicle(config: Config, log: Path, watch: _Watch) -> None:
 
 
 def _subfolder(folder: Path, run: int, runs: int) -> Path:
-    """Where a run of two processes keeps its own files."""
+    """The folder for the files of a run of two processes."""
     if runs < 2:
         return folder
     own = folder / f"run-{run + 1}"

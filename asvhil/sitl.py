@@ -53,8 +53,8 @@ def run_realtime(
 ) -> float:
     """A run of two processes over UDP and a pty; returns the seconds it took, start-up and end included.
 
-    With an `arduino`, running, the weather blows on it, and the daemon reads its serial port.
-    Raises AsvhilError with the words of the process that failed.
+    With a running `arduino`, the simulated wind is sent to it, and the daemon reads its serial port.
+    Raises AsvhilError with the last line of the process that failed.
     """
     start_s = time.perf_counter()
     effective = folder / "config.json"
@@ -102,7 +102,7 @@ def run_realtime(
 
 
 def _end(process: subprocess.Popen[Any]) -> None:
-    """Interrupt a child as a terminal would and wait; kill it only if it does not listen."""
+    """Interrupt a child process as a terminal would and wait; kill it only if it does not end."""
     if process.poll() is None:
         process.send_signal(signal.SIGINT)
     try:
@@ -113,7 +113,7 @@ def _end(process: subprocess.Popen[Any]) -> None:
 
 
 def _with_own_ports(config: Config, folder: Path) -> Config:
-    """The config with links of this run's own: two runs side by side never meet."""
+    """The config with free ports and a pty of its own, so that several runs do not interfere."""
     tree = with_lines_read(config).model_dump(mode="json")
     autopilot = _free_udp_port()
     tree["links"]["autopilot"]["endpoint"] = f"udpin:127.0.0.1:{autopilot}"
@@ -135,7 +135,7 @@ def _with_own_ports(config: Config, folder: Path) -> Config:
 def with_firmware(config: Config, pty: str, udp_port: int) -> Config:
     """The config with the anemometer's firmware between plant and daemon. It must have links.anemometer.
 
-    The plant's own sensor becomes the bare apparent wind: what quantises and averages it is the firmware.
+    The plant's own sensor then gives the exact apparent wind, which the firmware quantises and averages.
     """
     tree = config.model_dump(mode="json")
     tree["links"]["anemometer"] |= {"endpoint": f"serial:{pty}:115200", "firmware": FIRMWARE}
@@ -164,6 +164,6 @@ def _is_free(endpoint: str) -> bool:
 
 
 def _last_line(words: Path) -> str:
-    """The last thing a child said, for an error message of one line."""
+    """The last line of a child's output, for an error message."""
     lines = [line for line in words.read_text(encoding="utf-8").splitlines() if line.strip()]
     return lines[-1] if lines else "it said nothing"

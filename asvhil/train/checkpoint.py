@@ -1,4 +1,4 @@
-"""An interrupted training as an npz file, from which it goes on to the same weights. No torch, no pickle."""
+"""The state of an interrupted training in an npz file, which resumes it to the same weights. No torch, no pickle."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from asvhil.types import record
 
 @record
 class Checkpoint:
-    """`key` tells trainings apart; `curve` has rows of (iteration, loss, validation)."""
+    """The state of a training. `key` identifies it; `curve` has rows of (iteration, loss, validation)."""
 
     key: str
     iteration: int
@@ -27,7 +27,7 @@ class Checkpoint:
 
 
 def write_checkpoint(path: Path, checkpoint: Checkpoint) -> None:
-    """All or nothing. ModelError where it cannot be written."""
+    """Write a checkpoint atomically. ModelError if it cannot be written."""
     partial = path.with_name(f".{path.name}.partial")
     head = json.dumps({"key": checkpoint.key, "iteration": checkpoint.iteration, "curve": checkpoint.curve})
     try:
@@ -41,7 +41,7 @@ def write_checkpoint(path: Path, checkpoint: Checkpoint) -> None:
 
 
 def read_checkpoint(path: Path, key: str) -> Checkpoint:
-    """ModelError where the file is damaged, or belongs to a training with other data, options or seeds."""
+    """The checkpoint of a file. ModelError if it is damaged, or of a training with other data, options or seeds."""
     arrays = dict(read_arrays(path))
     try:
         head = json.loads(str(arrays.pop("head")))

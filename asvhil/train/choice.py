@@ -1,4 +1,4 @@
-"""Which of several trainings from different seeds to keep. No torch."""
+"""The choice among models trained from different seeds. No torch."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ TOLERANCE_MPS2 = 1e-4
 
 
 def best_of(models: Sequence[TrainedModel]) -> TrainedModel:
-    """The model with the lowest error on the validation rollouts, with what each seed has got in its figures.
+    """The model with the lowest error on the validation rollouts, with the errors of all seeds in its figures.
 
-    Models whose thrust falls somewhere as the command rises come last: no motor does that, and a controller that
-    descends along the model's slope would be caught there with its motors off.
+    Models whose thrust decreases with the command somewhere are ranked last: no motor does that, and an optimiser that
+    follows the gradient would stop there with the motors off.
     """
     errors = {str(model.seed): model.figures["best_validation"] for model in models}
     dips = {str(model.seed): thrust_dip(model) for model in models}
@@ -30,7 +30,7 @@ def best_of(models: Sequence[TrainedModel]) -> TrainedModel:
 
 
 def thrust_dip(model: TrainedModel) -> float:
-    """How far the surge rate of the resting boat falls (m/s^2) on its way up, as both commands rise from -1 to 1.
+    """The largest decrease (m/s^2) of the surge acceleration of a boat at rest, as both commands rise from -1 to 1.
 
     The worst of still air and of half the trained range of wind from four sides.
     """

@@ -60,16 +60,16 @@ class AngleColumn(Section):
 
 
 class HeadingColumn(AngleColumn):
-    """The heading, by a compass. With `settle_s`, u and v are taken as turned out of the track by that compass, and
-    are turned anew by a heading that follows the yaw rate and settles on the compass within that time constant (s):
-    the current of the motors pulls a compass aside for as long as they run.
+    """The heading, by a compass. With `settle_s`, u and v are assumed to come from the track by that compass, and are
+    computed again by a heading that integrates the yaw rate and converges to the compass with that time constant (s):
+    the current of the motors deflects a compass while they run.
     """
 
     settle_s: Annotated[float, Field(ge=1.0, le=3600.0)] | None = None
 
 
 class MotorColumn(Section):
-    """A command in [-1, 1], in percent, or as a pulse width; sign -1 turns it round once it is a command."""
+    """A command in [-1, 1], in percent, or as a pulse width; sign -1 negates the command."""
 
     column: str
     unit: Literal["1", "%", "us"]
@@ -130,7 +130,7 @@ _WIND_PAIRS = (("wind_u", "wind_v"), ("wind_n", "wind_e"), ("wind_speed", "wind_
 
 
 def find_columns(name: str) -> Path:
-    """The path of a column map: as given, else one of the shipped ones by its name. ConfigError if there is none."""
+    """The path of a column map: as given, else one of the shipped ones by its name. ConfigError."""
     given = Path(name)
     if given.is_file():
         return given

@@ -1,4 +1,4 @@
-"""Aligned training data out of CSV files of any boat, by a column map. Every mistake names file, row and column."""
+"""Aligned training data from CSV files of any boat, by a column map. Errors name file, row and column."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ from asvhil.train.series import (
     without_outliers,
 )
 
-NAN_SHARE = 0.05  # more missing values than this is no gap but a broken file
-COMMAND_SLACK = 1.05  # commands a little beyond 1 are rounding; more is a wrong unit
+NAN_SHARE = 0.05  # a larger share of missing values is an error
+COMMAND_SLACK = 1.05  # commands a little beyond 1 are due to rounding, more to a wrong unit
 MISSING = frozenset({"", "nan", "-nan", "na", "n/a", "null", "none"})
 DECIMAL = re.compile(r"[+-]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][+-]?[0-9]{1,3})?", re.ASCII)
 PULSE_US = (500.0, 2500.0)
@@ -42,7 +42,7 @@ PULSE_US = (500.0, 2500.0)
 def dataset_from_csv(
     paths: Sequence[Path], column_map: Path, dt_s: float, *, smoothed: bool = False, max_gap_s: float = 1.0
 ) -> Dataset:
-    """All files as one dataset; `smoothed` looks ahead, so it is for training data only.
+    """All files as one dataset; `smoothed` is not causal, so it is for training data only.
 
     Rows with an empty field or NaN are gaps. ConfigError on the column map; LogError on a file that lacks a column
     or has it twice, has text where a number should be, more than 5 % NaN, time that does not rise, or less than 30 s.
@@ -103,9 +103,9 @@ def _series(t_s: Array, *columns: Array) -> Series:
 
 
 def _steadied_heading(t_s: Array, psi: Array, r: Array, settle_s: float, max_gap_s: float) -> Array:
-    """The heading (T,) by the yaw rate, drawn to the compass with a time constant; it looks back only.
+    """The heading (T,) by the yaw rate, converging to the compass with a time constant; causal.
 
-    After a gap it is the compass again.
+    After a gap it starts at the compass.
     """
     steadied = np.empty_like(psi)
     steadied[0] = psi[0]
@@ -198,7 +198,7 @@ def _numbers(path: Path, delimiter: str, names: dict[str, str]) -> tuple[dict[st
 
 
 def _number(path: Path, row: int, column: str, text: str) -> float:
-    """A decimal number; NaN where it is empty or says so. No other text that Python takes for one: 1_500, inf, 0x10."""
+    """A decimal number; NaN if the field is empty or NaN. Other notations of Python (1_500, inf, 0x10) are refused."""
     text = text.strip()
     if text.lower() in MISSING:
         return math.nan
@@ -234,7 +234,7 @@ def _command(path: Path, column: MotorColumn, values: Array, rows: Array) -> Arr
     if column.unit == "us":
         assert column.astern_us is not None and column.neutral_us is not None and column.ahead_us is not None
         low, high = PULSE_US
-        silent = values == 0.0  # no signal: the motor stands
+        silent = values == 0.0  # no signal: the motor is off
         _check_range(path, column.column, values, rows, ((values >= low) & (values <= high)) | silent, "no pulse width")
         offset = np.where(silent, 0.0, values - column.neutral_us)
         span = np.where(offset > 0.0, column.ahead_us - column.neutral_us, column.neutral_us - column.astern_us)

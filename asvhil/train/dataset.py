@@ -1,4 +1,4 @@
-"""The dataset's front door: records, and what makes them out of logs and CSV files. No torch."""
+"""The public names of datasets: records, and the functions that read them from logs and CSV files. No torch."""
 
 from __future__ import annotations
 

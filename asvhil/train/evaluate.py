@@ -1,4 +1,4 @@
-"""How well models predict: open-loop rollouts from several starts, scored against the truth or the measurement."""
+"""Evaluation of models: open-loop rollouts from several starts, scored against the truth or the measurement."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ AXES = ("u", "v", "r")
 
 @record
 class Case:
-    """One stretch to predict: what the model is given, and what it is scored against (the truth, or the same)."""
+    """One segment to predict: the data that the model gets, and those that it is scored against."""
 
     name: str
     seen: Segment
@@ -31,7 +31,7 @@ class Case:
 
 @record
 class Window:
-    """A rollout's place: the case's number, its first row, and whether the boat moves in it."""
+    """The place of a rollout: the number of its case, its first row, and whether the boat moves in it."""
 
     case: int
     start: int
@@ -39,7 +39,7 @@ class Window:
 
 
 def windows_of(cases: Sequence[Case], horizon_s: float, every_s: float, dt_s: float) -> list[Window]:
-    """All whole windows, every_s apart; the first begins once the motors' past is known. LogError if there is none."""
+    """All whole windows, every_s apart; the first begins when the motor states are known. LogError if there is none."""
     steps, every = round(horizon_s / dt_s), max(1, round(every_s / dt_s))
     found = []
     for number, case in enumerate(cases):
@@ -56,7 +56,7 @@ def windows_of(cases: Sequence[Case], horizon_s: float, every_s: float, dt_s: fl
 
 
 def predict(model: Dynamics | None, cases: Sequence[Case], windows: Sequence[Window], steps: int, dt_s: float) -> Array:
-    """Velocities (windows, steps + 1, 3) by a model, or the initial value held where it is None."""
+    """Velocities (windows, steps + 1, 3) by a model, or the constant initial value if it is None."""
     paths = np.empty((len(windows), steps + 1, 3))
     for number, case in enumerate(cases):
         mine = [i for i, window in enumerate(windows) if window.case == number]
@@ -104,7 +104,7 @@ def _row(errors: Array) -> dict[str, Any]:
 def evaluate(
     models: Mapping[str, Dynamics], cases: Sequence[Case], dt_s: float, horizon_s: float = 50.0, every_s: float = 10.0
 ) -> dict[str, dict[str, Any]]:
-    """The summary of every model by name, and of holding the initial value. LogError where no window fits."""
+    """The summary of every model by name, and of a constant initial value. LogError where no window fits."""
     windows = windows_of(cases, horizon_s, every_s, dt_s)
     steps = round(horizon_s / dt_s)
     table: dict[str, Dynamics | None] = {**models, HOLD: None}

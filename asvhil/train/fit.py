@@ -36,7 +36,7 @@ def fit(
 ) -> TrainedModel:
     """One trained model. With a checkpoint file, an interrupted training goes on from there; it is removed at the end.
 
-    ModelError, in one line, where the data will not do, or where the checkpoint belongs to another training.
+    ModelError where the data are not suitable, or where the checkpoint belongs to another training.
     """
     (model,) = fit_many(
         kind,
@@ -64,7 +64,7 @@ def fit_many(
     progress: Callable[[TrainingProgress], None] | None = None,
     checkpoint: Path | None = None,
 ) -> list[TrainedModel]:
-    """One model a seed, trained side by side, which costs far less than one after the other."""
+    """One model a seed, trained side by side, which is much faster than in turn."""
     if kind not in KINDS:
         raise ModelError(f"unknown model kind {kind!r} (known: {', '.join(KINDS)})")
     chosen = options or OPTIONS[kind]
@@ -80,7 +80,7 @@ def fit_many(
     if kind == "sd":
         return _fitted_sd(dataset, seeds, chosen, origin, progress)
     threads = torch.get_num_threads()
-    torch.set_num_threads(1)  # nothing here is large enough to share, and sharing would change the last bits
+    torch.set_num_threads(1)  # the arrays are small, and several threads would change the last bits
     try:
         training = Training(kind, dataset, tuple(seeds), chosen, origin, checkpoint)
         training.run(progress)

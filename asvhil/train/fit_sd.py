@@ -15,7 +15,7 @@ from asvhil.dynamics.nnsem import Scaling
 from asvhil.train.records import Dataset
 from asvhil.train.windows import Windows, check, scaling_of
 
-LARGEST_SET = 600  # windows: more of them change the fit less than the noise does
+LARGEST_SET = 600  # windows: more change the fit less than noise does
 LOWER = np.array([1e-4, 1e-4, 0.2, 0.0, *[0.0] * 9])
 UPPER = np.array([10.0, 10.0, 20.0, 10.0, *[20.0] * 6, 0.5, 0.5, 0.5])
 START = np.array([0.3, 0.2, 1.5, 0.2, 0.2, 0.2, 0.3, 0.3, 0.5, 0.5, 1e-3, 1e-3, 1e-3])
@@ -30,9 +30,9 @@ def fit_sd(
     iterations: int = SD_ITERATIONS,
     progress: Callable[[int, float], None] | None = None,
 ) -> tuple[Array, list[float]]:
-    """Parameters (13) that lessen the squared error of `window`-step simulations in scaled velocities; costs so far.
+    """Parameters (13) that minimise the squared error of `window`-step simulations in scaled velocities, and the costs.
 
-    ModelError where the data will not do.
+    ModelError where the data are not suitable.
     """
     check(dataset)
     scaling = scaling_of(dataset, symmetric=True)

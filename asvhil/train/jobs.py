@@ -43,7 +43,7 @@ def training_data(paths: Sequence[Path], columns: str | None, dt_s: float, *, sm
 
 
 def test_cases(paths: Sequence[Path], columns: str | None, dt_s: float, *, truth: bool) -> list[Case]:
-    """Stretches to predict, measured as a boat would; scored against the truth that a simulated log holds, if asked."""
+    """Segments to predict, from causal measurements; scored against the truth of a simulated log if asked for."""
     cases = []
     for path in paths:
         if is_csv([path]):
@@ -106,7 +106,7 @@ def train_command(
         checkpoint.unlink(missing_ok=True)
     elif not checkpoint.exists():
         raise ModelError(f"{checkpoint}: no interrupted training to go on with; leave out --resume to start anew")
-    from asvhil.train.fit import fit_many  # torch, only once it is needed: bad data are told at once
+    from asvhil.train.fit import fit_many  # imports torch, so only after the data are checked
 
     start_s = time.perf_counter()
     models = fit_many(
@@ -195,7 +195,7 @@ def checkpoint_of(output: Path) -> Path:
 
 
 def _check_output(output: Path) -> None:
-    """Said before a training, not after it."""
+    """ConfigError, before a training, where the model file cannot be written."""
     if output.suffix != ".npz":
         raise ConfigError(f"train: {output}: a model file ends in .npz")
     try:

@@ -1,4 +1,4 @@
-"""Aligned training data out of logs of asvhil: rows at a constant step from what the backseat measured and sent."""
+"""Aligned training data from logs of asvhil: rows at a constant step of the backseat's measurements and commands."""
 
 from __future__ import annotations
 
@@ -34,21 +34,21 @@ Source = Literal["smoothed", "measured", "estimate", "truth"]
 
 WIND_GAP_S = 5.0
 WIND_HALF_WIDTHS_S = (12.0, 1.0)  # direction, speed
-WIND_TIME_CONSTANTS_S = (4.0, 0.5)  # the same where looking ahead is not allowed
+WIND_TIME_CONSTANTS_S = (4.0, 0.5)  # the same, causal
 
 
 def dataset_from_logs(
     paths: Sequence[Path], dt_s: float, source: Source = "smoothed", max_gap_s: float = 0.6
 ) -> Dataset:
-    """All logs as one dataset. LogError names the file that is none, too short (30 s), or without what is asked for.
+    """All logs as one dataset. LogError names the file that is no log, too short (30 s), or lacks a quantity.
 
     Sources of u, v, r. `measured`: the velocities, headings and yaw rates that the backseat measured, of the sources in
-    use, at their times, calibrated, and velocities put to the boat's origin; interpolated, for test data. `smoothed`:
-    the same through local quadratic fits, which look ahead; for training data. `estimate`: the backseat's filter, which
-    believes in a vessel model. `truth`: SIM_STATE. RMSE against the truth over 90 s of manoeuvres (simulated WAM-V
-    in 6 m/s of steady wind, the true parameters; u, v in m/s, r in rad/s): measured .042/.042/.0064, estimate
-    .020/.026/.0066, smoothed .028/.024/.0029. Smoothed is the default: as near as the estimate, and no model that is
-    trained on it learns another model's mistakes.
+    use, at their times, calibrated, and velocities transferred to the boat's origin; interpolated, for test data.
+    `smoothed`: the same through local quadratic fits, which are not causal; for training data. `estimate`: the
+    backseat's filter, which depends on a vessel model. `truth`: SIM_STATE. RMSE against the truth over 90 s of
+    manoeuvres (simulated WAM-V in 6 m/s of steady wind, the true parameters; u, v in m/s, r in rad/s): measured
+    .042/.042/.0064, estimate .020/.026/.0066, smoothed .028/.024/.0029. Smoothed is the default: as accurate as the
+    estimate, and independent of the errors of a vessel model.
 
     Commands are the overrides that were sent, and where the motors were released the outputs that the autopilot
     reports. Rows begin when commands change. Gaps beyond max_gap_s in any source end a segment.
@@ -120,8 +120,8 @@ def _segment(raw: LogSeries, t_s: Array, dt_s: float, source: Source) -> Segment
 def _true_wind(raw: LogSeries, t_s: Array, *, ahead: bool) -> Array:
     """(T, 2) velocity of the air over ground, NED, low-passed: apparent wind turned by the heading, plus the boat's.
 
-    A vane of 16 positions is wrong by up to 11 degrees for as long as the boat keeps its heading, while the cups are
-    quick and true: so the direction is averaged for long, and the speed along it for a short time.
+    A vane of 16 positions is wrong by up to 11 degrees at constant heading, while the cups are fast and accurate: so
+    the direction is averaged over a long time, and the speed over a short one.
     """
     if len(raw.wind.t_s) == 0:
         return np.zeros((len(t_s), 2))

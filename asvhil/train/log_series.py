@@ -1,4 +1,4 @@
-"""What one log holds, by quantity: measured as the backseat did, through the decoder of the log's config."""
+"""The measurements of one log by quantity, through the same decoder as in the backseat."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ from asvhil.types import (
 
 @record
 class LogSeries:
-    """Each quantity with its own times (s since the first tick), jumps that no boat makes left out."""
+    """Each quantity with its own times (s since the first tick), without outliers."""
 
     heading: Series  # psi (continuous)
     yaw_rate: Series  # r
@@ -43,7 +43,7 @@ class LogSeries:
     command: Series  # port, starboard in [-1, 1]; stretches where it is unknown are missing
     estimate: Series  # u, v, r, psi (continuous)
     truth: Series  # u, v, r, psi (continuous)
-    outliers: int  # how many jumps
+    outliers: int  # number of outliers left out
 
 
 def read_log_series(path: Path) -> LogSeries:
@@ -55,9 +55,9 @@ def read_log_series(path: Path) -> LogSeries:
     for inputs, recorded in log.ticks():
         reader = _Reader(config, inputs.t_ns) if reader is None else reader
         for frame in inputs.frames:
-            reader.take_in(frame)
+            reader.read_input(frame)
         if recorded is not None:
-            reader.take_out(inputs.t_ns, recorded)
+            reader.read_output(inputs.t_ns, recorded)
     if reader is None:
         raise LogError(f"{path}: holds no tick")
     heading, jumps_psi = without_outliers(_unwrapped(series(reader.heading, 1), 0), 0.5, 2.0, np.inf)
@@ -96,8 +96,8 @@ class _Reader:
         self.estimate: list[tuple[float, ...]] = []
         self.truth: list[tuple[float, ...]] = []
 
-    def take_in(self, frame: Frame) -> None:
-        """A frame that the backseat was given."""
+    def read_input(self, frame: Frame) -> None:
+        """Decode a frame of the backseat's inputs."""
         for m in self._decoder.decode(frame):
             t_s = self._t_s(m.t_ns)
             match m:
@@ -128,8 +128,8 @@ class _Reader:
                 u_mps, v_mps = ned_to_body(m.yaw, m.vn, m.ve)
                 self.truth.append((t_s, u_mps, v_mps, m.zgyro, m.yaw))
 
-    def take_out(self, t_ns: int, recorded: bytes) -> None:
-        """What the backseat did in a tick: its pulses; where it let go, the outputs that the autopilot reports."""
+    def read_output(self, t_ns: int, recorded: bytes) -> None:
+        """Read the outputs of a tick: its pulses or, while released, the outputs that the autopilot reports."""
         outputs = decode_outputs(recorded)
         t_s = self._t_s(t_ns)
         pulses = outputs.pwm_us

@@ -1,4 +1,4 @@
-"""The trainable form of each model: N of them at once, in scaled units, on torch tensors (float64).
+"""The trainable form of each kind of model: N models at once, in scaled units, on torch tensors (float64).
 
 Each has `parameters` by name, predicts the scaled velocities of a batch of windows, and exports model number i as the
 arrays that `asvhil.dynamics.weights` builds the run-time model from.
@@ -23,7 +23,7 @@ MIRROR_INPUT = np.concatenate([MIRROR_NU, [1.0, 1.0], MIRROR_WIND])
 # Whether surge rate and yaw rate's rate rise (1) or fall as port and starboard commands rise.
 COMMAND_SIGNS = torch.tensor([[1.0, 1.0], [1.0, -1.0]], dtype=torch.float64)
 MAP_UNITS = 8
-STRAIGHT, LEAN, BENT = -4.0, -1.0, 2.0  # of the slope before softplus; from the first there is hardly a way back
+STRAIGHT, LEAN, BENT = -4.0, -1.0, 2.0  # of the slope before softplus: nearly linear, little curved, curved
 MAP_CELLS = 400  # of the table that the map is read from in training
 N_SKIP_STATE, N_SKIP = N_PRODUCTS, 16
 
@@ -52,7 +52,7 @@ class Trainee(Protocol):
 
 
 def parameter(values: Array) -> Tensor:
-    """A leaf tensor that gradients are wanted of."""
+    """A leaf tensor with gradients."""
     return torch.tensor(values, dtype=torch.float64, requires_grad=True)
 
 
@@ -79,7 +79,7 @@ def exported_network(parameters: dict[str, Tensor], number: int) -> dict[str, Ar
 
 
 def with_twins(half: dict[str, Tensor]) -> dict[str, Tensor]:
-    """A network that answers mirrored inputs with mirrored rates, from half of its neurons; scaled about zero."""
+    """A mirror-symmetric network, from half of its neurons: mirrored inputs give mirrored rates. Scaled about zero."""
     w1, w2 = half["w1"], half["w2"]
     inputs, outputs = torch.tensor(MIRROR_INPUT)[:, None], torch.tensor(MIRROR_NU)
     return {
@@ -93,7 +93,7 @@ def with_twins(half: dict[str, Tensor]) -> dict[str, Tensor]:
 class NnsemTrainee:
     """The paper's network: 7-12-3, tanh, forward Euler.
 
-    With `paired` every neuron has a twin that is its mirror image, port for starboard, and half of them are learned.
+    With `paired` each neuron has a mirror image, port for starboard, and only half of them are trained.
     """
 
     history = 0
@@ -129,8 +129,8 @@ class NnsemTrainee:
 class LagNetTrainee:
     """Thrust map, motor lag, network and skip terms; `members` networks in a row share one map and one lag.
 
-    The map starts bent, or as good as straight where it is to be no map at all. With `skip` (16, 3) the skip terms
-    start there rather than at zero, and the map with little bend.
+    The map starts curved, or nearly linear if it is frozen. With `skip` (16, 3) the skip terms
+    start there rather than at zero, and the map with little curvature.
     """
 
     def __init__(
@@ -173,7 +173,7 @@ class LagNetTrainee:
         )
 
     def lag_factor(self) -> Tensor:
-        """dt / lag (groups, 1, 1): the part of the way to its demand that a motor makes in one Euler step."""
+        """dt / lag (groups, 1, 1): the share of the difference to its demand that a motor covers in one Euler step."""
         return torch.sigmoid(self.parameters["lag"])
 
     def _thrust(self, command: Tensor) -> Tensor:
@@ -196,7 +196,7 @@ class LagNetTrainee:
         return thrust.view(command.shape)
 
     def _motors(self, command: Tensor, steps: int) -> tuple[Tensor, Tensor]:
-        """Motor states (N, m, B, 2) at the start of each step, and what their demands then differ by."""
+        """Motor states (N, m, B, 2) at the start of each step, and the differences of their demands to them."""
         models, rows, batch, _ = command.shape
         demand = self._thrust(command.reshape(models, -1)).view(models, rows, 2 * batch)
         # The lag is linear: the states are a weighted sum of the demands so far, the first taken as held for ever.
@@ -237,5 +237,5 @@ def _affine(rows: Tensor, weight: Tensor, bias: Tensor) -> Tensor:
 
 
 def _spread(rng: np.random.Generator) -> Array:
-    """Centres of the map's units, spread over the commands with a little chance (1, MAP_UNITS)."""
+    """Centres of the map's units (1, MAP_UNITS), spread over the commands with a small random offset."""
     return (np.linspace(-0.9, 0.9, MAP_UNITS) + rng.uniform(-0.05, 0.05, MAP_UNITS))[None]

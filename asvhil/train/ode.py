@@ -1,4 +1,4 @@
-"""NODE and KNODE under training: an ODE solver forwards, its adjoint backwards (Chen et al. 2018)."""
+"""Training of NODE and KNODE: an ODE solver forwards, its adjoint backwards (Chen et al. 2018)."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ class NodeTrainee:
 
 
 class KnodeTrainee(NodeTrainee):
-    """A prior model and a network, coupled by a second network that is trained along."""
+    """A prior model and a network, coupled by a second network, which is trained too."""
 
     def __init__(
         self,

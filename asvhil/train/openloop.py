@@ -1,4 +1,4 @@
-"""Open-loop rollouts of a model beside recorded data: only the start, the commands and the wind are given. No torch."""
+"""Open-loop rollouts of a model on recorded data: only the initial state, commands and wind are given. No torch."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ MOTOR_WARM_UP_S = 3.0  # a motor forgets its past within ten lags
 def open_loop(model: Dynamics, segment: Segment, starts: NDArray[np.int64], steps: int, dt_s: float) -> Array:
     """Velocities (starts, steps + 1, 3) from the segment's own velocity at each start (row numbers) on.
 
-    Motor states start from the commands before the window. Values that run away end as infinities or NaN.
+    Motor states start from the commands before the window. Diverging values end as infinities or NaN.
     """
     commands = segment.command.tolist()
     inputs = np.array([model.input_of_command((port, starboard)) for port, starboard in commands])

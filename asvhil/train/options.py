@@ -1,4 +1,4 @@
-"""How each kind of model is trained, and which of it the command line lets people choose."""
+"""Training options of each kind of model, and those that the command line offers."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ NETWORKS = ("nnsem", "node", "knode", "lagnet")
 class TrainOption:
     """An option of `asvhil train`: what it means, its range, the kinds of models it applies to, its name there.
 
-    A window is chosen in seconds and kept in steps (`seconds`). `off` is a value that asks for nothing, so that any
-    kind takes it. `default` says what the kinds do by themselves where that is not a number of their options.
+    A window is chosen in seconds and kept in steps (`seconds`). `off` is a value without effect, which every kind
+    accepts. `default` describes the default of the kinds where it is not a number of their options.
     """
 
     help: str
@@ -147,7 +147,7 @@ CHOICES = _choices()
 
 
 def chosen_options(kind: str, dt_s: float, **chosen: Any) -> FitOptions:
-    """The options of a kind, with what is chosen and not None in their place: values by their option's name.
+    """The options of a kind, with those of `chosen` that are not None in their place, by name of the option.
 
     A rate alone is held to the end. With mirrored data and with paired neurons the scaling is about zero.
     Without a validation share nothing is held back, and the weights are those of the last iteration. ModelError for an

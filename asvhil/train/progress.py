@@ -1,4 +1,4 @@
-"""What a training reports while it runs."""
+"""Progress reports of a training."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from asvhil.types import record
 
 @record
 class TrainingProgress:
-    """Where a training stands. `validation` is the best so far (mean error over half the range), averaged over seeds.
+    """Progress of a training. `validation` is the best so far (mean error over half the range), averaged over seeds.
 
     `models()` are the best models so far.
     """

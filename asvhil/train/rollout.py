@@ -5,7 +5,7 @@ In scaled velocities x (three in a row), with dt inside the weights:
     h_k = tanh(x_k Wx + p_k),   x_k+1 = x_k + q_k + s_k Ws + h_k Wh,   s_k = [x_k, x_k |x_k|, x_k o shift(x_k)]
 
 The parts p and q, which do not depend on the state, are computed for all steps at once by the caller. The loop is
-NumPy inside one autograd function: on arrays this small torch spends its time on calls, and takes five times as long.
+NumPy inside one autograd function: with such small arrays torch takes five times as long, by the overhead of its calls.
 """
 
 from __future__ import annotations
@@ -103,7 +103,7 @@ def _backward(
 
 
 def _products(left: Array, right: Array) -> Array:
-    """What came in times what goes back, summed over steps and windows: (N, m, B, I), (N, m, B, J) to (N, I, J)."""
+    """Inputs times gradients, summed over steps and windows: (N, m, B, I), (N, m, B, J) to (N, I, J)."""
     a = left.reshape(len(left), -1, left.shape[-1])
     b = right.reshape(len(right), -1, right.shape[-1])
     return a.swapaxes(1, 2) @ b

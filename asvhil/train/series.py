@@ -1,4 +1,4 @@
-"""Samples that come when they come, to rows at a constant step: outliers, gaps, interpolation, smoothing, holds."""
+"""Samples at irregular times to rows at a constant step: outliers, gaps, interpolation, smoothing, holds."""
 
 from __future__ import annotations
 
@@ -34,10 +34,10 @@ def series(rows: list[tuple[float, ...]] | Array, width: int) -> Series:
 
 
 def without_outliers(source: Series, offset: float, rate_per_s: float, bound: float) -> tuple[Series, int]:
-    """The series without jumps, and how many samples went.
+    """The series without outliers, and their number.
 
-    A sample is a jump where it lies off the median of its neighbours by more than `offset` plus what `rate_per_s`
-    allows over half the window, or beyond `bound`; what a boat does within a window is far less.
+    A sample is an outlier if it lies off the median of its neighbours by more than `offset` plus what `rate_per_s`
+    allows over half the window, or beyond `bound`; the motion of a boat within a window is far smaller.
     """
     t_s, values = source.t_s, source.values
     if len(t_s) < WINDOW:
@@ -61,7 +61,7 @@ def spans(t_s: Array, max_gap_s: float) -> list[tuple[float, float]]:
 
 
 def common(a: list[tuple[float, float]], b: list[tuple[float, float]]) -> list[tuple[float, float]]:
-    """The stretches that two rising lists of stretches share."""
+    """The intersections of two rising lists of spans."""
     both = [(max(p[0], q[0]), min(p[1], q[1])) for p in a for q in b]
     return sorted(span for span in both if span[1] > span[0])
 
@@ -72,7 +72,7 @@ def interpolate(source: Series, t_s: Array) -> Array:
 
 
 def smooth(source: Series, t_s: Array, half_width_s: float) -> Array:
-    """(T, K): the local quadratic fit at each time, tricube weights over +- half_width_s. Looks ahead: not causal.
+    """(T, K): the local quadratic fit at each time, tricube weights over +- half_width_s. Not causal.
 
     Where fewer than 4 samples are that near, the samples are interpolated instead.
     """
@@ -103,7 +103,7 @@ def low_pass(source: Series, t_s: Array, time_constant_s: float) -> Array:
 
 
 def smooth_mean(source: Series, t_s: Array, half_width_s: float) -> Array:
-    """(T, K): the mean over +- half_width_s with tricube weights. Looks ahead: not causal."""
+    """(T, K): the mean over +- half_width_s with tricube weights. Not causal."""
     result = interpolate(source, t_s)
     first = np.searchsorted(source.t_s, t_s - half_width_s)
     last = np.searchsorted(source.t_s, t_s + half_width_s, side="right")
@@ -127,7 +127,7 @@ def hold_mean(source: Series, t_s: Array, dt_s: float) -> Array:
 def change_phase_s(source: Series, dt_s: float) -> float:
     """When within a step of dt the values change; 0 if never. The circular mean, weighted by how much they change.
 
-    It is taken twice, the second time of the changes near the first mean, so that stray ones do not shift it.
+    It is taken twice, the second time of the changes near the first mean, so that single others do not shift it.
     """
     if len(source.t_s) < 2:
         return 0.0

@@ -1,4 +1,4 @@
-"""One training of the networks: its blocks of iterations, validations, checkpoints, and the best models so far."""
+"""The training of networks: blocks of iterations, validation, checkpoints, and the best models so far."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ class Training:
             self._restore(read_checkpoint(checkpoint, self._key))
 
     def run(self, progress: Callable[[TrainingProgress], None] | None) -> None:
-        """Train to the end, or until no validation has become better for long."""
+        """Train to the end, or until the validation has not improved for `patience` iterations."""
         options = self._options
         arrays = [torch.from_numpy(part) for part in (self.windows.nu, self.windows.command, self.windows.wind)]
         while self._iteration < options.iterations:
@@ -112,7 +112,7 @@ class Training:
         ]
 
     def models_now(self) -> list[TrainedModel]:
-        """The models as they are, good or bad."""
+        """The present models, not the best ones."""
         return [self._model(self.trainee.export(i), seed, {}) for i, seed in enumerate(self._seeds)]
 
     def _model(self, weights: dict[str, Array], seed: int, figures: dict[str, Any]) -> TrainedModel:
@@ -157,7 +157,7 @@ class Training:
         return total / (count * len(self._seeds) * options.members)
 
     def _wrong_slopes(self, batch: Batch, iteration: int) -> torch.Tensor | float:
-        """The price of slopes that no motor has, at the batch's states and winds and commands from all their range."""
+        """Penalty of slopes that no motor has, at the batch's states and winds and at random commands."""
         if not isinstance(self.trainee, NnsemTrainee) or self._options.monotone <= 0.0:
             return 0.0
         level = np.random.default_rng(iteration).uniform(-1.0, 1.0, (*batch.x0.shape[:2], 2))
@@ -165,16 +165,16 @@ class Training:
         return self._options.monotone * self.trainee.wrong_slopes(batch.x0, command, batch.wind[:, 0])
 
     def _distance(self) -> torch.Tensor:
-        """The sum of squared distances of the weights from where they are to stay without a reason to leave."""
+        """Regularisation: the sum of squared distances of the weights from their anchors."""
         total = torch.zeros((), dtype=torch.float64)
         for name, anchor in self._anchors.items():
             total = total + (self._learned[name] - anchor).square().sum()
         return total
 
     def _validate(self) -> float:
-        """Keep each model that is better than before, or each as it is where nothing is held back to tell by.
+        """Keep each model that is better than before, or every model if there are no validation data.
 
-        The mean of the present errors.
+        Returns the mean of the present errors.
         """
         values = []
         for i in range(len(self._seeds)):
@@ -249,8 +249,8 @@ def _trainee(
 def rollout_loss(error: torch.Tensor, robust: float) -> torch.Tensor:
     """The loss (N,) of scaled rollout errors (N, m, B, 3): their mean square, or Cauchy's loss with robust = c.
 
-    That is the mean over the windows of c^2 log(1 + e^2 / c^2), e^2 being a window's mean square: e^2 itself well below
-    c, while a window far beyond it, in which the boat did what its commands do not tell, hardly pulls.
+    That is the mean over the windows of c^2 log(1 + e^2 / c^2), e^2 being a window's mean square: nearly e^2 below
+    c, while a window far above it, whose motion the commands do not explain, has little weight.
     """
     square = error * error
     if robust <= 0.0:
@@ -259,7 +259,7 @@ def rollout_loss(error: torch.Tensor, robust: float) -> torch.Tensor:
 
 
 def _anchors(learned: Mapping[str, torch.Tensor]) -> dict[str, torch.Tensor]:
-    """Zero for the layers of a network, the start for skip terms and for the coupling with a prior."""
+    """Values that weights are regularised towards: zero for layers, the start for skip terms and the coupling."""
     anchors = {}
     for name, value in learned.items():
         if name in ("w1", "w2"):
@@ -278,7 +278,7 @@ def held_out(dataset: Dataset, fraction: float) -> tuple[Dataset, tuple[Segment,
 
 
 def _key(kind: str, dataset: Dataset, seeds: Sequence[int], options: FitOptions) -> str:
-    """What a checkpoint must have in common with a training: the data themselves, the options, the seeds."""
+    """The identity of a training: its data, options and seeds."""
     digest = hashlib.sha256()
     digest.update(json.dumps([kind, list(seeds), dataclasses.asdict(options), dataset.dt_s]).encode())
     for segment in dataset.segments:

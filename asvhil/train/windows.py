@@ -1,4 +1,4 @@
-"""From a dataset to what training wants: checked, scaled, mirrored where asked for, cut into windows. No torch."""
+"""From a dataset to training windows: checked, scaled, mirrored if asked for, and cut. No torch."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from asvhil.dynamics.nnsem import Scaling
 from asvhil.errors import ModelError
 from asvhil.train.records import Dataset, Segment, ranges
 
-SHORTEST_S = 60.0  # less data than this teaches nothing
+SHORTEST_S = 60.0  # less data cannot train a model
 MOVING_MPS = 0.2  # mean speed of a window in motion
 STILL_MPS, STILL_RADPS = 0.1, 0.02  # ranges of u and r below these are a boat at rest
 MIRROR_NU = np.array([1.0, -1.0, -1.0])
@@ -18,7 +18,7 @@ MIRROR_WIND = np.array([1.0, -1.0])
 
 
 def check(dataset: Dataset) -> None:
-    """ModelError, in one line, where the data cannot train a model: not finite, too short, or without motion."""
+    """ModelError if the data cannot train a model: not finite, too short, or without motion."""
     if not dataset.segments:
         raise ModelError("the training data hold no usable segment")
     for number, segment in enumerate(dataset.segments):
@@ -57,7 +57,7 @@ def scaling_of(dataset: Dataset, *, symmetric: bool) -> Scaling:
 
 
 def mirrored(segment: Segment) -> Segment:
-    """The segment as a boat would have done it in a mirror: port for starboard."""
+    """The mirror image of a segment: port for starboard."""
     return Segment(
         t_s=segment.t_s,
         nu=segment.nu * MIRROR_NU,
@@ -94,9 +94,9 @@ class Windows:
             raise ModelError(f"the training data have no stretch of {steps + history + 1} samples without a gap")
 
     def draw(self, rng: np.random.Generator, count: int, batch: int, moving_share: float) -> NDArray[np.int64]:
-        """Numbers of windows (count, batch) drawn alike from all; that share of each batch from those in motion only.
+        """Numbers of windows (count, batch), drawn uniformly; a share of each batch only from windows in motion.
 
-        Where a boat lies idle for most of a record, an even draw would teach it little else.
+        In a record in which the boat is at rest for most of the time, a uniform draw would train for little else.
         """
         picks = rng.integers(len(self.starts), size=(count, batch))
         chosen = round(moving_share * batch)
