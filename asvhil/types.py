@@ -75,8 +75,8 @@ class Position:
 class GroundVelocity:
     """Velocity of the antenna over ground, NED.
 
-    `fused`: from a filter that has fused it with position, and whose error therefore stays the same for minutes; a
-    receiver's own velocity (Doppler) is independent of its position.
+    `fused`: from a filter that has fused it with position, and whose error therefore stays the same for minutes, or of
+    a time that is in doubt; a receiver's own velocity (Doppler) is independent of its position.
     """
 
     t_ns: int

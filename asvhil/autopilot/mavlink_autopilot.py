@@ -11,6 +11,7 @@ from asvhil.autopilot.arming_checks import ArmingChecks
 from asvhil.autopilot.motor_outputs import IGNORE_CHANNEL, make_output
 from asvhil.autopilot.neighbours import FLOATS, Neighbours, kind_of
 from asvhil.autopilot.one_vehicle import OneVehicle
+from asvhil.autopilot.pace import Pace
 from asvhil.autopilot.requirements import Finding, Requirement, judge
 from asvhil.autopilot.transmitter import Transmitter
 from asvhil.config import AutopilotLinkConfig, PwmConfig
@@ -80,6 +81,7 @@ class MavlinkAutopilot:
         )
         self._neighbours = Neighbours(config)
         self._one = OneVehicle()
+        self._pace = Pace()
         self._numbering = Numbering()
         self._it = (config.autopilot_system_id, config.autopilot_component_id)
         self._us = us
@@ -117,7 +119,7 @@ class MavlinkAutopilot:
             dialect.MAVLINK_MSG_ID_PARAM_VALUE: self.parameters.receive,
             dialect.MAVLINK_MSG_ID_PARAM_ERROR: self._on_param_error,
             dialect.MAVLINK_MSG_ID_AUTOPILOT_VERSION: lambda t_ns, m: None,
-            **MavlinkSensors(lambda: self._ready).handlers,
+            **MavlinkSensors(lambda: self._ready, self._pace.was_late).handlers,
         }
 
     # --- in ------------------------------------------------------------------------------------------------
@@ -246,6 +248,7 @@ class MavlinkAutopilot:
             ("motor output", self._output.hazard),
             ("motor commands", self._output.refused),
             ("streams", self._slow_text()),
+            ("autopilot's clock", self._pace_text()),
             ("unread parameters", self._unread_text()),
         )
         heard = self.autopilot_heartbeat_ns is not None
@@ -258,6 +261,11 @@ class MavlinkAutopilot:
         """For how long other messages have come without a heartbeat."""
         heard_ns, beat_ns = self.autopilot_heard_ns, self.autopilot_heartbeat_ns
         return 0 if heard_ns is None or beat_ns is None else heard_ns - beat_ns
+
+    def _pace_text(self) -> str:
+        if not self._pace.lost_s(self._t_ns):
+            return ""
+        return "has fallen behind: a simulation that is slower than real time, or a link with a long queue"
 
     def _slow_text(self) -> str:
         slow = self._streams.slow
@@ -358,6 +366,7 @@ class MavlinkAutopilot:
 
     def _on_attitude(self, t_ns: int, m: Any) -> Sequence[Measurement]:
         self._note_boot_time(t_ns, m)
+        self._pace.take(t_ns, m.time_boot_ms)
         if not self._ready:
             return ()
         return Heading(t_ns=t_ns, psi_rad=m.yaw), YawRate(t_ns=t_ns, r_radps=m.yawspeed)
@@ -386,6 +395,7 @@ class MavlinkAutopilot:
             self.reboots += 1
             self._ready = False
             self._streams.restart()
+            self._pace.restart()
             self._timesync.restart()
             self.parameters.restart()
             self._output.on_connect(t_ns)

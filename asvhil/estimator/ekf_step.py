@@ -291,6 +291,7 @@ class Filter:
         gain = np.linalg.solve(s, ph.T).T
         if not state.follows_bias:  # a fused velocity holds the heading's own error
             gain[DEVIATION] = 0.0
+            gain[B_N : B_E + 1] = 0.0
         x = state.x + gain @ innovation
         x[PSI] = wrap_rad(x[PSI])
         self._clip(x)

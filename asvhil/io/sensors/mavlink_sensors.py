@@ -21,7 +21,7 @@ HIGHRES_ACCEL_XY = 0b11  # bits of fields_updated
 HIGHRES_GYRO_Z = 0b100000
 
 
-def _raw_fix(t_ns: int, m: Any) -> Found:
+def _raw_fix(t_ns: int, m: Any, *, late: bool) -> Found:
     """GPS_RAW_INT or GPS2_RAW; the velocity is that of speed and course over ground, where both are known."""
     lat_deg, lon_deg = m.lat * 1e-7, m.lon * 1e-7
     if not is_place(lat_deg, lon_deg):
@@ -32,7 +32,7 @@ def _raw_fix(t_ns: int, m: Any) -> Found:
     course_rad = math.radians(m.cog * 0.01)
     speed_mps = m.vel * 0.01
     vn_mps, ve_mps = speed_mps * math.cos(course_rad), speed_mps * math.sin(course_rad)
-    return position, GroundVelocity(t_ns=t_ns, vn_mps=vn_mps, ve_mps=ve_mps)
+    return position, GroundVelocity(t_ns=t_ns, vn_mps=vn_mps, ve_mps=ve_mps, fused=late)
 
 
 def _scaled_imu(t_ns: int, m: Any) -> Found:
@@ -47,11 +47,13 @@ def _scaled_imu(t_ns: int, m: Any) -> Found:
 class MavlinkSensors:
     """Handlers by message id: (time, message) to the measurements in it, none where it holds nothing that is valid.
 
-    `ready` tells whether the autopilot's own estimator is: until then its position and attitude are guesses.
+    `ready` tells whether the autopilot's own estimator is: until then its position and attitude are guesses. `late`:
+    whether its messages have come late, so that a velocity times our time is not the way that the boat has gone.
     """
 
-    def __init__(self, ready: Callable[[], bool]) -> None:
+    def __init__(self, ready: Callable[[], bool], late: Callable[[int], bool] = lambda t_ns: False) -> None:
         self._ready = ready
+        self._late = late
         self._h_acc_m = 0.0
         self._last_fixes: dict[int, tuple[int, ...]] = {}  # time and content, by message
         self.handlers: dict[int, Callable[[int, Any], Found]] = {
@@ -91,7 +93,7 @@ class MavlinkSensors:
         if m.fix_type < dialect.GPS_FIX_TYPE_3D_FIX or fix == self._last_fixes.get(message):
             return ()
         self._last_fixes[message] = fix
-        return _raw_fix(t_ns, m)
+        return _raw_fix(t_ns, m, late=self._late(t_ns))
 
     def _attitude_quaternion(self, t_ns: int, m: Any) -> Found:
         w, x, y, z = m.q1, m.q2, m.q3, m.q4
