@@ -1,4 +1,4 @@
-"""The approach from far off: random starts in a strong wind, each to be brought to the station and kept there."""
+"""Study of the approach from far off: random starts in a strong wind."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def study_approach(
     ConfigError for an override of what a start sets.
     """
     starts = draw_starts(runs, seed)
-    load_config("sitl", overrides)  # so that what is wrong in them is named first
+    load_config("sitl", overrides)  # so that an error in them is reported first
     refuse_own(overrides, start_overrides(starts[0]))
     jobs = [_job(start, overrides, duration_s) for start in starts]
     finished = run(run_named_start, jobs)
@@ -79,7 +79,7 @@ def summarise_approach(outcomes: list[Outcome]) -> dict[str, Any]:
 
 
 def markdown(figures: dict[str, Any]) -> str:
-    """What was asked, and what came of it."""
+    """The figures as Markdown tables, with their limits."""
 
     def spread(key: str, digits: int = 1) -> str:
         row = figures[key]
@@ -116,7 +116,7 @@ def _job(start: Start, overrides: tuple[str, ...], duration_s: float) -> Job:
 
 
 def _outcome(result: Result) -> Outcome:
-    """A run as JSON has kept it."""
+    """An outcome from its JSON form."""
     return Outcome(
         **{
             **result,
@@ -128,7 +128,7 @@ def _outcome(result: Result) -> Outcome:
 
 
 def _densest(outcome: Outcome) -> int:
-    """The most changes in any half-open span of CHATTER_S; the first stage is no change."""
+    """The most changes in any half-open span of CHATTER_S; the first stage does not count."""
     times = [t_s for t_s, _ in outcome.changes[1:]]
     return max((sum(0.0 <= b - a < CHATTER_S - 1e-6 for b in times) for a in times), default=0)
 

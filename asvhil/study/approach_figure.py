@@ -1,4 +1,4 @@
-"""The approaches of a study as a picture: tracks about the station, and the distance to it over time."""
+"""A figure of the approaches of a study: tracks relative to the station, and the distance over time."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ BROUGHT_COLOUR, LOST_COLOUR = "tab:blue", "tab:red"
 
 
 def draw_tracks(outcomes: Sequence[Outcome], path: Path) -> None:
-    """North up, the station in the middle; lost boats in red, starts as dots."""
+    """Draw the tracks, north up, with the station in the middle; lost boats in red, starts as dots."""
     figure = Figure(figsize=(13.0, 6.5), layout="constrained")
     plane, over_time = figure.subplots(1, 2)
     for outcome in sorted(outcomes, key=lambda outcome: outcome.lost):

@@ -1,6 +1,6 @@
 """The physical bound: how well any controller could keep a station in a steady wind, by periodic optimal control.
 
-Across the wind no boat with two fixed motors can stand still; the best it can do is a limit cycle. The bound is the
+Across the wind no boat with two fixed motors can stand still; the optimum is a limit cycle. The bound is the
 least penalty score ps = e_d + s_d + |e_h| + s_h (m, degrees) over all periodic motions of the model, without noise.
 """
 
@@ -39,7 +39,7 @@ SMOOTH = 1e-6  # under the roots: the score has corners at zero
 class Orbit:
     """A periodic motion about the station: its score, its period, and rows of (x, y, psi, u, v, r, motors ...).
 
-    `starts`, `converged` and `alike` tell how often it was looked for, a local best was found, and it was as good.
+    `starts`, `converged` and `alike` count the searches, those that converged, and those with the same score.
     """
 
     penalty_score: float
@@ -55,7 +55,7 @@ class Orbit:
 
 @record
 class Guess:
-    """Where a search begins: a heading that swings, with thrust in phase with it, `skew_rad` later."""
+    """Start of a search: an oscillating heading, and thrust of the same period, `skew_rad` later."""
 
     period_s: float
     swing_rad: float
@@ -106,7 +106,7 @@ def guesses(count: int) -> list[Guess]:
 
 
 def bounds_tree(config: Config, winds: Mapping[str, Any]) -> dict[str, Any]:
-    """What bound.json holds: whose bounds they are, and `figures` by wind as SPEED@DEG."""
+    """The content of bound.json: the boat, and `figures` by wind as SPEED@DEG."""
     return {"vehicle": config.vehicle.name, "vessel_hash": config.plant_vessel.content_hash(), "winds": dict(winds)}
 
 
@@ -125,7 +125,7 @@ def figures(orbit: Orbit) -> dict[str, Any]:
 
 
 def markdown(study: Mapping[str, Any]) -> str:
-    """The bounds of `study bound` as a table, and what it means."""
+    """The bounds of `study bound` as a table, with an explanation."""
     lines = [
         f"The least penalty score ps (m, degrees) that any controller could reach with the {study['vehicle']} in a "
         "steady wind, without noise: the best periodic motion of the true model with its motor lag and thrust limits, "
@@ -146,9 +146,9 @@ def markdown(study: Mapping[str, Any]) -> str:
 
 
 def read_bounds(path: Path, vehicle: str, vessel: VesselConfig) -> dict[str, float]:
-    """{wind as SPEED@DEG: ps} of what `asvhil study bound` wrote. AsvhilError where it is damaged or another boat's.
+    """{wind as SPEED@DEG: ps} of a file of `asvhil study bound`. AsvhilError where it is damaged or of another boat.
 
-    A boat is another with another name, or with other values of its vessel.
+    Another boat has another name, or other values of its vessel.
     """
     try:
         tree = json.loads(path.read_text(encoding="utf-8"))
@@ -196,7 +196,7 @@ def _problem(model: Dynamics, wind_mps: float, toward_rad: float) -> tuple[ca.Fu
 
 
 def _first(model: Dynamics, size: int, wind_mps: float, toward_rad: float, guess: Guess) -> Array:
-    """The variables of a guess: the heading swings, and thrust goes ahead and astern with it."""
+    """The variables of a guess: the heading oscillates, and thrust with it, ahead and astern."""
     phase = 2.0 * math.pi * np.arange(INTERVALS) / INTERVALS
     side = -math.copysign(1.0, math.sin(toward_rad))  # the side force wanted is against the wind
     states = np.zeros((INTERVALS, size))

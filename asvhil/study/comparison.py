@@ -1,4 +1,4 @@
-"""Two ways to run the same row and seed, held against each other: ratios and differences of their penalty scores."""
+"""Comparison of two setups in the same rows and seeds: ratios and differences of their penalty scores."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def run_setups(
     *,
     base: str = "sitl",
 ) -> tuple[Scores, Held, Finished]:
-    """ps against the truth by setup, row and seed, whether they had the motors, and what the runs took.
+    """ps against the truth by setup, row and seed, how long they had the motors, and the computing time.
 
     `setups` are config keys by name. ConfigError where a setup has a key that makes another run of a row: its wind or
     its seed.
@@ -51,12 +51,12 @@ def run_setups(
 
 
 def not_held(held: Held) -> list[dict[str, Any]]:
-    """Setups that had not the motors for the whole window, JSON-ready, as `held_words` takes them."""
+    """Setups without the motors for a part of the window, JSON-ready, for `held_words`."""
     return [{"row": row, "controller": name, "held": share} for (name, row), share in held.items() if share < 1.0]
 
 
 def held_words(cells: Sequence[Mapping[str, Any]], verdict: str) -> list[str]:
-    """Those cells in words, a line each, with what they cannot be; nothing where there are none."""
+    """Text for these setups, a line each, with the verdicts that they are excluded from; empty if there are none."""
     if not cells:
         return []
     lines = [f"- {title(cell['row'])}, {cell['controller']}: {cell['held']:.3f} at least" for cell in cells]
@@ -79,5 +79,5 @@ def compare(tried: Mapping[int, float], against: Mapping[int, float]) -> dict[st
 
 
 def vessel_override(vessel: VesselConfig) -> str:
-    """The config key that makes sd-mpc believe in a vessel."""
+    """The config key that sets the vessel that sd-mpc assumes."""
     return f"controller.vessel={json.dumps(vessel.model_dump(mode='json'))}"

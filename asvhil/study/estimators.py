@@ -1,4 +1,4 @@
-"""The estimators side by side on both boats' sensors: errors, abrupt faults, and a station kept through glitches."""
+"""Comparison of the estimators on both boats' sensors: errors, abrupt faults, and station keeping in glitches."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ CONDITIONS: dict[str, tuple[str, ...]] = {
     "glitching": GUSTY,
 }
 TURN_DEG = 72.0  # between the winds of two seeds
-# What is asked of the EKF, and how much better than the others it is to be.
+# Limits of the EKF, and the required ratio to the others.
 ASKED: dict[str, dict[str, float]] = {
     "VN-300": {"velocity_mps": 0.03, "heading_deg": 0.15, "wind_speed_mps": 0.3, "wind_direction_deg": 5.0},
     "BREAM": {"velocity_mps": 0.10, "heading_deg": 2.0},
@@ -93,7 +93,7 @@ QUICK = Plan(
 
 
 def run_part(part: str, base: str, overrides: tuple[str, ...], arguments: tuple[Any, ...]) -> dict[str, Any]:
-    """One run of a part of the study, so that another process can run it."""
+    """One run of a part of the study; importable, for other processes."""
     runs: dict[str, Callable[..., dict[str, Any]]] = {
         "errors": run_estimation,
         "abrupt": run_abrupt,
@@ -136,7 +136,7 @@ def study_estimators(
     }
 
 
-# --- what is run -------------------------------------------------------------------------------------------
+# --- runs -------------------------------------------------------------------------------------------
 
 
 def _job(part: str, group: str, base: str, overrides: tuple[str, ...], arguments: tuple[Any, ...]) -> Job:
@@ -159,7 +159,7 @@ def _error_jobs(name: str, plan: Plan, overrides: tuple[str, ...]) -> Iterable[t
 
 
 def _glitches(name: str, from_s: float) -> tuple[str, ...]:
-    """Of a boat with each sensor twice, the preferred set glitches."""
+    """The config keys of the glitches; on a boat with two sets of sensors they are in the preferred one."""
     device = ", device: ins" if name == "VN-300" else ""
     return (f"plant.glitches={{from_s: {from_s:g}{device}}}",)
 
@@ -183,11 +183,11 @@ def _survival_jobs(plan: Plan, overrides: tuple[str, ...]) -> Iterable[tuple[tup
 
 
 def _device(name: str, kind: str) -> str:
-    """Where the preferred sensor of a kind of fault is: the IMU of BREAM is the autopilot's."""
+    """The device of the preferred sensor of a kind of fault: the IMU of BREAM is the autopilot's."""
     return "autopilot" if (name, kind) == ("BREAM", "imu-silent") else DEVICE[name]
 
 
-# --- what came of it ---------------------------------------------------------------------------------------
+# --- figures ---------------------------------------------------------------------------------------
 
 Found = Sequence[tuple[tuple[str, ...], Mapping[str, Any]]]
 
@@ -216,7 +216,7 @@ def _mean_errors(parts: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
 
 
 def verdicts(name: str, activities: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Each figure that is asked of the EKF beside what it reached, in each activity and condition."""
+    """Each figure required of the EKF beside the figure reached, in each activity and condition."""
     lines = []
     for activity, conditions in activities.items():
         for condition, cell in conditions.items():
@@ -242,7 +242,7 @@ def _judge(asked: float, values: Sequence[float | None]) -> dict[str, Any]:
 
 
 def _abrupt_of(found: Found) -> dict[str, Any]:
-    """{set: {fault: the worst of all seeds}}, beside what is asked."""
+    """{set: {fault: the worst of all seeds}}, beside the limits."""
     runs: dict[tuple[str, str], list[Mapping[str, Any]]] = {}
     for (part, *path), result in found:
         if part == "abrupt":
@@ -254,7 +254,7 @@ def _abrupt_of(found: Found) -> dict[str, Any]:
 
 
 def worst(label: str, kind: str, results: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """The largest of each figure, the flag that was slowest to come, and whether all is as asked."""
+    """The largest of each figure, the flag that was slowest to come up, and whether all limits are kept."""
     figures = {
         key: max(result[key] for result in results)
         for key in ("moved_m", "moved_deg", "moved_after_m", "moved_after_deg", "wind_moved_mps", "invalid")
@@ -287,7 +287,7 @@ def names(kind: str, flag: str) -> bool:
 
 
 def _survival_of(found: Found, plan: Plan) -> dict[str, Any]:
-    """Each seed's run, and how many were lost."""
+    """The run of each seed, and the number of lost ones."""
     runs = {path[1]: dict(result) for path, result in found if path[0] == "survival"}
     return {
         "row": SURVIVAL_ROW,

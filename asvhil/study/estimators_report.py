@@ -1,4 +1,4 @@
-"""The estimators side by side as Markdown tables, with what is asked beside what is reached, and as a picture."""
+"""The comparison of estimators as Markdown tables, with limits and figures reached, and as a figure."""
 
 from __future__ import annotations
 
@@ -161,7 +161,7 @@ def _cost(study: Mapping[str, Any]) -> str:
 
 
 def draw_estimators(study: Mapping[str, Any], path: Path) -> None:
-    """For each set of sensors a column: curves of surge, heading error and wind, and bars of velocity and heading."""
+    """Draw a column for each set of sensors: curves of surge, heading error and wind; bars of velocity and heading."""
     sets = list(study["errors"])
     figure = Figure(figsize=(8.0 * len(sets), 13.0), layout="constrained")
     panels = figure.subplots(5, len(sets), squeeze=False)

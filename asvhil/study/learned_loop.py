@@ -1,4 +1,4 @@
-"""Learned models in the loop against physics models: with the true parameters, and with parameters that are off."""
+"""Learned models in closed loop against physics models, with the true parameters and with wrong ones."""
 
 from __future__ import annotations
 

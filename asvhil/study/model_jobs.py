@@ -1,4 +1,4 @@
-"""The rows of the model table: which kind is trained with which options, how many times, and in which sea."""
+"""The rows of the model table: kind, options, number of networks, and the sea of the training data."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from asvhil.train.options import OPTIONS, FitOptions
 from asvhil.types import record
 
 ODE_ITERATIONS = 20000
-ODE_SEEDS = 1  # networks per data set that are trained by the adjoint, which takes its time
+ODE_SEEDS = 1  # networks per data set that are trained by the adjoint method, which is slow
 SEEDS = 3
 IN_WAVES = " (waves)"
 
@@ -62,7 +62,7 @@ def jobs(ode_iterations: int = ODE_ITERATIONS) -> tuple[TrainingJob, ...]:
 
 
 def chosen_jobs(known: Sequence[TrainingJob], only: Sequence[str]) -> tuple[TrainingJob, ...]:
-    """The jobs of these names, or all for none. ConfigError for a name that there is not."""
+    """The jobs of these names, or all for none. ConfigError for an unknown name."""
     for name in only:
         if name not in {job.name for job in known}:
             raise ConfigError(f"--only {name}: unknown (known: {'; '.join(job.name for job in known)})")

@@ -1,4 +1,4 @@
-"""The logs of the model study: driven by `asvhil collect` in lockstep, once; what lies in the folder is checked."""
+"""The logs of the model study, made by `asvhil collect` in lockstep; logs in the folder are checked and used again."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from asvhil.types import record
 
 # The same in surge and in sway whatever the heading: a light, confused chop.
 WAVES = {"orbital_std_mps": 0.07, "spreading": 1.0, "yaw_std_radps": 0.02, "peak_hz": 0.3}
-FLOOR_OF_STD = math.sqrt(2.0 / math.pi)  # mean absolute value of a Gaussian motion that nothing foretells
+FLOOR_OF_STD = math.sqrt(2.0 / math.pi)  # mean absolute value over standard deviation of a Gaussian
 
 Drive = Callable[[Config, float, list[str], Path], list[Path]]  # config, duration (s), winds, log; the logs written
 Tell = Callable[[str, float], None]  # what is being done, and its share done
@@ -24,7 +24,7 @@ Tell = Callable[[str, float], None]  # what is being done, and its share done
 
 @record
 class Programme:
-    """What is driven: for each of the training seeds a data set of `train_s` in each wind, and the test runs."""
+    """The runs: for each training seed a data set of `train_s` in each wind, and the test runs."""
 
     train_seeds: tuple[int, ...] = (100, 200, 300)
     train_winds: tuple[str, ...] = ("3@0", "6@180")
@@ -46,7 +46,7 @@ PROGRAMME = Programme()
 
 
 def wave_figures() -> dict[str, Any]:
-    """What the waves of the study are, and the mean absolute error that remains of a model that is perfect but them."""
+    """The waves of the study, and the mean absolute error of a model that is perfect except for them."""
     orbital, yaw = WAVES["orbital_std_mps"], WAVES["yaw_std_radps"]
     floor = {
         f"mae_{axis}": round(FLOOR_OF_STD * std, 4) for axis, std in zip("uvr", (orbital, orbital, yaw), strict=True)
@@ -63,9 +63,9 @@ def collect_logs(
     programme: Programme = PROGRAMME,
     waves: bool = False,
 ) -> Logs:
-    """The logs of one sea; those in the folder already are not driven again.
+    """The logs of one sea; logs that are in the folder are not made again.
 
-    LogError where one of these was driven with other settings than are asked for.
+    LogError where one of these has other settings.
     """
     folder.mkdir(parents=True, exist_ok=True)
     sea = tuple(f"plant.weather.waves.{key}={value}" for key, value in WAVES.items()) if waves else ()
@@ -81,7 +81,7 @@ def collect_logs(
         if tell is not None:
             tell(f"collecting {name}", 0.0)
         partial = folder / f"{name}.part.mcap"
-        partial.unlink(missing_ok=True)  # of a study that was interrupted; a recorder never writes over a log
+        partial.unlink(missing_ok=True)  # left by an interrupted study; a recorder never overwrites a log
         (log,) = drive(settings, duration_s, [wind], partial)
         log.replace(path)
         return path
@@ -118,7 +118,7 @@ def _check(path: Path, settings: Config, duration_s: float, wind: str) -> None:
 
 
 def _difference(wanted: Any, found: Any, key: str) -> str | None:
-    """The first value that is not as wanted, in words."""
+    """The first value that differs, as text."""
     if isinstance(wanted, dict) and isinstance(found, dict):
         for name in wanted:
             difference = _difference(wanted[name], found.get(name), f"{key}.{name}")

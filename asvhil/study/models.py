@@ -1,8 +1,8 @@
-"""The paper's model table on the simulated boat: what each learned model predicts, what each part of LagNet brings.
+"""The paper's model table on the simulated boat: prediction errors of each learned model, and of the parts of LagNet.
 
-Data sets and test runs are logs of `asvhil collect` in lockstep. Models that are trained already are taken from the
-output folder, so an interrupted study goes on where it was, to the same figures: what is scored is always what was read
-back from a file, and a file of other data, options or seeds is refused.
+Data sets and test runs are logs of `asvhil collect` in lockstep. Models in the output folder are used again,
+so an interrupted study continues to the same figures: every model is scored as read back from its file, and a file of
+other data, options or seeds is refused.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ BY_ADJOINT = ("node", "knode")
 
 @record
 class _Sea:
-    """What the models of one sea are trained on and tested against; origin: vehicle and config hash."""
+    """Training and test data of one sea; origin: vehicle and config hash."""
 
     datasets: tuple[Dataset, ...]
     cases: Sequence[Case]
@@ -91,8 +91,8 @@ def study_models(
     """Train jobs on every data set and score them against the true state; writes models.json, .md and .png.
 
     `only` names some of the `known` jobs, none of them all. Jobs in waves need the logs that `waves` holds, and are
-    left out without. `tick_ms` is the time of a model's control tick. Raises ConfigError for a name that there is not,
-    LogError or ModelError in one line where the logs, or a model in the folder, will not do.
+    left out without. `tick_ms` is the time of a model's control tick. Raises ConfigError for an unknown name,
+    LogError or ModelError where the logs, or a model in the folder, are not suitable.
     """
     chosen = [job for job in chosen_jobs(known, only) if waves is not None or not job.waves]
     seas = {False: _sea(train, test)}
@@ -119,7 +119,7 @@ def study_models(
 
 
 def markdown(table: Sequence[Mapping[str, Any]]) -> str:
-    """The table as people read it: mean error, and its spread between networks."""
+    """The table as Markdown: mean error, and its spread between networks."""
     lines = [
         "| model | u (m/s) | v (m/s) | r (rad/s) | networks | iterations | training CPU s | MPC tick ms |",
         "| --- | --- | --- | --- | --- | --- | --- | --- |",
@@ -173,8 +173,8 @@ def _train(
 ) -> None:
     """Train and save the files of one data set, by row."""
     for file in (file for paths in files.values() for file in paths if file.exists()):
-        _read(file, job, sea, number)  # never written over where it belongs to another study
-    from asvhil.train.fit import fit_many  # torch, only once it is needed
+        _read(file, job, sea, number)  # raises rather than overwrite a file of another study
+    from asvhil.train.fit import fit_many  # imports torch
 
     begin_s = time.process_time()
     early: list[TrainedModel] = []
@@ -206,7 +206,7 @@ def _files(out: Path, row: str, number: int, seeds: int) -> list[Path]:
 
 
 def _read(file: Path, job: TrainingJob, sea: _Sea, number: int, seed: int | None = None) -> TrainedModel:
-    """A model of the folder. ModelError where it was trained on other data, or in another way, than the job says."""
+    """A model of the folder. ModelError where it was trained on other data, or with other options, than its job."""
     model = read_model(file)
     wanted = json.loads(json.dumps(dataclasses.asdict(job.options)))
     # An option that is younger than the file was at its default; SD is fitted in one way only.

@@ -1,4 +1,4 @@
-"""Result pages: people write above a marker line, commands below it."""
+"""Result pages: text above a marker line is written by people, text below it by commands."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ MARKER = "<!-- figures: everything below is written by the command -->"
 
 
 def head_of(page: Path) -> bytes:
-    """What is above the marker, byte for byte. AsvhilError where there is none: all may be someone's words."""
+    """The bytes above the marker. AsvhilError for a page without one, which may be written by people as a whole."""
     if not page.exists():
         return b""
     lines = page.read_bytes().splitlines(keepends=True)
@@ -22,7 +22,7 @@ def head_of(page: Path) -> bytes:
 
 
 def write_page(page: Path, text: str) -> None:
-    """The text below the marker, and what stood above it as it was, whatever happens in writing."""
+    """Replace the text below the marker, atomically; the bytes above it are kept."""
     content = head_of(page) + f"{MARKER}\n\n{text}".encode()
     target = page.resolve()
     draft = target.with_name(f".{target.name}.tmp")

@@ -1,4 +1,4 @@
-"""What it costs not to have a wind sensor, and to have a wrong model, a turned vane and a current beside."""
+"""Study of robustness: the cost of no wind sensor, and of a wrong model with a turned vane and a current."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ RATIO_MAX, ALONG_MAX = 1.15, 1.2
 
 
 def crude_vessel(vessel: VesselConfig) -> VesselConfig:
-    """What a desk without measurements would write down for a boat: its mass, length and thrust curve, and guesses.
+    """A vessel guessed without measurements: mass, motor arm and thrust curve are known, the rest is a rule of thumb.
 
     No added mass in surge and as much as the mass in sway; an inertia of twice m times the motors' arm squared, with
     nothing added; drag linear alone in each axis; a quarter too little wind load ahead, a half too much abeam and no
@@ -80,7 +80,7 @@ def study_robustness(
     base: str = "sitl",
     overrides: tuple[str, ...] = (),
 ) -> dict[str, Any]:
-    """ps of each pair in each row beside what is asked: a ratio, or a difference for no sensor along the wind."""
+    """ps of each pair in each row beside its limit: a ratio, or a difference without a sensor along the wind."""
     rows, seeds = list(rows), list(seeds)
     made = setups(controller, base, overrides)
     scores, held, finished = run_setups(run, made, rows, seeds, window_s, base=base)
@@ -97,7 +97,7 @@ def study_robustness(
 
 
 def judge(pair: str, row: str, scores: Scores, held: Held) -> dict[str, Any]:
-    """The figures of a pair in a row, the limit that applies, and whether it is kept: by runs with the motors alone."""
+    """The figures of a pair in a row, the limit that applies, and whether it is kept, by runs that had the motors."""
     tried, against = PAIRS[pair]
     figures = compare(scores[tried, row], scores[against, row])
     if pair == "no wind sensor" and along_the_wind(row):

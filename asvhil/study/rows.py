@@ -1,4 +1,4 @@
-"""The rows of the six tests: the paper's winds, their mirrors and diagonals, and what all runs share."""
+"""The rows of the six tests: the paper's winds, their mirrors and diagonals, and config keys of all runs."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ ROWS: dict[str, tuple[float, float]] = {  # m/s, blowing toward degrees from the
 
 
 def along_the_wind(row: str) -> bool:
-    """The station points along the wind or against it, where a boat can stand still."""
+    """Whether the station's heading is along or against the wind, where a boat can stand still."""
     return ROWS[row][1] % 180.0 == 0.0
 
 
@@ -67,7 +67,7 @@ def refuse_own(overrides: Iterable[str], own: Iterable[str]) -> None:
 
 
 def _leaves(key: str, value: Any) -> Iterator[str]:
-    """The keys that a value sets: those below where it is a section."""
+    """The keys that a value sets; of a section, all below it."""
     if not isinstance(value, dict):
         yield key
         return
@@ -76,7 +76,7 @@ def _leaves(key: str, value: Any) -> Iterator[str]:
 
 
 def checked(names: list[str], known: Collection[str], option: str) -> list[str]:
-    """What is known of the names, in its own order; all of it where none is given. ConfigError for an unknown one."""
+    """The given names in the order of the known ones, or all if none is given. ConfigError for an unknown one."""
     for name in names:
         if name not in known:
             raise ConfigError(f"{option} {name}: unknown (known: {', '.join(known)})")

@@ -1,4 +1,4 @@
-"""Many independent runs on all cores, kept as JSON lines: what was done before an interrupt is not done again."""
+"""Many independent runs on all cores, stored as JSON lines, so that an interrupted study can be resumed."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from asvhil.types import record
 
 WATCH_S = 0.3
 PACKAGE = Path(__file__).resolve().parents[1]
-# What decides how a run comes out: packages alone; how studies count, draw and show their runs does not.
+# Packages that determine the result of a run. How studies count, draw and show their runs does not.
 DECISIVE = (
     *("types.py", "geo.py", "config", "io", "dynamics", "estimator", "controller", "autopilot", "supervisor"),
     *("operator", "backseat", "simplant", "logs", "study/trials"),
@@ -36,7 +36,7 @@ Function = Callable[..., Result]
 
 @record
 class Job:
-    """One run. `key` tells all that its result depends on; `group` names runs that take about the same time."""
+    """One run. `key` identifies everything that its result depends on; `group` names runs of about the same time."""
 
     key: str
     group: str
@@ -45,10 +45,10 @@ class Job:
 
 @record
 class StudyProgress:
-    """How far a study is. `remaining_s` is None until there is a run of every group to go by.
+    """Progress of a study. `remaining_s` is None until a run of every group is done.
 
-    `note` is what people should know of the store, said once at the start. `part` names the part that the counts are
-    of, where they are not of the whole study.
+    `note` is a remark on the store, given once at the start. `part` names the part of the study that is counted, if it
+    is not the whole.
     """
 
     done: int
@@ -61,7 +61,7 @@ class StudyProgress:
 
 @record
 class Finished:
-    """Results in the order of the jobs, the time that each group took (s), and runs made by other code than this."""
+    """Results in the order of the jobs, time of each group (s), and the number of runs made by other code."""
 
     results: list[Result]
     group_s: dict[str, float]
@@ -74,7 +74,7 @@ Run = Callable[[Function, Sequence[Job]], Finished]  # what runs the jobs of a s
 
 
 def run_into(store: Path, *, workers: int | None = None, tell: Tell = lambda progress: None) -> Run:
-    """`run_jobs` with one store, as a study takes it."""
+    """`run_jobs` with one store, as a function that studies call."""
     return functools.partial(run_jobs, store=store, workers=workers, tell=tell)
 
 
@@ -115,7 +115,7 @@ def run_jobs(
 
 @functools.cache
 def code_version() -> str:
-    """First 12 hex digits of the SHA-256 over the sources that decide how a run comes out."""
+    """First 12 hex digits of the SHA-256 over the sources that determine the result of a run."""
     digest = hashlib.sha256()
     for name in DECISIVE:
         path = PACKAGE / name
@@ -146,7 +146,7 @@ def _opened(store: Path) -> Iterator[tuple[dict[str, dict[str, Any]], TextIO, st
         if last:
             try:
                 stored |= _parsed(store, last)
-                file.write("\n")  # all of the run is there: only the end of its line is not
+                file.write("\n")  # the run is complete, but for the end of its line
             except AsvhilError:
                 file.truncate(len(whole.encode()))
                 note = f"{store}: the last line was cut off in writing; it is dropped, and its run done again"
@@ -239,7 +239,7 @@ def _timed(function: Function, arguments: tuple[Any, ...]) -> tuple[Result, floa
 
 
 def _obey(stop: Any) -> None:
-    """In a worker: end at once when told to, or when the study is gone, however it ended."""
+    """In a worker process: end at once when stopped, or when the study's process has ended in any way."""
     parent = multiprocessing.parent_process()
 
     def watch() -> None:
@@ -247,6 +247,6 @@ def _obey(stop: Any) -> None:
             pass
         os._exit(1)
 
-    # Ctrl-C reaches every process of the terminal; only the study itself is to speak of it.
+    # Ctrl-C reaches every process of the terminal; only the study itself reports it.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=watch, daemon=True).start()

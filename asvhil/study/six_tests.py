@@ -17,7 +17,7 @@ from asvhil.study.statistics import mean_ci95, mean_of_all
 from asvhil.study.trials.trial import run_named_trial
 
 OURS = ("NNSEM-MPC", "LagNet-MPC")
-# It knows the boat's equations and parameters, as nobody does of a real boat: shown apart, and wins nothing.
+# It knows the equations and parameters of the boat, as nobody does of a real one: shown apart, not compared.
 REFERENCE = "SD-MPC (true physics)"
 MAIN = "NNSEM-MPC"
 
@@ -47,7 +47,7 @@ def controller_overrides(label: str, models: Path | None, base: str, overrides: 
 
 
 def check_models(models: Path | None) -> None:
-    """ConfigError where there is no such folder: the shipped models would run unnoticed."""
+    """ConfigError where the folder does not exist: otherwise the shipped models would be used unnoticed."""
     if models is not None and not models.is_dir():
         raise ConfigError(f"--models {models}: no such folder")
 
@@ -55,9 +55,9 @@ def check_models(models: Path | None) -> None:
 def available(
     labels: Iterable[str], models: Path | None, base: str, overrides: tuple[str, ...]
 ) -> tuple[dict[str, tuple[str, ...]], list[str]]:
-    """{label: config keys} of the controllers that can run, and a line for each that is left out for want of a model.
+    """{label: config keys} of the controllers that can run, and a line for each that has no model.
 
-    ConfigError where the folder of models is none, or a config key is wrong.
+    ConfigError where the folder of models does not exist, or a config key is wrong.
     """
     check_models(models)
     load_config(base, overrides)
@@ -121,7 +121,7 @@ def study_six_tests(
 
 
 def cost_figures(finished: Finished) -> dict[str, Any]:
-    """What took how long: seconds of one process by group, and minutes of all processes together."""
+    """Computing time: seconds of one process by group, and minutes of all processes together."""
     total_s = sum(finished.group_s.values())
     return {
         "process_s": {group: round(spent, 1) for group, spent in finished.group_s.items()},
@@ -154,8 +154,8 @@ def tabulate(runs: Sequence[Mapping[str, Any]], bounds: Mapping[str, float]) -> 
 def verdict(line: Mapping[str, Sequence[Mapping[str, Any]]]) -> dict[str, Any]:
     """Which controller has the lowest mean ps in a row, and by how much: differences of runs of the same seed.
 
-    `behind` are the differences of the others' ps to the winner's; `kind` is "ours" or "baseline". Neither the
-    reference takes part nor those `barred`: without the motors all the time a score is not the controller's.
+    `behind` are the differences of the others' ps to the winner's; `kind` is "ours" or "baseline". The reference is
+    left out, and so are those `barred`, which did not have the motors for the whole window.
     """
     barred = [label for label, part in line.items() if label != REFERENCE and any(run["held"] < 1.0 for run in part)]
     scores = {

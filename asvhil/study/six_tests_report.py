@@ -1,4 +1,4 @@
-"""The six tests as Markdown tables, in words, and as a picture like the paper's."""
+"""The six tests as Markdown tables with verdicts, and as a figure like the paper's."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from asvhil.study.rows import along_the_wind, title
 from asvhil.study.six_tests import MAIN, OURS, REFERENCE
 from asvhil.study.statistics import count_of_seeds, in_digits, other_code, plus_minus
 
-CUT = 2.2  # the axis ends at this many times our own highest bar: a law that drifts away must not set the scale
+CUT = 2.2  # end of the axis, in times the highest bar of an MPC: a controller that fails must not set the scale
 
 
 def report(study: Mapping[str, Any]) -> str:
@@ -51,7 +51,7 @@ def report(study: Mapping[str, Any]) -> str:
 
 
 def verdict_line(row: str, verdict: Mapping[str, Any]) -> str:
-    """Who wins a row and by how much, in words; a baseline's win is said first."""
+    """The verdict of a row as text: the best controller, and its margin."""
     winner, behind = verdict["winner"], verdict["behind"]
     barred = f"; barred: {', '.join(verdict['barred'])}" if verdict["barred"] else ""
     if winner is None:
@@ -71,7 +71,7 @@ def verdict_line(row: str, verdict: Mapping[str, Any]) -> str:
 def draw_bars(study: Mapping[str, Any], path: Path) -> None:
     """Bars of ps grouped by test with their 95 % intervals; the bound as a line across each group.
 
-    Rows along the wind have a scale of their own. Bars that leave the axis are cut and bear their value.
+    Rows along the wind have a scale of their own. Bars beyond the axis are cut and labelled with their value.
     """
     rows = list(study["rows"])
     groups = [

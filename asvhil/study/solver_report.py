@@ -1,4 +1,4 @@
-"""The solver study as a Markdown table and a picture."""
+"""The solver study as a Markdown table and a figure."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ HEAD = (
 def solver_table(study: dict[str, Any]) -> str:
     """A row for each solver; `gap` is the mean cost above the best of four converged starts, where it was.
 
-    Ratios are of median times of a step, on the clock.
+    Ratios are of median wall times of a step.
     """
     rows = study["solvers"]
     base_ms = next(iter(rows.values()))["step_ms"]["median"]

@@ -1,4 +1,4 @@
-"""All solvers side by side: time of a step, distance to the optimum, and what the boat makes of it, in one run.
+"""Comparison of all solvers: time of a step, distance to the optimum, and closed-loop cost.
 
 Each solver drives its own closed loop in virtual time, from the same start under the same seeds of gusts and sensors,
 pinned to one core. Recorded problems are then solved by IPOPT from four starts: the best of these is the optimum.
@@ -47,7 +47,7 @@ Tell = Callable[[str, int, int], None]  # what, how many of it are done, of how 
 
 @record
 class Step:
-    """One step of a controller: its first problem and start, the cost of the plan in the end, time, and the truth."""
+    """One step of a controller: its first problem and start, the cost of its plan, its time, and the true state."""
 
     parameters: Array
     start: Array
@@ -69,7 +69,7 @@ class Problems:
 
 
 class Watch:
-    """A solver that remembers the first call since `clear`."""
+    """A solver that records the first call since `clear`."""
 
     def __init__(self, solver: Solver) -> None:
         self._solver = solver
@@ -85,7 +85,7 @@ class Watch:
 
 
 class Stopwatch:
-    """A controller that takes the time of each step of another; `last` is (control, wall ms, CPU ms)."""
+    """A controller that measures the time of each step of another; `last` is (control, wall ms, CPU ms)."""
 
     def __init__(self, controller: Controller) -> None:
         self._controller = controller
@@ -120,8 +120,8 @@ def study_solvers(
 ) -> dict[str, Any]:
     """Figures of each solver as a JSON-ready tree, for a model and the plant and weather of a config.
 
-    `problems` of the steps of each run are held against the optimum; `limit_problems` (all of them where None) of the
-    first run's are also solved by each solver as far as it gets. `peer` is a command that takes a problem file, such
+    `problems` of the steps of each run are compared with the optimum; `limit_problems` (all of them where None) of the
+    first run's are also solved by each solver to convergence. `peer` is a command that takes a problem file, such
     as tests/peers/mpc_torch_peer.py in its own environment; it needs `peer_model_file` where the model is learned.
     Where it fails, `peer_failed` says why, beside the figures of the others.
     """
@@ -146,7 +146,7 @@ def study_solvers(
         if peer:
             try:
                 rows["mpc.torch"] = peer_row(config, peer, peer_model_file, recorded["torch-lqr"], tell)
-            except AsvhilError as error:  # the others' figures are worth keeping
+            except AsvhilError as error:  # the other figures are kept
                 failed["peer_failed"] = str(error)
     return {
         "model": model.name,
@@ -162,7 +162,7 @@ def study_solvers(
 
 
 def checked_study(config: Config, solvers: Sequence[str], horizon_s: float) -> Config:
-    """The config that all of them run with. ConfigError where one of them or the horizon cannot be, before any runs."""
+    """The config of all runs. ConfigError, before any run, where a solver or the horizon is not possible."""
     config = at_horizon(config, horizon_s)
     for name in solvers:
         choose_solver(_with_solver(config.controller, name))
@@ -183,7 +183,7 @@ def starts_of(problem: StationProblem, warm: Array) -> list[Array]:
 def at_horizon(config: Config, horizon_s: float) -> Config:
     """The config with a uniform grid, and without the slow error of GNSS (as `trial.NO_SLOW_ERROR`).
 
-    ConfigError where the grid would have fewer or more stages than an MPC may have.
+    ConfigError where the number of stages is out of range.
     """
     mpc = config.controller.mpc
     low, high = STAGES
@@ -213,7 +213,7 @@ def _with_solver(config: ControllerConfig, name: str) -> ControllerConfig:
 
 @contextmanager
 def one_core() -> Iterator[None]:
-    """This process on one core, the last that it may use."""
+    """Pin this process to one core, the last that it may use."""
     if not hasattr(os, "sched_setaffinity"):
         yield
         return
@@ -282,7 +282,7 @@ def with_optima(problem: StationProblem, steps: list[Step], what: str, tell: Tel
 def _limit(
     config: ControllerConfig, name: str, recorded: Problems, count: int | None, tell: Tell
 ) -> dict[str, Any] | None:
-    """How near to the optimum a solver comes when it may iterate on, from the best of the four starts."""
+    """The gap of a solver with many iterations, from the best of the four starts."""
     chosen = np.flatnonzero(np.isfinite(recorded.optima))
     if count is not None and len(chosen) > count:
         chosen = chosen[np.linspace(0, len(chosen) - 1, count).round().astype(int)]
@@ -303,7 +303,7 @@ def _limit_solver(config: ControllerConfig, name: str, problem: StationProblem) 
     if name == "torch-lqr":
         from asvhil.controller.solvers.torch_lqr import TorchLqr
 
-        return TorchLqr(problem, batched=True)  # the same numbers, sooner
+        return TorchLqr(problem, batched=True)  # the same result, faster
     return choose_solver(_with_solver(config, name))[1](problem)
 
 
@@ -379,7 +379,7 @@ def peer_row(config: Config, peer: Sequence[str], model_file: str, recorded: Pro
 
 
 def _peer_output(name: str, line: str, count: int) -> tuple[Array, Array]:
-    """Times (ms) and costs, one of each problem. AsvhilError where the peer's last line holds something else."""
+    """Times (ms) and costs, one of each problem. AsvhilError where the peer's last line is something else."""
     try:
         found = json.loads(line)
         ms, cost = np.array(found["ms"], dtype=float), np.array(found["cost"], dtype=float)

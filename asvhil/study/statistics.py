@@ -33,24 +33,24 @@ def mean_ci95(values: Sequence[float]) -> dict[str, Any]:
 
 
 def mean_of_all(values: Sequence[float | None]) -> dict[str, Any]:
-    """`mean_ci95`, with both None where any value is: a mean over fewer runs would not be of the same thing."""
+    """`mean_ci95`, with both None if any value is: a mean over fewer runs would not be comparable."""
     known = [value for value in values if value is not None]
     return mean_ci95(known) if known and len(known) == len(values) else {"mean": None, "ci95": None}
 
 
 def in_digits(value: float | None, digits: int = 2) -> str:
-    """A number as people read it, `-` for None."""
+    """A number as text with some digits, `-` for None."""
     return "-" if value is None else f"{value:.{digits}f}"
 
 
 def plus_minus(figure: dict[str, Any], digits: int = 2) -> str:
-    """`mean ± half width` as people read it, `-` where there is no mean."""
+    """`mean ± half width` as text, `-` without a mean."""
     text = in_digits(figure["mean"], digits)
     return text if figure["ci95"] is None else f"{text} ± {figure['ci95']:.{digits}f}"
 
 
 def other_code(runs: int) -> list[str]:
-    """Says how many runs were made by other code than this; nothing where none was."""
+    """A remark on the number of runs made by other code; empty if there are none."""
     return [f"{runs} run{'s were' if runs != 1 else ' was'} made by another version of the code."] if runs else []
 
 

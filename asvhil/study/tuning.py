@@ -23,7 +23,7 @@ from asvhil.types import record
 WINDS = ((4.0, 10.0), (5.0, 170.0), (4.0, 30.0), (5.0, 60.0), (4.0, 105.0))  # m/s, blowing toward degrees
 PLANT_SEED = 101
 FROM_S, TO_S = 60.0, 180.0
-BATCH = 4  # candidates that are drawn from the same best: a constant, so that workers do not change the search
+BATCH = 4  # candidates drawn from the same best: constant, so that the result does not depend on the workers
 WIDE_SHARE = 0.25  # of the budget: draws all over the ranges; the rest steps off the best so far
 FIRST_STEP, LAST_STEP = 0.25, 0.08  # standard deviation of such a step, in shares of the range
 MOVE_SHARE = 0.4  # of the coordinates, in one step
@@ -49,7 +49,7 @@ class Parameter:
 
 
 def spaces() -> dict[str, tuple[Parameter, ...]]:
-    """What is searched of each controller that has something to search, by `controller.name`."""
+    """The search space of each controller that has one, by `controller.name`."""
     return {
         kind.name: tuple(
             Parameter(key=f"controller.{kind.settings_key}.{part.key}", start=part.start, factor=part.factor)
@@ -96,7 +96,7 @@ def evaluate(run: TuningRun) -> float:
 
 
 def typical(scores: Sequence[float]) -> float:
-    """The geometric mean of 1 + ps, less 1: a wind that is hard for every controller must not outvote the others."""
+    """The geometric mean of 1 + ps, less 1: so that a wind that is hard for every controller does not dominate."""
     return math.expm1(float(np.mean(np.log1p(scores))))
 
 
@@ -115,12 +115,12 @@ def tune(
 ) -> dict[str, Any]:
     """Search the values of `spaces()[name]` with the lowest typical ps over the winds; `budget` counts candidates.
 
-    With a path every batch is saved there, and a search that was begun there with the same settings is taken up.
+    With a path every batch is saved there, and a search there with the same settings is resumed.
     `progress` is called after each batch with the candidates that are done and the lowest typical ps so far. `score`
     gives the ps of one run, in any process.
     The result depends on neither workers (0: none but this process) nor interruptions. KeyError where the controller
-    has no space, ConfigError for a budget, seed or workers that cannot be, AsvhilError where the file at the path is
-    not of this search: it is left as it is.
+    has no space, ConfigError for a wrong budget, seed or number of workers, AsvhilError where the file at the path is
+    of another search: it is not changed.
     """
     space = spaces()[name]
     for option, value, least in (("--budget", budget, 1), ("--seed", seed, 0), ("--workers", workers, 0)):
@@ -169,7 +169,7 @@ def tune(
 def candidates(
     space: tuple[Parameter, ...], budget: int, seed: int, done: list[dict[str, Any]]
 ) -> list[dict[str, float]]:
-    """The next batch, from the seed and what has been evaluated: the start, wide draws, then steps off the best."""
+    """The next batch, from the seed and what has been evaluated: the start, random draws, then steps from the best."""
     rng = np.random.default_rng((seed, len(done)))
     batch = []
     for index in range(len(done), min(len(done) + BATCH, budget)):
@@ -189,7 +189,7 @@ def candidates(
 
 
 def _stored(path: Path, result: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """The evaluations of a search that was begun. AsvhilError where the file is damaged or of other settings."""
+    """The stored evaluations of a search. AsvhilError where the file is damaged or of other settings."""
     try:
         stored = json.loads(path.read_text(encoding="utf-8"))
         had = {"controller": stored["controller"], **stored["settings"]}

@@ -1,4 +1,4 @@
-"""Abrupt sensor faults while the boat keeps station: how far the estimate moves, who notices, and whether it holds."""
+"""Abrupt sensor faults during station keeping: error of the estimate, flags, and whether the station is kept."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from asvhil.types import Outputs
 
 BEFORE_S = 5.0  # the error before the fault that movements are counted from
 AFTER_S = 40.0
-CALM_S = 10.0  # an estimate that has come back stays for this long
+CALM_S = 10.0  # a recovered estimate stays within the limits for this long
 MOVE_M, MOVE_DEG = 0.5, 3.0
 
 
 def run_abrupt(base: str, overrides: tuple[str, ...], start_s: float, duration_s: float) -> dict[str, Any]:
-    """What one fault, which the config holds, does to the estimate while the boat keeps station.
+    """The effect of one fault, which is in the config, on the estimate during station keeping.
 
     Movement is that of the error (estimate less truth) against its mean over the 5 s before. `recovery_s` counts from
     the end of the fault until the movement is within 0.5 m and 3 degrees for 10 s; None where it is not by the end.
-    Flags are what the operators are told: the notes that are not ok, and quantities that have lost their source or
+    Flags are those that operators get: the notes that are not ok, and quantities that have lost their source or
     taken another one; each with the time since the start of the fault at which it came up.
     """
     config = load_config(base, overrides)
@@ -81,8 +81,7 @@ def recovery_s(good: NDArray[np.bool_], hz: float) -> float | None:
 def run_survival(base: str, overrides: tuple[str, ...], window_s: tuple[float, float], lost_m: float) -> dict[str, Any]:
     """A station kept while sensors fail: the largest distance of the truth in the window, and whether it was lost.
 
-    Lost is a boat that was farther off than `lost_m`, or whose motors had been given back, or that stood in a fail-safe
-    at the end.
+    A boat is lost if it was farther off than `lost_m`, or if its motors were released or in a fail-safe at the end.
     """
     config = load_config(base, overrides)
     at = config.supervisor.station

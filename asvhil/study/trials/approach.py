@@ -1,4 +1,4 @@
-"""One approach from far off in a strong wind: the boat is to be brought to the station and kept there."""
+"""One approach from far off in a strong wind, and station keeping after it."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ TRACK_S = 1.0  # from one point of a track to the next
 
 @record
 class Start:
-    """Where the boat is set down about the station, and the wind; radians, clockwise from north."""
+    """Initial position relative to the station, heading, and wind; radians, clockwise from north."""
 
     seed: int
     bearing_rad: float  # from the station to the boat
@@ -36,7 +36,7 @@ class Start:
 
 @record
 class Outcome:
-    """One run against the truth. Times are seconds since the motors were taken; None where it never came to it."""
+    """One run against the truth. Times are seconds since the motors were taken; None if it did not happen."""
 
     start: Start
     handover_s: float | None
@@ -50,7 +50,7 @@ class Outcome:
 
     @property
     def lost(self) -> bool:
-        """Never near the station, or on the mean not there over the last seconds."""
+        """Whether the boat was never near the station, or not near it on average in the last seconds."""
         return self.reached_s is None or self.settled_m > LOST_M
 
     @property
@@ -128,7 +128,7 @@ def run_start(start: Start, overrides: tuple[str, ...] = (), duration_s: float =
 
 
 def run_named_start(start: dict[str, Any], overrides: tuple[str, ...], duration_s: float) -> dict[str, Any]:
-    """`run_start` for another process: JSON-ready in and out."""
+    """`run_start` for other processes, with JSON types in and out."""
     return dataclasses.asdict(run_start(Start(**start), overrides, duration_s))
 
 

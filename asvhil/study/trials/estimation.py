@@ -1,4 +1,4 @@
-"""How far an estimate is from the truth: one recorded run, its very same inputs through each estimator."""
+"""Errors of estimates against the truth: the inputs of one recorded run through each estimator."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ TRUTH_COLUMNS = ("n_m", "e_m", "vn_mps", "ve_mps", "psi_rad", "r_radps", "wn_mps
 
 @record
 class Recorded:
-    """A run: what the backseat was given in each tick, what it made of it, and how it was."""
+    """A run: the inputs and outputs of the backseat in each tick, and the true state."""
 
     inputs: list[Inputs]
     outputs: list[Outputs]
@@ -33,16 +33,16 @@ class Recorded:
 
 
 class NoController:
-    """For a backseat that is only to estimate: what it would do with the motors is not asked."""
+    """A controller for a backseat whose estimates alone are used: always neutral."""
 
     def step(self, estimate: Estimate, wind: Wind | None, station: Station) -> Control:
         return Control(command=(0.0, 0.0), ok=True, iterations=0, cost=0.0)
 
     def new_station(self) -> None:
-        """Nothing to forget."""
+        """Nothing to do: it has no state."""
 
     def reset(self) -> None:
-        """Nothing to forget."""
+        """Nothing to do: it has no state."""
 
 
 def record_run(config: Config, activity: str, duration_s: float) -> Recorded:
@@ -66,7 +66,7 @@ def record_run(config: Config, activity: str, duration_s: float) -> Recorded:
 
 
 def feed(config: Config, kind: str, inputs: Iterable[Inputs]) -> list[Outputs]:
-    """The recorded inputs through a fresh backseat with another estimator. Its commands go nowhere."""
+    """The recorded inputs through a fresh backseat with another estimator. Its commands are discarded."""
     estimator = config.estimator.model_copy(update={"kind": kind})
     backseat = build_backseat(config.model_copy(update={"estimator": estimator}), controller=NoController())
     return [backseat.step(one) for one in inputs]
@@ -82,7 +82,7 @@ def truth_rows(truth: Sequence[Truth]) -> Array:
 
 
 def estimate_rows(outputs: Sequence[Outputs], origin: LocalFrame) -> Array:
-    """The same of what a backseat made, about the plant's origin; NaN where there is none yet."""
+    """The same of the estimates of a backseat, relative to the plant's origin; NaN before the first one."""
     rows = np.full((len(outputs), len(TRUTH_COLUMNS)), math.nan)
     for row, made in zip(rows, outputs, strict=True):
         estimate, wind = made.estimate, made.wind
@@ -100,7 +100,7 @@ def errors(rows: Array, truth: Array) -> dict[str, Any]:
     """Root mean squares over all rows; None where an estimate is missing in any of them.
 
     Of position and velocity the length of the error vector. `position_spread_m` and `heading_spread_deg` are about the
-    mean error of the run: what is left when a constant offset is taken out.
+    mean error of the run: the part that is not a constant offset.
     """
     if not np.isfinite(rows).all():
         return dict.fromkeys(METRICS)

@@ -1,4 +1,4 @@
-"""One run in lockstep without a log, scored against the truth and as measured: what every study is made of."""
+"""One run in lockstep without a log, scored against the truth and by the estimate: the unit of most studies."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from asvhil.logs.metrics import PoseErrors, score
 from asvhil.simplant.lockstep import Lockstep
 from asvhil.types import Phase
 
-# Position and velocity without slow errors, and a filter that looks for none: they are a floor under every controller.
+# No slow errors of position and velocity, and none assumed by the filter: they are the same for all controllers.
 NO_SLOW_ERROR = (
     "plant.sensors.gnss.slow_bias_m=0",
     "plant.sensors.fused_velocity.slow_bias_mps=0",
@@ -89,13 +89,13 @@ def run_trial(config: Config, from_s: float, to_s: float) -> dict[str, Any]:
 
 
 def run_key(config: Config) -> str:
-    """Hashes of the whole config and of the model file it names: all that a run in lockstep depends on but the code."""
+    """Hashes of the config and of its model file: all that a run in lockstep depends on, except the code."""
     file = model_file(config)
     return f"{config.content_hash()} {'physics' if file is None else _file_hash(file)}"
 
 
 def run_named_trial(base: str, overrides: tuple[str, ...], window_s: tuple[float, float]) -> dict[str, Any]:
-    """`run_trial` from what names a config, so that another process can run it."""
+    """`run_trial` by the name of a config and its overrides, for other processes."""
     return run_trial(load_config(base, overrides), *window_s)
 
 
