@@ -1,4 +1,4 @@
-"""The simulated boat as the network sees it: vessel, weather, sensors, autopilot and anemometer, sans-IO."""
+"""The simulated boat on the network: vessel, weather, sensors, autopilot and anemometer, sans-IO."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from asvhil.types import Frame, record
 
 @record
 class Truth:
-    """What really is: pose in NED, velocity over ground in body axes, true wind, and what the motors do."""
+    """The true state: pose in NED, velocity over ground in body axes, true wind, and the motors."""
 
     t_ns: int
     n_m: float
@@ -47,7 +47,7 @@ def with_lines_read(config: Config) -> Config:
 
 
 class AttachedAutopilot(Protocol):
-    """What drives the motors: bytes in by `receive`, one main loop by `loop`, bytes out."""
+    """An autopilot that drives the motors: bytes in by `receive`, one main loop by `loop`, bytes out."""
 
     @property
     def outputs_us(self) -> tuple[int, int]: ...
@@ -58,7 +58,7 @@ class AttachedAutopilot(Protocol):
 
 
 class Moored:
-    """A boat at a standstill as its sensors see it: the pose of one that would be adrift, and no motion."""
+    """The motion of a boat held in place: the pose of a vessel, and no velocity."""
 
     r_radps = ax_mps2 = ay_mps2 = 0.0
 
@@ -70,14 +70,14 @@ class Moored:
 
 
 class Plant:
-    """Built whole at power-on; `receive` bytes, `advance` time, and take the bytes it has sent.
+    """The simulated boat: `receive` bytes, `advance` time, and get the bytes it has sent.
 
     Same config and same inputs give the same bytes: all randomness comes from `plant.seed`, one stream for each
     sensor, gust component and the waves, none of which depends on what the companion asks for.
     """
 
     def __init__(self, config: Config, t_ns: int, autopilot: AttachedAutopilot | None = None) -> None:
-        """`autopilot` drives the motors in the place of the simulated one, `frontseat`, which is then never powered."""
+        """`autopilot` drives the motors in place of the simulated one, `frontseat`, which is then never switched on."""
         plant = config.plant
         vessel = config.plant_vessel
         pwm = config.vehicle.pwm
@@ -107,7 +107,7 @@ class Plant:
 
         self._autopilot: AttachedAutopilot = autopilot or self.frontseat
         self._faults = Faults(all_faults(plant), t_ns)
-        # A boat has the sensors that either end of their lines is configured for.
+        # The boat has each sensor for which either end of its line is configured.
         self._devices: list[SimulatedVn300 | SimulatedNmea] = []
         if config.links.ins is not None or plant.links.ins is not None:
             self._devices.append(SimulatedVn300(plant.sensors, self.origin, t_ns, ins_seed))
@@ -138,13 +138,13 @@ class Plant:
 
     @property
     def faults(self) -> Present:
-        """What is broken now."""
+        """The faults that are present."""
         return self._faults.at(self._t_ns)
 
     def moor(self, on: bool) -> None:
-        """Keep the boat where it is while time and weather go on, or let it go: at rest in the water, as at the start.
+        """Hold the boat in place while time and weather go on, or release it, at rest in the water as at the start.
 
-        To be moored before the first step.
+        It can be moored only before the first step.
         """
         self._moored = Moored(self._vessel) if on else None
 
@@ -181,12 +181,12 @@ class Plant:
             self._autopilot.receive(frame)
 
     def step(self) -> list[Frame]:
-        """One step, with the motors as the autopilot drives them when it begins; what was sent on the way."""
+        """One step, with the autopilot's outputs at its begin: the frames sent during it."""
         self._vessel.drive(motor_signals_us(self._autopilot.outputs_us, self._faults.at(self._t_ns)))
         return self.advance(self._t_ns + self._step_ns)
 
     def advance(self, t_ns: int) -> list[Frame]:
-        """Step up to, never beyond, a time; what was sent on the way, in time order."""
+        """Step up to, never beyond, a time: the frames sent until then, in order of time."""
         sent: list[Frame] = []
         vessel, weather = self._vessel, self.weather
         while self._t_ns + self._step_ns <= t_ns:

@@ -20,7 +20,7 @@ MAX_LAG_S = 1.0
 
 
 class PlantServer:
-    """Steps a plant along the clock and carries its frames. A host that stalls makes the plant's time stand still."""
+    """Steps a plant along the clock and carries its frames. If the host stalls, the plant's time stops too."""
 
     def __init__(self, config: Config, clock: Clock, on_truth: Callable[[Truth], None] | None = None) -> None:
         self._config = config
@@ -63,7 +63,7 @@ class PlantServer:
         self, endpoints: dict[str, Endpoint], readers: list[asyncio.Task[None]], duration_s: float | None
     ) -> None:
         start_ns = self._clock.now_ns()
-        behind_ns = 0  # how much later the clock is than the plant, from stalls of the host
+        behind_ns = 0  # how far the plant is behind the clock, by stalls of the host
         plant = self.plant = Plant(self._config, start_ns)
         while not self._stop.is_set():
             for reader in readers:
@@ -77,7 +77,7 @@ class PlantServer:
                 behind_ns += lag_ns
                 t_ns -= lag_ns
             for frame in plant.advance(t_ns):
-                if frame.port in endpoints:  # a sensor without a line speaks to nobody
+                if frame.port in endpoints:  # frames of a sensor without a line are dropped
                     await endpoints[frame.port].send(frame.data)
             if self._on_truth is not None:
                 self._on_truth(plant.truth)

@@ -1,7 +1,8 @@
-"""The anemometer's real firmware on a simulated Arduino, blown on by the simulated weather, in real time.
+"""The anemometer's real firmware on a simulated Arduino in real time, with the wind of the simulated weather.
 
-The simulator around the firmware is a program of the tests (tests/firmware/harness), found where `make firmware-sim`
-leaves it; it is no part of this package. It opens the pseudo terminal that the daemon reads as its serial port.
+The simulator around the firmware is a program of the tests (tests/firmware/harness), at the place where `make
+firmware-sim` builds it; it is not a part of this package. It opens the pseudo terminal that the daemon reads as its
+serial port.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ HARNESS_MAX_MPS = 100.0
 
 
 class SimulatedArduino:
-    """A context: inside it `pty` is the serial port of the running board, and wind sent to `udp_port` blows on it.
+    """A context manager: inside it `pty` is the serial port of the running board, and wind comes from `udp_port`.
 
     The wind comes as the sentences of the simulated anemometer, one or more a datagram. Raises AsvhilError on entry
     where the simulator or the firmware is not built or does not start.
@@ -59,7 +60,7 @@ class SimulatedArduino:
                 stdout=subprocess.PIPE,
                 stderr=self._words,
                 text=True,
-                start_new_session=True,  # an interrupt at the terminal is for the daemon: the wind blows on until then
+                start_new_session=True,  # an interrupt at the terminal must reach the daemon first
             )
         except OSError as error:
             self._words.close()
@@ -92,7 +93,7 @@ class SimulatedArduino:
 
     @property
     def failure(self) -> str | None:
-        """Why the board no longer runs, None while it does."""
+        """Why the board has ended, None while it runs."""
         status = self.child.poll()
         return None if status is None else f"the simulated Arduino ended early ({status}): {self._last_words()}"
 
@@ -110,7 +111,7 @@ class SimulatedArduino:
                 speed_mps, degrees = min(sample.speed_mps, HARNESS_MAX_MPS), math.degrees(sample.from_rad)
                 try:
                     os.write(self.child.stdin.fileno(), f"wind {speed_mps:.3f} {degrees:.2f}\n".encode())
-                except OSError:  # the board is gone: `failure` tells
+                except OSError:  # the board has ended: see `failure`
                     return
 
     def _last_words(self) -> str:
@@ -119,7 +120,7 @@ class SimulatedArduino:
         return next((line for line in reversed(lines) if line.strip()), "it said nothing")
 
     def _end(self) -> None:
-        """The board ends with its standard input."""
+        """End the board by closing its standard input."""
         for stream in (self.child.stdin, self.child.stdout):
             if stream is not None:
                 with contextlib.suppress(OSError):

@@ -1,6 +1,6 @@
-"""Navigation sensors beside the autopilot, each on a line of its own: a VN-300 in binary, an NMEA GNSS with a compass.
+"""Navigation sensors beside the autopilot, each on a line of its own: a VN-300 (binary), an NMEA GNSS with a compass.
 
-They see the same truth as the autopilot's sensors, with errors of their own. Sans-IO: `advance` gives the frames.
+They measure the same true state as the autopilot's sensors, with errors of their own. Sans-IO: `advance` gives frames.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from asvhil.simplant.boat.sensors import Anemometer, Navigation, SensorReading, 
 from asvhil.types import Frame
 
 NS_PER_S = 1_000_000_000
-UNIX_EPOCH_AT_POWER_ON_US = 1_767_225_600_000_000  # 2026-01-01: a simulation has no date of its own
+UNIX_EPOCH_AT_POWER_ON_US = 1_767_225_600_000_000  # 2026-01-01, the date of every simulation
 GPS_EPOCH_UNIX_S = 315_964_800  # 1980-01-06
 LEAP_S = 18  # GPS ahead of UTC since 2017
 COMPASS_HEADING = 0x0300  # of the INS status: the two antennas give a heading, and it is used
@@ -45,7 +45,7 @@ def _errors(sensors: SensorsConfig, device: InsDeviceConfig | NmeaDeviceConfig) 
 
 
 class SimulatedVn300:
-    """A VN-300 that sends one binary message at its rate: everything that the codec can use, with uncertainties."""
+    """A VN-300 that sends one binary message at its rate: all fields that the codec uses, with uncertainties."""
 
     def __init__(self, sensors: SensorsConfig, origin: LocalFrame, t_ns: int, seed: np.random.SeedSequence) -> None:
         config = sensors.ins
@@ -67,7 +67,7 @@ class SimulatedVn300:
         return [Frame(t_ns=t_ns, port=INS, data=self._message(t_ns, ails))]
 
     def _message(self, t_ns: int, ails: SensorFaults) -> bytes:
-        """What is wrong is in the status, as the sensor knows it; a jump it takes for true."""
+        """Faults that the sensor knows are in the status; a jump is not."""
         nav, gnss = self._navigation, self._sensors.gnss
         since_ns = t_ns - self._start_ns
         aligned = since_ns >= self._align_ns
@@ -118,7 +118,7 @@ class SimulatedNmea:
         self._needle = Navigation(errors, config.compass_hz, t_ns, compass_seed)
 
     def advance(self, t_ns: int, truth: TrueMotion, faults: Present) -> list[Frame]:
-        """What is due, one frame for all of it."""
+        """The sentences that are due, in one frame."""
         bodies: list[str] = []
         ails = faults.of("nmea")
         if self._fix.take_due(t_ns):
@@ -150,7 +150,7 @@ class SimulatedNmea:
         ]
 
     def _no_fix_sentences(self, t_ns: int) -> list[str]:
-        """A receiver without satellites sends its sentences empty, and says that they are not valid."""
+        """The sentences of a receiver without satellites: empty, and marked as not valid."""
         utc = self._utc(t_ns)
         time = f"{utc:%H%M%S}.{utc.microsecond // 10_000:02d}"
         return [
@@ -169,7 +169,7 @@ class SimulatedNmea:
 
 
 class SimulatedSensor:
-    """A sensor of a registered kind, which says what it sends; it measures as well as the boat's other sensors."""
+    """A sensor of a registered kind, which encodes its messages; its errors are those of the boat's other sensors."""
 
     def __init__(
         self,
@@ -188,7 +188,7 @@ class SimulatedSensor:
         self._anemometer = Anemometer(sensors.anemometer, wind_seed)
 
     def advance(self, t_ns: int, truth: TrueMotion, wind_ned: tuple[float, float]) -> list[Frame]:
-        """What is due; nothing where the kind does not say what it sends."""
+        """The frame that is due; none if the kind has no `simulate`."""
         if self._kind.simulate is None or not self._beat.take_due(t_ns):
             return []
         nav = self._navigation

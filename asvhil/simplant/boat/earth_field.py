@@ -1,4 +1,4 @@
-"""The earth's magnetic field at a place: the World Magnetic Model 2025, near what an autopilot expects of a compass."""
+"""The earth's magnetic field at a place: the World Magnetic Model 2025, close to that of an autopilot."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What breaks on the simulated boat, and when: spans of time from the config, or drawn from the seed."""
+"""Faults of the simulated boat: spans of time from the config, or drawn from the seed."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ OF_DEVICE = {"gnss": ("autopilot", "gnss-silent"), "ins-gnss": ("ins", "gnss-sil
 
 @record
 class SensorFaults:
-    """What ails the receiver, the heading and the IMU of one device."""
+    """The faults of receiver, heading and IMU of one device."""
 
     jump_n_m: float = 0.0
     jump_e_m: float = 0.0
@@ -33,7 +33,7 @@ SOUND = SensorFaults()
 
 
 class Present(frozenset[str]):
-    """The kinds of fault that are present, and what they do to the sensors of each device."""
+    """The kinds of fault that are present, and the faults of the sensors of each device."""
 
     _sensors: dict[str, SensorFaults]
 
@@ -45,7 +45,7 @@ class Present(frozenset[str]):
         return self
 
     def of(self, device: str) -> SensorFaults:
-        """Those of the sensors of one device: autopilot, ins, nmea."""
+        """The faults of the sensors of one device: autopilot, ins, nmea."""
         return self._sensors[device] if self else SOUND
 
 
@@ -63,7 +63,7 @@ class Faults:
         self._next_ns = -FOREVER_NS if self._spans else FOREVER_NS
 
     def at(self, t_ns: int) -> Present:
-        """The faults that are present; time never runs back. Cheap between the edges, for it is asked at each step."""
+        """The faults that are present at a time, which must not decrease. Called at each step, so fast."""
         if t_ns >= self._next_ns:
             self._now = Present.of_faults(fault for first_ns, end_ns, fault in self._spans if first_ns <= t_ns < end_ns)
             edges = (edge_ns for first_ns, end_ns, _ in self._spans for edge_ns in (first_ns, end_ns))
@@ -80,7 +80,7 @@ def all_faults(plant: PlantConfig) -> tuple[FaultConfig, ...]:
 
 
 def motor_signals_us(outputs_us: tuple[int, int], faults: frozenset[str]) -> tuple[int, int]:
-    """The pulse widths (port, starboard) that reach the motors: none where a motor is dead."""
+    """The pulse widths (port, starboard) that reach the motors: 0 for a dead motor."""
     if not faults:
         return outputs_us
     port_us, starboard_us = outputs_us
@@ -91,7 +91,7 @@ def motor_signals_us(outputs_us: tuple[int, int], faults: frozenset[str]) -> tup
 
 
 def _glitches(config: GlitchesConfig, rng: np.random.Generator) -> Iterator[FaultConfig]:
-    """Rounds of all kinds in drawn order, so that a run of a few minutes has met each of them."""
+    """Rounds of all kinds in random order, so that a run of a few minutes has each of them."""
     t_s = config.from_s
     while True:
         for number in rng.permutation(len(config.kinds)):
@@ -115,7 +115,7 @@ def _glitches(config: GlitchesConfig, rng: np.random.Generator) -> Iterator[Faul
 
 
 def _sensor_faults(present: Iterable[FaultConfig], device: str) -> SensorFaults:
-    """Those that are present in one device; jumps add up."""
+    """The faults present in one device; jumps are added."""
     kinds: set[str] = set()
     n_m = e_m = turn_deg = 0.0
     for fault in present:

@@ -20,7 +20,7 @@ class NormalSource:
         self._at = 0
 
     def next(self) -> float:
-        """The next number; drawing a block at once keeps NumPy's call overhead off the plant's hot path."""
+        """The next number. Blocks are drawn at once, since calls of NumPy are slow."""
         if self._at == len(self._block):
             self._block = self._rng.standard_normal(BLOCK).tolist()
             self._at = 0
@@ -44,7 +44,7 @@ class OrnsteinUhlenbeck:
         self.value = std * source.next()
 
     def set_step(self, step_s: float) -> None:
-        """Sample at another interval from now on."""
+        """Another sampling interval from now on."""
         self._a = math.exp(-step_s / self._time_s)
         self._kick = self._std * math.sqrt(-math.expm1(-2.0 * step_s / self._time_s))
 

@@ -1,4 +1,4 @@
-"""What the boat's sensors say of the truth: a GNSS/INS as good as a VN-300, and an anemometer on the mast."""
+"""The boat's sensors: a GNSS/INS with the errors of a VN-300, and an anemometer on the mast."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from asvhil.simplant.boat.faults import SOUND, SensorFaults
 from asvhil.simplant.boat.noise import NormalSource, OrnsteinUhlenbeck
 from asvhil.types import record
 
-FUSION_S = 1.0  # for so long a filter's position follows its velocity: both errors are of one mind
+FUSION_S = 1.0  # time constant by which a filter's position follows the integral of its velocity
 RETRY_NS = 10_000_000_000  # AP_NavEKF3.h: posRetryTimeUseVel_ms and magFailTimeLimit_ms are 10000
 Jump = tuple[float, float, float]  # north, east (m), heading (rad)
-VANE_STALL_MPS = 0.01  # without wind nothing turns the vane: it stays where it was
+VANE_STALL_MPS = 0.01  # below it the vane does not turn
 
 
 class TrueMotion(Protocol):
-    """The truth that sensors look at."""
+    """The true motion that sensors measure."""
 
     n_m: float
     e_m: float
@@ -34,7 +34,7 @@ class TrueMotion(Protocol):
 
 
 class Follower:
-    """How a filter with innovation gates follows a jump of its sensor: not at all, until it has lasted `RETRY_NS`."""
+    """A filter with innovation gates: it follows a jump of its sensor only after that has lasted `RETRY_NS`."""
 
     __slots__ = ("_asked", "_since_ns", "value")
 
@@ -44,7 +44,7 @@ class Follower:
         self._since_ns = 0
 
     def step(self, t_ns: int, asked: Jump) -> Jump:
-        """What the filter has taken over of a jump by now."""
+        """The part of a jump that the filter has accepted by now."""
         if asked != self._asked:
             self._asked, self._since_ns = asked, t_ns
         if t_ns - self._since_ns >= RETRY_NS:
@@ -55,13 +55,13 @@ class Follower:
 class Navigation:
     """GNSS/INS, sampled at each loop of the autopilot; the attributes are the latest measurements, NED and body axes.
 
-    Fixes come at `gnss.rate_hz`; their errors (slow bias, white position and velocity noise) also ride on the fused
+    Fixes come at `gnss.rate_hz`; their errors (slow bias, white position and velocity noise) are also in the fused
     position, which follows the truth between fixes. Each error has its own seeded source, drawn at the sensor's own
     rate, so neither another sensor's rate nor a telemetry stream changes it.
 
-    A jump shows in the fix at once. Where a `filtered` set of sensors tells its own estimate, as an autopilot does, it
-    shows in the fused position and the heading only after the 10 s for which ArduPilot's filter holds out against it.
-    Its velocity then has a slow error of its own (`FusedVelocityConfig`), and its position what comes of that.
+    A jump shows in the fix at once. A `filtered` set of sensors, as of an autopilot, has the estimate of a filter: a
+    jump shows in fused position and heading only after the 10 s for which ArduPilot's filter rejects it. Its velocity
+    has a slow error of its own (`FusedVelocityConfig`), and its position the integral of that.
     """
 
     __slots__ = (
@@ -118,7 +118,7 @@ class Navigation:
             NormalSource(part) for part in seed.spawn(10)
         )
         self._sources = white, velocity, heading, gyro, accel
-        period_s = 1.0 / min(gnss.rate_hz, loop_hz)  # a fix faster than the loop that reads it would be lost
+        period_s = 1.0 / min(gnss.rate_hz, loop_hz)  # fixes faster than the loop that reads them would be lost
         self._period_ns = round(1e9 * period_s)
         self._fix_due_ns = t_ns
         self._bias_n = OrnsteinUhlenbeck(gnss.slow_bias_m, gnss.slow_bias_time_s, period_s, bias_n)
@@ -145,7 +145,7 @@ class Navigation:
     def sample(self, t_ns: int, truth: TrueMotion, faults: SensorFaults = SOUND) -> None:
         """Measure the truth at a loop of the autopilot; psi in [0, 2 pi).
 
-        Without satellites, what came of them stays; of a frozen receiver it comes again as if it were new.
+        Without satellites the last fix stays; a frozen receiver repeats it as if it were new.
         """
         white, velocity, heading, gyro, accel = self._sources
         vn, ve = truth.ground_velocity_ned()
@@ -182,7 +182,7 @@ class Navigation:
         self.imu_silent, self.compass_silent = faults.imu_silent, faults.heading_silent
 
     def _deviation_at(self, psi_rad: float) -> float:
-        """What the iron of the boat adds to the compass (`HeadingSensorConfig`), without its constant part."""
+        """Compass deviation (rad) by the iron of the boat (`HeadingSensorConfig`), without its constant part."""
         if not any(self._deviation):
             return 0.0
         b, c, d, e = self._deviation
@@ -192,7 +192,7 @@ class Navigation:
 
 @record
 class SensorReading:
-    """What a simulated sensor of a registered kind measures, errors included.
+    """The measurements of a simulated sensor of a registered kind, with errors.
 
     Position in degrees; velocity over ground, NED; true heading in [0, 2 pi) and yaw rate, clockwise; specific force
     along body x and y; apparent wind: speed, and the direction it comes FROM, clockwise from the bow, in [0, 2 pi).
@@ -236,7 +236,7 @@ class Anemometer:
     ) -> tuple[float, float]:
         """Speed (m/s) and direction (degrees FROM, clockwise from the bow, [0, 360)) of the apparent wind.
 
-        What is stuck stays as it was.
+        A stuck part repeats its value.
         """
         vn, ve = truth.ground_velocity_ned()
         ahead, abeam = ned_to_body(truth.psi_rad, wind_n_mps - vn, wind_e_mps - ve)

@@ -13,7 +13,7 @@ NO_SIGNAL_US = 0
 
 
 class MotorTable:
-    """Pulse width (us) to the thrust (N) that a motor settles at: the measured curve, linear between its rows."""
+    """Pulse width (us) to the steady thrust (N) of a motor: the measured curve, linear between its rows."""
 
     def __init__(self, vessel: VesselConfig, pwm: PwmConfig) -> None:
         self._commands = [row[0] for row in vessel.thrust_curve]
@@ -28,7 +28,7 @@ class MotorTable:
         return max(-1.0, (pulse_us - pwm.neutral_us) / (pwm.neutral_us - pwm.astern_us))
 
     def thrust_n(self, pulse_us: float) -> float:
-        """Steady thrust of a pulse width; no signal is a motor that is off. Held at the ends of the curve."""
+        """Steady thrust of a pulse width; zero without a signal. Constant beyond the ends of the curve."""
         if pulse_us == NO_SIGNAL_US:
             return 0.0
         command = self.command(pulse_us)
@@ -45,8 +45,8 @@ class Vessel:
     """Truth: pose in NED, velocity through the water in body axes, thrusts; integrated by Heun's method in fixed steps.
 
     The state moves with the water, so a constant current is exact: the Coriolis terms see only the relative velocity
-    (Fossen 2011, property 8.1). Waves carry the whole of it: their motion is added to what is integrated, and every
-    attribute shows the sum. Plain attributes and floats, because `step` is the hot path of every simulation.
+    (Fossen 2011, property 8.1). Wave motion is superposed: it is added to the integrated motion, and every
+    attribute has the sum. Plain attributes and floats, because `step` is the hot path of every simulation.
     """
 
     __slots__ = (
@@ -94,7 +94,7 @@ class Vessel:
         self.n_m, self.e_m, self.psi_rad = pose
         self.thrust_port_n = self.thrust_starboard_n = 0.0
         self.ax_mps2 = self.ay_mps2 = 0.0  # acceleration over ground in body axes, at the end of the last step
-        # A boat left alone before the start drifts with the water: at rest relative to it.
+        # At the start the boat is at rest relative to the water.
         self.u_mps = self.v_mps = self.r_radps = 0.0
         self._waves = waves
         if waves is not None:
@@ -152,7 +152,7 @@ class Vessel:
         self.u_mps = u = u + half * (u1 + u2)
         self.v_mps = v = v + half * (v1 + v2)
         self.r_radps = r = r + half * (r1 + r2)
-        # Inertial acceleration in body axes, nu_dot + S(r) nu: what an accelerometer at the origin feels.
+        # Inertial acceleration in body axes, nu_dot + S(r) nu: the specific force at the origin.
         self.ax_mps2 = u2 - r * v
         self.ay_mps2 = v2 + r * u
         if self._waves is not None:
@@ -160,7 +160,7 @@ class Vessel:
             self._ride(self._waves)
 
     def _ride(self, waves: Waves) -> None:
-        """Keep the motion as it is without waves for the next step, and show the sum: pose, velocity, acceleration."""
+        """Keep the motion without waves for the next step, and set the attributes to the sum of both."""
         psi, u, v, ax, ay = self.psi_rad, self.u_mps, self.v_mps, self.ax_mps2, self.ay_mps2
         self._still = self.n_m, self.e_m, psi, u, v, self.r_radps
         c, s = math.cos(psi), math.sin(psi)

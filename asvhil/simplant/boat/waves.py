@@ -1,7 +1,7 @@
 """First-order wave motion of the simulated boat, in surge, sway and yaw: coloured noise about a peak frequency.
 
 It is superposed on the motion from thrust, wind and current (Fossen 2011, sec. 8.2: eta = eta_LF + eta_WF). A boat
-that is short beside the waves is carried by the water's orbital motion: with the Froude-Krylov force on its
+that is short compared with the waves follows the orbital motion of the water: with the Froude-Krylov force on its
 displacement, its equations of motion are those in still water for the velocity relative to the water, as in a current.
 """
 
@@ -22,10 +22,10 @@ PANEL_RAD = 0.5
 class Waves:
     """Position, velocity and acceleration of the wave motion, NED, stationary from the start.
 
-    Along the waves' way, across it, and in yaw, the velocity is white noise through two of Fossen's filters in series,
-    h(s) = s / (s^2 + 2 zeta w0 s + w0^2). Through a single one its derivative, which accelerometers measure, would hold
-    white noise without bound; through two, the position is stationary, the velocity is its derivative, and the
-    acceleration is finite. The spectrum peaks at w0 either way.
+    Along the direction of the waves, across it, and in yaw, the velocity is white noise through two of Fossen's filters
+    in series, h(s) = s / (s^2 + 2 zeta w0 s + w0^2). Through a single one its derivative, which accelerometers
+    measure, would hold white noise without bound; through two, the position is stationary, the velocity is its
+    derivative, and the acceleration is finite. The spectrum peaks at w0 either way.
     """
 
     __slots__ = (
@@ -50,7 +50,7 @@ class Waves:
     )
 
     def __init__(self, config: WavesConfig, toward_deg: float, step_s: float, seed: np.random.SeedSequence) -> None:
-        """`toward_deg` is where the waves go in the absence of `config.toward_deg`; any `step_s` is exact."""
+        """`toward_deg` is the direction of the waves if `config.toward_deg` is None; any `step_s` is exact."""
         peak_radps = math.tau * config.peak_hz
         a = _dynamics(config.damping)
         stationary = _stationary(a)
@@ -81,7 +81,7 @@ class Waves:
         self._at = 0
 
     def advance(self) -> None:
-        """One step on."""
+        """Advance by one step."""
         if self._at == len(self._block):
             self._block = self.noise_factor @ self._rng.standard_normal((BLOCK, 4, 3)) @ self._mixing
             self._at = 0
@@ -109,7 +109,7 @@ def _dynamics(damping: float) -> Array:
 
 
 def _stationary(a: Array) -> Array:
-    """P of A P + P A' + b b' = 0: the covariance that lasts."""
+    """P of A P + P A' + b b' = 0: the stationary covariance."""
     b = np.eye(4)[:, 1:2]
     lyapunov = np.kron(a, np.eye(4)) + np.kron(np.eye(4), a)
     p = np.linalg.solve(lyapunov, -(b @ b.T).ravel()).reshape(4, 4)

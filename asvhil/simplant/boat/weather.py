@@ -1,4 +1,4 @@
-"""Wind with gusts, waves, and a constant current, over the whole (small) sea of the simulated boat."""
+"""Wind with gusts, waves, and a constant current, uniform over the area of the simulated boat."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ class Weather:
     """Mean wind plus Ornstein-Uhlenbeck gusts along and across it, and the current, as NED velocities (m/s).
 
     `mean_mps` is the speed of the mean wind; a change of it takes effect with the next step, of a wind with gusts.
-    `waves` are for the vessel to ride on, which steps them itself; None where there are none.
+    `waves` are stepped by the vessel; None if there are none.
     """
 
     __slots__ = (
@@ -57,7 +57,7 @@ class Weather:
             self.waves.set_step(step_s)
 
     def advance(self) -> None:
-        """One step of the gusts."""
+        """Advance the gusts by one step."""
         if self._still:
             return
         self._along.advance()

@@ -1,7 +1,7 @@
 """The vehicle inside the simulated PX4: modes, arming rules, fail-safes and outputs, as measured on PX4 1.15 and 1.16.
 
-Its motors hang on "Peripheral via Actuator Set" functions, so that neither sticks nor PX4's own controllers move them.
-docs/simulated-autopilots.md lists what a real one does otherwise.
+Its motors have "Peripheral via Actuator Set" functions, so that neither sticks nor PX4's own controllers move them.
+docs/simulated-autopilots.md lists the differences to a real one.
 """
 
 from __future__ import annotations
@@ -74,7 +74,7 @@ class Px4Vehicle(PoweredVehicle):
         super().__init__(config, t_ns)
 
     def restart(self, t_ns: int) -> None:
-        """Power on: everything but the parameters and the pilot's sticks is forgotten."""
+        """Power on: everything but the parameters and the pilot's sticks is reset."""
         super().restart(t_ns)
         self.mode = LOITER
         self.terminated = self.failsafe = False
@@ -104,7 +104,7 @@ class Px4Vehicle(PoweredVehicle):
         return t_ns >= self.ready_ns and self._estimator.in_use
 
     def has_fix(self, t_ns: int) -> bool:
-        """Whether the receiver has one, used or not."""
+        """Whether the receiver has a fix, used or not."""
         return t_ns >= self.ready_ns
 
     def begin(self, t_ns: int) -> None:
@@ -124,7 +124,7 @@ class Px4Vehicle(PoweredVehicle):
     # --- what comes over the link --------------------------------------------------------------------------
 
     def offboard_signal(self, *, position: bool = False) -> None:
-        """A set-point that PX4 takes as the sign of life for OFFBOARD; one of `position` needs a position there."""
+        """A set-point that keeps OFFBOARD alive; one of `position` needs a valid position."""
         if self._offboard_lost():
             self._offboard_since_ns = self.t_ns
         self._offboard_ns = self.t_ns
@@ -137,7 +137,7 @@ class Px4Vehicle(PoweredVehicle):
                 self._actuators[number] = value
 
     def enter_mode(self, number: int) -> bool:
-        """Change the mode; False, with the reason said, where the vehicle refuses."""
+        """Change the mode; False, with the reason as a text, where the vehicle refuses."""
         if number not in ENTERED or not self._can_run(number):
             title = TITLE_OF.get(number, "this mode")
             self._say(CRITICAL, f"Switching to {title} is currently not available")
@@ -148,7 +148,7 @@ class Px4Vehicle(PoweredVehicle):
         return True
 
     def arm(self, *, force: bool = False) -> bool:
-        """Arm; False, with the reason said, where the vehicle refuses."""
+        """Arm; False, with the reason as a text, where the vehicle refuses."""
         if self.armed:
             return True
         if self.terminated or not (force or self.checks_pass()):
@@ -208,7 +208,7 @@ class Px4Vehicle(PoweredVehicle):
             self._fail_safe(RC_LOSS.get(int(self.parameters["NAV_RCL_ACT"]), "AUTO.RTL"), first_hold=True)
 
     def _watch_frame(self) -> None:
-        """A multicopter that does not take off is disarmed; a rover never is."""
+        """Disarm a multicopter that does not take off; a rover is never disarmed."""
         if int(self.parameters["CA_AIRFRAME"]) != MULTICOPTER:
             return
         preflight_s = self.parameters["COM_DISARM_PRFLT"]
@@ -219,7 +219,7 @@ class Px4Vehicle(PoweredVehicle):
             self.disarm("landing")
 
     def _fail_safe(self, action: str, *, first_hold: bool = False) -> None:
-        """Do as the parameters say; a mode comes, where the pilot may still take over, after COM_FAIL_ACT_T in Hold."""
+        """Act as the parameters say. If a pilot may take over, Hold comes first, for COM_FAIL_ACT_T."""
         self._then = None
         if not self.armed:
             return
@@ -242,7 +242,7 @@ class Px4Vehicle(PoweredVehicle):
 
     @property
     def tells_outputs(self) -> bool:
-        """Whether outputs are told: on a board always."""
+        """Whether outputs are reported: always on a board."""
         if self.on_board:
             return True
         return self.parameters.drives_a_motor and (self.armed or not self.says_rest)

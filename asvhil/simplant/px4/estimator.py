@@ -1,8 +1,8 @@
-"""What becomes of a PX4's position while it is disarmed: EKF2 drops a receiver that moves while the IMU is at rest.
+"""Position of a disarmed PX4: EKF2 drops a receiver that moves while the IMU is at rest.
 
 "At rest" is the landed vehicle whose gyros and accelerometers do not vibrate: a boat adrift with its motors off is.
-Then the receiver must not move either (EKF2_GPS_CHECK, EKF2_REQ_HDRIFT), or it is not used any more. Armed, nothing of
-this is looked at. By the sources of 1.15 (gps_checks, gps_control), and as measured: docs/simulated-autopilots.md.
+If the receiver moves then (EKF2_GPS_CHECK, EKF2_REQ_HDRIFT), it is no longer used. Armed, this is not checked. By the
+sources of 1.15 (gps_checks, gps_control), and as measured: docs/simulated-autopilots.md.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ class RestingEstimator:
         self._vn_mps = self._ve_mps = 0.0
 
     def step(self, navigation: Navigation, *, armed: bool) -> None:
-        """Look at the last fix, if it is new."""
+        """Evaluate the last fix, if it is new."""
         t_ns = navigation.fix_ns
         if t_ns <= self._fix_ns:
             return

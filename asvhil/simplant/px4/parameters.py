@@ -1,4 +1,4 @@
-"""The PX4 parameters that decide over DO_SET_ACTUATOR, the outputs and the fail-safes that bound them."""
+"""The PX4 parameters of DO_SET_ACTUATOR, of the outputs, and of the fail-safes."""
 
 from __future__ import annotations
 

@@ -40,7 +40,7 @@ RATES_HZ = {
 
 
 class Px4Telemetry(VehicleTelemetry):
-    """One builder per message id; a builder gives None where the vehicle has nothing to say (yet)."""
+    """One builder per message id; a builder gives None without data (yet)."""
 
     def __init__(
         self,
@@ -108,7 +108,7 @@ class Px4Telemetry(VehicleTelemetry):
         return self._global_position(t_ns) if self._px4.ready(t_ns) else None
 
     def _sys_status(self, t_ns: int) -> Any:
-        """The health bit of the checks before arming alone tells of them; the receiver is present while it is heard."""
+        """The pre-arm checks are reported by their health bit alone; the receiver is present while it is heard."""
         d, vehicle = dialect, self._px4
         sensors = d.MAV_SYS_STATUS_SENSOR_3D_GYRO | d.MAV_SYS_STATUS_SENSOR_3D_ACCEL | d.MAV_SYS_STATUS_SENSOR_GPS
         radio = d.MAV_SYS_STATUS_SENSOR_RC_RECEIVER
@@ -136,7 +136,7 @@ class Px4Telemetry(VehicleTelemetry):
         return self._servo_output(t_ns) if self._px4.tells_outputs else None
 
     def _rc_channels_where_heard(self, t_ns: int) -> Any:
-        """None without a transmitter; what is above the channels of the receiver is no value."""
+        """None without a transmitter; channels beyond those of the receiver have no value."""
         rc, present = self._px4.rc, 8
         if not rc.receiver:
             return None

@@ -1,4 +1,4 @@
-"""What a real PX4 sends beside the messages that this program reads: PING, and messages outside of the dialect."""
+"""Other messages of a real PX4, which this program does not read: PING, and messages outside of the dialect."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ UNKNOWN = (
 
 
 class UnknownMessage:
-    """A message that the dialect does not have. It has what an outbox asks of a message: `pack`."""
+    """A message that the dialect does not have. It has `pack`, as an outbox requires."""
 
     def __init__(self, msg_id: int, seed: int, payload: bytes) -> None:
         self._msg_id, self._seed, self._payload = msg_id, seed, payload
@@ -36,7 +36,7 @@ class UnknownMessage:
 
 
 class RawFrame:
-    """A frame of somebody else, passed on as it is."""
+    """A frame of another sender, forwarded unchanged."""
 
     def __init__(self, data: bytes) -> None:
         self._data = data
@@ -47,7 +47,7 @@ class RawFrame:
 
 
 class OtherTraffic:
-    """One vehicle's; `take_due` at each loop."""
+    """The other messages of one vehicle; call `take_due` at each loop."""
 
     def __init__(self, t_ns: int) -> None:
         self._start_ns = t_ns
@@ -56,7 +56,7 @@ class OtherTraffic:
         self._due_ns = {row[0]: t_ns + row[3] for row in UNKNOWN}
 
     def take_due(self, t_ns: int, us: int) -> list[Any]:
-        """What is sent now; `us` is the vehicle's own time."""
+        """The messages to send now; `us` is the time of the vehicle."""
         sent: list[Any] = []
         if t_ns >= self._ping_ns:
             self._ping_ns += PING_NS

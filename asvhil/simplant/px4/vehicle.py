@@ -35,7 +35,7 @@ POSITION_IGNORE, VELOCITY_IGNORE, ACCELERATION_IGNORE = 0b111, 0b111000, 0b11100
 
 
 class SimulatedPx4(SimulatedAutopilot):
-    """An autopilot with OFFBOARD, actuator sets and packed modes. News of mode and arming wait for the heartbeat."""
+    """An autopilot with OFFBOARD, actuator sets and packed modes. Only heartbeats tell of mode and arming."""
 
     arming_refused = TEMPORARILY_REJECTED
     timesync_every_ns = 100_000_000
@@ -68,7 +68,7 @@ class SimulatedPx4(SimulatedAutopilot):
         self._traffic = OtherTraffic(self.vehicle.boot_ns)
 
     def loop(self, t_ns: int) -> list[Frame]:
-        """One main loop, with what a real one sends besides."""
+        """One main loop, with the other messages of a real one."""
         vehicle = self.vehicle
         if t_ns >= vehicle.boot_ns:
             more = self._traffic.take_due(t_ns, (t_ns - vehicle.power_on_ns) // 1000)
@@ -76,7 +76,7 @@ class SimulatedPx4(SimulatedAutopilot):
         return super().loop(t_ns)
 
     def _dispatch(self, peer: str, data: bytes) -> None:
-        """Heartbeats go on to the other stations too, as from each of PX4's links to the others."""
+        """Forward heartbeats to the other stations, as PX4 does between its links."""
         if peer not in self._peers:
             self._peers = [*self._peers[1 - PEERS :], peer]
         if message_id(data) == dialect.MAVLINK_MSG_ID_HEARTBEAT:
@@ -88,7 +88,7 @@ class SimulatedPx4(SimulatedAutopilot):
         return Schedule(messages.streamed, messages.on_request, self._loop_hz, boot_ns, RATES_HZ, limited=False)
 
     def _tell_of_change(self, t_ns: int) -> None:
-        """Nothing: the next heartbeat tells."""
+        """Nothing: the next heartbeat reports it."""
 
     def _set_message_interval(self, peer: str, m: Any) -> int:
         """The rate of HEARTBEAT cannot be changed; a stream that does not exist gives FAILED."""
@@ -105,7 +105,7 @@ class SimulatedPx4(SimulatedAutopilot):
         return ACCEPTED if self.vehicle.enter_mode(px4_custom_mode(main, sub)) else TEMPORARILY_REJECTED
 
     def _do_set_actuator(self, peer: str, m: Any) -> int:
-        """Accepted whatever it says, as by PX4's commander; sets other than the first move nothing."""
+        """Always accepted, as by PX4's commander; sets other than the first have no effect."""
         if m.get_type() == "COMMAND_LONG":
             fifth, sixth, index = m.param5, m.param6, m.param7
         else:

@@ -1,4 +1,4 @@
-"""What simulated autopilots have in common on the link, sans-IO: peers, streams, commands, time and parameters."""
+"""Base class of simulated autopilots on the link, sans-IO: peers, streams, commands, time and parameters."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ CUSTOM_MODE = int(dialect.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED)
 
 
 class Vehicle(Protocol):
-    """State and rules of a vehicle, without bytes. `texts` and `changed` collect what the stations must hear."""
+    """State and rules of a vehicle, without bytes. `texts` and `changed` collect what is to be sent to the stations."""
 
     t_ns: int
     power_on_ns: int
@@ -63,7 +63,7 @@ class Vehicle(Protocol):
 
 
 class Messages(Protocol):
-    """Builders of messages by id; one gives None where the vehicle has nothing to say (yet)."""
+    """Builders of messages by id; None of one that has no data (yet)."""
 
     def build(self, msg_id: int, t_ns: int) -> Any | None: ...
 
@@ -75,7 +75,7 @@ class Messages(Protocol):
 class SimulatedAutopilot(ABC):
     """The autopilot: bytes in by `receive`, one main loop by `loop`, bytes out; `outputs_us` drives the motors.
 
-    It acts only at its loops, so a command waits for the next one, as on the real vehicle. Answers go to the peer
+    It acts only in its loops, so a command waits for the next one, as on the real vehicle. Answers go to the peer
     that asked, streams and texts to all (an empty peer).
     """
 
@@ -90,7 +90,7 @@ class SimulatedAutopilot(ABC):
         self._inbox: deque[Frame] = deque()
         self._texts = Texts()
         self._outbox: list[tuple[str, Any]] = []
-        self.impossible = 0  # frames with a good checksum and content that cannot be
+        self.impossible = 0  # frames with a good checksum and impossible content
         self.dropped = 0  # chunks beyond the inbox
         self._handlers: dict[int, Callable[[str, tuple[int, int], Any], None]] = {
             dialect.MAVLINK_MSG_ID_COMMAND_LONG: self._on_command,
@@ -124,7 +124,7 @@ class SimulatedAutopilot(ABC):
         """A change of mode or arming, in a loop without a heartbeat."""
 
     def reboot(self, t_ns: int) -> None:
-        """Power on: parameters and the pilot's sticks stay, stream rates, mode and arming are forgotten."""
+        """Reboot: parameters and the pilot's sticks are kept, stream rates, mode and arming are reset."""
         vehicle = self._vehicle
         vehicle.restart(t_ns)
         self._schedule = self._new_schedule(vehicle.boot_ns)
@@ -133,7 +133,7 @@ class SimulatedAutopilot(ABC):
         self._rebooting = False
         self._timesync_ns = vehicle.boot_ns + self.timesync_every_ns
 
-    # --- the pilot, who stands beside the link ---------------------------------------------------------------
+    # --- the pilot ---------------------------------------------------------------
 
     def set_sticks(self, pulses_us: dict[int, int]) -> None:
         """The pilot's transmitter: channel (from 1) to pulse width (us)."""
@@ -170,7 +170,7 @@ class SimulatedAutopilot(ABC):
         """One main loop, after the sensors have been sampled; what is sent now, in order."""
         vehicle = self._vehicle
         if t_ns < vehicle.boot_ns:
-            self._take_inbox(t_ns)  # nobody listens yet
+            self._take_inbox(t_ns)  # discarded before boot
             return []
         vehicle.begin(t_ns)
         frames = self._take_inbox(t_ns)
@@ -197,7 +197,7 @@ class SimulatedAutopilot(ABC):
         return sent
 
     def _before_outputs(self, frames: list[Frame]) -> None:  # noqa: B027 - most have nothing
-        """What else acts on the outputs; `frames` as they came, whole or not."""
+        """Hook before the outputs are set; `frames` are those received, whole or in parts."""
 
     def _take_inbox(self, t_ns: int) -> list[Frame]:
         frames = []

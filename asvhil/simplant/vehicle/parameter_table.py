@@ -1,4 +1,4 @@
-"""Parameters of a simulated autopilot by name and by index, and the PARAM_VALUE that tells of each."""
+"""Parameters of a simulated autopilot by name and index, and their PARAM_VALUE messages."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Row = tuple[str, float, int, tuple[float, float] | None]  # name, value, MAV_PAR
 
 
 class ParameterTable:
-    """Values by name, each within its range. Raises ConfigError where `given` names a parameter that `what` has not."""
+    """Values by name, each within its range. Raises ConfigError where `given` names one that `what` does not have."""
 
     def __init__(self, what: str, rows: Sequence[Row], given: Mapping[str, float]) -> None:
         self._rows = {name: (kind, limits) for name, _, kind, limits in rows}
@@ -49,7 +49,7 @@ class ParameterTable:
         return True
 
     def message(self, name: str, *, changed: bool = False) -> Any:
-        """PARAM_VALUE; a change comes without its index."""
+        """PARAM_VALUE of a parameter; that of a change has no index."""
         kind, _ = self._rows[name]
         index = NO_INDEX if changed else self.names.index(name)
         field = self._field_of(self._values[name], kind)
@@ -62,9 +62,9 @@ class ParameterTable:
             self._values[name] = inside if kind == REAL32 else float(round(inside))
 
     def _value_in(self, field: float, kind: int) -> float:
-        """The value that stands in the float field of a message."""
+        """The value of a message's float field."""
         return field
 
     def _field_of(self, value: float, kind: int) -> float:
-        """The float field of a message that a value stands in."""
+        """The float field of a message for a value."""
         return value

@@ -1,4 +1,4 @@
-"""What the vehicles inside the simulated autopilots have in common: power, the radio, and what is reported of them."""
+"""Base class of the vehicles inside the simulated autopilots: power, radio, and their reports."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from asvhil.simplant.vehicle.rc import RcInputs
 
 
 class PoweredVehicle:
-    """State without bytes. `texts` and `changed` collect what the link has to tell the stations."""
+    """State without bytes. `texts` and `changed` collect what the link is to send to the stations."""
 
     def __init__(self, config: FrontseatConfig, t_ns: int) -> None:
         self._config = config
@@ -17,7 +17,7 @@ class PoweredVehicle:
         self.restart(t_ns)
 
     def restart(self, t_ns: int) -> None:
-        """Power on: everything but the parameters and the pilot's sticks is forgotten."""
+        """Power on: everything but the parameters and the pilot's sticks is reset."""
         self.t_ns = self.power_on_ns = t_ns
         self.boot_ns = t_ns + round(1e9 * self._config.boot_s)
         self.ready_ns = max(self.boot_ns, t_ns + round(1e9 * self._config.ready_after_s))

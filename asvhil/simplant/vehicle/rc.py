@@ -1,4 +1,4 @@
-"""Radio control as ArduRover sees it: the pilot's sticks, overrides by MAVLink, and the time-outs of both."""
+"""Radio control of ArduRover: the pilot's sticks, overrides by MAVLink, and the time-outs of both."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class RcInputs:
         self.restart(t_ns)
 
     def restart(self, t_ns: int) -> None:
-        """Power on: what was overridden is forgotten, the pilot's sticks are where they are."""
+        """Power on: overrides are reset, the pilot's sticks are kept."""
         self.radio_us[:] = self.sticks_us if self.receiver else [0] * CHANNELS
         self.heard = self.receiver  # a receiver, since power-on
         self.seen = self.receiver  # any input, since power-on
@@ -39,7 +39,7 @@ class RcInputs:
         self._streak_ns: int | None = None
 
     def set_receiver(self, t_ns: int, present: bool) -> None:
-        """The receiver comes, or is lost with its last values left standing."""
+        """The receiver appears, or is lost; then its last values are kept."""
         if self.receiver and not present:
             self.last_input_ns = t_ns
             self._streak_ns = None
@@ -75,7 +75,7 @@ class RcInputs:
             self.last_input_ns = t_ns
 
     def expire(self, t_ns: int, timeout_ns: int) -> None:
-        """Give overrides older than the time-out back to the sticks."""
+        """End overrides older than the time-out."""
         if self._overrides_ns:
             for index in [i for i, since_ns in self._overrides_ns.items() if t_ns - since_ns >= timeout_ns]:
                 self._release(index)
@@ -86,7 +86,7 @@ class RcInputs:
             self._release(index)
 
     def note_frame(self, t_ns: int) -> None:
-        """A receiver's frame: where the receiver is ignored, it still has the overrides that stand taken for input."""
+        """Note a frame of the receiver: even of an ignored one, it makes present overrides count as input."""
         if self.receiver and self.ignored and self._overrides_ns:
             self.last_input_ns = t_ns
 

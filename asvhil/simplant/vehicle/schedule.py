@@ -13,9 +13,9 @@ FASTEST_OF_LOOP = 0.8
 
 
 class Schedule:
-    """Intervals by message id, looked at only at loops of the vehicle; 0 = not streamed.
+    """Intervals by message id, evaluated only at loops of the vehicle; 0 = not streamed.
 
-    Streams come at 1 Hz where `rates_hz` says nothing else. `limited`: rates beyond 0.8 of the loop's are refused.
+    Streams come at 1 Hz if not in `rates_hz`. `limited`: rates beyond 0.8 of the loop's are refused.
     """
 
     def __init__(
@@ -58,7 +58,7 @@ class Schedule:
         return int(dialect.MAV_RESULT_ACCEPTED)
 
     def set_rate(self, t_ns: int, msg_id: int, rate_hz: float) -> None:
-        """The lenient way of REQUEST_DATA_STREAM: too fast is cut to the fastest, nothing is refused."""
+        """The rule of REQUEST_DATA_STREAM: a rate too high is limited, none is refused."""
         self.set_interval(t_ns, msg_id, max(1e6 / rate_hz, self._fastest_us) if rate_hz > 0.0 else -1.0)
 
     def interval_us(self, msg_id: int) -> int | None:
