@@ -152,6 +152,8 @@ class Radio(enum.StrEnum):
 class FrontseatStatus:
     """What the autopilot says of itself. Servo and RC values in microseconds, index 0 is channel 1; 0: no value.
 
+    `sticks_us` and `motors_us` are of the two motors (port, starboard), in the pulses of `vehicle.pwm`: what their
+    sticks (`motor_channels`) command, and what their outputs do, however the boat is wired; None: not reported.
     `rc_ns` and `outputs_ns` are when those values came; 0: never. `arming_fault`: why it would not arm, by the
     autopilot's own words; empty where it would, or is armed, or nothing is known.
     """
@@ -162,6 +164,9 @@ class FrontseatStatus:
     ready: bool
     rc_us: tuple[int, ...]
     outputs_us: tuple[int, ...]
+    motor_channels: tuple[int, int] = (1, 3)
+    sticks_us: tuple[int, int] | None = None
+    motors_us: tuple[int, int] | None = None
     rc_ns: int = 0
     outputs_ns: int = 0
     radio: Radio = Radio.UNKNOWN

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from asvhil.autopilot.after_silence import AfterSilence, after_silence_of_ardurover
 from asvhil.autopilot.ardurover_parameters import OPTIONAL, requirements
+from asvhil.autopilot.ardurover_wiring import names_of_wiring, wiring_of
 from asvhil.autopilot.mavlink_autopilot import MavlinkAutopilot
 from asvhil.autopilot.requirements import Requirement
+from asvhil.autopilot.wiring import Wiring
 from asvhil.config import AutopilotLinkConfig, Config, PwmConfig
 from asvhil.io.mavlink.frames import dialect
 from asvhil.types import Measurement, Radio
@@ -36,8 +38,14 @@ class ArduRoverAutopilot(MavlinkAutopilot):
             self._after_silence = known, after
         return self._after_silence[1]
 
-    def _requirements(self) -> tuple[Requirement, ...]:
-        return requirements(self._config, self._pwm)
+    def _requirements(self, values: Mapping[str, float]) -> tuple[Requirement, ...]:
+        return requirements(self._config, self._pwm, values)
+
+    def _wire(self, values: Mapping[str, float]) -> Wiring:
+        return wiring_of(self._config, self._pwm, values)
+
+    def _names_of_wiring(self, values: Mapping[str, float]) -> Iterable[str]:
+        return names_of_wiring(self._config, self._pwm, values)
 
     def _on_ekf_status(self, t_ns: int, m: Any) -> Sequence[Measurement]:
         self._ready = bool(m.flags & EKF_HORIZONTAL_POSITION) and not m.flags & EKF_CONSTANT_POSITION

@@ -2,16 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
+from asvhil.autopilot.ardurover_wiring import (
+    CHANNEL_MAP,
+    FUNCTIONS,
+    MOST_CHANNELS,
+    MOTORS,
+    OUTPUTS,
+    outputs_with,
+    stick_channels,
+    wiring_of,
+)
 from asvhil.autopilot.requirements import Requirement, exactly, within
-from asvhil.config import AutopilotLinkConfig, PwmConfig
+from asvhil.autopilot.wiring import LEAST_SPAN_US, NEUTRAL_SLACK_US, MotorWiring
+from asvhil.config import AutopilotLinkConfig, MotorOutputConfig, PwmConfig
 from asvhil.types import Cause
 
-PORT_MOTOR, STARBOARD_MOTOR = 73, 74  # SERVOn_FUNCTION: throttle left and right
 OVERRIDES_IGNORED = 2  # bit of RC_OPTIONS
-TRAVEL_SLACK_US = 10.0  # between the ends of a stick's travel and its output's: bends a command by 2 % at most
-TRIM_SLACK_US = 5.0
 BELOW_US = 10  # of FS_THR_VALUE, where it is too high
 
 # Names that exist in some firmware only, whose absence means nothing.
@@ -24,22 +33,32 @@ NO_PULSES = "no pulse widths"
 UNCHECKED = "arms unchecked", "leaves out checks before arming"
 
 
-def requirements(link: AutopilotLinkConfig, pwm: PwmConfig) -> tuple[Requirement, ...]:
-    """What the way to the motors, `links.autopilot.output`, needs."""
-    motors = (
-        ("port", pwm.port_channel, PORT_MOTOR, "RCMAP_ROLL"),
-        ("starboard", pwm.starboard_channel, STARBOARD_MOTOR, "RCMAP_THROTTLE"),
-    )
+def requirements(link: AutopilotLinkConfig, pwm: PwmConfig, values: Mapping[str, float]) -> tuple[Requirement, ...]:
+    """What the way to the motors, `links.autopilot.output`, needs of a boat with these parameters.
+
+    How the boat is wired is followed: only what contradicts the config, or leads nowhere, will not do.
+    """
     if link.output == "set_servo":
-        return tuple(replace(_free_output(channel), motor=side) for side, channel, _, _ in motors)
-    # MANUAL_CONTROL is scaled to the stick's travel, which our codec takes for 1000 to 2000 us.
-    ends_us = (1000, 2000) if link.output == "manual_control" else None
-    sticks_and_outputs = (
-        replace(row, motor=side)
-        for side, channel, function, stick in motors
-        for row in (*_output(side, channel, function, pwm, ends_us), *_stick(side, channel, stick))
+        sides = zip(("port", "starboard"), pwm.outputs, strict=True)
+        return tuple(replace(_free_output(output), motor=side) for side, output in sides)
+    wiring = wiring_of(link, pwm, values)
+    channels = stick_channels(values)
+    motors = zip(("port", "starboard"), (pwm.port, pwm.starboard), MOTORS, wiring.motors, channels, strict=True)
+    wired = tuple(
+        replace(row, motor=side, wiring=True)
+        for side, config, function, motor, channel in motors
+        for row in (
+            _function(side, config, function, motor.output, values),
+            *_output(side, config, pwm, motor),
+            *_stick(channel, values),
+        )
     )
-    return (*_command_path(link.override_system_id), *_bends(), *sticks_and_outputs, *_fail_safes(pwm.astern_us))
+    dead_zones = tuple(
+        replace(_dead_zone(channel), motor=side) for side, channel in zip(("port", "starboard"), channels, strict=True)
+    )
+    least_us = min(wiring.to_sticks((us, us))[1] for us in (pwm.astern_us, pwm.ahead_us))
+    path = (*_command_path(link.override_system_id), *_bends())
+    return (*path, *_channel_map(values), *wired, *dead_zones, *_fail_safes(least_us))
 
 
 def _free_output(channel: int) -> Requirement:
@@ -78,47 +97,82 @@ def _bends() -> tuple[Requirement, ...]:
     )
 
 
-def _output(
-    side: str, channel: int, function: int, pwm: PwmConfig, ends_us: tuple[int, int] | None
-) -> tuple[Requirement, ...]:
-    """`ends_us`: the exact travel that the output must have; where None it must reach what we send."""
-    servo = f"SERVO{channel}"
-    low_us, high_us = ends_us or (pwm.astern_us, pwm.ahead_us)
-    slack_us = TRAVEL_SLACK_US
-    lows_us = (low_us - slack_us, low_us + slack_us) if ends_us else (500, low_us)
-    highs_us = (high_us - slack_us, high_us + slack_us) if ends_us else (high_us, 2500)
-    throttle = f"output {channel} must be throttle {'left' if side == 'port' else 'right'}"
-    turns = "turns the pulses about neutral; reverse a motor at its speed controller instead"
-    neutral = "neutral of this output must be vehicle.pwm.neutral_us"
-    astern = "the output must reach vehicle.pwm.astern_us (manual_control: 1000)"
-    ahead = "the output must reach vehicle.pwm.ahead_us (manual_control: 2000)"
-    return tuple(
-        replace(row, wiring=True)
-        for row in (
-            exactly(f"{servo}_FUNCTION", function, f"no {side} motor", throttle, Cause.STUCK),
-            exactly(f"{servo}_REVERSED", 0, "output is reversed", turns, Cause.REVERSED),
-            exactly(f"{servo}_TRIM", pwm.neutral_us, "another neutral", neutral, Cause.SCALED),
-            within(f"{servo}_MIN", lows_us, low_us, "full astern cut off", astern, Cause.SCALED),
-            within(f"{servo}_MAX", highs_us, high_us, "full ahead cut off", ahead, Cause.SCALED),
-        )
+def _channel_map(values: Mapping[str, float]) -> Iterator[Requirement]:
+    """Each motor has a stick of its own."""
+    for side, name, usual in zip(("port", "starboard"), CHANNEL_MAP, (1, 3), strict=True):
+        why = f"the {side} motor's stick, which must be a channel of its own"
+        row = within(name, (1, MOST_CHANNELS), usual, "no stick for a motor", why, Cause.SWAPPED)
+        if side == "starboard" and values.get(name) == values.get(CHANNEL_MAP[0], 0.0):
+            other = 1 if values[name] == usual else usual
+            row = exactly(name, other, "both on one stick", why, Cause.SWAPPED)
+        yield replace(row, motor=side, wiring=True)
+
+
+def _function(
+    side: str, config: MotorOutputConfig, function: int, output: int, values: Mapping[str, float]
+) -> Requirement:
+    """That one output has the motor's function, and if the config names it that one."""
+    having = outputs_with(function, values)
+    throttle = f"an output must be throttle {'left' if side == 'port' else 'right'} (SERVOn_FUNCTION {function})"
+    fault = f"no {side} motor"
+    if config.output is None and len(having) > 1:
+        which = f"outputs {' and '.join(map(str, having))}: name one by vehicle.pwm.{side}.output"
+        return exactly(FUNCTIONS[having[-1] - 1], 0, f"two {side} motors", which, Cause.STUCK)
+    if config.output is None and not having and FUNCTIONS[output - 1] in values:
+        # Nothing is certain while any output may still have it.
+        output = next((n for n in range(1, OUTPUTS + 1) if FUNCTIONS[n - 1] not in values), output)
+    return exactly(FUNCTIONS[output - 1], function, fault, throttle, Cause.STUCK)
+
+
+def _output(side: str, config: MotorOutputConfig, pwm: PwmConfig, wired: MotorWiring) -> tuple[Requirement, ...]:
+    servo, motor, key = f"SERVO{wired.output}", wired.motor, f"vehicle.pwm.{side}"
+    low_us, high_us = sorted((motor.astern_us, motor.ahead_us))
+    sense = (0.0, 1.0) if config.reversed is None else (float(config.reversed), float(config.reversed))
+    if config.neutral_us is None:
+        trims_us = pwm.neutral_us - NEUTRAL_SLACK_US, pwm.neutral_us + NEUTRAL_SLACK_US
+        neutral = f"the motor's neutral; set {key}.neutral_us if it is so far from vehicle.pwm.neutral_us"
+    else:
+        trims_us = float(config.neutral_us), float(config.neutral_us)
+        neutral = f"{key}.neutral_us says otherwise"
+    ends = "the output must reach full {}, and have room about its trim"
+    shortest, longest = ("ahead", "astern") if motor.reversed else ("astern", "ahead")
+    low_most_us = min(low_us, motor.neutral_us - LEAST_SPAN_US)
+    high_least_us = max(high_us, motor.neutral_us + LEAST_SPAN_US)
+    return (
+        within(
+            f"{servo}_REVERSED", sense, sense[0], "another sense", f"{key} says otherwise by its ends", Cause.REVERSED
+        ),
+        within(f"{servo}_TRIM", trims_us, motor.neutral_us, "another neutral", neutral, Cause.SCALED),
+        within(
+            f"{servo}_MIN", (500, low_most_us), low_us, f"full {shortest} cut off", ends.format(shortest), Cause.SCALED
+        ),
+        within(
+            f"{servo}_MAX",
+            (high_least_us, 2500),
+            high_us,
+            f"full {longest} cut off",
+            ends.format(longest),
+            Cause.SCALED,
+        ),
     )
 
 
-def _stick(side: str, channel: int, mapped_by: str) -> tuple[Requirement, ...]:
-    rc, servo = f"RC{channel}", f"SERVO{channel}"
+def _stick(channel: int, values: Mapping[str, float]) -> tuple[Requirement, ...]:
+    """Its travel is followed, and must lead somewhere on both sides."""
+    rc = f"RC{channel}"
+    trim_us, room_us = values.get(f"{rc}_TRIM", 1500.0), LEAST_SPAN_US + values.get(f"{rc}_DZ", 0.0)
+    travel = "no travel", "a stick needs travel on both sides of its trim", Cause.SCALED
+    return (
+        within(f"{rc}_REVERSED", (0, 1), 0, "no sense", "0 or 1", Cause.REVERSED),
+        within(f"{rc}_TRIM", (800, 2200), 1500, *travel),
+        within(f"{rc}_MIN", (800, trim_us - room_us), 1000, *travel),
+        within(f"{rc}_MAX", (trim_us + room_us, 2200), 2000, *travel),
+    )
+
+
+def _dead_zone(channel: int) -> Requirement:
     lost = "commands near neutral are lost, and all others bent"
-    place = f"the {side} motor's stick must be channel {channel}"
-    travel = "commands are scaled", f"stick and output {channel} must have the same travel", Cause.SCALED
-    trim_us, end_us = (-TRIM_SLACK_US, TRIM_SLACK_US), (-TRAVEL_SLACK_US, TRAVEL_SLACK_US)
-    wired = (
-        exactly(mapped_by, channel, "another channel", place, Cause.SWAPPED),
-        exactly(f"{rc}_REVERSED", 0, "stick is reversed", "turns commands about neutral", Cause.REVERSED),
-        within(f"{rc}_TRIM", trim_us, None, *travel, like=f"{servo}_TRIM"),
-        within(f"{rc}_MIN", end_us, None, *travel, like=f"{servo}_MIN"),
-        within(f"{rc}_MAX", end_us, None, *travel, like=f"{servo}_MAX"),
-    )
-    dead_zone = exactly(f"{rc}_DZ", 0, "dead zone bends commands", lost, Cause.DEAD_ZONE)
-    return (dead_zone, *(replace(row, wiring=True) for row in wired))
+    return exactly(f"RC{channel}_DZ", 0, "dead zone bends commands", lost, Cause.DEAD_ZONE)
 
 
 def _fail_safes(least_us: int) -> tuple[Requirement, ...]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from operator import attrgetter
 from typing import Any
 
@@ -14,6 +14,7 @@ from asvhil.autopilot.one_vehicle import OneVehicle
 from asvhil.autopilot.pace import Pace
 from asvhil.autopilot.requirements import Finding, Requirement, judge
 from asvhil.autopilot.transmitter import Transmitter
+from asvhil.autopilot.wiring import Pulses, Wiring, wiring_of_config
 from asvhil.config import AutopilotLinkConfig, PwmConfig
 from asvhil.config.ports import AUTOPILOT
 from asvhil.config.registry import AUTOPILOTS
@@ -58,7 +59,9 @@ class MavlinkAutopilot:
         self._mode_names = {number: name for name, number in self._modes.items()}
         self._parser = Parser()
         self._own = dialect.MAVLink(None, srcSystem=config.system_id, srcComponent=config.component_id)
-        self._output = make_output(config, pwm)
+        self._known_wiring = self._wire({})
+        self._driven_wiring: Wiring | None = None  # that of the time when the motors were taken
+        self._output = make_output(config, pwm, self._known_wiring)
         us = config.system_id, config.component_id
         self._streams = StreamRequester(
             config.streams_hz,
@@ -70,11 +73,10 @@ class MavlinkAutopilot:
         self._heartbeat_ns: int | None = None
         self._timesync = TimeSync()
         self._time_asked_ns = -HEARTBEAT_NS
-        self._required = self._requirements()
-        self._findings: tuple[int, list[Finding]] = (-1, [])
-        names = (requirement.names for requirement in self._required)
+        self._judged_answers = -1
+        self._findings: list[Finding] = []
         self.parameters = ParameterClient(
-            names,
+            self._wanted_parameters({}),
             config.autopilot_system_id,
             config.autopilot_component_id,
             bytewise=self.bytewise_parameters,
@@ -101,6 +103,8 @@ class MavlinkAutopilot:
         self.arming_checks = ArmingChecks()
         self._rc_us: tuple[int, ...] = ()
         self._outputs_us: tuple[int, ...] = ()
+        self._sticks_us: Pulses | None = None
+        self._motors_us: Pulses | None = None
         self._rc_ns = self._outputs_ns = 0
         self.autopilot_heartbeat_ns: int | None = None
         self.autopilot_heard_ns: int | None = None
@@ -205,9 +209,41 @@ class MavlinkAutopilot:
     @property
     def findings(self) -> list[Finding]:
         """The required parameters, compared with what was read."""
-        if self._findings[0] != self.parameters.answers:
-            self._findings = (self.parameters.answers, judge(self._required, self.parameters.values))
-        return self._findings[1]
+        self._take_in_parameters()
+        return self._findings
+
+    @property
+    def wiring(self) -> Wiring:
+        """How the motors are wired, as far as is known; while they are driven, as of when that began.
+
+        What changes meanwhile is no news of the boat but a fault, which its outputs then show.
+        """
+        self._take_in_parameters()
+        return self._driven_wiring or self._known_wiring
+
+    @property
+    def unread_wiring(self) -> str:
+        """The first parameter of the motors' wiring that is still waited for; empty where none is."""
+        self._take_in_parameters()
+        pending = filter(self.parameters.is_pending, self._names_of_wiring(self.parameters.values))
+        return next(pending, "")
+
+    def _take_in_parameters(self) -> None:
+        """Judge what was answered since the last time, and ask for what follows from it."""
+        if self._judged_answers == self.parameters.answers:
+            return
+        self._judged_answers = self.parameters.answers
+        values = self.parameters.values
+        self._known_wiring = self._wire(values)
+        if self._driven_wiring is None:
+            self._output.wiring = self._known_wiring
+        self._findings = judge(self._requirements(values), values)
+        self.parameters.want(self._wanted_parameters(values))
+
+    def _wanted_parameters(self, values: Mapping[str, float]) -> list[tuple[str, ...]]:
+        """Those of the wiring first, on which the others rest."""
+        wiring = [(name,) for name in self._names_of_wiring(values)]
+        return wiring + [requirement.names for requirement in self._requirements(values)]
 
     @property
     def unread_parameters(self) -> tuple[str, ...]:
@@ -298,8 +334,16 @@ class MavlinkAutopilot:
             ("autopilot.parameter_requests", self.parameters.requests),
         )
 
-    def _requirements(self) -> tuple[Requirement, ...]:
-        """The values that parameters of this autopilot must have."""
+    def _requirements(self, values: Mapping[str, float]) -> tuple[Requirement, ...]:
+        """The values that parameters of this autopilot must have, where these are known."""
+        return ()
+
+    def _wire(self, values: Mapping[str, float]) -> Wiring:
+        """How the motors are wired by these parameters."""
+        return wiring_of_config(self._pwm)
+
+    def _names_of_wiring(self, values: Mapping[str, float]) -> Iterable[str]:
+        """The parameters that tell it."""
         return ()
 
     def _status(self, t_ns: int) -> tuple[FrontseatStatus]:
@@ -311,6 +355,9 @@ class MavlinkAutopilot:
             ready=self._ready,
             rc_us=self._rc_us,
             outputs_us=self._outputs_us,
+            motor_channels=self.wiring.channels,
+            sticks_us=self._sticks_us,
+            motors_us=self._motors_us,
             rc_ns=self._rc_ns,
             outputs_ns=self._outputs_ns,
             radio=self.transmitter.radio,
@@ -344,6 +391,7 @@ class MavlinkAutopilot:
     def _on_rc_channels(self, t_ns: int, m: Any) -> Sequence[Measurement]:
         self._rc_ns = t_ns
         self._rc_us = tuple([0 if value == IGNORE_CHANNEL else value for value in CHANNELS_OF(m)])
+        self._sticks_us = self.wiring.of_sticks(self._rc_us)
         self.transmitter.on_rc_channels(t_ns, m.chancount, m.rssi)
         return self._status(t_ns)
 
@@ -352,6 +400,7 @@ class MavlinkAutopilot:
             return ()
         self._outputs_ns = t_ns
         self._outputs_us = OUTPUTS_OF(m)
+        self._motors_us = self.wiring.of_outputs(self._outputs_us)
         return self._status(t_ns)
 
     def _on_sys_status(self, t_ns: int, m: Any) -> Sequence[Measurement]:
@@ -448,11 +497,16 @@ class MavlinkAutopilot:
         """Both motors, as pulse widths (us)."""
         if self._config.overrides_sticks:
             self.transmitter.note_override(t_ns)
+        if self._driven_wiring is None:
+            self._driven_wiring = self.wiring
         return self._frames(t_ns, self._output.drive(port_us, starboard_us))
 
     def release(self, t_ns: int) -> list[Frame]:
         """Give the motors back."""
-        return self._frames(t_ns, self._output.release(t_ns))
+        released = self._output.release(t_ns)
+        self._driven_wiring = None
+        self._output.wiring = self.wiring
+        return self._frames(t_ns, released)
 
     def request_mode(self, t_ns: int, mode: str) -> list[Frame]:
         """DO_SET_MODE, at most once a second; nothing for a mode that the autopilot does not have."""

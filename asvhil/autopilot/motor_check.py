@@ -47,7 +47,8 @@ class MotorCheck:
         elif self._readback.follows:
             self._found = None  # until then what was found last stays in the notes
         ends = fault is not None and not tolerated and self._driving_ns is not None
-        self.fault = self._unbounded() or self._wrong_parameter() or (self._found if ends else None)
+        found = self._found if ends else None
+        self.fault = self._unbounded() or self._wrong_parameter() or self._unread_wiring() or found
 
     def note_output(self, t_ns: int, pulses_us: tuple[int, int] | None) -> None:
         """What was sent to the motors in this tick, None where they are not driven."""
@@ -85,6 +86,11 @@ class MotorCheck:
     def _unbounded(self) -> Explanation | None:
         why = self._autopilot.unbounded
         return explain(Reason.UNBOUNDED, why=why) if why and Cause.UNBOUNDED not in self._tolerate else None
+
+    def _unread_wiring(self) -> Explanation | None:
+        """Only before the motors are taken: what a boat's wiring is taken for stands until they are given back."""
+        name = self._autopilot.unread_wiring if self._driving_ns is None else ""
+        return explain(Reason.WIRING_UNREAD, name=name) if name else None
 
     def _wrong_parameter(self) -> Explanation | None:
         return self._judge_parameters()[1]

@@ -1,5 +1,7 @@
 """Protocols that command two motors of an autopilot by pulse widths, each with its own release. Sans-IO.
 
+Pulses come as those of `vehicle.pwm`; what the boat's own sticks and outputs need instead is its `Wiring`.
+
 `RcOverride` and `ManualControl` take the place of the pilot's sticks, and the autopilot drops them by itself when they
 stop. `SetServo` and `SetActuator` set outputs that keep their last value until another is sent, through disarming and
 arming too: neutral is their release, and it is sent repeatedly, at the start, after every hold and while disarmed.
@@ -11,22 +13,27 @@ import math
 from abc import ABC, abstractmethod
 from typing import Any, Protocol
 
+from asvhil.autopilot.wiring import Pulses, Wiring
 from asvhil.config import AutopilotLinkConfig, PwmConfig
 from asvhil.config.registry import OUTPUTS
 from asvhil.io.mavlink.frames import dialect
 
-RELEASE_CHANNEL = 0
 IGNORE_CHANNEL = 65535
+FIRST_CHANNELS, CHANNELS = 8, 18  # of RC_CHANNELS_OVERRIDE: those that MAVLink 1 has too, and all
+RELEASE_FIRST, RELEASE_OTHER = 0, 65534  # one of the first channels, and one of the others, which take 0 for "ignore"
 RELEASE_AXIS = 32767  # INT16_MAX: ArduPilot gives the channel of such an axis back
-MANUAL_CENTRE_US = 1500
-AXIS_PER_US = 2  # -1000..1000 is 1000..2000 us
+AXIS = 1000  # -1000..1000 is a stick's whole travel
 NEUTRAL_NS = 3_000_000_000
 NEUTRAL_EVERY_NS = 100_000_000
 
 
 class Output(Protocol):
-    """Pulse widths (us; port, starboard) in, packed messages out."""
+    """Pulse widths (us; port, starboard) in, packed messages out.
 
+    `wiring` is how the boat is wired, as far as is known; it may be set anew while the motors are not driven.
+    """
+
+    wiring: Wiring
     hazard: str  # what users must know before they choose it; empty where there is nothing
     refused: str  # why the autopilot does not accept its commands; empty while it does
 
@@ -60,8 +67,8 @@ class _Sticks:
 
     hazard = refused = ""
 
-    def __init__(self, config: AutopilotLinkConfig, pwm: PwmConfig) -> None:
-        self._pwm = pwm
+    def __init__(self, config: AutopilotLinkConfig, pwm: PwmConfig, wiring: Wiring) -> None:
+        self.wiring = wiring
         self._system_id, self._component_id = config.autopilot_system_id, config.autopilot_component_id
         # ArduPilot obeys both messages only from the system id of its ground station.
         self._mav = dialect.MAVLink(None, srcSystem=config.override_system_id, srcComponent=config.component_id)
@@ -86,21 +93,31 @@ class RcOverride(_Sticks):
     """RC_CHANNELS_OVERRIDE of the two motor channels; every other channel is left to the pilot."""
 
     def drive(self, port_us: int, starboard_us: int) -> list[bytes]:
-        channels = [IGNORE_CHANNEL] * 8
-        channels[self._pwm.port_channel - 1] = port_us
-        channels[self._pwm.starboard_channel - 1] = starboard_us
-        to = self._system_id, self._component_id
-        return self._packed(dialect.MAVLink_rc_channels_override_message(*to, *channels))
+        return self._override(self.wiring.to_sticks((port_us, starboard_us)))
 
     def release(self, t_ns: int) -> list[bytes]:
-        return self.drive(RELEASE_CHANNEL, RELEASE_CHANNEL)
+        port, starboard = self.wiring.channels
+        return self._override((_release_of(port), _release_of(starboard)))
+
+    def _override(self, values: Pulses) -> list[bytes]:
+        """Without the channels of MAVLink 2 where they are not needed: zeros, which say "ignore" there, are cut off."""
+        channels = [IGNORE_CHANNEL] * FIRST_CHANNELS + [0] * (CHANNELS - FIRST_CHANNELS)
+        for channel, value in zip(self.wiring.channels, values, strict=True):
+            channels[channel - 1] = value
+        to = self._system_id, self._component_id
+        return self._packed(dialect.MAVLink_rc_channels_override_message(*to, *channels))
 
 
 class ManualControl(_Sticks):
     """MANUAL_CONTROL: y is the port paddle (RCMAP_ROLL), z the starboard one (RCMAP_THROTTLE)."""
 
     def drive(self, port_us: int, starboard_us: int) -> list[bytes]:
-        return self._axes(_axis(port_us), _axis(starboard_us))
+        pulses = self.wiring.to_sticks((port_us, starboard_us))
+        port, starboard = (
+            round(2 * AXIS * (pulse_us - stick.low_us) / (stick.high_us - stick.low_us)) - AXIS
+            for pulse_us, stick in zip(pulses, self.wiring.sticks, strict=True)
+        )
+        return self._axes(port, starboard)
 
     def release(self, t_ns: int) -> list[bytes]:
         return self._axes(RELEASE_AXIS, RELEASE_AXIS)
@@ -117,8 +134,9 @@ class _Held(ABC):
     hazard = refused = ""
     command: int
 
-    def __init__(self, config: AutopilotLinkConfig, pwm: PwmConfig) -> None:
-        self._config, self._pwm = config, pwm
+    def __init__(self, config: AutopilotLinkConfig, pwm: PwmConfig, wiring: Wiring) -> None:
+        self.wiring = wiring
+        self._config, self._neutral_us = config, pwm.neutral_us
         self._mav = dialect.MAVLink(None, srcSystem=config.system_id, srcComponent=config.component_id)
         self._neutral_until_ns: int | None = None
         self._neutral_due_ns = 0
@@ -163,7 +181,7 @@ class _Held(ABC):
 
     def _neutral(self, t_ns: int) -> list[bytes]:
         self._neutral_due_ns = t_ns + NEUTRAL_EVERY_NS
-        return self._set(self._pwm.neutral_us, self._pwm.neutral_us)
+        return self._set(self._neutral_us, self._neutral_us)
 
     def _command(self, *parameters: float) -> bytes:
         message = dialect.MAVLink_command_long_message(
@@ -187,18 +205,18 @@ class SetServo(_Held):
     )
 
     def _set(self, port_us: int, starboard_us: int) -> list[bytes]:
-        pwm = self._pwm
-        return [self._command(pwm.port_channel, port_us), self._command(pwm.starboard_channel, starboard_us)]
+        pulses = self.wiring.to_outputs((port_us, starboard_us))
+        return [self._command(*commanded) for commanded in zip(self.wiring.outputs, pulses, strict=True)]
 
     def _refusal(self, result: str) -> str:
-        channels = f"SERVO{self._pwm.port_channel}_FUNCTION and SERVO{self._pwm.starboard_channel}_FUNCTION"
-        return f"the autopilot refuses DO_SET_SERVO ({result}): {channels} must be 0"
+        functions = " and ".join(f"SERVO{output}_FUNCTION" for output in self.wiring.outputs)
+        return f"the autopilot refuses DO_SET_SERVO ({result}): {functions} must be 0"
 
 
 class SetActuator(_Held):
     """MAV_CMD_DO_SET_ACTUATOR: both motors in one command, -1..1 over the output's range; NaN leaves the others alone.
 
-    PX4 maps -1..1 linearly to PWM_MAIN_MINn..MAXn, which must be astern_us and ahead_us.
+    PX4 maps -1..1 linearly to PWM_MAIN_MINn..MAXn, and mirrors it where PWM_MAIN_REV has the output's bit.
     """
 
     command = int(dialect.MAV_CMD_DO_SET_ACTUATOR)
@@ -210,26 +228,22 @@ class SetActuator(_Held):
 
     def _set(self, port_us: int, starboard_us: int) -> list[bytes]:
         values = [math.nan] * 6
-        values[self._config.port_actuator - 1] = self._value(port_us)
-        values[self._config.starboard_actuator - 1] = self._value(starboard_us)
+        values[self._config.port_actuator - 1] = self.wiring.throttle(0, port_us)
+        values[self._config.starboard_actuator - 1] = self.wiring.throttle(1, starboard_us)
         return [self._command(*values, 0.0)]
-
-    def _value(self, pulse_us: int) -> float:
-        low_us, high_us = self._pwm.astern_us, self._pwm.ahead_us
-        return min(max((2 * pulse_us - low_us - high_us) / (high_us - low_us), -1.0), 1.0)
 
     def _refusal(self, result: str) -> str:
         return f"the autopilot refuses DO_SET_ACTUATOR ({result})"
 
 
-def make_output(config: AutopilotLinkConfig, pwm: PwmConfig) -> Output:
+def make_output(config: AutopilotLinkConfig, pwm: PwmConfig, wiring: Wiring) -> Output:
     """The way that `links.autopilot.output` names."""
-    output: Output = OUTPUTS.find(config.output).make(config, pwm)
+    output: Output = OUTPUTS.find(config.output).make(config, pwm, wiring)
     return output
 
 
-def _axis(pulse_us: int) -> int:
-    return max(-1000, min(1000, AXIS_PER_US * (pulse_us - MANUAL_CENTRE_US)))
+def _release_of(channel: int) -> int:
+    return RELEASE_FIRST if channel <= FIRST_CHANNELS else RELEASE_OTHER
 
 
 def _result_name(result: int) -> str:

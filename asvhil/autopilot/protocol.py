@@ -53,6 +53,11 @@ class Autopilot(Protocol):
         """Why nothing would stop the motors if this program died in a hold; empty where something does."""
         ...
 
+    @property
+    def unread_wiring(self) -> str:
+        """A parameter that tells how the motors are wired, and is still waited for; empty where none is."""
+        ...
+
     def receive(self, frame: Frame) -> list[NamedMeasurement]:
         """(message name, measurement) of each measurement in one frame."""
         ...

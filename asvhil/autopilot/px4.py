@@ -5,13 +5,15 @@ Tried with PX4 1.15 and 1.16 in software in the loop: docs/autopilots.md says wh
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from asvhil.autopilot.after_silence import AfterSilence, after_silence_of_px4
 from asvhil.autopilot.mavlink_autopilot import MavlinkAutopilot
 from asvhil.autopilot.px4_parameters import requirements
+from asvhil.autopilot.px4_wiring import names_of_wiring, wiring_of
 from asvhil.autopilot.requirements import Requirement
+from asvhil.autopilot.wiring import Travel, Wiring
 from asvhil.config import AutopilotLinkConfig, Config, PwmConfig
 from asvhil.io.mavlink.frames import dialect
 from asvhil.types import Frame, Measurement
@@ -46,8 +48,14 @@ class Px4Autopilot(MavlinkAutopilot):
     def after_silence(self) -> AfterSilence | None:
         return after_silence_of_px4(self.parameters.values, keeps_offboard=self._keeps_offboard)
 
-    def _requirements(self) -> tuple[Requirement, ...]:
-        return requirements(self._config, self._pwm)
+    def _requirements(self, values: Mapping[str, float]) -> tuple[Requirement, ...]:
+        return requirements(self._config, self._pwm, values)
+
+    def _wire(self, values: Mapping[str, float]) -> Wiring:
+        return wiring_of(self._config, self._pwm, values)
+
+    def _names_of_wiring(self, values: Mapping[str, float]) -> Iterable[str]:
+        return names_of_wiring(self._config, self._pwm, values)
 
     def data_to_send(self, t_ns: int) -> list[Frame]:
         """Add the set-points that OFFBOARD needs, before and while in that mode."""
@@ -72,16 +80,23 @@ class Px4Autopilot(MavlinkAutopilot):
 
     def _on_actuator_output(self, t_ns: int, m: Any) -> Sequence[Measurement]:
         self._outputs_ns = t_ns
-        self._outputs_us = tuple(self._pulse_us(value) for value in m.actuator[:16])
+        wiring = self.wiring
+        travels = {wired.output: wired.travel for wired in wiring.motors}
+        self._outputs_us = tuple(
+            self._pulse_us(value, travels.get(number)) for number, value in enumerate(m.actuator[:16], start=1)
+        )
+        self._motors_us = wiring.of_outputs(self._outputs_us)
         return self._status(t_ns)
 
-    def _pulse_us(self, value: float) -> int:
+    def _pulse_us(self, value: float, travel: Travel | None) -> int:
         """Microseconds of a PWM output, or of a normalised one in [-1, 1]; 0 where there is no signal, or no sense."""
         if LEAST_PULSE_US <= value <= GREATEST_PULSE_US:
             return round(value)
         if not 0.0 < abs(value) <= 1.0:
             return 0
-        low_us, high_us = self._pwm.astern_us, self._pwm.ahead_us
+        low_us, high_us = (
+            (self._pwm.astern_us, self._pwm.ahead_us) if travel is None else (travel.low_us, travel.high_us)
+        )
         return round(0.5 * (low_us + high_us + value * (high_us - low_us)))
 
 

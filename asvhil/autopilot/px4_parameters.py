@@ -2,39 +2,93 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
+from asvhil.autopilot.px4_wiring import FUNCTIONS, OUTPUTS, REVERSED, functions, outputs_with, turns, wiring_of
 from asvhil.autopilot.requirements import Requirement, exactly, within
-from asvhil.config import AutopilotLinkConfig, PwmConfig
+from asvhil.autopilot.wiring import MotorWiring
+from asvhil.config import AutopilotLinkConfig, MotorOutputConfig, PwmConfig
 from asvhil.types import Cause
 
-ACTUATOR_SET = 300  # PWM_MAIN_FUNCn: 301 is "Peripheral via Actuator Set 1"
 TERMINATE, DISARM = 6, 7  # COM_OBL_RC_ACT
 NEUTRAL_SLACK_US = 5
 MOVING_CHECKS = 32 | 64 | 128 | 256  # of EKF2_GPS_CHECK: drift and speed, horizontal and vertical
 
 
-def requirements(link: AutopilotLinkConfig, pwm: PwmConfig) -> tuple[Requirement, ...]:
-    """Both outputs, the fail-safe that is all that bounds a command which outlives us, and what a boat adrift needs."""
-    motors = (
-        ("port", pwm.port_channel, link.port_actuator),
-        ("starboard", pwm.starboard_channel, link.starboard_actuator),
+def requirements(link: AutopilotLinkConfig, pwm: PwmConfig, values: Mapping[str, float]) -> tuple[Requirement, ...]:
+    """Both outputs, the fail-safe that is all that bounds a command which outlives us, and what a boat adrift needs.
+
+    How the boat is wired is followed: only what contradicts the config, or leads nowhere, will not do.
+    """
+    motors = zip(
+        ("port", "starboard"),
+        (pwm.port, pwm.starboard),
+        functions(link),
+        (link.port_actuator, link.starboard_actuator),
+        wiring_of(link, pwm, values).motors,
+        strict=True,
     )
-    outputs = (replace(row, motor=motor[0], wiring=True) for motor in motors for row in _output(*motor, pwm))
+    outputs = (
+        replace(row, motor=side, wiring=True)
+        for side, config, function, actuator, wired in motors
+        for row in (
+            _function(side, config, function, actuator, wired.output, values),
+            *_sense(side, config, wired.output, values),
+            *_travel(wired),
+        )
+    )
     return (*outputs, *_offboard_loss(), _adrift())
 
 
-def _output(side: str, channel: int, actuator: int, pwm: PwmConfig) -> tuple[Requirement, ...]:
-    neutral_us = (pwm.neutral_us - NEUTRAL_SLACK_US, pwm.neutral_us + NEUTRAL_SLACK_US)
-    function = f"output {channel} must be Peripheral via Actuator Set {actuator}"
-    end = "-1..1 spans the output's range, whose end must be vehicle.pwm."
-    disarmed = "the pulse while disarmed must be vehicle.pwm.neutral_us: PX4's default of 1000 is full astern"
-    scaled = "commands are scaled"
+def _function(
+    side: str, config: MotorOutputConfig, function: int, actuator: int, output: int, values: Mapping[str, float]
+) -> Requirement:
+    """That one output has the motor's function, and if the config names it that one."""
+    having = outputs_with(function, values)
+    peripheral = f"an output must be Peripheral via Actuator Set {actuator}"
+    if config.output is None and len(having) > 1:
+        which = f"outputs {' and '.join(map(str, having))}: name one by vehicle.pwm.{side}.output"
+        return exactly(FUNCTIONS[having[-1] - 1], 0, f"two {side} motors", which, Cause.STUCK)
+    if config.output is None and not having and FUNCTIONS[output - 1] in values:
+        # Nothing is certain while any output may still have it.
+        output = next((n for n in range(1, OUTPUTS + 1) if FUNCTIONS[n - 1] not in values), output)
+    return exactly(FUNCTIONS[output - 1], function, f"no {side} motor", peripheral, Cause.STUCK)
+
+
+def _sense(side: str, config: MotorOutputConfig, output: int, values: Mapping[str, float]) -> tuple[Requirement, ...]:
+    """Followed, unless the config says what it must be."""
+    if config.reversed is None or REVERSED not in values:
+        return ()
+    value = int(values[REVERSED])
+    bit = 1 << (output - 1)
+    wanted = value | bit if config.reversed else value & ~bit
+    if turns(output, values) is config.reversed:
+        wanted = value
+    why = f"vehicle.pwm.{side} says otherwise by its ends (bit {output - 1})"
+    return (exactly(REVERSED, wanted, "another sense", why, Cause.REVERSED),)
+
+
+def _travel(wired: MotorWiring) -> tuple[Requirement, ...]:
+    n, motor = wired.output, wired.motor
+    low_us, high_us = sorted((motor.astern_us, motor.ahead_us))
+    shortest, longest = ("ahead", "astern") if motor.reversed else ("astern", "ahead")
+    neutral_us = (motor.neutral_us - NEUTRAL_SLACK_US, motor.neutral_us + NEUTRAL_SLACK_US)
+    reach = "the output must reach full {}"
+    disarmed = "the pulse while disarmed must be the motor's neutral: PX4's default of 1000 is full astern"
     return (
-        exactly(f"PWM_MAIN_FUNC{channel}", ACTUATOR_SET + actuator, f"no {side} motor", function, Cause.STUCK),
-        exactly(f"PWM_MAIN_MIN{channel}", pwm.astern_us, scaled, f"{end}astern_us", Cause.SCALED),
-        exactly(f"PWM_MAIN_MAX{channel}", pwm.ahead_us, scaled, f"{end}ahead_us", Cause.SCALED),
-        within(f"PWM_MAIN_DIS{channel}", neutral_us, pwm.neutral_us, "not neutral when disarmed", disarmed),
+        within(
+            f"PWM_MAIN_MIN{n}", (500, low_us), low_us, f"full {shortest} cut off", reach.format(shortest), Cause.SCALED
+        ),
+        within(
+            f"PWM_MAIN_MAX{n}",
+            (high_us, 2500),
+            high_us,
+            f"full {longest} cut off",
+            reach.format(longest),
+            Cause.SCALED,
+        ),
+        within(f"PWM_MAIN_DIS{n}", neutral_us, motor.neutral_us, "not neutral when disarmed", disarmed),
     )
 
 

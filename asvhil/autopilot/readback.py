@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from asvhil.autopilot.distortions import Pulses, distortions
-from asvhil.config import PwmConfig, ReadbackConfig
+from asvhil.config import ReadbackConfig
 from asvhil.types import Cause, FrontseatStatus, record
 
 WINDOW_NS = 2_500_000_000  # of reports that are judged together
@@ -66,10 +66,10 @@ class Readback:
     `fault` is what was found, until the motors are taken anew; None while the outputs follow, or it is undecided.
     """
 
-    def __init__(self, config: ReadbackConfig, pwm: PwmConfig, *, overrides_sticks: bool = True) -> None:
+    def __init__(self, config: ReadbackConfig, neutral_us: float, *, overrides_sticks: bool = True) -> None:
+        """`neutral_us`: of `vehicle.pwm`, in whose pulses everything here counts, however the boat is wired."""
         self._config = config
-        self._neutral_us = float(pwm.neutral_us)
-        self._channels = (pwm.port_channel - 1, pwm.starboard_channel - 1)
+        self._neutral_us = neutral_us
         self._overrides_sticks = overrides_sticks
         self._lag_ns = round(config.lag_s * 1e9)
         self._distortions = distortions(self._neutral_us)
@@ -112,15 +112,14 @@ class Readback:
 
     def on_status(self, status: FrontseatStatus) -> None:
         """A report of the autopilot, which counts once."""
-        for name, t_ns, values in (
-            ("rc", status.rc_ns, status.rc_us),
-            ("outputs", status.outputs_ns, status.outputs_us),
+        for name, t_ns, pulses in (
+            ("rc", status.rc_ns, status.sticks_us),
+            ("outputs", status.outputs_ns, status.motors_us),
         ):
-            if t_ns <= self._reported_ns[name] or len(values) <= max(self._channels):
+            if t_ns <= self._reported_ns[name] or pulses is None:
                 continue
             self._reported_ns[name] = t_ns
-            port, starboard = self._channels
-            us = self._last[name] = (float(values[port]), float(values[starboard]))
+            us = self._last[name] = (float(pulses[0]), float(pulses[1]))
             if self._start_ns is None or t_ns < self._start_ns + SETTLE_NS:
                 continue
             if name == "outputs":

@@ -12,11 +12,10 @@ from asvhil.types import Cause, record
 class Requirement:
     """One parameter under the names that firmware versions give it, and the values that will do.
 
-    A value must lie within `least` and `most`, and not have any bit of `clear`; with `like`, both bounds count from the
-    value of another parameter, which stands before it in the table. `wanted` is what to write where it does not, None
-    where that is not ours to decide. With a `cause` a hold is refused; `must`: a preflight fails. `fault` is what
-    happens, in a few words; `why` in more. `motor` is port or starboard, empty for both. `wiring`: it says how the boat
-    is built, which is its builder's to know: `wanted` is what the config says, and is never written.
+    A value must lie within `least` and `most`, and not have any bit of `clear`. `wanted` is what to write where it does
+    not, None where that is not ours to decide. With a `cause` a hold is refused; `must`: a preflight fails. `fault` is
+    what happens, in a few words; `why` in more. `motor` is port or starboard, empty for both. `wiring`: it says how the
+    boat is built, which is its builder's to know: `wanted` is what the config says, and is never written.
     """
 
     names: tuple[str, ...]
@@ -30,7 +29,6 @@ class Requirement:
     motor: str = ""
     clear: int = 0
     wiring: bool = False
-    like: str = ""
 
 
 def within(
@@ -43,7 +41,6 @@ def within(
     *,
     must: bool = True,
     clear: int = 0,
-    like: str = "",
 ) -> Requirement:
     """A row of a profile's table: a value between two limits. `names` are separated by spaces."""
     least, most = limits
@@ -57,7 +54,6 @@ def within(
         cause=cause,
         must=must,
         clear=clear,
-        like=like,
     )
 
 
@@ -72,8 +68,8 @@ def exactly(
 class Finding:
     """What was found of one requirement: it is right (`ok`), `wrong`, or neither, which is `unverified`.
 
-    What has not answered proves nothing: a parameter is unverified while its `value` is None, and so is one that is to
-    be like another whose value is not known. `wanted` is None where there is nothing to write.
+    What has not answered proves nothing: a parameter is unverified while its `value` is None. `wanted` is None where
+    there is nothing to write.
     """
 
     requirement: Requirement
@@ -81,11 +77,15 @@ class Finding:
     value: float | None
     wanted: float | None
     ok: bool
-    unverified: bool = False
+
+    @property
+    def unverified(self) -> bool:
+        """Whether it has not been read, which proves nothing."""
+        return self.value is None
 
     @property
     def wrong(self) -> bool:
-        """Whether it was read, with all that it is compared with, and will not do."""
+        """Whether it was read and will not do."""
         return not self.ok and not self.unverified
 
     @property
@@ -103,26 +103,15 @@ class Finding:
 
 def judge(required: Iterable[Requirement], values: Mapping[str, float]) -> list[Finding]:
     """A finding for each requirement, in order, of the values that were read."""
-    settled: dict[str, float] = {}  # what each parameter will be once all are put right
-    findings = []
-    for requirement in required:
-        finding = _judge(requirement, values, settled)
-        right = finding.wanted if finding.fixable else finding.value
-        if right is not None and not finding.unverified:
-            settled[finding.name] = right
-        findings.append(finding)
-    return _see_swapped(findings)
+    return _see_swapped([_judge(requirement, values) for requirement in required])
 
 
-def _judge(requirement: Requirement, values: Mapping[str, float], settled: Mapping[str, float]) -> Finding:
+def _judge(requirement: Requirement, values: Mapping[str, float]) -> Finding:
     name = next((name for name in requirement.names if name in values), requirement.names[0])
     value, wanted = values.get(name), requirement.wanted
-    reference = settled.get(requirement.like) if requirement.like else 0.0
-    if value is None or reference is None:
-        return Finding(requirement=requirement, name=name, value=value, wanted=wanted, ok=False, unverified=True)
-    if requirement.like:
-        wanted = reference
-    ok = requirement.least <= value - reference <= requirement.most
+    if value is None:
+        return Finding(requirement=requirement, name=name, value=None, wanted=wanted, ok=False)
+    ok = requirement.least <= value <= requirement.most
     if requirement.clear:
         wanted = float(int(value) & ~requirement.clear)
         ok = ok and wanted == value

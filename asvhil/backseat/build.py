@@ -125,14 +125,14 @@ def build_perception(config: Config, model: Dynamics, link: MavlinkAutopilot) ->
 def build_motor_check(config: Config, link: MavlinkAutopilot) -> MotorCheck:
     """The check of whether the motors follow the commands."""
     readback = config.supervisor.readback
-    test = Readback(readback, config.vehicle.pwm, overrides_sticks=config.links.autopilot.overrides_sticks)
+    test = Readback(readback, config.vehicle.pwm.neutral_us, overrides_sticks=config.links.autopilot.overrides_sticks)
     return MotorCheck(link, test, readback.tolerate)
 
 
 def build_command(config: Config, controller: Controller) -> Command:
     """Operators and the supervisor; operators may tune `controller` while it runs."""
     links = config.links
-    supervisor = Supervisor(config.supervisor, config.vehicle.pwm, overrides_sticks=links.autopilot.overrides_sticks)
+    supervisor = Supervisor(config.supervisor, overrides_sticks=links.autopilot.overrides_sticks)
     tunables = Tunables(config.controller, controller)
     session = OperatorSession(links.autopilot, links.operator, (*STATION_PARAMETERS, *tunables.names))
     return Command(Operations(session, tunables), supervisor)

@@ -184,10 +184,8 @@ class Perception:
         """What drives the estimator's prediction from now on: our pulses, or else the autopilot's outputs; and wind."""
         pulses = self._pulses_us
         if pulses is None:
-            outputs = self._status.outputs_us if self._status is not None else ()
-            channels = (self._pwm.port_channel, self._pwm.starboard_channel)
-            port_us, starboard_us = (outputs[c - 1] if len(outputs) >= c else 0 for c in channels)
-            pulses = (port_us, starboard_us)
+            reported = self._status.motors_us if self._status is not None else None
+            pulses = reported or (0, 0)
         command = (command_of_pulse(self._pwm, pulses[0]), command_of_pulse(self._pwm, pulses[1]))
         self._model_input = self._model.input_of_command(command)
         self._forcing_wind = wind

@@ -45,6 +45,7 @@ def check(
     from asvhil.preflight.checks import as_json, checks_of, worst
     from asvhil.preflight.computer import computer_checks
     from asvhil.preflight.runner import Preflight
+    from asvhil.preflight.wiring import found_keys, yaml_to_pin
 
     settings = load_config(config, tuple(set_))
     if yes and not fix:
@@ -71,6 +72,10 @@ def check(
     if not fix or written or not survey.fixable:
         _tell_written(console, written, survey)
         _show(console, settings, checks, all_)
+    pin = yaml_to_pin(survey)
+    if pin:
+        say(console, "To hold the boat to this wiring, and refuse any other from now on, put this into its config:")
+        say(console, pin.rstrip())
     result = worst(checks)
     write_json(
         json_,
@@ -78,6 +83,7 @@ def check(
             "vehicle": settings.vehicle.name,
             "result": result.value,
             "checks": [as_json(check) for check in checks],
+            "wiring": found_keys(survey),
             "written": {finding.name: finding.wanted for finding in written},
         },
     )

@@ -58,7 +58,7 @@ from asvhil.config.root import Config
 from asvhil.config.sensors import QUANTITIES, InsLinkConfig, NmeaLinkConfig, Quantity, SensorLinkConfig
 from asvhil.config.sources import SourceConfig, SourcesConfig
 from asvhil.config.supervisor import ReadbackConfig, StationConfig, SupervisorConfig
-from asvhil.config.vehicle import PwmConfig, VesselConfig
+from asvhil.config.vehicle import MotorOutputConfig, PwmConfig, VesselConfig
 
 __all__ = [
     "OF_ONE_DEVICE",
@@ -90,6 +90,7 @@ __all__ = [
     "LoiterConfig",
     "ManoeuvresConfig",
     "MonitorConfig",
+    "MotorOutputConfig",
     "MpcConfig",
     "MpcWeights",
     "NmeaDeviceConfig",

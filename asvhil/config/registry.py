@@ -165,7 +165,7 @@ class AutopilotKind(Kind):
 
 @record
 class OutputKind(Kind):
-    """A way to the motors (`links.autopilot.output`): `build(link, pwm)` makes an `Output`."""
+    """A way to the motors (`links.autopilot.output`): `build(link, pwm, wiring)` makes an `Output`."""
 
     overrides_sticks: bool = False  # takes the place of the pilot's sticks, and shows as such in RC_CHANNELS
     profiles: tuple[str, ...] = ()  # autopilots that have it, beside those that name it themselves

@@ -58,18 +58,11 @@ class Config(Section):
     def _check_across(self, info: ValidationInfo) -> Config:
         if self.supervisor.engage == "auto" and self.supervisor.station is None:
             raise ValueError("supervisor.station is needed where supervisor.engage is auto")
-        pwm = self.vehicle.pwm
         link = self.links.autopilot
         kind = AUTOPILOTS.get(link.profile)
         if kind is not None and self.supervisor.control_mode not in kind.modes:
             names = ", ".join(kind.modes)
             raise ValueError(f"supervisor.control_mode must be one of {link.profile}: {names}")
-        if link.output == "manual_control" and not (pwm.astern_us >= 1000 and pwm.ahead_us <= 2000):
-            raise ValueError("links.autopilot.output manual_control reaches 1000 to 2000 us: vehicle.pwm goes beyond")
-        overridden = (pwm.port_channel, pwm.starboard_channel) if link.overrides_sticks else ()
-        for channel in overridden:
-            if channel in self.supervisor.stick_channels:
-                raise ValueError(f"supervisor.stick_channels must not hold the motor channel {channel}")
         if not known_only(info):
             object.__setattr__(self, "links", with_streams_of(self.sources, self.links))  # frozen, but not built yet
             try:

@@ -61,13 +61,55 @@ class VesselConfig(Section):
         return self
 
 
-class PwmConfig(Section):
-    """How a motor command in [-1, 1] becomes a pulse width, and the limits that are applied last before sending."""
+class MotorOutputConfig(Section):
+    """One motor on its output. What is set here must be so on the boat; what is left out is read from its autopilot."""
 
-    port_channel: int = Field(
-        default=1, ge=1, le=8, description="Channel of the port motor: RC channel and servo output of the autopilot."
+    output: int | None = Field(
+        default=None,
+        ge=1,
+        le=16,
+        description=(
+            "Servo output of the autopilot that the motor hangs on. Left out: the output that has the motor's function "
+            "(ArduRover: SERVOn_FUNCTION 73 to port, 74 to starboard; PX4: PWM_MAIN_FUNCn), and where that is not "
+            "known, or the way is `set_servo`, 1 to port and 3 to starboard."
+        ),
     )
-    starboard_channel: int = Field(default=3, ge=1, le=8, description="Channel of the starboard motor.")
+    astern_us: ServoUs | None = Field(
+        default=None,
+        description=(
+            "Pulse width of full astern at this output, longer than `ahead_us` where the motor is reversed. Left out, "
+            "with `ahead_us`: those of vehicle.pwm, exchanged where the autopilot reverses the output."
+        ),
+    )
+    neutral_us: ServoUs | None = Field(
+        default=None,
+        description=(
+            "Pulse width of motor off at this output. Left out: the output's trim (ArduRover), or that of vehicle.pwm."
+        ),
+    )
+    ahead_us: ServoUs | None = Field(default=None, description="Pulse width of full ahead at this output.")
+
+    @model_validator(mode="after")
+    def _check_ends(self) -> MotorOutputConfig:
+        if (self.astern_us is None) != (self.ahead_us is None):
+            raise ValueError("astern_us and ahead_us are set together, or neither")
+        return self
+
+    @property
+    def reversed(self) -> bool | None:
+        """Whether short pulses go ahead; None where that is left to the autopilot's parameters."""
+        return None if self.astern_us is None or self.ahead_us is None else self.ahead_us < self.astern_us
+
+
+class PwmConfig(Section):
+    """How a motor command in [-1, 1] becomes a pulse width, and the limits that are applied last before sending.
+
+    Everything counts in the pulses of a plain motor, which these three are; `port` and `starboard` tell where a boat
+    differs: what goes out, and what the autopilot reports, is converted.
+    """
+
+    port: MotorOutputConfig = Field(default=MotorOutputConfig(), description="The port motor's output.")
+    starboard: MotorOutputConfig = Field(default=MotorOutputConfig(), description="The starboard motor's output.")
     astern_us: ServoUs = Field(default=1100, description="Pulse width of the command -1, full astern.")
     neutral_us: ServoUs = Field(default=1500, description="Pulse width of the command 0, motor off.")
     ahead_us: ServoUs = Field(default=1900, description="Pulse width of the command 1, full ahead.")
@@ -80,9 +122,20 @@ class PwmConfig(Section):
     def _check_order(self) -> PwmConfig:
         if not self.astern_us < self.neutral_us < self.ahead_us:
             raise ValueError("astern_us < neutral_us < ahead_us must hold")
-        if self.port_channel == self.starboard_channel:
-            raise ValueError("port_channel and starboard_channel must differ")
+        if self.port.output is not None and self.port.output == self.starboard.output:
+            raise ValueError("port.output and starboard.output must differ")
+        for side, motor in (("port", self.port), ("starboard", self.starboard)):
+            neutral_us = self.neutral_us if motor.neutral_us is None else motor.neutral_us
+            ends_us = sorted((motor.astern_us or self.astern_us, motor.ahead_us or self.ahead_us))
+            if not ends_us[0] < neutral_us < ends_us[1]:
+                raise ValueError(f"{side}: neutral_us must lie between astern_us and ahead_us")
         return self
+
+    @property
+    def outputs(self) -> tuple[int, int]:
+        """The outputs (port, starboard) as far as the config tells, and where it does not 1 and 3."""
+        port, starboard = self.port.output, self.starboard.output
+        return port or (3 if starboard == 1 else 1), starboard or (1 if port == 3 else 3)
 
 
 class VehicleConfig(Section):

@@ -153,10 +153,8 @@ def _command(pwm: PwmConfig, outputs: Outputs | None, status: FrontseatStatus | 
     """The motor commands of a tick: what was sent, or else what the autopilot says that it gives out."""
     pulses = outputs.pwm_us if outputs is not None else None
     if pulses is None:
-        given = status.outputs_us if status is not None else ()
-        channels = (pwm.port_channel, pwm.starboard_channel)
-        port_us, starboard_us = (given[c - 1] if len(given) >= c else 0 for c in channels)
-        pulses = port_us, starboard_us
+        reported = status.motors_us if status is not None else None
+        pulses = reported or (0, 0)
     return command_of_pulse(pwm, pulses[0]), command_of_pulse(pwm, pulses[1])
 
 

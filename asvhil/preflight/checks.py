@@ -13,6 +13,7 @@ from asvhil.config.registry import AUTOPILOTS
 from asvhil.estimator.ekf_step import SLOWEST_INERTIAL_S
 from asvhil.io.mavlink.frames import dialect
 from asvhil.preflight.survey import SourceState, Survey
+from asvhil.preflight.wiring import SIDES, motor_text
 from asvhil.supervisor.reasons import describe, remedy
 from asvhil.types import Cause, FrontseatStatus, Radio, record
 
@@ -58,6 +59,7 @@ def checks_of(survey: Survey) -> list[Check]:
     return [
         *_vehicle(survey),
         *_clocks(survey),
+        *_wiring(survey),
         *_parameters(survey.findings),
         *_rates(survey),
         *_sensors(survey),
@@ -269,6 +271,25 @@ def _clocks(survey: Survey) -> list[Check]:
     return checks
 
 
+def _wiring(survey: Survey) -> list[Check]:
+    """What the motors' outputs were found to be, which is followed; contradictions are among the parameters."""
+    pwm, unread = survey.config.vehicle.pwm, survey.link.unread_wiring
+    checks = []
+    for side, (name, config) in enumerate(zip(SIDES, (pwm.port, pwm.starboard), strict=True)):
+        pinned = config.model_dump(exclude_none=True)
+        checks.append(
+            Check(
+                section="wiring",
+                item=f"{name} motor",
+                result=Result.UNVERIFIED if unread else Result.PASS,
+                found=motor_text(survey, side),
+                wanted=f"vehicle.pwm.{name}" if pinned else "whatever it is",
+                todo=f"{unread} has not answered: run the check again" if unread else "",
+            )
+        )
+    return checks
+
+
 def _parameters(findings: list[Finding]) -> list[Check]:
     """One for each that belongs to this firmware; those of other generations are silent for good."""
     if findings and all(finding.value is None for finding in findings):
@@ -283,9 +304,6 @@ def _parameter(finding: Finding) -> Check:
     if finding.value is None:
         todo = "no answer, which proves nothing: run the check again, or look it up by hand"
         result, found = Result.UNVERIFIED, "not known"
-    elif finding.unverified:
-        todo = f"{requirement.like} has not answered: run the check again"
-        result, found = Result.UNVERIFIED, f"{finding.value:g}"
     else:
         result, found = Result.PASS if finding.ok else bad, f"{finding.value:g}"
         todo = "" if finding.ok else f"{requirement.why}{_remedy(finding)}"
@@ -306,8 +324,6 @@ def wanted_text(finding: Finding) -> str:
     requirement = finding.requirement
     if requirement.clear:
         return f"bit {requirement.clear.bit_length() - 1} not set"
-    if requirement.like:
-        return f"as {requirement.like}"
     if requirement.least == requirement.most:
         return f"{requirement.least:g}"
     return f"{requirement.least:g} to {requirement.most:g}"

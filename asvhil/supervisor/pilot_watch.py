@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 
-from asvhil.config import PwmConfig, SupervisorConfig
+from asvhil.config import SupervisorConfig
 from asvhil.supervisor.reasons import Explanation, Reason, explain
 from asvhil.supervisor.situation import MotorPulses
 from asvhil.types import FrontseatStatus
@@ -16,10 +16,10 @@ STICKS = (1, 2, 3, 4)
 class PilotWatch:
     """Holds the autopilot's reports against how the sticks stood at the start, and against what we have sent since."""
 
-    def __init__(self, config: SupervisorConfig, pwm: PwmConfig, *, overrides_sticks: bool) -> None:
+    def __init__(self, config: SupervisorConfig, *, overrides_sticks: bool) -> None:
         """`overrides_sticks`: the motor commands stand in the place of the pilot's, and show as such in RC_CHANNELS."""
         self._config = config
-        self._motor_channels = (pwm.port_channel, pwm.starboard_channel) if overrides_sticks else ()
+        self._overrides_sticks = overrides_sticks
         # Where the sticks are the pilot's own, any movement of them is theirs.
         self._stick_channels = config.stick_channels if overrides_sticks else tuple({*STICKS, *config.stick_channels})
         self._echo_ns = round(config.override_echo_s * 1e9)
@@ -62,12 +62,19 @@ class PilotWatch:
         told_ns = status.rc_ns or t_ns
         if told_ns - self._engaged_ns < self._echo_ns:
             return None  # the echo of the first overrides may still be on its way
-        sent_us = self._echoed_us(told_ns)
-        for channel, of_motor_us in zip(self._motor_channels, zip(*sent_us, strict=True), strict=False):
-            now_us = _channel(status, channel)
-            if now_us and not min(of_motor_us) - ECHO_TOLERANCE_US <= now_us <= max(of_motor_us) + ECHO_TOLERANCE_US:
+        echoed_us = self._echoed_us(told_ns)
+        if not self._overrides_sticks or status.sticks_us is None or not echoed_us:
+            return None
+        of_motors = zip(status.motor_channels, status.sticks_us, zip(*echoed_us, strict=True), strict=True)
+        for channel, now_us, sent_us in of_motors:
+            if now_us and not min(sent_us) - ECHO_TOLERANCE_US <= now_us <= max(sent_us) + ECHO_TOLERANCE_US:
                 return explain(Reason.OVERRIDE_NOT_FOLLOWED, channel=channel)
         return None
+
+    def hidden(self, status: FrontseatStatus) -> int | None:
+        """A channel whose movement is to end a hold, but that our commands hide: it moves a motor of this boat."""
+        watched = self._config.stick_channels if self._overrides_sticks else ()
+        return next((channel for channel in watched if channel in status.motor_channels), None)
 
     def _echoed_us(self, told_ns: int) -> list[tuple[int, int]]:
         """What a report may show: sent within the time of an echo before it, or standing when that time began."""

@@ -50,6 +50,8 @@ class Reason(enum.StrEnum):
     PILOT_FIRST = "pilot-first"
     NO_STATION_HELD = "no-station-held"
     STATION_TOO_FAR = "station-too-far"
+    STICK_HIDDEN = "stick-hidden"
+    WIRING_UNREAD = "wiring-unread"
     # What is wrong with the way to the motors
     AUTOPILOT_PARAMETER = "autopilot-parameter"
     UNBOUNDED = "unbounded"
@@ -199,10 +201,18 @@ WORDS: Mapping[Reason, Words] = {
         text="station is {distance_km:.1f} km away, 2 km at most",
         remedy="Check latitude and longitude, or drive the boat nearer first.",
     ),
+    Reason.STICK_HIDDEN: Words(
+        text="channel {channel} moves a motor and is to end a hold",
+        remedy="Our commands hide that stick: name others in supervisor.stick_channels.",
+    ),
+    Reason.WIRING_UNREAD: Words(
+        text="reading how the motors are wired ({name})",
+        remedy="Nothing: it passes in seconds, or is given up and the config's wiring taken.",
+    ),
     Reason.AUTOPILOT_PARAMETER: Words(
         text="{finding}",
-        remedy="Set the parameter: `asvhil check --fix` does it. A cause that is meant to be so: "
-        "supervisor.readback.tolerate.",
+        remedy="Set the parameter: `asvhil check --fix` does, unless it is the boat's wiring. A cause that is meant to "
+        "be so: supervisor.readback.tolerate.",
     ),
     Reason.UNBOUNDED: Words(
         text="nothing would stop the motors if this program died: {why}",
@@ -219,10 +229,10 @@ WORDS: Mapping[Reason, Words] = {
     ),
     Reason.OUTPUTS_SWAPPED: Words(
         text="outputs are swapped",
-        remedy="Swap the motor functions of the two outputs, or their channels in the config.",
+        remedy="An output has got another function, or a stick another channel, since the hold began.",
     ),
     Reason.OUTPUT_REVERSED: Words(
-        text="reversed output: {motor}", remedy="Take the reversal out of the channel or the output."
+        text="reversed output: {motor}", remedy="Its stick or its output has been reversed since the hold began."
     ),
     Reason.OUTPUT_STUCK: Words(
         text="stuck output: {motor}", remedy="Give the output its motor function, and let it be armed."

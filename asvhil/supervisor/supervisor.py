@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from asvhil.config import PwmConfig, SupervisorConfig
+from asvhil.config import SupervisorConfig
 from asvhil.supervisor.arming_help import ArmingHelp
 from asvhil.supervisor.mode_request import ModeRequest
 from asvhil.supervisor.pilot_watch import PilotWatch
@@ -53,10 +53,10 @@ class Supervisor:
     Whoever is in doubt lets go: only a new command takes the motors again.
     """
 
-    def __init__(self, config: SupervisorConfig, pwm: PwmConfig, *, overrides_sticks: bool = True) -> None:
+    def __init__(self, config: SupervisorConfig, *, overrides_sticks: bool = True) -> None:
         """`overrides_sticks`: the motor commands stand in the place of the pilot's, and show as such in RC_CHANNELS."""
         self._config = config
-        self._pilot = PilotWatch(config, pwm, overrides_sticks=overrides_sticks)
+        self._pilot = PilotWatch(config, overrides_sticks=overrides_sticks)
         self._phase = Phase.STANDBY
         self._why = explain(Reason.WAITING_FOR_HOLD)
         self._station: Station | None = None
@@ -181,6 +181,9 @@ class Supervisor:
             return explain(Reason.MODE_UNKNOWN)
         if fault is not None:
             return fault
+        hidden = self._pilot.hidden(status)
+        if hidden is not None:
+            return explain(Reason.STICK_HIDDEN, channel=hidden)
         if not status.armed:
             return explain(Reason.NOT_ARMED, hint=status.arming_fault)
         if self._is_transmitter_lost(status):
@@ -209,11 +212,14 @@ class Supervisor:
 
     def _prepare(self, situation: Situation) -> None:
         """engage: auto. Wait for readiness, ask for mode and arming with neutral sticks, then hold, once."""
+        status, frame = situation.status, situation.frame
+        hidden = self._pilot.hidden(status) if status is not None else None
         why_not = situation.stranger or situation.fault
+        if why_not is None and hidden is not None:
+            why_not = explain(Reason.STICK_HIDDEN, channel=hidden)
         if why_not is not None:
             self._wait(why_not)
             return
-        status, frame = situation.status, situation.frame
         ready = status is not None and self._link_ok(situation) and status.ready
         located = situation.estimate is not None and situation.estimate.valid
         if status is None or frame is None or not ready or not located:

@@ -87,7 +87,7 @@ class _Reader:
         self._pwm = config.vehicle.pwm
         self._decoder = build_decoder(config)
         self._truth_parser = Parser()
-        self._outputs_us: tuple[int, ...] = ()
+        self._motors_us: tuple[int, int] | None = None
         self.heading: list[tuple[float, ...]] = []
         self.yaw_rate: list[tuple[float, ...]] = []
         self.velocity: list[tuple[float, ...]] = []
@@ -115,7 +115,7 @@ class _Reader:
                     from_rad = math.atan2(-m.ve_mps, -m.vn_mps)
                     self.wind.append((t_s, math.hypot(m.vn_mps, m.ve_mps), from_rad, 0.0, 0.0))
                 case FrontseatStatus():
-                    self._outputs_us = m.outputs_us
+                    self._motors_us = m.motors_us
                 case _:
                     pass
         if frame.port == AUTOPILOT:
@@ -132,18 +132,12 @@ class _Reader:
         """Read the outputs of a tick: its pulses or, while released, the outputs that the autopilot reports."""
         outputs = decode_outputs(recorded)
         t_s = self._t_s(t_ns)
-        pulses = outputs.pwm_us
-        if pulses is None:
-            port, starboard = (self._output_us(c) for c in (self._pwm.port_channel, self._pwm.starboard_channel))
-            pulses = (port, starboard) if port is not None and starboard is not None else None
+        pulses = outputs.pwm_us or self._motors_us
         if pulses is not None:
             self.command.append((t_s, *(command_of_pulse(self._pwm, pulse_us) for pulse_us in pulses)))
         if outputs.estimate is not None and outputs.estimate.valid:
             e = outputs.estimate
             self.estimate.append((t_s, e.u_mps, e.v_mps, e.r_radps, e.psi_rad))
-
-    def _output_us(self, channel: int) -> int | None:
-        return self._outputs_us[channel - 1] if len(self._outputs_us) >= channel else None
 
     def _t_s(self, t_ns: int) -> float:
         return (t_ns - self._start_ns) * 1e-9

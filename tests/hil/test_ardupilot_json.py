@@ -222,10 +222,10 @@ def test_a_restart_moors_it_again() -> None:
     assert sitl.backend.plant.moored
 
 
-def test_the_motors_are_on_their_channels() -> None:
+def test_the_motors_are_on_their_outputs() -> None:
     state = Sitl(FREE, CALM).run(3.0, (1700, 1500))
     assert state["imu"]["gyro"][2] > 0.05 and state["velocity"][0] > 0.1  # port ahead alone: ahead and to starboard
-    swapped = Sitl(FREE, CALM, "vehicle.pwm.port_channel=3", "vehicle.pwm.starboard_channel=1").run(3.0, (1700, 1500))
+    swapped = Sitl(FREE, CALM, "vehicle.pwm.port.output=3", "vehicle.pwm.starboard.output=1").run(3.0, (1700, 1500))
     assert swapped["imu"]["gyro"][2] == pytest.approx(-state["imu"]["gyro"][2])
 
 

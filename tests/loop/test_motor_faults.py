@@ -6,11 +6,12 @@ from dataclasses import replace
 import pytest
 
 from asvhil.config import load_config
+from asvhil.io.mavlink.frames import dialect
 from asvhil.simplant.lockstep import Lockstep
 from asvhil.supervisor.reasons import Explanation, Reason, describe, explain
 from asvhil.types import Frame, Phase
 from tests.support.lossy_plant import PlantBehindLink, losing, losing_messages
-from tests.support.motor_faults import BLIND_REASON, WRONG, Trial
+from tests.support.motor_faults import BLIND_REASON, WIRED, WRONG, Trial
 
 LIMIT_S = 3.0
 REJECTED = 1
@@ -28,14 +29,14 @@ def neutral_then_released(trial: Trial) -> None:
     assert trial.overrides_us[-1] == []
 
 
-@pytest.mark.parametrize("name", WRONG)
+@pytest.mark.parametrize("name", [name for name in WRONG if name not in WIRED])
 def test_a_parameter_that_was_read_refuses_the_hold_at_once_and_is_named(name: str) -> None:
     parameters, _ = WRONG[name]
     trial = Trial(parameters)
     seconds, outputs = trial.hold()
     assert seconds == 0.0 and trial.results == [REJECTED]
     assert outputs.phase is Phase.STANDBY and outputs.pwm_us is None
-    assert any(wrong in trial.texts[-1] for wrong in (*parameters, "RC1_MIN"))
+    assert any(wrong in trial.texts[-1] for wrong in parameters)
     (note,) = [note for note in outputs.health.notes if note.subject == "parameters"]
     assert not note.ok and trial.texts[-1] in note.text
     assert not any(trial.overrides_us), "nothing was ever sent to the motors"
@@ -56,6 +57,44 @@ def test_without_parameters_the_read_back_finds_it_within_3_s_of_the_hold(
     assert outputs.health.code == reason
     assert any(outputs.health.reason[:35] in said for said in trial.texts)
     neutral_then_released(trial)
+
+
+@pytest.mark.parametrize("name", WIRED)
+def test_a_boat_that_is_wired_so_is_held_where_its_parameters_are_known(name: str) -> None:
+    trial = Trial(WRONG[name][0])
+    assert trial.hold()[0] is None
+    notes = {note.subject: note for note in trial.step().health.notes}
+    assert notes["outputs"].ok and "parameters" not in notes
+
+
+@pytest.mark.parametrize(
+    ("name", "motor"), [("reversed", "port"), ("both reversed", "both"), ("swapped", ""), ("no port motor", "")]
+)
+def test_wiring_that_changes_while_holding_is_a_fault_though_the_change_is_told(name: str, motor: str) -> None:
+    trial = Trial({})
+    assert trial.hold()[0] is None
+    changes, reason = WRONG[name]
+    for parameter, value in changes.items():
+        station = dialect.MAVLink(None, srcSystem=255, srcComponent=190)
+        change = dialect.MAVLink_param_set_message(1, 1, parameter.encode(), value, 4)
+        trial.plant.receive(
+            Frame(t_ns=trial.t_ns, port="autopilot", data=bytes(change.pack(station)), peer="ground")
+        )
+    for _ in range(round(LIMIT_S * 20)):
+        outputs = trial.step()
+        if outputs.phase is Phase.STANDBY:
+            break
+    assert outputs.phase is Phase.STANDBY and motor in outputs.health.reason
+    assert outputs.health.code in (reason, Reason.AUTOPILOT_PARAMETER)
+    neutral_then_released(trial)
+
+
+def test_a_hold_waits_until_the_wiring_is_read_and_begins_once_it_has_been_given_up() -> None:
+    loop = Lockstep(load_config("sitl"))
+    loop.plant = cast(Plant, PlantBehindLink(loop.plant, losing_messages(NO_ANSWER)))
+    reasons = [loop.tick()[1].health.code for _ in range(400)]
+    assert Reason.WIRING_UNREAD in reasons and reasons[-1] is Reason.HOLDING
+    assert reasons.index(Reason.HOLDING) < 15 * 20
 
 
 UNBOUNDED = {

@@ -187,8 +187,8 @@ def _by_command(whole: Config) -> object:
     ("parameters", "words"),
     [
         ("{PWM_MAIN_FUNC1: 101}", "PWM_MAIN_FUNC1 is 101, not 301: no port motor"),
-        ("{PWM_MAIN_FUNC1: 302, PWM_MAIN_FUNC3: 301}", "PWM_MAIN_FUNC1 is 302, not 301: outputs are swapped"),
-        ("{PWM_MAIN_MAX3: 2000}", "PWM_MAIN_MAX3 is 2000, not 1900: commands are scaled"),
+        ("{PWM_MAIN_FUNC1: 0, PWM_MAIN_FUNC3: 301}", "PWM_MAIN_FUNC1 is 0, not 302: no starboard motor"),
+        ("{PWM_MAIN_MAX3: 1800}", "PWM_MAIN_MAX3 is 1800, not 1900: full ahead cut off"),
         ("{COM_OBL_RC_ACT: 0}", "COM_OBL_RC_ACT is 0, not 7: motors run on after a crash"),
     ],
 )

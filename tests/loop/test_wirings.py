@@ -1,21 +1,33 @@
 """Whatever way a boat is wired: `--fix` leaves that alone, and the motors do what is asked, or no hold goes on."""
 
 import re
-from typing import Any
+from collections.abc import Callable
 
+import pytest
 from hypothesis import HealthCheck, event, example, given, settings
+from hypothesis import Phase as Stage
 from hypothesis import strategies as st
 
 from asvhil.autopilot.ardurover_parameters import requirements
 from asvhil.autopilot.requirements import judge
 from asvhil.config import load_config
 from asvhil.simplant.ardurover.rover import Rover
-from asvhil.types import Phase
+from asvhil.simplant.lockstep import Lockstep
+from asvhil.simplant.plant import Plant
+from asvhil.supervisor.reasons import Reason
+from asvhil.types import Outputs, Phase
 from tests.support.motor_faults import Trial
 
 WIRING = re.compile(r"SERVO\d+_(FUNCTION|REVERSED|TRIM|MIN|MAX)|RC\d+_(REVERSED|TRIM|MIN|MAX)|RCMAP_\w+|MOT_PWM_TYPE")
 PORT, STARBOARD = 73, 74
-MOSTLY_PLAIN = st.sampled_from([0] * 9 + [1])  # so that some boats are right in everything
+# Without shrinking, which would take minutes: an example is plain enough as it is.
+SETTINGS = settings(
+    deadline=None,
+    derandomize=True,
+    suppress_health_check=list(HealthCheck),
+    phases=(Stage.explicit, Stage.generate),
+)
+RARELY = st.sampled_from([0] * 9 + [1])
 CLEAR, CLEAR_N = 0.4, 5.0  # of command, of thrust (N): beyond the dead band
 BLUEBOAT = {
     **{"SERVO1_FUNCTION": 74, "SERVO1_MIN": 1100, "SERVO1_TRIM": 1510, "SERVO1_MAX": 1900},
@@ -29,37 +41,55 @@ BLUEBOAT = {
 def wirings(draw: st.DrawFn) -> dict[str, float]:
     """Parameters of a boat: functions, reversal, trims, travel and channel map, and some that bend commands."""
     port, starboard = draw(
-        st.sampled_from([(1, 3)] * 9 + [(3, 1)]) | st.permutations(range(1, 9)).map(lambda order: tuple(order[:2]))
+        st.sampled_from([(1, 3)] * 3 + [(3, 1)] * 3)
+        | st.permutations(range(1, 17)).map(lambda order: (order[0], order[1]))
     )
     values: dict[str, float] = {f"SERVO{n}_FUNCTION": 0 for n in (1, 3)}
     values |= {f"SERVO{port}_FUNCTION": PORT, f"SERVO{starboard}_FUNCTION": STARBOARD}
-    for n in {1, 3, port, starboard}:
-        values[f"SERVO{n}_REVERSED"] = draw(MOSTLY_PLAIN)
-        values[f"SERVO{n}_TRIM"] = draw(st.sampled_from([1500] * 9 + [1510, 1450]))
-        values[f"SERVO{n}_MIN"] = draw(st.sampled_from([1000] * 9 + [1100, 1200]))
-        values[f"SERVO{n}_MAX"] = draw(st.sampled_from([2000] * 9 + [1900, 1800]))
-    for n in (1, 3):
-        values[f"RC{n}_REVERSED"] = draw(MOSTLY_PLAIN)
-        values[f"RC{n}_TRIM"] = draw(st.sampled_from([1500] * 9 + [1520]))
-        values[f"RC{n}_MIN"] = draw(st.sampled_from([1000] * 9 + [1100]))
-        values[f"RC{n}_MAX"] = draw(st.sampled_from([2000] * 9 + [1900]))
+    if draw(RARELY):
+        values[f"SERVO{draw(st.integers(1, 16))}_FUNCTION"] = draw(st.sampled_from([0, PORT, STARBOARD]))
+    for n in {port, starboard}:
+        values[f"SERVO{n}_REVERSED"] = draw(st.sampled_from([0, 1]))
+        values[f"SERVO{n}_TRIM"] = draw(st.sampled_from([1500, 1500, 1510, 1450, 1580]))
+        values[f"SERVO{n}_MIN"] = draw(st.sampled_from([1000, 1000, 1100, 900] + 2 * [1200] * draw(RARELY)))
+        values[f"SERVO{n}_MAX"] = draw(st.sampled_from([2000, 2000, 1900, 2100] + 2 * [1800] * draw(RARELY)))
+    roll, throttle = draw(st.sampled_from([(1, 3)] * 4 + [(3, 1)]) | st.tuples(st.integers(1, 16), st.integers(1, 16)))
+    values["RCMAP_ROLL"], values["RCMAP_THROTTLE"] = roll, throttle
+    for n in {roll, throttle}:
+        values[f"RC{n}_REVERSED"] = draw(st.sampled_from([0, 1]))
+        values[f"RC{n}_TRIM"] = draw(st.sampled_from([1500, 1500, 1520, 1440]))
+        values[f"RC{n}_MIN"] = draw(st.sampled_from([1000, 1000, 1100, 982]))
+        values[f"RC{n}_MAX"] = draw(st.sampled_from([2000, 2000, 1900, 2006]))
         values[f"RC{n}_DZ"] = draw(st.sampled_from([0, 30]))
-    values["RCMAP_ROLL"], values["RCMAP_THROTTLE"] = draw(st.sampled_from([(1, 3)] * 9 + [(3, 1), (1, 2), (4, 3)]))
     values["PILOT_STEER_TYPE"] = draw(st.sampled_from([0, 1, 3]))
     values["MOT_SLEWRATE"] = draw(st.sampled_from([0, 100]))
     values["MOT_THST_ASYM"] = draw(st.sampled_from([1, 1.6]))
     return values
 
 
-def fixed(values: dict[str, float]) -> dict[str, float]:
+@st.composite
+def px4_wirings(draw: st.DrawFn) -> dict[str, float]:
+    """Parameters of a PX4: functions, reversal and travel of its outputs."""
+    port, starboard = draw(st.permutations([1, 3, 4, 5, 6, 7, 8]))[:2]
+    values: dict[str, float] = {"PWM_MAIN_FUNC1": 0, "PWM_MAIN_FUNC3": 0}
+    values |= {f"PWM_MAIN_FUNC{port}": 301, f"PWM_MAIN_FUNC{starboard}": 302}
+    if draw(RARELY):
+        values[f"PWM_MAIN_FUNC{draw(st.integers(1, 8))}"] = draw(st.sampled_from([0, 301, 302]))
+    for n in (port, starboard):
+        values[f"PWM_MAIN_MIN{n}"] = draw(st.sampled_from([1100, 1000, 950] + [1200] * draw(RARELY)))
+        values[f"PWM_MAIN_MAX{n}"] = draw(st.sampled_from([1900, 2000, 2050] + [1800] * draw(RARELY)))
+    values["PWM_MAIN_REV"] = draw(st.integers(0, 255))
+    return values
+
+
+def fixed(values: dict[str, float], *overrides: str) -> dict[str, float]:
     """The same after `asvhil check --fix`, which writes what of its findings is fixable."""
-    config = load_config("sitl", (f"plant.frontseat.parameters={values!r}".replace("'", ""),))
+    config = load_config("sitl", (f"plant.frontseat.parameters={values!r}".replace("'", ""), *overrides))
     parameters = Rover(config.plant.frontseat, config.vehicle.pwm, 0).parameters
-    required = requirements(config.links.autopilot, config.vehicle.pwm)
-    names = {name for requirement in required for name in requirement.names}
     written: dict[str, float] = {}
     for _ in range(3):
-        read = {name: parameters[name] for name in names & set(parameters.names)}
+        read = {name: parameters[name] for name in parameters.names}
+        required = requirements(config.links.autopilot, config.vehicle.pwm, read)
         wanted = {f.name: f.wanted for f in judge(required, read) if f.fixable and f.wanted is not None}
         for name, value in wanted.items():
             parameters.set(name, value)
@@ -68,25 +98,62 @@ def fixed(values: dict[str, float]) -> dict[str, float]:
     return {**values, **written}
 
 
-@settings(max_examples=60, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
-@example(values=BLUEBOAT)
-@example(values={})
-@example(values={"SERVO1_REVERSED": 1, "SERVO3_REVERSED": 1})
-@given(values=wirings())
-def test_the_port_command_turns_the_port_propeller_ahead_or_no_hold_goes_on(values: dict[str, float]) -> None:
-    trial = Trial(fixed(values))
-    let_go_s, outputs = trial.hold(4.0)
-    event("refused" if let_go_s == 0.0 else "holds" if let_go_s is None else "ended")
-    if let_go_s is not None:
-        assert outputs.phase is Phase.STANDBY and outputs.health.reason
-        return
+def turns_as_commanded(plant: Plant, step: Callable[[], Outputs]) -> None:
+    """For 8 s each propeller turns ahead when it is commanded ahead, and astern when astern."""
     agreed: list[list[bool]] = [[], []]
     for _ in range(160):
-        control: Any = trial.tick().control
+        control = step().control
         if control is None:
             continue
-        for side, (command, thrust_n) in enumerate(zip(control.command, trial.loop.plant.truth.thrust_n, strict=True)):
+        for side, (command, thrust_n) in enumerate(zip(control.command, plant.truth.thrust_n, strict=True)):
             if abs(command) > CLEAR and abs(thrust_n) > CLEAR_N:
                 agreed[side].append(command * thrust_n > 0.0)
     for side, votes in enumerate(agreed):  # a motor lags behind a command that has just changed its sign
         assert len(votes) >= 5 and sum(votes) > 0.7 * len(votes), (side, votes)
+
+
+def becomes_of(trial: Trial) -> str:
+    """What becomes of a hold: it goes on, with motors that turn as they are commanded, or it is refused."""
+    let_go_s, outputs = trial.hold(4.0)
+    if let_go_s is None:
+        turns_as_commanded(trial.plant, trial.step)
+        return "holds"
+    assert outputs.phase is Phase.STANDBY and outputs.health.reason
+    return "refused" if let_go_s == 0.0 else "ended"
+
+
+@settings(SETTINGS, max_examples=40)
+@example(values=BLUEBOAT, output="rc_override")
+@example(values=BLUEBOAT, output="manual_control")
+@example(values={}, output="rc_override")
+@example(values={"SERVO1_REVERSED": 1, "SERVO3_REVERSED": 1}, output="rc_override")
+@given(values=wirings(), output=st.sampled_from(["rc_override", "rc_override", "manual_control"]))
+def test_the_port_command_turns_the_port_propeller_ahead_or_no_hold_goes_on(
+    values: dict[str, float], output: str
+) -> None:
+    way = f"links.autopilot.output={output}"
+    became = becomes_of(Trial(fixed(values, way), way))
+    event(became)
+    assert became != "ended", "what can be read is not found out by driving"
+
+
+@pytest.mark.parametrize("output", ["rc_override", "manual_control"])
+def test_a_blueboat_is_held_as_it_is_wired(output: str) -> None:
+    way = f"links.autopilot.output={output}"
+    assert becomes_of(Trial(fixed(BLUEBOAT, way), way)) == "holds"
+
+
+@settings(SETTINGS, max_examples=20)
+@given(values=px4_wirings())
+def test_so_it_is_with_a_px4(values: dict[str, float]) -> None:
+    wired = f"plant.frontseat.parameters={values!r}".replace("'", "")
+    loop = Lockstep(load_config("sitl-px4", (wired,)))
+    phases = [loop.tick()[1].phase for _ in range(300)]
+    if Phase.HOLD not in phases:
+        outputs = loop.tick()[1]
+        event("refused")
+        assert outputs.health.code == Reason.AUTOPILOT_PARAMETER and not loop.plant.frontseat.vehicle.armed
+        return
+    event("holds")
+    assert phases[-1] is Phase.HOLD
+    turns_as_commanded(loop.plant, lambda: loop.tick()[1])

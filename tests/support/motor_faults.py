@@ -31,6 +31,9 @@ WRONG: dict[str, tuple[dict[str, float], Reason]] = {
     ),
 }
 
+# Ways to wire a boat, which are followed where they can be read.
+WIRED = ("swapped", "reversed", "both reversed", "scaled")
+
 # As much as can be known of overrides that are ignored where neither parameters nor sticks are reported.
 BLIND_REASON = Reason.OUTPUTS_UNCHANGED
 
@@ -43,7 +46,7 @@ class Trial(GroundStationLoop):
         settings = ("supervisor.engage=command", f"plant.frontseat.parameters={{{values}}}", *overrides)
         super().__init__(load_config("sitl", settings))
         self.plant = cast(Plant, PlantBehindLink(self.plant, losing_messages(lost)))
-        self.wait(7.0)
+        self.wait(11.0 if "PARAM_VALUE" in lost else 7.0)  # until what does not answer is given up
         assert self.plant.frontseat.rover.arm(force=True)  # a real one refuses some of these
         self.wait(0.5)
         self.texts.clear()

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from asvhil.config import PwmConfig, SupervisorConfig
+from asvhil.config import SupervisorConfig
 from asvhil.geo import LocalFrame
 from asvhil.supervisor.reasons import Explanation
 from asvhil.supervisor.situation import MotorPulses, Situation
@@ -15,9 +15,10 @@ STICKS = (1500, 1500, 1500, 1500, 1800, 0, 0, 0)
 
 
 def status(**changes: object) -> FrontseatStatus:
-    """An armed boat in MANUAL with its sticks at rest, or with changes."""
+    """An armed boat in MANUAL with its sticks at rest, or with changes; channels 1 and 3 move its motors."""
     base = FrontseatStatus(t_ns=0, armed=True, mode="MANUAL", ready=True, rc_us=STICKS, outputs_us=(1500, 0, 1500))
-    return replace(base, **changes)  # type: ignore[arg-type]
+    told = replace(base, **changes)  # type: ignore[arg-type]
+    return replace(told, sticks_us=(told.rc_us[0], told.rc_us[2]) if len(told.rc_us) > 2 else None)
 
 
 ESTIMATE = Estimate(
@@ -30,8 +31,7 @@ class SupervisorBench:
     """A supervisor, and the facts of its next tick as attributes that a test can change."""
 
     def __init__(self, config: SupervisorConfig | None = None) -> None:
-        self.pwm = PwmConfig()
-        self.supervisor = Supervisor(config or SupervisorConfig(), self.pwm)
+        self.supervisor = Supervisor(config or SupervisorConfig())
         self.t_ns = 0
         self.status: FrontseatStatus | None = status()
         self.age_s: float | None = 0.1

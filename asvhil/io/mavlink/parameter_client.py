@@ -80,8 +80,8 @@ class ParameterClient:
         self, groups: Iterable[tuple[str, ...]], system_id: int, component_id: int = 1, *, bytewise: bool = False
     ) -> None:
         self._to = (system_id, component_id)
-        self._groups = tuple(dict.fromkeys(groups))
-        self._group_of = {name: group for group in self._groups for name in group}
+        self._groups: tuple[tuple[str, ...], ...] = ()
+        self._group_of: dict[str, tuple[str, ...]] = {}
         self._bytewise = bytewise
         self._values: dict[str, float] = {}
         self._kinds: dict[str, int] = {}
@@ -93,7 +93,23 @@ class ParameterClient:
         self._writes: dict[str, tuple[float, _Request]] = {}
         self.requests = 0
         self.answers = 0
-        self.restart()
+        self.want(groups)
+
+    def want(self, groups: Iterable[tuple[str, ...]]) -> None:
+        """Keep these parameters known, in this order, and no others; of those of before what is known stays so."""
+        wanted = tuple(dict.fromkeys(groups))
+        if wanted == self._groups:
+            return
+        self._groups = wanted
+        self._group_of = {name: group for group in wanted for name in group}
+        self._asking = {group: self._asking.get(group) or _Request() for group in wanted}
+        self._values = {name: value for name, value in self._values.items() if name in self._group_of}
+        self._next_ns = 0
+
+    def is_pending(self, name: str) -> bool:
+        """Whether an answer is still waited for: it is wanted, not known, and not given up."""
+        group = self._group_of.get(name)
+        return group is not None and not self._is_done(group)
 
     def restart(self) -> None:
         """The autopilot has rebooted: ask for everything again; what was known stands until it is answered."""
@@ -247,7 +263,8 @@ class ParameterClient:
     def _forget(self, name: str) -> None:
         """Whether a new value was taken is not known: ask."""
         self._values.pop(name, None)
-        self._asking[self._group_of[name]] = _Request()
+        if name in self._group_of:
+            self._asking[self._group_of[name]] = _Request()
         self._next_ns = 0
         self.answers += 1  # what is known has changed
 

@@ -5,7 +5,7 @@ Those that the simulation acts on can be set, within ArduPilot's range; the rest
 
 from __future__ import annotations
 
-from asvhil.config import FrontseatConfig, PwmConfig
+from asvhil.config import FrontseatConfig, MotorOutputConfig, PwmConfig
 from asvhil.simplant.vehicle.parameter_table import INT8, INT16, INT32, REAL32, ParameterTable, Row
 from asvhil.simplant.vehicle.rc import ChannelCalibration
 
@@ -14,6 +14,7 @@ PULSES = (800.0, 2200.0)
 DEAD_ZONE_US = 30.0  # ArduRover's default, of both motors' sticks
 FUNCTIONS = (-1.0, 188.0)
 PORT_MOTOR, STARBOARD_MOTOR = 73, 74  # SERVOn_FUNCTION: throttle left and right
+STICKS = (1, 3)  # RCMAP_ROLL and RCMAP_THROTTLE by default
 
 OUTPUTS = 16  # and as many channels of the transmitter
 
@@ -41,13 +42,13 @@ def _channel(number: int, dead_zone_us: int) -> tuple[Row, ...]:
     )
 
 
-def _output(number: int, function: int) -> tuple[Row, ...]:
+def _output(number: int, function: int, motor: MotorOutputConfig) -> tuple[Row, ...]:
     servo = f"SERVO{number}"
     return (
         (f"{servo}_MIN", 1000, INT16, PULSES),
-        (f"{servo}_TRIM", 1500, INT16, PULSES),
+        (f"{servo}_TRIM", motor.neutral_us or 1500, INT16, PULSES),
         (f"{servo}_MAX", 2000, INT16, PULSES),
-        (f"{servo}_REVERSED", 0, INT8, (0.0, 1.0)),
+        (f"{servo}_REVERSED", int(bool(motor.reversed)), INT8, (0.0, 1.0)),
         (f"{servo}_FUNCTION", function, INT16, FUNCTIONS),
     )
 
@@ -77,14 +78,17 @@ class Parameters(ParameterTable):
     """Every type travels as a float, as ArduPilot sends them."""
 
     def __init__(self, config: FrontseatConfig, pwm: PwmConfig) -> None:
-        port, starboard = pwm.port_channel, pwm.starboard_channel
-        dead_zones_us = {port: config.rc1_dz_us, starboard: config.rc3_dz_us}
+        port, starboard = pwm.outputs
+        first, second = STICKS
+        dead_zones_us = {first: config.rc1_dz_us, second: config.rc3_dz_us}
         functions = {port: PORT_MOTOR, starboard: STARBOARD_MOTOR}
+        motors = {port: pwm.port, starboard: pwm.starboard}
+        plain = MotorOutputConfig()
         rows: tuple[Row, ...] = (
             *_identity(config),
             ("PILOT_STEER_TYPE", 1, INT8, (0.0, 3.0)),
             *(row for n in range(1, OUTPUTS + 1) for row in _channel(n, dead_zones_us.get(n, 0))),
-            *(row for n in range(1, OUTPUTS + 1) for row in _output(n, functions.get(n, 0))),
+            *(row for n in range(1, OUTPUTS + 1) for row in _output(n, functions.get(n, 0), motors.get(n, plain))),
             ("RC_OVERRIDE_TIME", config.override_timeout_s, REAL32, (-1.0, 120.0)),
             ("RC_OPTIONS", 32, INT32, (0.0, 32767.0)),
             ("MOT_SLEWRATE", 0, INT16, (0.0, 1000.0)),
@@ -105,15 +109,15 @@ class Parameters(ParameterTable):
             ("FS_GCS_ENABLE", 0, INT8, (0.0, 2.0)),
             ("FS_GCS_TIMEOUT", 5.0, REAL32, (2.0, 120.0)),
             ("BRD_SAFETY_DEFLT", 0, INT8, (0.0, 1.0)),
-            ("RCMAP_ROLL", port, INT8, (1.0, 16.0)),
-            ("RCMAP_THROTTLE", starboard, INT8, (1.0, 16.0)),
+            ("RCMAP_ROLL", first, INT8, (1.0, 16.0)),
+            ("RCMAP_THROTTLE", second, INT8, (1.0, 16.0)),
             ("FRAME_CLASS", 2, INT8, FIXED),
             ("INITIAL_MODE", 0, INT8, FIXED),
             ("SCHED_LOOP_RATE", config.loop_hz, INT16, FIXED),
             ("SCR_ENABLE", 0, INT8, (0.0, 1.0)),
             ("SCR_VM_I_COUNT", 10000, INT32, (1000.0, 1e6)),
         )
-        self._dead_zones = (f"RC{port}_DZ", f"RC{starboard}_DZ")
+        self._dead_zones = (f"RC{first}_DZ", f"RC{second}_DZ")
         self._late: list[str] = []
         self._sticks: dict[int, ChannelCalibration] = {}
         self._functions: tuple[int, ...] | None = None

@@ -9,9 +9,9 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from asvhil.config import FrontseatConfig, PwmConfig
 from asvhil.simplant.ardurover.arming import RudderWatch, failing_checks, sticks_out
 from asvhil.simplant.ardurover.parameters import OUTPUTS, PORT_MOTOR, STARBOARD_MOTOR, Parameters
-from asvhil.simplant.ardurover.wiring import WiredMotor
 from asvhil.simplant.vehicle.powered import PoweredVehicle
 from asvhil.simplant.vehicle.rc import CHANNELS, IGNORE, RELEASE_HIGH
+from asvhil.simplant.vehicle.wiring import WiredMotor
 
 MODE_MANUAL = 0
 MODE_HOLD = 4
@@ -50,12 +50,19 @@ class Rover(PoweredVehicle):
         self.parameters = Parameters(config, pwm)
         # The motors hang where the parameters that the boat is built with say, and stay there whatever is set later.
         self._motors = tuple(
-            WiredMotor(self.parameters, pwm, function, default)
-            for function, default in ((PORT_MOTOR, pwm.port_channel), (STARBOARD_MOTOR, pwm.starboard_channel))
+            self._wired(pwm, function, usual)
+            for function, usual in zip((PORT_MOTOR, STARBOARD_MOTOR), pwm.outputs, strict=True)
         )
         self.speed_mps = 0.0  # ahead, over ground
         self.named_floats: list[tuple[str, float]] = []  # from scripts to the stations
         super().__init__(config, t_ns)
+
+    def _wired(self, pwm: PwmConfig, function: int, usual: int) -> WiredMotor:
+        """On the output that has its function, in the sense and with the neutral of that output."""
+        functions = self.parameters.functions
+        output = functions.index(function) + 1 if function in functions else usual
+        neutral_us, turned = (self.parameters[f"SERVO{output}_{part}"] for part in ("TRIM", "REVERSED"))
+        return WiredMotor(pwm, output, neutral_us=neutral_us, reversed=turned != 0.0)
 
     def restart(self, t_ns: int) -> None:
         """Power on: everything but the parameters and the pilot's sticks is forgotten."""

@@ -15,6 +15,7 @@ from asvhil.config import OF_ONE_DEVICE, Config, FaultConfig, GlitchConfig, Plan
 from asvhil.errors import ConfigError
 from asvhil.geo import GRAVITY_MPS2, ned_to_body, wrap_2pi, wrap_rad
 from asvhil.simplant.hil.plant import OFF, HilPlant
+from asvhil.simplant.vehicle.wiring import wired_motors
 from asvhil.types import Frame, record
 
 PORT = "physics"
@@ -81,7 +82,7 @@ class ArduPilotJson:
             if fault.kind == "transmitter":
                 raise ConfigError(f"key {where}.kind: take transmitter out, and use the autopilot's own SIM_RC_FAIL")
         hil, pwm = config.plant.hil, config.vehicle.pwm
-        self._port, self._starboard = pwm.port_channel - 1, pwm.starboard_channel - 1
+        self._port, self._starboard = wired_motors(pwm)
         self._neutral_us, self._band_us = pwm.neutral_us, hil.neutral_band_us
         self._windvane = hil.ardupilot.windvane
         self._vane_rad = 0.0
@@ -128,7 +129,8 @@ class ArduPilotJson:
         self._count = servos.count
         self.counters.frames += 1
         self.rate_hz = servos.rate_hz
-        outputs_us = self.outputs_us = servos.pwm_us[self._port], servos.pwm_us[self._starboard]
+        us = servos.pwm_us
+        outputs_us = self.outputs_us = self._port.plain_us(us), self._starboard.plain_us(us)
         neutral = all(abs(pulse_us - self._neutral_us) <= self._band_us for pulse_us in outputs_us)
         plant = self.plant
         plant.set_step(1.0 / servos.rate_hz)

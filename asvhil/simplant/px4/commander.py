@@ -11,13 +11,14 @@ from collections.abc import Sequence
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from asvhil.config import FrontseatConfig, PwmConfig
+from asvhil.config import FrontseatConfig, MotorOutputConfig, PwmConfig
 from asvhil.config.autopilots import PX4_MODES
 from asvhil.simplant.boat.sensors import Navigation
 from asvhil.simplant.boat.vessel import NO_SIGNAL_US
 from asvhil.simplant.px4.estimator import RestingEstimator
 from asvhil.simplant.px4.parameters import ACTUATOR_SET_1, MULTICOPTER, Px4Parameters
 from asvhil.simplant.vehicle.powered import PoweredVehicle
+from asvhil.simplant.vehicle.wiring import WiredMotor
 
 MANUAL, OFFBOARD, LOITER = PX4_MODES["MANUAL"], PX4_MODES["OFFBOARD"], PX4_MODES["AUTO.LOITER"]
 STICK_MODES = frozenset(PX4_MODES[name] for name in ("MANUAL", "ALTCTL", "POSCTL", "ACRO", "STABILIZED"))
@@ -65,13 +66,25 @@ class Px4Vehicle(PoweredVehicle):
     """State and rules, without bytes."""
 
     def __init__(self, config: FrontseatConfig, pwm: PwmConfig, navigation: Navigation, t_ns: int) -> None:
-        self._channels = (pwm.port_channel, pwm.starboard_channel)
         self._navigation = navigation
         self.parameters = Px4Parameters(config, pwm)
+        # The motors hang where the parameters that the boat is built with say, and stay there whatever is set later.
+        self._motors = tuple(
+            self._wired(pwm, motor, function, usual)
+            for motor, function, usual in zip(
+                (pwm.port, pwm.starboard), (ACTUATOR_SET_1, ACTUATOR_SET_1 + 1), pwm.outputs, strict=True
+            )
+        )
         self.on_board = config.px4_outputs == "board"
         self.says_rest = config.px4_version != "1.15"
         self._estimator = RestingEstimator(self.parameters, t_ns)
         super().__init__(config, t_ns)
+
+    def _wired(self, pwm: PwmConfig, motor: MotorOutputConfig, function: int, usual: int) -> WiredMotor:
+        """On the output that has its function, in that output's sense."""
+        output = self.parameters.output_with(function) or usual
+        neutral_us = pwm.neutral_us if motor.neutral_us is None else motor.neutral_us
+        return WiredMotor(pwm, output, neutral_us=neutral_us, reversed=self.parameters.turns(output))
 
     def restart(self, t_ns: int) -> None:
         """Power on: everything but the parameters and the pilot's sticks is reset."""
@@ -93,8 +106,8 @@ class Px4Vehicle(PoweredVehicle):
         """Pulse widths at the port and the starboard motor; 0 (no signal) before boot, and in SITL while disarmed."""
         if not self.on_board and not self.armed:
             return NO_SIGNAL_US, NO_SIGNAL_US
-        port, starboard = self._channels
-        return self.servo_us[port - 1], self.servo_us[starboard - 1]
+        port, starboard = self._motors
+        return port.plain_us(self.servo_us), starboard.plain_us(self.servo_us)
 
     def _say(self, severity: int, text: str) -> None:
         self.texts.append((severity, f"{text}\t"))  # PX4 marks texts that it sends as events too
@@ -249,14 +262,14 @@ class Px4Vehicle(PoweredVehicle):
 
     def _put_out(self) -> None:
         if self.on_board:
-            for channel in self._channels:
-                self.servo_us[channel - 1] = self._pulse_us(channel)
+            for motor in self._motors:
+                self.servo_us[motor.output - 1] = self._pulse_us(motor.output)
         else:
             for number in range(len(self.servo_us)):
                 self.servo_us[number] = SITL_DISARMED_US
             if self.armed and not self.terminated:
-                for channel in self._channels:
-                    self.servo_us[channel - 1] = self._pulse_us(channel)
+                for motor in self._motors:
+                    self.servo_us[motor.output - 1] = self._pulse_us(motor.output)
 
     def _pulse_us(self, channel: int) -> int:
         """As PX4's mixer module: -1..1 over PWM_MAIN_MIN..MAX, unset or disarmed PWM_MAIN_DIS, terminated FAIL."""
@@ -270,6 +283,7 @@ class Px4Vehicle(PoweredVehicle):
             return round(parameters[f"PWM_MAIN_FAIL{channel}"]) or disarmed_us
         if not self.armed or math.isnan(value):
             return disarmed_us
+        value = -value if parameters.turns(channel) else value
         return _spread(value, parameters[f"PWM_MAIN_MIN{channel}"], parameters[f"PWM_MAIN_MAX{channel}"])
 
 

@@ -17,13 +17,15 @@ MULTICOPTER, ROVER_DIFFERENTIAL = 0, 6  # CA_AIRFRAME
 def _output(number: int, function: int, config: FrontseatConfig, pwm: PwmConfig) -> tuple[Row, ...]:
     main = "PWM_MAIN_"
     rows: tuple[Row, ...] = ((f"{main}FUNC{number}", function, INT32, (0.0, 2000.0)),)
-    if config.px4_outputs == "sitl" or function < ACTUATOR_SET_1:
+    if config.px4_outputs == "sitl":
         return rows
+    motor = pwm.starboard if function == ACTUATOR_SET_1 + 1 else pwm.port
+    low_us, high_us = sorted((motor.astern_us or pwm.astern_us, motor.ahead_us or pwm.ahead_us))
     return (
         *rows,
-        (f"{main}MIN{number}", pwm.astern_us, INT32, (800.0, 1600.0)),
-        (f"{main}MAX{number}", pwm.ahead_us, INT32, (1400.0, 2200.0)),
-        (f"{main}DIS{number}", pwm.neutral_us, INT32, (800.0, 2200.0)),
+        (f"{main}MIN{number}", low_us, INT32, (800.0, 1600.0)),
+        (f"{main}MAX{number}", high_us, INT32, (1400.0, 2200.0)),
+        (f"{main}DIS{number}", motor.neutral_us or pwm.neutral_us, INT32, (800.0, 2200.0)),
         (f"{main}FAIL{number}", FAIL_AS_DISARMED, INT32, (0.0, 2200.0)),
     )
 
@@ -36,7 +38,10 @@ class Px4Parameters(ParameterTable):
     """
 
     def __init__(self, config: FrontseatConfig, pwm: PwmConfig) -> None:
-        functions = {pwm.port_channel: ACTUATOR_SET_1, pwm.starboard_channel: ACTUATOR_SET_1 + 1}
+        port, starboard = pwm.outputs
+        functions = {port: ACTUATOR_SET_1, starboard: ACTUATOR_SET_1 + 1}
+        motors = {port: pwm.port, starboard: pwm.starboard}
+        turned = sum(1 << output - 1 for output, motor in motors.items() if motor.reversed)
         spare = next(number for number in (2, 1, 3) if number not in functions)
         functions |= {spare: MOTOR_1}
         functions = {number: 0 for number in range(1, OUTPUTS + 1)} | functions
@@ -44,6 +49,7 @@ class Px4Parameters(ParameterTable):
         rows: tuple[Row, ...] = (
             ("MAV_SYS_ID", config.system_id, INT32, (1.0, 250.0)),
             *(row for number in self.channels for row in _output(number, functions[number], config, pwm)),
+            *(() if config.px4_outputs == "sitl" else (("PWM_MAIN_REV", turned, INT32, (0.0, 255.0)),)),
             ("CA_AIRFRAME", ROVER_DIFFERENTIAL, INT32, (0.0, 15.0)),
             ("COM_DISARM_LAND", 2.0, REAL32, (-1.0, 60.0)),
             ("COM_DISARM_PRFLT", 10.0, REAL32, (-1.0, 60.0)),
@@ -57,6 +63,14 @@ class Px4Parameters(ParameterTable):
             ("NAV_RCL_ACT", 2, INT32, (1.0, 6.0)),
         )
         super().__init__("simulated PX4", rows, config.parameters)
+
+    def output_with(self, function: int) -> int | None:
+        """The first output that has a function."""
+        return next((n for n in self.channels if self[f"PWM_MAIN_FUNC{n}"] == function), None)
+
+    def turns(self, output: int) -> bool:
+        """Whether an output is mirrored, by PWM_MAIN_REV."""
+        return "PWM_MAIN_REV" in self.names and bool(int(self["PWM_MAIN_REV"]) >> (output - 1) & 1)
 
     @property
     def drives_a_motor(self) -> bool:

@@ -32,25 +32,26 @@ class Drive:
 
     def __init__(self, values: dict[str, float], *tolerate: Cause) -> None:
         pwm = CONFIG.vehicle.pwm
-        findings = judge(requirements(CONFIG.links.autopilot, pwm), values)
-        autopilot: Any = SimpleNamespace(findings=findings, unbounded="")
-        self.check = MotorCheck(autopilot, Readback(ReadbackConfig(), pwm), tolerate)
+        findings = judge(requirements(CONFIG.links.autopilot, pwm, values), values)
+        autopilot: Any = SimpleNamespace(findings=findings, unbounded="", unread_wiring="")
+        self.check = MotorCheck(autopilot, Readback(ReadbackConfig(), pwm.neutral_us), tolerate)
 
     def run(self, gain: float) -> str | None:
         for tick in range(1, 51):
             t_ns = tick * 50 * MS
             sent = (1500 + 8 * tick, 1500 + 3 * tick)
-            rc_us = (sent[0], 1500, sent[1])
-            outputs_us = (1500 + round(gain * 8 * tick), 1500, 1500 + round(gain * 3 * tick))
+            motors_us = (1500 + round(gain * 8 * tick), 1500 + round(gain * 3 * tick))
             self.check.on_status(
                 FrontseatStatus(
                     t_ns=t_ns,
                     armed=True,
                     mode="MANUAL",
                     ready=True,
-                    rc_us=rc_us,
+                    rc_us=(),
+                    sticks_us=sent,
                     rc_ns=t_ns,
-                    outputs_us=outputs_us,
+                    outputs_us=(),
+                    motors_us=motors_us,
                     outputs_ns=t_ns,
                 )
             )

@@ -9,7 +9,7 @@ import pytest
 from asvhil.autopilot.ardurover import ArduRoverAutopilot
 from asvhil.autopilot.distortions import distortions
 from asvhil.autopilot.readback import Fault, Readback
-from asvhil.config import PwmConfig, ReadbackConfig, load_config
+from asvhil.config import ReadbackConfig, load_config
 from asvhil.io.mavlink.frames import FrameSplitter, decode
 from asvhil.logs.tlog import read_tlog
 from asvhil.types import Cause, Frame, FrontseatStatus
@@ -37,10 +37,10 @@ def recorded() -> list[Event]:
                 events.append((t_ns, "sent", (message.chan1_raw, message.chan3_raw)))
         for _, status in link.receive(Frame(t_ns=t_ns, port="autopilot", data=data)):
             if isinstance(status, FrontseatStatus):
-                if status.rc_ns == t_ns:
-                    events.append((t_ns, "rc", (status.rc_us[0], status.rc_us[2])))
-                if status.outputs_ns == t_ns:
-                    events.append((t_ns, "outputs", (status.outputs_us[0], status.outputs_us[2])))
+                if status.rc_ns == t_ns and status.sticks_us:
+                    events.append((t_ns, "rc", status.sticks_us))
+                if status.outputs_ns == t_ns and status.motors_us:
+                    events.append((t_ns, "outputs", status.motors_us))
     return events
 
 
@@ -59,7 +59,7 @@ class Player:
     """A watch that is shown events; `fault_ns` is when it spoke."""
 
     def __init__(self, **config: float) -> None:
-        self.watch = Readback(ReadbackConfig.model_validate(config), PwmConfig())
+        self.watch = Readback(ReadbackConfig.model_validate(config), 1500.0)
         self._status = FrontseatStatus(t_ns=0, armed=True, mode="MANUAL", ready=True, rc_us=(), outputs_us=())
         self.fault_ns = 0
 
@@ -68,10 +68,10 @@ class Player:
             if kind == "sent":
                 self.watch.note_sent(t_ns, (port, starboard))
             elif kind == "rc":
-                self._status = replace(self._status, rc_ns=t_ns, rc_us=(port, 1500, starboard))
+                self._status = replace(self._status, rc_ns=t_ns, sticks_us=(port, starboard))
                 self.watch.on_status(self._status)
             else:
-                self._status = replace(self._status, outputs_ns=t_ns, outputs_us=(port, 1500, starboard))
+                self._status = replace(self._status, outputs_ns=t_ns, motors_us=(port, starboard))
                 self.watch.on_status(self._status)
             if self.watch.judge(t_ns) is not None:
                 self.fault_ns = t_ns
@@ -186,8 +186,10 @@ def test_outputs_that_follow_nothing_known_are_said_to_do_so() -> None:
 
 
 def test_a_report_counts_once_and_nothing_is_said_while_the_motors_are_not_driven() -> None:
-    watch = Readback(ReadbackConfig(), PwmConfig())
-    status = FrontseatStatus(t_ns=0, armed=True, mode="MANUAL", ready=True, rc_us=(), outputs_us=(1500, 0, 1500))
+    watch = Readback(ReadbackConfig(), 1500.0)
+    status = FrontseatStatus(
+        t_ns=0, armed=True, mode="MANUAL", ready=True, rc_us=(), outputs_us=(), motors_us=(1500, 1500)
+    )
     for tick in range(100):
         watch.on_status(replace(status, outputs_ns=tick * S // 10))
         assert watch.judge(tick * S // 10) is None

@@ -125,9 +125,9 @@ def test_the_plant_may_have_other_physics_than_the_vehicle_that_the_model_believ
     assert 0.0 < heavy.plant.truth.u_mps < 0.5 * plain.plant.truth.u_mps
 
 
-def test_other_motor_channels_move_with_the_config() -> None:
-    boat = Boat("vehicle.pwm.port_channel=3", "vehicle.pwm.starboard_channel=1").armed()
-    boat.hold(1500, 1700, 3.0)  # channel 3 is now the port motor
+def test_other_motor_outputs_move_with_the_config() -> None:
+    boat = Boat("vehicle.pwm.port.output=3", "vehicle.pwm.starboard.output=1").armed()
+    boat.hold(1700, 1500, 3.0)  # the stick of channel 1 is the port motor's, which now hangs on output 3
     assert boat.plant.truth.outputs_us == (1700, 1500)
     assert boat.plant.truth.r_radps > 0.0
 

@@ -26,7 +26,8 @@ class DisarmedBench(SupervisorBench):
 
     def change(self, **fields: object) -> None:
         assert self.status is not None
-        self.status = replace(self.status, **fields)  # type: ignore[arg-type]
+        told = replace(self.status, **fields)  # type: ignore[arg-type]
+        self.status = replace(told, sticks_us=(told.rc_us[0], told.rc_us[2]))
 
     def wait(self, seconds: float) -> Decision:
         for _ in range(round(seconds * 20)):
@@ -127,7 +128,7 @@ def test_it_can_be_switched_off_and_is_nothing_for_outputs_that_hold_their_value
     bench = DisarmedBench(SupervisorConfig(arming_neutral_s=0.0))
     assert bench.hold() == explain(Reason.NOT_ARMED, hint="Radio failsafe on")
     bench = DisarmedBench()
-    bench.supervisor = Supervisor(SupervisorConfig(), bench.pwm, overrides_sticks=False)
+    bench.supervisor = Supervisor(SupervisorConfig(), overrides_sticks=False)
     assert bench.hold() == explain(Reason.NOT_ARMED, hint="Radio failsafe on")
 
 

@@ -1,0 +1,67 @@
+"""How a PX4's two motors are wired, by its parameters: functions, reversal and travel of the outputs. Pure."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+from asvhil.autopilot.wiring import MotorWiring, Travel, Wiring, motor_of
+from asvhil.config import AutopilotLinkConfig, MotorOutputConfig, PwmConfig
+
+ACTUATOR_SET = 300  # PWM_MAIN_FUNCn: 301 is "Peripheral via Actuator Set 1"
+OUTPUTS = 8  # of PWM MAIN
+FUNCTIONS = tuple(f"PWM_MAIN_FUNC{n}" for n in range(1, OUTPUTS + 1))
+REVERSED = "PWM_MAIN_REV"  # bit 0 is output 1
+
+
+def functions(link: AutopilotLinkConfig) -> tuple[int, int]:
+    """Functions of the port and the starboard motor's output."""
+    return ACTUATOR_SET + link.port_actuator, ACTUATOR_SET + link.starboard_actuator
+
+
+def outputs_with(function: int, values: Mapping[str, float]) -> tuple[int, ...]:
+    """The outputs that are known to have a function."""
+    return tuple(n for n, name in enumerate(FUNCTIONS, start=1) if values.get(name) == function)
+
+
+def motor_outputs(link: AutopilotLinkConfig, pwm: PwmConfig, values: Mapping[str, float]) -> tuple[int, int]:
+    """The outputs (port, starboard): the config's, else the first that has the function, else the usual one."""
+    port, starboard = (
+        config.output or next(iter(outputs_with(function, values)), None)
+        for config, function in zip((pwm.port, pwm.starboard), functions(link), strict=True)
+    )
+    return port or (3 if starboard == 1 else 1), starboard or (1 if port == 3 else 3)
+
+
+def wiring_of(link: AutopilotLinkConfig, pwm: PwmConfig, values: Mapping[str, float]) -> Wiring:
+    """The wiring by what is known of the parameters, some of which PX4's simulation does not have."""
+    outputs = motor_outputs(link, pwm, values)
+    port, starboard = (
+        _motor(pwm, config, output, values) for config, output in zip((pwm.port, pwm.starboard), outputs, strict=True)
+    )
+    return Wiring(pwm, (port, starboard))
+
+
+def names_of_wiring(link: AutopilotLinkConfig, pwm: PwmConfig, values: Mapping[str, float]) -> Iterator[str]:
+    """The parameters that the wiring rests on, as far as is known by now."""
+    if None in (pwm.port.output, pwm.starboard.output):
+        yield from FUNCTIONS
+    for output in motor_outputs(link, pwm, values):
+        yield from (f"PWM_MAIN_{part}{output}" for part in ("FUNC", "MIN", "MAX"))
+    yield REVERSED
+
+
+def turns(output: int, values: Mapping[str, float]) -> bool:
+    """Whether PX4 reverses an output."""
+    return bool(int(values.get(REVERSED, 0.0)) >> (output - 1) & 1)
+
+
+def _motor(pwm: PwmConfig, config: MotorOutputConfig, output: int, values: Mapping[str, float]) -> MotorWiring:
+    """-1..1 spans PWM_MAIN_MINn..MAXn, and has no trim: its middle is half-way."""
+    turned = turns(output, values)
+    motor = motor_of(pwm, config, turned=turned)
+    ends_us = sorted((motor.astern_us, motor.ahead_us))
+    low_us = values.get(f"PWM_MAIN_MIN{output}", ends_us[0])
+    high_us = values.get(f"PWM_MAIN_MAX{output}", ends_us[1])
+    found = Travel(low_us=low_us, trim_us=0.5 * (low_us + high_us), high_us=high_us, reversed=turned)
+    plain = Travel(low_us=ends_us[0], trim_us=0.5 * sum(ends_us), high_us=ends_us[1], reversed=turned)
+    return MotorWiring(output=output, motor=motor, travel=found if found.sound else plain)
