@@ -10,16 +10,19 @@ from asvhil.autopilot.ardurover_wiring import (
     FUNCTIONS,
     MOST_CHANNELS,
     MOTORS,
-    OUTPUTS,
-    outputs_with,
     stick_channels,
     wiring_of,
 )
 from asvhil.autopilot.requirements import Requirement, exactly, within
 from asvhil.autopilot.wiring import LEAST_SPAN_US, NEUTRAL_SLACK_US, MotorWiring
+from asvhil.autopilot.wiring_requirements import function_row, travel_rows
 from asvhil.config import AutopilotLinkConfig, MotorOutputConfig, PwmConfig
 from asvhil.types import Cause
 
+THROTTLE = {
+    "port": "one output must be throttle left (SERVOn_FUNCTION 73)",
+    "starboard": "one output must be throttle right (SERVOn_FUNCTION 74)",
+}
 OVERRIDES_IGNORED = 2  # bit of RC_OPTIONS
 BELOW_US = 10  # of FS_THR_VALUE, where it is too high
 
@@ -48,7 +51,7 @@ def requirements(link: AutopilotLinkConfig, pwm: PwmConfig, values: Mapping[str,
         replace(row, motor=side, wiring=True)
         for side, config, function, motor, channel in motors
         for row in (
-            _function(side, config, function, motor.output, values),
+            function_row(side, config, function, motor.output, FUNCTIONS, values, THROTTLE[side]),
             *_output(side, config, pwm, motor),
             *_stick(channel, values),
         )
@@ -108,25 +111,8 @@ def _channel_map(values: Mapping[str, float]) -> Iterator[Requirement]:
         yield replace(row, motor=side, wiring=True)
 
 
-def _function(
-    side: str, config: MotorOutputConfig, function: int, output: int, values: Mapping[str, float]
-) -> Requirement:
-    """That one output has the motor's function, and if the config names it that one."""
-    having = outputs_with(function, values)
-    throttle = f"an output must be throttle {'left' if side == 'port' else 'right'} (SERVOn_FUNCTION {function})"
-    fault = f"no {side} motor"
-    if config.output is None and len(having) > 1:
-        which = f"outputs {' and '.join(map(str, having))}: name one by vehicle.pwm.{side}.output"
-        return exactly(FUNCTIONS[having[-1] - 1], 0, f"two {side} motors", which, Cause.STUCK)
-    if config.output is None and not having and FUNCTIONS[output - 1] in values:
-        # Nothing is certain while any output may still have it.
-        output = next((n for n in range(1, OUTPUTS + 1) if FUNCTIONS[n - 1] not in values), output)
-    return exactly(FUNCTIONS[output - 1], function, fault, throttle, Cause.STUCK)
-
-
 def _output(side: str, config: MotorOutputConfig, pwm: PwmConfig, wired: MotorWiring) -> tuple[Requirement, ...]:
     servo, motor, key = f"SERVO{wired.output}", wired.motor, f"vehicle.pwm.{side}"
-    low_us, high_us = sorted((motor.astern_us, motor.ahead_us))
     sense = (0.0, 1.0) if config.reversed is None else (float(config.reversed), float(config.reversed))
     if config.neutral_us is None:
         trims_us = pwm.neutral_us - NEUTRAL_SLACK_US, pwm.neutral_us + NEUTRAL_SLACK_US
@@ -134,26 +120,12 @@ def _output(side: str, config: MotorOutputConfig, pwm: PwmConfig, wired: MotorWi
     else:
         trims_us = float(config.neutral_us), float(config.neutral_us)
         neutral = f"{key}.neutral_us says otherwise"
-    ends = "the output must reach full {}, and have room about its trim"
-    shortest, longest = ("ahead", "astern") if motor.reversed else ("astern", "ahead")
-    low_most_us = min(low_us, motor.neutral_us - LEAST_SPAN_US)
-    high_least_us = max(high_us, motor.neutral_us + LEAST_SPAN_US)
     return (
         within(
             f"{servo}_REVERSED", sense, sense[0], "another sense", f"{key} says otherwise by its ends", Cause.REVERSED
         ),
         within(f"{servo}_TRIM", trims_us, motor.neutral_us, "another neutral", neutral, Cause.SCALED),
-        within(
-            f"{servo}_MIN", (500, low_most_us), low_us, f"full {shortest} cut off", ends.format(shortest), Cause.SCALED
-        ),
-        within(
-            f"{servo}_MAX",
-            (high_least_us, 2500),
-            high_us,
-            f"full {longest} cut off",
-            ends.format(longest),
-            Cause.SCALED,
-        ),
+        *travel_rows(f"{servo}_MIN", f"{servo}_MAX", motor, LEAST_SPAN_US),
     )
 
 

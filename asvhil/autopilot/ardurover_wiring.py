@@ -4,7 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
-from asvhil.autopilot.wiring import HIGH_US, LOW_US, STICKS, MotorWiring, Travel, Wiring, motor_of, wiring_of_config
+from asvhil.autopilot.wiring import (
+    HIGH_US,
+    LOW_US,
+    STICKS,
+    MotorWiring,
+    Travel,
+    Wiring,
+    motor_of,
+    motor_outputs,
+    wiring_of_config,
+)
 from asvhil.config import AutopilotLinkConfig, MotorOutputConfig, PwmConfig
 
 MOTORS = (73, 74)  # SERVOn_FUNCTION: throttle left and right
@@ -14,26 +24,6 @@ CHANNEL_MAP = ("RCMAP_ROLL", "RCMAP_THROTTLE")
 MOST_CHANNELS = 16
 OUTPUT_PARTS = ("REVERSED", "TRIM", "MIN", "MAX")
 STICK_PARTS = ("REVERSED", "TRIM", "MIN", "MAX", "DZ")
-
-
-def outputs_with(function: int, values: Mapping[str, float]) -> tuple[int, ...]:
-    """The outputs that are known to have a function."""
-    return tuple(n for n, name in enumerate(FUNCTIONS, start=1) if values.get(name) == function)
-
-
-def motor_outputs(pwm: PwmConfig, values: Mapping[str, float]) -> tuple[int, int]:
-    """The outputs (port, starboard): the config's, else the first that has the function, else the usual one."""
-    found = [
-        config.output or next(iter(outputs_with(function, values)), None)
-        for config, function in zip((pwm.port, pwm.starboard), MOTORS, strict=True)
-    ]
-    port, starboard = found
-    usual_port, usual_starboard = STICKS
-    if port is None:
-        port = usual_starboard if starboard == usual_port else usual_port
-    if starboard is None:
-        starboard = usual_port if port == usual_starboard else usual_starboard
-    return port, starboard
 
 
 def stick_channels(values: Mapping[str, float]) -> tuple[int, int]:
@@ -50,7 +40,7 @@ def wiring_of(link: AutopilotLinkConfig, pwm: PwmConfig, values: Mapping[str, fl
     """
     if link.output == "set_servo":
         return wiring_of_config(pwm)
-    outputs, channels = motor_outputs(pwm, values), stick_channels(values)
+    outputs, channels = motor_outputs(pwm, MOTORS, FUNCTIONS, values), stick_channels(values)
     port, starboard = (
         _motor(pwm, config, output, values) for config, output in zip((pwm.port, pwm.starboard), outputs, strict=True)
     )
@@ -65,7 +55,7 @@ def names_of_wiring(link: AutopilotLinkConfig, pwm: PwmConfig, values: Mapping[s
     if None in (pwm.port.output, pwm.starboard.output):
         yield from FUNCTIONS
     yield from CHANNEL_MAP
-    for output in motor_outputs(pwm, values):
+    for output in motor_outputs(pwm, MOTORS, FUNCTIONS, values):
         yield from (f"SERVO{output}_{part}" for part in OUTPUT_PARTS)
     for channel in stick_channels(values):
         yield from (f"RC{channel}_{part}" for part in STICK_PARTS)

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
-from asvhil.autopilot.px4_wiring import FUNCTIONS, OUTPUTS, REVERSED, functions, outputs_with, turns, wiring_of
+from asvhil.autopilot.px4_wiring import FUNCTIONS, REVERSED, functions, turns, wiring_of
 from asvhil.autopilot.requirements import Requirement, exactly, within
 from asvhil.autopilot.wiring import MotorWiring
+from asvhil.autopilot.wiring_requirements import function_row, travel_rows
 from asvhil.config import AutopilotLinkConfig, MotorOutputConfig, PwmConfig
 from asvhil.types import Cause
 
@@ -33,27 +34,20 @@ def requirements(link: AutopilotLinkConfig, pwm: PwmConfig, values: Mapping[str,
         replace(row, motor=side, wiring=True)
         for side, config, function, actuator, wired in motors
         for row in (
-            _function(side, config, function, actuator, wired.output, values),
+            function_row(
+                side,
+                config,
+                function,
+                wired.output,
+                FUNCTIONS,
+                values,
+                f"one output must be Peripheral via Actuator Set {actuator}",
+            ),
             *_sense(side, config, wired.output, values),
             *_travel(wired),
         )
     )
     return (*outputs, *_offboard_loss(), _adrift())
-
-
-def _function(
-    side: str, config: MotorOutputConfig, function: int, actuator: int, output: int, values: Mapping[str, float]
-) -> Requirement:
-    """That one output has the motor's function, and if the config names it that one."""
-    having = outputs_with(function, values)
-    peripheral = f"an output must be Peripheral via Actuator Set {actuator}"
-    if config.output is None and len(having) > 1:
-        which = f"outputs {' and '.join(map(str, having))}: name one by vehicle.pwm.{side}.output"
-        return exactly(FUNCTIONS[having[-1] - 1], 0, f"two {side} motors", which, Cause.STUCK)
-    if config.output is None and not having and FUNCTIONS[output - 1] in values:
-        # Nothing is certain while any output may still have it.
-        output = next((n for n in range(1, OUTPUTS + 1) if FUNCTIONS[n - 1] not in values), output)
-    return exactly(FUNCTIONS[output - 1], function, f"no {side} motor", peripheral, Cause.STUCK)
 
 
 def _sense(side: str, config: MotorOutputConfig, output: int, values: Mapping[str, float]) -> tuple[Requirement, ...]:
@@ -71,23 +65,10 @@ def _sense(side: str, config: MotorOutputConfig, output: int, values: Mapping[st
 
 def _travel(wired: MotorWiring) -> tuple[Requirement, ...]:
     n, motor = wired.output, wired.motor
-    low_us, high_us = sorted((motor.astern_us, motor.ahead_us))
-    shortest, longest = ("ahead", "astern") if motor.reversed else ("astern", "ahead")
     neutral_us = (motor.neutral_us - NEUTRAL_SLACK_US, motor.neutral_us + NEUTRAL_SLACK_US)
-    reach = "the output must reach full {}"
     disarmed = "the pulse while disarmed must be the motor's neutral: PX4's default of 1000 is full astern"
     return (
-        within(
-            f"PWM_MAIN_MIN{n}", (500, low_us), low_us, f"full {shortest} cut off", reach.format(shortest), Cause.SCALED
-        ),
-        within(
-            f"PWM_MAIN_MAX{n}",
-            (high_us, 2500),
-            high_us,
-            f"full {longest} cut off",
-            reach.format(longest),
-            Cause.SCALED,
-        ),
+        *travel_rows(f"PWM_MAIN_MIN{n}", f"PWM_MAIN_MAX{n}", motor),
         within(f"PWM_MAIN_DIS{n}", neutral_us, motor.neutral_us, "not neutral when disarmed", disarmed),
     )
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
-from asvhil.autopilot.wiring import MotorWiring, Travel, Wiring, motor_of
+from asvhil.autopilot.wiring import MotorWiring, Travel, Wiring, motor_of, motor_outputs
 from asvhil.config import AutopilotLinkConfig, MotorOutputConfig, PwmConfig
 
 ACTUATOR_SET = 300  # PWM_MAIN_FUNCn: 301 is "Peripheral via Actuator Set 1"
@@ -18,23 +18,9 @@ def functions(link: AutopilotLinkConfig) -> tuple[int, int]:
     return ACTUATOR_SET + link.port_actuator, ACTUATOR_SET + link.starboard_actuator
 
 
-def outputs_with(function: int, values: Mapping[str, float]) -> tuple[int, ...]:
-    """The outputs that are known to have a function."""
-    return tuple(n for n, name in enumerate(FUNCTIONS, start=1) if values.get(name) == function)
-
-
-def motor_outputs(link: AutopilotLinkConfig, pwm: PwmConfig, values: Mapping[str, float]) -> tuple[int, int]:
-    """The outputs (port, starboard): the config's, else the first that has the function, else the usual one."""
-    port, starboard = (
-        config.output or next(iter(outputs_with(function, values)), None)
-        for config, function in zip((pwm.port, pwm.starboard), functions(link), strict=True)
-    )
-    return port or (3 if starboard == 1 else 1), starboard or (1 if port == 3 else 3)
-
-
 def wiring_of(link: AutopilotLinkConfig, pwm: PwmConfig, values: Mapping[str, float]) -> Wiring:
     """The wiring by what is known of the parameters, some of which PX4's simulation does not have."""
-    outputs = motor_outputs(link, pwm, values)
+    outputs = motor_outputs(pwm, functions(link), FUNCTIONS, values)
     port, starboard = (
         _motor(pwm, config, output, values) for config, output in zip((pwm.port, pwm.starboard), outputs, strict=True)
     )
@@ -45,7 +31,7 @@ def names_of_wiring(link: AutopilotLinkConfig, pwm: PwmConfig, values: Mapping[s
     """The parameters that the wiring rests on, as far as is known by now."""
     if None in (pwm.port.output, pwm.starboard.output):
         yield from FUNCTIONS
-    for output in motor_outputs(link, pwm, values):
+    for output in motor_outputs(pwm, functions(link), FUNCTIONS, values):
         yield from (f"PWM_MAIN_{part}{output}" for part in ("FUNC", "MIN", "MAX"))
     yield REVERSED
 

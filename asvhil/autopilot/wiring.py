@@ -6,7 +6,7 @@ what this boat's sticks and outputs need, and what it reports of them back.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 
 from asvhil.config import MotorOutputConfig, PwmConfig
@@ -178,6 +178,20 @@ class Wiring:
     def _of_stick(self, side: int, pulse_us: int) -> float:
         wired = self.motors[side]
         return self._of_output(side, round(wired.travel.pulse_us(self.sticks[side].fraction(pulse_us))))
+
+
+def outputs_with(function: int, names: Sequence[str], values: Mapping[str, float]) -> tuple[int, ...]:
+    """The outputs that are known to have a function; `names` are the parameters of their functions, from output 1."""
+    return tuple(n for n, name in enumerate(names, start=1) if values.get(name) == function)
+
+
+def motor_outputs(pwm: PwmConfig, functions: Pulses, names: Sequence[str], values: Mapping[str, float]) -> Pulses:
+    """The outputs (port, starboard): the config's, else the first that has the function, else the usual one."""
+    port, starboard = (
+        config.output or next(iter(outputs_with(function, names, values)), None)
+        for config, function in zip((pwm.port, pwm.starboard), functions, strict=True)
+    )
+    return port or (3 if starboard == 1 else 1), starboard or (1 if port == 3 else 3)
 
 
 def motor_of(pwm: PwmConfig, config: MotorOutputConfig, *, trim_us: float | None = None, turned: bool = False) -> Motor:

@@ -2,12 +2,14 @@
 
 import random
 from dataclasses import replace
+from typing import cast
 
 import pytest
 
 from asvhil.config import load_config
 from asvhil.io.mavlink.frames import dialect
 from asvhil.simplant.lockstep import Lockstep
+from asvhil.simplant.plant import Plant
 from asvhil.supervisor.reasons import Explanation, Reason, describe, explain
 from asvhil.types import Frame, Phase
 from tests.support.lossy_plant import PlantBehindLink, losing, losing_messages
@@ -77,9 +79,7 @@ def test_wiring_that_changes_while_holding_is_a_fault_though_the_change_is_told(
     for parameter, value in changes.items():
         station = dialect.MAVLink(None, srcSystem=255, srcComponent=190)
         change = dialect.MAVLink_param_set_message(1, 1, parameter.encode(), value, 4)
-        trial.plant.receive(
-            Frame(t_ns=trial.t_ns, port="autopilot", data=bytes(change.pack(station)), peer="ground")
-        )
+        trial.plant.receive(Frame(t_ns=trial.t_ns, port="autopilot", data=bytes(change.pack(station)), peer="ground"))
     for _ in range(round(LIMIT_S * 20)):
         outputs = trial.step()
         if outputs.phase is Phase.STANDBY:
@@ -93,7 +93,7 @@ def test_a_hold_waits_until_the_wiring_is_read_and_begins_once_it_has_been_given
     loop = Lockstep(load_config("sitl"))
     loop.plant = cast(Plant, PlantBehindLink(loop.plant, losing_messages(NO_ANSWER)))
     reasons = [loop.tick()[1].health.code for _ in range(400)]
-    assert Reason.WIRING_UNREAD in reasons and reasons[-1] is Reason.HOLDING
+    assert Reason.WIRING_UNREAD in reasons and reasons[-1] == Reason.HOLDING
     assert reasons.index(Reason.HOLDING) < 15 * 20
 
 
