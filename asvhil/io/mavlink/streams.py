@@ -18,6 +18,7 @@ LOOK_NS = 500_000_000
 RETRY_AFTER_NS = 15_000_000_000
 LEAST_SHARE = 0.5  # of the asked rate: below it the stream is asked for again
 SLOW_SHARE = 0.3  # below it the stream is called slow: no loss that a boat can be used with makes it so
+FAST_HZ = 4.0  # what is asked for at less is read at leisure: nothing that a boat is held by
 STALE_NS = 3_000_000_000  # for so long a second answer to a repeated request may be on its way
 UNANSWERED = 3  # messages in a row without any acknowledgement, before it is thought that there are none
 
@@ -101,9 +102,9 @@ class StreamRequester:
         return tuple((self._names[msg_id], self._wanted[msg_id]) for msg_id in self._slow_since_ns)
 
     def still_asked_for(self, t_ns: int) -> tuple[str, float] | None:
-        """The first slow message that is being asked for again; None once that was tried in vain."""
+        """The first slow message, of those wanted often, that is asked for again; None once that was tried in vain."""
         for msg_id, since_ns in self._slow_since_ns.items():
-            if t_ns - since_ns < RETRY_AFTER_NS:
+            if t_ns - since_ns < RETRY_AFTER_NS and self._wanted[msg_id] >= FAST_HZ:
                 return self._names[msg_id], self._wanted[msg_id]
         return None
 
