@@ -144,8 +144,8 @@ class ScriptTool:
             await self._files(f"remove {folder}/{NAME}", remove_file(f"{folder}/{NAME}"), "removing the script")
             if self._enabled:
                 await self._restart()
-                await self._until(lambda: False, LISTEN_S, "seeing that it is silent")
-                if self._look.alive.heard_ns is not None:
+                quiet_ns = round(LISTEN_S * 1e9)
+                if not await self._until(lambda: self._look.quiet_ns > quiet_ns, ALIVE_S, "seeing that it is silent"):
                     raise AsvhilError(f"{folder}/{NAME}: removed, and it still runs: restart the autopilot")
             return f"{folder}/{NAME}"
 

@@ -17,6 +17,7 @@ ENABLE = "SCR_ENABLE"
 CHECKS, SKIPPED = "ARMING_CHECK", "ARMING_SKIPCHK"  # its name since 4.7, with the sense turned round
 HEARTBEAT_NS = 1_000_000_000
 RESTART = 3.0  # MAV_CMD_SCRIPTING: stop, and begin again
+STOPPED_NS = 300_000_000  # after the answer to that no script of before speaks any more
 AGAIN_NS = 700_000_000  # between two times that a command is sent
 COMMAND_ATTEMPTS = 6
 
@@ -41,6 +42,9 @@ class ScriptVisit:
         self.restart_result: int | None = None
         self._restarts = 0
         self._restart_ns = 0
+        self._restarted_ns = 0
+        self._forget_ns: int | None = None
+        self.quiet_ns = 0  # for how long no alive sign has come, or since scripting was restarted
 
     def step(self, inputs: Inputs) -> list[Frame]:
         """One tick: what came in, and what goes out."""
@@ -51,6 +55,11 @@ class ScriptVisit:
                 for data in self._parser.receive(frame.peer, frame.data):
                     if source(data) == self._autopilot and target(data) in ((0, 0), (self._own[0], 0), self._own):
                         self._take(t_ns, data)
+        if self._forget_ns is not None and t_ns >= self._forget_ns:
+            self._forget_ns = None
+            self.alive.forget()
+        since_ns = self._restarted_ns if self.alive.heard_ns is None else self.alive.heard_ns
+        self.quiet_ns = t_ns - since_ns
         messages = self._heartbeat(t_ns)
         if self.armed is not None:
             messages += self.files.data_to_send(t_ns) or self.parameters.data_to_send(t_ns) or self._command(t_ns)
@@ -93,6 +102,7 @@ class ScriptVisit:
             case dialect.MAVLINK_MSG_ID_COMMAND_ACK:
                 if message.command == dialect.MAV_CMD_SCRIPTING:
                     self.restart_result, self._restarts = message.result, 0
+                    self._restarted_ns, self._forget_ns = t_ns, t_ns + STOPPED_NS
 
     def _heartbeat(self, t_ns: int) -> list[Any]:
         if t_ns < self._beat_ns:

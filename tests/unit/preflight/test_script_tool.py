@@ -155,6 +155,24 @@ def test_removed_it_is_silent() -> None:
     assert asyncio.run(tool(boat).remove()) == ""
 
 
+def test_one_that_goes_on_after_it_was_removed() -> None:
+    boat = ScriptBoat()
+    boat.seat.scripting.command = lambda action: True  # the script is in memory still
+    with pytest.raises(
+        AsvhilError, match=r"^/APM/scripts/asvhil.lua: removed, and it still runs: restart the autopilot$"
+    ):
+        asyncio.run(tool(boat).remove())
+
+
+def test_the_sign_of_an_old_one_is_not_taken_for_the_new() -> None:
+    boat = ScriptBoat()
+    told = boat.seat.rover.say
+    boat.seat.rover.say = lambda severity, text: None if text == "Scripting: restarted" else told(severity, text)
+    bad = SCRIPT.replace("local VERSION = 1", "local VERSION = nothing.at_all")
+    with pytest.raises(AsvhilError, match="gives no sign of life"):
+        asyncio.run(tool(boat).install(bad))
+
+
 @pytest.mark.parametrize("job", ["install", "remove"])
 def test_nothing_is_touched_on_an_armed_vehicle(job: str) -> None:
     boat = ScriptBoat().driving()
