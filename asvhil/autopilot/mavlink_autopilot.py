@@ -38,6 +38,8 @@ BOOTING = (dialect.MAV_STATE_BOOT, dialect.MAV_STATE_CALIBRATING)
 ASK_MODE_AFTER_NS = 1_100_000_000  # since the last heartbeat, while other messages come: mode and arming are asked for
 ASK_MODE_NS = 400_000_000
 OLD_MODE_NS = 2_000_000_000
+# What a hold waits for: pose, and the pilot's sticks. The rest is told, and does without.
+HOLD_NEEDS = frozenset({"ATTITUDE", "ATTITUDE_QUATERNION", "GPS_RAW_INT", "GPS2_RAW", "RC_CHANNELS"})
 STRANGER_NS = 10_000_000_000  # since another kind of vehicle was heard
 
 
@@ -84,6 +86,7 @@ class MavlinkAutopilot:
         self._neighbours = Neighbours(config)
         self._one = OneVehicle()
         self._pace = Pace()
+        self._needed = HOLD_NEEDS if config.position_source is None else {*HOLD_NEEDS, config.position_source}
         self._numbering = Numbering()
         self._it = (config.autopilot_system_id, config.autopilot_component_id)
         self._us = us
@@ -198,7 +201,7 @@ class MavlinkAutopilot:
     @property
     def slow_stream(self) -> Explanation | None:
         """A message that comes much slower than it was asked for, while it is being asked for again."""
-        slow = self._streams.still_asked_for(self._t_ns)
+        slow = self._streams.still_asked_for(self._t_ns, self._needed)
         return None if slow is None else explain(Reason.STREAM_SLOW, message=slow[0], wanted=f"{slow[1]:g}")
 
     @property

@@ -186,7 +186,7 @@ WORDS: Mapping[Reason, Words] = {
         remedy="Wait for the sensors; `sources` in the status names what is heard of each quantity.",
     ),
     Reason.STREAM_SLOW: Words(
-        text="{message} comes at less than a third of {wanted} Hz",
+        text="too slow: {message}, less than a third of {wanted} Hz",
         remedy="It is asked for again: send the hold command in some seconds. If that does not help, a hold is granted "
         "after 15 s, and the note stays: look at the link's rate and losses (`asvhil check`).",
     ),

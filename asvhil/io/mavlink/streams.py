@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from typing import Any
 
 from asvhil.io.mavlink.frames import decode, dialect, message_id, target
@@ -12,13 +13,12 @@ ACK_TIMEOUT_NS = 500_000_000
 ATTEMPTS = 4
 MORE_ROUNDS = 3  # of ATTEMPTS each for a request that gets no answer where others did
 WATCH_NS = 5_000_000_000
-FIRST_WATCH_NS = 2_000_000_000  # or until FEW messages are due: a stream that nobody has asked for is known by then
-FEW = 5
+FIRST_WATCH_NS = 2_000_000_000  # or until ENOUGH messages are due: a stream that nobody has asked for is known by then
+ENOUGH = 10  # of which some get lost by chance; of fewer nothing is said
 LOOK_NS = 500_000_000
 RETRY_AFTER_NS = 15_000_000_000
 LEAST_SHARE = 0.5  # of the asked rate: below it the stream is asked for again
 SLOW_SHARE = 0.3  # below it the stream is called slow: no loss that a boat can be used with makes it so
-FAST_HZ = 4.0  # what is asked for at less is read at leisure: nothing that a boat is held by
 STALE_NS = 3_000_000_000  # for so long a second answer to a repeated request may be on its way
 UNANSWERED = 3  # messages in a row without any acknowledgement, before it is thought that there are none
 
@@ -101,10 +101,10 @@ class StreamRequester:
         """Messages that come at less than SLOW_SHARE of the rate asked for (Hz), by the last watch; not the absent."""
         return tuple((self._names[msg_id], self._wanted[msg_id]) for msg_id in self._slow_since_ns)
 
-    def still_asked_for(self, t_ns: int) -> tuple[str, float] | None:
-        """The first slow message, of those wanted often, that is asked for again; None once that was tried in vain."""
+    def still_asked_for(self, t_ns: int, needed: Collection[str]) -> tuple[str, float] | None:
+        """The first slow message of some that is being asked for again; None once that was tried in vain."""
         for msg_id, since_ns in self._slow_since_ns.items():
-            if t_ns - since_ns < RETRY_AFTER_NS and self._wanted[msg_id] >= FAST_HZ:
+            if self._names[msg_id] in needed and t_ns - since_ns < RETRY_AFTER_NS:
                 return self._names[msg_id], self._wanted[msg_id]
         return None
 
@@ -207,7 +207,7 @@ class StreamRequester:
 
     def _begin_watch(self, msg_id: int) -> None:
         """Count from now on: first for as short a time as tells a slow stream."""
-        first_ns = min(WATCH_NS, max(FIRST_WATCH_NS, round(FEW / self._wanted[msg_id] * 1e9)))
+        first_ns = min(WATCH_NS, max(FIRST_WATCH_NS, round(ENOUGH / self._wanted[msg_id] * 1e9)))
         self._counts[msg_id] = 0
         self._watch[msg_id] = (self._t_ns, first_ns)
 
@@ -223,7 +223,7 @@ class StreamRequester:
             if count == 0:
                 self._absent.add(msg_id)
             self._counts[msg_id], self._watch[msg_id] = 0, (t_ns, WATCH_NS)
-            if 0 < count < SLOW_SHARE * expected:
+            if expected >= ENOUGH and 0 < count < SLOW_SHARE * expected:
                 self._slow_since_ns.setdefault(msg_id, t_ns)
             else:
                 self._slow_since_ns.pop(msg_id, None)
