@@ -34,7 +34,8 @@ def install(
     timeout: TimeoutOption = 15.0,
 ) -> None:
     """Put the script on the autopilot, read it back, and start it."""
-    from asvhil.preflight.script_tool import NAME, advice, shipped_script
+    from asvhil.config.shipped_script import NAME, shipped_script
+    from asvhil.preflight.script_tool import advice
 
     text = shipped_script()
     if copy_to is not None:
@@ -58,7 +59,8 @@ def status(
     timeout: TimeoutOption = 15.0,
 ) -> None:
     """Tell what is on the autopilot; exit 1 where it is not as it should be."""
-    from asvhil.preflight.script_tool import advice, shipped_script
+    from asvhil.config.shipped_script import shipped_script
+    from asvhil.preflight.script_tool import advice
 
     text = shipped_script()
     found = _run(config, set_, timeout, lambda tool: tool.status(text))
@@ -78,7 +80,7 @@ def remove(
     timeout: TimeoutOption = 15.0,
 ) -> None:
     """Take the script off the autopilot."""
-    from asvhil.preflight.script_tool import NAME
+    from asvhil.config.shipped_script import NAME
 
     _confirm(f"Remove {NAME} from the autopilot and restart its scripts?", yes)
     path = _run(config, set_, timeout, lambda tool: tool.remove())

@@ -203,6 +203,13 @@ class FrontseatConfig(Section):
         default_factory=dict,
         description="Parameters of the autopilot to set before start, as {NAME: value}; none by default.",
     )
+    script: bool = Field(
+        default=False,
+        description=(
+            "Whether the script of docs/autopilot-script.md is on the memory card at power-on; it runs where "
+            "parameters have SCR_ENABLE 1."
+        ),
+    )
     system_id: MavlinkId = Field(default=1, description="MAVLink system id (SYSID_THISMAV, MAV_SYSID, MAV_SYS_ID).")
     mygcs_system_id: MavlinkId = Field(
         default=1, description="System whose overrides it accepts (SYSID_MYGCS, MAV_GCS_SYSID)."

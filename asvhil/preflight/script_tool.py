@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 from asvhil.autopilot.script_protocol import VERSION, ScriptState
 from asvhil.config import Config
 from asvhil.config.ports import AUTOPILOT
-from asvhil.errors import AsvhilError, ConfigError, LinkError
+from asvhil.config.shipped_script import CARD_FOLDER, NAME
+from asvhil.errors import AsvhilError, LinkError
 from asvhil.io.mavlink.file_client import (
     FileRefused,
     FilesUnanswered,
@@ -28,9 +28,8 @@ from asvhil.preflight.script_visit import CHECKS, ENABLE, SKIPPED, ScriptVisit
 from asvhil.preflight.visit import Visit
 from asvhil.types import record
 
-NAME = "asvhil.lua"
 PART = "asvhil.part"  # while it is written: nothing that a script engine loads
-FOLDERS = ("/APM/scripts", "scripts")  # on boards with a memory card; on Linux, from where ArduPilot runs
+FOLDERS = (CARD_FOLDER, "scripts")  # on boards with a memory card; on Linux, from where ArduPilot runs
 SCRIPTING_CHECK = 1 << 13  # of ARMING_CHECK and ARMING_SKIPCHK
 TICK_S = 0.01
 BROKEN_S = 2.0  # a link that cannot be opened is told after this
@@ -54,15 +53,6 @@ class ScriptStatus:
     checked: bool | None  # whether the autopilot does not arm when a script fails
     rivals: tuple[str, ...]  # other scripts that receive MAVLink messages
     problem: str  # what scripting says of a script that fails
-
-
-def shipped_script() -> str:
-    """The script that comes with this program. Raises ConfigError where it is missing."""
-    package = Path(__file__).resolve().parents[1]
-    for folder in (package / "shipped_script", package.parent / "firmware" / "ardupilot_script"):
-        if (folder / NAME).is_file():
-            return (folder / NAME).read_text(encoding="ascii")
-    raise ConfigError(f"{NAME}: it is missing from this installation of asvhil")
 
 
 def version_of(text: str) -> int | None:

@@ -12,11 +12,11 @@ from typing import Any, Protocol
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
+from asvhil.config.shipped_script import CARD_FOLDER
 from asvhil.errors import ConfigError
 from asvhil.io.mavlink.frames import CRC_LENGTH, HEADER_V2, MAGIC_V2, SIGNATURE_LENGTH, checksum, message_id
 from asvhil.simplant.ardurover.parameters import OUTPUTS
 
-SCRIPTS_FOLDER = "/APM/scripts"
 RESTART_NS = 1_000_000_000  # from the end of scripting until it begins again
 AGAIN_NS = 10_000_000_000  # between two times that an error is told
 CRITICAL = dialect.MAV_SEVERITY_CRITICAL
@@ -169,9 +169,9 @@ class Scripting:
         self._scripts = []
         api = self._api()
         for path in sorted(self._files):
-            name = path.removeprefix(f"{SCRIPTS_FOLDER}/")
+            name = path.removeprefix(f"{CARD_FOLDER}/")
             if (
-                not path.startswith(f"{SCRIPTS_FOLDER}/")
+                not path.startswith(f"{CARD_FOLDER}/")
                 or "/" in name
                 or name.startswith(".")
                 or not name.endswith(".lua")

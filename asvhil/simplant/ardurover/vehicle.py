@@ -7,12 +7,13 @@ from typing import Any
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from asvhil.config import FrontseatConfig, GnssSensorConfig, PwmConfig
+from asvhil.config.shipped_script import CARD_FOLDER, NAME, shipped_script
 from asvhil.geo import LocalFrame
 from asvhil.io.mavlink.file_transfer import decode_packet
 from asvhil.io.mavlink.frames import MAGIC_V2
 from asvhil.simplant.ardurover.file_server import FileServer
 from asvhil.simplant.ardurover.rover import Rover
-from asvhil.simplant.ardurover.scripting import SCRIPTS_FOLDER, Scripting, whole_but_damaged
+from asvhil.simplant.ardurover.scripting import Scripting, whole_but_damaged
 from asvhil.simplant.ardurover.telemetry import FLIGHT_SW_VERSIONS, RoverTelemetry
 from asvhil.simplant.boat.sensors import Navigation
 from asvhil.simplant.boat.vessel import Vessel
@@ -60,7 +61,9 @@ class SimulatedArduRover(SimulatedAutopilot):
         self._loop_hz = config.loop_hz
         self._truth = truth
         self.files: dict[str, bytes] = {}  # of the memory card: path to content
-        self.file_server = FileServer(self.files, (SCRIPTS_FOLDER,))
+        if config.script:
+            self.files[f"{CARD_FOLDER}/{NAME}"] = shipped_script().encode("ascii")
+        self.file_server = FileServer(self.files, (CARD_FOLDER,))
         self.rover = Rover(config, pwm, t_ns)
         self._messages = RoverTelemetry(self.rover, nav, truth, origin, gnss, FLIGHT_SW_VERSIONS[config.firmware])
         super().__init__(self.rover, self.rover.parameters, self._messages, config.system_id, t_ns)

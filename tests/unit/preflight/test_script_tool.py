@@ -10,8 +10,9 @@ import pytest
 
 from asvhil.autopilot.script_protocol import ScriptReason
 from asvhil.config import load_config
+from asvhil.config.shipped_script import shipped_script
 from asvhil.errors import AsvhilError, LinkError
-from asvhil.preflight.script_tool import ScriptTool, advice, shipped_script, version_of
+from asvhil.preflight.script_tool import ScriptTool, advice, version_of
 from asvhil.types import Frame, Inputs
 from tests.support.autopilot_script import NEUTRAL, NO_PILOT, PATH, SCRIPT, ScriptBoat, parameters
 from tests.support.simplant_boat import Boat
@@ -268,6 +269,12 @@ def test_a_boat_on_which_it_was_installed_is_driven() -> None:
     asyncio.run(tool(boat).install(SCRIPT))
     boat.armed().start()
     assert boat.motors != NEUTRAL
+
+
+def test_a_boat_that_comes_with_it() -> None:
+    card = Boat(parameters(), *NO_PILOT, "plant.frontseat.script=true").seat.files
+    assert card == {PATH: SCRIPT.encode()}
+    assert Boat(parameters(), *NO_PILOT).seat.files == {}
 
 
 def test_the_shipped_script_and_its_version() -> None:
