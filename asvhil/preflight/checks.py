@@ -324,7 +324,8 @@ def wanted_text(finding: Finding) -> str:
     """What will do, in words."""
     requirement = finding.requirement
     if requirement.clear:
-        return f"bit {requirement.clear.bit_length() - 1} not set"
+        bits = [str(bit) for bit in range(requirement.clear.bit_length()) if requirement.clear >> bit & 1]
+        return f"bit{'s' * (len(bits) > 1)} {', '.join(bits)} not set"
     if requirement.least == requirement.most:
         return f"{requirement.least:g}"
     return f"{requirement.least:g} to {requirement.most:g}"

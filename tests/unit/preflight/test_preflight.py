@@ -222,7 +222,7 @@ def test_a_px4_that_would_lose_a_boat_adrift_is_told_the_cure(value: int, writte
     checks = dock.look()
     assert bad(checks)["EKF2_GPS_CHECK"] is Result.WARN
     found = of(checks, "EKF2_GPS_CHECK")
-    assert "--fix writes it" in found.todo and "moves" in found.todo
+    assert "--fix writes it" in found.todo and "moves" in found.todo and found.wanted == "bits 5, 6, 7, 8 not set"
     dock.survey.fix()
     dock.run(12.0)
     assert dock.plant.frontseat.vehicle.parameters["EKF2_GPS_CHECK"] == written
