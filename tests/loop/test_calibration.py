@@ -80,7 +80,7 @@ def test_the_config_of_the_boat_is_not_overwritten_and_its_base_must_be_there(
     assert boat.read_text() == "base: field.yaml\n" and not (tmp_path / "new.yaml").exists()
 
 
-def test_a_boat_that_did_not_turn_tells_nothing(
+def test_a_log_without_a_turn_gives_no_calibration(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     # With a model whose file is gone by then: the log holds it.

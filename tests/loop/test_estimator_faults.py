@@ -39,7 +39,7 @@ def test_the_estimate_stays_where_the_boat_is_and_the_note_names_the_sensor(
     assert found["held"] and found["invalid"] == 0.0 and not found["false_flags"]
 
 
-def test_with_receiver_and_compass_silent_the_motors_are_given_back() -> None:
+def test_with_receiver_and_compass_silent_the_motors_are_released() -> None:
     """Both of what the one could be bridged with: within the time of staleness, then of the fail-safe."""
     loop = Lockstep(load_config("sitl-bream", (*row_overrides("2", 1), "plant.faults=[{kind: nmea, from_s: 30}]")))
     phases = {}
@@ -49,7 +49,7 @@ def test_with_receiver_and_compass_silent_the_motors_are_given_back() -> None:
     assert phases[29.9] is Phase.HOLD and phases[31.4] is Phase.FAILSAFE and phases[34.0] is Phase.STANDBY
 
 
-def test_the_notes_are_told_and_taken_back() -> None:
+def test_notes_are_reported_and_withdrawn() -> None:
     fault = "plant.faults=[{kind: gnss-jump, from_s: 20, until_s: 23}]"
     loop = Lockstep(load_config("sitl-bream", (*row_overrides("2", 1), fault)))
     texts = []

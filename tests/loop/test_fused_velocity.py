@@ -34,11 +34,11 @@ def trusting(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.usefixtures("trusting")
-def test_a_filter_that_trusts_it_against_its_own_position_leaves_the_station() -> None:
+def test_a_filter_that_takes_it_for_independent_leaves_the_station() -> None:
     assert distance_m(FUSED) > 1.0
 
 
-def test_one_that_does_not_stays() -> None:
+def test_the_filter_as_shipped_keeps_the_station() -> None:
     assert distance_m(FUSED) < 0.4
 
 

@@ -124,7 +124,7 @@ VOICES = {
 
 
 @pytest.mark.parametrize("name", VOICES)
-def test_whoever_else_talks_the_hold_goes_on(name: str) -> None:
+def test_other_components_on_the_link_do_not_end_the_hold(name: str) -> None:
     alone, loop = SharedLoop(), SharedLoop()
     loop.talk = VOICES[name]
     for one in (alone, loop):
@@ -149,7 +149,7 @@ def test_who_calls_itself_an_autopilot_is_noted_by_name() -> None:
 
 
 @pytest.mark.parametrize("name", ["a camera", "a gimbal", "an ADS-B receiver"])
-def test_a_voice_beside_a_dead_autopilot_does_not_keep_the_link_alive(name: str) -> None:
+def test_another_component_does_not_keep_the_link_of_a_dead_autopilot_alive(name: str) -> None:
     loop = SharedLoop().ready()
     assert loop.ask_to_hold().phase is Phase.HOLD
     loop.talk = VOICES[name]

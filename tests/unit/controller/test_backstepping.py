@@ -117,7 +117,7 @@ def test_the_wind_can_be_switched_off_or_be_unknown():
         ((-3.0, -3.0, 70.0), 0.0),  # within the radius the station's heading
     ],
 )
-def test_where_it_points(at, reference_deg):
+def test_the_heading_reference(at, reference_deg):
     x_m, y_m, psi_deg = at
     got_rad = Steering(STEERING).reference_rad(x_m, y_m, math.radians(psi_deg))
     assert math.degrees(wrap_rad(got_rad - math.radians(reference_deg))) == pytest.approx(0.0, abs=1e-9)
@@ -227,7 +227,7 @@ def test_what_is_not_finite_is_not_ok(field, value):
     assert keeper.step(boat(n_m=1.0), None, ORIGIN) == controller().step(boat(n_m=1.0), None, ORIGIN)
 
 
-def test_a_wind_that_is_no_number_is_not_ok():
+def test_a_wind_that_is_not_finite_is_not_ok():
     assert not controller().step(boat(), air(math.nan, 0.0), ORIGIN).ok
 
 

@@ -213,7 +213,7 @@ def test_the_shortest_is_what_a_search_over_all_words_finds(seed):
     assert path.length_m == pytest.approx(searched_length(begin, end, radius_m), abs=1e-4)
 
 
-def test_all_six_words_win_somewhere():
+def test_each_of_the_six_words_is_the_shortest_for_some_poses():
     rng = np.random.default_rng(4)
     won = {
         shortest((0.0, 0.0, 0.0), (*rng.uniform(-3, 3, 2).tolist(), float(rng.uniform(-3, 3))), 1.0).word

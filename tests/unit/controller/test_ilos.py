@@ -128,7 +128,7 @@ def test_a_head_wind_is_met_by_its_load():
     assert Helm(CONFIG, VESSEL).command(estimate(), None, steer(0.0), 0.0) == (0.0, 0.0)
 
 
-def test_what_the_motors_give_is_the_acceleration_asked_for():
+def test_the_motors_give_the_commanded_acceleration():
     """In any state, wind and disturbance: u_dot = (u_d - u) / T_u and r_dot = (r_d - r) / T_r."""
     body, curve = RigidBody(VESSEL), ThrustCurve(VESSEL.thrust_curve)
     u, v, r, wind, push = 1.2, -0.15, 0.08, (3.0, -4.0), (0.02, -0.03, 0.01)

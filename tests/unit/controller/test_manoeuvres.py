@@ -51,7 +51,7 @@ def drive(controller: Manoeuvres, seconds: float, later_s: int = 0) -> list[Cont
     return [controller.step(estimate, None, STATION) for estimate in later]
 
 
-def test_a_cycle_holds_every_manoeuvre_and_the_hand_has_its_share() -> None:
+def test_a_cycle_has_every_manoeuvre_and_a_share_of_manual_station_keeping() -> None:
     blocks = programme(1.0, np.random.default_rng(1))
     spent = {kind: sum(b.duration_s for b in blocks if b.kind == kind) for kind in KINDS}
     assert {b.kind for b in blocks} == KINDS
@@ -107,7 +107,7 @@ def test_the_zigzag_reverses_where_the_heading_is_reached() -> None:
     )
 
 
-def test_the_hand_is_late_and_coarse() -> None:
+def test_the_human_operator_reacts_late_and_in_coarse_steps() -> None:
     hand = HumanOperator(np.random.default_rng(4), reaction_s=0.4)
     before, after = at(0.0, 0.0), -25.0  # the boat jumps 25 m south of the station at 20 s
     pushed_s = None
@@ -163,7 +163,7 @@ def test_a_boat_that_does_not_come_back_is_given_up_until_reset(distance_m: floa
     assert controller.step(at(41.0), None, STATION).ok
 
 
-def test_an_estimate_that_is_no_number_gives_no_command() -> None:
+def test_an_estimate_that_is_not_finite_gives_no_command() -> None:
     control = manoeuvres().step(at(0.0, math.nan), None, STATION)
     assert not control.ok and control.command == (0.0, 0.0)
 
@@ -178,7 +178,7 @@ def test_at_the_end_the_station_is_kept() -> None:
     assert controller.done and controller.stage == "done"
 
 
-def test_on_the_water_the_fence_holds_the_boat_and_the_states_are_covered() -> None:
+def test_in_the_loop_the_geofence_holds_the_boat_and_the_states_are_covered() -> None:
     config = load_config(
         "sitl",
         (

@@ -308,7 +308,7 @@ def test_the_plan_starts_at_the_boat_and_is_finite():
 
 @pytest.mark.parametrize("field", ["n_m", "e_m", "psi_rad", "u_mps", "v_mps", "r_radps"])
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
-def test_nothing_that_is_not_finite_leaves(field, value):
+def test_the_command_is_always_finite(field, value):
     controller = StationMpc(MODEL, MpcConfig(), 0.2)
     good = estimate((-6.0, 1.0, 0.3, 0, 0, 0, 0, 0))
     before = controller.step(good, None, ORIGIN)
@@ -399,7 +399,7 @@ def test_a_new_station_forgets_that_the_old_one_was_near():
     assert near_first.cost == pytest.approx(fresh.cost, rel=0.02)
 
 
-def test_the_trim_leans_against_a_lasting_heading_error_only_when_near_and_is_bounded():
+def test_the_trim_counters_a_lasting_heading_error_only_when_near_and_is_bounded():
     """Seen through the cost at a boat that is held 0.2 rad off: it grows as the reference moves away, then stops."""
     frozen = {"trim_time_s": 1e9}
     held = estimate((0.0, 0.0, 0.2, 0, 0, 0, 0, 0))

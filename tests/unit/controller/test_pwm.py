@@ -59,7 +59,7 @@ def test_limits_hold_whatever_is_asked(commands: list[tuple[float, float]]) -> N
         last = pulses
 
 
-def test_thrust_is_taken_off_at_once_and_put_on_slowly() -> None:
+def test_thrust_is_reduced_at_once_and_increased_at_the_slew_rate() -> None:
     limiter = PulseLimiter(PWM)
     limiter.step(0, (1.0, -1.0))
     for tick in range(1, 20):

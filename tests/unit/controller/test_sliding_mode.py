@@ -103,7 +103,7 @@ def test_it_integrates_the_error_over_the_time_of_the_estimates():
     assert keeper.integral == pytest.approx((1.0, -0.4, math.radians(6.0)))
 
 
-def test_a_wind_it_does_not_know_is_held_against_in_the_end():
+def test_an_unknown_wind_is_compensated_by_the_integral():
     keeper = controller()
     first = forces(keeper.step(boat(n_m=0.3), None, ORIGIN).command)[0]
     held(keeper, 5.0, n_m=0.3)

@@ -105,17 +105,17 @@ def test_a_step_too_long_is_cut_to_the_minimum_of_the_parabola(monkeypatch):
     assert tried == [1.0, taken] and taken == pytest.approx(0.4)
 
 
-def test_a_step_that_pays_is_taken_whole(monkeypatch):
+def test_a_step_with_enough_decrease_is_taken_in_full(monkeypatch):
     assert searched(monkeypatch, lambda a: -a + 0.7 * a**2) == ([1.0], 1.0)
 
 
-def test_a_step_that_pays_too_little_is_cut_though_the_cost_falls(monkeypatch):
+def test_a_step_with_too_little_decrease_is_shortened(monkeypatch):
     tried, taken = searched(monkeypatch, lambda a: -a + 0.9 * a**2)  # a tenth of what the slope promises
     assert len(tried) == 2 and taken == pytest.approx(1.0 / 1.8)
 
 
 @pytest.mark.parametrize("beyond", [np.nan, np.inf, 1e9])
-def test_a_cost_that_is_none_or_beyond_measure_cuts_to_a_quarter(monkeypatch, beyond):
+def test_a_cost_that_is_not_finite_shortens_the_step_to_a_quarter(monkeypatch, beyond):
     tried, taken = searched(monkeypatch, lambda a: beyond if a > 0.1 else -a)
     assert tried == [1.0, 0.25, 0.0625] and taken == 0.0625
 
@@ -130,7 +130,7 @@ def test_without_descent_the_search_ends(monkeypatch):
 
 @pytest.mark.parametrize("near", [False, True], ids=["far", "near"])
 @pytest.mark.parametrize("state", STATES)
-def test_all_come_to_the_same_optimum(solver, optima, state, near):
+def test_all_solvers_find_the_same_optimum(solver, optima, state, near):
     p = pack(STATES[state], CONFIG.near if near else CONFIG.far)
     found = [solver.solve(p, level(share), CAP) for share in (0.0, 0.7)]
     assert all(f.ok for f in found)
@@ -186,7 +186,7 @@ def test_bounds_hold_and_states_and_cost_belong_to_the_inputs(name, solver, cap)
         assert found.states.ravel() == pytest.approx(np.array(states).ravel(), abs=1e-12)
 
 
-def test_it_is_never_dearer_than_its_start_and_says_when_it_was_stopped(name, solver):
+def test_the_plan_never_costs_more_than_its_start_and_a_stop_is_reported(name, solver):
     p = pack((-4.0, 2.0, 1.5, 0.8, 0.2, -0.2, 0.5, -0.2), CONFIG.near)
     start_cost = float(PROBLEM.rollout(p, level(0.1).ravel())[1])
     for cap in (1, 3):

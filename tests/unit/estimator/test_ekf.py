@@ -67,7 +67,7 @@ def drive(
             ekf.on_measurements(fix(t_ns, n + rng.normal(0, 0.07), e + rng.normal(0, 0.07), vn, ve))
 
 
-def test_it_finds_a_straight_line_through_noise_and_knows_how_well() -> None:
+def test_it_follows_a_straight_line_through_noise_within_its_standard_deviation() -> None:
     psi = math.radians(170.0)
     ekf = started(psi=psi)
     rng = np.random.default_rng(1)
@@ -100,7 +100,7 @@ def still(ekf: Ekf, start_s: float, seconds: float, rng: np.random.Generator, n:
 
 
 @pytest.mark.parametrize("jump_m", [20.0, -200.0])
-def test_a_jump_never_moves_a_valid_estimate_and_is_believed_once_there_is_none(jump_m: float) -> None:
+def test_a_jump_never_moves_a_valid_estimate_and_is_accepted_once_there_is_none(jump_m: float) -> None:
     ekf = started()
     rng = np.random.default_rng(3)
     still(ekf, 0.0, 10.0, rng)
@@ -120,7 +120,7 @@ def test_a_jump_never_moves_a_valid_estimate_and_is_believed_once_there_is_none(
     assert ekf.notes(60 * S) == ()
 
 
-def test_a_filter_without_a_record_believes_what_goes_on() -> None:
+def test_a_filter_without_a_record_accepts_a_persistent_reading() -> None:
     """The first fix was 50 m off."""
     ekf = started()
     still(ekf, 0.0, 5.0, np.random.default_rng(8), n=50.0)
@@ -131,7 +131,7 @@ def test_a_filter_without_a_record_believes_what_goes_on() -> None:
     ("accelerometer", "speed", "resets", "config", "within_m"),
     [(False, 1.2, 0, CONFIG, 0.5), (True, 3.0, 1, CONFIG, 0.5), (True, 3.0, 1, SHIPPED, 1.0)],
 )
-def test_a_push_that_only_the_receiver_has_seen_is_followed(
+def test_a_push_that_only_the_receiver_measures_is_followed(
     accelerometer: bool, speed: float, resets: int, config: Config, within_m: float
 ) -> None:
     """Position and velocity leave together and explain each other; an accelerometer that denies it costs 3 s.
@@ -156,7 +156,7 @@ def test_a_push_that_only_the_receiver_has_seen_is_followed(
     assert ekf.resets == resets and end.valid
 
 
-def test_without_fixes_it_dead_reckons_for_as_long_as_it_knows_where_it_is() -> None:
+def test_without_fixes_it_dead_reckons_within_its_limits() -> None:
     ekf = started()
     drive(ekf, 20.0, np.random.default_rng(4), speed=0.0, psi=0.0)
     rng = np.random.default_rng(5)

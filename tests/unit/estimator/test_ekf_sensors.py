@@ -63,7 +63,7 @@ def test_an_antenna_at_the_bow_moves_and_the_boat_that_spins_does_not(told: bool
 
 
 @pytest.mark.parametrize("told", [True, False])
-def test_an_accelerometer_off_the_origin_feels_the_turn_and_the_bias_does_not(told: bool) -> None:
+def test_an_accelerometer_off_the_origin_measures_the_turn_and_its_bias_stays(told: bool) -> None:
     ekf = make()
     spin(ekf, 60.0, 0.25, imu=(-2.0, 0.5), told=told)
     assert ekf.state is not None

@@ -43,13 +43,13 @@ def make(*overrides: str) -> Ekf:
 
 
 @pytest.mark.parametrize("velocity", [(0.015, 0.0), (-0.02, 0.01), (0.0, -0.015)])
-def test_the_velocity_of_a_filter_moves_nothing_away_from_its_position(velocity: tuple[float, float]) -> None:
+def test_a_fused_velocity_does_not_move_the_estimate_off_the_fused_position(velocity: tuple[float, float]) -> None:
     assert math.hypot(*at_rest(make(), 0, 240, velocity=velocity, fused=True)) < 0.3
     # As one that is independent, it does.
     assert math.hypot(*at_rest(make(), 0, 240, velocity=velocity)) > 1.0
 
 
-def test_with_the_velocity_of_a_filter_a_bias_that_was_found_decays() -> None:
+def test_with_a_fused_velocity_an_estimated_bias_decays() -> None:
     ekf = make()
     at_rest(ekf, 0, 60)
     assert math.hypot(*at_rest(ekf, 60, 70, position=(0.6, 0.0))) < 0.15
@@ -58,7 +58,7 @@ def test_with_the_velocity_of_a_filter_a_bias_that_was_found_decays() -> None:
     assert n == pytest.approx(0.6, abs=0.1) and abs(ekf.state.x[B_N]) < 0.1
 
 
-def test_a_receiver_that_wanders_by_a_metre_does_not_take_the_boat_along() -> None:
+def test_a_slow_error_of_a_metre_does_not_move_the_estimate_with_it() -> None:
     ekf, worst = make(), 0.0
     for k in range(48):
         slow = (math.sin(k / 9.0), 0.7 * math.sin(k / 14.0))
@@ -76,7 +76,7 @@ def test_a_filter_that_has_just_started_follows_a_jump_that_no_slow_error_makes(
     assert ekf.state is not None and abs(ekf.state.x[[B_N, B_E]]).max() < 3.0
 
 
-def test_the_velocity_of_a_filter_teaches_nothing_of_the_compass() -> None:
+def test_a_fused_velocity_does_not_change_the_compass_deviation() -> None:
     compass = "estimator.ekf.compass={std_deg: 1, walk_deg: 0.02}"
     for fused in (True, False):
         ekf = make(compass)

@@ -66,7 +66,7 @@ def test_a_gap_starts_the_horizon_anew() -> None:
         assert monitor.step(replace(still, t_ns=tick * 200_000_000), (0.0, 0.0), None) is None
 
 
-def test_a_model_that_runs_away_is_not_ok() -> None:
+def test_a_model_that_diverges_is_not_ok() -> None:
     monitor = ModelMonitor(MonitorConfig(horizon_s=0.2, window_s=0.2), SimplifiedDynamics(VESSEL), PERIOD_S)
     wild = Estimate(
         t_ns=0, n_m=0.0, e_m=0.0, psi_rad=0.0, u_mps=math.nan, v_mps=0.0, r_radps=0.0,

@@ -65,7 +65,7 @@ def test_a_sensor_that_stays_while_the_boat_moves_is_frozen_however_coarse(first
     assert all(found[first + HZ :])
 
 
-def test_a_velocity_of_exactly_zero_is_no_frozen_one():
+def test_a_velocity_of_exactly_zero_is_not_reported_as_frozen():
     chance, track = random.Random(1), Track()
     for k in range(100):
         moving = k < 50

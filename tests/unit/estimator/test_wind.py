@@ -53,7 +53,7 @@ def test_the_filter_follows_with_its_time_constant_and_goes_stale() -> None:
     assert again is not None and again.vn_mps == pytest.approx(2.0)
 
 
-def test_numbers_that_are_none_are_ignored() -> None:
+def test_readings_that_are_not_finite_are_ignored() -> None:
     wind = WindFilter(WindFilterConfig())
     wind.on_apparent_wind(ApparentWind(t_ns=0, speed_mps=math.nan, from_rad=0.0), boat())
     assert wind.wind(0) is None
@@ -121,7 +121,7 @@ def test_a_vane_that_stays_while_the_boat_turns_is_stuck_and_one_on_a_steady_boa
     assert now is not None and not now.valid
 
 
-def test_one_wild_sample_is_refused_and_named() -> None:
+def test_a_single_outlier_is_rejected_and_reported() -> None:
     """A right checksum does not make a wind: 999 is what a counter that ran away prints."""
     wind_filter = WindFilter(WindFilterConfig())
     for k in range(20):
@@ -132,7 +132,7 @@ def test_one_wild_sample_is_refused_and_named() -> None:
         assert [note.text for note in wind_filter.notes(k * 200_000_000)] == (["implausible"] if k >= 10 else [])
 
 
-def test_a_wind_that_has_leapt_and_stays_is_believed_and_one_above_the_highest_never() -> None:
+def test_a_lasting_jump_of_the_wind_is_accepted_and_one_above_the_limit_never() -> None:
     for speed, believed in ((25.0, True), (80.0, False)):
         wind_filter = WindFilter(WindFilterConfig())
         for k in range(40):
@@ -145,7 +145,7 @@ def test_a_wind_that_has_leapt_and_stays_is_believed_and_one_above_the_highest_n
         assert (math.hypot(wind.vn_mps, wind.ve_mps) > 20.0) is believed
 
 
-def test_a_silent_anemometer_is_named() -> None:
+def test_a_silent_anemometer_is_reported() -> None:
     wind = WindFilter(WindFilterConfig())
     at = run(wind, 2.0, noisy)
     t_ns = (at - 1) * 200_000_000

@@ -161,7 +161,7 @@ def test_wind_and_second_gps_are_accepted_and_never_sent(msg_id: int) -> None:
 
 
 @pytest.mark.parametrize("interval_us", [math.nan, math.inf])
-def test_intervals_that_are_no_numbers_are_denied(interval_us: float) -> None:
+def test_intervals_that_are_not_finite_are_denied(interval_us: float) -> None:
     boat = Boat().ready()
     assert boat.interval(ATTITUDE, interval_us) == DENIED
     assert boat.command(mav.MAV_CMD_SET_MESSAGE_INTERVAL, interval_us, 1e5) == DENIED
@@ -439,14 +439,14 @@ def test_sticks_within_the_dead_zone_are_neutral() -> None:
 
 
 @pytest.mark.parametrize("magic", [21196.0, 2989.0])
-def test_force_arms_whatever_stands_against_it(magic: float) -> None:
+def test_forced_arming_skips_all_checks(magic: float) -> None:
     boat = Boat(NO_RECEIVER, "plant.frontseat.ready_after_s=60")
     boat.run(1.5)
     assert boat.arm(force=1.0) == FAILED
     assert boat.arm(force=magic) == ACCEPTED
 
 
-def test_arming_in_any_other_word_than_0_or_1_is_unsupported() -> None:
+def test_arming_by_any_value_but_0_or_1_is_unsupported() -> None:
     assert Boat().ready().command(mav.MAV_CMD_COMPONENT_ARM_DISARM, 2) == UNSUPPORTED
 
 

@@ -96,7 +96,7 @@ def test_the_rate_of_one_sensor_does_not_change_the_noise_of_the_others() -> Non
     assert np.array_equal(slow, fast)
 
 
-def test_seeds_decide() -> None:
+def test_the_noise_depends_on_the_seed() -> None:
     assert np.array_equal(*(record(navigation(5), truth(), 50, "n_m", "psi_rad") for _ in range(2)))
     other = record(navigation(6), truth(), 50, "n_m", "psi_rad")
     assert not np.any(other == record(navigation(5), truth(), 50, "n_m", "psi_rad"))

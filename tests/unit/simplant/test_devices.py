@@ -48,7 +48,7 @@ def frames(boat: Plant, seconds: float, port: str) -> list[Frame]:
     return [frame for frame in boat.advance(round(seconds * 1e9)) if frame.port == port]
 
 
-def test_the_vn300_tells_the_truth_at_its_rate() -> None:
+def test_the_vn300_measures_the_true_state_at_its_rate() -> None:
     boat = plant(*EXACT, "plant.weather.wind.speed_mps=8", "plant.weather.current={speed_mps: 0.5, toward_deg: 90}")
     codec = VectorNavCodec("ins")
     sent = frames(boat, 30.0, "ins")
@@ -188,7 +188,7 @@ def reading_of_compass(settings: Config, psi_rad: float) -> float:
     return math.atan2(sum(math.sin(m.psi_rad) for m in found), sum(math.cos(m.psi_rad) for m in found))
 
 
-def test_the_receiver_and_the_compass_tell_the_truth() -> None:
+def test_the_receiver_and_the_compass_measure_the_true_state() -> None:
     boat = plant(*EXACT, "plant.sensors.nmea.declination_deg=-4.5", "plant.start_heading_deg=2")
     boat_frames = frames(boat, 10.0, "gnss")
     codec = NmeaCodec("gnss", EVERYTHING)

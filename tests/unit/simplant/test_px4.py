@@ -311,7 +311,7 @@ def test_outputs_of_px4s_own_simulation(version: str) -> None:
     assert of(mute.run(1.0), "ACTUATOR_OUTPUT_STATUS") == []  # no output has a function that a controller serves
 
 
-def test_what_a_px4_sends_besides() -> None:
+def test_other_messages_of_a_px4() -> None:
     boat = Px4Boat().ready()
     boat.raw.clear()
     log = boat.run(6.0)

@@ -105,7 +105,7 @@ def test_position_is_the_integral_of_velocity_and_velocity_that_of_acceleration(
         assert np.abs(rows[1:, low] - rows[0, low] - integral).max() < tolerance
 
 
-def test_seeds_decide() -> None:
+def test_the_noise_depends_on_the_seed() -> None:
     assert np.array_equal(record(sea(seed=3), 1200), record(sea(seed=3), 1200))
     assert not np.array_equal(record(sea(seed=3), 50), record(sea(seed=4), 50))
 
