@@ -23,27 +23,18 @@ from asvhil.config.estimator import (
 )
 from asvhil.config.links import AutopilotLinkConfig, OperatorLinkConfig
 from asvhil.config.loading import config_from_json, find_config, find_shipped, load_config, override_value
-from asvhil.config.plant import (
-    OF_ONE_DEVICE,
+from asvhil.config.plant import FrontseatConfig, HilConfig, PlantConfig, Px4HilConfig
+from asvhil.config.plant_faults import OF_ONE_DEVICE, FaultConfig, GlitchConfig, GlitchesConfig
+from asvhil.config.plant_sensors import (
     AnemometerSensorConfig,
-    CurrentConfig,
-    FaultConfig,
-    FrontseatConfig,
     FusedVelocityConfig,
-    GlitchConfig,
-    GlitchesConfig,
     GnssSensorConfig,
     HeadingSensorConfig,
-    HilConfig,
     InsDeviceConfig,
     NmeaDeviceConfig,
-    PlantConfig,
-    Px4HilConfig,
     SensorsConfig,
-    WavesConfig,
-    WeatherConfig,
-    WindConfig,
 )
+from asvhil.config.plant_weather import CurrentConfig, WavesConfig, WeatherConfig, WindConfig
 from asvhil.config.registry import (
     AutopilotKind,
     ControllerKind,

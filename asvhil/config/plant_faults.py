@@ -1,0 +1,120 @@
+"""Faults and glitches of the simulated boat."""
+
+from __future__ import annotations
+
+import math
+from typing import Literal
+
+from pydantic import Field, model_validator
+
+from asvhil.config.base import Degrees, NonNegative, Positive, Section
+
+Device = Literal["autopilot", "ins", "nmea"]
+DEFAULT_SIZE = {"gnss-jump": 20.0, "heading-jump": 60.0}
+OF_ONE_DEVICE = frozenset({"gnss-jump", "gnss-frozen", "gnss-silent", "heading-jump", "heading-silent", "imu-silent"})
+FaultKind = Literal[
+    "port-motor",
+    "starboard-motor",
+    "gnss",
+    "gnss-jump",
+    "gnss-frozen",
+    "gnss-silent",
+    "heading-jump",
+    "heading-silent",
+    "imu-silent",
+    "anemometer",
+    "anemometer-stuck",
+    "vane",
+    "cups",
+    "ins",
+    "ins-gnss",
+    "nmea",
+    "transmitter",
+]
+
+
+class FaultConfig(Section):
+    """A fault of the simulated boat during a span of time.
+
+    docs/sensors.md says what each kind does to each device. A sensor's fault shows on every device that has the sensor,
+    or on `device` alone.
+    """
+
+    kind: FaultKind = Field(description="What fails.")
+    from_s: NonNegative = Field(default=0.0, description="Begin, after power-on.")
+    until_s: Positive | None = Field(default=None, description="End, after power-on; null: it lasts.")
+    size: float | None = Field(
+        default=None, description="Size of a jump: gnss-jump in m (null: 20), heading-jump in degrees (null: 60)."
+    )
+    toward_deg: Degrees = Field(default=45.0, description="Direction of a gnss-jump, clockwise from north.")
+    device: Device | None = Field(
+        default=None, description="The one device that has a gnss-, heading- or imu- fault; null: all."
+    )
+
+    @property
+    def to_s(self) -> float:
+        """The end of the span (s); infinity where it has none."""
+        return math.inf if self.until_s is None else self.until_s
+
+    @property
+    def magnitude(self) -> float:
+        """The size of a jump: the config's, or the kind's default."""
+        return DEFAULT_SIZE.get(self.kind, 0.0) if self.size is None else self.size
+
+    @model_validator(mode="after")
+    def _check(self) -> FaultConfig:
+        if self.to_s <= self.from_s:
+            raise ValueError("from_s < until_s must hold")
+        if self.size is not None and self.kind not in DEFAULT_SIZE:
+            raise ValueError(f"only {' and '.join(DEFAULT_SIZE)} have a size, {self.kind} has none")
+        if self.device is not None and self.kind not in OF_ONE_DEVICE:
+            raise ValueError(f"a device can be named for {', '.join(sorted(OF_ONE_DEVICE))}, not for {self.kind}")
+        return self
+
+
+class GlitchConfig(Section):
+    """One kind of fault that comes at random, for a time that is uniform between two bounds."""
+
+    kind: FaultKind = Field(description="What fails.")
+    least_s: Positive = Field(default=0.2, description="Shortest duration.")
+    most_s: Positive = Field(default=3.0, description="Longest duration.")
+    size: float | None = Field(default=None, description="Size of a jump, as in `plant.faults`.")
+    device: Device | None = Field(default=None, description="As in `plant.faults`; null: that of `plant.glitches`.")
+
+    @model_validator(mode="after")
+    def _check(self) -> GlitchConfig:
+        if self.most_s < self.least_s:
+            raise ValueError("least_s <= most_s must hold")
+        FaultConfig(kind=self.kind, size=self.size, device=self.device)
+        return self
+
+
+_GLITCHES = (
+    GlitchConfig(kind="gnss-jump", least_s=0.2, most_s=5.0),
+    GlitchConfig(kind="gnss-frozen", least_s=2.0, most_s=10.0),
+    GlitchConfig(kind="gnss-silent", least_s=2.0, most_s=30.0),
+    GlitchConfig(kind="heading-jump", least_s=0.2, most_s=5.0),
+    GlitchConfig(kind="heading-silent", least_s=2.0, most_s=30.0),
+    GlitchConfig(kind="imu-silent", least_s=2.0, most_s=30.0),
+    GlitchConfig(kind="anemometer-stuck", least_s=5.0, most_s=30.0),
+    GlitchConfig(kind="anemometer", least_s=5.0, most_s=30.0),
+)
+
+
+class GlitchesConfig(Section):
+    """Sensor faults at random times, one after the other, drawn from `plant.seed`.
+
+    Every round has all kinds in random order. Jumps of the position go in a random direction, those of the heading to a
+    random side.
+    """
+
+    kinds: tuple[GlitchConfig, ...] = Field(
+        default=_GLITCHES, min_length=1, description="Kinds of fault; by default eight kinds of sensor fault."
+    )
+    from_s: NonNegative = Field(default=30.0, description="Begin, after power-on.")
+    until_s: Positive = Field(default=3600.0, description="End, after power-on.")
+    rest_s: NonNegative = Field(default=5.0, description="Least time between two faults.")
+    gap_s: Positive = Field(default=10.0, description="Mean of the exponential time that is added to rest_s.")
+    device: Device | None = Field(
+        default=None, description="Device that fails, for kinds that name none; null: all that have the sensor."
+    )
