@@ -1,0 +1,1 @@
+"""The backseat: one pure step from received frames to frames to send."""

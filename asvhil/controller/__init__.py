@@ -1,0 +1,1 @@
+"""Station keeping controllers, guidance, and the limits of the outputs."""

@@ -1,0 +1,1 @@
+"""The asyncio daemon on the companion computer."""

@@ -1,0 +1,1 @@
+"""Vessel models behind one protocol, for NumPy, CasADi and torch arrays."""

@@ -1,0 +1,1 @@
+"""State and wind estimation."""

@@ -1,0 +1,1 @@
+"""Links of the daemon: endpoints, reconnection, MAVLink routing, signing keys."""

@@ -1,0 +1,1 @@
+"""MCAP logs: recording, reading, replay, and the figures of a run."""

@@ -1,0 +1,1 @@
+"""Commands, reports and parameters of operators over MAVLink."""

@@ -1,0 +1,1 @@
+"""Studies: many simulated runs, their figures and tables."""

@@ -1,0 +1,1 @@
+"""Engagement, pilot watch and fail-safes: who has the motors."""

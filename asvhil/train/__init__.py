@@ -1,0 +1,1 @@
+"""Training of vessel models on logs and CSV files."""

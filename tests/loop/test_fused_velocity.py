@@ -1,4 +1,4 @@
-"""The velocity of an autopilot's filter is off by centimetres a second for minutes: what that does to a station."""
+"""Station keeping with the velocity of an autopilot's filter, which is off by centimetres a second for minutes."""
 
 from collections.abc import Callable
 from typing import Any

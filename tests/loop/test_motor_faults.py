@@ -1,4 +1,4 @@
-"""An autopilot that is set wrong: the daemon refuses to hold, or lets go within 3 s, and says why."""
+"""Wrong parameters of the autopilot: a hold is refused, or ends within 3 s, with the reason."""
 
 import random
 from dataclasses import replace

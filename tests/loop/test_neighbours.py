@@ -1,4 +1,4 @@
-"""Who else talks on the autopilot's link, and by which ways it comes: the hold goes on, or ends in words."""
+"""Other components, vehicles and paths on the autopilot's link: the hold goes on, or ends with a reason."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The pilot comes first: at fifty random moments he takes the boat, and has it in the tick that hears of it."""
+"""Precedence of the pilot: at fifty random moments he takes over, and has the motors in the tick of the news."""
 
 import random
 

@@ -1,4 +1,4 @@
-"""Every way to the motors in the whole loop: the station is kept, and whatever fails ends in neutral motors."""
+"""Every way to the motors in the whole loop: the station is kept, and every failure ends in neutral motors."""
 
 import math
 from pathlib import Path

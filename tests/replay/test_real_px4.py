@@ -1,4 +1,4 @@
-"""Recordings of real PX4s, in software in the loop: what the profile and the estimator make of them."""
+"""Recordings of real PX4s, in software in the loop: decoded by the profile, and estimated from."""
 
 from pathlib import Path
 

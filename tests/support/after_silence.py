@@ -1,4 +1,4 @@
-"""What a real ArduRover 4.6.3 did with the motors once the sender of the overrides was killed."""
+"""Measured on a real ArduRover 4.6.3: the motors after the sender of the overrides was killed."""
 
 from __future__ import annotations
 

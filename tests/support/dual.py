@@ -1,4 +1,4 @@
-"""Dual numbers, value and gradient at once: the exact derivatives of NumPy code, by running that very code."""
+"""Dual numbers, value and gradient at once, for the exact derivatives of NumPy code."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Autopilots as the simulator interfaces know them, for tests: they speak as the real ones were seen to do."""
+"""Clients of the simulator interfaces for tests, with the messages and timing of the real autopilots."""
 
 from __future__ import annotations
 

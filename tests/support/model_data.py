@@ -1,4 +1,4 @@
-"""A small seeded stand-in for the collection: manoeuvres on the simulated boat, measured as its sensors would."""
+"""A small seeded data set: manoeuvres of the simulated boat with the errors of its sensors."""
 
 from __future__ import annotations
 

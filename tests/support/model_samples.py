@@ -1,4 +1,4 @@
-"""One small model of every kind with drawn weights, for tests of what models are asked, whatever they have learned."""
+"""One small model of every kind with random weights, for tests that do not depend on training."""
 
 from __future__ import annotations
 

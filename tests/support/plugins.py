@@ -1,4 +1,4 @@
-"""Plug-ins to test with: the least that is one."""
+"""Minimal plug-ins for tests."""
 
 from pathlib import Path
 

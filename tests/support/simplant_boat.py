@@ -1,4 +1,4 @@
-"""A simulated boat with a companion beside it, for tests: send messages, let time pass, read what came."""
+"""A simulated boat and a companion for tests: send messages, advance time, read the answers."""
 
 from __future__ import annotations
 

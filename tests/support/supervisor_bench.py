@@ -1,4 +1,4 @@
-"""A supervisor on a clock of its own, with good news everywhere, so that a test spoils one thing at a time."""
+"""A supervisor on a clock of its own, in which everything is in order until a test changes one thing."""
 
 from dataclasses import replace
 

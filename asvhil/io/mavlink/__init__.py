@@ -1,0 +1,1 @@
+"""MAVLink: framing, signing, routing rules, time sync, streams, parameters."""

@@ -1,0 +1,1 @@
+"""Sensor codecs, the choice among sources, and the decoder of all measurements."""

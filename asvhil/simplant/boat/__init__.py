@@ -1,0 +1,1 @@
+"""The boat itself: motion, weather, sensors and their faults."""

@@ -1,0 +1,1 @@
+"""Servers of the simulator interfaces of ArduPilot and PX4."""

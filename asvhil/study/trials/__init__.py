@@ -1,0 +1,1 @@
+"""Single simulated runs that studies consist of."""

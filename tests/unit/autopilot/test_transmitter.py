@@ -1,4 +1,4 @@
-"""What is known of the pilot's transmitter, and what an autopilot says of why it would not arm."""
+"""State of the pilot's transmitter, and the reasons of an autopilot for not arming."""
 
 from typing import Any
 

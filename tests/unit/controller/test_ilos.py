@@ -1,4 +1,4 @@
-"""ILOS guidance by hand and on water: the law, its integral, the speed law, and the inversion to the two motors."""
+"""ILOS guidance by hand and in closed loop: the law, its integral, the speed law, and the inversion to the motors."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""The optimal control problem and the controller around it: equations, frames, memory, and what it does on water."""
+"""The optimal control problem and the controller around it: equations, frames, state, and closed loops."""
 
 import dataclasses
 import math

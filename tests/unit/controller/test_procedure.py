@@ -1,4 +1,4 @@
-"""The station keeping procedure: which stage when, never too soon after another, and what each hands on."""
+"""The station keeping procedure: stages, their least duration, and the hand-over between them."""
 
 import dataclasses
 import itertools

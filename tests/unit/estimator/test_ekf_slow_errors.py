@@ -1,4 +1,4 @@
-"""Slow errors: of a filter's velocity, which must not pass for one of the position; and of a receiver's position."""
+"""Slow errors: of a fused velocity, which must not change the position; and of a receiver's position."""
 
 import math
 

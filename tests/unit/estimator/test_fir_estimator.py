@@ -1,4 +1,4 @@
-"""The paper's velocity and the readings as they come, by cases worked out by hand; and the loop on either."""
+"""The paper's FIR fusion and the raw readings, by cases worked out by hand; and closed loops on either."""
 
 import math
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""The model monitor: silent while the boat is the model, and loud once it is another boat."""
+"""The model monitor: no error while boat and model are equal, and a flag when they differ."""
 
 import math
 from dataclasses import replace

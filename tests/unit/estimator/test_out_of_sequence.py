@@ -1,4 +1,4 @@
-"""A late reading put back at its time: the same filter, to the last bit, as if all had come in order."""
+"""Out-of-sequence readings give the same filter state, to the last bit, as readings in order."""
 
 import math
 import random

@@ -1,4 +1,4 @@
-"""When a reading that repeats itself is a frozen sensor's, and when only a coarse one's."""
+"""Repeated readings: when the sensor is frozen, and when only its resolution is coarse."""
 
 import math
 import random

@@ -1,4 +1,4 @@
-"""Apparent to true wind for hand-worked cases, and the filter's memory."""
+"""Apparent to true wind for cases worked by hand, the low-pass filter, and faults of the anemometer."""
 
 import math
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""The wind that explains a disturbance: the load of a known wind gives that wind back, and it is never valid."""
+"""The wind that explains a disturbance: inverse of the load of a known wind, and never marked valid."""
 
 import math
 

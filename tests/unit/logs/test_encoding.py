@@ -1,3 +1,5 @@
+"""Outputs as logged: every field back to the bit, floats that are not finite, and the first difference."""
+
 from __future__ import annotations
 
 import dataclasses

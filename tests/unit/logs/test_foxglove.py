@@ -1,3 +1,5 @@
+"""Messages for viewers: their schemas, frames and values, and nothing from invalid estimates."""
+
 from __future__ import annotations
 
 import dataclasses

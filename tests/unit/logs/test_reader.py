@@ -1,3 +1,5 @@
+"""Reading logs: order, damage at every place, files cut off, and what is refused."""
+
 from __future__ import annotations
 
 import dataclasses

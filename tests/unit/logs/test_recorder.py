@@ -1,3 +1,5 @@
+"""The recorder: layout, a disk that is full or stalls, a process that is killed."""
+
 from __future__ import annotations
 
 import dataclasses

@@ -1,3 +1,5 @@
+"""Telemetry logs: records of MAVLink 1 and 2, and damaged files."""
+
 from __future__ import annotations
 
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Operators' frames to requests, and decisions to answers: in turn, and each to whom it belongs."""
+"""Operators' frames to requests, and decisions to answers: in order, and each to its sender."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Requests that come again: answered as before, not done again, and never against the word of somebody since."""
+"""Repeated requests: answered as before, not executed again, and never against a later command of another."""
 
 from __future__ import annotations
 

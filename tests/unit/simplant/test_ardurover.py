@@ -1,4 +1,4 @@
-"""The simulated ArduRover, rule by rule, against what a real one was seen to do on its link."""
+"""The simulated ArduRover, rule by rule, against the measured behaviour of a real one."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Beats on the grid of a rate."""
+"""Due times on the grid of a rate."""
 
 from asvhil.simplant.boat.metronome import Metronome
 

@@ -1,4 +1,4 @@
-"""What `asvhil study` leaves: checked before anything runs, tables before pictures, and a line for what cannot be."""
+"""What `asvhil study` leaves: checked before anything runs, tables before pictures, and errors of one line."""
 
 import json
 import sys

@@ -1,4 +1,4 @@
-"""The runner of studies: what is stored stands, what was cut off is run again, and nothing is left behind."""
+"""The runner of studies: stored runs are kept, unfinished ones run again, and no process is left."""
 
 import contextlib
 import fcntl

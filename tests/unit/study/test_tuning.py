@@ -1,4 +1,4 @@
-"""The tuner: its search, its memory, and that its spaces fit the config."""
+"""The tuner: its search, its store, and search spaces that fit the config."""
 
 import functools
 import json

@@ -1,4 +1,4 @@
-"""Training: the rollout and its gradient, what is learned, reproducibility, resumption, and data that will not do."""
+"""Training: the rollout and its gradient, what is learned, reproducibility, resumption, and unsuitable data."""
 
 import dataclasses
 from pathlib import Path
