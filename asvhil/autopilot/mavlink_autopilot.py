@@ -18,7 +18,7 @@ from asvhil.autopilot.wiring import Pulses, Wiring, wiring_of_config
 from asvhil.config import AutopilotLinkConfig, PwmConfig
 from asvhil.config.ports import AUTOPILOT
 from asvhil.config.registry import AUTOPILOTS
-from asvhil.io.mavlink.frames import Numbering, Parser, decode, dialect, message_id, source, target
+from asvhil.io.mavlink.frames import Numbering, Parser, decode, dialect, message_id, pack, source, target
 from asvhil.io.mavlink.parameter_client import ParameterClient
 from asvhil.io.mavlink.streams import StreamRequester
 from asvhil.io.mavlink.timesync import TimeSync
@@ -541,4 +541,4 @@ class MavlinkAutopilot:
         return [Frame(t_ns=t_ns, port=AUTOPILOT, data=self._numbering.number(t_ns, data)) for data in packed]
 
     def _pack(self, t_ns: int, message: Any) -> Frame:
-        return self._frames(t_ns, [bytes(message.pack(self._own))])[0]
+        return self._frames(t_ns, [pack(message, self._own)])[0]

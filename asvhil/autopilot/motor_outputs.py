@@ -16,7 +16,7 @@ from typing import Any, Protocol
 from asvhil.autopilot.wiring import Pulses, Wiring
 from asvhil.config import AutopilotLinkConfig, PwmConfig
 from asvhil.config.registry import OUTPUTS
-from asvhil.io.mavlink.frames import dialect
+from asvhil.io.mavlink.frames import dialect, pack
 
 IGNORE_CHANNEL = 65535
 FIRST_CHANNELS, CHANNELS = 8, 18  # of RC_CHANNELS_OVERRIDE: those that MAVLink 1 has too, and all
@@ -86,7 +86,7 @@ class _Sticks:
         return []
 
     def _packed(self, message: Any) -> list[bytes]:
-        return [bytes(message.pack(self._mav))]
+        return [pack(message, self._mav)]
 
 
 class RcOverride(_Sticks):
@@ -192,7 +192,7 @@ class _Held(ABC):
             *parameters,
             *[0.0] * (7 - len(parameters)),
         )
-        return bytes(message.pack(self._mav))
+        return pack(message, self._mav)
 
 
 class SetServo(_Held):

@@ -10,7 +10,7 @@ from typing import Any
 from asvhil.config import AutopilotLinkConfig, OperatorLinkConfig
 from asvhil.config.ports import OPERATOR
 from asvhil.io.mavlink import parameter_server
-from asvhil.io.mavlink.frames import Parser, decode, dialect, message_id, sequence, source, target
+from asvhil.io.mavlink.frames import Parser, decode, dialect, message_id, pack, sequence, source, target
 from asvhil.io.mavlink.parameter_server import ParameterServer
 from asvhil.io.mavlink.texts import Texts
 from asvhil.io.mavlink.timesync import TimeSync
@@ -314,7 +314,7 @@ class OperatorSession:
         mav = self._senders.get(sender)
         if mav is None:
             mav = self._senders[sender] = dialect.MAVLink(None, srcSystem=sender[0], srcComponent=sender[1])
-        data = bytes(message.pack(mav))
+        data = pack(message, mav)
         mav.seq = (mav.seq + 1) % 256
         self._to_send.append(Frame(t_ns=t_ns, port=OPERATOR, data=data, peer=address.peer, via=address.via))
 

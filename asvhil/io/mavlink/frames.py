@@ -11,24 +11,34 @@ import os
 import re
 import struct
 from collections import Counter
-from typing import Any
 
 from fastcrc.crc16 import mcrf4xx
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from asvhil.errors import ConfigError, LinkError
+from asvhil.io.mavlink.messages import (
+    CRC_EXTRA,
+    CRC_LENGTH,
+    HEADER_V1,
+    HEADER_V2,
+    MAGIC_V1,
+    MAGIC_V2,
+    SIGNATURE_LENGTH,
+    SIGNED,
+    decode,
+    pack,
+)
 
-MAGIC_V1 = 0xFE
-MAGIC_V2 = 0xFD
-SIGNED = 0x01
-SIGNATURE_LENGTH = 13
-HEADER_V1, HEADER_V2 = 6, 10
-CRC_LENGTH = 2
-
-_CRC_EXTRA = {msg_id: bytes([message.crc_extra]) for msg_id, message in dialect.mavlink_map.items()}
 _ONE_BYTE = frozenset(mcrf4xx(bytes([byte]), 0) for byte in range(256))  # what one more byte can do to a checksum
 
 __all__ = [
+    "CRC_LENGTH",
+    "HEADER_V1",
+    "HEADER_V2",
+    "MAGIC_V1",
+    "MAGIC_V2",
+    "SIGNATURE_LENGTH",
+    "SIGNED",
     "FrameSplitter",
     "Numbering",
     "Parser",
@@ -37,6 +47,7 @@ __all__ = [
     "dialect",
     "message_id",
     "message_number",
+    "pack",
     "refuse_ignored_crc",
     "sequence",
     "source",
@@ -68,7 +79,7 @@ def sequence(frame: bytes) -> int:
 def checksum(body: bytes, extra: bytes | None = None) -> bytes:
     """The two bytes that follow a MAVLink 2 header and payload; `extra`: CRC_EXTRA of a message not in the dialect."""
     if extra is None:
-        extra = _CRC_EXTRA[int.from_bytes(body[7:10], "little")]
+        extra = CRC_EXTRA[int.from_bytes(body[7:10], "little")]
     return int(mcrf4xx(body[1:] + extra)).to_bytes(CRC_LENGTH, "little")
 
 
@@ -131,7 +142,7 @@ class Numbering:
 
     def number(self, t_ns: int, frame: bytes) -> bytes:
         """A MAVLink 2 frame of ours with its number; any other as it is."""
-        if frame[0] != MAGIC_V2 or frame[2] & SIGNED or message_id(frame) not in _CRC_EXTRA:
+        if frame[0] != MAGIC_V2 or frame[2] & SIGNED or message_id(frame) not in CRC_EXTRA:
             return frame
         sender = source(frame)
         number = self._next.get(sender, 0)
@@ -148,7 +159,7 @@ class Numbering:
         if frame[0] != MAGIC_V2:
             return False
         body = frame[:2] + bytes([frame[2] & ~SIGNED]) + frame[3 : HEADER_V2 + frame[1]]
-        left_ns = self._sent.get(body + checksum(body)) if message_id(frame) in _CRC_EXTRA else None
+        left_ns = self._sent.get(body + checksum(body)) if message_id(frame) in CRC_EXTRA else None
         return left_ns is not None and t_ns - left_ns < self.KEPT_NS
 
 
@@ -209,7 +220,7 @@ class FrameSplitter:
                 signature = SIGNATURE_LENGTH if flags & SIGNED else 0
             else:
                 flags, msg_id, signature = 0, buffer[at + 5], 0
-            extra = _CRC_EXTRA.get(msg_id)
+            extra = CRC_EXTRA.get(msg_id)
             end = at + length + signature
             if at < chunk_at and end > size:
                 if begins_whole is None:
@@ -298,7 +309,7 @@ def _is_whole(buffer: bytes, at: int) -> bool:
     if len(buffer) - at < header + CRC_LENGTH:
         return False
     body_end = at + header + buffer[at + 1]
-    extra = _CRC_EXTRA.get(message_id(buffer[at : at + header]))
+    extra = CRC_EXTRA.get(message_id(buffer[at : at + header]))
     crc = buffer[body_end : body_end + CRC_LENGTH]
     return extra is not None and crc == mcrf4xx(buffer[at + 1 : body_end] + extra).to_bytes(2, "little")
 
@@ -308,17 +319,6 @@ def _holds_for_some_seed(buffer: bytes, at: int, body_end: int) -> bool:
     crc = mcrf4xx(buffer[at + 1 : body_end])
     seeded = buffer[body_end] | buffer[body_end + 1] << 8
     return seeded ^ crc >> 8 in _ONE_BYTE  # CRC-16: the new value is (old >> 8) ^ table[(old ^ byte) & 0xFF]
-
-
-_DECODER = dialect.MAVLink(None)
-
-
-def decode(frame: bytes) -> Any | None:
-    """The message of a complete frame, or None where pymavlink finds its content impossible."""
-    try:
-        return _DECODER.decode(bytearray(frame))
-    except (dialect.MAVError, ValueError, IndexError):
-        return None
 
 
 class Parser:

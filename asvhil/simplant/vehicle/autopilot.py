@@ -10,7 +10,7 @@ from typing import Any, Protocol
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from asvhil.config.ports import AUTOPILOT
-from asvhil.io.mavlink.frames import Parser, decode, message_id, source
+from asvhil.io.mavlink.frames import Parser, decode, message_id, pack, source
 from asvhil.io.mavlink.texts import Texts
 from asvhil.simplant.vehicle.parameter_table import ParameterTable
 from asvhil.simplant.vehicle.rc import RcInputs
@@ -209,7 +209,7 @@ class SimulatedAutopilot(ABC):
         frames = []
         mav = self._mav
         for peer, message in self._outbox:
-            frames.append(Frame(t_ns=t_ns, port=AUTOPILOT, data=message.pack(mav), peer=peer))
+            frames.append(Frame(t_ns=t_ns, port=AUTOPILOT, data=pack(message, mav), peer=peer))
             mav.seq = (mav.seq + 1) % 256
         self._outbox.clear()
         return frames
