@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from asvhil.autopilot.px4_parameters import DISARM, TERMINATE
+from asvhil.autopilot.script_protocol import TIMEOUT_S
 from asvhil.config import AutopilotLinkConfig
 from asvhil.types import Radio, record
 
@@ -39,6 +40,8 @@ def after_silence_of_ardurover(
     """What happens where this program or the link dies in a hold; None while a parameter for it has not answered."""
     if link.output == "set_servo":
         return AfterSilence(text="DO_SET_SERVO has no time-out", within_s=None)
+    if link.output == "script":
+        return AfterSilence(text=f"the script's orders last {TIMEOUT_S:g} s", within_s=TIMEOUT_S)
     if "FS_THR_ENABLE" not in values or "RC_OVERRIDE_TIME" not in values:
         return None
     hold_s, throttle = values["RC_OVERRIDE_TIME"], values["FS_THR_ENABLE"]

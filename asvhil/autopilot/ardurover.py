@@ -10,6 +10,7 @@ from asvhil.autopilot.ardurover_parameters import OPTIONAL, requirements
 from asvhil.autopilot.ardurover_wiring import names_of_wiring, wiring_of
 from asvhil.autopilot.mavlink_autopilot import MavlinkAutopilot
 from asvhil.autopilot.requirements import Requirement
+from asvhil.autopilot.script_output import ScriptOutput
 from asvhil.autopilot.wiring import Wiring
 from asvhil.config import AutopilotLinkConfig, Config, PwmConfig
 from asvhil.io.mavlink.frames import dialect
@@ -28,6 +29,8 @@ class ArduRoverAutopilot(MavlinkAutopilot):
     def __init__(self, config: AutopilotLinkConfig, pwm: PwmConfig) -> None:
         super().__init__(config, pwm)
         self._handlers[dialect.MAVLINK_MSG_ID_EKF_STATUS_REPORT] = self._on_ekf_status
+        if isinstance(self._output, ScriptOutput):
+            self._handlers[dialect.MAVLINK_MSG_ID_NAMED_VALUE_FLOAT] = self._output.on_named_value
         self._after_silence: tuple[tuple[int, Radio] | None, AfterSilence | None] = (None, None)  # and of what
 
     @property
@@ -46,6 +49,12 @@ class ArduRoverAutopilot(MavlinkAutopilot):
 
     def _names_of_wiring(self, values: Mapping[str, float]) -> Iterable[str]:
         return names_of_wiring(self._config, self._pwm, values)
+
+    def _on_heartbeat(self, t_ns: int, m: Any) -> Sequence[Measurement]:
+        status = super()._on_heartbeat(t_ns, m)
+        if isinstance(self._output, ScriptOutput):
+            self._output.on_vehicle(armed=self._armed, mode=self._mode)
+        return status
 
     def _on_ekf_status(self, t_ns: int, m: Any) -> Sequence[Measurement]:
         self._ready = bool(m.flags & EKF_HORIZONTAL_POSITION) and not m.flags & EKF_CONSTANT_POSITION

@@ -53,15 +53,31 @@ def requirements(link: AutopilotLinkConfig, pwm: PwmConfig, values: Mapping[str,
         for row in (
             function_row(side, config, function, motor.output, FUNCTIONS, values, THROTTLE[side]),
             *_output(side, config, pwm, motor),
-            *_stick(channel, values),
+            *(() if link.output == "script" else _stick(channel, values)),
         )
     )
+    if link.output == "script":
+        return (*_script(), *wired)
     dead_zones = tuple(
         replace(_dead_zone(channel), motor=side) for side, channel in zip(("port", "starboard"), channels, strict=True)
     )
     least_us = min(wiring.to_sticks((us, us))[1] for us in (pwm.astern_us, pwm.ahead_us))
     path = (*_command_path(link.override_system_id), *_bends())
     return (*path, *_channel_map(values), *wired, *dead_zones, *_fail_safes(least_us))
+
+
+def _script() -> tuple[Requirement, ...]:
+    """The script goes past sticks, mixer and fail-safes: there is little else that it needs."""
+    enable = "the autopilot runs scripts where this is 1 at its start: set it by hand, and restart"
+    dead = "the autopilot arms with a script that does not run; with 1 (all checks) it does not"
+    switch = "the motors are dead until the safety switch is pressed, after each start"
+    pulses = "outputs must be pulses"
+    return (
+        within("SCR_ENABLE", (1, 1), None, "scripts are off", enable, Cause.STUCK),
+        replace(within("MOT_PWM_TYPE", (0, 2), None, NO_PULSES, pulses, Cause.SCALED), wiring=True),
+        exactly("ARMING_CHECK", 1, *UNCHECKED[:1], dead, must=False),
+        within("BRD_SAFETY_DEFLT BRD_SAFETYENABLE", (0, 0), None, "press the safety switch", switch, must=False),
+    )
 
 
 def _free_output(channel: int) -> Requirement:

@@ -54,10 +54,11 @@ def names_of_wiring(link: AutopilotLinkConfig, pwm: PwmConfig, values: Mapping[s
         return
     if None in (pwm.port.output, pwm.starboard.output):
         yield from FUNCTIONS
-    yield from CHANNEL_MAP
+    if link.output != "script":
+        yield from CHANNEL_MAP
     for output in motor_outputs(pwm, MOTORS, FUNCTIONS, values):
         yield from (f"SERVO{output}_{part}" for part in OUTPUT_PARTS)
-    for channel in stick_channels(values):
+    for channel in stick_channels(values) if link.output != "script" else ():
         yield from (f"RC{channel}_{part}" for part in STICK_PARTS)
 
 

@@ -225,6 +225,11 @@ class MavlinkAutopilot:
         return self._driven_wiring or self._known_wiring
 
     @property
+    def way_fault(self) -> Explanation | None:
+        """Why the way to the motors is shut, as far as it tells by itself; None where it is open."""
+        return None if self.autopilot_heartbeat_ns is None else self._output.fault(self._t_ns)
+
+    @property
     def unread_wiring(self) -> str:
         """The first parameter of the motors' wiring that is still waited for; empty where none is."""
         self._take_in_parameters()

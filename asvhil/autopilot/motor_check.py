@@ -48,7 +48,8 @@ class MotorCheck:
             self._found = None  # until then what was found last stays in the notes
         ends = fault is not None and not tolerated and self._driving_ns is not None
         found = self._found if ends else None
-        self.fault = self._unbounded() or self._wrong_parameter() or self._unread_wiring() or found
+        shut = self._unread_wiring() or self._autopilot.way_fault
+        self.fault = self._unbounded() or self._wrong_parameter() or shut or found
 
     def note_output(self, t_ns: int, pulses_us: tuple[int, int] | None) -> None:
         """What was sent to the motors in this tick, None where they are not driven."""

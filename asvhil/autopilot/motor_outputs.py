@@ -17,6 +17,7 @@ from asvhil.autopilot.wiring import Pulses, Wiring
 from asvhil.config import AutopilotLinkConfig, PwmConfig
 from asvhil.config.registry import OUTPUTS
 from asvhil.io.mavlink.frames import dialect, pack
+from asvhil.supervisor.reasons import Explanation
 
 IGNORE_CHANNEL = 65535
 FIRST_CHANNELS, CHANNELS = 8, 18  # of RC_CHANNELS_OVERRIDE: those that MAVLink 1 has too, and all
@@ -57,6 +58,10 @@ class Output(Protocol):
         """Take in a COMMAND_ACK of the autopilot."""
         ...
 
+    def fault(self, t_ns: int) -> Explanation | None:
+        """Why this way does not lead to the motors, as far as it can tell by itself; a hold is refused, or ends."""
+        ...
+
     def data_to_send(self, t_ns: int) -> list[bytes]:
         """What is due now besides `drive` and `release`."""
         ...
@@ -81,6 +86,10 @@ class _Sticks:
 
     def receive(self, acknowledgement: Any) -> None:
         """These messages are never acknowledged."""
+
+    def fault(self, t_ns: int) -> Explanation | None:
+        """Nothing that these could tell."""
+        return None
 
     def data_to_send(self, t_ns: int) -> list[bytes]:
         return []
@@ -175,6 +184,10 @@ class _Held(ABC):
         if acknowledgement.command == self.command and result != dialect.MAV_RESULT_IN_PROGRESS:
             accepted = result == dialect.MAV_RESULT_ACCEPTED
             self.refused = "" if accepted else self._refusal(_result_name(result))
+
+    def fault(self, t_ns: int) -> Explanation | None:
+        """A refusal is told in words, and ends nothing by itself: the outputs decide."""
+        return None
 
     @abstractmethod
     def _refusal(self, result: str) -> str: ...

@@ -58,6 +58,11 @@ class Autopilot(Protocol):
         """A parameter that tells how the motors are wired, and is still waited for; empty where none is."""
         ...
 
+    @property
+    def way_fault(self) -> Explanation | None:
+        """Why the way to the motors is shut, as far as it tells by itself; None where it is open."""
+        ...
+
     def receive(self, frame: Frame) -> list[NamedMeasurement]:
         """(message name, measurement) of each measurement in one frame."""
         ...

@@ -62,6 +62,7 @@ OUTPUTS.fill(
     (
         OutputKind(name="rc_override", build="asvhil.autopilot.motor_outputs:RcOverride", overrides_sticks=True),
         OutputKind(name="manual_control", build="asvhil.autopilot.motor_outputs:ManualControl", overrides_sticks=True),
+        OutputKind(name="script", build="asvhil.autopilot.script_output:ScriptOutput", control_mode="HOLD"),
         OutputKind(name="set_servo", build="asvhil.autopilot.motor_outputs:SetServo"),
         OutputKind(name="set_actuator", build="asvhil.autopilot.motor_outputs:SetActuator"),
     )
@@ -73,7 +74,7 @@ AUTOPILOTS.fill(
             build="asvhil.autopilot.ardurover:build",
             modes=ARDUROVER_MODES,
             control_mode="MANUAL",
-            outputs=("rc_override", "manual_control", "set_servo"),
+            outputs=("rc_override", "manual_control", "script", "set_servo"),
             unsuited={"set_actuator": "ArduPilot has no MAV_CMD_DO_SET_ACTUATOR"},
             streams_hz={
                 **_STREAMS_HZ,
@@ -97,6 +98,7 @@ AUTOPILOTS.fill(
                 "rc_override": "PX4 mixes sticks by its own rover module, so that no channel is a motor",
                 "manual_control": "PX4 mixes sticks by its own rover module, so that no axis is a motor",
                 "set_servo": "PX4 has no MAV_CMD_DO_SET_SERVO on the link",
+                "script": "PX4 runs no scripts",
             },
             # PX4's heartbeat has a fixed rate of 1 Hz.
             streams_hz={

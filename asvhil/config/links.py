@@ -47,8 +47,8 @@ class AutopilotLinkConfig(MavlinkLinkConfig):
     output: Annotated[str, NamedIn(OUTPUTS)] = Field(
         default="rc_override",
         description=(
-            "Way to the motors, see docs/autopilots.md: rc_override, manual_control or set_servo with ardurover, "
-            "set_actuator with px4. Default: the first that the profile has."
+            "Way to the motors, see docs/autopilots.md: rc_override, manual_control, script or set_servo with "
+            "ardurover, set_actuator with px4. Default: the first that the profile has."
         ),
     )
     port_actuator: int = Field(

@@ -168,6 +168,7 @@ class OutputKind(Kind):
     """A way to the motors (`links.autopilot.output`): `build(link, pwm, wiring)` makes an `Output`."""
 
     overrides_sticks: bool = False  # takes the place of the pilot's sticks, and shows as such in RC_CHANNELS
+    control_mode: str = ""  # in which the motors obey it, where that is not the profile's
     profiles: tuple[str, ...] = ()  # autopilots that have it, beside those that name it themselves
 
 

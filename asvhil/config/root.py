@@ -47,10 +47,13 @@ class Config(Section):
     @model_validator(mode="before")
     @classmethod
     def _fill_in(cls, tree: Any) -> Any:
-        """Without a control mode, that of the autopilot's profile."""
+        """Without a control mode, that of the way to the motors, or of the autopilot's profile."""
         # The validation reports what is missing or wrong.
         with contextlib.suppress(KeyError, TypeError, AttributeError, ConfigError):
-            mode = AUTOPILOTS.find(tree["links"]["autopilot"].get("profile", "ardurover")).control_mode
+            link = tree["links"]["autopilot"]
+            autopilot = AUTOPILOTS.find(link.get("profile", "ardurover"))
+            way = OUTPUTS.get(link.get("output", autopilot.outputs[0]))
+            mode = (way.control_mode if way is not None else "") or autopilot.control_mode
             return {**tree, "supervisor": {"control_mode": mode, **tree.get("supervisor", {})}}
         return tree
 

@@ -87,7 +87,7 @@ class SupervisorConfig(Section):
         default="MANUAL",
         description=(
             "The autopilot's mode in which its motors may be commanded; leaving it ends a hold. Default: MANUAL for "
-            "ardurover, OFFBOARD for px4."
+            "ardurover, HOLD with its `script`, OFFBOARD for px4."
         ),
     )
     stick_channels: tuple[Annotated[int, Field(ge=1, le=18)], ...] = Field(

@@ -52,6 +52,10 @@ class Reason(enum.StrEnum):
     STATION_TOO_FAR = "station-too-far"
     STICK_HIDDEN = "stick-hidden"
     WIRING_UNREAD = "wiring-unread"
+    SCRIPT_SILENT = "script-silent"
+    SCRIPT_VERSION = "script-version"
+    SCRIPT_STARVED = "script-starved"
+    SCRIPT_LET_GO = "script-let-go"
     # What is wrong with the way to the motors
     AUTOPILOT_PARAMETER = "autopilot-parameter"
     UNBOUNDED = "unbounded"
@@ -208,6 +212,23 @@ WORDS: Mapping[Reason, Words] = {
     Reason.WIRING_UNREAD: Words(
         text="reading how the motors are wired ({name})",
         remedy="Nothing: it passes in seconds, or is given up and the config's wiring taken.",
+    ),
+    Reason.SCRIPT_SILENT: Words(
+        text="the script on the autopilot gives no sign of life",
+        remedy="`asvhil script status` tells why, `asvhil script install` puts it there.",
+    ),
+    Reason.SCRIPT_VERSION: Words(
+        text="the script's version is {found}, not {needed}",
+        remedy="`asvhil script install` puts the version of this program there.",
+    ),
+    Reason.SCRIPT_STARVED: Words(
+        text="orders do not reach the script",
+        remedy="Another script may empty the queue that all share, or a router holds TUNNEL back: "
+        "`asvhil script status`.",
+    ),
+    Reason.SCRIPT_LET_GO: Words(
+        text="script: {why}",
+        remedy="Nothing, if the pilot meant it. To hold again, send a hold command.",
     ),
     Reason.AUTOPILOT_PARAMETER: Words(
         text="{finding}",

@@ -285,6 +285,8 @@ class Supervisor:
             return
         ends = situation.stranger or situation.fault
         if ends is not None:
+            if ends.reason is Reason.SCRIPT_LET_GO:  # by the pilot's act, which it sees first
+                self._pilot_ns = t_ns
             self._let_go(ends, neutral_first=True)
             return
         taken = self._pilot.sticks_taken(t_ns, status)

@@ -33,7 +33,7 @@ class Drive:
     def __init__(self, values: dict[str, float], *tolerate: Cause) -> None:
         pwm = CONFIG.vehicle.pwm
         findings = judge(requirements(CONFIG.links.autopilot, pwm, values), values)
-        autopilot: Any = SimpleNamespace(findings=findings, unbounded="", unread_wiring="")
+        autopilot: Any = SimpleNamespace(findings=findings, unbounded="", unread_wiring="", way_fault=None)
         self.check = MotorCheck(autopilot, Readback(ReadbackConfig(), pwm.neutral_us), tolerate)
 
     def run(self, gain: float) -> str | None:
