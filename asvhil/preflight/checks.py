@@ -7,6 +7,7 @@ from typing import Any
 
 from asvhil.autopilot.ardurover_parameters import OPTIONAL
 from asvhil.autopilot.requirements import Finding
+from asvhil.autopilot.script_protocol import VERSION as SCRIPT_VERSION
 from asvhil.config import AutopilotLinkConfig, Quantity
 from asvhil.config.ports import AUTOPILOT
 from asvhil.config.registry import AUTOPILOTS
@@ -59,6 +60,7 @@ def checks_of(survey: Survey) -> list[Check]:
     """All that the links have told. The survey must be done."""
     return [
         *_vehicle(survey),
+        *_script(survey),
         *_clocks(survey),
         *_wiring(survey),
         *_parameters(survey.findings),
@@ -270,6 +272,23 @@ def _clocks(survey: Survey) -> list[Check]:
             )
         )
     return checks
+
+
+def _script(survey: Survey) -> list[Check]:
+    """The script on the autopilot, where that is the way to the motors."""
+    if survey.config.links.autopilot.output != "script":
+        return []
+    fault = survey.link.way_fault
+    return [
+        Check(
+            section="vehicle",
+            item="script",
+            result=Result.PASS if fault is None else Result.FAIL,
+            found="gives signs of life" if fault is None else describe(fault),
+            wanted=f"version {SCRIPT_VERSION}",
+            todo="" if fault is None else remedy(fault.reason),
+        )
+    ]
 
 
 def _wiring(survey: Survey) -> list[Check]:

@@ -5,12 +5,14 @@ import pytest
 from asvhil.config import load_config
 from asvhil.errors import ConfigError
 from asvhil.io.mavlink.frames import dialect
+from asvhil.preflight.checks import Result
 from asvhil.supervisor.reasons import Reason, describe, explain
 from asvhil.types import Phase
 from tests.loop.test_wirings import BLUEBOAT, turns_as_commanded
 from tests.support.autopilot_script import HOLD, MANUAL, NEUTRAL, PATH, SCRIPT
 from tests.support.loop import STATION_DEG, GroundStationLoop
 from tests.support.settled import settled
+from tests.unit.preflight.test_preflight import Dock, bad, of
 
 WAY = ("links.autopilot.output=script", "plant.frontseat.script=true", "plant.frontseat.mygcs_system_id=255")
 
@@ -142,6 +144,15 @@ def test_a_script_that_dies_or_gets_no_orders_ends_the_hold_by_name() -> None:
     deaf.frontseat.scripting.message = lambda frame: None  # type: ignore[method-assign]
     deaf.ask_to_hold(STATION_DEG, 0.0)
     assert deaf.ends(4.0) in (Reason.SCRIPT_STARVED, Reason.OUTPUT_STUCK)
+
+
+@pytest.mark.parametrize("there", [True, False])
+def test_the_check_tells_of_the_script(there: bool) -> None:
+    own = ("plant.frontseat.parameters={SCR_ENABLE: 1}", f"plant.frontseat.script={str(there).lower()}")
+    dock = Dock(*WAY, *own)
+    script = of(dock.look(), "script")
+    assert script.result is (Result.PASS if there else Result.FAIL)
+    assert bad(dock.look()) == ({} if there else {"script": Result.FAIL})
 
 
 def test_scripts_that_are_off_are_a_parameter_to_be_set() -> None:
