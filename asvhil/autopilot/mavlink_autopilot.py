@@ -77,12 +77,11 @@ class MavlinkAutopilot:
         self._time_asked_ns = -HEARTBEAT_NS
         self._judged_answers = -1
         self._findings: list[Finding] = []
+        self._wiring_names: tuple[str, ...] = ()
         self.parameters = ParameterClient(
-            self._wanted_parameters({}),
-            config.autopilot_system_id,
-            config.autopilot_component_id,
-            bytewise=self.bytewise_parameters,
+            (), config.autopilot_system_id, config.autopilot_component_id, bytewise=self.bytewise_parameters
         )
+        self._take_in_parameters()
         self._neighbours = Neighbours(config)
         self._one = OneVehicle()
         self._pace = Pace()
@@ -233,8 +232,7 @@ class MavlinkAutopilot:
     def unread_wiring(self) -> str:
         """The first parameter of the motors' wiring that is still waited for; empty where none is."""
         self._take_in_parameters()
-        pending = filter(self.parameters.is_pending, self._names_of_wiring(self.parameters.values))
-        return next(pending, "")
+        return next(filter(self.parameters.is_pending, self._wiring_names), "")
 
     def _take_in_parameters(self) -> None:
         """Judge what was answered since the last time, and ask for what follows from it."""
@@ -245,13 +243,11 @@ class MavlinkAutopilot:
         self._known_wiring = self._wire(values)
         if self._driven_wiring is None:
             self._output.wiring = self._known_wiring
-        self._findings = judge(self._requirements(values), values)
-        self.parameters.want(self._wanted_parameters(values))
-
-    def _wanted_parameters(self, values: Mapping[str, float]) -> list[tuple[str, ...]]:
-        """Those of the wiring first, on which the others rest."""
-        wiring = [(name,) for name in self._names_of_wiring(values)]
-        return wiring + [requirement.names for requirement in self._requirements(values)]
+        self._wiring_names = tuple(dict.fromkeys(self._names_of_wiring(values)))
+        required = self._requirements(values)
+        self._findings = judge(required, values)
+        # Those of the wiring first, on which the others rest.
+        self.parameters.want([(name,) for name in self._wiring_names] + [row.names for row in required])
 
     @property
     def unread_parameters(self) -> tuple[str, ...]:
