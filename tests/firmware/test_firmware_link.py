@@ -138,7 +138,7 @@ def test_sitl_with_the_firmware_end_to_end(tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
     counters = json.loads(figures.read_text())["counters"]
     # The line is opened while the board already talks, so that the first sentence may come without its beginning.
-    assert counters["anemometer.sentences"] > 20 and counters["anemometer.bad"] <= 1
+    assert counters["anemometer.bad"] <= 1
     assert f"anemometer firmware: {NAME} {VERSION}" in done.stdout
     data, asked, winds = b"", [], []
     for inputs, recorded in LogFile(log).ticks():
@@ -147,6 +147,9 @@ def test_sitl_with_the_firmware_end_to_end(tmp_path: Path) -> None:
             outputs = decode_outputs(recorded)
             asked += [frame.data for frame in outputs.frames if frame.port == "anemometer"]
             winds += [outputs.wind] if outputs.wind is not None and outputs.wind.valid else []
+    # How many there are is the host's to say: the emulated board is slower than real time on a busy one.
+    assert data.count(b"$WIMWV,") > 5
+    assert counters["anemometer.sentences"] == len(re.findall(rb"\$[A-Z]+,[^$]*\r\n", data))
     assert asked == [QUERY]
     assert b"$PASVV,arduino_anemometer," in data and b"$PASVG," in data
     directions = {float(text) for text in re.findall(rb"\$WIMWV,([\d.]+),R,[\d.]+,M,A", data)}
