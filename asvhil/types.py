@@ -154,8 +154,10 @@ class FrontseatStatus:
 
     `sticks_us` and `motors_us` are of the two motors (port, starboard), in the pulses of `vehicle.pwm`: what their
     sticks (`motor_channels`) command, and what their outputs do, however the boat is wired; None: not reported.
-    `rc_ns` and `outputs_ns` are when those values came; 0: never. `arming_fault`: why it would not arm, by the
-    autopilot's own words; empty where it would, or is armed, or nothing is known.
+    `centres_us` is where those sticks rest, as RC values. `keeps_override`: no receiver takes the place of an override
+    that has ended, and its last value stands. `rc_ns` and `outputs_ns` are when the values came; 0: never.
+    `arming_fault`: why it would not arm, by the autopilot's own words; empty where it would, or is armed, or nothing
+    is known.
     """
 
     t_ns: int
@@ -165,6 +167,8 @@ class FrontseatStatus:
     rc_us: tuple[int, ...]
     outputs_us: tuple[int, ...]
     motor_channels: tuple[int, int] = (1, 3)
+    centres_us: tuple[int, int] = (1500, 1500)
+    keeps_override: bool = False
     sticks_us: tuple[int, int] | None = None
     motors_us: tuple[int, int] | None = None
     rc_ns: int = 0

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from asvhil.autopilot.after_silence import AfterSilence, after_silence_of_ardurover
+from asvhil.autopilot.after_silence import RECEIVER_IGNORED, AfterSilence, after_silence_of_ardurover
 from asvhil.autopilot.ardurover_parameters import OPTIONAL, requirements
 from asvhil.autopilot.ardurover_wiring import names_of_wiring, wiring_of
+from asvhil.autopilot.ground_stations import names_of_stations
 from asvhil.autopilot.mavlink_autopilot import MavlinkAutopilot
 from asvhil.autopilot.requirements import Requirement
 from asvhil.autopilot.script_output import ScriptOutput
@@ -24,6 +25,7 @@ class ArduRoverAutopilot(MavlinkAutopilot):
     """Ready once its EKF uses a position; mode numbers stand in custom_mode as they are."""
 
     legacy_streams = True
+    _obeys_stations = True
     optional_parameters = OPTIONAL
 
     def __init__(self, config: AutopilotLinkConfig, pwm: PwmConfig) -> None:
@@ -40,6 +42,17 @@ class ArduRoverAutopilot(MavlinkAutopilot):
             after = after_silence_of_ardurover(self._config, self.parameters.values, self.transmitter.radio)
             self._after_silence = known, after
         return self._after_silence[1]
+
+    @property
+    def keeps_override(self) -> bool:
+        """Without a receiver that it listens to, an ArduRover goes on with the last value of a channel."""
+        if not self._config.overrides_sticks:
+            return False
+        ignored = int(self.parameters.values.get("RC_OPTIONS", 0)) & RECEIVER_IGNORED
+        return bool(ignored) or self.transmitter.radio in (Radio.ABSENT, Radio.LOST)
+
+    def _names_to_know(self, values: Mapping[str, float]) -> Iterable[tuple[str, ...]]:
+        return names_of_stations(self._config, values)
 
     def _requirements(self, values: Mapping[str, float]) -> tuple[Requirement, ...]:
         return requirements(self._config, self._pwm, values)

@@ -13,6 +13,7 @@ from asvhil.autopilot.ardurover_wiring import (
     stick_channels,
     wiring_of,
 )
+from asvhil.autopilot.ground_stations import FIRST_NAMES, LAST_NAME, station_systems
 from asvhil.autopilot.requirements import Requirement, exactly, within
 from asvhil.autopilot.wiring import LEAST_SPAN_US, NEUTRAL_SLACK_US, MotorWiring
 from asvhil.autopilot.wiring_requirements import function_row, travel_rows
@@ -27,7 +28,7 @@ OVERRIDES_IGNORED = 2  # bit of RC_OPTIONS
 BELOW_US = 10  # of FS_THR_VALUE, where it is too high
 
 # Names that exist in some firmware only, whose absence means nothing.
-OPTIONAL = frozenset({"ARMING_CHECK", "ARMING_SKIPCHK", "BRD_SAFETY_DEFLT", "SYSID_ENFORCE", "MAV_OPTIONS"})
+OPTIONAL = frozenset({"ARMING_CHECK", "ARMING_SKIPCHK", "BRD_SAFETY_DEFLT", "SYSID_ENFORCE", "MAV_OPTIONS", LAST_NAME})
 
 # What several rows say.
 IGNORED = "overrides are ignored"
@@ -62,7 +63,7 @@ def requirements(link: AutopilotLinkConfig, pwm: PwmConfig, values: Mapping[str,
         replace(_dead_zone(channel), motor=side) for side, channel in zip(("port", "starboard"), channels, strict=True)
     )
     least_us = min(wiring.to_sticks((us, us))[1] for us in (pwm.astern_us, pwm.ahead_us))
-    path = (*_command_path(link.override_system_id), *_bends())
+    path = (_station(link.override_system_id, values), *_command_path(), *_bends())
     return (*path, *_channel_map(values), *wired, *dead_zones, *_fail_safes(least_us))
 
 
@@ -85,14 +86,21 @@ def _free_output(channel: int) -> Requirement:
     return replace(exactly(f"SERVO{channel}_FUNCTION", 0, "no set_servo", why, Cause.STUCK), wiring=True)
 
 
-def _command_path(gcs_id: int) -> tuple[Requirement, ...]:
-    """Who may override, and what the autopilot does to any command."""
-    others, bit = "overrides of other systems are dropped without a word", "with its bit 1 all overrides are ignored"
+def _station(gcs_id: int, values: Mapping[str, float]) -> Requirement:
+    """Who may override: one system, or from 4.7 on a range of them, which leaves room for the pilot's station."""
+    others = "overrides of other systems are dropped without a word"
+    first, last = station_systems(values)
+    right = float(first if first <= gcs_id <= last else gcs_id)
+    return within(" ".join(FIRST_NAMES), (right, right), gcs_id, IGNORED, others, Cause.IGNORED)
+
+
+def _command_path() -> tuple[Requirement, ...]:
+    """What the autopilot does to any command."""
+    bit = "with its bit 1 all overrides are ignored"
     time_out = "0 ignores overrides; below 0 the motors run on for ever if this computer dies"
     mixes = "any other mixes the two commands as steering and throttle"
     slew = "limits how fast the throttle may change, unknown to the controller"
     return (
-        exactly("SYSID_MYGCS MAV_GCS_SYSID", gcs_id, IGNORED, others, Cause.IGNORED),
         within("RC_OPTIONS", (0, 2**31), 0, IGNORED, bit, Cause.IGNORED, clear=OVERRIDES_IGNORED),
         within("RC_OVERRIDE_TIME", (0.5, 3), 1, "wrong time-out", time_out, Cause.IGNORED),
         exactly("PILOT_STEER_TYPE", 1, "sticks are mixed", mixes, Cause.MIXED),

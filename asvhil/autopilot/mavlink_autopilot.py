@@ -8,6 +8,7 @@ from typing import Any
 
 from asvhil.autopilot.after_silence import AfterSilence
 from asvhil.autopilot.arming_checks import ArmingChecks
+from asvhil.autopilot.ground_stations import StickMessages
 from asvhil.autopilot.motor_outputs import IGNORE_CHANNEL, make_output
 from asvhil.autopilot.neighbours import FLOATS, Neighbours, kind_of
 from asvhil.autopilot.one_vehicle import OneVehicle
@@ -25,6 +26,7 @@ from asvhil.io.mavlink.timesync import TimeSync
 from asvhil.io.sensors.mavlink_sensors import MavlinkSensors
 from asvhil.io.sensors.protocol import NamedMeasurement
 from asvhil.supervisor.reasons import Explanation, Reason, describe, explain
+from asvhil.supervisor.situation import StationSticks
 from asvhil.types import Frame, FrontseatStatus, Heading, Measurement, Note, Radio, TimeOffset, YawRate
 
 COMMAND_ACK = dialect.MAVLINK_MSG_ID_COMMAND_ACK
@@ -40,6 +42,7 @@ ASK_MODE_NS = 400_000_000
 OLD_MODE_NS = 2_000_000_000
 # What a hold waits for: pose, and the pilot's sticks. The rest is told, and does without.
 HOLD_NEEDS = frozenset({"ATTITUDE", "ATTITUDE_QUATERNION", "GPS_RAW_INT", "GPS2_RAW", "RC_CHANNELS"})
+SHARED_NS = 2_000_000_000  # since a ground station's sticks were heard
 STRANGER_NS = 10_000_000_000  # since another kind of vehicle was heard
 
 
@@ -50,6 +53,7 @@ class MavlinkAutopilot:
     """
 
     legacy_streams = False  # REQUEST_DATA_STREAM where SET_MESSAGE_INTERVAL is not to be had
+    _obeys_stations = False  # their MANUAL_CONTROL and overrides, and only theirs
     bytewise_parameters = False  # integers in PARAM_VALUE by their bytes, not as floats
     optional_parameters: frozenset[str] = frozenset()  # that only some versions of the firmware have
 
@@ -61,8 +65,10 @@ class MavlinkAutopilot:
         self._mode_names = {number: name for name, number in self._modes.items()}
         self._parser = Parser()
         self._own = dialect.MAVLink(None, srcSystem=config.system_id, srcComponent=config.component_id)
+        self._operators = Parser()
         self._known_wiring = self._wire({})
         self._driven_wiring: Wiring | None = None  # that of the time when the motors were taken
+        self._driven_sticks_us: Pulses | None = None
         self._output = make_output(config, pwm, self._known_wiring)
         us = config.system_id, config.component_id
         self._streams = StreamRequester(
@@ -83,6 +89,10 @@ class MavlinkAutopilot:
         )
         self._take_in_parameters()
         self._neighbours = Neighbours(config)
+        own = {(system_id, config.component_id) for system_id in (config.system_id, config.override_system_id)}
+        self._stick_messages = StickMessages(tuple(own), config.autopilot_system_id)
+        self._station_sticks: list[StationSticks] = []
+        self._last_station: StationSticks | None = None
         self._one = OneVehicle()
         self._pace = Pace()
         self._needed = HOLD_NEEDS if config.position_source is None else {*HOLD_NEEDS, config.position_source}
@@ -163,6 +173,7 @@ class MavlinkAutopilot:
 
     def _on_neighbour(self, t_ns: int, data: bytes) -> None:
         """Another component of the vehicle may ask for the time; besides, others are only looked at."""
+        self._on_stick_message(t_ns, data)
         self._neighbours.take(t_ns, data, ours=self._numbering.was_sent(t_ns, data))
         system_id, component_id = source(data)
         if message_id(data) != dialect.MAVLINK_MSG_ID_TIMESYNC or system_id != self._it[0]:
@@ -170,6 +181,34 @@ class MavlinkAutopilot:
         message = decode(data) if component_id != self._us[1] else None
         if message is not None and message.tc1 == 0:
             self._timesync.receive(t_ns, message)
+
+    def receive_of_operator(self, frame: Frame) -> None:
+        """A frame of the operator's port: what ground stations say of their sticks counts on every link."""
+        for data in self._operators.receive(frame.peer, frame.data, frame.via):
+            self._on_stick_message(frame.t_ns, data)
+
+    def _on_stick_message(self, t_ns: int, data: bytes) -> None:
+        if self._obeys_stations:
+            sticks = self._stick_messages.read(t_ns, data, self.parameters.values, self.wiring)
+            if sticks is not None:
+                self._station_sticks.append(sticks)
+                self._last_station = sticks
+
+    def take_station_sticks(self) -> tuple[StationSticks, ...]:
+        """What was heard, since the last call, of sticks of ground stations that the autopilot obeys."""
+        heard = tuple(self._station_sticks)
+        self._station_sticks.clear()
+        return heard
+
+    @property
+    def keeps_override(self) -> bool:
+        """Whether the last override of a stick stands after its release, for want of a receiver to take its place."""
+        return False
+
+    @property
+    def driven_sticks_us(self) -> Pulses | None:
+        """Where the last command of the motors has put their sticks (RC values); None where it overrides none."""
+        return self._driven_sticks_us
 
     def is_its_own(self, data: bytes) -> bool:
         """Whether a complete frame is the autopilot's: one component of one vehicle, whoever else talks."""
@@ -247,7 +286,8 @@ class MavlinkAutopilot:
         required = self._requirements(values)
         self._findings = judge(required, values)
         # Those of the wiring first, on which the others rest.
-        self.parameters.want([(name,) for name in self._wiring_names] + [row.names for row in required])
+        names = [*((name,) for name in self._wiring_names), *(row.names for row in required)]
+        self.parameters.want([*names, *self._names_to_know(values)])
 
     @property
     def unread_parameters(self) -> tuple[str, ...]:
@@ -287,6 +327,7 @@ class MavlinkAutopilot:
             ("arming", "" if self._armed else self._arming_fault),
             ("motor output", self._output.hazard),
             ("motor commands", self._output.refused),
+            ("ground station", self._shared_text()),
             ("streams", self._slow_text()),
             ("autopilot's clock", self._pace_text()),
             ("unread parameters", self._unread_text()),
@@ -306,6 +347,13 @@ class MavlinkAutopilot:
         if not self._pace.lost_s(self._t_ns):
             return ""
         return "has fallen behind: a simulation that is slower than real time, or a link with a long queue"
+
+    def _shared_text(self) -> str:
+        """Of a station whose sticks take turns with our commands, while we override sticks."""
+        last, driven = self._last_station, self._config.overrides_sticks and self._driven_wiring is not None
+        if not driven or last is None or self._t_ns - last.t_ns > SHARED_NS:
+            return ""
+        return "{}/{} sends its sticks too: the motors get our commands and its in turn".format(*last.sender)
 
     def _slow_text(self) -> str:
         slow = self._streams.slow
@@ -350,6 +398,10 @@ class MavlinkAutopilot:
         """The parameters that tell it."""
         return ()
 
+    def _names_to_know(self, values: Mapping[str, float]) -> Iterable[tuple[str, ...]]:
+        """Parameters that are asked for besides, each under the names that firmware versions give it."""
+        return ()
+
     def _status(self, t_ns: int) -> tuple[FrontseatStatus]:
         self._arming_fault = self.arming_checks.fault(t_ns)
         status = FrontseatStatus(
@@ -360,6 +412,8 @@ class MavlinkAutopilot:
             rc_us=self._rc_us,
             outputs_us=self._outputs_us,
             motor_channels=self.wiring.channels,
+            centres_us=self.wiring.centres_us,
+            keeps_override=self.keeps_override,
             sticks_us=self._sticks_us,
             motors_us=self._motors_us,
             rc_ns=self._rc_ns,
@@ -503,6 +557,8 @@ class MavlinkAutopilot:
             self.transmitter.note_override(t_ns)
         if self._driven_wiring is None:
             self._driven_wiring = self.wiring
+        if self._config.overrides_sticks:
+            self._driven_sticks_us = self._driven_wiring.to_sticks((port_us, starboard_us))
         return self._frames(t_ns, self._output.drive(port_us, starboard_us))
 
     def release(self, t_ns: int) -> list[Frame]:

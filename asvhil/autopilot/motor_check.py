@@ -7,6 +7,7 @@ from asvhil.autopilot.protocol import Autopilot
 from asvhil.autopilot.readback import Fault, Readback
 from asvhil.autopilot.requirements import Finding
 from asvhil.supervisor.reasons import Explanation, Reason, describe, explain
+from asvhil.supervisor.situation import StationSticks
 from asvhil.types import Cause, FrontseatStatus, Note
 
 UNREAD_NS = 3_000_000_000  # of driving without a report of the outputs
@@ -34,6 +35,11 @@ class MotorCheck:
     def on_status(self, status: FrontseatStatus) -> None:
         """A report of the autopilot."""
         self._readback.on_status(status)
+
+    def on_station_sticks(self, sticks: StationSticks) -> None:
+        """Sticks of a ground station, which drive the motors in turn with us."""
+        if sticks.motors_us is not None:
+            self._readback.note_station(sticks.t_ns, sticks.motors_us)
 
     def step(self, t_ns: int) -> None:
         """Judge what has been reported, before anything is decided in this tick."""

@@ -7,6 +7,7 @@ from typing import Protocol
 from asvhil.autopilot.requirements import Finding
 from asvhil.io.sensors.protocol import NamedMeasurement
 from asvhil.supervisor.reasons import Explanation
+from asvhil.supervisor.situation import StationSticks
 from asvhil.types import Frame, Note, TimeOffset
 
 
@@ -65,6 +66,24 @@ class Autopilot(Protocol):
 
     def receive(self, frame: Frame) -> list[NamedMeasurement]:
         """(message name, measurement) of each measurement in one frame."""
+        ...
+
+    def receive_of_operator(self, frame: Frame) -> None:
+        """Look at a frame of the operator's port for what ground stations say of their sticks."""
+        ...
+
+    def take_station_sticks(self) -> tuple[StationSticks, ...]:
+        """What was heard, since the last call, of sticks of ground stations that the autopilot obeys."""
+        ...
+
+    @property
+    def keeps_override(self) -> bool:
+        """Whether the last override of a stick stands after its release, for want of a receiver to take its place."""
+        ...
+
+    @property
+    def driven_sticks_us(self) -> tuple[int, int] | None:
+        """Where the last command of the motors has put their sticks (RC values); None where it overrides none."""
         ...
 
     def data_to_send(self, t_ns: int) -> list[Frame]:

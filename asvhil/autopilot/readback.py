@@ -28,6 +28,7 @@ IGNORED_SHARE = 0.1  # of the sticks' reports that differ from all overrides
 PLAIN_US = 60.0  # a command this far from neutral must show, whatever the dead zone
 STILL_US = 2.0
 RC_TOLERANCE_US = 3.0
+REST_NS = 1_000_000_000  # for so long sticks of a station that rests explain outputs
 DIFFERENT_US = 10.0  # an override must differ this much from the stick to be told from it
 RESIDUAL_CAP_US = 100.0  # one late report must not decide
 EXPLAINS_SHARE = 0.5  # of the residual that a distortion may leave over to be named
@@ -66,11 +67,18 @@ class Readback:
     `fault` is what was found, until the motors are taken anew; None while the outputs follow, or it is undecided.
     """
 
-    def __init__(self, config: ReadbackConfig, neutral_us: float, *, overrides_sticks: bool = True) -> None:
-        """`neutral_us`: of `vehicle.pwm`, in whose pulses everything here counts, however the boat is wired."""
+    def __init__(
+        self, config: ReadbackConfig, neutral_us: float, *, overrides_sticks: bool = True, rest_us: float = 60.0
+    ) -> None:
+        """`neutral_us`: of `vehicle.pwm`, in whose pulses everything here counts, however the boat is wired.
+
+        `rest_us`: how far from neutral the sticks of a ground station may rest that come in turn with our commands.
+        """
         self._config = config
         self._neutral_us = neutral_us
         self._overrides_sticks = overrides_sticks
+        self._rest_us = rest_us
+        self._rests: tuple[int, tuple[float, float]] | None = None  # sticks of a station, and when they were seen
         self._lag_ns = round(config.lag_s * 1e9)
         self._distortions = distortions(self._neutral_us)
         self._sent: deque[tuple[int, tuple[int, int]]] = deque()
@@ -104,6 +112,7 @@ class Readback:
             self._sent.clear()
             self._outputs.clear()
             self._sticks.clear()
+            self._rests = None
             self.override_seen = self.follows = False
             self.fault = None
         self._sent.append((t_ns, pulses_us))
@@ -127,11 +136,26 @@ class Readback:
                 plain = _apart_us(us, (self._neutral_us, self._neutral_us)) > PLAIN_US
                 self.follows = self.follows or (plain and self._outputs[-1].fits)
             elif self._overrides_sticks:
+                self._note_rest(t_ns, us)
                 self._keep(self._sticks, t_ns, us, RC_TOLERANCE_US)
                 self.override_seen = self.override_seen or self._is_override(t_ns, us)
 
+    def note_station(self, t_ns: int, us: tuple[int, int]) -> None:
+        """What the sticks of a ground station command, by its own messages, in turn with ours."""
+        pulses = float(us[0]), float(us[1])
+        if _apart_us(pulses, (self._neutral_us, self._neutral_us)) <= self._rest_us:
+            self._rests = t_ns, pulses
+
+    def _note_rest(self, t_ns: int, us: tuple[float, float]) -> None:
+        """Sticks that rest and are not our override: a station's, whose turn it was, once ours have been seen."""
+        rests = _apart_us(us, (self._neutral_us, self._neutral_us)) <= self._rest_us
+        if rests and self.override_seen and all(_apart_us(sent, us) > RC_TOLERANCE_US for sent in self._recent(t_ns)):
+            self._rests = t_ns, us
+
     def _keep(self, reports: deque[_Report], t_ns: int, us: tuple[float, float], tolerance_us: float) -> None:
         fits = any(_apart_us(sent, us) <= tolerance_us for sent in self._recent(t_ns))
+        if not fits and self._rests is not None and t_ns - self._rests[0] < REST_NS:
+            fits = _apart_us(self._rests[1], us) <= tolerance_us
         last = reports[-1] if reports else None
         stale = not fits and last is not None and (last.fits or last.stale) and _apart_us(last.us, us) <= STILL_US
         reports.append(_Report(t_ns=t_ns, us=us, fits=fits, stale=stale))

@@ -120,6 +120,7 @@ class Wiring:
         self.outputs = (motors[0].output, motors[1].output)
         self.channels = channels
         self.sticks = sticks or (motors[0].travel, motors[1].travel)
+        self.centres_us = (round(self.sticks[0].trim_us), round(self.sticks[1].trim_us))
         self._plain = Motor(astern_us=pwm.astern_us, neutral_us=pwm.neutral_us, ahead_us=pwm.ahead_us)
         self._to_outputs, self._to_sticks, self._of_outputs, self._of_sticks = (
             (_Law(partial(law, 0)), _Law(partial(law, 1)))

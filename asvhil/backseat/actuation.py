@@ -9,7 +9,7 @@ from asvhil.config import PwmConfig
 from asvhil.controller.protocol import Controller
 from asvhil.controller.pwm import PulseLimiter
 from asvhil.supervisor.reasons import Explanation
-from asvhil.supervisor.situation import MotorPulses
+from asvhil.supervisor.situation import MotorPulses, StationSticks
 from asvhil.supervisor.supervisor import Decision
 from asvhil.types import Control, Estimate, Frame, FrontseatStatus, Note, Phase, Wind
 
@@ -48,6 +48,10 @@ class Actuation:
     def on_status(self, status: FrontseatStatus) -> None:
         """A report of the autopilot."""
         self._check.on_status(status)
+
+    def on_station_sticks(self, sticks: StationSticks) -> None:
+        """Sticks of a ground station that the autopilot obeys."""
+        self._check.on_station_sticks(sticks)
 
     def inspect(self, t_ns: int) -> None:
         """Judge what was reported of the motors, before anything is decided in this tick."""
@@ -108,7 +112,7 @@ class Actuation:
         self.sent = None
         if self.pulses_us is not None:
             frames += self._autopilot.drive(t_ns, *self.pulses_us)
-            self.sent = MotorPulses(t_ns=t_ns, us=self.pulses_us)
+            self.sent = MotorPulses(t_ns=t_ns, us=self.pulses_us, sticks_us=self._autopilot.driven_sticks_us)
         held = decision.phase in (Phase.HOLD, Phase.FAILSAFE)
         self._check.note_output(t_ns, self.pulses_us if held else None)
         if decision.release:
@@ -122,5 +126,9 @@ class Actuation:
         return frames
 
     def release_to_pilot(self, t_ns: int) -> list[Frame]:
-        """Neutral and release, for a shell that can no longer step the backseat."""
-        return [*self._autopilot.drive(t_ns, self._neutral_us, self._neutral_us), *self._autopilot.release(t_ns)]
+        """Neutral and release, for a shell that can no longer step the backseat.
+
+        Neutral alone where the last override stands after a release: sent with one, it would have no effect.
+        """
+        neutral = self._autopilot.drive(t_ns, self._neutral_us, self._neutral_us)
+        return neutral if self._autopilot.keeps_override else [*neutral, *self._autopilot.release(t_ns)]

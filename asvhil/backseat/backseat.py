@@ -9,7 +9,7 @@ from asvhil.backseat.perception import Perceived, Perception
 from asvhil.config.ports import OPERATOR
 from asvhil.geo import LocalFrame
 from asvhil.supervisor.reasons import describe
-from asvhil.supervisor.situation import Situation
+from asvhil.supervisor.situation import Situation, StationSticks
 from asvhil.supervisor.supervisor import Decision
 from asvhil.types import Frame, Health, Inputs, Note, Outputs
 
@@ -22,6 +22,7 @@ class Backseat:
         self._perception = perception
         self._command = command
         self._actuation = actuation
+        self._station_sticks: tuple[StationSticks, ...] = ()  # heard in this tick
 
     @property
     def frame(self) -> LocalFrame | None:
@@ -70,7 +71,11 @@ class Backseat:
         for frame in inputs.frames:
             if frame.port == OPERATOR:
                 self._command.receive(frame)
+                self._autopilot.receive_of_operator(frame)
         seen = self._perception.step(inputs)
+        self._station_sticks = self._autopilot.take_station_sticks()
+        for sticks in self._station_sticks:
+            self._actuation.on_station_sticks(sticks)
         for status in seen.statuses:
             self._actuation.on_status(status)
         return seen
@@ -91,6 +96,7 @@ class Backseat:
             unverified=self._actuation.unverified,
             control_ok=self._actuation.control_ok,
             sent=self._actuation.sent,
+            station_sticks=self._station_sticks,
         )
 
     def _health(self, decision: Decision, seen: Perceived, notes: tuple[Note, ...]) -> Health:

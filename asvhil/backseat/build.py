@@ -124,8 +124,9 @@ def build_perception(config: Config, model: Dynamics, link: MavlinkAutopilot) ->
 
 def build_motor_check(config: Config, link: MavlinkAutopilot) -> MotorCheck:
     """The check of whether the motors follow the commands."""
-    readback = config.supervisor.readback
-    test = Readback(readback, config.vehicle.pwm.neutral_us, overrides_sticks=config.links.autopilot.overrides_sticks)
+    supervisor, neutral_us = config.supervisor, config.vehicle.pwm.neutral_us
+    readback, overrides = supervisor.readback, config.links.autopilot.overrides_sticks
+    test = Readback(readback, neutral_us, overrides_sticks=overrides, rest_us=supervisor.stick_threshold_us)
     return MotorCheck(link, test, readback.tolerate)
 
 

@@ -157,6 +157,7 @@ class Daemon:
         self._inbox.append(Frame(t_ns=self._clock.now_ns(), port=OPERATOR, data=data))
         for _ in range(FINAL_TICKS):
             await self._tick(loop, worker, overrun=False)
+            await asyncio.sleep(1.0 / self._config.daemon.tick_hz)  # neutral and release in one go are a release alone
 
     async def _tick(self, loop: asyncio.AbstractEventLoop, worker: ThreadPoolExecutor, *, overrun: bool) -> None:
         frames = tuple(self._inbox)

@@ -11,11 +11,12 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Protocol
 
+from asvhil.autopilot.ground_stations import STICK_MESSAGES
 from asvhil.config.links import LinksConfig
 from asvhil.config.mavlink import MavlinkLinkConfig, SigningConfig
 from asvhil.config.ports import AUTOPILOT, GROUND, OPERATOR
 from asvhil.errors import ConfigError
-from asvhil.io.mavlink.frames import message_number, source, target
+from asvhil.io.mavlink.frames import message_id, message_number, source, target
 from asvhil.io.mavlink.routing import Hops, LinkRules, RoutingTable
 from asvhil.io.mavlink.signature_filter import SignatureFilter
 from asvhil.io.mavlink.signing import Signer, SigningClock, SigningState, Verdict, Verifier
@@ -161,12 +162,14 @@ class MavlinkRouter:
         hops = self._table.route(frame.port, data, frame.t_ns)
         if self._claim_goto and AUTOPILOT in hops.links and is_goto(data):
             hops = Hops(tuple(name for name in hops.links if name != AUTOPILOT), True)
+        # Sticks that the autopilot gets may be the pilot's, who comes first.
+        local = hops.local or (AUTOPILOT in hops.links and message_id(data) in STICK_MESSAGES)
         for name in hops.links:
             if not await self._links[name].forward(data):
                 self._unforwarded[name] += 1
             elif name == AUTOPILOT:
                 self._on_forward(Frame(t_ns=frame.t_ns, port=AUTOPILOT, data=data, via=frame.port))
-        if not hops.local:
+        if not local:
             return []
         if frame.port == AUTOPILOT and (source(data)[0] == self._autopilot_system_id or target(data)[0] == 0):
             return []  # messages of the vehicle, which the codec of that port reads; an operator addresses this daemon

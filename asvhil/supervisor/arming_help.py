@@ -57,4 +57,5 @@ class ArmingHelp:
             return situation.fault
         if situation.t_ns >= self._until_ns:
             return explain(Reason.NEUTRAL_ENDED, seconds=self._config.arming_neutral_s)
-        return self._pilot.sticks_taken(situation.t_ns, status)
+        theirs = self._pilot.station_stick(status, situation.station_sticks)
+        return theirs or self._pilot.sticks_taken(situation.t_ns, status)

@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Sequence
 
 from asvhil.config import SupervisorConfig
 from asvhil.supervisor.reasons import Explanation, Reason, explain
-from asvhil.supervisor.situation import MotorPulses
-from asvhil.types import FrontseatStatus
+from asvhil.supervisor.situation import MotorPulses, StationSticks
+from asvhil.types import FrontseatStatus, Radio
 
-ECHO_TOLERANCE_US = 40  # dead zones of an autopilot bend small commands by up to 30 us
+ECHO_TOLERANCE_US = 4  # RC_CHANNELS shows overrides as they came; MANUAL_CONTROL is rounded on the way
 STICKS = (1, 2, 3, 4)
+CENTRE_US = 1500  # of a stick that has not been heard yet
+STATION_NS = 500_000_000  # since a ground station's sticks were heard
+# A station whose sticks rest takes turns with us on the same channels. Where its messages are not heard here, so long
+# may reports in a row show its sticks and none of our commands, as by chance of the times at which they come.
+REST_NS = 10_000_000_000
 
 
 class PilotWatch:
@@ -24,15 +30,18 @@ class PilotWatch:
         self._stick_channels = config.stick_channels if overrides_sticks else tuple({*STICKS, *config.stick_channels})
         self._echo_ns = round(config.override_echo_s * 1e9)
         self._engaged_ns = 0
+        self._ours_ns = 0  # when a report was last seen that shows a command of ours
+        self._station_us: dict[int, tuple[int, int]] = {}  # by channel: when a station's stick was heard, and where
         self._stick_baseline: dict[int, int] = {}
+        self._before_us: tuple[int, int] = (0, 0)  # the motors' sticks when they were taken
         self._sent: deque[MotorPulses] = deque()
 
     def begin(self, t_ns: int, status: FrontseatStatus) -> None:
         """The motors are ours from now on: as the sticks stand now they are at rest."""
-        self._engaged_ns = t_ns
+        self._engaged_ns = self._ours_ns = t_ns
         self._sent.clear()
-        baseline = {channel: _channel(status, channel) for channel in self._stick_channels}
-        self._stick_baseline = {channel: value for channel, value in baseline.items() if value}
+        self._stick_baseline = {channel: _channel(status, channel) or CENTRE_US for channel in self._stick_channels}
+        self._before_us = _motor_sticks(status)
 
     def note_sent(self, pulses: MotorPulses) -> None:
         """Remember what was sent, to tell the echo of our override from the pilot's sticks."""
@@ -41,47 +50,94 @@ class PilotWatch:
         while len(self._sent) > 1 and self._sent[1].t_ns <= horizon_ns:  # the one that stood at the horizon is kept
             self._sent.popleft()
 
-    def act(self, status: FrontseatStatus | None) -> Explanation | None:
-        """What the pilot has done to have the boat back; None while there is nothing."""
+    def act(self, status: FrontseatStatus | None, heard: Sequence[StationSticks] = ()) -> Explanation | None:
+        """What the pilot has done to have the boat back; None while there is nothing.
+
+        `heard`: of the sticks of ground stations, by their own messages.
+        """
         if status is None:
             return None
         if not status.armed:
             return explain(Reason.DISARMED)
         if status.mode != self._config.control_mode:
             return explain(Reason.MODE_CHANGED, mode=status.mode)
+        theirs = self.station_stick(status, heard)
+        if theirs is not None:
+            return theirs
         for channel, baseline_us in self._stick_baseline.items():
             now_us = _channel(status, channel)
             if now_us and abs(now_us - baseline_us) > self._config.stick_threshold_us:
                 return explain(Reason.STICK_MOVED, channel=channel)
         return None
 
+    def station_stick(self, status: FrontseatStatus, heard: Sequence[StationSticks]) -> Explanation | None:
+        """Which stick of a ground station is off its centre, by the station's own messages."""
+        for sticks in heard:
+            for channel, now_us in sticks.channels:
+                self._station_us[channel] = sticks.t_ns, now_us
+                rest_us = self._rest_us(status, channel)
+                if rest_us is not None and abs(now_us - rest_us) > self._config.stick_threshold_us:
+                    return explain(Reason.STATION_STICK, channel=channel, station="{}/{}".format(*sticks.sender))
+        return None
+
     def sticks_taken(self, t_ns: int, status: FrontseatStatus | None) -> Explanation | None:
-        """Which of the motors' own channels shows something else than our commands: somebody else has the boat."""
-        if status is None:
+        """Which of the motors' own channels shows something else than our commands: somebody else has the boat.
+
+        At first, while nobody knows yet whether our commands are heeded, only a stick that has moved is the pilot's.
+        Later resting sticks of a ground station are excused where they come in turn with our commands.
+        """
+        if status is None or not self._overrides_sticks or status.sticks_us is None:
             return None
         told_ns = status.rc_ns or t_ns
-        if told_ns - self._engaged_ns < self._echo_ns:
-            return None  # the echo of the first overrides may still be on its way
-        echoed_us = self._echoed_us(told_ns)
-        if not self._overrides_sticks or status.sticks_us is None or not echoed_us:
+        now_us = _motor_sticks(status)
+        sent_us = self._echoed_us(told_ns)
+        if not all(now_us) or told_ns < self._engaged_ns:
             return None
-        of_motors = zip(status.motor_channels, status.sticks_us, zip(*echoed_us, strict=True), strict=True)
-        for channel, now_us, sent_us in of_motors:
-            if now_us and not min(sent_us) - ECHO_TOLERANCE_US <= now_us <= max(sent_us) + ECHO_TOLERANCE_US:
-                return explain(Reason.OVERRIDE_NOT_FOLLOWED, channel=channel)
-        return None
+        if any(_apart_us(now_us, us) <= ECHO_TOLERANCE_US for us in sent_us):
+            self._ours_ns = told_ns
+            return None
+        channel = _first_apart(status.motor_channels, now_us, sent_us)
+        off_us = _apart_us(now_us, status.centres_us)
+        if told_ns - self._engaged_ns < self._echo_ns:  # the echo of the first overrides may still be on its way
+            moved_us = _apart_us(now_us, self._before_us) if all(self._before_us) else off_us
+            moved = min(off_us, moved_us) > self._config.stick_threshold_us
+            return explain(Reason.STICK_MOVED, channel=channel) if moved else None
+        if not sent_us or self._is_of_station(told_ns, status.motor_channels, now_us, sent_us):
+            return None
+        no_transmitter = status.keeps_override or status.radio is Radio.ABSENT
+        rests = no_transmitter and off_us <= self._config.stick_threshold_us
+        if rests and self._engaged_ns < self._ours_ns and told_ns - self._ours_ns <= REST_NS:
+            return None
+        return explain(Reason.OVERRIDE_NOT_FOLLOWED, channel=channel)
 
     def hidden(self, status: FrontseatStatus) -> int | None:
         """A channel whose movement is to end a hold, but that our commands hide: it moves a motor of this boat."""
         watched = self._config.stick_channels if self._overrides_sticks else ()
         return next((channel for channel in watched if channel in status.motor_channels), None)
 
+    def _rest_us(self, status: FrontseatStatus, channel: int) -> int | None:
+        """Where a stick rests, None for a channel that is not watched."""
+        if channel in status.motor_channels:
+            return status.centres_us[status.motor_channels.index(channel)]
+        return self._stick_baseline.get(channel)
+
+    def _is_of_station(
+        self, told_ns: int, channels: tuple[int, int], now_us: tuple[int, int], sent_us: list[tuple[int, int]]
+    ) -> bool:
+        """Whether sticks are those of a ground station whose messages are heard, where it does not move them all."""
+        for channel, now, ours in zip(channels, now_us, zip(*sent_us, strict=True), strict=True):
+            heard_ns, station_us = self._station_us.get(channel, (0, 0))
+            theirs = told_ns - heard_ns < STATION_NS and abs(now - station_us) <= ECHO_TOLERANCE_US
+            if not theirs and all(abs(now - us) > ECHO_TOLERANCE_US for us in ours):
+                return False
+        return True
+
     def _echoed_us(self, told_ns: int) -> list[tuple[int, int]]:
         """What a report may show: sent within the time of an echo before it, or standing when that time began."""
         found = []
         for pulses in reversed(self._sent):
             if pulses.t_ns <= told_ns:
-                found.append(pulses.us)
+                found.append(pulses.us if pulses.sticks_us is None else pulses.sticks_us)
             if pulses.t_ns <= told_ns - self._echo_ns:
                 break
         return found
@@ -90,3 +146,28 @@ class PilotWatch:
 def _channel(status: FrontseatStatus, channel: int) -> int:
     """RC value of a channel in us, 0 where unknown."""
     return status.rc_us[channel - 1] if len(status.rc_us) >= channel else 0
+
+
+def _motor_sticks(status: FrontseatStatus) -> tuple[int, int]:
+    """RC values of the motors' sticks."""
+    port, starboard = status.motor_channels
+    return _channel(status, port), _channel(status, starboard)
+
+
+def _apart_us(a: tuple[int, int], b: tuple[int, int]) -> int:
+    """How far two pairs are apart, by the stick that is further."""
+    return max(abs(a[0] - b[0]), abs(a[1] - b[1]))
+
+
+def _first_apart(channels: tuple[int, int], now_us: tuple[int, int], sent_us: list[tuple[int, int]]) -> int:
+    """The first channel that shows nothing of what was sent; the first of all where each does, of different times."""
+    apart = (
+        (
+            channel
+            for channel, now, sent in zip(channels, now_us, zip(*sent_us, strict=True), strict=True)
+            if not any(abs(now - us) <= ECHO_TOLERANCE_US for us in sent)
+        )
+        if sent_us
+        else iter(())
+    )
+    return next(apart, channels[0])

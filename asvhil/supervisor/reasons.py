@@ -28,6 +28,7 @@ class Reason(enum.StrEnum):
     DISARMED = "disarmed"
     MODE_CHANGED = "mode-changed"
     STICK_MOVED = "stick-moved"
+    STATION_STICK = "station-stick"
     OVERRIDE_NOT_FOLLOWED = "override-not-followed"
     TRANSMITTER_HEARD = "transmitter-heard"
     # What failed while a station was held, or on the way to it
@@ -126,6 +127,10 @@ WORDS: Mapping[Reason, Words] = {
     Reason.STICK_MOVED: Words(
         text="stick of channel {channel} moved",
         remedy="Nothing, if you meant it. If not: supervisor.stick_threshold_us is below the noise of the stick.",
+    ),
+    Reason.STATION_STICK: Words(
+        text="{station}: stick of channel {channel} off centre",
+        remedy="Nothing, if the pilot meant it. If not: let that station's joystick rest, or switch it off.",
     ),
     Reason.OVERRIDE_NOT_FOLLOWED: Words(
         text="channel {channel} does not follow the override",

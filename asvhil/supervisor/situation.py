@@ -9,10 +9,25 @@ from asvhil.types import Estimate, FrontseatStatus, record
 
 @record
 class MotorPulses:
-    """What was sent to both motors, and when."""
+    """What was sent to both motors, and when; `sticks_us` is where it put their sticks, where it overrides those."""
 
     t_ns: int
     us: tuple[int, int]
+    sticks_us: tuple[int, int] | None = None
+
+
+@record
+class StationSticks:
+    """What a ground station, (system id, component id), says of its sticks: (channel from 1, us) of those it moves.
+
+    `motors_us` is what the two that drive command (port, starboard), in pulses of `vehicle.pwm`; None unless it moves
+    both.
+    """
+
+    t_ns: int
+    sender: tuple[int, int]
+    channels: tuple[tuple[int, int], ...]
+    motors_us: tuple[int, int] | None = None
 
 
 @record
@@ -25,6 +40,7 @@ class Situation:
     `fault`: why the motors do not, or would not, follow the commands. `unverified`: what it means if the motors' sticks
     do not show our commands; None once they have, for then somebody else has them. `control_ok`: whether the solution
     of the last tick can be used; None where there was none. `sent`: what the last tick sent to the motors.
+    `station_sticks`: what was heard, since the last tick, of sticks of ground stations that the autopilot obeys.
     """
 
     t_ns: int
@@ -39,3 +55,4 @@ class Situation:
     unverified: Explanation | None = None
     control_ok: bool | None = None
     sent: MotorPulses | None = None
+    station_sticks: tuple[StationSticks, ...] = ()

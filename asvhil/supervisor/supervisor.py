@@ -14,7 +14,10 @@ from asvhil.supervisor.stations import station_of_config, station_of_hold, stati
 from asvhil.types import FrontseatStatus, HoldCommand, MoveCommand, Phase, Radio, ReleaseCommand, Station, record
 
 RELEASE_REPEATS = 3  # datagrams get lost
+NEUTRAL_ALONE = 2  # ticks of neutral before a release, where the last override stands: it must be neutral by then
 PILOT_FIRST_NS = 1_000_000_000  # a hold command that comes so soon was sent before its sender knew
+# Why neutral is sent no longer to a boat that is to be armed: somebody else has its sticks.
+THEIRS = (Reason.TRANSMITTER_HEARD, Reason.MODE_CHANGED, Reason.OVERRIDE_NOT_FOLLOWED, Reason.STICK_MOVED)
 NAMED_LATER_NS = 10_000_000_000  # after a hold has ended for what another vehicle said, until that is known for another
 
 Request = HoldCommand | MoveCommand | ReleaseCommand
@@ -64,6 +67,7 @@ class Supervisor:
         self._failing_since_ns: int | None = None
         self._release_left = 0
         self._neutral_first = False
+        self._keeps_override = False  # by the autopilot, after its end
         self._control_failed = False
         self._mode = ModeRequest(config.control_mode, config.take_mode_timeout_s)
         self._next_station: Station | None = None  # to be held once the control mode stands
@@ -76,6 +80,7 @@ class Supervisor:
         station_before, was_held = self._held, self._phase in (Phase.HOLD, Phase.FAILSAFE)
         if situation.sent is not None:
             self._pilot.note_sent(situation.sent)
+        self._keeps_override = situation.status is not None and situation.status.keeps_override
         if situation.control_ok is not None:
             self._control_failed = not situation.control_ok
         answers = tuple(self._answer(request, situation) for request in requests)
@@ -89,6 +94,7 @@ class Supervisor:
             self._watch(situation)
         self._name_the_end(situation, was_held=was_held)
         releasing = self._phase is Phase.STANDBY and self._release_left > 0
+        neutral_alone = self._release_left > RELEASE_REPEATS
         self._release_left -= releasing
         link_ok = self._link_ok(situation)
         mode = situation.status.mode if situation.status and link_ok else None
@@ -101,7 +107,7 @@ class Supervisor:
             begun=any(isinstance(r, HoldCommand) and a is None for r, a in zip(requests, answers, strict=True)),
             drive=self._phase is Phase.HOLD,
             neutral=self._phase in (Phase.PREPARE, Phase.FAILSAFE) or (releasing and self._neutral_first),
-            release=releasing,
+            release=releasing and not neutral_alone,
             prepare=self._phase is Phase.PREPARE and self._auto_pending,
             ask_mode=self._mode.advance(situation.t_ns, mode),
             link_ok=link_ok,
@@ -254,8 +260,7 @@ class Supervisor:
         alive = situation.status is not None and self._link_ok(situation)
         failure = self._arming_help.failure(situation) if alive else explain(Reason.NO_HEARTBEAT)
         if failure is not None:
-            theirs = failure.reason in (Reason.TRANSMITTER_HEARD, Reason.MODE_CHANGED, Reason.OVERRIDE_NOT_FOLLOWED)
-            self._let_go(failure, neutral_first=not theirs)
+            self._let_go(failure, neutral_first=failure.reason not in THEIRS)
 
     def _await_mode(self, situation: Situation) -> None:
         """Hold once the mode that was asked for stands; give up where something has changed, or after a while."""
@@ -265,7 +270,9 @@ class Supervisor:
             self._let_go(refusal, neutral_first=True)
             return
         assert status is not None  # else it was refused
-        failure = self._mode.failure(situation.t_ns, status.mode)
+        failure = self._pilot.station_stick(status, situation.station_sticks) or self._mode.failure(
+            situation.t_ns, status.mode
+        )
         if failure is not None:
             self._let_go(failure)
         elif status.mode == self._config.control_mode:
@@ -275,13 +282,14 @@ class Supervisor:
     def _watch(self, situation: Situation) -> None:
         """Go on holding while the pilot leaves the motors to us and nothing fails."""
         t_ns, status = situation.t_ns, situation.status
-        act = self._pilot.act(status)
+        act = self._pilot.act(status, situation.station_sticks)
         if act is None and status is not None and self._is_transmitter_lost(status):
             self._let_go(explain(Reason.TRANSMITTER_LOST), neutral_first=True)
             return
         if act is not None:
             self._pilot_ns = t_ns
-            self._let_go(act)
+            # Where the station's messages and ours set the same channels, ours would stand until its next one.
+            self._let_go(act, neutral_first=act.reason is Reason.STATION_STICK)
             return
         ends = situation.stranger or situation.fault
         if ends is not None:
@@ -293,7 +301,8 @@ class Supervisor:
         if taken is not None:
             self._pilot_ns = t_ns
             unverified = situation.unverified
-            self._let_go(taken if unverified is None else unverified, neutral_first=unverified is not None)
+            ignored = unverified is not None and taken.reason is Reason.OVERRIDE_NOT_FOLLOWED
+            self._let_go(unverified if ignored and unverified is not None else taken, neutral_first=ignored)
             return
         failure = self._failing(situation)
         if failure is None:
@@ -351,6 +360,8 @@ class Supervisor:
     def _let_go(self, why: Explanation, *, neutral_first: bool = False, give_back_ns: int | None = None) -> None:
         """Stand by and give the motors back; a pilot who takes them gets them without a message of ours in between.
 
+        But for an autopilot without a receiver, on which the last override stands after its release: it gets neutral
+        first, or the motors would run on. Sent in one go with the release, neutral would have no effect.
         The autopilot's mode goes back only where that is asked for: after a failure the boat must not drive on by
         itself, and a pilot's choice stands.
         """
@@ -364,5 +375,5 @@ class Supervisor:
         else:
             self._mode.give_back(give_back_ns)
         self._failing_since_ns = None
-        self._release_left = RELEASE_REPEATS
-        self._neutral_first = neutral_first
+        self._release_left = RELEASE_REPEATS + (NEUTRAL_ALONE if self._keeps_override else 0)
+        self._neutral_first = neutral_first or self._keeps_override

@@ -22,9 +22,11 @@ OUTPUTS = 16  # and as many channels of the transmitter
 def _identity(config: FrontseatConfig) -> tuple[Row, ...]:
     """Names that changed with firmware 4.7."""
     old = config.firmware == "4.6"
+    last: tuple[Row, ...] = () if old else (("MAV_GCS_SYSID_HI", 0, INT16, (0.0, 255.0)),)
     return (
         ("SYSID_THISMAV" if old else "MAV_SYSID", config.system_id, INT16, FIXED),
         ("SYSID_MYGCS" if old else "MAV_GCS_SYSID", config.mygcs_system_id, INT16, (1.0, 255.0)),
+        *last,
         ("ARMING_CHECK", 1, INT32, (0.0, 2.0**20)) if old else ("ARMING_SKIPCHK", 0, INT32, (-1.0, 2.0**20)),
         ("SYSID_ENFORCE", 0, INT8, (0.0, 1.0)) if old else ("MAV_OPTIONS", 0, INT8, (0.0, 1.0)),
     )
@@ -124,6 +126,12 @@ class Parameters(ParameterTable):
         self._motor_outputs: tuple[MotorOutput, ...] | None = None
         self.mygcs_name = rows[1][0]
         super().__init__("simulated ArduRover", rows, config.parameters)
+
+    def is_station(self, system_id: int) -> bool:
+        """Whether a system is the ground station, or since 4.7 within the range of them."""
+        first = self[self.mygcs_name]
+        last = self["MAV_GCS_SYSID_HI"] if "MAV_GCS_SYSID_HI" in self.names else first
+        return first <= system_id <= max(first, last)
 
     def stick(self, channel: int) -> ChannelCalibration:
         """How a stick is read."""

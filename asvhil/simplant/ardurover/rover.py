@@ -125,6 +125,7 @@ class Rover(PoweredVehicle):
 
     def end(self) -> None:
         """The end of a loop: time-outs, then the motors."""
+        self.rc.read()
         self._watch_throttle()
         if self.booted:
             self._watch_radio()
@@ -138,25 +139,33 @@ class Rover(PoweredVehicle):
 
     def heartbeat(self, sender_system: int) -> None:
         """A station's heartbeat; that of ours keeps its fail-safe away."""
-        if sender_system == self.parameters[self.parameters.mygcs_name]:
+        if self.parameters.is_station(sender_system):
             self.gcs_heard_ns = self.t_ns
 
     def override(self, sender_system: int, values: list[int]) -> None:
-        """Channel overrides (18 raw values); those of other stations than ours are dropped without a word."""
-        if not self._overrides_ignored() and sender_system == self.parameters[self.parameters.mygcs_name]:
+        """Channel overrides (16 raw values); those of other stations than ours are dropped without a word.
+
+        They count as a heartbeat of the station.
+        """
+        if not self.parameters.is_station(sender_system):
+            return
+        self.gcs_heard_ns = self.t_ns
+        if not self._overrides_ignored():
             self.rc.override(self.t_ns, values, self._neutral_ns)
 
-    def manual_control(self, sender_system: int, y: int, z: int) -> None:
+    def manual_control(self, sender_system: int, target: int, y: int, z: int) -> None:
         """MANUAL_CONTROL: y moves the stick of RCMAP_ROLL, z that of RCMAP_THROTTLE; -1000..1000 over its travel.
 
-        32767 (no value) gives the channel back: ArduPilot overrides it with 0 then.
+        32767 (no value) gives the channel back: ArduPilot overrides it with 0 then. One for everybody is for nobody.
         """
+        if target != self._config.system_id:
+            return
         values = [IGNORE] * CHANNELS
         for channel, axis in zip(self.mapped, (y, z), strict=True):
             values[channel - 1] = 0 if channel <= 8 else RELEASE_HIGH
             if axis != 32767:
                 stick = self.parameters.stick(channel)
-                share = (max(-1000, min(1000, axis)) + 1000) / 2000
+                share = (axis + 1000) / 2000
                 values[channel - 1] = int(stick.low_us + (stick.high_us - stick.low_us) * share)
         self.override(sender_system, values)
 

@@ -26,10 +26,10 @@ from asvhil.simplant.vehicle.autopilot import (
     SimulatedAutopilot,
     whole,
 )
-from asvhil.simplant.vehicle.rc import CHANNELS
 from asvhil.simplant.vehicle.schedule import Schedule
 from asvhil.types import Frame
 
+OVERRIDDEN = 16  # channels of RC_CHANNELS_OVERRIDE that are looked at
 MOTOR_EMERGENCY_STOP = 31  # RCn_OPTION
 LOW, MIDDLE, HIGH = 0.0, 1.0, 2.0  # positions of a switch
 TEMPORARILY_REJECTED = int(dialect.MAV_RESULT_TEMPORARILY_REJECTED)
@@ -90,6 +90,7 @@ class SimulatedArduRover(SimulatedAutopilot):
 
     def _before_outputs(self, frames: list[Frame]) -> None:
         """Scripts run beside the main loop; here, after its messages: they get those of others and damaged ones too."""
+        self.rover.rc.read()
         for frame in frames if self.scripting.listening else ():
             damaged = whole_but_damaged(frame.data)
             if damaged is not None:
@@ -147,10 +148,10 @@ class SimulatedArduRover(SimulatedAutopilot):
         self.rover.heartbeat(sender[0])
 
     def _on_override(self, peer: str, sender: tuple[int, int], m: Any) -> None:
-        self.rover.override(sender[0], [getattr(m, f"chan{i}_raw") for i in range(1, CHANNELS + 1)])
+        self.rover.override(sender[0], [getattr(m, f"chan{i}_raw") for i in range(1, OVERRIDDEN + 1)])
 
     def _on_manual_control(self, peer: str, sender: tuple[int, int], m: Any) -> None:
-        self.rover.manual_control(sender[0], m.y, m.z)
+        self.rover.manual_control(sender[0], m.target, m.y, m.z)
 
     def _on_set_mode(self, peer: str, sender: tuple[int, int], m: Any) -> None:
         result = DENIED

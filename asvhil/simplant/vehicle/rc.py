@@ -17,7 +17,8 @@ class RcInputs:
     """The 18 channels. `radio_us` is what the vehicle acts on and reports: an override, else the sticks.
 
     Without a receiver a channel whose override ends keeps its last value (ArduPilot's radio_in is not refreshed), so
-    safety there rests on `alive`.
+    safety there rests on `alive`. A vehicle looks at its channels once in each loop (`read`): of an override that is
+    released in the loop in which it came nothing is seen.
     """
 
     def __init__(self, receiver: bool, t_ns: int) -> None:
@@ -27,6 +28,7 @@ class RcInputs:
         self.sticks_us = [*STICKS_AT_REST, *[0] * (CHANNELS - len(STICKS_AT_REST))]
         self.radio_us: list[int] = []
         self._overrides_ns: dict[int, int] = {}
+        self._unread_us: dict[int, int] = {}  # overrides since the last loop; 0: released
         self.restart(t_ns)
 
     def restart(self, t_ns: int) -> None:
@@ -35,6 +37,7 @@ class RcInputs:
         self.heard = self.receiver  # a receiver, since power-on
         self.seen = self.receiver  # any input, since power-on
         self._overrides_ns.clear()
+        self._unread_us.clear()
         self.last_input_ns = t_ns  # of an override, of the receiver's loss, or of power-on
         self._streak_ns: int | None = None
 
@@ -64,15 +67,25 @@ class RcInputs:
                 continue
             touched = True
             if value == 0 or (index >= 8 and value == RELEASE_HIGH):
-                self._release(index)
+                self._overrides_ns.pop(index, None)
+                self._unread_us[index] = 0
             else:
                 self._overrides_ns[index] = t_ns
-                self.radio_us[index] = value
+                self._unread_us[index] = value
         if touched:
             self.seen = True
             if self._streak_ns is None or t_ns - self.last_input_ns > gap_ns:
                 self._streak_ns = t_ns
             self.last_input_ns = t_ns
+
+    def read(self) -> None:
+        """Look at what came since the last loop."""
+        for index, value in self._unread_us.items():
+            if value:
+                self.radio_us[index] = value
+            else:
+                self._release(index)
+        self._unread_us.clear()
 
     def expire(self, t_ns: int, timeout_ns: int) -> None:
         """End overrides older than the time-out."""

@@ -104,7 +104,8 @@ def test_the_next_decision_hears_what_was_sent_and_whether_the_solution_can_be_u
     assert bench.actuation.sent is None and bench.actuation.control_ok is None
     bench.tick(held(begun=True, changed=True))
     assert bench.actuation.pulses_us is not None
-    assert bench.actuation.sent == MotorPulses(t_ns=bench.t_ns, us=bench.actuation.pulses_us)
+    pulses_us = bench.actuation.pulses_us  # of plain sticks too
+    assert bench.actuation.sent == MotorPulses(t_ns=bench.t_ns, us=pulses_us, sticks_us=pulses_us)
     assert bench.actuation.control_ok is True
     bench.tick(held())
     assert bench.actuation.control_ok is None  # none was made

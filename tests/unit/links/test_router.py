@@ -111,3 +111,18 @@ async def test_signatures_of_frames_cut_anywhere_are_checked(size: int, tmp_path
         taken += [f.data for f in await made.receive(Frame(t_ns=t_ns, port="autopilot", data=chunk, peer="boat:1"))]
     assert b"".join(taken) == b"".join(good)
     assert made.remarks("autopilot") == "frames dropped: 1 replayed, 1 unsigned, 1 wrongly signed"
+
+
+@pytest.mark.parametrize("component", [0, 1])
+async def test_sticks_that_are_passed_on_to_the_autopilot_are_shown_to_us_too(component: int) -> None:
+    made, _, autopilot = router()
+    await made.receive(Frame(t_ns=0, port="autopilot", data=heartbeat(1, 1), peer="boat:1"))
+    sticks = (
+        dialect.MAVLink_rc_channels_override_message(1, component, 1600, *[65535] * 7),
+        dialect.MAVLink_manual_control_message(1, 0, 300, 0, 0, 0),
+    )
+    for number, message in enumerate(sticks, start=1):
+        data = bytes(message.pack(GCS))
+        shown = await made.receive(Frame(t_ns=number, port=QGC, data=data, peer="10.0.0.1:5"))
+        assert shown == [Frame(t_ns=number, port="operator", data=data, peer="10.0.0.1:5", via=QGC)]
+        assert autopilot.forwarded[-1] == data

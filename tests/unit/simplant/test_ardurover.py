@@ -427,8 +427,10 @@ def test_arming_is_refused_while_the_sticks_are_not_neutral() -> None:
     assert boat.arm() == FAILED and boat.texts()[-1] == "Arm: Roll (RC1) is not neutral"
     boat.seat.set_sticks({1: 1500})
     boat.override(1600, 1500)  # an override counts as the stick
+    boat.run(0.02)
     assert boat.arm() == FAILED
     boat.override(1500, 1500)
+    boat.run(0.02)
     assert boat.arm() == ACCEPTED
 
 
@@ -658,6 +660,32 @@ def test_overrides_from_another_system_than_sysid_mygcs_are_dropped_without_a_wo
     assert boat.outputs() == (1700, 1700)
 
 
+@pytest.mark.parametrize(("high", "obeyed"), [(0, {254}), (253, {254}), (255, {254, 255})])
+def test_since_4_7_a_range_of_systems_may_override(high: int, obeyed: set[int]) -> None:
+    firmware = ("plant.frontseat.firmware='4.7'", f"plant.frontseat.parameters={{MAV_GCS_SYSID_HI: {high}}}")
+    boat = Boat("plant.frontseat.mygcs_system_id=254", *firmware).armed()
+    for system in (1, 253, 254, 255):
+        boat.override(1500, 1500, system=254)
+        boat.outputs()
+        boat.override(1700, 1700, system=system)
+        assert (boat.outputs() == (1700, 1700)) is (system in obeyed), system
+
+
+def test_an_override_that_is_released_in_the_same_loop_is_not_seen() -> None:
+    """Without a receiver a channel goes on with what it was last read with."""
+    boat = Boat(NO_RECEIVER, "plant.frontseat.parameters={FS_THR_ENABLE: 0}").armed()
+    boat.mode(MANUAL)
+    boat.override(1700, 1700)
+    assert boat.outputs() == (1700, 1700)
+    boat.override(1500, 1500)
+    boat.override(0, 0)
+    assert boat.outputs() == (1700, 1700)
+    boat.override(1500, 1500)
+    boat.run(0.02)
+    boat.override(0, 0)
+    assert boat.outputs() == (1500, 1500)
+
+
 def test_0_releases_a_channel_and_65535_leaves_it_alone() -> None:
     boat = Boat().armed()
     boat.override(1700, 1600)
@@ -696,6 +724,18 @@ def test_manual_control_moves_the_motor_channels() -> None:
     assert boat.outputs() == (1750, 1400)
     boat.send(mav.MAVLink_manual_control_message(1, 0, -2000, 32767, 0, 0))
     assert boat.outputs() == (1000, 1500)  # an axis without a value gives its channel back
+    for target in (0, 2):
+        boat.send(mav.MAVLink_manual_control_message(target, 0, 500, 500, 0, 0))
+        assert boat.outputs() == (1000, 1500), "only its own number is meant"
+
+
+def test_sticks_of_the_ground_station_count_as_its_heartbeat() -> None:
+    boat = Boat("plant.frontseat.parameters={FS_GCS_ENABLE: 1}").armed()
+    boat.send(mav.MAVLink_manual_control_message(1, 0, 0, 0, 0, 0))
+    boat.run(6.0)
+    assert boat.seat.rover.mode == MANUAL
+    boat.run(1.0)
+    assert boat.seat.rover.mode == HOLD
 
 
 # --- overrides that stop ------------------------------------------------------------------------------------

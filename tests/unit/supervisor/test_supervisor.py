@@ -118,7 +118,7 @@ def test_small_stick_noise_and_our_own_echo_are_not_the_pilot() -> None:
     bench = SupervisorBench()
     bench.hold()
     bench.drive(pulses=(1700, 1300))
-    bench.status = status(rc_us=(1690, 1530, 1320, 1480))
+    bench.status = status(rc_us=(1699, 1530, 1302, 1480))
     assert bench.step().drive
 
 
