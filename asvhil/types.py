@@ -154,10 +154,10 @@ class FrontseatStatus:
 
     `sticks_us` and `motors_us` are of the two motors (port, starboard), in the pulses of `vehicle.pwm`: what their
     sticks (`motor_channels`) command, and what their outputs do, however the boat is wired; None: not reported.
-    `centres_us` is where those sticks rest, as RC values. `keeps_override`: no receiver takes the place of an override
-    that has ended, and its last value stands. `rc_ns` and `outputs_ns` are when the values came; 0: never.
-    `arming_fault`: why it would not arm, by the autopilot's own words; empty where it would, or is armed, or nothing
-    is known.
+    `centres_us` is where those sticks rest, as RC values. `receiver_ignored`: a transmitter has no effect, heard or
+    not. `keeps_override`: no receiver takes the place of an override that has ended, and its last value stands.
+    `rc_ns` and `outputs_ns` are when the values came; 0: never. `arming_fault`: why it would not arm, by the
+    autopilot's own words; empty where it would, or is armed, or nothing is known.
     """
 
     t_ns: int
@@ -168,6 +168,7 @@ class FrontseatStatus:
     outputs_us: tuple[int, ...]
     motor_channels: tuple[int, int] = (1, 3)
     centres_us: tuple[int, int] = (1500, 1500)
+    receiver_ignored: bool = False
     keeps_override: bool = False
     sticks_us: tuple[int, int] | None = None
     motors_us: tuple[int, int] | None = None
@@ -175,6 +176,11 @@ class FrontseatStatus:
     outputs_ns: int = 0
     radio: Radio = Radio.UNKNOWN
     arming_fault: str = ""
+
+    @property
+    def has_transmitter(self) -> bool:
+        """Whether the pilot has a transmitter in his hands that has effect."""
+        return self.radio is Radio.HEARD and not self.receiver_ignored
 
 
 @record

@@ -18,6 +18,7 @@ from asvhil.io.mavlink.frames import dialect
 from asvhil.types import Measurement, Radio
 
 EKF_HORIZONTAL_POSITION = dialect.EKF_POS_HORIZ_ABS
+STATION_WAIT_NS = 5_000_000_000  # for a ground station, since the autopilot was heard first
 EKF_CONSTANT_POSITION = dialect.EKF_CONST_POS_MODE
 
 
@@ -33,6 +34,7 @@ class ArduRoverAutopilot(MavlinkAutopilot):
         self._handlers[dialect.MAVLINK_MSG_ID_EKF_STATUS_REPORT] = self._on_ekf_status
         if isinstance(self._output, ScriptOutput):
             self._handlers[dialect.MAVLINK_MSG_ID_NAMED_VALUE_FLOAT] = self._output.on_named_value
+        self._first_heard_ns: int | None = None
         self._after_silence: tuple[tuple[int, Radio] | None, AfterSilence | None] = (None, None)  # and of what
 
     @property
@@ -43,13 +45,23 @@ class ArduRoverAutopilot(MavlinkAutopilot):
             self._after_silence = known, after
         return self._after_silence[1]
 
+    def _station_text(self) -> str:
+        """With the script, of a pilot without a transmitter: that his station's loss could not be noticed."""
+        heard_ns, has_transmitter = self.station_heard_ns, self.transmitter.radio is Radio.HEARD
+        if self._config.output != "script" or heard_ns is not None or (has_transmitter and not self.receiver_ignored):
+            return super()._station_text()
+        waited_ns = 0 if self._first_heard_ns is None else self._t_ns - self._first_heard_ns
+        return "none is heard: nobody would notice its loss" if waited_ns > STATION_WAIT_NS else ""
+
+    @property
+    def receiver_ignored(self) -> bool:
+        return bool(int(self.parameters.values.get("RC_OPTIONS", 0)) & RECEIVER_IGNORED)
+
     @property
     def keeps_override(self) -> bool:
         """Without a receiver that it listens to, an ArduRover goes on with the last value of a channel."""
-        if not self._config.overrides_sticks:
-            return False
-        ignored = int(self.parameters.values.get("RC_OPTIONS", 0)) & RECEIVER_IGNORED
-        return bool(ignored) or self.transmitter.radio in (Radio.ABSENT, Radio.LOST)
+        lacks_receiver = self.receiver_ignored or self.transmitter.radio in (Radio.ABSENT, Radio.LOST)
+        return self._config.overrides_sticks and lacks_receiver
 
     def _names_to_know(self, values: Mapping[str, float]) -> Iterable[tuple[str, ...]]:
         return names_of_stations(self._config, values)
@@ -65,6 +77,7 @@ class ArduRoverAutopilot(MavlinkAutopilot):
 
     def _on_heartbeat(self, t_ns: int, m: Any) -> Sequence[Measurement]:
         status = super()._on_heartbeat(t_ns, m)
+        self._first_heard_ns = t_ns if self._first_heard_ns is None else self._first_heard_ns
         if isinstance(self._output, ScriptOutput):
             self._output.on_vehicle(armed=self._armed, mode=self._mode)
         return status

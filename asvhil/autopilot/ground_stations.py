@@ -20,6 +20,7 @@ LAST_NAME = "MAV_GCS_SYSID_HI"
 IGNORED, RELEASED, RELEASED_HIGH, NO_AXIS = 65535, 0, 65534, 32767
 OBEYED_CHANNELS = 16  # of the 18 in RC_CHANNELS_OVERRIDE
 AXIS = 1000.0
+HEARTBEAT = dialect.MAVLINK_MSG_ID_HEARTBEAT
 STICK_MESSAGES = frozenset({dialect.MAVLINK_MSG_ID_MANUAL_CONTROL, dialect.MAVLINK_MSG_ID_RC_CHANNELS_OVERRIDE})
 
 
@@ -50,25 +51,38 @@ def names_of_stations(link: AutopilotLinkConfig, values: Mapping[str, float]) ->
         yield from ((f"RC{channel}_{part}",) for channel in stick_channels(values) for part in ("MIN", "TRIM", "MAX"))
 
 
-class StickMessages:
-    """Reads MANUAL_CONTROL and RC_CHANNELS_OVERRIDE of ground stations, on whatever link they are heard."""
+class GroundStations:
+    """Reads the sticks (MANUAL_CONTROL, RC_CHANNELS_OVERRIDE) and heartbeats of ground stations, on whatever link.
+
+    `heard_ns` is when one was heard last; None: never.
+    """
 
     def __init__(self, own: Sequence[tuple[int, int]], vehicle_system: int) -> None:
         """`own`: (system id, component id) that our own such messages have, which may come back by another link."""
         self._own = frozenset(own)
         self._vehicle = vehicle_system
+        self.heard_ns: int | None = None
 
     def read(self, t_ns: int, data: bytes, values: Mapping[str, float], wiring: Wiring) -> StationSticks | None:
         """What a complete frame says of sticks; None where it says nothing that the autopilot would obey.
 
         `values` are the autopilot's parameters, as far as they are known.
         """
-        sender = source(data)
-        if message_id(data) not in STICK_MESSAGES or sender in self._own or not is_station(sender[0], values):
+        sender, msg_id = source(data), message_id(data)
+        if msg_id not in STICK_MESSAGES and msg_id != HEARTBEAT:
+            return None
+        if sender in self._own or not self._is_pilots(sender[0], values):
             return None
         message = decode(data)
         if message is None:
             return None
+        if msg_id == HEARTBEAT:
+            if message.type == dialect.MAV_TYPE_GCS:
+                self.heard_ns = t_ns
+            return None
+        if not is_station(sender[0], values):
+            return None
+        self.heard_ns = t_ns
         if message.get_type() == "MANUAL_CONTROL":
             channels = self._of_axes(message, wiring)
         else:
@@ -80,6 +94,10 @@ class StickMessages:
         return StationSticks(
             t_ns=t_ns, sender=sender, channels=channels, motors_us=both if both is not None and all(both) else None
         )
+
+    def _is_pilots(self, system_id: int, values: Mapping[str, float]) -> bool:
+        """Whether the pilot may be there; where the autopilot takes the vehicle itself for its station, anybody may."""
+        return is_station(system_id, values) or (is_station(self._vehicle, values) and system_id != self._vehicle)
 
     def _of_axes(self, m: Any, wiring: Wiring) -> tuple[tuple[int, int], ...]:
         """y and z over the travel of the two channels that drive; the target must be named."""

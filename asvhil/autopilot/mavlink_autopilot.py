@@ -8,7 +8,7 @@ from typing import Any
 
 from asvhil.autopilot.after_silence import AfterSilence
 from asvhil.autopilot.arming_checks import ArmingChecks
-from asvhil.autopilot.ground_stations import StickMessages
+from asvhil.autopilot.ground_stations import GroundStations
 from asvhil.autopilot.motor_outputs import IGNORE_CHANNEL, make_output
 from asvhil.autopilot.neighbours import FLOATS, Neighbours, kind_of
 from asvhil.autopilot.one_vehicle import OneVehicle
@@ -90,7 +90,7 @@ class MavlinkAutopilot:
         self._take_in_parameters()
         self._neighbours = Neighbours(config)
         own = {(system_id, config.component_id) for system_id in (config.system_id, config.override_system_id)}
-        self._stick_messages = StickMessages(tuple(own), config.autopilot_system_id)
+        self._stations = GroundStations(tuple(own), config.autopilot_system_id)
         self._station_sticks: list[StationSticks] = []
         self._last_station: StationSticks | None = None
         self._one = OneVehicle()
@@ -173,7 +173,7 @@ class MavlinkAutopilot:
 
     def _on_neighbour(self, t_ns: int, data: bytes) -> None:
         """Another component of the vehicle may ask for the time; besides, others are only looked at."""
-        self._on_stick_message(t_ns, data)
+        self._on_station(t_ns, data)
         self._neighbours.take(t_ns, data, ours=self._numbering.was_sent(t_ns, data))
         system_id, component_id = source(data)
         if message_id(data) != dialect.MAVLINK_MSG_ID_TIMESYNC or system_id != self._it[0]:
@@ -183,13 +183,13 @@ class MavlinkAutopilot:
             self._timesync.receive(t_ns, message)
 
     def receive_of_operator(self, frame: Frame) -> None:
-        """A frame of the operator's port: what ground stations say of their sticks counts on every link."""
+        """A frame of the operator's port: the pilot's ground station counts on every link."""
         for data in self._operators.receive(frame.peer, frame.data, frame.via):
-            self._on_stick_message(frame.t_ns, data)
+            self._on_station(frame.t_ns, data)
 
-    def _on_stick_message(self, t_ns: int, data: bytes) -> None:
+    def _on_station(self, t_ns: int, data: bytes) -> None:
         if self._obeys_stations:
-            sticks = self._stick_messages.read(t_ns, data, self.parameters.values, self.wiring)
+            sticks = self._stations.read(t_ns, data, self.parameters.values, self.wiring)
             if sticks is not None:
                 self._station_sticks.append(sticks)
                 self._last_station = sticks
@@ -199,6 +199,16 @@ class MavlinkAutopilot:
         heard = tuple(self._station_sticks)
         self._station_sticks.clear()
         return heard
+
+    @property
+    def station_heard_ns(self) -> int | None:
+        """When a ground station of the pilot was heard last; None: never."""
+        return self._stations.heard_ns
+
+    @property
+    def receiver_ignored(self) -> bool:
+        """Whether the autopilot is told to ignore its receiver, so that a transmitter has no effect."""
+        return False
 
     @property
     def keeps_override(self) -> bool:
@@ -327,7 +337,7 @@ class MavlinkAutopilot:
             ("arming", "" if self._armed else self._arming_fault),
             ("motor output", self._output.hazard),
             ("motor commands", self._output.refused),
-            ("ground station", self._shared_text()),
+            ("ground station", self._station_text()),
             ("streams", self._slow_text()),
             ("autopilot's clock", self._pace_text()),
             ("unread parameters", self._unread_text()),
@@ -348,7 +358,7 @@ class MavlinkAutopilot:
             return ""
         return "has fallen behind: a simulation that is slower than real time, or a link with a long queue"
 
-    def _shared_text(self) -> str:
+    def _station_text(self) -> str:
         """Of a station whose sticks take turns with our commands, while we override sticks."""
         last, driven = self._last_station, self._config.overrides_sticks and self._driven_wiring is not None
         if not driven or last is None or self._t_ns - last.t_ns > SHARED_NS:
@@ -413,6 +423,7 @@ class MavlinkAutopilot:
             outputs_us=self._outputs_us,
             motor_channels=self.wiring.channels,
             centres_us=self.wiring.centres_us,
+            receiver_ignored=self.receiver_ignored,
             keeps_override=self.keeps_override,
             sticks_us=self._sticks_us,
             motors_us=self._motors_us,

@@ -69,7 +69,12 @@ class Autopilot(Protocol):
         ...
 
     def receive_of_operator(self, frame: Frame) -> None:
-        """Look at a frame of the operator's port for what ground stations say of their sticks."""
+        """Look at a frame of the operator's port for what the pilot's ground station says."""
+        ...
+
+    @property
+    def station_heard_ns(self) -> int | None:
+        """When a ground station of the pilot was heard last; None: never."""
         ...
 
     def take_station_sticks(self) -> tuple[StationSticks, ...]:

@@ -83,6 +83,7 @@ class Backseat:
     def _situation(self, seen: Perceived) -> Situation:
         """What this tick is decided by."""
         beat_ns, heard_ns = self._autopilot.autopilot_heartbeat_ns, self._autopilot.autopilot_heard_ns
+        station_ns = self._autopilot.station_heard_ns
         return Situation(
             t_ns=seen.t_ns,
             status=seen.status,
@@ -96,6 +97,7 @@ class Backseat:
             unverified=self._actuation.unverified,
             control_ok=self._actuation.control_ok,
             sent=self._actuation.sent,
+            station_age_s=None if station_ns is None else (seen.t_ns - station_ns) * 1e-9,
             station_sticks=self._station_sticks,
         )
 

@@ -82,6 +82,15 @@ class SupervisorConfig(Section):
             "release, so that the autopilot's own fail-safe acts. `hold`: it goes on, with a note."
         ),
     )
+    ground_station_timeout_s: Positive | None = Field(
+        default=5.0,
+        description=(
+            "With an ArduRover: where no transmitter is heard, the pilot is at his ground station, and a hold ends in "
+            "neutral once neither its heartbeat (of a system that the autopilot takes for its ground station) nor its "
+            "sticks have been heard for this long. The autopilot's own fail-safe does not do it: our heartbeats may "
+            "count as the station's, and in HOLD it does not stop the script. null: not watched."
+        ),
+    )
     station: StationConfig | None = Field(default=None, description="The station of `engage: auto`, required there.")
     control_mode: str = Field(
         default="MANUAL",

@@ -127,6 +127,8 @@ def _vehicle(survey: Survey) -> list[Check]:
                 todo="" if status.ready else "wait, under open sky, until the autopilot's estimator uses its position",
             )
         )
+        if link.output == "script" and not status.has_transmitter:
+            checks.append(_station(survey))
         if link.overrides_sticks and status.radio is not Radio.UNKNOWN:
             checks.append(_transmitter(survey, status.radio))
         checks += _arming(survey, status)
@@ -148,6 +150,23 @@ def _transmitter(survey: Survey, radio: Radio) -> Check:
         item="transmitter",
         result=Result.PASS if heard else Result.WARN,
         found=found,
+        wanted="heard",
+        todo="" if heard else todo,
+    )
+
+
+def _station(survey: Survey) -> Check:
+    """The pilot's ground station, where he has no transmitter: its loss is to be noticed."""
+    heard = survey.link.station_heard_ns is not None
+    timeout_s = survey.config.supervisor.ground_station_timeout_s
+    todo = "switch it on; an autopilot that does not pass on its heartbeats hides its loss from us"
+    if timeout_s is None:
+        heard, todo = False, "its loss is not noticed: supervisor.ground_station_timeout_s is null"
+    return Check(
+        section="vehicle",
+        item="ground station",
+        result=Result.PASS if heard else Result.WARN,
+        found="heard" if heard else "not heard" if timeout_s is not None else "not watched",
         wanted="heard",
         todo="" if heard else todo,
     )

@@ -40,6 +40,7 @@ class Reason(enum.StrEnum):
     NO_SOLUTION = "no-solution"
     MODE_NOT_ENTERED = "mode-not-entered"
     TRANSMITTER_LOST = "transmitter-lost"
+    STATION_LOST = "station-lost"
     NEUTRAL_ENDED = "neutral-ended"
     # Why a hold is refused
     NO_HEARTBEAT = "no-heartbeat"
@@ -172,6 +173,11 @@ WORDS: Mapping[Reason, Words] = {
     Reason.TRANSMITTER_LOST: Words(
         text="the pilot's transmitter is lost",
         remedy="Switch it on or come nearer. To hold without it: supervisor.transmitter_lost: hold.",
+    ),
+    Reason.STATION_LOST: Words(
+        text="the pilot's ground station is lost: silent for {seconds:g} s",
+        remedy="Get its link back, and send a hold command. To hold without it: "
+        "supervisor.ground_station_timeout_s: null.",
     ),
     Reason.NEUTRAL_ENDED: Words(
         text="neutral is no longer sent: no hold within {seconds:g} s",

@@ -40,7 +40,8 @@ class Situation:
     `fault`: why the motors do not, or would not, follow the commands. `unverified`: what it means if the motors' sticks
     do not show our commands; None once they have, for then somebody else has them. `control_ok`: whether the solution
     of the last tick can be used; None where there was none. `sent`: what the last tick sent to the motors.
-    `station_sticks`: what was heard, since the last tick, of sticks of ground stations that the autopilot obeys.
+    `station_age_s`: since anything was heard of the pilot's ground station; None: never. `station_sticks`: what was
+    heard, since the last tick, of sticks of ground stations that the autopilot obeys.
     """
 
     t_ns: int
@@ -55,4 +56,5 @@ class Situation:
     unverified: Explanation | None = None
     control_ok: bool | None = None
     sent: MotorPulses | None = None
+    station_age_s: float | None = None
     station_sticks: tuple[StationSticks, ...] = ()

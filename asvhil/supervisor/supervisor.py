@@ -194,6 +194,9 @@ class Supervisor:
             return explain(Reason.NOT_ARMED, hint=status.arming_fault)
         if self._is_transmitter_lost(status):
             return explain(Reason.TRANSMITTER_LOST)
+        lost = self._lost_station(situation)
+        if lost is not None:
+            return lost
         if status.mode != self._config.control_mode and not self._config.take_mode:
             return explain(Reason.WRONG_MODE, mode=status.mode, needed=self._config.control_mode)
         if situation.estimate is None or not situation.estimate.valid:
@@ -202,6 +205,18 @@ class Supervisor:
 
     def _is_transmitter_lost(self, status: FrontseatStatus) -> bool:
         return status.radio is Radio.LOST and self._config.transmitter_lost == "release"
+
+    def _lost_station(self, situation: Situation) -> Explanation | None:
+        """The ground station of a pilot without a transmitter, once it was heard and is silent.
+
+        One that was never heard is lost by nobody: an autopilot need not pass on the heartbeats of other links.
+        """
+        timeout_s, status = self._config.ground_station_timeout_s, situation.status
+        if timeout_s is None or situation.station_age_s is None or situation.station_age_s <= timeout_s:
+            return None
+        return (
+            None if status is not None and status.has_transmitter else explain(Reason.STATION_LOST, seconds=timeout_s)
+        )
 
     def _help_arming(self, t_ns: int, status: FrontseatStatus | None) -> Explanation | None:
         """Send neutral to a boat that is armed with nothing else; what to do meanwhile, None where it is not one."""
@@ -291,7 +306,7 @@ class Supervisor:
             # Where the station's messages and ours set the same channels, ours would stand until its next one.
             self._let_go(act, neutral_first=act.reason is Reason.STATION_STICK)
             return
-        ends = situation.stranger or situation.fault
+        ends = situation.stranger or self._lost_station(situation) or situation.fault
         if ends is not None:
             if ends.reason is Reason.SCRIPT_LET_GO:  # by the pilot's act, which it sees first
                 self._pilot_ns = t_ns

@@ -257,3 +257,68 @@ def test_the_hold_of_a_transmitter_boat_is_released_in_the_same_tick() -> None:
     loop.frontseat.set_sticks({4: 1800})
     outputs: Outputs = loop.wait(1.0, until=lambda outputs: outputs.phase is Phase.STANDBY)
     assert outputs.health.code == Reason.STICK_MOVED and loop.overrides_us[-1] == [(0, 0)]
+
+
+def beat() -> Any:
+    return dialect.MAVLink_heartbeat_message(dialect.MAV_TYPE_GCS, dialect.MAV_AUTOPILOT_INVALID, 0, 0, 4, 3)
+
+
+@pytest.mark.parametrize("link", LINKS[1:])
+@pytest.mark.parametrize("way", ["rc_override", "script"])
+def test_the_loss_of_his_station_ends_the_hold_by_name_and_refuses_another(way: str, link: str) -> None:
+    loop = PilotLoop(way).held()
+    for _ in range(10):
+        loop.from_station(beat(), link)
+        assert loop.wait(1.0).phase is Phase.HOLD
+    silent = 20  # ticks since the last one
+    while loop.step().phase is Phase.HOLD:
+        silent += 1
+        loop.from_station(beat(), link, system=(254, 1)[silent % 2])  # a stranger's, and one of the vehicle
+        assert silent < 120
+    assert 98 <= silent <= 101
+    assert loop.outputs is not None and loop.outputs.health.code == Reason.STATION_LOST
+    loop.wait(0.5)
+    assert loop.frontseat.outputs_us == (1500, 1500)
+    loop.ask_to_hold(STATION_DEG, 0.0)
+    assert loop.results[-1] != 0 and loop.texts[-1] == "the pilot's ground station is lost: silent for 5 s"
+    loop.from_station(beat(), link)
+    loop.step()
+    assert loop.held().step().phase is Phase.HOLD
+
+
+def test_it_may_be_left_unwatched_or_watched_for_longer() -> None:
+    for setting, lasts in (("null", True), ("20", True), ("2", False)):
+        loop = PilotLoop("script", f"supervisor.ground_station_timeout_s={setting}")
+        loop.from_station(beat(), LINKS[1])
+        loop.held()
+        assert (loop.wait(10.0).phase is Phase.HOLD) is lasts
+
+
+@pytest.mark.parametrize("receiver", [True, False])
+def test_with_the_script_a_station_that_was_never_heard_is_noted(receiver: bool) -> None:
+    """Not refused: an autopilot need not pass on the heartbeats of a station on another link of it."""
+    loop = PilotLoop("script", f"plant.frontseat.rc_receiver={str(receiver).lower()}").held()
+    outputs = loop.wait(8.0)
+    notes = {note.subject: note.text for note in outputs.health.notes}
+    assert outputs.phase is Phase.HOLD
+    assert notes.get("ground station", "") == ("" if receiver else "none is heard: nobody would notice its loss")
+
+
+@pytest.mark.parametrize("act", ["disarmed", "emergency stop"])
+def test_with_the_script_a_new_start_is_demanded_after_a_stop(act: str) -> None:
+    loop = PilotLoop("script").held()
+    loop.wait(5.0, until=lambda outputs: min(abs(us - 1500) for us in loop.frontseat.outputs_us) > 50)
+    seat = loop.frontseat
+    if act == "disarmed":
+        assert seat.arm(False)
+    else:
+        seat.rover.emergency_stop = True
+    assert loop.wait(1.0, until=lambda outputs: outputs.phase is Phase.STANDBY).phase is Phase.STANDBY
+    seat.rover.emergency_stop = False
+    assert seat.arm(True)
+    for _ in range(60):
+        loop.step()
+        assert seat.outputs_us == (1500, 1500), "arming, or lifting the stop, starts no motor"
+    loop.held()
+    loop.wait(5.0, until=lambda outputs: min(abs(us - 1500) for us in seat.outputs_us) > 50)
+    assert min(abs(us - 1500) for us in seat.outputs_us) > 50

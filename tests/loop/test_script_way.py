@@ -5,9 +5,9 @@ import pytest
 from asvhil.config import load_config
 from asvhil.errors import ConfigError
 from asvhil.io.mavlink.frames import dialect
-from asvhil.preflight.checks import Result
+from asvhil.preflight.checks import Result, checks_of
 from asvhil.supervisor.reasons import Reason, describe, explain
-from asvhil.types import Phase
+from asvhil.types import Frame, Phase
 from tests.loop.test_wirings import BLUEBOAT, turns_as_commanded
 from tests.support.autopilot_script import HOLD, MANUAL, NEUTRAL, PATH, SCRIPT
 from tests.support.loop import STATION_DEG, GroundStationLoop
@@ -153,6 +153,17 @@ def test_the_check_tells_of_the_script(there: bool) -> None:
     script = of(dock.look(), "script")
     assert script.result is (Result.PASS if there else Result.FAIL)
     assert bad(dock.look()) == ({} if there else {"script": Result.FAIL})
+
+
+def test_the_check_warns_of_a_ground_station_that_is_not_heard() -> None:
+    alone = ("plant.frontseat.rc_receiver=false", "plant.frontseat.parameters={SCR_ENABLE: 1}")
+    dock = Dock(*WAY, *alone)
+    assert of(dock.look(), "ground station").result is Result.WARN
+    beat = dialect.MAVLink_heartbeat_message(dialect.MAV_TYPE_GCS, 8, 0, 0, 4, 3)
+    dock.survey.link.receive(
+        Frame(t_ns=dock.t_ns, port="autopilot", data=bytes(beat.pack(dialect.MAVLink(None, 255, 190))))
+    )
+    assert of(checks_of(dock.survey), "ground station").result is Result.PASS
 
 
 def test_scripts_that_are_off_are_a_parameter_to_be_set() -> None:

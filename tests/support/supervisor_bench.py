@@ -39,6 +39,7 @@ class SupervisorBench:
         self.sent: MotorPulses | None = None  # in the last tick
         self.control_ok: bool | None = None
         self.slow: Explanation | None = None
+        self.station_age_s: float | None = None
 
     def hold(self, **fields: float) -> Explanation | None:
         """Ask to hold; the answer."""
@@ -60,6 +61,7 @@ class SupervisorBench:
             estimate=self.estimate,
             frame=FRAME,
             slow=self.slow,
+            station_age_s=self.station_age_s,
             control_ok=self.control_ok,
             sent=self.sent,
         )

@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 
 from asvhil.autopilot.ardurover_wiring import wiring_of
-from asvhil.autopilot.ground_stations import StickMessages, is_station, station_systems
+from asvhil.autopilot.ground_stations import GroundStations, is_station, station_systems
 from asvhil.autopilot.wiring import Wiring
 from asvhil.config import load_config
 from asvhil.io.mavlink.frames import dialect
@@ -20,7 +20,7 @@ def wiring(values: dict[str, float]) -> Wiring:
 
 def read(message: Any, sender: tuple[int, int] = (255, 190), **values: float) -> Any:
     packed = bytes(message.pack(dialect.MAVLink(None, srcSystem=sender[0], srcComponent=sender[1])))
-    found = StickMessages((OWN, (255, 191)), 1).read(5, packed, values, wiring(values))
+    found = GroundStations((OWN, (255, 191)), 1).read(5, packed, values, wiring(values))
     return None if found is None else (found.sender, dict(found.channels))
 
 
@@ -71,3 +71,34 @@ def test_strangers_and_we_ourselves_are_not_the_pilot() -> None:
     assert read(message, (255, 191)) is None and read(message, (255, 240)) is not None
     assert read(message, (1, 191), SYSID_MYGCS=1.0) is None and read(message, (1, 240), SYSID_MYGCS=1.0) is not None
     assert read(dialect.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3)) is None
+
+
+@pytest.mark.parametrize(
+    ("sender", "kind", "values", "heard"),
+    [
+        ((255, 240), 6, {}, True),
+        ((255, 190), 6, {"SYSID_MYGCS": 255.0}, True),
+        ((254, 190), 6, {"SYSID_MYGCS": 255.0}, False),
+        ((254, 190), 6, {"MAV_GCS_SYSID": 250.0, "MAV_GCS_SYSID_HI": 255.0}, True),
+        ((255, 240), 18, {}, False),  # another kind of program of the same system
+        ((1, 191), 18, {"SYSID_MYGCS": 1.0}, False),  # we ourselves, as the autopilot's ground station
+        ((255, 191), 6, {}, False),
+        ((1, 240), 6, {"SYSID_MYGCS": 1.0}, True),  # one that was given the vehicle's number
+        ((255, 190), 6, {"SYSID_MYGCS": 1.0}, True),  # it still sets mode and arming
+    ],
+)
+def test_whose_heartbeat_is_the_pilots(
+    sender: tuple[int, int], kind: int, values: dict[str, float], heard: bool
+) -> None:
+    stations = GroundStations((OWN, (255, 191)), 1)
+    beat = bytes(dialect.MAVLink_heartbeat_message(kind, 8, 0, 0, 4, 3).pack(dialect.MAVLink(None, *sender)))
+    assert stations.read(7, beat, values, wiring(values)) is None
+    assert stations.heard_ns == (7 if heard else None)
+
+
+def test_sticks_count_as_a_heartbeat_where_they_are_obeyed() -> None:
+    stations = GroundStations((OWN,), 1)
+    for system, heard_ns in ((254, None), (255, 3)):
+        data = bytes(dialect.MAVLink_manual_control_message(1, 0, 0, 0, 0, 0).pack(dialect.MAVLink(None, system, 190)))
+        stations.read(3, data, {}, wiring({}))
+        assert stations.heard_ns == heard_ns

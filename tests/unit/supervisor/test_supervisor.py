@@ -2,13 +2,14 @@
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import pytest
 
 from asvhil.config import StationConfig, SupervisorConfig
 from asvhil.supervisor.reasons import Explanation, Reason, explain
 from asvhil.supervisor.situation import MotorPulses
-from asvhil.types import FrontseatStatus, HoldCommand, MoveCommand, Phase, ReleaseCommand, Station
+from asvhil.types import FrontseatStatus, HoldCommand, MoveCommand, Phase, Radio, ReleaseCommand, Station
 from tests.support.supervisor_bench import ESTIMATE, FRAME, STICKS, SupervisorBench, status
 
 SLOW = explain(Reason.STREAM_SLOW, message="ATTITUDE", wanted="20")
@@ -98,6 +99,42 @@ def test_the_pilot_gets_the_motors_in_the_same_tick_and_keeps_them(act: Frontsea
         assert not decision.drive and not decision.neutral
     assert not decision.release  # said three times, then silence
     assert bench.hold() is None and bench.step().drive
+
+
+def test_a_ground_station_that_falls_silent_ends_the_hold_and_refuses_the_next() -> None:
+    bench = SupervisorBench()
+    bench.station_age_s = 0.5
+    assert bench.hold() is None
+    bench.drive()
+    bench.station_age_s = 5.0
+    assert bench.step().phase is Phase.HOLD
+    bench.station_age_s = 5.1
+    decision = bench.step()
+    lost = explain(Reason.STATION_LOST, seconds=5.0)
+    assert decision.phase is Phase.STANDBY and decision.why == lost and decision.neutral and decision.release
+    assert bench.hold() == lost
+    bench.station_age_s = 0.2
+    assert bench.step().phase is Phase.STANDBY and bench.hold() is None
+
+
+@pytest.mark.parametrize(
+    ("timeout_s", "age_s", "told"),
+    [(None, 60.0, {}), (5.0, None, {}), (5.0, 60.0, {"radio": Radio.HEARD}), (90.0, 60.0, {})],
+    ids=["not watched", "never heard", "a transmitter is there", "longer"],
+)
+def test_what_is_no_loss_of_the_ground_station(timeout_s: float | None, age_s: float | None, told: Any) -> None:
+    bench = SupervisorBench(SupervisorConfig(ground_station_timeout_s=timeout_s))
+    bench.station_age_s = age_s
+    bench.status = status(**told)
+    assert bench.hold() is None and bench.step().phase is Phase.HOLD
+
+
+def test_a_transmitter_that_the_autopilot_ignores_is_none() -> None:
+    bench = SupervisorBench()
+    bench.status = status(radio=Radio.HEARD, receiver_ignored=True)
+    assert bench.hold() is None
+    bench.station_age_s = 6.0
+    assert bench.step().why.reason is Reason.STATION_LOST
 
 
 def test_the_echo_of_a_command_that_stood_while_we_stalled_is_not_the_pilot() -> None:
