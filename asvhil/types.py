@@ -5,13 +5,33 @@ from __future__ import annotations
 import dataclasses
 import enum
 import math
-from typing import Any, NamedTuple, dataclass_transform
+from typing import Any, NamedTuple, TypeVar, dataclass_transform
+
+import msgspec
+
+Record = TypeVar("Record")
 
 
 @dataclass_transform(frozen_default=True, kw_only_default=True)
 def record(cls: type[Any]) -> Any:
-    """Class decorator: a frozen, slotted, keyword-only dataclass."""
-    return dataclasses.dataclass(frozen=True, slots=True, kw_only=True)(cls)
+    """Class decorator: a frozen, slotted, keyword-only dataclass, which msgspec makes in a tenth of the time.
+
+    A tick makes some fifty records. `dataclasses.fields`, `asdict` and `replace` take it for a dataclass; `changed` is
+    the quick `replace`. A record has no base class.
+    """
+    members = {name: value for name, value in vars(cls).items() if name not in ("__dict__", "__weakref__")}
+    plain: Any = dataclasses.dataclass(frozen=True, kw_only=True)(type(cls.__name__, (), members.copy()))
+    # No record is part of a cycle, so that the garbage collector need not look at them.
+    struct: Any = type(msgspec.Struct)
+    made = struct(cls.__name__, (msgspec.Struct,), members, frozen=True, kw_only=True, gc=False)
+    made.__dataclass_fields__ = plain.__dataclass_fields__
+    return made
+
+
+def changed(of: Record, /, **values: Any) -> Record:
+    """A copy of a record with other values in some fields."""
+    copy: Record = msgspec.structs.replace(of, **values)  # type: ignore[type-var]
+    return copy
 
 
 @record

@@ -145,14 +145,15 @@ class MavlinkAutopilot:
         found: list[NamedMeasurement] = []
         t_ns = self._t_ns = frame.t_ns
         for data in self._parser.receive(frame.peer, frame.data):
-            if not self.is_its_own(data):
+            if source(data) != self._it:
                 self._on_neighbour(t_ns, data)
                 continue
-            if not self.is_for_us(data):
+            msg_id = message_id(data)
+            if msg_id == COMMAND_ACK and not self.is_for_us(data):
                 self._on_sign_of_life(t_ns)
                 continue
             self._streams.receive(data)
-            handler = self._handlers.get(message_id(data))
+            handler = self._handlers.get(msg_id)
             if handler is not None:
                 message = decode(data)
                 if message is None:
@@ -380,11 +381,12 @@ class MavlinkAutopilot:
 
     def counters(self) -> tuple[tuple[str, int], ...]:
         """Cumulative counts of what came in and what was dropped."""
+        frames, bad_crc, unknown, garbage_bytes = self._parser.totals()
         return (
-            ("autopilot.frames", self._parser.total("frames")),
-            ("autopilot.bad_crc", self._parser.total("bad_crc")),
-            ("autopilot.garbage_bytes", self._parser.total("garbage_bytes")),
-            ("autopilot.unknown", self._parser.total("unknown")),
+            ("autopilot.frames", frames),
+            ("autopilot.bad_crc", bad_crc),
+            ("autopilot.garbage_bytes", garbage_bytes),
+            ("autopilot.unknown", unknown),
             ("autopilot.lost", self.lost),
             ("autopilot.impossible", self.impossible),
             ("autopilot.reboots", self.reboots),

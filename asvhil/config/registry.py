@@ -14,7 +14,7 @@ import difflib
 import importlib
 import importlib.metadata
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import field
+from dataclasses import dataclass, field
 from typing import Any, Generic, TypeVar
 
 from pydantic import BaseModel
@@ -25,7 +25,7 @@ from asvhil.types import record
 PARAMETER_NAME_MAX = 16
 
 
-@record
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Kind:
     """What a name in the config stands for.
 
@@ -87,7 +87,7 @@ class SearchRange:
     factor: float = 4.0
 
 
-@record
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ControllerKind(Kind):
     """A controller (`controller.name`): `build(settings, config, model)` returns a `Controller`.
 
@@ -113,7 +113,7 @@ class ControllerKind(Kind):
                 model = field_info.annotation
 
 
-@record
+@dataclass(frozen=True, slots=True, kw_only=True)
 class EstimatorKind(Kind):
     """A state estimator (`estimator.kind`): `build(settings, config, model)` makes a `StateEstimator`."""
 
@@ -121,7 +121,7 @@ class EstimatorKind(Kind):
     disturbance: bool = True  # it estimates one; without a wind sensor the wind is derived from it
 
 
-@record
+@dataclass(frozen=True, slots=True, kw_only=True)
 class SolverKind(Kind):
     """A solver of the MPC (`controller.solver`): `build(problem, caps)` makes a `Solver`.
 
@@ -131,7 +131,7 @@ class SolverKind(Kind):
     missing: str = ""  # the error where its module cannot be imported
 
 
-@record
+@dataclass(frozen=True, slots=True, kw_only=True)
 class SensorKind(Kind):
     """A sensor (`links.sensors.NAME.kind`): `build(settings, port, messages)` makes a `SensorCodec`.
 
@@ -148,7 +148,7 @@ class SensorKind(Kind):
     rate_hz: float = 10.0
 
 
-@record
+@dataclass(frozen=True, slots=True, kw_only=True)
 class AutopilotKind(Kind):
     """An autopilot (`links.autopilot.profile`): `build(config)` makes a `MavlinkAutopilot` of the whole config."""
 
@@ -163,7 +163,7 @@ class AutopilotKind(Kind):
     unsuited: Mapping[str, str] = field(default_factory=dict)  # outputs that it does not have, and why
 
 
-@record
+@dataclass(frozen=True, slots=True, kw_only=True)
 class OutputKind(Kind):
     """A way to the motors (`links.autopilot.output`): `build(link, pwm, wiring)` makes an `Output`."""
 
@@ -172,7 +172,7 @@ class OutputKind(Kind):
     profiles: tuple[str, ...] = ()  # autopilots that have it, beside those that name it themselves
 
 
-@record
+@dataclass(frozen=True, slots=True, kw_only=True)
 class LinkKind(Kind):
     """A kind of endpoint, the word before the first colon of a link's spec: `build(spec, port, now_ns)` is awaited.
 

@@ -17,6 +17,11 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 
+def is_finite(array: Array) -> bool:
+    """Whether no component of an array is infinite or NaN: `np.isfinite(array).all()` without its detour by Python."""
+    return bool(np.logical_and.reduce(np.isfinite(array), axis=None))
+
+
 class ArrayNamespace(Protocol):
     """The operations on the arrays of one library."""
 
@@ -50,6 +55,8 @@ class NumpyArrays:
 
     @staticmethod
     def stack(parts: Sequence[Any]) -> Any:
+        if not any(map(np.ndim, parts)):  # the usual case in a tick, at a tenth of the cost
+            return np.array(parts)
         return np.stack(np.broadcast_arrays(*parts), axis=-1)
 
     @staticmethod

@@ -111,7 +111,7 @@ class Ekf:
             v_mps=x[V],
             r_radps=x[R],
             motor=tuple(state.motor.tolist()),
-            std=tuple(np.sqrt(np.maximum(np.diag(state.p)[:6], 0.0)).tolist()),
+            std=tuple(np.sqrt(np.maximum(state.p.diagonal()[:6], 0.0)).tolist()),
             disturbance=(x[D_N], x[D_E], x[D_R]),
             valid=state.invalid_since_ns == sensor_health.NEVER,
         )

@@ -57,6 +57,7 @@ class Filter:
         self._gate2 = ekf.gate_sigma**2
         self._n_motor = model.n_motor
         self._motion = MotionModel(model, ekf.position_bias_time_s)
+        self._loaded: Forcing | None = None  # the one whose input and wind are in the buffers of the model
         self._noise_rate = noise_rate(ekf)
         self._noise_rate_without_bias = self._noise_rate.copy()
         self._noise_rate_without_bias[[B_N, B_E]] = 0.0
@@ -161,8 +162,10 @@ class Filter:
         motion = self._motion
         motion.state[:SIZE] = state.x
         motion.state[SIZE:] = state.motor
-        motion.input[:] = state.forcing.model_input
-        motion.wind[:] = state.forcing.wind_ned or (0.0, 0.0)
+        if state.forcing is not self._loaded:
+            self._loaded = state.forcing
+            motion.input[:] = state.forcing.model_input
+            motion.wind[:] = state.forcing.wind_ned or (0.0, 0.0)
 
     def _force(self, state: FilterState, forcing: Forcing) -> None:
         """Another input and wind from now on.
@@ -225,7 +228,8 @@ class Filter:
         before = state.x
         felt = (float(expected[0]), float(expected[1]))
         group = Group("acceleration", slice(0, 2), (m.ax_mps2, m.ay_mps2), felt)
-        if self._take(state, m.t_ns, Reading([group], innovation, h), np.diag([variance, variance])):
+        noise = np.array([[variance, 0.0], [0.0, variance]])
+        if self._take(state, m.t_ns, Reading([group], innovation, h), noise):
             state.residual = innovation - h @ (state.x - before)
         else:
             state.interval_s = 0.0
@@ -239,6 +243,7 @@ class Filter:
             return False
         ph = state.p @ h.T
         s = h @ ph + noise
+        variances, offs = s.tolist(), innovation.tolist()
         used = []
         for group in groups:
             name, rows, value, expected = group
@@ -247,12 +252,12 @@ class Filter:
             if fault_recovery.frozen(state, name, track):
                 state.tracks[name] = sensor_health.skip(track)
                 continue
-            distance2 = _distance2(s[rows, rows], innovation[rows])
+            distance2 = _distance2(variances, offs, rows)
             if distance2 <= self._gate2 * (rows.stop - rows.start):
                 state.tracks[name] = sensor_health.use(track, t_ns)
                 used.append(group)
                 continue
-            off = float(innovation[rows.start]), float(innovation[rows.stop - 1])
+            off = offs[rows.start], offs[rows.stop - 1]
             slack = self._gate * math.sqrt(2.0 * noise[rows.start, rows.start])
             steady = fault_recovery.steady_part(state, t_ns, name, off)
             state.tracks[name] = track = sensor_health.refuse(track, t_ns, steady, off, slack)
@@ -260,6 +265,7 @@ class Filter:
                 self._give_up(state, name, math.hypot(*off))
                 ph = state.p @ h.T
                 s = h @ ph + noise
+                variances = s.tolist()
                 state.tracks[name] = sensor_health.use(track, t_ns)
                 used.append(group)
         if not used:
@@ -305,10 +311,12 @@ class Filter:
         np.minimum(np.maximum(part, self._least, out=part), self._most, out=part)  # as np.clip, and cheaper
 
 
-def _distance2(s: Array, innovation: Array) -> float:
+def _distance2(s: list[list[float]], innovation: list[float], rows: slice) -> float:
     """The squared Mahalanobis distance of one or two rows."""
-    if len(innovation) == 1:
-        return float(innovation[0] * innovation[0] / s[0, 0])
-    (a, b), (c, d) = s.tolist()
-    x, y = innovation.tolist()
-    return float((d * x * x - (b + c) * x * y + a * y * y) / (a * d - b * c))
+    i: int = rows.start
+    j: int = rows.stop - 1
+    x, y = innovation[i], innovation[j]
+    if i == j:
+        return x * x / s[i][i]
+    a, b, c, d = s[i][i], s[i][j], s[j][i], s[j][j]
+    return (d * x * x - (b + c) * x * y + a * y * y) / (a * d - b * c)

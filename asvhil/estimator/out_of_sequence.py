@@ -64,6 +64,7 @@ class History(Generic[State]):
 
     def _forget(self, before_ns: int) -> None:
         """Drop entries from before a time, but the last of them: its state is where the span begins."""
-        keep = bisect_right(self._entries, before_ns, key=lambda entry: entry.t_ns) - 1
-        if keep > 0:
-            del self._entries[:keep]
+        entries, keep = self._entries, 0
+        while keep + 1 < len(entries) and entries[keep + 1].t_ns <= before_ns:  # a few at a time
+            keep += 1
+        del entries[:keep]

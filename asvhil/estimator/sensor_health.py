@@ -8,6 +8,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from asvhil.types import changed, record
+
 NEVER = -(2**62)
 LEAST_REPEATS = 4  # a stream that sends each reading twice makes three of one repeat by chance
 JITTER_GAIN = 0.05
@@ -15,7 +17,8 @@ STEPS_OF_NOISE = 3.0  # noise of fewer steps of the resolution repeats itself of
 TOLD_AFTER = 2  # rejections in a row: a single outlier is not reported
 
 
-class Track(NamedTuple):
+@record
+class Track:
     """The record of one sensor. Times are those of its readings."""
 
     heard_ns: int = NEVER
@@ -66,7 +69,8 @@ def hear(
                     value[1] - track.value[1] - expected[1] + track.expected[1],
                 )
                 jitter += JITTER_GAIN * (min(moved, 10.0 * alive.noise) - jitter)
-        return track._replace(
+        return changed(
+            track,
             heard_ns=t_ns,
             value=value,
             expected=expected,
@@ -89,12 +93,12 @@ def hear(
         apart = moved > motion and off < motion
         apart_ns = (t_ns if apart_ns == NEVER else apart_ns) if apart else NEVER
         frozen = noisy or (apart and t_ns - apart_ns >= alive.lag_ns)
-    return track._replace(heard_ns=t_ns, repeats=repeats, apart_since_ns=apart_ns, frozen=frozen)
+    return changed(track, heard_ns=t_ns, repeats=repeats, apart_since_ns=apart_ns, frozen=frozen)
 
 
 def use(track: Track, t_ns: int) -> Track:
     """Record that the reading was used."""
-    return track._replace(used_ns=t_ns, used=track.used + 1, refused_in_row=0, steady_since_ns=NEVER)
+    return changed(track, used_ns=t_ns, used=track.used + 1, refused_in_row=0, steady_since_ns=NEVER)
 
 
 def refuse(track: Track, t_ns: int, steady: tuple[float, float], off: tuple[float, float], slack: float) -> Track:
@@ -102,7 +106,8 @@ def refuse(track: Track, t_ns: int, steady: tuple[float, float], off: tuple[floa
     since_ns, first = track.steady_since_ns, track.steady
     if since_ns == NEVER or math.hypot(steady[0] - first[0], steady[1] - first[1]) > slack:
         since_ns, first = t_ns, steady
-    return track._replace(
+    return changed(
+        track,
         refused=track.refused + 1,
         refused_in_row=track.refused_in_row + 1,
         refused_since_ns=track.refused_since_ns if track.refused_in_row else t_ns,
@@ -114,7 +119,7 @@ def refuse(track: Track, t_ns: int, steady: tuple[float, float], off: tuple[floa
 
 def skip(track: Track) -> Track:
     """Record the reading of a frozen sensor."""
-    return track._replace(refused=track.refused + 1, refused_in_row=0, steady_since_ns=NEVER)
+    return changed(track, refused=track.refused + 1, refused_in_row=0, steady_since_ns=NEVER)
 
 
 def fault(track: Track, t_ns: int, stale_ns: int) -> str:

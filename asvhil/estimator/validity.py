@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from asvhil.config import TrustConfig
+from asvhil.dynamics.arrays import is_finite
 from asvhil.estimator.states import PSI, E, FilterState, N
 
 
@@ -16,7 +15,7 @@ def of(state: FilterState, t_ns: int, stale_ns: int, config: TrustConfig) -> boo
     Position is bridged on heading and yaw rate (with velocity and acceleration where there are any), heading on
     position and yaw rate, within `dead_reckoning_s` and the limits of the predicted standard deviations.
     """
-    if not np.isfinite(state.x).all():
+    if not is_finite(state.x):
         return False
     bridge_ns = config.dead_reckoning_s * 1e9
     age_ns = {name: t_ns - track.used_ns for name, track in state.tracks.items()}

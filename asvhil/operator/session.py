@@ -151,10 +151,11 @@ class OperatorSession:
 
     def counters(self) -> tuple[tuple[str, int], ...]:
         """Cumulative counts of what came in and what was dropped."""
+        frames, bad_crc, _, garbage_bytes = self._parser.totals()
         return (
-            ("operator.frames", self._parser.total("frames")),
-            ("operator.bad_crc", self._parser.total("bad_crc")),
-            ("operator.garbage_bytes", self._parser.total("garbage_bytes")),
+            ("operator.frames", frames),
+            ("operator.bad_crc", bad_crc),
+            ("operator.garbage_bytes", garbage_bytes),
         )
 
     # --- in ------------------------------------------------------------------------------------------------

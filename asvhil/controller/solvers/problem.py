@@ -27,6 +27,7 @@ from asvhil.dynamics.protocol import Dynamics
 from asvhil.types import record
 
 FULL_TURN = 2.0  # of a motor command, from astern to ahead: a slew limit that allows it within a stage has no effect
+REMEMBERED = 4  # sets of weights
 POSE_AND_VELOCITY = 6  # x, y, psi, u, v, r: the states that carry a cost
 
 
@@ -52,7 +53,7 @@ class Solver(Protocol):
 class StationProblem:
     """The problem above as CasADi functions of parameters p and inputs U = (a_0, a_1, ...).
 
-    `rollout(p, U)` gives (states, cost); `linearised(p, U)` gives (states, sensitivities), where the states are
+    `rollout(p, U)` gives (states, cost); `linearised(p, U)` gives (states, sensitivities, cost), where the states are
     s_0 .. s_N in a row and the sensitivities are the row-major blocks [dF/ds | dF/da] of each stage.
     """
 
@@ -71,6 +72,7 @@ class StationProblem:
         reach = command_rate_per_s * self.times_s[1:]  # of the motor command, by the end of each stage
         self._reach: Array | None = None if reach[0] >= FULL_TURN else reach
         self.n_parameters = self.n_state + 9 + POSE_AND_VELOCITY * self.stages
+        self._weights_of: list[tuple[MpcWeights, Array]] = []
         self._build(model)
 
     def pack(
@@ -89,7 +91,7 @@ class StationProblem:
         if len(state) != self.n_state:
             raise ValueError(f"the state has {len(state)} entries, the model needs {self.n_state}")
         head = np.array([*state, *wind, *disturbance, *previous_input, heading_reference_rad, weights.slew])
-        return np.concatenate([head, self._state_weights(weights).ravel()])
+        return np.concatenate([head, self._state_weights(weights)])
 
     def ahead(
         self,
@@ -134,12 +136,19 @@ class StationProblem:
         return weights, float(parameters[i + 2]), parameters[i : i + 2], float(parameters[i + 3])
 
     def _state_weights(self, weights: MpcWeights) -> Array:
-        """Weight of each squared state after each stage (stages, 6): the stage's, times its step, and the terminal."""
+        """Weight of each squared state after each stage (stages * 6): the stage's, times its step, and the terminal.
+
+        Those of the last few sets of weights are remembered, since a controller changes between the same few.
+        """
+        for known, q in self._weights_of:
+            if known is weights:
+                return q
         heading_and_velocity = [weights.heading, *[weights.velocity] * 3]
         axes = np.array([1.0, weights.sideways])
         q = np.outer(self.steps_s, [*(weights.position * axes), *heading_and_velocity])
         q[-1] += [*(weights.terminal_position_s * axes), *heading_and_velocity]
-        return q
+        self._weights_of = [(weights, q.ravel()), *self._weights_of[: REMEMBERED - 1]]
+        return self._weights_of[0][1]
 
     def _build(self, model: Dynamics) -> None:
         n = self.n_state
@@ -157,7 +166,7 @@ class StationProblem:
         tangent = ca.Function("tangent", [s, a, w, d, h], [after, jacobian], {"cse": True})
 
         state = fast_state = p[:n]
-        states, fast_states, blocks, cost = [state], [state], [], ca.SX(0.0)
+        states, fast_states, blocks = [state], [state], []
         for k, (step_s, count) in enumerate(zip(self.steps_s, self.substep_counts, strict=True)):
             a_k = inputs[2 * k : 2 * k + 2]
             block = ca.horzcat(ca.SX.eye(n), ca.SX(n, 2))
@@ -168,10 +177,17 @@ class StationProblem:
             states.append(state)
             fast_states.append(fast_state)
             blocks.append(ca.vec(ca.densify(block).T))
-        for k in range(self.stages):
-            error = fast_states[k + 1][:POSE_AND_VELOCITY] - ca.vertcat(0, 0, reference, 0, 0, 0)
-            change = inputs[2 * k : 2 * k + 2] - (inputs[2 * k - 2 : 2 * k] if k else previous)
-            cost += ca.dot(q[POSE_AND_VELOCITY * k : POSE_AND_VELOCITY * (k + 1)], error**2) + slew * ca.sumsqr(change)
+
+        def cost_of(trajectory: list[ca.SX]) -> ca.SX:
+            cost = ca.SX(0.0)
+            for k in range(self.stages):
+                error = trajectory[k + 1][:POSE_AND_VELOCITY] - ca.vertcat(0, 0, reference, 0, 0, 0)
+                change = inputs[2 * k : 2 * k + 2] - (inputs[2 * k - 2 : 2 * k] if k else previous)
+                weight = q[POSE_AND_VELOCITY * k : POSE_AND_VELOCITY * (k + 1)]
+                cost += ca.dot(weight, error**2) + slew * ca.sumsqr(change)
+            return cost
+
         self.substep: ca.Function = substep
-        self.rollout = ca.Function("rollout", [p, inputs], [ca.vertcat(*fast_states), cost])
-        self.linearised = ca.Function("linearised", [p, inputs], [ca.vertcat(*states), ca.vertcat(*blocks)])
+        self.rollout = ca.Function("rollout", [p, inputs], [ca.vertcat(*fast_states), cost_of(fast_states)])
+        linearised = [ca.vertcat(*states), ca.vertcat(*blocks), cost_of(states)]
+        self.linearised = ca.Function("linearised", [p, inputs], linearised)

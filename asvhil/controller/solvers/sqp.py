@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import daqp
@@ -9,7 +10,7 @@ import numpy as np
 
 from asvhil.controller.solvers.outcome import bounded, failure
 from asvhil.controller.solvers.problem import POSE_AND_VELOCITY, Solution, StationProblem
-from asvhil.dynamics.arrays import Array
+from asvhil.dynamics.arrays import Array, is_finite
 from asvhil.dynamics.buffers import bind
 
 ARMIJO = 0.25  # least part of the decrease predicted by the slope: longer steps zigzag
@@ -35,7 +36,8 @@ class Sqp:
         self._x, self._cost = np.zeros((stages + 1) * n), np.zeros(1)
         self._x_tangent, self._blocks = np.zeros((stages + 1) * n), np.zeros(stages * n * (n + 2))
         self._roll = bind(problem.rollout, [self._p, self._u], [self._x, self._cost])
-        self._linearise = bind(problem.linearised, [self._p, self._u], [self._x_tangent, self._blocks])
+        tangent = [self._x_tangent, self._blocks, self._cost]
+        self._linearise = bind(problem.linearised, [self._p, self._u], tangent)
         # Row block k holds d s_k / d U over d a_k / d U, so that one product with [dF/ds | dF/da] gives d s_k+1 / d U.
         self._gains = np.zeros((stages + 1, n + 2, width))
         for k in range(stages):
@@ -56,7 +58,7 @@ class Sqp:
         or where anything is not finite. `status` says which.
         """
         problem = self._problem
-        if not (np.isfinite(parameters).all() and np.isfinite(start).all()):
+        if not (is_finite(parameters) and is_finite(start)):
             return failure(problem, "the parameters or the start are not finite")
         lower, upper = problem.bounds(parameters)
         self._lower, self._upper = lower.ravel(), upper.ravel()
@@ -70,12 +72,17 @@ class Sqp:
         pull = np.zeros(u.size)
         pull[:2] = slew * previous
 
-        cost = self._cost_of(u)
-        if not np.isfinite(cost):
+        self._u[:] = u
+        self._linearise()
+        cost = float(self._cost[0])
+        if not math.isfinite(cost):
             return failure(problem, "the prediction from the start is not finite")
-        states = self._x.copy()
+        states = self._x_tangent.copy()
         solved, status = 0, "iteration cap"
         while solved < iterations:
+            if solved:
+                self._u[:] = u
+                self._linearise()
             step, slope = self._step(u, root, target, smoothing, pull)
             if step is None:
                 status = "the QP failed"
@@ -95,7 +102,7 @@ class Sqp:
             states=states.reshape(problem.stages + 1, problem.n_state),
             cost=cost,
             iterations=solved,
-            ok=solved > 0 and bool(np.isfinite(states).all()),
+            ok=solved > 0 and is_finite(states),
             status=status,
         )
 
@@ -106,10 +113,8 @@ class Sqp:
         return float(self._cost[0])
 
     def _step(self, u: Array, root: Array, target: Array, smoothing: Array, pull: Array) -> tuple[Array | None, float]:
-        """The step of a QP within the bounds and the cost's slope along it; (None, 0) where the QP fails."""
+        """The step of a QP within the bounds and the cost's slope along it, where u was linearised; None: it failed."""
         problem = self._problem
-        self._u[:] = u
-        self._linearise()
         for block, gains, next_gains in self._chain:
             np.dot(block, gains, out=next_gains)
         states = self._x_tangent.reshape(-1, problem.n_state)[1:, :POSE_AND_VELOCITY]
@@ -118,13 +123,13 @@ class Sqp:
         hessian = jacobian.T @ jacobian + smoothing
         gradient = residual @ jacobian + smoothing @ u - pull
         diagonal = hessian.ravel()[:: u.size + 1]
-        diagonal += DAMPING * diagonal.mean() + 1e-12
-        if not (np.isfinite(hessian).all() and np.isfinite(gradient).all()):
+        diagonal += DAMPING * (np.add.reduce(diagonal) / u.size) + 1e-12
+        if not (is_finite(hessian) and is_finite(gradient)):
             return None, 0.0
         step, _, flag, _ = daqp.solve(
             hessian, gradient, self._no_rows, self._upper - u, self._lower - u, self._inequality
         )
-        if flag != QP_SOLVED or not np.isfinite(step).all():
+        if flag != QP_SOLVED or not is_finite(step):
             return None, 0.0
         return step, 2.0 * float(gradient @ step)
 

@@ -11,6 +11,7 @@ import os
 import re
 import struct
 from collections import Counter
+from operator import attrgetter
 
 from fastcrc.crc16 import mcrf4xx
 from pymavlink.dialects.v20 import ardupilotmega as dialect
@@ -164,6 +165,7 @@ class Numbering:
 
 
 COUNTERS = ("frames", "bad_crc", "unknown", "garbage_bytes")
+_counts_of = attrgetter(*COUNTERS)
 
 
 class FrameSplitter:
@@ -343,12 +345,15 @@ class Parser:
         self._splitters[via, peer] = splitter
         return splitter.receive(data)
 
-    def total(self, name: str) -> int:
-        """The sum of one counter (frames, bad_crc, unknown, garbage_bytes) over all peers."""
-        count: int = getattr(self._forgotten, name)
+    def totals(self) -> tuple[int, int, int, int]:
+        """The counters (frames, bad_crc, unknown, garbage_bytes) over all peers."""
+        frames, bad_crc, unknown, garbage_bytes = _counts_of(self._forgotten)
         for splitter in self._splitters.values():
-            count += getattr(splitter, name)
-        return count
+            frames += splitter.frames
+            bad_crc += splitter.bad_crc
+            unknown += splitter.unknown
+            garbage_bytes += splitter.garbage_bytes
+        return frames, bad_crc, unknown, garbage_bytes
 
     def lost_of(self, sender: tuple[int, int]) -> int:
         """Frames of a (system, component) that did not come, over all peers: by its numbers with each of them."""

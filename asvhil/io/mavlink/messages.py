@@ -9,7 +9,7 @@ pymavlink.
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from operator import attrgetter
 from typing import Any, NamedTuple
 
@@ -33,8 +33,10 @@ class _Kind(NamedTuple):
     """What does not change between messages of one kind that holds numbers alone."""
 
     msg_id: int
-    make: Any  # the class; from the fields in the order of pymavlink's constructor
-    places: list[int | slice]  # of these fields among the payload's values; arrays are slices
+    make: Any  # the class
+    blank: dict[str, Any]  # the attributes of a message before its fields are known
+    names: tuple[str, ...]  # of the fields, in the order of the payload
+    places: list[int | slice]  # of these among the payload's values; arrays are slices
     has_arrays: bool
     payload: struct.Struct
     values: Callable[[Any], tuple[Any, ...]]  # the payload's, of a message without arrays
@@ -44,12 +46,14 @@ class _Kind(NamedTuple):
 def _kind(message: Any) -> _Kind:
     starts = [sum(message.lengths[:at]) for at in range(len(message.lengths))]
     places: list[int | slice] = [
-        starts[at] if message.lengths[at] == 1 else slice(starts[at], starts[at] + message.lengths[at])
-        for at in message.orders
+        start if length == 1 else slice(start, start + length)
+        for start, length in zip(starts, message.lengths, strict=True)
     ]
     return _Kind(
         msg_id=message.id,
         make=message,
+        blank=vars(message(*[0] * len(message.fieldnames))),
+        names=tuple(message.ordered_fieldnames),
         places=places,
         has_arrays=any(length > 1 for length in message.lengths),
         payload=message.unpacker,
@@ -79,17 +83,20 @@ def decode(frame: bytes) -> Any | None:
             if crc == mcrf4xx(frame[1:end] + kind.crc_extra):
                 size = kind.payload.size
                 payload = frame[header:end] if length == size else frame[header:end].ljust(size, b"\0")[:size]
-                values = kind.payload.unpack(payload)
-                fields = [values[place] for place in kind.places]
+                values: Sequence[Any] = kind.payload.unpack(payload)
                 if kind.has_arrays:
-                    fields = [list(field) if type(field) is tuple else field for field in fields]
-                message = kind.make(*fields)
-                message._msgbuf = bytearray(frame)
-                message._payload = message._msgbuf[HEADER_V1:end]  # so it is in pymavlink
-                message._crc = crc
-                head = message._header
-                head.incompat_flags, head.compat_flags, head.mlen, head.seq = incompatible, compatible, length, number
-                head.srcSystem, head.srcComponent = system_id, component_id
+                    fields = [values[place] for place in kind.places]
+                    values = [list(field) if type(field) is tuple else field for field in fields]
+                attributes = kind.blank.copy()
+                attributes.update(zip(kind.names, values, strict=True))
+                attributes["_header"] = dialect.MAVLink_header(
+                    msg_id, incompatible, compatible, length, number, system_id, component_id
+                )
+                attributes["_msgbuf"] = whole_frame = bytearray(frame)
+                attributes["_payload"] = whole_frame[HEADER_V1:end]  # so it is in pymavlink
+                attributes["_crc"] = crc
+                message = kind.make.__new__(kind.make)
+                message.__dict__ = attributes
                 return message
     try:
         return _DECODER.decode(bytearray(frame))

@@ -6,7 +6,6 @@ from here.
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Callable, Mapping, Sequence
 
@@ -17,7 +16,7 @@ from asvhil.io.sensors.codecs import build_codecs
 from asvhil.io.sensors.compass import true_heading
 from asvhil.io.sensors.protocol import NamedMeasurement, SensorCodec
 from asvhil.io.sensors.sources import SourceSelector, Switch
-from asvhil.types import ApparentWind, BowWind, Frame, Heading, Measurement, record
+from asvhil.types import ApparentWind, BowWind, Frame, Heading, Measurement, changed, record
 
 Decode = Callable[[Frame], Sequence[NamedMeasurement]]
 
@@ -46,9 +45,9 @@ class SensorCalibration:
         """A heading without the deviation, a wind angle from the bow; whatever else as it is."""
         match m:
             case Heading() if any(self.deviation_rad):
-                return dataclasses.replace(m, psi_rad=wrap_rad(true_heading(m.psi_rad, self.deviation_rad)))
+                return changed(m, psi_rad=wrap_rad(true_heading(m.psi_rad, self.deviation_rad)))
             case ApparentWind() | BowWind() if self.vane_offset_rad:
-                return dataclasses.replace(m, from_rad=wrap_2pi(m.from_rad + self.vane_offset_rad))
+                return changed(m, from_rad=wrap_2pi(m.from_rad + self.vane_offset_rad))
             case _:
                 return m
 
@@ -71,6 +70,7 @@ class Decoder:
         self._decode = {AUTOPILOT: autopilot, **{port: codec.decode for port, codec in codecs.items()}}
         self._selector = selector
         self._calibration = calibration
+        self._is_calibrated = not calibration.is_trivial
 
     @classmethod
     def from_config(cls, config: Config, autopilot: Decode) -> Decoder:
@@ -86,7 +86,7 @@ class Decoder:
         """The measurements in a frame that are to be used, in the order of its bytes; none of an unknown port."""
         select = self._selector.select
         chosen = [used for name, m in self.decode_every_source(frame) if (used := select(name, m)) is not None]
-        return chosen if self._calibration.is_trivial else [self._calibration.apply(m) for m in chosen]
+        return [self._calibration.apply(m) for m in chosen] if self._is_calibrated else chosen
 
     def decode_every_source(self, frame: Frame) -> list[NamedMeasurement]:
         """(LINK.MESSAGE, measurement) of all in a frame, in use or not, as the sensors tell them.

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Callable, Mapping
+from operator import attrgetter
 from typing import Any, NamedTuple
 
 from asvhil.config import Quantity, SourceConfig
@@ -18,6 +18,7 @@ from asvhil.types import (
     SpecificForce,
     TrueWind,
     YawRate,
+    changed,
     record,
 )
 
@@ -32,14 +33,14 @@ class QuantityKind(NamedTuple):
 
 
 KINDS: Mapping[type, QuantityKind] = {
-    Position: QuantityKind("position", lambda m: (m.lat_deg, m.lon_deg)),
-    GroundVelocity: QuantityKind("velocity", lambda m: (m.vn_mps, m.ve_mps)),
+    Position: QuantityKind("position", attrgetter("lat_deg", "lon_deg")),
+    GroundVelocity: QuantityKind("velocity", attrgetter("vn_mps", "ve_mps")),
     Heading: QuantityKind("heading", lambda m: (m.psi_rad,)),
     YawRate: QuantityKind("yaw_rate", lambda m: (m.r_radps,)),
-    SpecificForce: QuantityKind("acceleration", lambda m: (m.ax_mps2, m.ay_mps2)),
-    ApparentWind: QuantityKind("wind", lambda m: (m.speed_mps, m.from_rad)),
-    BowWind: QuantityKind("wind", lambda m: (m.speed_mps, m.from_rad)),
-    TrueWind: QuantityKind("wind", lambda m: (m.vn_mps, m.ve_mps)),
+    SpecificForce: QuantityKind("acceleration", attrgetter("ax_mps2", "ay_mps2")),
+    ApparentWind: QuantityKind("wind", attrgetter("speed_mps", "from_rad")),
+    BowWind: QuantityKind("wind", attrgetter("speed_mps", "from_rad")),
+    TrueWind: QuantityKind("wind", attrgetter("vn_mps", "ve_mps")),
 }
 
 
@@ -86,17 +87,21 @@ class SourceChoice:
         number = self._numbers.get(name)
         if number is None:
             return False
-        if not self._alive(number, t_ns):
+        heard_ns = self._heard_ns[number]
+        if heard_ns is None or t_ns - heard_ns > self._timeouts_ns[number]:
             self._alive_since_ns[number] = t_ns
         self._heard_ns[number] = t_ns
         if self._begun_ns is None:
             self._begun_ns = t_ns
+        if number == self._using == 0:  # the preferred one, as nearly always
+            return True
         self._choose(t_ns)
         return self._using == number
 
     def current(self, t_ns: int) -> str:
         """The name of the source in use, empty while none is alive."""
-        self._choose(t_ns)
+        if self._using != 0 or not self._alive(0, t_ns):
+            self._choose(t_ns)
         return "" if self._using is None or not self._alive(self._using, t_ns) else self._names[self._using]
 
     def _alive(self, number: int, t_ns: int) -> bool:
@@ -141,9 +146,11 @@ class SourceSelector:
         kind = KINDS.get(type(m))
         if kind is None:
             return m
-        if not all(map(math.isfinite, kind.values(m))) or not self._choices[kind.quantity].offer(m.t_ns, name):
+        quantity, values = kind
+        if not all(map(math.isfinite, values(m))) or not self._choices[quantity].offer(m.t_ns, name):
             return None
-        return self._placed(kind.quantity, name, m)
+        place = self._places.get((quantity, name)) if self._places else None
+        return m if place is None else _placed(m, *place)
 
     def current(self, t_ns: int) -> tuple[tuple[str, str], ...]:
         """The source in use for each quantity, empty where none is heard."""
@@ -161,13 +168,10 @@ class SourceSelector:
                 self._shown[quantity] = name
         return changed
 
-    def _placed(self, quantity: Quantity, name: str, m: Measurement) -> Measurement:
-        """A measurement at the time and the place at which it holds."""
-        place = self._places.get((quantity, name))
-        if place is None:
-            return m
-        delay_ns, arm_m = place
-        changes: dict[str, Any] = {"t_ns": m.t_ns - delay_ns}
-        if isinstance(m, Position | GroundVelocity | SpecificForce):
-            changes["arm_m"] = arm_m
-        return dataclasses.replace(m, **changes)
+
+def _placed(m: Measurement, delay_ns: int, arm_m: tuple[float, float]) -> Measurement:
+    """A measurement at the time and the place at which it holds."""
+    changes: dict[str, Any] = {"t_ns": m.t_ns - delay_ns}
+    if isinstance(m, Position | GroundVelocity | SpecificForce):
+        changes["arm_m"] = arm_m
+    return changed(m, **changes)
