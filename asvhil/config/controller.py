@@ -80,6 +80,14 @@ class MpcConfig(Section):
             "Distances from which `near` begins to replace `along`, and has replaced it, whatever the side load."
         ),
     )
+    lasting_offset_m: tuple[NonNegative, Positive] | None = Field(
+        default=None,
+        description=(
+            "The same for the offset across the station's heading, low-passed, so that these limits can be below "
+            "offset_m without following noise and gusts; null: only the distance counts."
+        ),
+    )
+    lasting_offset_time_s: Positive = Field(default=8.0, description="Time constant of that offset's low-pass.")
     near_radius_m: Positive = Field(default=4.0, description="Distance within which the boat counts as near.")
     far_radius_m: Positive = Field(
         default=10.0, description="Distance beyond which a boat that was near no longer is; above near_radius_m."
@@ -122,8 +130,9 @@ class MpcConfig(Section):
 
     @model_validator(mode="after")
     def _check_ramps(self) -> MpcConfig:
-        for name, (low, high) in (("side_load_mps2", self.side_load_mps2), ("offset_m", self.offset_m)):
-            if not low < high:
+        for name in ("side_load_mps2", "offset_m", "lasting_offset_m"):
+            limits = getattr(self, name)
+            if limits is not None and not limits[0] < limits[1]:
                 raise ValueError(f"{name} needs two rising values")
         if not self.near_radius_m < self.far_radius_m:
             raise ValueError("near_radius_m < far_radius_m must hold")

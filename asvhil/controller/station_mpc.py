@@ -25,7 +25,7 @@ TURN_HYSTERESIS_RAD = 0.3  # the turning direction is kept up to this far past h
 
 
 class StationMpc:
-    """Keeps a station by receding horizon control. Its state: plan, last input, weight set and heading trim.
+    """Keeps a station by receding horizon control. Its state: plan, last input, what chooses the weights, heading trim.
 
     The caller runs `step` every `period_s` while the motors obey it, and calls `reset` when they did not.
     """
@@ -55,8 +55,9 @@ class StationMpc:
         self.new_station()
 
     def new_station(self) -> None:
-        """Forget the trim and the turning direction, which belong to the last station; the plan is kept as a start."""
+        """Forget what belongs to the last station (trim, offset, turning direction); the plan is kept as a start."""
         self._near = False
+        self._offset_m = 0.0
         self.trim_rad = self._near_s = 0.0
         self._psi_rad: float | None = None
 
@@ -96,6 +97,7 @@ class StationMpc:
         if self._delay_s > 0.0:
             state = self._problem.ahead(state, self._input, wind_here, push_here, self._delay_s)
         self._update_side_load(wind_here, push_here)
+        self._update_offset(state[1])
         parameters = self._parameters(state, wind_here, push_here)
         solution, iterations = self._solve(parameters, distance_m)
         return self._control(solution, iterations, station) if solution.ok else self._give_up(iterations)
@@ -119,7 +121,7 @@ class StationMpc:
 
         config = self.config
         # An offset justifies heading oscillations too: a high heading weight would leave the boat off the station.
-        share = max(self._side_load_share, _ramp(math.hypot(state[0], state[1]), config.offset_m))
+        share = max(self._side_load_share, _ramp(math.hypot(state[0], state[1]), config.offset_m), self._offset_share)
         if self._position_only:
             return packed(config.position_only)
         if not self._near:
@@ -134,6 +136,21 @@ class StationMpc:
             self._side_load_mps2 = mps2
         gain = min(self._period_s / self.config.side_load_time_s, 1.0)
         self._side_load_mps2 += gain * (mps2 - self._side_load_mps2)
+
+    def _update_offset(self, y_m: float) -> None:
+        """The low-passed offset (m) across the station's heading, from zero where the boat gets near."""
+        gain = min(self._period_s / self.config.lasting_offset_time_s, 1.0)
+        self._offset_m = self._offset_m + gain * (y_m - self._offset_m) if self._near else 0.0
+
+    @property
+    def _offset_share(self) -> float:
+        """0 without a lasting offset across the station's heading, 1 with one.
+
+        No motor pushes sideways: within its horizon a plan with a high heading weight finds no turn worth the last few
+        decimetres, and the boat lies still beside its station for minutes.
+        """
+        limits = self.config.lasting_offset_m
+        return 0.0 if limits is None else _ramp(abs(self._offset_m), limits)
 
     @property
     def _side_load_share(self) -> float:

@@ -503,7 +503,47 @@ def test_off_the_station_heading_gives_way(offset_m, heading):
     assert noted.seen[0][2] == pytest.approx(0.2 * heading, rel=1e-6)
 
 
-@pytest.mark.parametrize("name", ["side_load_mps2", "offset_m"])
+LASTING = MpcConfig(near=LIGHT, along=HEAVY, offset_m=(0.4, 0.6), lasting_offset_m=(0.1, 0.3))
+
+
+@pytest.mark.parametrize(("offset_m", "heading"), [(-0.05, 1500.0), (0.2, 850.0), (-0.2, 850.0), (0.35, 200.0)])
+def test_heading_gives_way_to_an_offset_that_lasts(offset_m, heading):
+    noted = NotedWeights()
+    controller = StationMpc(MODEL, LASTING, 0.2, noted)
+    controller.step(estimate((0.0, offset_m, 0, 0, 0, 0, 0, 0)), None, ORIGIN)
+    assert noted.seen[0][2] == pytest.approx(0.2 * 1500.0, rel=0.03)  # not at once
+    for _ in range(200):
+        controller.step(estimate((0.0, offset_m, 0, 0, 0, 0, 0, 0)), None, ORIGIN)
+    assert noted.seen[-1][2] == pytest.approx(0.2 * heading, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    "offsets",
+    [
+        lambda k: (0.0, 0.3 * (-1) ** k),  # noise of the position
+        lambda k: (0.3, 0.0),  # along the heading, where the motors push
+        lambda k: (0.0, 0.35 if k < 5 else 0.0),  # a second of it
+    ],
+)
+def test_heading_is_kept_where_no_offset_across_it_lasts(offsets):
+    noted = NotedWeights()
+    controller = StationMpc(MODEL, LASTING, 0.2, noted)
+    for k in range(60):
+        controller.step(estimate((*offsets(k), 0, 0, 0, 0, 0, 0)), None, ORIGIN)
+    assert all(row[2] > 0.2 * 1490.0 for row in noted.seen)
+
+
+def test_another_station_has_no_offset_yet():
+    noted = NotedWeights()
+    controller = StationMpc(MODEL, LASTING, 0.2, noted)
+    for _ in range(100):
+        controller.step(estimate((0.0, 0.35, 0, 0, 0, 0, 0, 0)), None, ORIGIN)
+    controller.new_station()
+    controller.step(estimate((0.0, -0.35, 0, 0, 0, 0, 0, 0)), None, ORIGIN)
+    assert noted.seen[-1][2] == pytest.approx(0.2 * 1500.0, rel=0.03)
+
+
+@pytest.mark.parametrize("name", ["side_load_mps2", "offset_m", "lasting_offset_m"])
 def test_limits_must_rise(name):
     with pytest.raises(ValueError, match=f"{name} needs two rising"):
         MpcConfig(**{name: (0.9, 0.01)})
