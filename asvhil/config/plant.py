@@ -27,8 +27,8 @@ from asvhil.config.vehicle import VesselConfig
 class FrontseatConfig(Section):
     """The simulated autopilot; the defaults follow a real ArduRover with its dead zones removed.
 
-    A simulated PX4 takes system_id, boot_s, ready_after_s, rc_receiver, loop_hz, parameters, px4_version and
-    px4_outputs from here.
+    `delivered` puts a boat's own parameters in their place. A simulated PX4 takes system_id, boot_s, ready_after_s,
+    rc_receiver, loop_hz, parameters, px4_version and px4_outputs from here.
     """
 
     firmware: Literal["4.6", "4.7"] = Field(
@@ -42,6 +42,13 @@ class FrontseatConfig(Section):
         description=(
             "Outputs of a PX4: a board's, or those of PX4's own simulation, which have no MIN, MAX, DIS and FAIL "
             "parameters and speak only where an output has a motor function."
+        ),
+    )
+    delivered: Literal["blueboat"] | None = Field(
+        default=None,
+        description=(
+            "The boat whose parameters an ArduRover has as delivered, those of the version of `firmware`; null: those "
+            "that suit `asvhil sitl`."
         ),
     )
     parameters: dict[str, float] = Field(

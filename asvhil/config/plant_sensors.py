@@ -33,13 +33,20 @@ class FusedVelocityConfig(Section):
 class HeadingSensorConfig(Section):
     """Errors of the heading: white noise, and a deviation A + B sin psi + C cos psi + D sin 2 psi + E cos 2 psi.
 
-    The deviation is added to the true heading, as a compass adjuster counts it.
+    The deviation is added to the true heading, as a compass adjuster counts it, and so is the pull of the motors.
     """
 
     white_deg: NonNegative = Field(default=0.25, description="White noise.")
     bias_deg: float = Field(default=0.0, description="Coefficient A of the deviation, its constant part.")
     deviation_deg: tuple[float, float, float, float] = Field(
         default=(0.0, 0.0, 0.0, 0.0), description="Coefficients B, C, D, E of a compass."
+    )
+    motor_deg: tuple[Degrees, Degrees] = Field(
+        default=(0.0, 0.0),
+        description=(
+            "How far the current of the port and of the starboard motor pulls a compass at full command; less in "
+            "proportion to the command, and to the same side ahead and astern."
+        ),
     )
 
 

@@ -63,7 +63,13 @@ class Moored:
     r_radps = ax_mps2 = ay_mps2 = 0.0
 
     def __init__(self, vessel: Vessel) -> None:
+        self._vessel = vessel
         self.n_m, self.e_m, self.psi_rad = vessel.n_m, vessel.e_m, vessel.psi_rad
+
+    @property
+    def motor_commands(self) -> tuple[float, float]:
+        """Those of the vessel: motors turn while it is held."""
+        return self._vessel.motor_commands
 
     def ground_velocity_ned(self) -> tuple[float, float]:
         return 0.0, 0.0

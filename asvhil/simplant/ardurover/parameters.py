@@ -6,6 +6,7 @@ Those that the simulation acts on can be set, within ArduPilot's range; the rest
 from __future__ import annotations
 
 from asvhil.config import FrontseatConfig, MotorOutputConfig, PwmConfig
+from asvhil.simplant.ardurover.delivered import delivered_parameters
 from asvhil.simplant.vehicle.parameter_table import INT8, INT16, INT32, REAL32, ParameterTable, Row
 from asvhil.simplant.vehicle.rc import ChannelCalibration
 
@@ -86,7 +87,7 @@ class Parameters(ParameterTable):
         functions = {port: PORT_MOTOR, starboard: STARBOARD_MOTOR}
         motors = {port: pwm.port, starboard: pwm.starboard}
         plain = MotorOutputConfig()
-        rows: tuple[Row, ...] = (
+        known: tuple[Row, ...] = (
             *_identity(config),
             ("PILOT_STEER_TYPE", 1, INT8, (0.0, 3.0)),
             *(row for n in range(1, OUTPUTS + 1) for row in _channel(n, dead_zones_us.get(n, 0))),
@@ -104,7 +105,7 @@ class Parameters(ParameterTable):
             ("MANUAL_STR_EXPO", 0, REAL32, (-0.5, 0.95)),
             ("MANUAL_OPTIONS", 0, INT32, (0.0, 1.0)),
             ("ARMING_RUDDER", 0, INT8, (0.0, 2.0)),  # ArduRover's default is 2
-            ("FS_ACTION", 2, INT8, (0.0, 5.0)),
+            ("FS_ACTION", 2, INT8, (0.0, 5.0 if config.firmware == "4.6" else 6.0)),
             ("FS_THR_ENABLE", 1, INT8, (0.0, 2.0)),
             ("FS_THR_VALUE", 910, INT16, (0.0, 2200.0)),
             ("FS_TIMEOUT", 1.5, REAL32, FIXED),
@@ -119,6 +120,9 @@ class Parameters(ParameterTable):
             ("SCR_ENABLE", 0, INT8, (0.0, 1.0)),
             ("SCR_VM_I_COUNT", 10000, INT32, (1000.0, 1e6)),
         )
+        delivered = delivered_parameters(config)
+        rows = [(name, delivered.pop(name, value), kind, limits) for name, value, kind, limits in known]
+        rows += [(name, value, REAL32, FIXED) for name, value in delivered.items()]
         self._dead_zones = (f"RC{first}_DZ", f"RC{second}_DZ")
         self._late: list[str] = []
         self._sticks: dict[int, ChannelCalibration] = {}

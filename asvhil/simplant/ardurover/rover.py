@@ -25,7 +25,7 @@ TWO_PADDLES = 1  # PILOT_STEER_TYPE: a stick for each motor
 STEERING_NOT_FLIPPED = 3  # PILOT_STEER_TYPE: steering keeps its sense when going astern
 SPEED_SCALING = 1  # bit of MANUAL_OPTIONS
 DISARM = -1
-MODE_RTL, MODE_SMART_RTL = 11, 12
+MODE_LOITER, MODE_RTL, MODE_SMART_RTL = 5, 11, 12
 # FS_ACTION: modes to be entered, the first that is possible; 0 does nothing.
 FAILSAFE_ACTIONS: dict[int, tuple[int, ...]] = {
     1: (MODE_RTL, MODE_HOLD),
@@ -33,6 +33,7 @@ FAILSAFE_ACTIONS: dict[int, tuple[int, ...]] = {
     3: (MODE_SMART_RTL, MODE_RTL, MODE_HOLD),
     4: (MODE_SMART_RTL, MODE_HOLD),
     5: (DISARM,),
+    6: (MODE_LOITER, MODE_HOLD),
 }
 INFO, WARNING, CRITICAL = dialect.MAV_SEVERITY_INFO, dialect.MAV_SEVERITY_WARNING, dialect.MAV_SEVERITY_CRITICAL
 

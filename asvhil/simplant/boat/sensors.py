@@ -30,6 +30,10 @@ class TrueMotion(Protocol):
     ax_mps2: float
     ay_mps2: float
 
+    @property
+    def motor_commands(self) -> tuple[float, float]:
+        """Of port and starboard, in [-1, 1]."""
+
     def ground_velocity_ned(self) -> tuple[float, float]: ...
 
 
@@ -79,6 +83,7 @@ class Navigation:
         "_gyro_std",
         "_heading_bias",
         "_heading_std",
+        "_motor_pull",
         "_period_ns",
         "_slow_ve",
         "_slow_vn",
@@ -127,6 +132,7 @@ class Navigation:
         self._heading_std = math.radians(config.heading.white_deg)
         self._heading_bias = math.radians(config.heading.bias_deg)
         self._deviation = tuple(math.radians(part) for part in config.heading.deviation_deg)
+        self._motor_pull = tuple(math.radians(part) for part in config.heading.motor_deg)
         self._follower = Follower() if filtered else None
         fused, slow_mps = config.fused_velocity, config.fused_velocity.slow_bias_mps if filtered else 0.0
         self._slow_vn = OrnsteinUhlenbeck(slow_mps, fused.slow_bias_time_s, period_s, slow_n)
@@ -173,7 +179,7 @@ class Navigation:
             self.n_m = truth.n_m + self._err_n + fused_n_m + FUSION_S * slow_vn
             self.e_m = truth.e_m + self._err_e + fused_e_m + FUSION_S * slow_ve
             self.vn_mps, self.ve_mps = vn + self._err_vn + slow_vn, ve + self._err_ve + slow_ve
-        bias_rad = self._heading_bias + self._deviation_at(truth.psi_rad)
+        bias_rad = self._heading_bias + self._deviation_at(truth.psi_rad) + self._pull_of(truth.motor_commands)
         self.compass_error_rad = bias_rad + faults.turn_rad
         self.psi_rad = wrap_2pi(truth.psi_rad + bias_rad + turn_rad + self._heading_std * heading.next())
         self.r_radps = truth.r_radps + self._gyro_std * gyro.next()
@@ -188,6 +194,11 @@ class Navigation:
         b, c, d, e = self._deviation
         s1, c1 = math.sin(psi_rad), math.cos(psi_rad)
         return b * s1 + c * c1 + 2.0 * d * s1 * c1 + e * (c1 * c1 - s1 * s1)
+
+    def _pull_of(self, motor_commands: tuple[float, float]) -> float:
+        """What the current of the motors adds to the heading (rad)."""
+        port, starboard = self._motor_pull
+        return port * abs(motor_commands[0]) + starboard * abs(motor_commands[1])
 
 
 @record

@@ -21,8 +21,10 @@ class MotorTable:
         self._pwm = pwm
 
     def command(self, pulse_us: float) -> float:
-        """The command in [-1, 1] of a pulse width."""
+        """The command in [-1, 1] of a pulse width; zero without a signal."""
         pwm = self._pwm
+        if pulse_us == NO_SIGNAL_US:
+            return 0.0
         if pulse_us >= pwm.neutral_us:
             return min(1.0, (pulse_us - pwm.neutral_us) / (pwm.ahead_us - pwm.neutral_us))
         return max(-1.0, (pulse_us - pwm.neutral_us) / (pwm.neutral_us - pwm.astern_us))
@@ -64,6 +66,7 @@ class Vessel:
         "ax_mps2",
         "ay_mps2",
         "e_m",
+        "motor_commands",
         "n_m",
         "outputs_us",
         "psi_rad",
@@ -90,6 +93,7 @@ class Vessel:
         self._current_n, self._current_e = current_mps
         self._demand_port_n = self._demand_starboard_n = 0.0
         self.outputs_us: tuple[int, int] = (NO_SIGNAL_US, NO_SIGNAL_US)
+        self.motor_commands = (0.0, 0.0)
         self._still: tuple[float, ...] = ()
         self.n_m, self.e_m, self.psi_rad = pose
         self.thrust_port_n = self.thrust_starboard_n = 0.0
@@ -109,8 +113,10 @@ class Vessel:
         """Set the pulse widths (port, starboard) that the motors see from now on."""
         if outputs_us != self.outputs_us:
             self.outputs_us = outputs_us
-            self._demand_port_n = self._motors.thrust_n(outputs_us[0])
-            self._demand_starboard_n = self._motors.thrust_n(outputs_us[1])
+            port_us, starboard_us = outputs_us
+            self.motor_commands = self._motors.command(port_us), self._motors.command(starboard_us)
+            self._demand_port_n = self._motors.thrust_n(port_us)
+            self._demand_starboard_n = self._motors.thrust_n(starboard_us)
 
     def ground_velocity_ned(self) -> tuple[float, float]:
         """North and east velocity over ground (m/s)."""

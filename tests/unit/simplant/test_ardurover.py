@@ -1120,3 +1120,24 @@ def test_garbage_between_frames_costs_nothing_and_peers_do_not_mix() -> None:
     ):
         boat.plant.receive(Frame(t_ns=boat.t_ns, port="autopilot", data=part, peer=peer))
     assert [m.result for m in of(boat.run(0.02), "COMMAND_ACK")] == [ACCEPTED]
+
+
+@pytest.mark.parametrize(
+    ("firmware", "expected", "absent"),
+    [
+        ("4.6", {"SYSID_MYGCS": 255, "FS_ACTION": 4, "ARMING_CHECK": 4124, "SYSID_ENFORCE": 0}, "MAV_GCS_SYSID"),
+        ("4.7", {"MAV_GCS_SYSID": 255, "MAV_GCS_SYSID_HI": 0, "FS_ACTION": 6, "MOT_REV_DELAY": 0}, "SYSID_MYGCS"),
+    ],
+)
+def test_a_blueboat_has_its_makers_parameters(firmware: str, expected: dict[str, float], absent: str) -> None:
+    """And a parameter of the config goes before them."""
+    given = f"plant.frontseat.firmware='{firmware}'", "plant.frontseat.parameters={MOT_SLEWRATE: 100}"
+    parameters = Boat("plant.frontseat.delivered=blueboat", *given).seat.rover.parameters
+    common = {
+        **{"SERVO1_FUNCTION": 74, "SERVO3_FUNCTION": 73, "SERVO3_REVERSED": 1, "SERVO1_TRIM": 1510, "RC1_MAX": 1901},
+        **{"RC3_DZ": 30, "PILOT_STEER_TYPE": 3, "MOT_THST_ASYM": 1.6, "RC_OPTIONS": 37, "FS_THR_ENABLE": 0},
+        **{"WNDVN_TYPE": 4, "MOT_SLEWRATE": 100},
+    }
+    found = {name: parameters[name] for name in (*common, *expected)}
+    assert found == pytest.approx({**common, **expected})
+    assert absent not in parameters.names

@@ -12,6 +12,7 @@ from asvhil.config import (
     AnemometerSensorConfig,
     FusedVelocityConfig,
     GnssSensorConfig,
+    HeadingSensorConfig,
     SensorsConfig,
     load_config,
 )
@@ -193,3 +194,15 @@ def test_sentence() -> None:
     parsed = NMEAReader.parse(mwv_sentence(0.0, 337.5))
     assert (parsed.talker, parsed.msgID, parsed.angle, parsed.reference) == ("WI", "MWV", 337.5, "R")
     assert (parsed.speed, parsed.speedu, parsed.status) == (0.0, "M", "A")
+
+
+@pytest.mark.parametrize(
+    ("outputs_us", "pull_deg"), [((0, 0), 0.0), ((1500, 1500), 0.0), ((1900, 1100), 5.0), ((1300, 1500), 1.0)]
+)
+def test_the_motors_current_pulls_the_compass_to_one_side(outputs_us: tuple[int, int], pull_deg: float) -> None:
+    nav = navigation(heading=HeadingSensorConfig(white_deg=0.0, motor_deg=(2.0, 3.0)))
+    boat = truth(40.0)
+    boat.drive(outputs_us)
+    nav.sample(0, boat)
+    assert math.degrees(nav.psi_rad) == pytest.approx(40.0 + pull_deg)
+    assert math.degrees(nav.compass_error_rad) == pytest.approx(pull_deg)
