@@ -35,7 +35,7 @@ _lax = msgspec.json.Decoder(Outputs, strict=False)  # reads the three strings ab
 def encode_outputs(outputs: Outputs) -> bytes:
     """The record of one tick's outputs: equal outputs give equal bytes. TypeError on what JSON cannot hold."""
     data = _encoder.encode(outputs)
-    absent = sum(value is None for value in _fields(outputs))
+    absent = _fields(outputs).count(None)
     # msgspec writes null for a non-finite float. More nulls than None fields (or that word in a text) take the slow
     # path, which is right in every case.
     if data.count(b"null") > absent:

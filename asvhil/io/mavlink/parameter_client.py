@@ -88,6 +88,7 @@ class ParameterClient:
         self._absent: set[str] = set()
         self._answered_attempts = self._answered_groups = 0
         self._asking: dict[tuple[str, ...], _Request] = {}
+        self._any_given_up = False
         self._next_ns = 0
         self._spoken_ns: int | None = None
         self._writes: dict[str, tuple[float, _Request]] = {}
@@ -136,7 +137,10 @@ class ParameterClient:
     @property
     def silent(self) -> tuple[str, ...]:
         """The first names of those that were given up: whether they exist, and what they are, is not known."""
+        if not self._any_given_up:  # as in nearly every tick
+            return ()
         silent = [group for group, asking in self._asking.items() if asking.given_up]
+        self._any_given_up = bool(silent)
         return tuple(group[0] for group in silent if not self._known(group) and not self._is_absent(group))
 
     def receive(self, t_ns: int, message: Any) -> None:
@@ -197,6 +201,7 @@ class ParameterClient:
                 if self._values and not self._known(group):
                     asking.rounds += 1  # PX4's simulation has no PWM_MAIN_MIN: do not ask for it without end
                 asking.attempts, asking.given_up, asking.due_ns = 0, True, t_ns + wait_ns
+                self._any_given_up = True
                 continue
             name = names[asking.attempts % len(names)]
             asking.attempts += 1

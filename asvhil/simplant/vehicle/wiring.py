@@ -16,9 +16,11 @@ class WiredMotor:
 
     def __init__(self, pwm: PwmConfig, output: int, *, neutral_us: float, reversed: bool) -> None:
         self.output = output
-        self._pwm = pwm
         self._reversed = reversed
         self._neutral_us = neutral_us
+        self._above_us, self._below_us = max(pwm.ahead_us - neutral_us, 1.0), max(neutral_us - pwm.astern_us, 1.0)
+        self._plain_neutral_us = pwm.neutral_us
+        self._plain_above_us, self._plain_below_us = pwm.ahead_us - pwm.neutral_us, pwm.neutral_us - pwm.astern_us
 
     @classmethod
     def of_config(cls, pwm: PwmConfig, config: MotorOutputConfig, output: int) -> WiredMotor:
@@ -28,18 +30,14 @@ class WiredMotor:
 
     def plain_us(self, servo_us: Sequence[int]) -> int:
         """What a motor that is not reversed, with `vehicle.pwm`'s neutral, would get to do the same; 0: no signal."""
-        pulse_us, pwm = servo_us[self.output - 1], self._pwm
+        pulse_us = servo_us[self.output - 1]
         if pulse_us == 0:
             return 0
-        above_us, below_us = (
-            max(span_us, 1.0) for span_us in (pwm.ahead_us - self._neutral_us, self._neutral_us - pwm.astern_us)
-        )
         offset_us = pulse_us - self._neutral_us
-        share = offset_us / above_us if offset_us > 0.0 else offset_us / below_us
+        share = offset_us / (self._above_us if offset_us > 0.0 else self._below_us)
         if self._reversed:
             share = -share
-        span_us = pwm.ahead_us - pwm.neutral_us if share > 0.0 else pwm.neutral_us - pwm.astern_us
-        return round(pwm.neutral_us + share * span_us)
+        return round(self._plain_neutral_us + share * (self._plain_above_us if share > 0.0 else self._plain_below_us))
 
 
 def wired_motors(pwm: PwmConfig) -> tuple[WiredMotor, WiredMotor]:
