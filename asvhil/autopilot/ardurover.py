@@ -39,7 +39,7 @@ class ArduRoverAutopilot(MavlinkAutopilot):
 
     @property
     def after_silence(self) -> AfterSilence | None:
-        known = self.parameters.answers, self.transmitter.radio
+        known = self.parameters.changes, self.transmitter.radio
         if known != self._after_silence[0]:
             after = after_silence_of_ardurover(self._config, self.parameters.values, self.transmitter.radio)
             self._after_silence = known, after
@@ -61,7 +61,7 @@ class ArduRoverAutopilot(MavlinkAutopilot):
     def keeps_override(self) -> bool:
         """Without a receiver that it listens to, an ArduRover goes on with the last value of a channel."""
         lacks_receiver = self.receiver_ignored or self.transmitter.radio in (Radio.ABSENT, Radio.LOST)
-        return self._config.overrides_sticks and lacks_receiver
+        return self._overrides_sticks and lacks_receiver
 
     def _names_to_know(self, values: Mapping[str, float]) -> Iterable[tuple[str, ...]]:
         return names_of_stations(self._config, values)

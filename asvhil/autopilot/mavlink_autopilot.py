@@ -60,6 +60,7 @@ class MavlinkAutopilot:
     def __init__(self, config: AutopilotLinkConfig, pwm: PwmConfig) -> None:
         self._config = config
         self._pwm = pwm
+        self._overrides_sticks = config.overrides_sticks
         self._kind = AUTOPILOTS.find(config.profile)
         self._modes = self._kind.modes
         self._mode_names = {number: name for name, number in self._modes.items()}
@@ -81,7 +82,7 @@ class MavlinkAutopilot:
         self._heartbeat_ns: int | None = None
         self._timesync = TimeSync()
         self._time_asked_ns = -HEARTBEAT_NS
-        self._judged_answers = -1
+        self._judged_changes = -1
         self._findings: list[Finding] = []
         self._wiring_names: tuple[str, ...] = ()
         self.parameters = ParameterClient(
@@ -285,10 +286,10 @@ class MavlinkAutopilot:
         return next(filter(self.parameters.is_pending, self._wiring_names), "")
 
     def _take_in_parameters(self) -> None:
-        """Judge what was answered since the last time, and ask for what follows from it."""
-        if self._judged_answers == self.parameters.answers:
+        """Judge what has become known since the last time, and ask for what follows from it."""
+        if self._judged_changes == self.parameters.changes:
             return
-        self._judged_answers = self.parameters.answers
+        self._judged_changes = self.parameters.changes
         values = self.parameters.values
         self._known_wiring = self._wire(values)
         if self._driven_wiring is None:
@@ -361,7 +362,7 @@ class MavlinkAutopilot:
 
     def _station_text(self) -> str:
         """Of a station whose sticks take turns with our commands, while we override sticks."""
-        last, driven = self._last_station, self._config.overrides_sticks and self._driven_wiring is not None
+        last, driven = self._last_station, self._overrides_sticks and self._driven_wiring is not None
         if not driven or last is None or self._t_ns - last.t_ns > SHARED_NS:
             return ""
         return "{}/{} sends its sticks too: the motors get our commands and its in turn".format(*last.sender)
@@ -566,11 +567,11 @@ class MavlinkAutopilot:
 
     def drive(self, t_ns: int, port_us: int, starboard_us: int) -> list[Frame]:
         """Both motors, as pulse widths (us)."""
-        if self._config.overrides_sticks:
+        if self._overrides_sticks:
             self.transmitter.note_override(t_ns)
         if self._driven_wiring is None:
             self._driven_wiring = self.wiring
-        if self._config.overrides_sticks:
+        if self._overrides_sticks:
             self._driven_sticks_us = self._driven_wiring.to_sticks((port_us, starboard_us))
         return self._frames(t_ns, self._output.drive(port_us, starboard_us))
 

@@ -93,7 +93,7 @@ class ParameterClient:
         self._spoken_ns: int | None = None
         self._writes: dict[str, tuple[float, _Request]] = {}
         self.requests = 0
-        self.answers = 0
+        self.changes = 0  # of what is known
         self.want(groups)
 
     def want(self, groups: Iterable[tuple[str, ...]]) -> None:
@@ -121,7 +121,7 @@ class ParameterClient:
     def forget(self) -> None:
         """What was read proves nothing, as of an autopilot that was still setting itself up: ask for everything."""
         self._values.clear()
-        self.answers += 1
+        self.changes += 1
         self.restart()
 
     @property
@@ -152,7 +152,7 @@ class ParameterClient:
         value = from_wire(message.param_value, message.param_type, bytewise=self._bytewise)
         if not math.isfinite(value):
             return
-        self.answers += 1
+        self.changes += self._values.get(name) != value
         self._values[name] = value
         self._kinds[name] = message.param_type
         self._absent.discard(name)
@@ -174,7 +174,7 @@ class ParameterClient:
         """A PARAM_ERROR of the autopilot: it has no parameter of that name."""
         if message.error == dialect.MAV_PARAM_ERROR_DOES_NOT_EXIST and message.param_id in self._group_of:
             self._absent.add(message.param_id)
-            self.answers += 1
+            self.changes += 1
 
     def data_to_send(self, t_ns: int) -> list[Any]:
         """The message that is due, if one is: a PARAM_SET goes before what is only to be read."""
@@ -271,7 +271,7 @@ class ParameterClient:
         if name in self._group_of:
             self._asking[self._group_of[name]] = _Request()
         self._next_ns = 0
-        self.answers += 1  # what is known has changed
+        self.changes += 1
 
     def _known(self, group: tuple[str, ...]) -> bool:
         return any(name in self._values for name in group)
