@@ -53,6 +53,11 @@ def manual_control(y: int, z: int, *, target: int = 1) -> Any:
     return dialect.MAVLink_manual_control_message(target, 32767, y, z, 32767, 0)
 
 
+HEARTBEAT = dialect.MAVLink_heartbeat_message(
+    dialect.MAV_TYPE_GCS, dialect.MAV_AUTOPILOT_INVALID, 0, 0, dialect.MAV_STATE_ACTIVE, 3
+)
+
+
 def channels(port_us: int, starboard_us: int, *, fourth_us: int = 65535) -> Any:
     rest = [65535] * 4
     return dialect.MAVLink_rc_channels_override_message(1, 1, port_us, 65535, starboard_us, fourth_us, *rest)
@@ -131,6 +136,7 @@ def test_a_stick_at_any_moment_ends_the_hold_in_the_tick_of_the_news(way: str) -
     loop = PilotLoop(way)
     ended = 0
     for moment in range(MOMENTS):
+        loop.from_station(HEARTBEAT, LINKS[1])  # each moment takes less than the 5 s after which a station is lost
         loop.held()
         loop.wait(0.05 * chance.randint(1, 35))
         assert loop.outputs is not None and loop.outputs.phase is Phase.HOLD, loop.outputs.health.reason
