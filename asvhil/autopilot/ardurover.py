@@ -8,7 +8,7 @@ from typing import Any
 from asvhil.autopilot.after_silence import RECEIVER_IGNORED, AfterSilence, after_silence_of_ardurover
 from asvhil.autopilot.ardurover_parameters import OPTIONAL, requirements
 from asvhil.autopilot.ardurover_wiring import names_of_wiring, wiring_of
-from asvhil.autopilot.ground_stations import names_of_stations
+from asvhil.autopilot.ground_stations import is_station, names_of_stations
 from asvhil.autopilot.mavlink_autopilot import MavlinkAutopilot
 from asvhil.autopilot.requirements import Requirement
 from asvhil.autopilot.script_output import ScriptOutput
@@ -35,14 +35,15 @@ class ArduRoverAutopilot(MavlinkAutopilot):
         if isinstance(self._output, ScriptOutput):
             self._handlers[dialect.MAVLINK_MSG_ID_NAMED_VALUE_FLOAT] = self._output.on_named_value
         self._first_heard_ns: int | None = None
-        self._after_silence: tuple[tuple[int, Radio] | None, AfterSilence | None] = (None, None)  # and of what
+        self._after_silence: tuple[tuple[int, Radio, bool] | None, AfterSilence | None] = (None, None)  # and of what
 
     @property
     def after_silence(self) -> AfterSilence | None:
-        known = self.parameters.changes, self.transmitter.radio
+        values, radio = self.parameters.values, self.transmitter.radio
+        others = any(is_station(system, values) for system in self._neighbours.systems(self._t_ns))
+        known = self.parameters.changes, radio, others
         if known != self._after_silence[0]:
-            after = after_silence_of_ardurover(self._config, self.parameters.values, self.transmitter.radio)
-            self._after_silence = known, after
+            self._after_silence = known, after_silence_of_ardurover(self._config, values, radio, others=others)
         return self._after_silence[1]
 
     def _station_text(self) -> str:

@@ -8,7 +8,9 @@ from dataclasses import replace
 from asvhil.autopilot.ardurover_wiring import (
     CHANNEL_MAP,
     FUNCTIONS,
+    MOST_ASYMMETRY,
     MOST_CHANNELS,
+    MOST_EXPO,
     MOTORS,
     stick_channels,
     wiring_of,
@@ -25,6 +27,7 @@ THROTTLE = {
     "starboard": "one output must be throttle right (SERVOn_FUNCTION 74)",
 }
 OVERRIDES_IGNORED = 2  # bit of RC_OPTIONS
+MOST_OVERRIDE_S = 3  # of RC_OVERRIDE_TIME: for longer the motors must not run on when this computer dies
 BELOW_US = 10  # of FS_THR_VALUE, where it is too high
 
 # Names that exist in some firmware only, whose absence means nothing.
@@ -62,9 +65,21 @@ def requirements(link: AutopilotLinkConfig, pwm: PwmConfig, values: Mapping[str,
     dead_zones = tuple(
         replace(_dead_zone(channel), motor=side) for side, channel in zip(("port", "starboard"), channels, strict=True)
     )
-    least_us = min(wiring.to_sticks((us, us))[1] for us in (pwm.astern_us, pwm.ahead_us))
-    path = (_station(link.override_system_id, values), *_command_path(), *_bends())
-    return (*path, *_channel_map(values), *wired, *dead_zones, *_fail_safes(least_us))
+    # As if nothing bent it, which would only keep it nearer to its centre.
+    least_us = min(round(wiring.sticks[1].pulse_us(wiring.throttle(1, us))) for us in (pwm.astern_us, pwm.ahead_us))
+    path = (_station(link.override_system_id, values), *_command_path(values), *_bends())
+    newer = _since_4_7() if FIRST_NAMES[1] in values else ()
+    return (*path, *_channel_map(values), *wired, *dead_zones, *_fail_safes(least_us), *newer)
+
+
+def _since_4_7() -> tuple[Requirement, ...]:
+    """Of parameters that older firmware does not have, whose silence would say nothing there."""
+    pause = "a pause at neutral when a motor is reversed"
+    late = "seconds for which the motors run on without a transmitter if this computer dies"
+    return (
+        exactly("MOT_REV_DELAY", 0, "outputs lag behind", pause, Cause.SLEW),
+        within("RC_FS_TIMEOUT", (0.1, MOST_OVERRIDE_S), 1, "radio fail-safe is late", late, Cause.UNBOUNDED),
+    )
 
 
 def _script() -> tuple[Requirement, ...]:
@@ -94,28 +109,40 @@ def _station(gcs_id: int, values: Mapping[str, float]) -> Requirement:
     return within(" ".join(FIRST_NAMES), (right, right), gcs_id, IGNORED, others, Cause.IGNORED)
 
 
-def _command_path() -> tuple[Requirement, ...]:
+def _command_path(values: Mapping[str, float]) -> tuple[Requirement, ...]:
     """What the autopilot does to any command."""
+    endless = not 0.0 <= values.get("RC_OVERRIDE_TIME", 1.0) <= MOST_OVERRIDE_S
     bit = "with its bit 1 all overrides are ignored"
     time_out = "0 ignores overrides; below 0 the motors run on for ever if this computer dies"
     mixes = "any other mixes the two commands as steering and throttle"
     slew = "limits how fast the throttle may change, unknown to the controller"
     return (
         within("RC_OPTIONS", (0, 2**31), 0, IGNORED, bit, Cause.IGNORED, clear=OVERRIDES_IGNORED),
-        within("RC_OVERRIDE_TIME", (0.5, 3), 1, "wrong time-out", time_out, Cause.IGNORED),
+        within(
+            "RC_OVERRIDE_TIME",
+            (0.5, MOST_OVERRIDE_S),
+            1,
+            "wrong time-out",
+            time_out,
+            Cause.UNBOUNDED if endless else Cause.IGNORED,
+        ),
         exactly("PILOT_STEER_TYPE", 1, "sticks are mixed", mixes, Cause.MIXED),
         exactly("MOT_SLEWRATE", 0, "outputs lag behind", slew, Cause.SLEW),
     )
 
 
 def _bends() -> tuple[Requirement, ...]:
-    """What makes another command of a command on its way to the motors; the model of the boat has its own curve."""
-    asymmetry = "above 1 it raises thrust astern and limits steering"
+    """What makes another command of a command on its way to the motors.
+
+    Asymmetry and thrust curve are undone by the wiring. The rest cannot be: it cuts commands off, or depends on speed
+    or time. MOT_STR_THR_MIX does nothing, since two paddles never ask for more than both motors have.
+    """
+    coarse = "so strong that a stick, in whole microseconds, is too coarse to undo it"
     return (
         exactly("MOT_THR_MIN", 0, BENT, "raises small commands", Cause.SCALED),
         exactly("MOT_THR_MAX", 100, BENT, "cuts off large commands", Cause.SCALED),
-        exactly("MOT_THST_EXPO", 0, BENT, "bends commands by a thrust curve", Cause.SCALED),
-        within("MOT_THST_ASYM", (0, 1), 1, BENT, asymmetry, Cause.SCALED),
+        within("MOT_THST_EXPO", (-MOST_EXPO, MOST_EXPO), 0, BENT, coarse, Cause.SCALED),
+        within("MOT_THST_ASYM", (0, MOST_ASYMMETRY), 1, BENT, coarse, Cause.SCALED),
         exactly("MANUAL_STR_EXPO", 0, BENT, "lessens small differences between the motors", Cause.SCALED),
         within(
             "MANUAL_OPTIONS", (0, 2**31), 0, BENT, "with its bit 0 steering lessens with speed", Cause.SCALED, clear=1
@@ -186,7 +213,7 @@ def _fail_safes(least_us: int) -> tuple[Requirement, ...]:
         exactly("SYSID_ENFORCE", 0, "stations are not heard", deaf, must=False),
         within("MAV_OPTIONS", (0, 2**31), 0, "stations are not heard", deaf, must=False, clear=1),
         within("FS_THR_ENABLE", (1, 2), 1, "no radio fail-safe", radio),
-        within("FS_ACTION", (1, 5), 2, "fail-safes do nothing", "what a fail-safe does; 2 is HOLD"),
+        within("FS_ACTION", (1, 6), 2, "fail-safes do nothing", "what a fail-safe does; 2 is HOLD"),
         exactly("FS_GCS_ENABLE", 0, "stops the pilot too", station, must=False),
         within("FS_GCS_TIMEOUT", (2, 10), 5, "station fail-safe is late", late, must=False),
         exactly("ARMING_CHECK", 1, *UNCHECKED, must=False),

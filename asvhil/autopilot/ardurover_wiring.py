@@ -8,6 +8,7 @@ from asvhil.autopilot.wiring import (
     HIGH_US,
     LOW_US,
     STICKS,
+    Bend,
     MotorWiring,
     Travel,
     Wiring,
@@ -22,6 +23,9 @@ OUTPUTS = 16
 FUNCTIONS = tuple(f"SERVO{n}_FUNCTION" for n in range(1, OUTPUTS + 1))
 CHANNEL_MAP = ("RCMAP_ROLL", "RCMAP_THROTTLE")
 MOST_CHANNELS = 16
+BENDS = ("MOT_THST_ASYM", "MOT_THST_EXPO")
+# Beyond these a stick that moves by whole microseconds is too coarse for its output.
+MOST_ASYMMETRY, MOST_EXPO = 3.0, 0.5
 OUTPUT_PARTS = ("REVERSED", "TRIM", "MIN", "MAX")
 STICK_PARTS = ("REVERSED", "TRIM", "MIN", "MAX", "DZ")
 
@@ -45,7 +49,9 @@ def wiring_of(link: AutopilotLinkConfig, pwm: PwmConfig, values: Mapping[str, fl
         _motor(pwm, config, output, values) for config, output in zip((pwm.port, pwm.starboard), outputs, strict=True)
     )
     sticks = _stick(channels[0], port.travel, values), _stick(channels[1], starboard.travel, values)
-    return Wiring(pwm, (port, starboard), channels, sticks)
+    asymmetry, expo = (values.get(name, usual) for name, usual in zip(BENDS, (1.0, 0.0), strict=True))
+    bend = Bend(asymmetry=min(max(asymmetry, 1.0), MOST_ASYMMETRY), expo=min(max(expo, -MOST_EXPO), MOST_EXPO))
+    return Wiring(pwm, (port, starboard), channels, sticks, bend)
 
 
 def names_of_wiring(link: AutopilotLinkConfig, pwm: PwmConfig, values: Mapping[str, float]) -> Iterator[str]:
@@ -55,7 +61,7 @@ def names_of_wiring(link: AutopilotLinkConfig, pwm: PwmConfig, values: Mapping[s
     if None in (pwm.port.output, pwm.starboard.output):
         yield from FUNCTIONS
     if link.output != "script":
-        yield from CHANNEL_MAP
+        yield from (*CHANNEL_MAP, *BENDS)
     for output in motor_outputs(pwm, MOTORS, FUNCTIONS, values):
         yield from (f"SERVO{output}_{part}" for part in OUTPUT_PARTS)
     for channel in stick_channels(values) if link.output != "script" else ():

@@ -43,6 +43,7 @@ class _Neighbour:
         self.heard_ns = 0
         self.kind = ""
         self.is_autopilot = False  # or says so
+        self.beats = False  # sends heartbeats
 
 
 class Neighbours:
@@ -73,6 +74,7 @@ class Neighbours:
         neighbour.heard_ns = t_ns
         message = decode(data) if beats else None
         if message is not None:
+            neighbour.beats = True
             neighbour.kind = kind_of(message.type)
             neighbour.is_autopilot = message.autopilot != dialect.MAV_AUTOPILOT_INVALID
 
@@ -83,6 +85,11 @@ class Neighbours:
             for sender, neighbour in sorted(self._heard.items())
             if t_ns - neighbour.heard_ns < THERE_NS
         )
+
+    def systems(self, t_ns: int) -> frozenset[int]:
+        """The system ids of those that send heartbeats, besides ourselves and the autopilot."""
+        there = (sender for sender, n in self._heard.items() if n.beats and t_ns - n.heard_ns < THERE_NS)
+        return frozenset(sender[0] for sender in there)
 
     @property
     def own_id_is_used(self) -> bool:

@@ -6,6 +6,7 @@ what this boat's sticks and outputs need, and what it reports of them back.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 
@@ -82,6 +83,34 @@ class Travel:
 
 
 @record
+class Bend:
+    """What an ArduRover makes of a paddle's throttle on its way to the motor, which gives less thrust astern.
+
+    `asymmetry` (MOT_THST_ASYM): a throttle astern is multiplied by it. `expo` (MOT_THST_EXPO): the thrust curve that is
+    undone after that. What goes in must lie within -1 / asymmetry..1: then the mixer cuts nothing.
+    """
+
+    asymmetry: float = 1.0
+    expo: float = 0.0
+
+    def throttle(self, paddle: float) -> float:
+        """The throttle of a paddle, in [-1, 1]."""
+        size = min(abs(paddle) * (self.asymmetry if paddle < 0.0 else 1.0), 1.0)
+        if self.expo:
+            spread = 1.0 - self.expo
+            size = (math.sqrt(spread**2 + 4.0 * self.expo * size) - spread) / (2.0 * self.expo)
+        return math.copysign(size, paddle)
+
+    def paddle(self, throttle: float) -> float:
+        """The paddle of a throttle: the inverse."""
+        size = abs(throttle) * (1.0 - self.expo + self.expo * abs(throttle))
+        return math.copysign(size / self.asymmetry if throttle < 0.0 else size, throttle)
+
+
+STRAIGHT = Bend()
+
+
+@record
 class MotorWiring:
     """One motor: its output (from 1), itself, and how its output turns the autopilot's throttle into pulses."""
 
@@ -114,8 +143,10 @@ class Wiring:
         motors: tuple[MotorWiring, MotorWiring],
         channels: Pulses = STICKS,
         sticks: tuple[Travel, Travel] | None = None,
+        bend: Bend = STRAIGHT,
     ) -> None:
         """Without `sticks` they have the travel of their motors' outputs."""
+        self.bend = bend
         self.motors = motors
         self.outputs = (motors[0].output, motors[1].output)
         self.channels = channels
@@ -171,14 +202,16 @@ class Wiring:
         return self.motors[side].motor.pulse_us(self._plain.command(pulse_us))
 
     def _to_stick(self, side: int, pulse_us: int) -> float:
-        return self.sticks[side].pulse_us(self.throttle(side, pulse_us))
+        return self.sticks[side].pulse_us(self.bend.paddle(self.throttle(side, pulse_us)))
 
     def _of_output(self, side: int, pulse_us: int) -> float:
         return self._plain.pulse_us(self.motors[side].motor.command(pulse_us))
 
     def _of_stick(self, side: int, pulse_us: int) -> float:
         wired = self.motors[side]
-        return self._of_output(side, round(wired.travel.pulse_us(self.sticks[side].fraction(pulse_us))))
+        return self._of_output(
+            side, round(wired.travel.pulse_us(self.bend.throttle(self.sticks[side].fraction(pulse_us))))
+        )
 
 
 def outputs_with(function: int, names: Sequence[str], values: Mapping[str, float]) -> tuple[int, ...]:

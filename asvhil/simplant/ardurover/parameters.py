@@ -23,11 +23,15 @@ OUTPUTS = 16  # and as many channels of the transmitter
 def _identity(config: FrontseatConfig) -> tuple[Row, ...]:
     """Names that changed with firmware 4.7."""
     old = config.firmware == "4.6"
-    last: tuple[Row, ...] = () if old else (("MAV_GCS_SYSID_HI", 0, INT16, (0.0, 255.0)),)
+    new: tuple[Row, ...] = (
+        ("MAV_GCS_SYSID_HI", 0, INT16, (0.0, 255.0)),
+        ("RC_FS_TIMEOUT", config.neutral_timeout_s, REAL32, (0.1, 10.0)),
+        ("MOT_REV_DELAY", 0, REAL32, FIXED),
+    )
     return (
         ("SYSID_THISMAV" if old else "MAV_SYSID", config.system_id, INT16, FIXED),
         ("SYSID_MYGCS" if old else "MAV_GCS_SYSID", config.mygcs_system_id, INT16, (1.0, 255.0)),
-        *last,
+        *(() if old else new),
         ("ARMING_CHECK", 1, INT32, (0.0, 2.0**20)) if old else ("ARMING_SKIPCHK", 0, INT32, (-1.0, 2.0**20)),
         ("SYSID_ENFORCE", 0, INT8, (0.0, 1.0)) if old else ("MAV_OPTIONS", 0, INT8, (0.0, 1.0)),
     )

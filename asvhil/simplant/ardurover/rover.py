@@ -45,9 +45,7 @@ class Rover(PoweredVehicle):
     """
 
     def __init__(self, config: FrontseatConfig, pwm: PwmConfig, t_ns: int) -> None:
-        self._neutral_ns = round(1e9 * config.neutral_timeout_s)
         self._setup_ns = round(1e9 * config.setup_s)
-        self._failsafe_ns = round(1e9 * config.failsafe_timeout_s)
         self.parameters = Parameters(config, pwm)
         # The motors hang where the parameters that the boat is built with say, and stay there whatever is set later.
         self._motors = tuple(
@@ -57,6 +55,17 @@ class Rover(PoweredVehicle):
         self.speed_mps = 0.0  # ahead, over ground
         self.named_floats: list[tuple[str, float]] = []  # from scripts to the stations
         super().__init__(config, t_ns)
+
+    @property
+    def _neutral_ns(self) -> int:
+        """Of radio silence, until sticks count as neutral; a parameter since 4.7."""
+        return round(1e9 * (self.parameter("RC_FS_TIMEOUT") or self._config.neutral_timeout_s))
+
+    @property
+    def _failsafe_ns(self) -> int:
+        """Of radio silence, until the fail-safe acts."""
+        later_s = self._config.failsafe_timeout_s - self._config.neutral_timeout_s
+        return self._neutral_ns + round(1e9 * later_s)
 
     def _wired(self, pwm: PwmConfig, function: int, usual: int) -> WiredMotor:
         """On the output that has its function, in the sense and with the neutral of that output."""
@@ -246,6 +255,9 @@ class Rover(PoweredVehicle):
             throttle, steering = 0.5 * (first + second), 0.5 * (first - second)
         else:
             throttle, steering = second, first
+            asked = abs(throttle) + abs(steering)
+            if asked > 1.0:  # of a boat with two motors, both are lessened alike
+                throttle, steering = throttle / asked, steering / asked
             if throttle < 0.0 and steer_type != STEERING_NOT_FLIPPED:
                 steering = -steering
         slew = self.parameters["MOT_SLEWRATE"]

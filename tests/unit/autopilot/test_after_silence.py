@@ -10,7 +10,7 @@ from tests.support.after_silence import HEARD, MEASURED
 
 DEFAULTS = {
     "FS_THR_ENABLE": 1.0, "RC_OVERRIDE_TIME": 3.0, "RC_OPTIONS": 32.0, "FS_ACTION": 2.0, "FS_GCS_ENABLE": 0.0,
-    "FS_GCS_TIMEOUT": 5.0,
+    "FS_GCS_TIMEOUT": 5.0, "SYSID_MYGCS": 1.0,
 }  # fmt: skip
 
 
@@ -26,6 +26,46 @@ def test_as_measured(output: str, radio: Radio, changed: dict[str, float], measu
         assert (
             measured_s - 0.2 <= after.within_s <= measured_s + 0.5
         )  # firmware 4.7 takes 0.5 s longer where radio ends
+
+
+GROUND_STATION_ONLY = {"FS_THR_ENABLE": 0.0, "FS_GCS_ENABLE": 1.0}
+
+
+@pytest.mark.parametrize(
+    ("changed", "others", "bounded"),
+    [
+        ({}, False, True),
+        ({}, True, False),  # another program of the vehicle's system sends heartbeats
+        ({"SYSID_MYGCS": 255.0}, False, False),  # the pilot's station keeps it quiet, heard here or not
+        ({"MAV_GCS_SYSID": 1.0, "MAV_GCS_SYSID_HI": 255.0}, False, False),
+        ({"MAV_GCS_SYSID": 1.0, "MAV_GCS_SYSID_HI": 0.0}, False, True),
+    ],
+)
+@pytest.mark.parametrize("radio", [Radio.ABSENT, Radio.LOST])
+def test_the_ground_stations_fail_safe_stops_them_only_where_nobody_else_is_the_station(
+    radio: Radio, changed: dict[str, float], others: bool, bounded: bool
+) -> None:
+    link = load_config("sitl").links.autopilot
+    values = {
+        name: value for name, value in DEFAULTS.items() if name != "SYSID_MYGCS" or "MAV_GCS_SYSID" not in changed
+    }
+    after = after_silence_of_ardurover(link, values | GROUND_STATION_ONLY | changed, radio, others=others)
+    assert after is not None and (after.within_s is not None) is bounded
+
+
+def test_the_time_out_of_the_radio_is_a_parameter_since_4_7() -> None:
+    link = load_config("sitl").links.autopilot
+    after = after_silence_of_ardurover(link, DEFAULTS | {"RC_FS_TIMEOUT": 2.5}, Radio.ABSENT)
+    assert after is not None and after.within_s == 2.5
+
+
+def test_a_blueboat_as_delivered_is_stopped_by_nothing_with_overrides_and_by_the_script() -> None:
+    stock = {"RC_OPTIONS": 37.0, "FS_THR_ENABLE": 0.0, "FS_GCS_ENABLE": 2.0, "FS_ACTION": 4.0, "SYSID_MYGCS": 255.0}
+    for output, within_s in (("rc_override", None), ("manual_control", None), ("script", 0.3)):
+        link = load_config("sitl", (f"links.autopilot.output={output}",)).links.autopilot
+        for radio in (Radio.ABSENT, Radio.HEARD, Radio.LOST):
+            after = after_silence_of_ardurover(link, DEFAULTS | stock, radio)
+            assert after is not None and after.within_s == within_s
 
 
 def test_servo_commands_stand_for_ever_whatever_the_fail_safes() -> None:

@@ -1,10 +1,12 @@
 """The wiring of a boat: its laws by hand, and against the simulated autopilot, which has laws of its own."""
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import event, given, settings
 from hypothesis import strategies as st
 
 from asvhil.autopilot import ardurover_wiring, px4_wiring
+from asvhil.autopilot.ardurover_parameters import requirements
+from asvhil.autopilot.requirements import judge
 from asvhil.autopilot.wiring import Motor, Travel, wiring_of_config
 from asvhil.config import AutopilotLinkConfig, FrontseatConfig, PwmConfig
 from asvhil.simplant.ardurover.rover import Rover
@@ -116,3 +118,54 @@ def test_the_motors_of_any_simulated_boat_get_what_was_meant_and_report_it(
     assert rover.outputs_us == (pytest.approx(port, abs=3), pytest.approx(starboard, abs=3))
     assert wiring.of_outputs(rover.servo_us) == (pytest.approx(port, abs=3), pytest.approx(starboard, abs=3))
     assert wiring.of_sticks(rc_us) == (pytest.approx(port, abs=3), pytest.approx(starboard, abs=3))
+
+
+# What bends commands on their way: as it should be, and otherwise; the latter seldom where it is always refused.
+BENT: dict[str, tuple[tuple[float, ...], tuple[float, ...]]] = {
+    "PILOT_STEER_TYPE": ((1,) * 20, (0, 2, 3)),
+    "MOT_THST_ASYM": ((1, 1.2, 1.6, 2.5, 3.0), (3.4,)),
+    "MOT_THST_EXPO": ((0, 0.2, -0.3, 0.5, -0.5), (0.7,)),
+    "MANUAL_STR_EXPO": ((0,) * 20, (0.3, -0.4)),
+    "MOT_THR_MAX": ((100,) * 20, (60, 90)),
+    "MOT_THR_MIN": ((0,) * 20, (5, 20)),
+    "MOT_SLEWRATE": ((0,) * 20, (100, 400)),
+    "MOT_STR_THR_MIX": ((0.2, 0.35, 0.5, 0.6, 0.75, 0.9, 1.0), ()),
+    "MANUAL_OPTIONS": ((0,) * 20, (1,)),
+}
+
+
+@settings(max_examples=600, deadline=None, derandomize=True)
+@given(
+    boat=boats(),
+    bent=st.fixed_dictionaries({name: st.sampled_from(right + wrong) for name, (right, wrong) in BENT.items()}),
+    pulses=st.lists(st.tuples(st.integers(1100, 1900), st.integers(1100, 1900)), min_size=2, max_size=4),
+    firmware=st.sampled_from(["4.6", "4.7"]),
+)
+def test_what_bends_commands_is_undone_or_refused_by_name(
+    boat: dict[str, float], bent: dict[str, float], pulses: list[tuple[int, int]], firmware: str
+) -> None:
+    """By the simulated rover's own laws: paddles, mixer, asymmetry, thrust curve, travel of sticks and outputs."""
+    values = boat | bent | {"FS_THR_VALUE": 0.0}  # no stick of any travel is a lost transmitter
+    rover = Rover(FrontseatConfig(parameters=values, firmware=firmware, boot_s=0.0), PWM, 0)
+    read = {name: rover.parameters[name] for name in rover.parameters.names}
+    refused = [f for f in judge(requirements(LINK, PWM, read), read) if f.wrong and f.requirement.cause is not None]
+    wrong = {name for name, (_, refuses) in BENT.items() if bent[name] in refuses}
+    wrong |= {name for name, value in boat.items() if name.endswith("_DZ") and value}
+    assert {f.name for f in refused} == wrong
+    event("refused" if refused else f"asymmetry {bent['MOT_THST_ASYM']}, expo {bent['MOT_THST_EXPO']}")
+    if refused:
+        return
+    wiring = ardurover_wiring.wiring_of(LINK, PWM, read)
+    rover.armed = True
+    rover.speed_mps = 2.0
+    for t_ns, (port, starboard) in enumerate(pulses, start=1):
+        rover.begin(t_ns * 20_000_000)
+        sticks = dict(zip(wiring.channels, wiring.to_sticks((port, starboard)), strict=True))
+        for channel, stick_us in sticks.items():
+            rover.rc.set_stick(channel, stick_us)
+        rover.end()
+        # A whole microsecond of the stick is that much at the output, at the steepest.
+        within_us = 3 + 0.5 * 1.35 * wiring.bend.asymmetry / (1.0 - abs(wiring.bend.expo))
+        assert rover.outputs_us == (pytest.approx(port, abs=within_us), pytest.approx(starboard, abs=within_us))
+        for reported in (wiring.of_outputs(rover.servo_us), wiring.of_sticks(rover.rc.radio_us)):
+            assert reported == (pytest.approx(port, abs=within_us), pytest.approx(starboard, abs=within_us))

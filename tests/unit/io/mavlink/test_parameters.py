@@ -55,7 +55,7 @@ class Wire:
 @pytest.mark.parametrize("firmware", ["4.6", "4.7"])
 def test_all_that_matters_is_read_soon_after_boot_and_all_is_well(firmware: str) -> None:
     wire = Wire(f"plant.frontseat.firmware='{firmware}'")
-    wire.run(4.0)
+    wire.run(5.0)
     assert wire.wrong() == {}
     unread = {finding.name for finding in wire.link.findings if finding.value is None}
     assert unread <= OPTIONAL and len(unread) == 2  # of the other firmware
@@ -188,7 +188,8 @@ def good() -> dict[str, float]:
         ({"SYSID_MYGCS": 255}, ["SYSID_MYGCS is 255, not 1: overrides are ignored"], Cause.IGNORED),
         ({"RC_OPTIONS": 34}, ["RC_OPTIONS is 34, not 32: overrides are ignored"], Cause.IGNORED),
         ({"RC_OVERRIDE_TIME": 0}, ["RC_OVERRIDE_TIME is 0, not 1: wrong time-out"], Cause.IGNORED),
-        ({"RC_OVERRIDE_TIME": -1}, ["RC_OVERRIDE_TIME is -1, not 1: wrong time-out"], Cause.IGNORED),
+        ({"RC_OVERRIDE_TIME": -1}, ["RC_OVERRIDE_TIME is -1, not 1: wrong time-out"], Cause.UNBOUNDED),
+        ({"RC_OVERRIDE_TIME": 10}, ["RC_OVERRIDE_TIME is 10, not 1: wrong time-out"], Cause.UNBOUNDED),
         ({"RC3_DZ": 30}, ["RC3_DZ is 30, not 0: dead zone bends commands"], Cause.DEAD_ZONE),
         ({"SERVO1_FUNCTION": 74, "SERVO3_FUNCTION": 73}, [], None),
         ({"SERVO5_FUNCTION": 73}, ["SERVO5_FUNCTION is 73, not 0: two port motors"], Cause.STUCK),
@@ -203,7 +204,9 @@ def good() -> dict[str, float]:
         ({"RC1_MAX": 1900, "RC3_MIN": 1100, "RC3_TRIM": 1520, "RCMAP_ROLL": 3, "RCMAP_THROTTLE": 1}, [], None),
         ({"RCMAP_ROLL": 3}, ["RCMAP_THROTTLE is 3, not 1: both on one stick"], Cause.SWAPPED),
         ({"FS_THR_VALUE": 1101}, ["FS_THR_VALUE is 1101, not 1090: astern is RC loss"], Cause.STUCK),
-        ({"MOT_THST_ASYM": 1.6}, ["MOT_THST_ASYM is 1.6, not 1: commands are bent"], Cause.SCALED),
+        ({"MOT_THST_ASYM": 1.6, "MOT_THST_EXPO": 0.3}, [], None),
+        ({"MOT_THST_ASYM": 3.1}, ["MOT_THST_ASYM is 3.1, not 1: commands are bent"], Cause.SCALED),
+        ({"MOT_THST_EXPO": -0.6}, ["MOT_THST_EXPO is -0.6, not 0: commands are bent"], Cause.SCALED),
         ({"MOT_PWM_TYPE": 3}, ["MOT_PWM_TYPE is 3: no pulse widths"], Cause.SCALED),
         ({"ARMING_RUDDER": 2}, ["ARMING_RUDDER is 2, not 0: the port stick arms"], None),
         ({"SYSID_ENFORCE": 1}, ["SYSID_ENFORCE is 1, not 0: stations are not heard"], None),
