@@ -85,13 +85,11 @@ def _since_4_7() -> tuple[Requirement, ...]:
 def _script() -> tuple[Requirement, ...]:
     """The script goes past sticks, mixer and fail-safes: there is little else that it needs."""
     enable = "the autopilot runs scripts where this is 1 at its start: set it by hand, and restart"
-    dead = "the autopilot arms with a script that does not run; with 1 (all checks) it does not"
     switch = "the motors are dead until the safety switch is pressed, after each start"
     pulses = "outputs must be pulses"
     return (
         within("SCR_ENABLE", (1, 1), None, "scripts are off", enable, Cause.STUCK),
         replace(within("MOT_PWM_TYPE", (0, 2), None, NO_PULSES, pulses, Cause.SCALED), wiring=True),
-        exactly("ARMING_CHECK", 1, *UNCHECKED[:1], dead, must=False),
         within("BRD_SAFETY_DEFLT BRD_SAFETYENABLE", (0, 0), None, "press the safety switch", switch, must=False),
     )
 

@@ -42,9 +42,12 @@ def check(
     from rich.console import Console
 
     from asvhil.config import load_config
+    from asvhil.config.shipped_script import shipped_script
     from asvhil.preflight.checks import as_json, checks_of, worst
     from asvhil.preflight.computer import computer_checks
     from asvhil.preflight.runner import Preflight
+    from asvhil.preflight.script_checks import script_checks
+    from asvhil.preflight.script_tool import ScriptTool
     from asvhil.preflight.wiring import found_keys, yaml_to_pin
 
     settings = load_config(config, tuple(set_))
@@ -68,6 +71,9 @@ def check(
             return yes or _agreed(console, wrong)
 
         written = asyncio.run(preflight.run(choose if fix else None))
+        if settings.links.autopilot.output == "script":
+            bar.update(task, description="looking at the scripts")
+            own = [*asyncio.run(script_checks(ScriptTool(settings, timeout), shipped_script())), *own]
     checks = [*checks_of(survey), *own]
     if not fix or written or not survey.fixable:
         _tell_written(console, written, survey)

@@ -12,6 +12,8 @@ from asvhil.autopilot.script_protocol import ScriptReason
 from asvhil.config import load_config
 from asvhil.config.shipped_script import shipped_script
 from asvhil.errors import AsvhilError, LinkError
+from asvhil.preflight.checks import Result
+from asvhil.preflight.script_checks import script_checks
 from asvhil.preflight.script_tool import ScriptTool, advice, version_of
 from asvhil.types import Frame, Inputs
 from tests.support.autopilot_script import NEUTRAL, NO_PILOT, PATH, SCRIPT, ScriptBoat, parameters
@@ -281,3 +283,48 @@ def test_the_shipped_script_and_its_version() -> None:
     assert shipped_script() == SCRIPT
     assert version_of(SCRIPT) == 1
     assert version_of("print(1)") is None
+
+
+@pytest.mark.parametrize(
+    ("boat", "files", "bad"),
+    [
+        ({}, {PATH: SCRIPT}, {}),
+        ({}, {}, {"script's file": "`asvhil script install` puts it there"}),
+        ({}, {PATH: SCRIPT + "-- mine"}, {"script's file": "`asvhil script install` replaces it"}),
+        ({"ARMING_CHECK": 4124.0}, {PATH: SCRIPT}, {"a dead script": "set bit 13 (8192) of ARMING_CHECK"}),
+        ({"ARMING_CHECK": 8192.0}, {PATH: SCRIPT}, {}),
+        (
+            {},
+            {PATH: SCRIPT, RIVAL: "mavlink:receive_chan()"},
+            {"scripts that take its messages": "all scripts share one queue"},
+        ),
+        ({}, {PATH: SCRIPT, RIVAL: "gcs:send_text(6, 'hello')"}, {}),
+    ],
+    ids=["well", "missing", "changed", "dead script arms", "bit 13", "rival", "no rival"],
+)
+def test_the_check_has_a_row_for_each_fact_with_what_to_do_and_writes_nothing(
+    boat: dict[str, float], files: dict[str, str], bad: dict[str, str]
+) -> None:
+    made = fresh(**boat)
+    made.seat.files.update({path: text.encode("ascii") for path, text in files.items()})
+    before = dict(made.seat.files)
+    rows = asyncio.run(script_checks(tool(made), shipped_script()))
+    found = {row.item: row.todo for row in rows if row.result is not Result.PASS}
+    assert set(found) == set(bad) and all(found[item].startswith(words) for item, words in bad.items())
+    assert made.seat.files == before
+
+
+@pytest.mark.parametrize(
+    ("skipped", "result"), [(1043938, Result.WARN), (0, Result.PASS), (-1, Result.WARN), (8, Result.PASS)]
+)
+def test_since_4_7_the_bit_is_one_to_be_clear(skipped: int, result: Result) -> None:
+    made = fresh("plant.frontseat.firmware='4.7'", ARMING_SKIPCHK=float(skipped))
+    rows = {row.item: row.result for row in asyncio.run(script_checks(tool(made), shipped_script()))}
+    assert rows["a dead script"] is result
+
+
+def test_without_files_the_check_says_so_in_one_row() -> None:
+    made = fresh()
+    made.seat.file_server.enabled = False
+    (row,) = asyncio.run(script_checks(tool(made), shipped_script()))
+    assert row.result is Result.UNVERIFIED and "MAVFTP" in row.found
