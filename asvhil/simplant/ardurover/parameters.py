@@ -138,7 +138,7 @@ class Parameters(ParameterTable):
     def is_station(self, system_id: int) -> bool:
         """Whether a system is the ground station, or since 4.7 within the range of them."""
         first = self[self.mygcs_name]
-        last = self["MAV_GCS_SYSID_HI"] if "MAV_GCS_SYSID_HI" in self.names else first
+        last = self.get("MAV_GCS_SYSID_HI", first)
         return first <= system_id <= max(first, last)
 
     def stick(self, channel: int) -> ChannelCalibration:
@@ -156,14 +156,14 @@ class Parameters(ParameterTable):
     def begin_setup(self) -> None:
         """Power on: a dead zone that is at its default reads 0 until the default is set."""
         self.end_setup()
-        self._late = [name for name in self._dead_zones if self._values[name] == DEAD_ZONE_US]
+        self._late = [name for name in self._dead_zones if self[name] == DEAD_ZONE_US]
         for name in self._late:
             self._put(name, 0.0)
 
     def end_setup(self) -> None:
         """The defaults are set where nothing else was written; a 0 that was written changed nothing, and is lost."""
         for name in self._late:
-            if self._values[name] == 0.0:
+            if self[name] == 0.0:
                 self._put(name, DEAD_ZONE_US)
         self._late = []
 

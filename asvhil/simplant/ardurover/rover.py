@@ -334,7 +334,7 @@ class Rover(PoweredVehicle):
 
     def parameter(self, name: str) -> float | None:
         """The value of a parameter; None where there is none of that name."""
-        return self.parameters[name] if name in self.parameters.names else None
+        return self.parameters.get(name)
 
     def stick_us(self, channel: int) -> int | None:
         """A channel of the transmitter, overridden or not; None where there is none, 0 without a signal."""
@@ -415,7 +415,7 @@ class Rover(PoweredVehicle):
     @property
     def checks_skipped(self) -> bool:
         """Whether it arms without any checks."""
-        if "ARMING_CHECK" in self.parameters.names:
+        if "ARMING_CHECK" in self.parameters:
             return self.parameters["ARMING_CHECK"] == 0.0
         return self.parameters["ARMING_SKIPCHK"] == -1.0
 

@@ -70,7 +70,7 @@ class Px4Parameters(ParameterTable):
 
     def turns(self, output: int) -> bool:
         """Whether an output is mirrored, by PWM_MAIN_REV."""
-        return "PWM_MAIN_REV" in self.names and bool(int(self["PWM_MAIN_REV"]) >> (output - 1) & 1)
+        return "PWM_MAIN_REV" in self and bool(int(self["PWM_MAIN_REV"]) >> (output - 1) & 1)
 
     @property
     def drives_a_motor(self) -> bool:

@@ -19,20 +19,20 @@ NO_INDEX = 65535  # of a PARAM_VALUE that tells of a change
 Row = tuple[str, float, int, tuple[float, float] | None]  # name, value, MAV_PARAM_TYPE, range; None: stands as it is
 
 
-class ParameterTable:
-    """Values by name, each within its range. Raises ConfigError where `given` names one that `what` does not have."""
+class ParameterTable(dict[str, float]):
+    """Values by name, each within its range: read as a dict, which a loop does some thirty times, changed by `set`.
+
+    Raises ConfigError where `given` names one that `what` does not have.
+    """
 
     def __init__(self, what: str, rows: Sequence[Row], given: Mapping[str, float]) -> None:
         self._rows = {name: (kind, limits) for name, _, kind, limits in rows}
-        self._values = {name: float(value) for name, value, _, _ in rows}
+        super().__init__({name: float(value) for name, value, _, _ in rows})
         self.names = tuple(self._rows)
         for name, value in given.items():
             if name not in self._rows:
                 raise ConfigError(f"key plant.frontseat.parameters: the {what} has no {name}")
             self._put(name, value)
-
-    def __getitem__(self, name: str) -> float:
-        return self._values[name]
 
     def find(self, name: str, index: int) -> str | None:
         """The name of a parameter given by index, or by name where the index is -1; None where there is none."""
@@ -52,14 +52,14 @@ class ParameterTable:
         """PARAM_VALUE of a parameter; that of a change has no index."""
         kind, _ = self._rows[name]
         index = NO_INDEX if changed else self.names.index(name)
-        field = self._field_of(self._values[name], kind)
+        field = self._field_of(self[name], kind)
         return dialect.MAVLink_param_value_message(name.encode(), field, kind, len(self.names), index)
 
     def _put(self, name: str, value: float) -> None:
         kind, limits = self._rows[name]
         if limits is not None and math.isfinite(value):
             inside = min(limits[1], max(limits[0], value))
-            self._values[name] = inside if kind == REAL32 else float(round(inside))
+            self[name] = inside if kind == REAL32 else float(round(inside))
 
     def _value_in(self, field: float, kind: int) -> float:
         """The value of a message's float field."""
