@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import json
 import signal
 import socket
@@ -33,10 +34,12 @@ def run_lockstep(
     recorder = open_recorder(config, log, "lockstep", threaded=False)  # nothing to keep up with, so nothing to drop
     try:
         loop = Lockstep(config, recorder)
+        gc.freeze()  # as in the daemon: a full collection would pass over all modules, and take as long as 50 ticks
         start_s = time.perf_counter()
         loop.run(duration_s, on_tick)
         wall_s = time.perf_counter() - start_s
     finally:
+        gc.unfreeze()
         recorder.close()
     if recorder.error is not None:
         raise recorder.error
