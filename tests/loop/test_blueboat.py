@@ -47,7 +47,7 @@ class BlueBoat(GroundStationLoop):
 
 @pytest.mark.parametrize("version", FIRMWARES)
 def test_it_is_held_with_nothing_written(version: str) -> None:
-    loop = BlueBoat(version, "plant.start_n_m=-3", "plant.start_e_m=0")
+    loop = BlueBoat(version, "plant.start_n_m=-14", "plant.start_e_m=4")
     before = {name: loop.frontseat.rover.parameters[name] for name in loop.frontseat.rover.parameters.names}
     loop.held()
     turns_as_commanded(loop.plant, loop.step)
