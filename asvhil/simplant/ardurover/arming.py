@@ -65,10 +65,9 @@ class RudderWatch:
 
     def asks(self, rover: Rover) -> bool:
         """Whether the stick asks for arming now; the throttle must be in its trim."""
-        first, second = rover.sticks()
-        at_right = first > FULL_RIGHT and second == 0.0
         able = rover.booted and not rover.armed and not rover.radio_silent and rover.parameters["ARMING_RUDDER"] != 0.0
-        if not (at_right and able):
+        first, second = rover.sticks() if able else (0.0, 0.0)
+        if not (first > FULL_RIGHT and second == 0.0):
             self._since_ns = None
             return False
         self._since_ns = rover.t_ns if self._since_ns is None else self._since_ns
