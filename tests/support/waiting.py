@@ -18,7 +18,7 @@ def wait_until(condition: Callable[[], bool], timeout_s: float, state: Callable[
 
 async def until(
     condition: Callable[[], bool],
-    timeout_s: float = 8.0,
+    timeout_s: float = 20.0,
     meanwhile: Callable[[], Awaitable[object] | object] = lambda: None,
     pause_s: float = PAUSE_S,
 ) -> None:
