@@ -319,11 +319,24 @@ def measure(rig: Rig, runs: int, seed: int, travel: tuple[int, int]) -> list[dic
     rig.arm()
     early = rig.stream(1.0, HELD, lambda: rig.out != rig.neutral)
     rows.append({"what": "a start of before arming, after it", "n": 1, "moved": int(early)})
+    return [*rows, disarmed(rig)]
+
+
+def disarmed(rig: Rig) -> dict[str, Any]:
+    """The end of the measurements: the vehicle is disarmed. How fast its clock ran, against ours."""
     rig.station_command(ARM, 0)
     rig.pump(1.0)
     (first_s, first_boot_s), (last_s, last_boot_s) = rig.boot[0], rig.boot[-1]
-    rows.append({"what": "real-time factor", "value": round((last_boot_s - first_boot_s) / (last_s - first_s), 3)})
-    return rows
+    return {"what": "real-time factor", "value": round((last_boot_s - first_boot_s) / (last_s - first_s), 3)}
+
+
+def report(rows: list[dict[str, Any]], output: Path | None) -> None:
+    """Print the rows, and write them as JSON where asked to."""
+    width = max(len(row["what"]) for row in rows)
+    for row in rows:
+        print("  ".join(f"{name} {value}" if name != "what" else f"{value:{width}}" for name, value in row.items()))
+    if output is not None:
+        output.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
 
 
 def main() -> None:
@@ -341,11 +354,7 @@ def main() -> None:
     port, starboard = (int(n) for n in given.motors.split(","))
     low, high = (int(n) for n in given.travel.split(","))
     rig = Rig(given.port, given.station, (port, starboard), given.neutral)
-    rows = measure(rig, given.runs, given.seed, (low, high))
-    for row in rows:
-        print("  ".join(f"{name} {value}" if name != "what" else f"{value:36}" for name, value in row.items()))
-    if given.output is not None:
-        given.output.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
+    report(measure(rig, given.runs, given.seed, (low, high)), given.output)
 
 
 if __name__ == "__main__":

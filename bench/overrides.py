@@ -8,7 +8,6 @@ station is 255/190.
 from __future__ import annotations
 
 import argparse
-import json
 import multiprocessing
 import os
 import random
@@ -31,6 +30,8 @@ from bench.autopilot_script import (
     SET_MODE,
     Rig,
     _times,
+    disarmed,
+    report,
 )
 
 COMPANION = (255, 191)
@@ -143,11 +144,7 @@ def measure(rig: Rig, runs: int, seed: int) -> list[dict[str, Any]]:
     stick = lambda: rig.order_of_station(mav.MAVLink_manual_control_message(1, 32767, 300, 0, 32767, 0))  # noqa: E731
     rows.append(stopped(rig, "stick of a ground station, until our next override", runs, rng, stick))
     rows += [released(rig, runs, 0.0), released(rig, runs, 0.05)]
-    rig.station_command(ARM, 0)
-    rig.pump(1.0)
-    (first_s, first_boot_s), (last_s, last_boot_s) = rig.boot[0], rig.boot[-1]
-    rows.append({"what": "real-time factor", "value": round((last_boot_s - first_boot_s) / (last_s - first_s), 3)})
-    return rows
+    return [*rows, disarmed(rig)]
 
 
 def main() -> None:
@@ -159,11 +156,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("-o", "--output", type=Path, help="write the figures as JSON")
     given = parser.parse_args()
-    rows = measure(Rig(given.port, given.station, (1, 3), 1500), given.runs, given.seed)
-    for row in rows:
-        print("  ".join(f"{name} {value}" if name != "what" else f"{value:50}" for name, value in row.items()))
-    if given.output is not None:
-        given.output.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
+    report(measure(Rig(given.port, given.station, (1, 3), 1500), given.runs, given.seed), given.output)
 
 
 if __name__ == "__main__":
