@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import math
+from collections.abc import Callable
 
 import numpy as np
 
@@ -10,23 +12,18 @@ BLOCK = 512
 
 
 class NormalSource:
-    """Standard normal numbers from a seeded generator, one at a time."""
+    """Standard normal numbers from a seeded generator, one at a time by `next()`.
 
-    __slots__ = ("_at", "_block", "_rng")
+    Blocks are drawn at once, since calls of NumPy are slow; and `next` is the iterator's own, since it is called
+    twenty times in a tick.
+    """
+
+    __slots__ = ("next",)
 
     def __init__(self, seed: np.random.SeedSequence) -> None:
-        self._rng = np.random.Generator(np.random.PCG64(seed))
-        self._block: list[float] = []
-        self._at = 0
-
-    def next(self) -> float:
-        """The next number. Blocks are drawn at once, since calls of NumPy are slow."""
-        if self._at == len(self._block):
-            self._block = self._rng.standard_normal(BLOCK).tolist()
-            self._at = 0
-        value = self._block[self._at]
-        self._at += 1
-        return value
+        rng = np.random.Generator(np.random.PCG64(seed))
+        blocks = (rng.standard_normal(BLOCK).tolist() for _ in itertools.repeat(None))
+        self.next: Callable[[], float] = itertools.chain.from_iterable(blocks).__next__
 
 
 class OrnsteinUhlenbeck:
@@ -35,11 +32,11 @@ class OrnsteinUhlenbeck:
     Exact discretisation: x' = a x + std sqrt(1 - a^2) z with a = exp(-step / time), started from its stationary law.
     """
 
-    __slots__ = ("_a", "_kick", "_source", "_std", "_time_s", "value")
+    __slots__ = ("_a", "_kick", "_next", "_std", "_time_s", "value")
 
     def __init__(self, std: float, time_s: float, step_s: float, source: NormalSource) -> None:
         self._std, self._time_s = std, time_s
-        self._source = source
+        self._next = source.next
         self.set_step(step_s)
         self.value = std * source.next()
 
@@ -50,5 +47,5 @@ class OrnsteinUhlenbeck:
 
     def advance(self) -> float:
         """One step on; the new value."""
-        self.value = self._a * self.value + self._kick * self._source.next()
+        self.value = self._a * self.value + self._kick * self._next()
         return self.value

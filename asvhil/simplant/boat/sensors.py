@@ -17,6 +17,8 @@ from asvhil.types import record
 FUSION_S = 1.0  # time constant by which a filter's position follows the integral of its velocity
 RETRY_NS = 10_000_000_000  # AP_NavEKF3.h: posRetryTimeUseVel_ms and magFailTimeLimit_ms are 10000
 Jump = tuple[float, float, float]  # north, east (m), heading (rad)
+NO_DEVIATION = (0.0, 0.0, 0.0, 0.0)
+SOUND_JUMP: Jump = (0.0, 0.0, 0.0)
 VANE_STALL_MPS = 0.01  # below it the vane does not turn
 
 
@@ -43,7 +45,7 @@ class Follower:
     __slots__ = ("_asked", "_since_ns", "value")
 
     def __init__(self) -> None:
-        self.value: Jump = (0.0, 0.0, 0.0)
+        self.value = SOUND_JUMP
         self._asked = self.value
         self._since_ns = 0
 
@@ -155,7 +157,7 @@ class Navigation:
         """
         white, velocity, heading, gyro, accel = self._sources
         vn, ve = truth.ground_velocity_ned()
-        jump = (faults.jump_n_m, faults.jump_e_m, faults.turn_rad)
+        jump = SOUND_JUMP if faults is SOUND else (faults.jump_n_m, faults.jump_e_m, faults.turn_rad)
         fused_n_m, fused_e_m, turn_rad = jump if self._follower is None else self._follower.step(t_ns, jump)
         due = t_ns >= self._fix_due_ns
         if due:
@@ -189,7 +191,7 @@ class Navigation:
 
     def _deviation_at(self, psi_rad: float) -> float:
         """Compass deviation (rad) by the iron of the boat (`HeadingSensorConfig`), without its constant part."""
-        if not any(self._deviation):
+        if self._deviation == NO_DEVIATION:
             return 0.0
         b, c, d, e = self._deviation
         s1, c1 = math.sin(psi_rad), math.cos(psi_rad)

@@ -47,7 +47,7 @@ class Weather:
         self.wind_n_mps = self.wind_e_mps = 0.0
         rough = config.waves.orbital_std_mps > 0.0 or config.waves.yaw_std_radps > 0.0
         self.waves = Waves(config.waves, wind.toward_deg, step_s, wave_seed) if rough else None
-        self._compose()
+        self._compose(self._along.value, self._across.value)
 
     def set_step(self, step_s: float) -> None:
         """Steps of another length from now on, of the waves too."""
@@ -60,12 +60,9 @@ class Weather:
         """Advance the gusts by one step."""
         if self._still:
             return
-        self._along.advance()
-        self._across.advance()
-        self._compose()
+        self._compose(self._along.advance(), self._across.advance())
 
-    def _compose(self) -> None:
-        along = self.mean_mps + self._along.value
-        across = self._across.value
+    def _compose(self, along: float, across: float) -> None:
+        along += self.mean_mps
         self.wind_n_mps = self._north * along - self._east * across
         self.wind_e_mps = self._east * along + self._north * across
