@@ -223,3 +223,37 @@ def estimator(
         text=report,
         draw=lambda found, path: draw_estimators(found | traces, path),
     )
+
+
+@study_command
+def safety(
+    output: OutOption = RUNS,
+    holds: Annotated[str, typer.Option(help="Which winds and seeds: judging, or tuning, which chose the limits.")] = (
+        "judging"
+    ),
+    fault: Annotated[list[str], typer.Option(help="One fault by its name in the table; repeatable.")] = [],  # noqa: B006
+    healthy: Annotated[bool, typer.Option(help="Healthy boats too.")] = True,
+    workers: WorkersOption = None,
+    quick: QuickOption = False,
+    set_: SetOption = [],  # noqa: B006
+) -> Study:
+    """Boats that would run away (motors, compass, current): when a hold ends; and false alarms on healthy ones."""
+    from asvhil.study.rows import checked
+    from asvhil.study.runner import run_into
+    from asvhil.study.safety import markdown, study_safety
+    from asvhil.study.safety_cases import FAULTS, WINDS
+
+    part = checked([holds], WINDS, "--holds")[0]
+    faults = checked(fault, FAULTS, "--fault")
+
+    def figures(tell: Tell) -> dict[str, Any]:
+        return study_safety(
+            run_into(output / "safety.jsonl", workers=workers, tell=tell),
+            part,
+            faults=faults,
+            with_healthy=healthy,
+            every=40 if quick else 1,
+            overrides=tuple(set_),
+        )
+
+    return Study(title="safety", stem=stem_of("safety", quick), figures=figures, text=markdown)

@@ -10,17 +10,34 @@ from pydantic import Field, model_validator
 from asvhil.config.base import Degrees, NonNegative, Positive, Section
 
 Device = Literal["autopilot", "ins", "nmea"]
-DEFAULT_SIZE = {"gnss-jump": 20.0, "heading-jump": 60.0}
-OF_ONE_DEVICE = frozenset({"gnss-jump", "gnss-frozen", "gnss-silent", "heading-jump", "heading-silent", "imu-silent"})
+DEFAULT_SIZE = {
+    "gnss-jump": 20.0,
+    "heading-jump": 60.0,
+    "compass-turned": 90.0,
+    "port-motor-weak": 0.3,
+    "starboard-motor-weak": 0.3,
+}
+OF_ONE_DEVICE = frozenset(
+    {
+        *("gnss-jump", "gnss-frozen", "gnss-silent", "imu-silent"),
+        *("heading-jump", "heading-silent", "compass-turned"),
+    }
+)
 FaultKind = Literal[
     "port-motor",
     "starboard-motor",
+    "port-motor-reversed",
+    "starboard-motor-reversed",
+    "motors-swapped",
+    "port-motor-weak",
+    "starboard-motor-weak",
     "gnss",
     "gnss-jump",
     "gnss-frozen",
     "gnss-silent",
     "heading-jump",
     "heading-silent",
+    "compass-turned",
     "imu-silent",
     "anemometer",
     "anemometer-stuck",
@@ -44,11 +61,15 @@ class FaultConfig(Section):
     from_s: NonNegative = Field(default=0.0, description="Begin, after power-on.")
     until_s: Positive | None = Field(default=None, description="End, after power-on; null: it lasts.")
     size: float | None = Field(
-        default=None, description="Size of a jump: gnss-jump in m (null: 20), heading-jump in degrees (null: 60)."
+        default=None,
+        description=(
+            "How much. gnss-jump: m (null: 20). heading-jump, compass-turned: degrees (null: 60, 90). A weak motor: "
+            "the share of its thrust that is left (null: 0.3)."
+        ),
     )
     toward_deg: Degrees = Field(default=45.0, description="Direction of a gnss-jump, clockwise from north.")
     device: Device | None = Field(
-        default=None, description="The one device that has a gnss-, heading- or imu- fault; null: all."
+        default=None, description="The one device that has a gnss-, heading-, compass- or imu- fault; null: all."
     )
 
     @property
@@ -58,7 +79,7 @@ class FaultConfig(Section):
 
     @property
     def magnitude(self) -> float:
-        """The size of a jump: the config's, or the kind's default."""
+        """The size of the fault: the config's, or the kind's default."""
         return DEFAULT_SIZE.get(self.kind, 0.0) if self.size is None else self.size
 
     @model_validator(mode="after")
@@ -66,7 +87,9 @@ class FaultConfig(Section):
         if self.to_s <= self.from_s:
             raise ValueError("from_s < until_s must hold")
         if self.size is not None and self.kind not in DEFAULT_SIZE:
-            raise ValueError(f"only {' and '.join(DEFAULT_SIZE)} have a size, {self.kind} has none")
+            raise ValueError(f"only {', '.join(DEFAULT_SIZE)} have a size, {self.kind} has none")
+        if self.kind.endswith("-weak") and not 0.0 <= self.magnitude <= 1.0:
+            raise ValueError(f"the size of {self.kind} is a share of the thrust, between 0 and 1")
         if self.device is not None and self.kind not in OF_ONE_DEVICE:
             raise ValueError(f"a device can be named for {', '.join(sorted(OF_ONE_DEVICE))}, not for {self.kind}")
         return self
@@ -78,7 +101,7 @@ class GlitchConfig(Section):
     kind: FaultKind = Field(description="What fails.")
     least_s: Positive = Field(default=0.2, description="Shortest duration.")
     most_s: Positive = Field(default=3.0, description="Longest duration.")
-    size: float | None = Field(default=None, description="Size of a jump, as in `plant.faults`.")
+    size: float | None = Field(default=None, description="As in `plant.faults`.")
     device: Device | None = Field(default=None, description="As in `plant.faults`; null: that of `plant.glitches`.")
 
     @model_validator(mode="after")

@@ -91,6 +91,7 @@ class Plant:
         weather_seed, navigation_seed, anemometer_seed, ins_seed, nmea_seed, *sensor_seeds = seeds
         self._step_ns = round(1e9 * plant.step_s)
         self._t_ns = t_ns
+        self._neutral_us = pwm.neutral_us
         self._loop = Metronome(t_ns, plant.frontseat.loop_hz)
         self._sentence = Metronome(t_ns, plant.sensors.anemometer.rate_hz)
         self.weather = Weather(plant.weather, plant.step_s, weather_seed)
@@ -188,8 +189,13 @@ class Plant:
 
     def step(self) -> list[Frame]:
         """One step, with the autopilot's outputs at its begin: the frames sent during it."""
-        self._vessel.drive(motor_signals_us(self._autopilot.outputs_us, self._faults.at(self._t_ns)))
+        self._drive(self._faults.at(self._t_ns))
         return self.advance(self._t_ns + self._step_ns)
+
+    def _drive(self, faults: Present) -> None:
+        """The motors by the autopilot's present outputs."""
+        signals_us = motor_signals_us(self._autopilot.outputs_us, faults, self._neutral_us)
+        self._vessel.drive(signals_us, faults.thrust_left)
 
     def advance(self, t_ns: int) -> list[Frame]:
         """Step up to, never beyond, a time: the frames sent until then, in order of time."""
@@ -207,7 +213,7 @@ class Plant:
             if self._loop.take_due(self._t_ns):
                 self._navigation.sample(self._t_ns, self.motion, faults.of("autopilot"))
                 sent += self._autopilot.loop(self._t_ns)
-                vessel.drive(motor_signals_us(self._autopilot.outputs_us, faults))
+                self._drive(faults)
             if self._sentence.take_due(self._t_ns):
                 stuck = "anemometer-stuck" in faults
                 speed_mps, from_deg = self._anemometer.sample(

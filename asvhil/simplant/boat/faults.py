@@ -18,11 +18,15 @@ OF_DEVICE = {"gnss": ("autopilot", "gnss-silent"), "ins-gnss": ("ins", "gnss-sil
 
 @record
 class SensorFaults:
-    """The faults of receiver, heading and IMU of one device."""
+    """The faults of receiver, heading and IMU of one device.
+
+    `turn_rad` is a jump, which a filter holds off for a while; `compass_rad` has been there since it was mounted.
+    """
 
     jump_n_m: float = 0.0
     jump_e_m: float = 0.0
     turn_rad: float = 0.0
+    compass_rad: float = 0.0
     gnss_frozen: bool = False
     gnss_silent: bool = False
     heading_silent: bool = False
@@ -33,15 +37,18 @@ SOUND = SensorFaults()
 
 
 class Present(frozenset[str]):
-    """The kinds of fault that are present, and the faults of the sensors of each device."""
+    """The kinds of fault that are present, the faults of the sensors of each device, and the thrust that is left."""
 
     _sensors: dict[str, SensorFaults]
+    thrust_left: tuple[float, float] = (1.0, 1.0)  # of the port and of the starboard motor
 
     @classmethod
     def of_faults(cls, faults: Iterable[FaultConfig]) -> Present:
         present = tuple(faults)
         self = cls(fault.kind for fault in present)
         self._sensors = {device: _sensor_faults(present, device) for device in ("autopilot", "ins", "nmea")}
+        weak = {fault.kind: fault.magnitude for fault in present}
+        self.thrust_left = weak.get("port-motor-weak", 1.0), weak.get("starboard-motor-weak", 1.0)
         return self
 
     def of(self, device: str) -> SensorFaults:
@@ -79,15 +86,24 @@ def all_faults(plant: PlantConfig) -> tuple[FaultConfig, ...]:
     return (*plant.faults, *_glitches(plant.glitches, np.random.default_rng(seed)))
 
 
-def motor_signals_us(outputs_us: tuple[int, int], faults: frozenset[str]) -> tuple[int, int]:
-    """The pulse widths (port, starboard) that reach the motors: 0 for a dead motor."""
+def motor_signals_us(outputs_us: tuple[int, int], faults: frozenset[str], neutral_us: int) -> tuple[int, int]:
+    """The pulse widths (port, starboard) that reach the motors: 0 for a dead one, mirrored for a reversed one.
+
+    Swapped: each motor hangs on the other's output. The other kinds name the motor, not the output.
+    """
     if not faults:
         return outputs_us
-    port_us, starboard_us = outputs_us
+    port_us, starboard_us = reversed(outputs_us) if "motors-swapped" in faults else outputs_us
     return (
-        NO_SIGNAL_US if "port-motor" in faults else port_us,
-        NO_SIGNAL_US if "starboard-motor" in faults else starboard_us,
+        _signal_us(port_us, "port-motor", faults, neutral_us),
+        _signal_us(starboard_us, "starboard-motor", faults, neutral_us),
     )
+
+
+def _signal_us(output_us: int, motor: str, faults: frozenset[str], neutral_us: int) -> int:
+    if motor in faults or output_us == NO_SIGNAL_US:
+        return NO_SIGNAL_US
+    return 2 * neutral_us - output_us if f"{motor}-reversed" in faults else output_us
 
 
 def _glitches(config: GlitchesConfig, rng: np.random.Generator) -> Iterator[FaultConfig]:
@@ -117,7 +133,7 @@ def _glitches(config: GlitchesConfig, rng: np.random.Generator) -> Iterator[Faul
 def _sensor_faults(present: Iterable[FaultConfig], device: str) -> SensorFaults:
     """The faults present in one device; jumps are added."""
     kinds: set[str] = set()
-    n_m = e_m = turn_deg = 0.0
+    n_m = e_m = turn_deg = compass_deg = 0.0
     for fault in present:
         only, kind = OF_DEVICE.get(fault.kind, (fault.device, fault.kind))
         if only not in (None, device):
@@ -128,10 +144,13 @@ def _sensor_faults(present: Iterable[FaultConfig], device: str) -> SensorFaults:
             e_m += fault.magnitude * math.sin(math.radians(fault.toward_deg))
         elif kind == "heading-jump":
             turn_deg += fault.magnitude
+        elif kind == "compass-turned":
+            compass_deg += fault.magnitude
     return SensorFaults(
         jump_n_m=n_m,
         jump_e_m=e_m,
         turn_rad=math.radians(turn_deg),
+        compass_rad=math.radians(compass_deg),
         gnss_frozen="gnss-frozen" in kinds,
         gnss_silent="gnss-silent" in kinds,
         heading_silent="heading-silent" in kinds,

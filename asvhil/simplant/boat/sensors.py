@@ -182,6 +182,7 @@ class Navigation:
             self.e_m = truth.e_m + self._err_e + fused_e_m + FUSION_S * slow_ve
             self.vn_mps, self.ve_mps = vn + self._err_vn + slow_vn, ve + self._err_ve + slow_ve
         bias_rad = self._heading_bias + self._deviation_at(truth.psi_rad) + self._pull_of(truth.motor_commands)
+        bias_rad += faults.compass_rad
         self.compass_error_rad = bias_rad + faults.turn_rad
         self.psi_rad = wrap_2pi(truth.psi_rad + bias_rad + turn_rad + self._heading_std * heading.next())
         self.r_radps = truth.r_radps + self._gyro_std * gyro.next()

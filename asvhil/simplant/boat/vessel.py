@@ -62,6 +62,7 @@ class Vessel:
         "_motors",
         "_step_s",
         "_still",
+        "_thrust_left",
         "_waves",
         "ax_mps2",
         "ay_mps2",
@@ -93,6 +94,7 @@ class Vessel:
         self._current_n, self._current_e = current_mps
         self._demand_port_n = self._demand_starboard_n = 0.0
         self.outputs_us: tuple[int, int] = (NO_SIGNAL_US, NO_SIGNAL_US)
+        self._thrust_left = (1.0, 1.0)
         self.motor_commands = (0.0, 0.0)
         self._still: tuple[float, ...] = ()
         self.n_m, self.e_m, self.psi_rad = pose
@@ -109,14 +111,14 @@ class Vessel:
         self._step_s = step_s
         self._lag_gain = -math.expm1(-step_s / self._motor_lag_s)
 
-    def drive(self, outputs_us: tuple[int, int]) -> None:
-        """Set the pulse widths (port, starboard) that the motors see from now on."""
-        if outputs_us != self.outputs_us:
-            self.outputs_us = outputs_us
+    def drive(self, outputs_us: tuple[int, int], thrust_left: tuple[float, float] = (1.0, 1.0)) -> None:
+        """Set the pulse widths (port, starboard) that the motors see from now on, and the share of their thrust."""
+        if outputs_us != self.outputs_us or thrust_left != self._thrust_left:
+            self.outputs_us, self._thrust_left = outputs_us, thrust_left
             port_us, starboard_us = outputs_us
             self.motor_commands = self._motors.command(port_us), self._motors.command(starboard_us)
-            self._demand_port_n = self._motors.thrust_n(port_us)
-            self._demand_starboard_n = self._motors.thrust_n(starboard_us)
+            self._demand_port_n = thrust_left[0] * self._motors.thrust_n(port_us)
+            self._demand_starboard_n = thrust_left[1] * self._motors.thrust_n(starboard_us)
 
     def ground_velocity_ned(self) -> tuple[float, float]:
         """North and east velocity over ground (m/s)."""

@@ -33,10 +33,45 @@ def test_the_first_look_may_be_late() -> None:
     assert Faults([FaultConfig(kind="vane", from_s=1.0, until_s=2.0)], 0).at(round(1.5 * SECOND)) == {"vane"}
 
 
-def test_a_dead_motor_gets_no_signal() -> None:
-    assert motor_signals_us((1600, 1700), frozenset()) == (1600, 1700)
-    assert motor_signals_us((1600, 1700), frozenset({"port-motor", "vane"})) == (0, 1700)
-    assert motor_signals_us((1600, 1700), frozenset({"starboard-motor"})) == (1600, 0)
+@pytest.mark.parametrize(
+    ("faults", "signals_us"),
+    [
+        ((), (1600, 1750)),
+        (("port-motor", "vane"), (0, 1750)),
+        (("starboard-motor",), (1600, 0)),
+        (("port-motor-reversed",), (1400, 1750)),
+        (("starboard-motor-reversed",), (1600, 1250)),
+        (("port-motor-reversed", "starboard-motor-reversed"), (1400, 1250)),
+        (("motors-swapped",), (1750, 1600)),
+        (("motors-swapped", "port-motor-reversed"), (1250, 1600)),  # the port motor, on the starboard output
+        (("motors-swapped", "port-motor"), (0, 1600)),
+        (("port-motor-weak",), (1600, 1750)),
+    ],
+)
+def test_what_reaches_the_motors(faults: tuple[str, ...], signals_us: tuple[int, int]) -> None:
+    assert motor_signals_us((1600, 1750), frozenset(faults), 1500) == signals_us
+
+
+def test_no_signal_stays_none_at_a_reversed_motor() -> None:
+    assert motor_signals_us((0, 0), frozenset({"port-motor-reversed", "motors-swapped"}), 1500) == (0, 0)
+
+
+def test_a_weak_motor_has_a_share_of_its_thrust() -> None:
+    weak = "plant.faults=[{kind: port-motor-weak, size: 0.25}, {kind: starboard-motor-weak, from_s: 9}]"
+    sound, boat = Boat().armed(), Boat(weak).armed()
+    for each in (sound, boat):
+        each.hold(1700, 1700, 1.0)
+    port_n, starboard_n = boat.plant.truth.thrust_n
+    assert port_n == pytest.approx(0.25 * sound.plant.truth.thrust_n[0]) and port_n > 1.0
+    assert starboard_n == sound.plant.truth.thrust_n[1]
+
+
+def test_a_turned_compass_shows_at_once_and_on_every_device() -> None:
+    """A jump is held off by an autopilot's filter; this one was mounted so."""
+    boat = Boat("plant.faults=[{kind: compass-turned, size: 120}]", "plant.sensors.heading.white_deg=0")
+    boat.run(1.0)
+    assert math.degrees(boat.plant.navigation.psi_rad - boat.plant.truth.psi_rad) == pytest.approx(120.0)
+    assert math.degrees(boat.plant.navigation.compass_error_rad) == pytest.approx(120.0)
 
 
 @pytest.mark.parametrize(
@@ -45,7 +80,8 @@ def test_a_dead_motor_gets_no_signal() -> None:
         ("[{kind: keel}]", "plant.faults.0.kind"),
         ("[{kind: vane, from_s: 3, until_s: 3}]", "from_s < until_s must hold"),
         ("[{kind: vane, from_s: -1}]", "plant.faults.0.from_s"),
-        ("[{kind: vane, size: 3}]", "only gnss-jump and heading-jump have a size, vane has none"),
+        ("[{kind: vane, size: 3}]", "only gnss-jump, .* have a size, vane has none"),
+        ("[{kind: port-motor-weak, size: 30}]", "a share of the thrust, between 0 and 1"),
         ("[{kind: ins-gnss, device: nmea}]", "a device can be named for .*, not for ins-gnss"),
     ],
 )
