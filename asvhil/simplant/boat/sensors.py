@@ -71,7 +71,6 @@ class Navigation:
     """
 
     __slots__ = (
-        "_accel_bias",
         "_accel_std",
         "_bias_e",
         "_bias_n",
@@ -92,6 +91,7 @@ class Navigation:
         "_sources",
         "_velocity_std",
         "_white_std",
+        "accel_bias_mps2",
         "ax_mps2",
         "ay_mps2",
         "compass_error_rad",
@@ -140,7 +140,7 @@ class Navigation:
         self._slow_vn = OrnsteinUhlenbeck(slow_mps, fused.slow_bias_time_s, period_s, slow_n)
         self._slow_ve = OrnsteinUhlenbeck(slow_mps, fused.slow_bias_time_s, period_s, slow_e)
         self._gyro_std, self._accel_std = imu.gyro_white_radps, imu.accel_white_mps2
-        self._accel_bias = imu.accel_bias_mps2 * turn_on.next(), imu.accel_bias_mps2 * turn_on.next()
+        self.accel_bias_mps2 = imu.accel_bias_mps2 * turn_on.next(), imu.accel_bias_mps2 * turn_on.next()
         self._err_n = self._err_e = self._err_vn = self._err_ve = 0.0
         self.fixes = 0
         self.imu_silent = self.compass_silent = False
@@ -186,8 +186,8 @@ class Navigation:
         self.compass_error_rad = bias_rad + faults.turn_rad
         self.psi_rad = wrap_2pi(truth.psi_rad + bias_rad + turn_rad + self._heading_std * heading.next())
         self.r_radps = truth.r_radps + self._gyro_std * gyro.next()
-        self.ax_mps2 = truth.ax_mps2 + self._accel_bias[0] + self._accel_std * accel.next()
-        self.ay_mps2 = truth.ay_mps2 + self._accel_bias[1] + self._accel_std * accel.next()
+        self.ax_mps2 = truth.ax_mps2 + self.accel_bias_mps2[0] + self._accel_std * accel.next()
+        self.ay_mps2 = truth.ay_mps2 + self.accel_bias_mps2[1] + self._accel_std * accel.next()
         self.imu_silent, self.compass_silent = faults.imu_silent, faults.heading_silent
 
     def _deviation_at(self, psi_rad: float) -> float:

@@ -15,7 +15,7 @@ from asvhil.config import FrontseatConfig, MotorOutputConfig, PwmConfig
 from asvhil.config.autopilots import PX4_MODES
 from asvhil.simplant.boat.sensors import Navigation
 from asvhil.simplant.boat.vessel import NO_SIGNAL_US
-from asvhil.simplant.px4.estimator import RestingEstimator
+from asvhil.simplant.px4.estimator import AccelerometerBias, RestingEstimator
 from asvhil.simplant.px4.parameters import ACTUATOR_SET_1, MULTICOPTER, Px4Parameters
 from asvhil.simplant.vehicle.powered import PoweredVehicle
 from asvhil.simplant.vehicle.wiring import WiredMotor
@@ -92,6 +92,7 @@ class Px4Vehicle(PoweredVehicle):
         self.mode = LOITER
         self.terminated = self.failsafe = False
         self._estimator.restart(t_ns)
+        self.accelerometer_bias = AccelerometerBias()
         self._drifted = False
         self._actuators = [math.nan] * ACTUATORS
         self._offboard_ns: int | None = None

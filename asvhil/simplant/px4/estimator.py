@@ -1,4 +1,4 @@
-"""Position of a disarmed PX4: EKF2 drops a receiver that moves while the IMU is at rest.
+"""What EKF2 makes of a boat: a receiver dropped at rest, and the accelerometer's bias found under way.
 
 "At rest" is the landed vehicle whose gyros and accelerometers do not vibrate: a boat adrift with its motors off is.
 If the receiver moves then (EKF2_GPS_CHECK, EKF2_REQ_HDRIFT), it is no longer used. Armed, this is not checked. By the
@@ -15,6 +15,7 @@ from asvhil.simplant.px4.parameters import Px4Parameters
 FILTER_S = 10.0
 DROPPED_NS = 5_000_000_000  # of failed checks in a row
 TAKEN_NS = 5_000_000_000  # of passed ones
+BIAS_S = 8.0  # measured: gone between 4 and 25 s after the boat moves
 LIMIT = 10.0  # times EKF2_REQ_HDRIFT: a faster receiver counts as this fast
 HORIZONTAL_DRIFT, HORIZONTAL_SPEED = 32, 128  # bits of EKF2_GPS_CHECK
 
@@ -57,6 +58,22 @@ class RestingEstimator:
             self.in_use = False
         elif t_ns - self._failed_ns > TAKEN_NS:
             self.in_use = True
+
+
+class AccelerometerBias:
+    """The share of the accelerometer's bias that EKF2 has found and takes out of HIGHRES_IMU, from the first arming on.
+
+    At rest it cannot tell a bias from a tilt. Measured: docs/results/real-px4.md.
+    """
+
+    def __init__(self) -> None:
+        self._since_ns: int | None = None
+
+    def found(self, t_ns: int, *, armed: bool) -> float:
+        """The share, in [0, 1): it approaches 1 by a first-order lag."""
+        if self._since_ns is None and armed:
+            self._since_ns = t_ns
+        return 0.0 if self._since_ns is None else -math.expm1(-1e-9 * (t_ns - self._since_ns) / BIAS_S)
 
 
 def _clipped(value: float, limit: float) -> float:

@@ -104,6 +104,12 @@ class Px4Telemetry(VehicleTelemetry):
             dialect.MAV_TYPE_SURFACE_BOAT, dialect.MAV_AUTOPILOT_PX4, base_mode, vehicle.mode, state, 3
         )
 
+    def _specific_force(self, t_ns: int) -> tuple[float, float]:
+        """Without what EKF2 has found of the bias."""
+        nav = self._nav
+        found = self._px4.accelerometer_bias.found(t_ns, armed=self._px4.armed)
+        return nav.ax_mps2 - found * nav.accel_bias_mps2[0], nav.ay_mps2 - found * nav.accel_bias_mps2[1]
+
     def _global_position_once_valid(self, t_ns: int) -> Any:
         return self._global_position(t_ns) if self._px4.ready(t_ns) else None
 

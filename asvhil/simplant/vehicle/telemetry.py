@@ -184,19 +184,21 @@ class VehicleTelemetry:
             return None
         return dialect.MAVLink_scaled_imu2_message(self._ms(t_ns), *self._imu_fields(), 2500)
 
+    def _specific_force(self, t_ns: int) -> tuple[float, float]:
+        """Along body x and y (m/s^2), as HIGHRES_IMU has it: here as measured."""
+        return self._nav.ax_mps2, self._nav.ay_mps2
+
     def _highres_imu(self, t_ns: int) -> Any:
         if self._nav.imu_silent:
             return None
-        nav = self._nav
         acceleration_and_rates = 0x3F
         return dialect.MAVLink_highres_imu_message(
             self._us(t_ns),
-            nav.ax_mps2,
-            nav.ay_mps2,
+            *self._specific_force(t_ns),
             -GRAVITY_MPS2,
             0.0,
             0.0,
-            nav.r_radps,
+            self._nav.r_radps,
             *[0.0] * 7,
             acceleration_and_rates,
         )

@@ -22,6 +22,11 @@ from tests.support.simplant_boat import Boat, of, times
 ACCEPTED, TEMPORARILY_REJECTED, DENIED, UNSUPPORTED, FAILED = 0, 1, 2, 3, 4
 MANUAL, OFFBOARD, LOITER = (PX4_MODES[name] for name in ("MANUAL", "OFFBOARD", "AUTO.LOITER"))
 NAN = math.nan
+BIASED = (
+    "plant.sensors.imu.accel_bias_mps2=0.05",
+    "plant.sensors.imu.accel_white_mps2=0",
+    "plant.weather.wind.speed_mps=0",
+)
 LEVEL = [1.0, 0.0, 0.0, 0.0]
 
 
@@ -364,6 +369,30 @@ def test_commands_with_any_numbers_never_raise(number: int, values: list[float],
     acks = of(boat.run(0.1), "COMMAND_ACK")
     assert [ack.command for ack in acks] == [number, number]
     assert all(800 <= pulse_us <= 2200 for pulse_us in boat.seat.outputs_us) or number == 246
+
+
+def test_the_accelerometers_bias_is_taken_out_under_way_and_is_back_after_a_reboot() -> None:
+    boat = Px4Boat(*BIASED).ready()
+
+    def measured() -> tuple[float, float]:
+        boat.command(mav.MAV_CMD_SET_MESSAGE_INTERVAL, mav.MAVLINK_MSG_ID_HIGHRES_IMU, 50_000)
+        message = of(boat.run(1.0), "HIGHRES_IMU")[-1]
+        return message.xacc, message.yacc
+
+    whole = measured()
+    assert min(abs(part) for part in whole) > 0.01
+    boat.run(30.0)
+    assert measured() == pytest.approx(whole)  # at rest it cannot be told from a tilt
+    boat.offboard()
+    boat.alive(8.0)
+    assert measured() == pytest.approx([0.33 * part for part in whole], rel=0.25)
+    boat.alive(40.0)
+    assert max(abs(part) for part in measured()) < 1e-3
+    assert boat.command(mav.MAV_CMD_DO_SET_MODE, 1.0, LOITER >> 16 & 0xFF, LOITER >> 24) == ACCEPTED
+    boat.command(mav.MAV_CMD_COMPONENT_ARM_DISARM, 0)
+    assert boat.command(mav.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, 1) == ACCEPTED
+    boat.run(4.0)
+    assert measured() == pytest.approx(whole)
 
 
 def test_a_reboot_forgets_streams_mode_arming_and_actuators() -> None:
