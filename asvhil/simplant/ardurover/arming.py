@@ -2,13 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-from asvhil.simplant.ardurover.parameters import PORT_MOTOR, STARBOARD_MOTOR
-from asvhil.simplant.vehicle.rc import NEUTRAL_US
-
-if TYPE_CHECKING:
-    from asvhil.simplant.ardurover.rover import Rover
+from asvhil.simplant.ardurover.parameters import PORT_MOTOR, STARBOARD_MOTOR, Parameters
+from asvhil.simplant.vehicle.rc import NEUTRAL_US, RcInputs
 
 OVERRIDES_BEFORE_ARMING_NS = 2_000_000_000
 INPUT_NS = 1_000_000_000  # older sticks are not looked at
@@ -18,19 +13,34 @@ YAW_CHANNEL, YAW_DEAD_ZONE_US = 4, 34
 STEERING, THROTTLE, SCRIPT_1 = 26, 70, 94  # SERVOn_FUNCTION
 
 
-def failing_checks(rover: Rover) -> list[str]:
+def checks_skipped(parameters: Parameters) -> bool:
+    """Whether it arms without any checks."""
+    if "ARMING_CHECK" in parameters:
+        return parameters["ARMING_CHECK"] == 0.0
+    return parameters["ARMING_SKIPCHK"] == -1.0
+
+
+def failing_checks(
+    t_ns: int,
+    parameters: Parameters,
+    rc: RcInputs,
+    *,
+    booted: bool,
+    safety_on: bool,
+    position_used: bool,
+    radio_silent: bool,
+) -> list[str]:
     """The checks before arming that fail, in the vehicle's words."""
-    failing = [] if rover.booted else ["Mode not armable"]
-    failing += ["Hardware safety switch"] if rover.safety_on else []
-    if failing or rover.checks_skipped:
+    failing = [] if booted else ["Mode not armable"]
+    failing += ["Hardware safety switch"] if safety_on else []
+    if failing or checks_skipped(parameters):
         return failing
-    if not rover.ready(rover.t_ns):
+    if not position_used:
         failing.append("Need Position Estimate")
-    rc = rover.rc
-    waits = not rc.receiver and rc.streamed_ns(rover.t_ns) < OVERRIDES_BEFORE_ARMING_NS
-    if rover.radio_silent or (waits and rover.parameters["FS_THR_ENABLE"] != 0.0):
+    waits = not rc.receiver and rc.streamed_ns(t_ns) < OVERRIDES_BEFORE_ARMING_NS
+    if radio_silent or (waits and parameters["FS_THR_ENABLE"] != 0.0):
         failing.append("Radio failsafe on")
-    return failing + _motor_faults(frozenset(rover.parameters.functions))
+    return failing + _motor_faults(frozenset(parameters.functions))
 
 
 def _motor_faults(functions: frozenset[int]) -> list[str]:
@@ -45,16 +55,20 @@ def _motor_faults(functions: frozenset[int]) -> list[str]:
     return []
 
 
-def sticks_out(rover: Rover, by_rudder: bool) -> list[str]:
-    """Sticks that are not neutral at the attempt to arm; the one that arms is excused, and old input is no input."""
-    if not rover.rc.seen or not rover.rc.alive(rover.t_ns, INPUT_NS):
+def sticks_out(
+    t_ns: int, rc: RcInputs, channels: tuple[int, int], sticks: tuple[float, float], *, by_rudder: bool
+) -> list[str]:
+    """Sticks that are not neutral at the attempt to arm; the one that arms is excused, and old input is no input.
+
+    `channels` are those of the two sticks that drive, `sticks` where these stand, in [-1, 1].
+    """
+    if not rc.seen or not rc.alive(t_ns, INPUT_NS):
         return []
-    (port, starboard), (first, second) = rover.mapped, rover.sticks()
-    out = [f"Roll (RC{port}) is not neutral"] if first != 0.0 and not by_rudder else []
-    yaw_us = rover.rc.radio_us[YAW_CHANNEL - 1]
+    out = [f"Roll (RC{channels[0]}) is not neutral"] if sticks[0] != 0.0 and not by_rudder else []
+    yaw_us = rc.radio_us[YAW_CHANNEL - 1]
     if yaw_us and abs(yaw_us - NEUTRAL_US) > YAW_DEAD_ZONE_US:
         out.append(f"Yaw (RC{YAW_CHANNEL}) is not neutral")
-    return out + ([f"Throttle (RC{starboard}) is not neutral"] if second != 0.0 else [])
+    return out + ([f"Throttle (RC{channels[1]}) is not neutral"] if sticks[1] != 0.0 else [])
 
 
 class RudderWatch:
@@ -63,15 +77,13 @@ class RudderWatch:
     def __init__(self) -> None:
         self._since_ns: int | None = None
 
-    def asks(self, rover: Rover) -> bool:
-        """Whether the stick asks for arming now; the throttle must be in its trim."""
-        able = rover.booted and not rover.armed and not rover.radio_silent and rover.parameters["ARMING_RUDDER"] != 0.0
-        first, second = rover.sticks() if able else (0.0, 0.0)
-        if not (first > FULL_RIGHT and second == 0.0):
+    def asks(self, t_ns: int, sticks: tuple[float, float]) -> bool:
+        """Whether the first stick asks for arming now; the second, the throttle, must be in its trim."""
+        if not (sticks[0] > FULL_RIGHT and sticks[1] == 0.0):
             self._since_ns = None
             return False
-        self._since_ns = rover.t_ns if self._since_ns is None else self._since_ns
-        if rover.t_ns - self._since_ns < RUDDER_NS:
+        self._since_ns = t_ns if self._since_ns is None else self._since_ns
+        if t_ns - self._since_ns < RUDDER_NS:
             return False
         self._since_ns = None
         return True

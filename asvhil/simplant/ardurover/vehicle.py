@@ -120,7 +120,7 @@ class SimulatedArduRover(SimulatedAutopilot):
         channel, pulse_us = whole(m.param1), whole(m.param2)
         if channel is None or pulse_us is None:
             return FAILED
-        return ACCEPTED if self.rover.set_servo(channel, pulse_us) else FAILED
+        return ACCEPTED if self.rover.outputs.set_servo(channel, pulse_us) else FAILED
 
     def _run_checks(self, peer: str, m: Any) -> int:
         return ACCEPTED if self.rover.tell_checks() else TEMPORARILY_REJECTED

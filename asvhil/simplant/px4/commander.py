@@ -66,6 +66,7 @@ class Px4Vehicle(PoweredVehicle):
     """State and rules, without bytes."""
 
     def __init__(self, config: FrontseatConfig, pwm: PwmConfig, navigation: Navigation, t_ns: int) -> None:
+        super().__init__(config, t_ns)
         self._navigation = navigation
         self.parameters = Px4Parameters(config, pwm)
         # The motors hang where the parameters that the boat is built with say, and stay there whatever is set later.
@@ -78,7 +79,7 @@ class Px4Vehicle(PoweredVehicle):
         self.on_board = config.px4_outputs == "board"
         self.says_rest = config.px4_version != "1.15"
         self._estimator = RestingEstimator(self.parameters, t_ns)
-        super().__init__(config, t_ns)
+        self.restart(t_ns)
 
     def _wired(self, pwm: PwmConfig, motor: MotorOutputConfig, function: int, usual: int) -> WiredMotor:
         """On the output that has its function, in that output's sense."""

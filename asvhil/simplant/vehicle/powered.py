@@ -7,14 +7,16 @@ from asvhil.simplant.vehicle.rc import RcInputs
 
 
 class PoweredVehicle:
-    """State without bytes. `texts` and `changed` collect what the link is to send to the stations."""
+    """State without bytes. `texts` and `changed` collect what the link is to send to the stations.
+
+    A vehicle calls `restart` at the end of its constructor, when all its parts are there.
+    """
 
     def __init__(self, config: FrontseatConfig, t_ns: int) -> None:
         self._config = config
         self.rc = RcInputs(config.rc_receiver, t_ns)
         self.texts: list[tuple[int, str]] = []
         self.servo_us = [0] * 16
-        self.restart(t_ns)
 
     def restart(self, t_ns: int) -> None:
         """Power on: everything but the parameters and the pilot's sticks is reset."""
