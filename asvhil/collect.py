@@ -5,8 +5,9 @@ from __future__ import annotations
 import asyncio
 import json
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, Literal
 
 from asvhil.config import Config, config_from_json
@@ -82,8 +83,11 @@ def collect(
     note: str = "",
     on_status: Callable[[int, Status], None] = lambda run, status: None,
     on_start: Callable[[int, Path, str], None] = lambda run, log, note: None,
+    watches: Mapping[str, Callable[[], str]] = MappingProxyType({}),
 ) -> list[Collected]:
     """Drive the manoeuvres once for each wind and write a log each; `on_status` comes twice a second of boat time.
+
+    `watches`, by subject, tell a real vehicle's operators what is wrong outside, such as with the display.
 
     Ends at the first incomplete run. Raises ConfigError where the mode cannot work with the config, and
     AsvhilError where a simulated boat never engaged.
@@ -110,7 +114,7 @@ def collect(
         elif mode == "realtime":
             run_realtime(settings, _subfolder(folder, run, len(sectors)), log, START_S + duration_s, watch.see_status)
         else:
-            _vehicle(settings, log, watch)
+            _vehicle(settings, log, watch, watches)
         results.append(watch.result(log, time.perf_counter() - start_s))
         if not results[-1].complete:
             break
@@ -198,7 +202,7 @@ def _lockstep(config: Config, log: Path, watch: _Watch) -> None:
         raise recorder.error
 
 
-def _vehicle(config: Config, log: Path, watch: _Watch) -> None:
+def _vehicle(config: Config, log: Path, watch: _Watch, watches: Mapping[str, Callable[[], str]]) -> None:
     """Run the daemon as `asvhil run` does: it waits for `asvhil hold`, and releases at the end of the programme."""
     recorder = open_recorder(config, log, "live")
     try:
@@ -209,7 +213,7 @@ def _vehicle(config: Config, log: Path, watch: _Watch) -> None:
             if watch.over:
                 daemon.stop()
 
-        daemon = Daemon(config, recorder, Clock(), on_tick=see)
+        daemon = Daemon(config, recorder, Clock(), on_tick=see, watches=watches)
         asyncio.run(daemon.run())
     finally:
         recorder.close()

@@ -41,7 +41,8 @@ class Backseat:
         frames = self._actuation.drive(t_ns, decision)
         self._perception.note_pulses(self._actuation.pulses_us, seen.usable_wind)
         model_error = self._perception.check_model(seen) if control is not None else None
-        notes = (*self._autopilot.notes, *self._actuation.notes, *self._perception.notes(t_ns))
+        outside = (*self._autopilot.notes, *self._actuation.notes, *self._perception.notes(t_ns))
+        notes = (*outside, *self._command.notes)
         frames += self._autopilot.data_to_send(t_ns)
         frames += self._perception.data_to_send(t_ns)
         frames += self._command.data_to_send(situation, decision, control, self._perception.switches(t_ns), notes)

@@ -39,6 +39,11 @@ class Command:
         """Answers, texts on what has changed, and the reports that are due."""
         return self._operations.data_to_send(situation, decision, control, switches, notes)
 
+    @property
+    def notes(self) -> tuple[Note, ...]:
+        """What the shell has found wrong with itself."""
+        return self._operations.shell_notes
+
     def counters(self) -> tuple[tuple[str, int], ...]:
         """Cumulative counts of what came in and what was dropped."""
         return self._operations.counters()

@@ -15,6 +15,7 @@ from asvhil.commands.collect import collect
 from asvhil.commands.evaluate import evaluate
 from asvhil.commands.numbers import refuse_odd_numbers
 from asvhil.commands.operate import hold, release
+from asvhil.commands.output import guard_standard_streams
 from asvhil.commands.plant import plant
 from asvhil.commands.replay import replay
 from asvhil.commands.report import report
@@ -57,13 +58,27 @@ def _main(
 
 
 def main() -> None:
-    """Entry point: an asvhil error is one line and status 2; an interrupt is status 130."""
+    """Entry point: an asvhil error is one line and status 2; an interrupt is status 130.
+
+    Output that could not be written is an error too, but not where the reader of a pipe has left: it had enough.
+    """
+    output, _ = guard_standard_streams()
+    error, status = _run()
+    if output.failure and not output.reader_left:
+        error, status = error or f"standard output: {output.failure}", status or 2
+    if error:
+        typer.echo(f"asvhil: {error}", err=True)
+    sys.exit(status)
+
+
+def _run() -> tuple[str, int]:
+    """What to say of an error, if there is anything, and the status."""
     try:
         app(standalone_mode=True)
     except AsvhilError as error:
-        typer.echo(f"asvhil: {error}", err=True)
-        sys.exit(2)
+        return str(error), 2
     except KeyboardInterrupt:
-        sys.exit(130)
-    except BrokenPipeError:
-        sys.exit(1)
+        return "", 130
+    except SystemExit as ended:
+        return "", ended.code if isinstance(ended.code, int) else 1 if ended.code else 0
+    return "", 0

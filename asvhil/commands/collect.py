@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from asvhil.commands.options import ConfigArgument, JsonOption, SetOption
-from asvhil.commands.views import check_writable, progress, say, write_json
+from asvhil.commands.views import LiveView, check_writable, progress, say, write_json
 from asvhil.errors import AsvhilError, ConfigError
 
 
@@ -42,17 +42,31 @@ def collect(
     mode: Mode = "vehicle" if vehicle else "realtime" if realtime else "lockstep"
     console = Console()
     settings = load_config(config, tuple(set_))
-    with progress(console) as bar:
-        tasks: dict[int, Any] = {}
+    winds = [parse_wind(text) for text in wind]
+    if vehicle:
+        view = LiveView(settings, f"asvhil collect: {settings.vehicle.name}, waits for `asvhil hold`")
+        with view:
+            runs = drive(
+                settings,
+                mode,
+                duration,
+                winds,
+                output,
+                note,
+                on_status=lambda run, status: view.show_status(status),
+                watches={"display": lambda: view.trouble},
+            )
+    else:
+        with progress(console) as bar:
+            tasks: dict[int, Any] = {}
 
-        def start(run: int, log: Path, words: str) -> None:
-            tasks[run] = bar.add_task(words or log.name, total=duration)
+            def start(run: int, log: Path, words: str) -> None:
+                tasks[run] = bar.add_task(words or log.name, total=duration)
 
-        def show(run: int, status: dict[str, Any]) -> None:
-            bar.update(tasks[run], completed=round(status["held_s"], 1))
+            def show(run: int, status: dict[str, Any]) -> None:
+                bar.update(tasks[run], completed=round(status["held_s"], 1))
 
-        winds = [parse_wind(text) for text in wind]
-        runs = drive(settings, mode, duration, winds, output, note, on_status=show, on_start=start)
+            runs = drive(settings, mode, duration, winds, output, note, on_status=show, on_start=start)
     write_json(json_, {"runs": [{**dataclasses.asdict(run), "log": str(run.log)} for run in runs]})
     for run in runs:
         note = f", {run.note}" if run.note else ""

@@ -34,7 +34,13 @@ def run(
     try:
         view = LiveView(settings, f"asvhil {settings.vehicle.name}, log {path}", as_json=status_json)
         with view:
-            daemon = Daemon(settings, recorder, clock, on_tick=lambda o, links: view.show(o, links, daemon.overruns))
+            daemon = Daemon(
+                settings,
+                recorder,
+                clock,
+                on_tick=lambda outputs, links: view.show(outputs, links, daemon.overruns),
+                watches={"display": lambda: view.trouble},
+            )
             asyncio.run(daemon.run(duration))
     finally:
         recorder.close()

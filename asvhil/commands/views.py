@@ -11,14 +11,21 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from asvhil.commands.display import Display
 from asvhil.errors import AsvhilError, ConfigError
 
 if TYPE_CHECKING:
     from asvhil.config import Config
 
 
+LINES_KEPT = 64  # statuses that wait for a slow reader of a pipe
+
+
 class LiveView:
-    """The live table on a terminal; on a pipe a line each 10 s and at each change of phase, or JSON lines."""
+    """The live table on a terminal; on a pipe a line each 10 s and at each change of phase, or JSON lines.
+
+    All of it is written on a thread of its own: no call raises, or waits for a reader.
+    """
 
     def __init__(self, config: Config, title: str, *, as_json: bool = False) -> None:
         from rich.console import Console
@@ -27,25 +34,32 @@ class LiveView:
         self._title = title
         self._as_json = as_json
         self._console = Console()
-        self._live = (
-            Live(console=self._console, auto_refresh=False) if self._console.is_terminal and not as_json else None
-        )
+        # Without redirection: what others write must not wait for this one's lock.
+        live = Live(console=self._console, auto_refresh=False, redirect_stdout=False, redirect_stderr=False)
+        self._live = live if self._console.is_terminal and not as_json else None
+        self._display = Display(keep=LINES_KEPT if self._live is None else 1)
         self._every_ticks = max(1, round(config.daemon.tick_hz / 2.0))
         self._ticks = 0
         self._start_ns: int | None = None
         self._said = ("", -1)
         self._noted: dict[str, str] = {}
 
+    @property
+    def trouble(self) -> str:
+        """Why nothing is shown any more; empty while it is."""
+        return self._display.trouble
+
     def __enter__(self) -> LiveView:
         if self._live is not None:
-            self._live.start()
+            self._display.put(self._live.start)
         elif not self._as_json:
-            say(self._console, self._title)
+            self._display.put(lambda: say(self._console, self._title))
         return self
 
     def __exit__(self, *_: object) -> None:
         if self._live is not None:
-            self._live.stop()
+            self._display.put(self._live.stop)
+        self._display.close()
 
     def show(self, outputs: Any, links: dict[str, str], overruns: int) -> None:
         """One tick of a daemon in this process."""
@@ -58,11 +72,15 @@ class LiveView:
 
     def show_status(self, status: dict[str, Any]) -> None:
         """One status, of this process or read from another."""
+        self._display.put(lambda: self._write(status))
+
+    def _write(self, status: dict[str, Any]) -> None:
         from asvhil.daemon.status import render
 
         if self._as_json:
-            print(json.dumps(status), flush=True)
+            print(json.dumps(status) + "\n", end="", flush=True)  # a line in one piece
         elif self._live is not None:
+            self._live.start()  # which does nothing but the first time
             self._live.update(render(status, self._title), refresh=True)
         else:
             for subject, text in self._news(status).items():

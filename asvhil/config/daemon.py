@@ -41,6 +41,16 @@ class DaemonConfig(Section):
         description="With `cut_on: arrival`: the highest mean rate of ticks that arrivals may cause.",
     )
 
+    terminal_lost: Literal["hold", "release"] = Field(
+        default="hold",
+        description=(
+            "What becomes of a run whose terminal hangs up (SIGHUP), as when a connection by ssh breaks. `hold`: it "
+            "goes on without a terminal, in whatever phase, with a note: nobody has asked for an end, and a boat that "
+            "is held is safer than one adrift; `asvhil release`, the pilot and SIGTERM reach it as before. `release`: "
+            "neutral, release and the end, as on SIGTERM."
+        ),
+    )
+
     @model_validator(mode="after")
     def _check_rates(self) -> DaemonConfig:
         ratio = self.tick_hz / self.control_hz

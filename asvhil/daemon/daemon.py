@@ -5,19 +5,22 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import gc
-import signal
 import sys
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from types import MappingProxyType
 
 from asvhil.backseat.backseat import Backseat
 from asvhil.backseat.build import build_backseat
 from asvhil.config import Config
 from asvhil.config.ports import GROUND, OPERATOR
 from asvhil.daemon.allowance import Allowance
+from asvhil.daemon.link_states import LinkStates
+from asvhil.daemon.own_notes import OwnNotes
+from asvhil.daemon.signals import handle_signals
 from asvhil.errors import AsvhilError, ConfigError
 from asvhil.io.mavlink.frames import refuse_ignored_crc
 from asvhil.io.mavlink.signing import SigningState
@@ -45,8 +48,12 @@ class Daemon:
         clock: Clock,
         on_tick: Callable[[Outputs, dict[str, str]], None] | None = None,
         backseat: Backseat | None = None,
+        watches: Mapping[str, Callable[[], str]] = MappingProxyType({}),
     ) -> None:
-        """`on_tick` gets the outputs and each link's state. `backseat` is used in place of one built of the config."""
+        """`on_tick` gets the outputs and each link's state. `backseat` is used in place of one built of the config.
+
+        `watches`, by subject, tell what is wrong outside, such as with the display; operators and the log are told.
+        """
         refuse_ignored_crc()
         self._config = config
         self._recorder = recorder
@@ -61,6 +68,7 @@ class Daemon:
         self.router = MavlinkRouter(
             config.links, start_ns=clock.now_ns(), unix_ns=time.time_ns, on_forward=recorder.write_forwarded
         )
+        self._notes = OwnNotes(config.links.autopilot, {"log": lambda: recorder.trouble, **watches})
         self._saving: asyncio.Task[None] | None = None
         self._logged: dict[str, str] = {}
         specs = config.links.endpoints | self.router.ground_specs
@@ -68,6 +76,7 @@ class Daemon:
             port: ReconnectingLink(port, spec, config, clock, self._inbox, self._receive)
             for port, spec in specs.items()
         }
+        self._link_states = LinkStates(self.links)
         self.router.attach(self.links)
         self.ticks = 0
         self.overruns = 0
@@ -82,8 +91,7 @@ class Daemon:
     async def run(self, duration_s: float | None = None) -> None:
         """Tick until stopped, or for a time (s). Raises AsvhilError when the backseat failed, motors released first."""
         loop = asyncio.get_running_loop()
-        for number in (signal.SIGINT, signal.SIGTERM):
-            loop.add_signal_handler(number, self.stop)
+        signals = handle_signals(loop, stop=self.stop, hang_up=self._hang_up)
         readers = [asyncio.create_task(link.run(), name=port) for port, link in self.links.items()]
         for text in self.router.warnings:
             self._recorder.write_log(self._clock.now_ns(), "warning", text)
@@ -98,6 +106,9 @@ class Daemon:
         except Exception as error:
             await self._release_to_pilot()
             raise AsvhilError(f"the backseat failed, motors released: {type(error).__name__}: {error}") from error
+        except BaseException:
+            await self._release_to_pilot()
+            raise
         finally:
             for reader in readers:
                 reader.cancel()
@@ -110,8 +121,14 @@ class Daemon:
             if self._saving is not None:
                 await self._saving
             await self._save(self.router.states())
-            for number in (signal.SIGINT, signal.SIGTERM):
-                loop.remove_signal_handler(number)
+            signals.restore()
+
+    def _hang_up(self) -> None:
+        """The terminal is gone, which nobody may have wanted."""
+        if self._config.daemon.terminal_lost == "release":
+            self.stop()
+        else:
+            self._notes.note("terminal", "hung up: the run goes on without it")
 
     async def _receive(self, frame: Frame) -> list[Frame]:
         """The frames for the backseat out of one received frame."""
@@ -160,6 +177,7 @@ class Daemon:
             await asyncio.sleep(1.0 / self._config.daemon.tick_hz)  # neutral and release in one go are a release alone
 
     async def _tick(self, loop: asyncio.AbstractEventLoop, worker: ThreadPoolExecutor, *, overrun: bool) -> None:
+        self._inbox += self._notes.take_frames(self._clock.now_ns())
         frames = tuple(self._inbox)
         self._inbox.clear()
         self._wake.clear()
@@ -173,10 +191,20 @@ class Daemon:
         self.ticks += 1
         if outputs.control is not None:
             self._report_solve_time(outputs.t_ns, step_ns)
-        self._log_changes(outputs)
+        states = self._states(outputs)
+        self._log_changes(outputs, states)
         self._log_router(outputs.t_ns)
-        if self._on_tick is not None:
-            self._on_tick(outputs, {port: self._state(port) for port in self.links})
+        self._show(outputs, states)
+
+    def _show(self, outputs: Outputs, states: dict[str, str]) -> None:
+        """Tell who looks on. If that fails, the run goes on without."""
+        if self._on_tick is None:
+            return
+        try:
+            self._on_tick(outputs, states)
+        except (Exception, SystemExit) as error:  # rich ends the program where a pipe is closed
+            self._on_tick = None
+            self._notes.note("display", f"failed: {type(error).__name__}: {error}")
 
     def _report_solve_time(self, t_ns: int, step_ns: int) -> None:
         """Give the backseat its own solution time, as a frame: the core has no clock to measure it."""
@@ -191,9 +219,15 @@ class Daemon:
         outputs = self._backseat.step(inputs)
         return outputs, time.perf_counter_ns() - start_ns
 
-    def _state(self, port: str) -> str:
-        remarks = self.router.remarks(port)
-        return f"{self.links[port].state}; {remarks}" if remarks else self.links[port].state
+    def _states(self, outputs: Outputs) -> dict[str, str]:
+        """The state of each link. Behind a semicolon stands what changes often."""
+        counters = dict(outputs.health.counters)
+        found = {}
+        for port in self.links:
+            state = self._link_states.state(port, outputs.t_ns, counters)
+            counted = self._link_states.bytes_text(port) if "bad bytes" in state else ""
+            found[port] = "; ".join(part for part in (state, counted, self.router.remarks(port)) if part)
+        return found
 
     def _log_router(self, t_ns: int) -> None:
         """Log the router's remarks, and save its signing timestamps when that is due."""
@@ -202,9 +236,9 @@ class Daemon:
         if self.router.take_save_due(t_ns) and (self._saving is None or self._saving.done()):
             self._saving = asyncio.create_task(self._save(self.router.states()))
 
-    def _log_changes(self, outputs: Outputs) -> None:
+    def _log_changes(self, outputs: Outputs, states: dict[str, str]) -> None:
         """Log what has changed: phase and reason, link states, sources, notes, causes of dropped data."""
-        now = {f"link {port}": link.state for port, link in self.links.items()}
+        now = {f"link {port}": state.partition(";")[0] for port, state in states.items()}
         now["phase"] = f"{outputs.phase}: {outputs.health.reason}"
         now |= {f"source of {quantity}:": name or "none" for quantity, name in outputs.health.sources}
         now |= {f"{note.subject}:": note.text for note in outputs.health.notes}

@@ -57,6 +57,8 @@ def render(status: dict[str, Any], title: str) -> Group:
     table.add_row("time", f"{status['t_s']:.0f} s")
     table.add_row("phase", Text(f"{phase}: {status['reason']}", style=COLOURS.get(phase, "")))
     table.add_row("what to do", status["remedy"])
+    if "held_s" in status:
+        table.add_row("collected", f"{status['held_s']:.0f} of {status['duration_s']:.0f} s")
     table.add_row(
         "to the station", f"{_show(status['distance_m'], 'm')}, {_show(status['heading_error_deg'], 'deg', 1)}"
     )

@@ -35,8 +35,16 @@ class ReconnectingLink:
         self._take = take
         self._endpoint: Endpoint | None = None
         self.state = "connecting"
+        self.opened_ns = 0
+        self.openings = 0
+        self.received_bytes = 0  # since it was last opened
         self.unsent = 0
         self.overflowed = 0
+
+    @property
+    def is_serial(self) -> bool:
+        """Whether it has a baud rate, which may be the wrong one."""
+        return self._spec.startswith("serial:")
 
     async def run(self) -> None:
         """Read frames into the inbox until cancelled."""
@@ -46,8 +54,12 @@ class ReconnectingLink:
                 try:
                     self._endpoint = await open_endpoint(self._spec, self.port, self._clock.now_ns)
                     self.state = "up"
+                    self.opened_ns = self._clock.now_ns()
+                    self.openings += 1
+                    self.received_bytes = 0
                     while True:
                         frame = await self._endpoint.recv()
+                        self.received_bytes += len(frame.data)
                         wait_s = self._first_s
                         for taken in (frame,) if self._take is None else await self._take(frame):
                             if len(self._inbox) >= INBOX_FRAMES:

@@ -54,6 +54,7 @@ ENCODINGS: Mapping[str, str] = {
 
 _VIEW_PERIOD_NS = 200_000_000
 _CLOSE_TIMEOUT_S = 10.0
+_SLOW_S = 2.0
 _RECORD_BYTES = 300  # about what a record costs in the queue beside its text or data
 _OUTPUTS_BYTES = 8000
 
@@ -94,6 +95,8 @@ class Recorder:
         self._tick = 0
         self._gap = 0
         self._closed = False
+        self._stopped = ""
+        self._busy_since_s: float | None = None  # when the write or the sync that is being done began
         self._queue: queue.SimpleQueue[tuple[int, Callable[..., None], tuple[Any, ...]] | None] = queue.SimpleQueue()
         self._thread: threading.Thread | None = None
         if threaded:
@@ -104,6 +107,17 @@ class Recorder:
     def dropped(self) -> int:
         """How many write calls were lost to a full queue, a failed disk, or came after `close`."""
         return self._refused + self._discarded
+
+    @property
+    def trouble(self) -> str:
+        """What is wrong with the recording now; empty while nothing is."""
+        if self._stopped:
+            return self._stopped
+        if self._gap:
+            return "ticks are not recorded: the disk does not keep up"
+        since_s = self._busy_since_s
+        slow = since_s is not None and time.monotonic() - since_s > _SLOW_S
+        return f"the disk has not answered for more than {_SLOW_S:g} s" if slow else ""
 
     def write_inputs(self, inputs: Inputs) -> None:
         """The frames of a tick, then its marker."""
@@ -189,12 +203,16 @@ class Recorder:
         """Write, and tell whether it succeeded; the first failure ends the recording."""
         if self.error is not None and not even_after_error:
             return False
+        self._busy_since_s = time.monotonic()
         try:
             write(*args)
         except Exception as error:  # whatever it is, control goes on without a log
             reason = error.strerror if isinstance(error, OSError) else f"{type(error).__name__}: {error}"
-            self.error = self.error or LogError(f"{self.path}: recording stopped: {reason}")
+            self._stopped = self._stopped or f"recording stopped: {reason}"
+            self.error = self.error or LogError(f"{self.path}: {self._stopped}")
             return False
+        finally:
+            self._busy_since_s = None
         return True
 
 

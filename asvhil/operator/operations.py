@@ -99,6 +99,11 @@ class Operations:
 
         return self._session.data_to_send(t_ns, self._report(situation, decision), value_of)
 
+    @property
+    def shell_notes(self) -> tuple[Note, ...]:
+        """What is wrong with the program itself."""
+        return self._session.shell_notes.notes
+
     def counters(self) -> tuple[tuple[str, int], ...]:
         """Cumulative counts of what came in and what was dropped."""
         return self._session.counters()

@@ -17,6 +17,7 @@ from asvhil.io.mavlink.timesync import TimeSync
 from asvhil.operator.goto import COMMANDS, HERE, SETPOINT, Refusal, is_goto, meaning_of_command, meaning_of_setpoint
 from asvhil.operator.repeats import BEHIND, Heard, RepeatedSettings, Repeats
 from asvhil.operator.reports import ACCEPTED, OperatorReport, Reports
+from asvhil.operator.shell_notes import NoteReader
 from asvhil.supervisor.reasons import Explanation, Reason, describe, explain
 from asvhil.types import (
     EVERYONE,
@@ -86,6 +87,7 @@ class OperatorSession:
         self._refused_ns: dict[str, int] = {}
         self._heard_ns: int | None = None
         self.solve_ms = math.nan
+        self.shell_notes = NoteReader()
 
     def receive(self, frame: Frame) -> list[OperatorRequest]:
         """Requests in one frame; what needs no decision is answered by the next `data_to_send`."""
@@ -161,10 +163,14 @@ class OperatorSession:
     # --- in ------------------------------------------------------------------------------------------------
 
     def _on_own(self, data: bytes) -> None:
-        """The shell's own message on this port, for a core without a clock: how long solving takes."""
+        """The shell's own messages on this port: how long solving takes, and what is wrong with the shell."""
         message = decode(data)
-        if message is not None and message.get_type() == "NAMED_VALUE_FLOAT" and message.name == SOLVE_TIME:
+        if message is None:
+            return
+        if message.get_type() == "NAMED_VALUE_FLOAT" and message.name == SOLVE_TIME:
             self.solve_ms = message.value
+        elif message.get_type() == "STATUSTEXT":
+            self.shell_notes.receive(message)
 
     def _on_timesync(self, frame: Frame, data: bytes) -> None:
         """A ground station asks for our time; its own clock is not used."""

@@ -17,6 +17,7 @@ import pytest
 from mcap.reader import make_reader
 
 from asvhil.errors import LogError
+from asvhil.logs import recorder as recorder_module
 from asvhil.logs.encoding import encode_outputs
 from asvhil.logs.foxglove import SCHEMAS
 from asvhil.logs.reader import LogFile, Timing
@@ -32,6 +33,7 @@ from tests.support.log_samples import (
     sample_outputs,
 )
 from tests.support.paths import ROOT
+from tests.support.waiting import wait_until
 
 pytestmark = pytest.mark.real_time
 
@@ -270,6 +272,7 @@ def test_a_full_disk_is_an_error_of_the_recorder(tmp_path: Path, room: int) -> N
     recorder.close()
     recorder.close()
     assert str(recorder.error) == f"{tmp_path}/run.mcap: recording stopped: No space left on device"
+    assert recorder.trouble == "recording stopped: No space left on device"
     assert recorder.dropped > 0
     for inputs, _ in LogFile(tmp_path / "run.mcap").ticks():
         assert inputs.t_ns >= START_NS
@@ -298,10 +301,12 @@ def test_a_stalled_disk_drops_whole_ticks_and_the_reader_says_so(tmp_path: Path)
     assert time.monotonic() - started_s < 0.1  # the caller never waits
     assert 0 < recorder.dropped < 49 * 3
     kept = recorder.dropped
+    assert recorder.trouble == "ticks are not recorded: the disk does not keep up"
     stall.set()
     while recorder._left_bytes < recorder._entered_bytes:
         time.sleep(0.005)
     record_ticks(recorder, range(50, 52))
+    assert recorder.trouble == ""
     recorder.close()
     assert recorder.error is None and recorder.dropped == kept
     read = []
@@ -315,6 +320,24 @@ def test_a_stalled_disk_drops_whole_ticks_and_the_reader_says_so(tmp_path: Path)
             json.loads(message.data)["message"] for _, _, message in make_reader(file).iter_messages("/asvhil/log")
         ]
     assert texts == [f"recorder: {50 - len(read)} ticks before this one were dropped"]
+
+
+def test_a_disk_that_does_not_answer_is_told_before_anything_is_lost(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(recorder_module, "_SLOW_S", 0.2)
+    recorder = make_recorder(tmp_path / "run.mcap", threaded=True)
+    stall = threading.Event()
+    sync = recorder._file._sink.sync
+    recorder._file._sink.sync = lambda: (stall.wait(), sync())[1]  # type: ignore[method-assign]
+    record_ticks(recorder, range(1))
+    assert recorder.trouble == ""
+    wait_until(lambda: recorder.trouble == "the disk has not answered for more than 0.2 s", 5.0)
+    assert recorder.dropped == 0
+    stall.set()
+    wait_until(lambda: recorder.trouble == "", 5.0)
+    recorder.close()
+    assert not LogFile(tmp_path / "run.mcap").truncated
 
 
 def test_kill_9_loses_no_more_than_half_a_second(tmp_path: Path) -> None:
