@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from asvhil import __version__
-from asvhil.commands import script, study
+from asvhil.commands import log, script, study
 from asvhil.commands.calibrate import calibrate
 from asvhil.commands.check import check
 from asvhil.commands.collect import collect
@@ -37,6 +37,7 @@ for command in (
     *(collect, train, evaluate),
 ):
     app.command()(command)
+app.add_typer(log.app, name="log")
 app.add_typer(script.app, name="script")
 app.add_typer(study.app, name="study")
 refuse_odd_numbers(app)

@@ -134,6 +134,14 @@ def stage_bar(console: Any) -> Any:
     return Progress(*columns, console=console, transient=True)
 
 
+def byte_bar(console: Any) -> Any:
+    """A bar over the bytes of a file."""
+    from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TimeElapsedColumn
+
+    columns = (TextColumn("{task.description}"), BarColumn(), DownloadColumn(), TimeElapsedColumn())
+    return Progress(*columns, console=console, transient=True)
+
+
 def report_run(log: Path, json_file: Path | None, picture: Path | None, console: Any, wall_s: float | None) -> None:
     from asvhil.logs.run import read_run, summarise
 

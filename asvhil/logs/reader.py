@@ -7,6 +7,7 @@ the offset of damage is known, and a file without an end is read up to its last 
 from __future__ import annotations
 
 import contextlib
+import mmap
 import struct
 from collections.abc import Iterator
 from io import BytesIO
@@ -18,22 +19,23 @@ import zstandard
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.records import Channel, Chunk, Header, McapRecord, Message, Metadata, Statistics
+from mcap.records import Channel, Chunk, Header, McapRecord, Message, Metadata, Schema, Statistics
 from mcap.stream_reader import MAGIC_SIZE, StreamReader, get_chunk_data_stream
 from mcap.writer import MCAP0_MAGIC
 
 from asvhil.config.ports import OPERATOR
 from asvhil.errors import LogError
 from asvhil.logs.recorder import INPUTS_TOPIC, LAYOUT, LAYOUT_RECORD, OUTPUTS_TOPIC, PROFILE, TIMING_TOPIC
+from asvhil.logs.resync import RECORD_HEAD, behind_indexes, chunks_behind
 from asvhil.types import Frame, Inputs, record
 
 T = TypeVar("T")
 
-_RECORD_HEAD = struct.Struct("<BQ")  # opcode, length of the content
 _MESSAGE_HEAD = struct.Struct("<BQHIQQ")  # the same; channel, sequence, log time, publish time
 _KNOWN = frozenset(Opcode)
 COMPRESSIONS = ("zstd", "lz4", "")
-_MESSAGE, _CHANNEL = int(Opcode.MESSAGE), int(Opcode.CHANNEL)
+_MESSAGE, _CHANNEL, _SCHEMA = int(Opcode.MESSAGE), int(Opcode.CHANNEL), int(Opcode.SCHEMA)
+_DATA = frozenset({Opcode.CHUNK, Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE})
 _UNKNOWN_SIZE = -1  # of a zstd frame that was written as a stream
 _CHUNK_MAX_BYTES = 256 * 1024 * 1024  # unpacked; a damaged size must not ask for all of the memory
 # What the package raises on damaged bytes. RuntimeError is lz4's, OverflowError that of a length beyond 2^63.
@@ -79,7 +81,9 @@ class LogFile:
         self.metadata: dict[str, dict[str, str]] = {}
         self.truncated = False
         self.damage: str | None = None
-        self._data: list[tuple[int, int]] = []  # (offset, size) of chunks, and of messages and channels outside of them
+        self._data: list[tuple[int, int]] = []  # (offset, size) of chunks, and of what stands outside of them
+        self._scanned_to = 0  # the first byte that belongs to no intact record
+        self._compression = ""
         self._gap = False  # the file has its end, but a gap before it
         try:
             with path.open("rb") as file:
@@ -130,6 +134,43 @@ class LogFile:
             if channel.topic == TIMING_TOPIC:
                 yield self._decode(_timing, message.data, TIMING_TOPIC, chunk_at)
 
+    def pieces(self) -> Iterator[tuple[int, list[McapRecord] | LogError]]:
+        """What is left of the data, in the order of the file: byte offset, and schemas, channels and messages there.
+
+        A chunk whose content is damaged gives its error instead. Behind damage that hides where records start, the next
+        intact chunk is searched for; where anything was between, an error with its offset stands for it.
+        """
+        try:
+            with self.path.open("rb") as file:
+                for offset, size in self._data:
+                    try:
+                        yield offset, self._contents(file, offset, size)
+                    except LogError as error:
+                        yield offset, error
+                if self.damage is not None:
+                    yield from self._found_again(file)
+        except OSError as error:
+            raise LogError(f"{self.path}: cannot be read ({error.strerror})") from None
+
+    def _found_again(self, file: BinaryIO) -> Iterator[tuple[int, list[McapRecord] | LogError]]:
+        """Chunks behind the last byte that the scan understood."""
+        last_offset, last_size = self._data[-1] if self._data else (self._scanned_to, 0)
+        with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
+            known = first = behind_indexes(data, last_offset + last_size)
+
+            def read(offset: int, size: int) -> list[McapRecord] | None:
+                with contextlib.suppress(LogError):
+                    return self._contents(file, offset, size)
+                return None
+
+            for damaged, offset, end, records in chunks_behind(data, known, self._compression, read):
+                if damaged:
+                    yield offset - damaged, self._error(f"{damaged} bytes are damaged", offset - damaged)
+                yield offset, records
+                known = end
+        if self.truncated or known == first:
+            yield known, LogError(str(self.damage))
+
     # --- the records of the file ---
 
     def _scan(self, file: BinaryIO) -> None:
@@ -141,14 +182,14 @@ class LogFile:
         offset = MAGIC_SIZE
         chunks, chunks_expected = 0, None
         data_ended = whole = False
-        while offset + _RECORD_HEAD.size <= size:
-            opcode, length = _RECORD_HEAD.unpack(file.read(_RECORD_HEAD.size))
-            end = offset + _RECORD_HEAD.size + length
+        while offset + RECORD_HEAD.size <= size:
+            opcode, length = RECORD_HEAD.unpack(file.read(RECORD_HEAD.size))
+            end = offset + RECORD_HEAD.size + length
             if opcode not in _KNOWN or end > size:
                 break
             if offset == MAGIC_SIZE:
                 self._check_profile(file, offset, end)
-            elif opcode in (Opcode.CHUNK, Opcode.CHANNEL, Opcode.MESSAGE) and not data_ended:
+            elif opcode in _DATA and not data_ended:
                 chunks += opcode == Opcode.CHUNK
                 self._data.append((offset, end - offset))
             elif opcode == Opcode.METADATA and not data_ended:
@@ -166,6 +207,7 @@ class LogFile:
                 whole = file.seek(end) == size - MAGIC_SIZE and file.read(MAGIC_SIZE) == MCAP0_MAGIC
                 break
             offset = file.seek(end)
+        self._scanned_to = offset
         self._check_metadata(offset)
         if whole:
             if chunks_expected not in (None, chunks):
@@ -208,6 +250,7 @@ class LogFile:
         if isinstance(first, Chunk) and first.compression not in COMPRESSIONS:
             known = ", ".join(name or "none" for name in COMPRESSIONS)
             raise LogError(f"{self.path}: its compression {first.compression!r} is not supported ({known} are)")
+        self._compression = first.compression if isinstance(first, Chunk) else ""
 
     def _drop_damaged_tail(self, file: BinaryIO) -> None:
         """After a power cut the last chunks may have their length but not their content."""
@@ -230,7 +273,7 @@ class LogFile:
             raise LogError(f"{self.path}: the record at byte {offset} is damaged ({error})") from None
 
     def _contents(self, file: BinaryIO, offset: int, size: int) -> list[McapRecord]:
-        """The channels and messages of a chunk, checked by its CRC; those outside of chunks as they are."""
+        """The schemas, channels and messages of a chunk, checked by its CRC; those outside of chunks as they are."""
         item = self._parse(file, offset, size)
         if not isinstance(item, Chunk):
             return [item]
@@ -276,11 +319,11 @@ class LogFile:
 
 
 def _records(data: bytes) -> Iterator[McapRecord]:
-    """The channels and messages of an unpacked chunk. Messages are cut here: the package takes three times as long."""
+    """The records of an unpacked chunk. Messages are cut here: the package takes three times as long."""
     at, size = 0, len(data)
     while at < size:
-        opcode, length = _RECORD_HEAD.unpack_from(data, at)
-        end = at + _RECORD_HEAD.size + length
+        opcode, length = RECORD_HEAD.unpack_from(data, at)
+        end = at + RECORD_HEAD.size + length
         if end > size:
             raise ValueError("a record is longer than its chunk")
         if opcode == _MESSAGE:
@@ -290,7 +333,9 @@ def _records(data: bytes) -> Iterator[McapRecord]:
                 channel_id=channel_id, data=content, log_time=log_time, publish_time=publish_time, sequence=sequence
             )
         elif opcode == _CHANNEL:
-            yield Channel.read(ReadDataStream(BytesIO(data[at + _RECORD_HEAD.size : end])))
+            yield Channel.read(ReadDataStream(BytesIO(data[at + RECORD_HEAD.size : end])))
+        elif opcode == _SCHEMA:
+            yield Schema.read(ReadDataStream(BytesIO(data[at + RECORD_HEAD.size : end])))
         at = end
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import random
 import struct
-from collections.abc import Callable, Iterator
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -21,6 +20,7 @@ from mcap.writer import MCAP0_MAGIC, CompressionType, IndexType, Writer
 from asvhil.errors import LogError
 from asvhil.logs.reader import LogFile
 from asvhil.types import Frame, Inputs
+from tests.support.log_damage import chunk_spans, records_of, rewrite
 from tests.support.log_samples import METADATA, make_recorder, record_ticks, sample_inputs
 
 TICKS = 160
@@ -34,21 +34,6 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> bytes:
     record_ticks(recorder, range(TICKS))
     recorder.close()
     return path.read_bytes()
-
-
-def records_of(data: bytes) -> Iterator[tuple[int, int]]:
-    """(opcode, offset) of each record, by a walk of its own over opcodes and lengths."""
-    offset = 8
-    while offset < len(data) - 8:
-        opcode, length = struct.unpack_from("<BQ", data, offset)
-        yield opcode, offset
-        offset += 9 + length
-
-
-def chunk_spans(data: bytes) -> list[tuple[int, int]]:
-    """(offset, end) of each chunk."""
-    starts = [offset for opcode, offset in records_of(data) if opcode == 0x06]
-    return [(start, start + 9 + struct.unpack_from("<Q", data, start + 1)[0]) for start in starts]
 
 
 def metadata_end(data: bytes) -> int:
@@ -363,25 +348,3 @@ def test_logs_of_before_via_have_it_in_the_peer(tmp_path: Path) -> None:
 
     rewrite(source, target, as_before)
     assert [inputs.frames for inputs, _ in LogFile(target).ticks()] == [frames]
-
-
-def rewrite(
-    source: Path, target: Path, change: Callable[[dict[str, str]], dict[str, str]] = lambda v: v, **options: Any
-) -> None:
-    """Write a log anew, with options of the writer and the metadata of its channels changed."""
-    writer = Writer(str(target), **options)
-    writer.start(profile="asvhil")
-    with source.open("rb") as file:
-        reader = make_reader(file)
-        for item in reader.iter_metadata():
-            writer.add_metadata(item.name, item.metadata)
-        channels: dict[int, int] = {}
-        for _, channel, message in reader.iter_messages(log_time_order=False):
-            if channel.id not in channels:
-                channels[channel.id] = writer.register_channel(
-                    channel.topic, channel.message_encoding, 0, change(dict(channel.metadata))
-                )
-            writer.add_message(
-                channels[channel.id], message.log_time, message.data, message.publish_time, message.sequence
-            )
-    writer.finish()

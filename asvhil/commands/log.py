@@ -1,0 +1,145 @@
+"""`asvhil log ...`: what a log holds, what can be saved of a damaged one, and logs for other tools."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from asvhil.commands.options import JsonOption
+from asvhil.commands.views import byte_bar, check_writable, say, write_json
+from asvhil.errors import LogError
+
+app = typer.Typer(no_args_is_help=True, help="What a log holds; recover a damaged one; export it for other tools.")
+
+LOST = 3  # exit status: a log was recovered, and something was lost
+
+LogArgument = Annotated[Path, typer.Argument(help="An MCAP log of asvhil.")]
+
+
+@app.command()
+def info(log: LogArgument, json_: JsonOption = None) -> None:
+    """Show what a log holds: run, holds, channels with their rates, and whether it is whole."""
+    from rich.console import Console
+
+    from asvhil.logs.info import log_info
+
+    check_writable(json_, "--json ")
+    console = Console()
+    with _reading(console, log) as on_bytes:
+        figures = log_info(log, on_bytes)
+    write_json(json_, figures)
+    _print_info(console, figures)
+
+
+@app.command()
+def recover(
+    log: LogArgument,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", metavar="FILE", help="The new log; default: LOG-recovered.mcap.")
+    ] = None,
+    behind_damage: Annotated[
+        bool, typer.Option("--behind-damage", help="Keep what is intact behind damage too; a replay ends at the gap.")
+    ] = False,
+    json_: JsonOption = None,
+) -> None:
+    """Write what is intact of a log to a new one and verify it; exit 3 where something was lost."""
+    from rich.console import Console
+
+    from asvhil.logs.recover import recover as recover_log
+
+    check_writable(json_, "--json ")
+    console = Console()
+    target = output or log.with_name(f"{log.stem}-recovered.mcap")
+    with _reading(console, log) as on_bytes:
+        result = recover_log(log, target, behind_damage=behind_damage, on_bytes=on_bytes)
+    write_json(
+        json_,
+        {
+            "recovered": str(result.path),
+            "ticks": result.ticks,
+            "span_s": result.span_s,
+            "messages": result.messages,
+            "lost": list(result.lost),
+            "left_out": result.left_out,
+        },
+    )
+    say(console, f"{result.path}: {result.ticks} ticks, {result.span_s:.1f} s, read again and compared")
+    for what in result.lost:
+        say(console, f"lost: {what}")
+    if result.left_out:
+        say(console, f"left out: {result.left_out} intact chunks behind the damage; --behind-damage keeps them")
+    if result.lost:
+        raise typer.Exit(LOST)
+
+
+@app.command()
+def export(
+    log: LogArgument,
+    output: Annotated[
+        Path,
+        typer.Argument(
+            metavar="OUTPUT",
+            help="What to make, by its ending: .tlog (the autopilot's MAVLink), .csv or .parquet (a row a tick).",
+        ),
+    ],
+) -> None:
+    """Export a log: MAVLink for ground stations, or a table."""
+    from rich.console import Console
+
+    from asvhil.logs.export import export_log
+
+    console = Console()
+    with _reading(console, log) as on_bytes:
+        count = export_log(log, output, on_bytes)
+    say(console, f"{output}: {count} {'frames' if output.suffix.lower() == '.tlog' else 'ticks'}")
+
+
+@contextmanager
+def _reading(console: Any, log: Path) -> Iterator[Callable[[int], None]]:
+    """A bar over the bytes of a log."""
+    try:
+        size = log.stat().st_size
+    except OSError as error:
+        raise LogError(f"{log}: cannot be read ({error.strerror})") from None
+    with byte_bar(console) as bar:
+        task = bar.add_task(log.name, total=size)
+        yield lambda done: bar.update(task, completed=done)
+
+
+def _print_info(console: Any, figures: dict[str, Any]) -> None:
+    from rich.table import Table
+
+    whole = "whole" if figures["whole"] else "damaged"
+    say(console, f"{figures['log']}: {figures['bytes'] / 1e6:.1f} MB, {whole}")
+    for text in figures["damage"]:
+        say(console, f"  {text}")
+    if figures["damage"]:
+        say(console, "  `asvhil log recover` keeps what is intact")
+    if figures["recovered_from"]:
+        say(console, f"  recovered from {figures['recovered_from']}")
+    seed = f", seed {figures['seed']}" if figures["seed"] else ""
+    model = f" ({figures['model']})" if figures["model"] else ""
+    say(console, f"started {figures['started']}, {figures['duration_s']:.1f} s")
+    say(console, f"{figures['mode']}, {figures['vehicle']}, {figures['controller']}{model}{seed}")
+    versions = figures["versions"]
+    say(console, f"asvhil {versions.get('asvhil')}, Python {versions.get('python')}, {versions.get('machine')}")
+    dropped = f", {figures['ticks_dropped']} dropped" if figures["ticks_dropped"] else ""
+    phases = ", ".join(f"{phase} {count}" for phase, count in figures["phases"].items())
+    say(console, f"{figures['ticks']} ticks{dropped}, {figures['overruns']} overruns; {phases}")
+    for span in figures["holds"]:
+        ended = f"ended by {span['ended']}" if span["ended"] else "until the end of the log"
+        say(console, f"hold from {span['from_s']:.1f} to {span['to_s']:.1f} s, {ended}")
+    table = Table()
+    for heading in ("channel", "messages", "Hz", "kB"):
+        table.add_column(heading, justify="left" if heading == "channel" else "right")
+    for channel in figures["channels"]:
+        name = " ".join(part for part in (channel["topic"], channel["peer"], channel["via"]) if part)
+        rate = channel["rate_hz"]
+        table.add_row(
+            name, str(channel["messages"]), "" if rate is None else f"{rate:.1f}", f"{channel['bytes'] / 1e3:.1f}"
+        )
+    console.print(table)

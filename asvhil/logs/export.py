@@ -1,0 +1,243 @@
+"""A log for other tools: the vehicle's MAVLink as a telemetry log, or the ticks as a table."""
+
+from __future__ import annotations
+
+import csv
+import os
+import struct
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import msgspec
+from mcap.records import Channel, Message
+
+from asvhil.config.ports import AUTOPILOT
+from asvhil.errors import AsvhilError, LogError
+from asvhil.geo import LocalFrame
+from asvhil.io.mavlink.frames import Parser, decode, dialect, message_id
+from asvhil.logs.encoding import decode_outputs
+from asvhil.logs.reader import LogFile
+from asvhil.logs.recorder import OUTPUTS_TOPIC, TIMING_TOPIC
+from asvhil.types import Outputs
+
+Progress: TypeAlias = Callable[[int], None]
+Row: TypeAlias = tuple[float | int | str | bool | None, ...]
+
+FORMATS = (".tlog", ".csv", ".parquet")
+_TLOG_TIME = struct.Struct(">Q")
+_ROWS_AT_ONCE = 5000
+
+# One row a tick. Times: since 1970, and since the first tick. Positions: the local NED frame, whose origin is the
+# last two columns. What is unknown in a tick is empty. Truth is the last SIM_STATE of a simulator that sends it.
+COLUMNS: dict[str, type] = {
+    "unix_ns": int,
+    "t_s": float,
+    "phase": str,
+    "code": str,
+    "n_m": float,
+    "e_m": float,
+    "psi_rad": float,
+    "u_mps": float,
+    "v_mps": float,
+    "r_radps": float,
+    "station_n_m": float,
+    "station_e_m": float,
+    "station_psi_rad": float,
+    "wind_n_mps": float,
+    "wind_e_mps": float,
+    "wind_origin": str,
+    "command_port": float,
+    "command_starboard": float,
+    "pwm_port_us": int,
+    "pwm_starboard_us": int,
+    "solution_ok": bool,
+    "solution_iterations": int,
+    "stage": str,
+    "link_ok": bool,
+    "estimate_ok": bool,
+    "wind_ok": bool,
+    "model_ok": bool,
+    "step_ms": float,
+    "overrun": bool,
+    "truth_n_m": float,
+    "truth_e_m": float,
+    "truth_psi_rad": float,
+    "origin_lat_deg": float,
+    "origin_lon_deg": float,
+}
+
+
+class _Timing(msgspec.Struct):
+    t_ns: int
+    step_ns: int
+    overrun: bool
+
+
+_timing = msgspec.json.Decoder(_Timing)
+
+
+def export_log(source: Path, target: Path, on_bytes: Progress = lambda done: None) -> int:
+    """Write a log in the format that the target's ending names: how many frames or rows.
+
+    A file that exists is not overwritten. LogError where the log is damaged, for which `recover` is the remedy;
+    AsvhilError for an unknown ending, or where the file cannot be written. Nothing is left of a failed export.
+    """
+    kind = target.suffix.lower()
+    if kind not in FORMATS:
+        raise AsvhilError(f"{target}: a file that ends in {', '.join(FORMATS)} is expected")
+    log = LogFile(source)
+    with _new_file(target) as part:
+        if kind == ".tlog":
+            return _write_tlog(log, part, on_bytes)
+        rows = _rows(log, on_bytes)
+        return _write_csv(rows, part) if kind == ".csv" else _write_parquet(rows, part)
+
+
+@contextmanager
+def _new_file(target: Path) -> Iterator[Path]:
+    """A file beside the target that takes its name once it is whole."""
+    part = target.with_name(f"{target.name}.part")
+    try:
+        if target.exists():
+            raise AsvhilError(f"{target}: exists already; give another name")
+        yield part
+        os.link(part, target)
+    except OSError as error:
+        raise AsvhilError(f"{target}: cannot be written ({error.strerror or error})") from None
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def _items(log: LogFile, on_bytes: Progress) -> Iterator[tuple[Message, Channel]]:
+    """All messages, with their channels. LogError at the first damage; a log without an end is read up to it."""
+    channels: dict[int, Channel] = {}
+    for offset, piece in log.pieces():
+        on_bytes(offset)
+        if isinstance(piece, LogError):
+            if str(piece) == log.damage and log.truncated:
+                return
+            raise LogError(f"{piece}; `asvhil log recover` keeps what is intact")
+        for item in piece:
+            if isinstance(item, Channel):
+                channels[item.id] = item
+            elif isinstance(item, Message) and item.channel_id in channels:
+                yield item, channels[item.channel_id]
+
+
+def _write_tlog(log: LogFile, part: Path, on_bytes: Progress) -> int:
+    """The frames of the autopilot's link, in and out, in the order of their time: as a ground station would have it."""
+    frames: list[tuple[int, bytes]] = []
+    parsers: dict[str, Parser] = {}
+    for message, channel in _items(log, on_bytes):
+        if channel.metadata.get("port") == AUTOPILOT:
+            parser = parsers.setdefault(channel.metadata["direction"], Parser())
+            peer = channel.metadata.get("peer", "")
+            frames += [(message.log_time // 1000, bytes(data)) for data in parser.receive(peer, message.data)]
+    frames.sort(key=lambda frame: frame[0])  # stable: those of one time stay in the order of the file
+    with part.open("wb") as file:
+        for t_us, data in frames:
+            file.write(_TLOG_TIME.pack(t_us) + data)
+    return len(frames)
+
+
+def _rows(log: LogFile, on_bytes: Progress) -> Iterator[Row]:
+    """A row of `COLUMNS` for each tick with outputs."""
+    outputs: Outputs | None = None
+    first_ns: int | None = None
+    parser = Parser()
+    truth: Any = None
+    truth_at: Any = None
+    timing: _Timing | None = None
+    for message, channel in _items(log, on_bytes):
+        if channel.topic == OUTPUTS_TOPIC:
+            if outputs is not None and first_ns is not None:
+                yield _row(outputs, first_ns, timing, truth_at)
+            outputs, timing, truth_at = decode_outputs(message.data), None, truth
+            first_ns = outputs.t_ns if first_ns is None else first_ns
+        elif channel.topic == TIMING_TOPIC:
+            timing = _timing.decode(message.data)
+        elif channel.metadata.get("port") == AUTOPILOT and channel.metadata["direction"] == "in":
+            for data in parser.receive(channel.metadata.get("peer", ""), message.data):
+                if message_id(data) == dialect.MAVLINK_MSG_ID_SIM_STATE:
+                    truth = decode(data) or truth
+    if outputs is None or first_ns is None:
+        raise LogError(f"{log.path}: holds no tick with outputs")
+    yield _row(outputs, first_ns, timing, truth_at)
+
+
+def _row(outputs: Outputs, first_ns: int, timing: _Timing | None, truth: Any) -> Row:
+    estimate, station, wind, control = outputs.estimate, outputs.station, outputs.wind, outputs.control
+    health, origin = outputs.health, outputs.origin_deg
+    true_pose: Row = (None, None, None)
+    if truth is not None and origin is not None:
+        frame = LocalFrame(lat_deg=origin[0], lon_deg=origin[1])
+        true_pose = (*frame.to_ned(truth.lat_int * 1e-7, truth.lon_int * 1e-7), float(truth.yaw))
+    unknown3: Row = (None, None, None)
+    if timing is not None and timing.t_ns != outputs.t_ns:
+        timing = None
+    return (
+        outputs.t_ns,
+        (outputs.t_ns - first_ns) * 1e-9,
+        outputs.phase.value,
+        health.code,
+        *((estimate.n_m, estimate.e_m, estimate.psi_rad) if estimate else unknown3),
+        *((estimate.u_mps, estimate.v_mps, estimate.r_radps) if estimate else unknown3),
+        *((station.n_m, station.e_m, station.psi_rad) if station else unknown3),
+        *((wind.vn_mps, wind.ve_mps, wind.origin) if wind else unknown3),
+        *(control.command if control else (None, None)),
+        *(outputs.pwm_us or (None, None)),
+        *((control.ok, control.iterations, control.stage) if control else unknown3),
+        health.link_ok,
+        health.estimate_ok,
+        health.wind_ok,
+        health.model_ok,
+        *((timing.step_ns * 1e-6, timing.overrun) if timing else (None, None)),
+        *true_pose,
+        *(origin or (None, None)),
+    )
+
+
+def _write_csv(rows: Iterator[Row], part: Path) -> int:
+    count = 0
+    with part.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(COLUMNS)
+        for row in rows:
+            writer.writerow(["" if value is None else _text(value) for value in row])
+            count += 1
+    return count
+
+
+def _text(value: Any) -> Any:
+    return str(value).lower() if isinstance(value, bool) else value
+
+
+def _write_parquet(rows: Iterator[Row], part: Path) -> int:
+    try:
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+    except ImportError:
+        raise AsvhilError("Parquet needs pyarrow: pip install 'asvhil[parquet]'") from None
+    types = {float: pa.float64(), int: pa.int64(), str: pa.string(), bool: pa.bool_()}
+    schema = pa.schema([(name, types[kind]) for name, kind in COLUMNS.items()])
+    count = 0
+    with part.open("wb") as file, pq.ParquetWriter(file, schema, compression="zstd") as writer:
+        batch: list[Row] = []
+
+        def flush() -> None:
+            columns = [
+                pa.array(column, field.type) for column, field in zip(zip(*batch, strict=True), schema, strict=True)
+            ]
+            writer.write_batch(pa.record_batch(columns, schema=schema))
+            batch.clear()
+
+        for row in rows:
+            batch.append(row)
+            count += 1
+            if len(batch) == _ROWS_AT_ONCE:
+                flush()
+        if batch:
+            flush()
+    return count

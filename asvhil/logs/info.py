@@ -1,0 +1,145 @@
+"""What a log holds: its run, its channels with their rates, its holds, and whether it is whole."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import msgspec
+from mcap.records import Channel, Message
+
+from asvhil.errors import LogError
+from asvhil.logs.encoding import decode_outputs
+from asvhil.logs.reader import LogFile
+from asvhil.logs.recorder import INPUTS_TOPIC, OUTPUTS_TOPIC, TIMING_TOPIC
+from asvhil.types import Phase
+
+
+class _Config(msgspec.Struct):
+    class Controller(msgspec.Struct):
+        name: str
+
+    controller: Controller
+
+
+class _Timing(msgspec.Struct):
+    overrun: bool
+
+
+_timing = msgspec.json.Decoder(_Timing)
+
+
+class _Holds:
+    """Spans in which the controller had the motors, with the reason that ended each."""
+
+    def __init__(self) -> None:
+        self.spans: list[dict[str, Any]] = []
+        self._open: dict[str, Any] | None = None
+
+    def add(self, t_s: float, phase: str, reason: str) -> None:
+        if phase == Phase.HOLD:
+            if self._open is None:
+                self._open = {"from_s": t_s, "ended": None}
+                self.spans.append(self._open)
+            self._open["to_s"] = t_s
+        elif self._open is not None:
+            self._open["ended"] = f"{phase}: {reason}"
+            self._open = None
+
+
+def log_info(path: Path, on_bytes: Callable[[int], None] = lambda done: None) -> dict[str, Any]:
+    """The figures of a log as a JSON-ready tree, of all that is intact. LogError where the file is no log of asvhil.
+
+    Times are seconds since the first tick, rates are means over the channel's own span. `damage` holds a line for each
+    piece that is not intact; a whole log has none.
+    """
+    log = LogFile(path)
+    channels: dict[int, Channel] = {}
+    counts: Counter[int] = Counter()
+    sizes: Counter[int] = Counter()
+    span_ns: dict[int, tuple[int, int]] = {}
+    damage: list[str] = []
+    phases: Counter[str] = Counter()
+    holds = _Holds()
+    first_ns: int | None = None
+    last_ns = 0
+    ticks = dropped = overruns = sequence = 0
+    for offset, piece in log.pieces():
+        on_bytes(offset)
+        if isinstance(piece, LogError):
+            damage.append(str(piece).removeprefix(f"{path}: "))
+            continue
+        for item in piece:
+            if isinstance(item, Channel):
+                channels[item.id] = item
+            if not isinstance(item, Message) or item.channel_id not in channels:
+                continue
+            number = item.channel_id
+            counts[number] += 1
+            sizes[number] += len(item.data)
+            span_ns[number] = span_ns.get(number, (item.log_time, 0))[0], item.log_time
+            topic = channels[number].topic
+            if topic == INPUTS_TOPIC:
+                first_ns = item.log_time if first_ns is None else first_ns
+                last_ns = item.log_time
+                ticks += 1
+                dropped += max(0, item.sequence - sequence - 1)
+                sequence = item.sequence
+            elif topic == OUTPUTS_TOPIC and first_ns is not None:
+                outputs = decode_outputs(item.data)
+                phases[outputs.phase] += 1
+                holds.add(round((outputs.t_ns - first_ns) * 1e-9, 3), outputs.phase, outputs.health.reason)
+            elif topic == TIMING_TOPIC:
+                overruns += _timing.decode(item.data).overrun
+    run, config = log.metadata.get("run", {}), log.metadata.get("config", {})
+    return {
+        "log": str(path),
+        "bytes": path.stat().st_size,
+        "whole": not damage,
+        "damage": damage,
+        "recovered_from": log.metadata.get("recovered", {}).get("from"),
+        "started": None if first_ns is None else _utc(first_ns),
+        "duration_s": 0.0 if first_ns is None else (last_ns - first_ns) * 1e-9,
+        "mode": run.get("mode"),
+        "vehicle": run.get("vehicle"),
+        "seed": run.get("seed") if run.get("mode") != "live" else None,
+        "controller": _controller(config.get("json", "")),
+        "model": log.metadata.get("model", {}).get("file"),
+        "config_hash": config.get("hash"),
+        "versions": log.metadata.get("versions", {}),
+        "ticks": ticks,
+        "ticks_dropped": dropped,
+        "overruns": overruns,
+        "phases": {phase: count for phase, count in phases.most_common()},
+        "holds": holds.spans,
+        "channels": [
+            {
+                "topic": channels[number].topic,
+                "peer": channels[number].metadata.get("peer", ""),
+                "via": channels[number].metadata.get("via", ""),
+                "encoding": channels[number].message_encoding,
+                "messages": count,
+                "bytes": sizes[number],
+                "rate_hz": _rate_hz(count, *span_ns[number]),
+            }
+            for number, count in sorted(counts.items(), key=lambda part: (channels[part[0]].topic, part[0]))
+        ],
+    }
+
+
+def _controller(config_json: str) -> str | None:
+    try:
+        return msgspec.json.decode(config_json, type=_Config).controller.name
+    except msgspec.DecodeError:
+        return None
+
+
+def _rate_hz(count: int, first_ns: int, last_ns: int) -> float | None:
+    return (count - 1) / ((last_ns - first_ns) * 1e-9) if last_ns > first_ns else None
+
+
+def _utc(t_ns: int) -> str:
+    return datetime.fromtimestamp(t_ns * 1e-9, UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")

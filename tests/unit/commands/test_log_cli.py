@@ -1,0 +1,71 @@
+"""`asvhil log` at the command line: exit status, one line for bad input, what is left in the folder."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.support.log_damage import chunk_spans
+from tests.support.log_samples import make_recorder, record_ticks
+
+TICKS = 80
+
+
+def asvhil(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "asvhil", "log", *arguments]
+    return subprocess.run(command, capture_output=True, text=True, check=False, timeout=100, cwd=folder)
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A whole log, one that is cut off, and a file that is no log."""
+    recorder = make_recorder(tmp_path / "whole.mcap")
+    record_ticks(recorder, range(TICKS))
+    recorder.close()
+    data = (tmp_path / "whole.mcap").read_bytes()
+    (tmp_path / "cut.mcap").write_bytes(data[: chunk_spans(data)[1][1] + 20])
+    (tmp_path / "text.mcap").write_text("no log")
+    return tmp_path
+
+
+def test_recover_ends_with_3_where_something_was_lost(folder: Path) -> None:
+    whole = asvhil(folder, "recover", "whole.mcap", "-o", "copy.mcap")
+    assert whole.returncode == 0 and "80 ticks" in whole.stdout and "lost" not in whole.stdout
+    cut = asvhil(folder, "recover", "cut.mcap", "--json", "cut.json")
+    assert cut.returncode == 3 and "lost: no end: cut off" in cut.stdout
+    assert json.loads((folder / "cut.json").read_text())["lost"]
+    assert asvhil(folder, "info", "cut-recovered.mcap").returncode == 0
+    again = asvhil(folder, "recover", "cut.mcap")
+    assert again.returncode == 2 and "cut-recovered.mcap: exists already" in again.stderr
+
+
+def test_info_of_damage_says_what_to_do(folder: Path) -> None:
+    shown = asvhil(folder, "info", "cut.mcap", "--json", "info.json")
+    assert shown.returncode == 0
+    assert "damaged" in shown.stdout and "asvhil log recover" in shown.stdout
+    figures = json.loads((folder / "info.json").read_text())
+    assert not figures["whole"] and 0 < figures["ticks"] < TICKS
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("info", "text.mcap"), "text.mcap: not a log"),
+        (("recover", "text.mcap"), "text.mcap: not a log"),
+        (("export", "text.mcap", "out.csv"), "text.mcap: not a log"),
+        (("info", "none.mcap"), "none.mcap: cannot be read (No such file or directory)"),
+        (("recover", "none.mcap"), "none.mcap: cannot be read (No such file or directory)"),
+        (("export", "whole.mcap", "out.doc"), "out.doc: a file that ends in .tlog, .csv, .parquet is expected"),
+        (("info", "."), ".: cannot be read (Is a directory)"),
+    ],
+)
+def test_bad_input_is_one_line(folder: Path, arguments: tuple[str, ...], words: str) -> None:
+    before = sorted(folder.iterdir())
+    done = asvhil(folder, *arguments)
+    assert done.returncode == 2
+    assert words in done.stderr and len(done.stderr.strip().splitlines()) == 1
+    assert sorted(folder.iterdir()) == before
