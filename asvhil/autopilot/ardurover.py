@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Any
 
 from asvhil.autopilot.after_silence import RECEIVER_IGNORED, AfterSilence, after_silence_of_ardurover
@@ -10,9 +11,8 @@ from asvhil.autopilot.ardurover_parameters import OPTIONAL, requirements
 from asvhil.autopilot.ardurover_wiring import names_of_wiring, wiring_of
 from asvhil.autopilot.ground_stations import is_station, names_of_stations
 from asvhil.autopilot.mavlink_autopilot import MavlinkAutopilot
-from asvhil.autopilot.requirements import Requirement
+from asvhil.autopilot.parameter_watch import ParameterRules
 from asvhil.autopilot.script_output import ScriptOutput
-from asvhil.autopilot.wiring import Wiring
 from asvhil.config import AutopilotLinkConfig, Config, PwmConfig
 from asvhil.io.mavlink.frames import dialect
 from asvhil.types import Measurement, Radio
@@ -27,10 +27,18 @@ class ArduRoverAutopilot(MavlinkAutopilot):
 
     legacy_streams = True
     _obeys_stations = True
-    optional_parameters = OPTIONAL
+    _keeps_overrides = True
 
     def __init__(self, config: AutopilotLinkConfig, pwm: PwmConfig) -> None:
-        super().__init__(config, pwm)
+        rules = ParameterRules(
+            wiring=partial(wiring_of, config, pwm),
+            requirements=partial(requirements, config, pwm),
+            names_of_wiring=partial(names_of_wiring, config, pwm),
+            names_to_know=partial(names_of_stations, config),
+            receiver_ignored=_ignores_receiver,
+            optional=OPTIONAL,
+        )
+        super().__init__(config, pwm, rules)
         self._handlers[dialect.MAVLINK_MSG_ID_EKF_STATUS_REPORT] = self._on_ekf_status
         if isinstance(self._output, ScriptOutput):
             self._handlers[dialect.MAVLINK_MSG_ID_NAMED_VALUE_FLOAT] = self._output.on_named_value
@@ -49,43 +57,26 @@ class ArduRoverAutopilot(MavlinkAutopilot):
     def _station_text(self) -> str:
         """With the script, of a pilot without a transmitter: that his station's loss could not be noticed."""
         heard_ns, has_transmitter = self.station_heard_ns, self.transmitter.radio is Radio.HEARD
-        if self._config.output != "script" or heard_ns is not None or (has_transmitter and not self.receiver_ignored):
+        obeyed = has_transmitter and not self._known.receiver_ignored
+        if self._config.output != "script" or heard_ns is not None or obeyed:
             return super()._station_text()
         waited_ns = 0 if self._first_heard_ns is None else self._t_ns - self._first_heard_ns
         return "none is heard: nobody would notice its loss" if waited_ns > STATION_WAIT_NS else ""
-
-    @property
-    def receiver_ignored(self) -> bool:
-        return bool(int(self.parameters.values.get("RC_OPTIONS", 0)) & RECEIVER_IGNORED)
-
-    @property
-    def keeps_override(self) -> bool:
-        """Without a receiver that it listens to, an ArduRover goes on with the last value of a channel."""
-        lacks_receiver = self.receiver_ignored or self.transmitter.radio in (Radio.ABSENT, Radio.LOST)
-        return self._overrides_sticks and lacks_receiver
-
-    def _names_to_know(self, values: Mapping[str, float]) -> Iterable[tuple[str, ...]]:
-        return names_of_stations(self._config, values)
-
-    def _requirements(self, values: Mapping[str, float]) -> tuple[Requirement, ...]:
-        return requirements(self._config, self._pwm, values)
-
-    def _wire(self, values: Mapping[str, float]) -> Wiring:
-        return wiring_of(self._config, self._pwm, values)
-
-    def _names_of_wiring(self, values: Mapping[str, float]) -> Iterable[str]:
-        return names_of_wiring(self._config, self._pwm, values)
 
     def _on_heartbeat(self, t_ns: int, m: Any) -> Sequence[Measurement]:
         status = super()._on_heartbeat(t_ns, m)
         self._first_heard_ns = t_ns if self._first_heard_ns is None else self._first_heard_ns
         if isinstance(self._output, ScriptOutput):
-            self._output.on_vehicle(armed=self._armed, mode=self._mode)
+            self._output.on_vehicle(armed=self._vehicle.armed, mode=self._vehicle.mode)
         return status
 
     def _on_ekf_status(self, t_ns: int, m: Any) -> Sequence[Measurement]:
-        self._ready = bool(m.flags & EKF_HORIZONTAL_POSITION) and not m.flags & EKF_CONSTANT_POSITION
-        return self._status(t_ns)
+        self._vehicle.ready = bool(m.flags & EKF_HORIZONTAL_POSITION) and not m.flags & EKF_CONSTANT_POSITION
+        return self._vehicle.status(t_ns)
+
+
+def _ignores_receiver(values: Mapping[str, float]) -> bool:
+    return bool(int(values.get("RC_OPTIONS", 0)) & RECEIVER_IGNORED)
 
 
 def build(config: Config) -> ArduRoverAutopilot:

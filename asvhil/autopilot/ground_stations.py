@@ -20,6 +20,7 @@ LAST_NAME = "MAV_GCS_SYSID_HI"
 IGNORED, RELEASED, RELEASED_HIGH, NO_AXIS = 65535, 0, 65534, 32767
 OBEYED_CHANNELS = 16  # of the 18 in RC_CHANNELS_OVERRIDE
 AXIS = 1000.0
+SHARED_NS = 2_000_000_000  # since a ground station's sticks were heard
 HEARTBEAT = dialect.MAVLINK_MSG_ID_HEARTBEAT
 STICK_MESSAGES = frozenset({dialect.MAVLINK_MSG_ID_MANUAL_CONTROL, dialect.MAVLINK_MSG_ID_RC_CHANNELS_OVERRIDE})
 
@@ -62,6 +63,27 @@ class GroundStations:
         self._own = frozenset(own)
         self._vehicle = vehicle_system
         self.heard_ns: int | None = None
+        self._sticks: list[StationSticks] = []
+        self._last: StationSticks | None = None
+
+    def receive(self, t_ns: int, data: bytes, values: Mapping[str, float], wiring: Wiring) -> None:
+        """A complete frame of anybody; what `read` makes of it is kept until it is taken."""
+        sticks = self.read(t_ns, data, values, wiring)
+        if sticks is not None:
+            self._sticks.append(sticks)
+            self._last = sticks
+
+    def take_sticks(self) -> tuple[StationSticks, ...]:
+        """What was heard of sticks since the last call."""
+        heard = tuple(self._sticks)
+        self._sticks.clear()
+        return heard
+
+    def shared_text(self, t_ns: int) -> str:
+        """Of a station whose sticks take turns with our overrides, for people; empty where there is none."""
+        if self._last is None or t_ns - self._last.t_ns > SHARED_NS:
+            return ""
+        return "{}/{} sends its sticks too: the motors get our commands and its in turn".format(*self._last.sender)
 
     def read(self, t_ns: int, data: bytes, values: Mapping[str, float], wiring: Wiring) -> StationSticks | None:
         """What a complete frame says of sticks; None where it says nothing that the autopilot would obey.

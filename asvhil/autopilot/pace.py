@@ -55,6 +55,12 @@ class Pace:
         behind_ns = self._past[0][1] - self._past[-1][1]
         return behind_ns * 1e-9 if behind_ns > TOLD_NS else 0.0
 
+    def text(self, t_ns: int) -> str:
+        """The same for people; empty where there is nothing to tell."""
+        if not self.lost_s(t_ns):
+            return ""
+        return "has fallen behind: a simulation that is slower than real time, or a link with a long queue"
+
 
 def _keep(greatest: deque[tuple[int, int]], t_ns: int, value: int, for_ns: int) -> None:
     """Add a value to a sliding maximum, which stands first."""

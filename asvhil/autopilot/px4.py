@@ -5,15 +5,16 @@ Tried with PX4 1.15 and 1.16 in software in the loop: docs/autopilots.md says wh
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 from asvhil.autopilot.after_silence import AfterSilence, after_silence_of_px4
 from asvhil.autopilot.mavlink_autopilot import MavlinkAutopilot
+from asvhil.autopilot.parameter_watch import ParameterRules
 from asvhil.autopilot.px4_parameters import requirements
 from asvhil.autopilot.px4_wiring import names_of_wiring, wiring_of
-from asvhil.autopilot.requirements import Requirement
-from asvhil.autopilot.wiring import Travel, Wiring
+from asvhil.autopilot.wiring import Travel
 from asvhil.config import AutopilotLinkConfig, Config, PwmConfig
 from asvhil.io.mavlink.frames import dialect
 from asvhil.types import Frame, Measurement
@@ -36,7 +37,12 @@ class Px4Autopilot(MavlinkAutopilot):
 
     def __init__(self, config: AutopilotLinkConfig, pwm: PwmConfig, *, keeps_offboard: bool = True) -> None:
         """`keeps_offboard`: OFFBOARD is the control mode; else its set-points are left to whoever uses it."""
-        super().__init__(config, pwm)
+        rules = ParameterRules(
+            wiring=partial(wiring_of, config, pwm),
+            requirements=partial(requirements, config, pwm),
+            names_of_wiring=partial(names_of_wiring, config, pwm),
+        )
+        super().__init__(config, pwm, rules)
         self._keeps_offboard = keeps_offboard
         self._alive_due_ns = 0
         self._handlers |= {
@@ -48,15 +54,6 @@ class Px4Autopilot(MavlinkAutopilot):
     def after_silence(self) -> AfterSilence | None:
         return after_silence_of_px4(self.parameters.values, keeps_offboard=self._keeps_offboard)
 
-    def _requirements(self, values: Mapping[str, float]) -> tuple[Requirement, ...]:
-        return requirements(self._config, self._pwm, values)
-
-    def _wire(self, values: Mapping[str, float]) -> Wiring:
-        return wiring_of(self._config, self._pwm, values)
-
-    def _names_of_wiring(self, values: Mapping[str, float]) -> Iterable[str]:
-        return names_of_wiring(self._config, self._pwm, values)
-
     def data_to_send(self, t_ns: int) -> list[Frame]:
         """Add the set-points that OFFBOARD needs, before and while in that mode."""
         frames = super().data_to_send(t_ns)
@@ -67,7 +64,7 @@ class Px4Autopilot(MavlinkAutopilot):
             alive = dialect.MAVLink_set_attitude_target_message(
                 t_ns // 1_000_000 & 0xFFFFFFFF, *self._it, ALIVE_MASK, level, 0, 0, 0, 0
             )
-            frames.append(self._pack(t_ns, alive))
+            frames.append(self._sender.frame(t_ns, alive))
         return frames
 
     def _mode_parameters(self, number: int) -> tuple[float, ...]:
@@ -75,18 +72,15 @@ class Px4Autopilot(MavlinkAutopilot):
 
     def _on_estimator_status(self, t_ns: int, m: Any) -> Sequence[Measurement]:
         # CONST_POS_MODE says nothing here: from 1.16 on it is also set at rest with a good position.
-        self._ready = bool(m.flags & POSITION_USED)
-        return self._status(t_ns)
+        self._vehicle.ready = bool(m.flags & POSITION_USED)
+        return self._vehicle.status(t_ns)
 
     def _on_actuator_output(self, t_ns: int, m: Any) -> Sequence[Measurement]:
-        self._outputs_ns = t_ns
-        wiring = self.wiring
-        travels = {wired.output: wired.travel for wired in wiring.motors}
-        self._outputs_us = tuple(
+        travels = {wired.output: wired.travel for wired in self._known.wiring.motors}
+        outputs_us = tuple(
             self._pulse_us(value, travels.get(number)) for number, value in enumerate(m.actuator[:16], start=1)
         )
-        self._motors_us = wiring.of_outputs(self._outputs_us)
-        return self._status(t_ns)
+        return self._vehicle.on_outputs(t_ns, outputs_us)
 
     def _pulse_us(self, value: float, travel: Travel | None) -> int:
         """Microseconds of a PWM output, or of a normalised one in [-1, 1]; 0 where there is no signal, or no sense."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections import Counter, deque
 from typing import Any
 
-from asvhil.autopilot.mavlink_autopilot import BOOTING
 from asvhil.autopilot.requirements import Finding
+from asvhil.autopilot.vehicle_status import BOOTING
 from asvhil.backseat.build import build_firmware_watch, build_link
 from asvhil.config import QUANTITIES, Config, Quantity, SourceConfig
 from asvhil.config.ports import AUTOPILOT

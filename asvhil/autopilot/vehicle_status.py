@@ -1,0 +1,119 @@
+"""Arming, mode, sticks and outputs of the vehicle, as its messages tell them. Sans-IO."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from operator import attrgetter
+from typing import Any
+
+from asvhil.autopilot.arming_checks import ArmingChecks
+from asvhil.autopilot.motor_outputs import IGNORE_CHANNEL
+from asvhil.autopilot.parameter_watch import ParameterWatch
+from asvhil.autopilot.transmitter import Transmitter
+from asvhil.autopilot.wiring import Pulses
+from asvhil.io.mavlink.frames import dialect
+from asvhil.types import FrontseatStatus, Radio
+
+BOOTING = (dialect.MAV_STATE_BOOT, dialect.MAV_STATE_CALIBRATING)
+CHANNELS_OF = attrgetter(*(f"chan{i}_raw" for i in range(1, 19)))  # of RC_CHANNELS
+OUTPUTS_OF = attrgetter(*(f"servo{i}_raw" for i in range(1, 17)))  # of SERVO_OUTPUT_RAW
+
+
+class VehicleStatus:
+    """Takes messages in and gives the status that they come to; every handler gives it anew.
+
+    `ready`, whether the position is good for a hold, is for the profile to set. `keeps_overrides`: without a receiver
+    that it listens to, the autopilot goes on with the last override of a stick.
+    """
+
+    def __init__(self, modes: Mapping[str, int], parameters: ParameterWatch, *, keeps_overrides: bool) -> None:
+        self._mode_names = {number: name for name, number in modes.items()}
+        self._parameters = parameters
+        self._keeps_overrides = keeps_overrides
+        self.armed = False
+        self.mode = ""
+        self.ready = False
+        self.booting = False
+        self.arming_fault = ""
+        self.transmitter = Transmitter()
+        self.arming_checks = ArmingChecks()
+        self._rc_us: tuple[int, ...] = ()
+        self._outputs_us: tuple[int, ...] = ()
+        self._sticks_us: Pulses | None = None
+        self._motors_us: Pulses | None = None
+        self._rc_ns = self._outputs_ns = 0
+
+    def restart(self) -> None:
+        """The autopilot has rebooted."""
+        self.ready = False
+        self.transmitter.restart()
+        self.arming_checks.restart()
+
+    @property
+    def keeps_override(self) -> bool:
+        """Whether the last override of a stick stands after its release, for want of a receiver to take its place."""
+        return self._keeps_overrides and (
+            self._parameters.receiver_ignored or self.transmitter.radio in (Radio.ABSENT, Radio.LOST)
+        )
+
+    def status(self, t_ns: int) -> tuple[FrontseatStatus]:
+        """As a handler of a message gives it."""
+        self.arming_fault = self.arming_checks.fault(t_ns)
+        wiring = self._parameters.wiring
+        status = FrontseatStatus(
+            t_ns=t_ns,
+            armed=self.armed,
+            mode=self.mode,
+            ready=self.ready,
+            rc_us=self._rc_us,
+            outputs_us=self._outputs_us,
+            motor_channels=wiring.channels,
+            centres_us=wiring.centres_us,
+            receiver_ignored=self._parameters.receiver_ignored,
+            keeps_override=self.keeps_override,
+            sticks_us=self._sticks_us,
+            motors_us=self._motors_us,
+            rc_ns=self._rc_ns,
+            outputs_ns=self._outputs_ns,
+            radio=self.transmitter.radio,
+            arming_fault="" if self.armed else self.arming_fault,
+        )
+        return (status,)
+
+    def on_heartbeat(self, m: Any) -> bool:
+        """Take in mode and arming. Whether the set-up after a boot has ended."""
+        self.armed = bool(m.base_mode & dialect.MAV_MODE_FLAG_SAFETY_ARMED)
+        self.mode = self._mode_names.get(m.custom_mode, f"MODE_{m.custom_mode}")
+        was_booting, self.booting = self.booting, m.system_status in BOOTING
+        return was_booting and not self.booting
+
+    def on_rc_channels(self, t_ns: int, m: Any) -> Sequence[FrontseatStatus]:
+        """RC_CHANNELS."""
+        self._rc_ns = t_ns
+        self._rc_us = tuple([0 if value == IGNORE_CHANNEL else value for value in CHANNELS_OF(m)])
+        self._sticks_us = self._parameters.wiring.of_sticks(self._rc_us)
+        self.transmitter.on_rc_channels(t_ns, m.chancount, m.rssi)
+        return self.status(t_ns)
+
+    def on_servo_output(self, t_ns: int, m: Any) -> Sequence[FrontseatStatus]:
+        """SERVO_OUTPUT_RAW: the first 16 outputs come with port 0."""
+        return self.on_outputs(t_ns, OUTPUTS_OF(m)) if m.port == 0 else ()
+
+    def on_outputs(self, t_ns: int, outputs_us: tuple[int, ...]) -> Sequence[FrontseatStatus]:
+        """Pulse widths (us) of the outputs, from the first; 0: no signal."""
+        self._outputs_ns = t_ns
+        self._outputs_us = outputs_us
+        self._motors_us = self._parameters.wiring.of_outputs(outputs_us)
+        return self.status(t_ns)
+
+    def on_sys_status(self, t_ns: int, m: Any) -> Sequence[FrontseatStatus]:
+        """SYS_STATUS."""
+        health = m.onboard_control_sensors_health
+        self.transmitter.on_sys_status(t_ns, m.onboard_control_sensors_present, health)
+        self.arming_checks.on_sys_status(m.onboard_control_sensors_enabled, health)
+        return self.status(t_ns)
+
+    def on_text(self, t_ns: int, m: Any) -> Sequence[FrontseatStatus]:
+        """STATUSTEXT."""
+        self.arming_checks.on_text(t_ns, m)
+        return self.status(t_ns)
