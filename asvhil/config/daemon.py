@@ -80,6 +80,6 @@ class RecorderConfig(Section):
         description="Size (KiB) at which a chunk of the file is compressed and written.",
     )
     sync_period_s: Positive = Field(
-        default=0.5,
+        default=0.25,
         description="At the latest after this time a chunk is written and synced to disk: what a power cut can cost.",
     )
