@@ -10,12 +10,17 @@ from __future__ import annotations
 import dataclasses
 import math
 import operator
-from typing import Any
+from pathlib import Path
+from typing import Any, TypeVar
 
 import msgspec
 
 from asvhil.errors import LogError
 from asvhil.types import Outputs
+
+T = TypeVar("T")
+
+NOT_VALID = (msgspec.DecodeError, UnicodeDecodeError)  # the second for a text that is no UTF-8
 
 
 def _plain(value: Any) -> Any:
@@ -43,16 +48,20 @@ def encode_outputs(outputs: Outputs) -> bytes:
     return data
 
 
-def decode_outputs(data: bytes) -> Outputs:
-    """The outputs of a record. LogError names the wrong field."""
+def decode_outputs(data: bytes, log: Path | None = None) -> Outputs:
+    """The outputs of a record. LogError names the wrong field, and the log that it is in."""
     try:
         return _strict.decode(data)
-    except msgspec.DecodeError:
-        pass
+    except NOT_VALID:
+        return decode_record(_lax, data, "outputs record" if log is None else f"{log}: outputs record")
+
+
+def decode_record(decoder: msgspec.json.Decoder[T], data: bytes, what: str) -> T:
+    """The record in the bytes of a message. LogError names what it is of and the wrong field."""
     try:
-        return _lax.decode(data)
-    except msgspec.DecodeError as error:
-        raise LogError(f"outputs record: {error}") from None
+        return decoder.decode(data)
+    except NOT_VALID as error:
+        raise LogError(f"{what}: {error}") from None
 
 
 def _spell_non_finite(value: Any) -> Any:
@@ -71,11 +80,11 @@ def first_difference(a: bytes, b: bytes) -> str | None:
         return None
     try:
         recorded = msgspec.json.decode(a)
-    except msgspec.DecodeError:
+    except NOT_VALID:
         return "the recorded bytes are not JSON"
     try:
         replayed = msgspec.json.decode(b)
-    except msgspec.DecodeError:
+    except NOT_VALID:
         return "the replayed bytes are not JSON"
     return _difference("", recorded, replayed) or "the same values in other bytes (order of keys, or spaces)"
 

@@ -10,7 +10,6 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TypeAlias
 
-import msgspec
 from mcap.records import Channel, Message
 
 from asvhil.config.ports import AUTOPILOT
@@ -18,7 +17,7 @@ from asvhil.errors import AsvhilError, LogError
 from asvhil.geo import LocalFrame
 from asvhil.io.mavlink.frames import Parser, decode, dialect, message_id
 from asvhil.logs.encoding import decode_outputs
-from asvhil.logs.reader import LogFile
+from asvhil.logs.reader import LogFile, Timing, decode_timing
 from asvhil.logs.recorder import OUTPUTS_TOPIC, TIMING_TOPIC
 from asvhil.types import Outputs
 
@@ -67,15 +66,6 @@ COLUMNS: dict[str, type] = {
     "origin_lat_deg": float,
     "origin_lon_deg": float,
 }
-
-
-class _Timing(msgspec.Struct):
-    t_ns: int
-    step_ns: int
-    overrun: bool
-
-
-_timing = msgspec.json.Decoder(_Timing)
 
 
 def export_log(source: Path, target: Path, on_bytes: Progress = lambda done: None) -> int:
@@ -149,15 +139,15 @@ def _rows(log: LogFile, on_bytes: Progress) -> Iterator[Row]:
     parser = Parser()
     truth: Any = None
     truth_at: Any = None
-    timing: _Timing | None = None
+    timing: Timing | None = None
     for message, channel in _items(log, on_bytes):
         if channel.topic == OUTPUTS_TOPIC:
             if outputs is not None and first_ns is not None:
                 yield _row(outputs, first_ns, timing, truth_at)
-            outputs, timing, truth_at = decode_outputs(message.data), None, truth
+            outputs, timing, truth_at = decode_outputs(message.data, log.path), None, truth
             first_ns = outputs.t_ns if first_ns is None else first_ns
         elif channel.topic == TIMING_TOPIC:
-            timing = _timing.decode(message.data)
+            timing = decode_timing(message.data, log.path)
         elif channel.metadata.get("port") == AUTOPILOT and channel.metadata["direction"] == "in":
             for data in parser.receive(channel.metadata.get("peer", ""), message.data):
                 if message_id(data) == dialect.MAVLINK_MSG_ID_SIM_STATE:
@@ -167,7 +157,7 @@ def _rows(log: LogFile, on_bytes: Progress) -> Iterator[Row]:
     yield _row(outputs, first_ns, timing, truth_at)
 
 
-def _row(outputs: Outputs, first_ns: int, timing: _Timing | None, truth: Any) -> Row:
+def _row(outputs: Outputs, first_ns: int, timing: Timing | None, truth: Any) -> Row:
     estimate, station, wind, control = outputs.estimate, outputs.station, outputs.wind, outputs.control
     health, origin = outputs.health, outputs.origin_deg
     true_pose: Row = (None, None, None)

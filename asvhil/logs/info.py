@@ -12,8 +12,8 @@ import msgspec
 from mcap.records import Channel, Message
 
 from asvhil.errors import LogError
-from asvhil.logs.encoding import decode_outputs
-from asvhil.logs.reader import LogFile
+from asvhil.logs.encoding import NOT_VALID, decode_outputs
+from asvhil.logs.reader import LogFile, decode_timing
 from asvhil.logs.recorder import INPUTS_TOPIC, OUTPUTS_TOPIC, TIMING_TOPIC
 from asvhil.types import Phase
 
@@ -23,13 +23,6 @@ class _Config(msgspec.Struct):
         name: str
 
     controller: Controller
-
-
-class _Timing(msgspec.Struct):
-    overrun: bool
-
-
-_timing = msgspec.json.Decoder(_Timing)
 
 
 class _Holds:
@@ -89,11 +82,11 @@ def log_info(path: Path, on_bytes: Callable[[int], None] = lambda done: None) ->
                 dropped += max(0, item.sequence - sequence - 1)
                 sequence = item.sequence
             elif topic == OUTPUTS_TOPIC and first_ns is not None:
-                outputs = decode_outputs(item.data)
+                outputs = decode_outputs(item.data, path)
                 phases[outputs.phase] += 1
                 holds.add(round((outputs.t_ns - first_ns) * 1e-9, 3), outputs.phase, outputs.health.reason)
             elif topic == TIMING_TOPIC:
-                overruns += _timing.decode(item.data).overrun
+                overruns += decode_timing(item.data, path).overrun
     run, config = log.metadata.get("run", {}), log.metadata.get("config", {})
     return {
         "log": str(path),
@@ -133,7 +126,7 @@ def log_info(path: Path, on_bytes: Callable[[int], None] = lambda done: None) ->
 def _controller(config_json: str) -> str | None:
     try:
         return msgspec.json.decode(config_json, type=_Config).controller.name
-    except msgspec.DecodeError:
+    except NOT_VALID:
         return None
 
 

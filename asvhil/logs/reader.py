@@ -25,6 +25,7 @@ from mcap.writer import MCAP0_MAGIC
 
 from asvhil.config.ports import OPERATOR
 from asvhil.errors import LogError
+from asvhil.logs.encoding import decode_record
 from asvhil.logs.recorder import INPUTS_TOPIC, LAYOUT, LAYOUT_RECORD, OUTPUTS_TOPIC, PROFILE, TIMING_TOPIC
 from asvhil.logs.resync import RECORD_HEAD, behind_indexes, chunks_behind
 from asvhil.types import Frame, Inputs, record
@@ -49,6 +50,11 @@ class Timing:
     t_ns: int
     step_ns: int
     overrun: bool
+
+
+def decode_timing(data: bytes, log: Path) -> Timing:
+    """The content of a message of `TIMING_TOPIC`. LogError names the log."""
+    return decode_record(_timing, data, f"{log}: a message of {TIMING_TOPIC} is not valid")
 
 
 class _Marker(msgspec.Struct):
@@ -310,9 +316,9 @@ class LogFile:
 
     def _decode(self, decoder: msgspec.json.Decoder[T], data: bytes, topic: str, chunk_at: int) -> T:
         try:
-            return decoder.decode(data)
-        except msgspec.DecodeError as error:
-            raise self._error(f"a message of {topic} is not valid: {error}", chunk_at) from None
+            return decode_record(decoder, data, f"a message of {topic} is not valid")
+        except LogError as error:
+            raise self._error(str(error), chunk_at) from None
 
     def _error(self, what: str, chunk_at: int) -> LogError:
         return LogError(f"{self.path}: chunk at byte {chunk_at}: {what}")

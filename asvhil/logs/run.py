@@ -96,7 +96,7 @@ def read_run(path: Path, plan_every_s: float = 10.0) -> RunLog:
         if recorded is None:
             continue
         ticks += 1
-        last = outputs = decode_outputs(recorded)
+        last = outputs = decode_outputs(recorded, path)
         phases[outputs.phase] += 1
         for quantity, source in outputs.health.sources:
             if source or quantity in used:

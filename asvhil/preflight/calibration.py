@@ -112,7 +112,7 @@ def calibrate(path: Path, on_tick: Callable[[int], None] = lambda ticks: None) -
         estimate = ekf.estimate(inputs.t_ns)
         if estimate is not None:
             headings.take(estimate)
-        outputs = decode_outputs(recorded) if recorded is not None else None
+        outputs = decode_outputs(recorded, log.path) if recorded is not None else None
         command = _command(config.vehicle.pwm, outputs, status)
         now = wind.wind(inputs.t_ns)
         ekf.set_forcing(

@@ -26,6 +26,7 @@ from asvhil.types import (
     FrontseatStatus,
     GroundVelocity,
     Heading,
+    Outputs,
     TrueWind,
     YawRate,
     record,
@@ -57,7 +58,7 @@ def read_log_series(path: Path) -> LogSeries:
         for frame in inputs.frames:
             reader.read_input(frame)
         if recorded is not None:
-            reader.read_output(inputs.t_ns, recorded)
+            reader.read_output(inputs.t_ns, decode_outputs(recorded, path))
     if reader is None:
         raise LogError(f"{path}: holds no tick")
     heading, jumps_psi = without_outliers(_unwrapped(series(reader.heading, 1), 0), 0.5, 2.0, np.inf)
@@ -128,9 +129,8 @@ class _Reader:
                 u_mps, v_mps = ned_to_body(m.yaw, m.vn, m.ve)
                 self.truth.append((t_s, u_mps, v_mps, m.zgyro, m.yaw))
 
-    def read_output(self, t_ns: int, recorded: bytes) -> None:
+    def read_output(self, t_ns: int, outputs: Outputs) -> None:
         """Read the outputs of a tick: its pulses or, while released, the outputs that the autopilot reports."""
-        outputs = decode_outputs(recorded)
         t_s = self._t_s(t_ns)
         pulses = outputs.pwm_us or self._motors_us
         if pulses is not None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -167,3 +168,12 @@ def test_records_of_before_the_code_and_the_way_of_a_frame_are_read() -> None:
     for frame in plain["frames"]:
         del frame["via"]
     assert decode_outputs(json.dumps(plain).encode()) == outputs
+
+
+def test_a_record_with_a_text_that_is_no_utf8_is_refused() -> None:
+    """msgspec raises UnicodeDecodeError for it, and not its own error."""
+    data = encode_outputs(sample_outputs(1)).replace(b'"standby"', b'"st\x91ndby"').replace(b'"hold"', b'"h\x91ld"')
+    with pytest.raises(LogError, match=r"^run\.mcap: outputs record: .*utf-8"):
+        decode_outputs(data, Path("run.mcap"))
+    assert first_difference(data, b"{}") == "the recorded bytes are not JSON"
+    assert first_difference(b"{}", data) == "the replayed bytes are not JSON"

@@ -1,0 +1,47 @@
+"""A short run of the fuzzers: codecs by coverage-guided bytes, configs by random edits. Long: docs/results/fuzz.md."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.support.paths import ROOT
+
+CODECS = (
+    "mavlink",
+    "signatures",
+    "nmea",
+    "vectornav",
+    "backseat_script",
+    "simulated_px4",
+    "log_files",
+    "outputs_records",
+)
+
+
+@pytest.mark.parametrize("target", CODECS)
+def test_no_bytes_raise_hang_or_leak(target: str, tmp_path: Path) -> None:
+    figures = tmp_path / "fuzz.json"
+    command = [sys.executable, "-m", "bench.fuzz", "--target", target, "--bytes", "40000", "--seed", "7"]
+    command += ["--crashes", str(tmp_path / "crashes"), "--json", str(figures)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=ROOT, timeout=200)
+    assert done.returncode == 0, done.stdout
+    (row,) = json.loads(figures.read_text())["targets"]
+    assert row["bytes"] >= 40_000 and row["inputs"] > 2
+    early_kb, late_kb = row["resident_kb"]
+    assert late_kb - early_kb < 4000
+
+
+def test_edited_configs_load_or_are_refused_in_one_line(tmp_path: Path) -> None:
+    figures = tmp_path / "edits.json"
+    command = [sys.executable, "-m", "bench.yaml_edits", "--edits", "400", "--jobs", "1", "--seed", "7"]
+    done = subprocess.run(
+        [*command, "--json", str(figures)], capture_output=True, text=True, check=False, cwd=ROOT, timeout=200
+    )
+    told = json.loads(figures.read_text())
+    assert done.returncode == 0 and told["faults"] == [], told["faults"]
+    assert told["refused"] > 200 and told["loaded"] > 20
