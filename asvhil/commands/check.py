@@ -15,8 +15,8 @@ from asvhil.errors import ConfigError
 if TYPE_CHECKING:
     from asvhil.autopilot.requirements import Finding
     from asvhil.config import Config
-    from asvhil.preflight.checks import Check
     from asvhil.preflight.survey import Survey
+    from asvhil.preflight.table import Check
 
 COLOURS = {"pass": "green", "warn": "yellow", "fail": "red", "unverified": "magenta"}
 PIPE_WIDTH = 140  # of tables in a file or a pipe, which have no width of their own
@@ -43,11 +43,12 @@ def check(
 
     from asvhil.config import load_config
     from asvhil.config.shipped_script import shipped_script
-    from asvhil.preflight.checks import as_json, checks_of, worst
+    from asvhil.preflight.checks import checks_of
     from asvhil.preflight.computer import computer_checks
     from asvhil.preflight.runner import Preflight
     from asvhil.preflight.script_checks import script_checks
     from asvhil.preflight.script_tool import ScriptTool
+    from asvhil.preflight.table import as_json, worst
     from asvhil.preflight.wiring import found_keys, yaml_to_pin
 
     settings = load_config(config, tuple(set_))
@@ -118,7 +119,7 @@ def _show(console: Any, settings: Config, checks: list[Check], everything: bool)
     from rich.table import Table
     from rich.text import Text
 
-    from asvhil.preflight.checks import folded
+    from asvhil.preflight.table import folded
 
     table = Table(title=f"preflight of {settings.vehicle.name}", title_justify="left")
     table.add_column("")

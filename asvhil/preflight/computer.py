@@ -8,7 +8,7 @@ from pathlib import Path
 from asvhil.backseat.build import build_model, model_file
 from asvhil.config import Config
 from asvhil.errors import AsvhilError
-from asvhil.preflight.checks import Check, Result
+from asvhil.preflight.table import Check, Result
 
 LOG_MB_PER_HOUR = 150.0  # twice what a run with the default streams leaves
 FAIL_HOURS, WARN_HOURS = 1.0, 8.0

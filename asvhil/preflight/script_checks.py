@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from asvhil.autopilot.script_protocol import VERSION
 from asvhil.errors import AsvhilError
-from asvhil.preflight.checks import Check, Result
 from asvhil.preflight.script_tool import ScriptStatus, ScriptTool
+from asvhil.preflight.table import Check, Result
 
 
 async def script_checks(tool: ScriptTool, text: str) -> list[Check]:

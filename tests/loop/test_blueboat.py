@@ -3,7 +3,7 @@
 import pytest
 
 from asvhil.config import load_config
-from asvhil.preflight.checks import Result
+from asvhil.preflight.table import Result
 from asvhil.types import Inputs, Outputs, Phase
 from tests.loop.test_wirings import turns_as_commanded
 from tests.support.loop import STATION_DEG, GroundStationLoop

@@ -5,7 +5,8 @@ import pytest
 from asvhil.config import load_config
 from asvhil.errors import ConfigError
 from asvhil.io.mavlink.frames import dialect
-from asvhil.preflight.checks import Result, checks_of
+from asvhil.preflight.checks import checks_of
+from asvhil.preflight.table import Result
 from asvhil.supervisor.reasons import Reason, describe, explain
 from asvhil.types import Frame, Phase
 from tests.loop.test_wirings import BLUEBOAT, turns_as_commanded

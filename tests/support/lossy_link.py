@@ -6,8 +6,9 @@ import random
 from typing import cast
 
 from asvhil.config import load_config
-from asvhil.preflight.checks import Check, Result, checks_of
+from asvhil.preflight.checks import checks_of
 from asvhil.preflight.survey import Survey
+from asvhil.preflight.table import Check, Result
 from asvhil.simplant.lockstep import EPOCH_NS
 from asvhil.simplant.plant import Plant
 from asvhil.supervisor.reasons import WORDS, Reason

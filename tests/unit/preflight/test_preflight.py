@@ -10,9 +10,10 @@ import pytest
 from asvhil.config import load_config
 from asvhil.io.mavlink.frames import FrameSplitter, decode, dialect, message_id
 from asvhil.preflight import computer
-from asvhil.preflight.checks import Check, Result, as_json, checks_of, folded, worst
+from asvhil.preflight.checks import checks_of
 from asvhil.preflight.computer import computer_checks
 from asvhil.preflight.survey import Survey
+from asvhil.preflight.table import Check, Result, as_json, folded, worst
 from asvhil.simplant.lockstep import EPOCH_NS
 from asvhil.simplant.plant import Plant
 from asvhil.supervisor.reasons import describe

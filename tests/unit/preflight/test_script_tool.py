@@ -12,9 +12,9 @@ from asvhil.autopilot.script_protocol import ScriptReason
 from asvhil.config import load_config
 from asvhil.config.shipped_script import shipped_script
 from asvhil.errors import AsvhilError, LinkError
-from asvhil.preflight.checks import Result
 from asvhil.preflight.script_checks import script_checks
 from asvhil.preflight.script_tool import ScriptTool, advice, version_of
+from asvhil.preflight.table import Result
 from asvhil.types import Frame, Inputs
 from tests.support.autopilot_script import NEUTRAL, NO_PILOT, PATH, SCRIPT, ScriptBoat, parameters
 from tests.support.simplant_boat import Boat
