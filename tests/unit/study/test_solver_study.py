@@ -15,7 +15,8 @@ from asvhil.controller.solvers.problem import StationProblem
 from asvhil.errors import AsvhilError, ConfigError
 from asvhil.study import solvers as study_module
 from asvhil.study.solver_report import draw_solvers, solver_table
-from asvhil.study.solvers import starts_of, study_solvers
+from asvhil.study.solver_runs import starts_of
+from asvhil.study.solvers import study_solvers
 
 CONFIG = load_config("sitl", ("controller.name=sd-mpc", "plant.weather.wind.toward_deg=60"))
 MODEL = build_model(CONFIG)
