@@ -37,7 +37,7 @@ from asvhil.links.clock import Clock
 from asvhil.logs.encoding import decode_outputs
 from asvhil.logs.opening import open_recorder
 from asvhil.logs.reader import LogFile
-from asvhil.operator.session import encode_hold
+from asvhil.operator.encoding import encode_hold
 from asvhil.types import Control, Estimate, Station, Wind
 from tests.support.ports import free_port
 

@@ -30,7 +30,7 @@ def hold(
     """Ask the running daemon to hold a station."""
     from asvhil.config import load_config
     from asvhil.io.mavlink.frames import dialect
-    from asvhil.operator.session import encode_hold
+    from asvhil.operator.encoding import encode_hold
 
     settings = load_config(config, tuple(set_))
     lat_deg, lon_deg = (None, None) if at is None else lat_lon("--at", at)
@@ -46,7 +46,7 @@ def release(
     """Ask the running daemon to release the motors."""
     from asvhil.config import load_config
     from asvhil.io.mavlink.frames import dialect
-    from asvhil.operator.session import encode_release
+    from asvhil.operator.encoding import encode_release
 
     settings = load_config(config, tuple(set_))
     data = encode_release(settings.links.autopilot)

@@ -29,7 +29,7 @@ from asvhil.links.clock import Clock
 from asvhil.links.reconnecting import ReconnectingLink
 from asvhil.links.router import MavlinkRouter, save_states
 from asvhil.logs.recorder import Recorder
-from asvhil.operator.session import FINAL_TICKS, encode_release, encode_solve_time
+from asvhil.operator.encoding import FINAL_TICKS, encode_release, encode_solve_time
 from asvhil.types import Frame, Inputs, Outputs
 
 RELEASES, RELEASE_S = 3, 0.05

@@ -8,17 +8,18 @@ from collections.abc import Callable
 from typing import Any
 
 from asvhil.config import AutopilotLinkConfig, OperatorLinkConfig
-from asvhil.config.ports import OPERATOR
 from asvhil.io.mavlink import parameter_server
-from asvhil.io.mavlink.frames import Parser, decode, dialect, message_id, pack, sequence, source, target
+from asvhil.io.mavlink.frames import Parser, decode, dialect, message_id, source, target
 from asvhil.io.mavlink.parameter_server import ParameterServer
-from asvhil.io.mavlink.texts import Texts
 from asvhil.io.mavlink.timesync import TimeSync
-from asvhil.operator.goto import COMMANDS, HERE, SETPOINT, Refusal, is_goto, meaning_of_command, meaning_of_setpoint
-from asvhil.operator.repeats import BEHIND, Heard, RepeatedSettings, Repeats
+from asvhil.operator.encoding import SOLVE_TIME
+from asvhil.operator.goto import COMMANDS, SETPOINT, Refusal, is_goto, meaning_of_command, meaning_of_setpoint
+from asvhil.operator.repeats import Heard, RepeatedSettings, Repeats
+from asvhil.operator.replies import Replies
 from asvhil.operator.reports import ACCEPTED, OperatorReport, Reports
+from asvhil.operator.setpoint_streams import SetpointStreams
 from asvhil.operator.shell_notes import NoteReader
-from asvhil.supervisor.reasons import Explanation, Reason, describe, explain
+from asvhil.supervisor.reasons import Explanation, Reason, explain
 from asvhil.types import (
     EVERYONE,
     Address,
@@ -30,13 +31,9 @@ from asvhil.types import (
     record,
 )
 
-STREAM_NS = 3_000_000_000  # set-points closer than this are one stream, of which only the first takes a station
 LISTENING_NS = 15_000_000_000  # reports are for ground stations that are there: these send heartbeats
-REPEAT_NS = 5_000_000_000  # the same refusal of a stream is sent no more often
-SOLVE_TIME = "solve_ms"
 UNSUPPORTED = int(dialect.MAV_RESULT_UNSUPPORTED)
 REJECTED = int(dialect.MAV_RESULT_TEMPORARILY_REJECTED)
-
 NOTHING = OperatorReport()
 
 
@@ -73,18 +70,14 @@ class OperatorSession:
         self._autopilot = (config.autopilot_system_id, config.autopilot_component_id)
         self._claim_goto = operator.claim_goto
         self._parser = Parser()
-        self._senders = {self._us: dialect.MAVLink(None, srcSystem=self._us[0], srcComponent=self._us[1])}
+        self._replies = Replies(self._us)
         self._parameters = ParameterServer(parameters)
         self._reports = Reports(operator.report_hz)
-        self._texts = Texts()
-        self._to_send: list[Frame] = []
         self._asked: list[tuple[Address, int]] = []  # for messages, by id
         self._clocks: dict[Address, TimeSync] = {}
         self._repeats = Repeats()
         self._repeated_settings = RepeatedSettings()
-        self._setpoint_numbers: dict[tuple[Address, tuple[int, int]], int] = {}
-        self._setpoints_ns: dict[tuple[Address, tuple[int, int]], int] = {}
-        self._refused_ns: dict[str, int] = {}
+        self._setpoint_streams = SetpointStreams()
         self._heard_ns: int | None = None
         self.solve_ms = math.nan
         self.shell_notes = NoteReader()
@@ -113,7 +106,7 @@ class OperatorSession:
             self._parameters.tell(command.name)
         if refusal is not None:
             is_setpoint = request.mav_cmd is None and not isinstance(command, ParameterChange)
-            self._send_refusal(t_ns, refusal, request.address, seldom=is_setpoint)
+            self._replies.send_refusal(t_ns, refusal, request.address, seldom=is_setpoint)
         if request.mav_cmd is not None:
             result = ACCEPTED if refusal is None else REJECTED
             if request.heard is not None:
@@ -122,7 +115,7 @@ class OperatorSession:
 
     def tell(self, t_ns: int, severity: int, text: str) -> None:
         """STATUSTEXT to every operator heard lately."""
-        self._send_text(t_ns, severity, text, EVERYONE)
+        self._replies.send_text(t_ns, severity, text, EVERYONE)
 
     def tell_parameters(self, names: tuple[str, ...]) -> None:
         """Send values to every operator, as after they have changed by another way."""
@@ -137,19 +130,18 @@ class OperatorSession:
         asked, self._asked = self._asked, []
         for address, msg_id in asked:
             for message in self._reports.build(t_ns, msg_id, report):
-                self._send(t_ns, message, address)
+                self._replies.send(t_ns, message, address)
         for address, message in self._parameters.data_to_send(value_of):
-            self._send(t_ns, message, address)
+            self._replies.send(t_ns, message, address)
         for address, clock in self._clocks.items():
             for message in clock.data_to_send(t_ns):
-                self._send(t_ns, message, address)
+                self._replies.send(t_ns, message, address)
         self._clocks.clear()
         if self._heard_ns is not None:
             quiet = t_ns - self._heard_ns > LISTENING_NS
             for message in self._reports.take_due(t_ns, report, quiet=quiet):
-                self._send(t_ns, message, EVERYONE)
-        frames, self._to_send = self._to_send, []
-        return frames
+                self._replies.send(t_ns, message, EVERYONE)
+        return self._replies.take()
 
     def counters(self) -> tuple[tuple[str, int], ...]:
         """Cumulative counts of what came in and what was dropped."""
@@ -205,29 +197,14 @@ class OperatorSession:
     def _on_setpoint(
         self, frame: Frame, data: bytes, message: Any, answer_as: tuple[int, int]
     ) -> OperatorRequest | None:
-        key = (frame.address, source(data))
-        last_ns = self._setpoints_ns.pop(key, None)
-        if len(self._setpoints_ns) >= Parser.MAX_PEERS:
-            self._setpoints_ns.pop(next(iter(self._setpoints_ns)))
-        self._setpoints_ns[key] = frame.t_ns
-        streaming = last_ns is not None and frame.t_ns - last_ns < STREAM_NS
-        if self._is_overtaken(data, key, streaming=streaming):
+        streaming, overtaken = self._setpoint_streams.take(frame, data)
+        if overtaken:
             return None
         meaning = meaning_of_setpoint(frame.t_ns, message, streaming=streaming)
         if isinstance(meaning, Refusal):
-            self._send_refusal(frame.t_ns, meaning.why, frame.address, seldom=True)
+            self._replies.send_refusal(frame.t_ns, meaning.why, frame.address, seldom=True)
             return None
         return self._request(frame, data, meaning, None, answer_as)
-
-    def _is_overtaken(self, data: bytes, key: tuple[Address, tuple[int, int]], *, streaming: bool) -> bool:
-        """Whether a later set-point of the stream has come already."""
-        number = sequence(data)
-        last = self._setpoint_numbers.pop(key, None)
-        overtaken = streaming and last is not None and 0 < (last - number) % 256 <= BEHIND
-        if len(self._setpoint_numbers) >= Parser.MAX_PEERS:
-            self._setpoint_numbers.pop(next(iter(self._setpoint_numbers)))
-        self._setpoint_numbers[key] = last if overtaken and last is not None else number
-        return overtaken
 
     def _on_command(
         self, frame: Frame, data: bytes, message: Any, answer_as: tuple[int, int], *, alone: bool
@@ -246,7 +223,7 @@ class OperatorSession:
         if not alone and result != ACCEPTED:
             return None  # others of the system may do it: no answer of ours must stand against theirs
         if isinstance(meaning, Refusal):
-            self._send_refusal(frame.t_ns, meaning.why, frame.address)
+            self._replies.send_refusal(frame.t_ns, meaning.why, frame.address)
         self._send_ack(frame.t_ns, asker, result)
         if asked is not None:
             self._asked.append((frame.address, asked))
@@ -266,11 +243,11 @@ class OperatorSession:
         if before is not None:
             if before.result is not None:
                 if before.refusal is not None:
-                    self._send_refusal(frame.t_ns, before.refusal, frame.address)
+                    self._replies.send_refusal(frame.t_ns, before.refusal, frame.address)
                 self._send_ack(frame.t_ns, request, before.result)
             return None
         if isinstance(meaning, HoldCommand) and self._repeats.is_late(frame, data):
-            self._send_refusal(frame.t_ns, explain(Reason.REQUEST_LATE), frame.address)
+            self._replies.send_refusal(frame.t_ns, explain(Reason.REQUEST_LATE), frame.address)
             self._send_ack(frame.t_ns, request, REJECTED)
             return None
         return dataclasses.replace(request, heard=self._repeats.take(frame, data))
@@ -293,78 +270,8 @@ class OperatorSession:
             answer_as=answer_as,
         )
 
-    # --- out -----------------------------------------------------------------------------------------------
-
-    def _send_refusal(self, t_ns: int, why: Explanation, address: Address, *, seldom: bool = False) -> None:
-        """Why something is not done, as STATUSTEXT; `seldom`: not where the same was sent a moment ago."""
-        text = describe(why)
-        if seldom:
-            self._refused_ns = {said: at for said, at in self._refused_ns.items() if t_ns - at < REPEAT_NS}
-            if text in self._refused_ns:
-                return
-            self._refused_ns[text] = t_ns
-        self._send_text(t_ns, dialect.MAV_SEVERITY_WARNING, text, address)
-
     def _send_ack(self, t_ns: int, request: OperatorRequest, result: int) -> None:
         message = dialect.MAVLink_command_ack_message(
             request.mav_cmd or 0, result, 0, 0, request.system_id, request.component_id
         )
-        self._send(t_ns, message, request.address, request.answer_as)
-
-    def _send_text(self, t_ns: int, severity: int, text: str, address: Address) -> None:
-        for message in self._texts.messages(severity, text):
-            self._send(t_ns, message, address)
-
-    def _send(self, t_ns: int, message: Any, address: Address, answer_as: tuple[int, int] | None = None) -> None:
-        """Put a message of ours into the next `data_to_send`."""
-        sender = answer_as or self._us
-        mav = self._senders.get(sender)
-        if mav is None:
-            mav = self._senders[sender] = dialect.MAVLink(None, srcSystem=sender[0], srcComponent=sender[1])
-        data = pack(message, mav)
-        mav.seq = (mav.seq + 1) % 256
-        self._to_send.append(Frame(t_ns=t_ns, port=OPERATOR, data=data, peer=address.peer, via=address.via))
-
-
-def encode_hold(
-    config: AutopilotLinkConfig, lat_deg: float | None, lon_deg: float | None, psi_rad: float | None
-) -> bytes:
-    """The frame that asks the daemon to hold a station; None means as the boat is now."""
-    message = dialect.MAVLink_command_int_message(
-        config.system_id,
-        config.component_id,
-        dialect.MAV_FRAME_GLOBAL,
-        dialect.MAV_CMD_DO_REPOSITION,
-        0,
-        0,
-        -1.0,
-        0.0,
-        0.0,
-        math.nan if psi_rad is None else psi_rad,
-        HERE if lat_deg is None else round(lat_deg * 1e7),
-        HERE if lon_deg is None else round(lon_deg * 1e7),
-        0.0,
-    )
-    return _pack_as_ground_station(message)
-
-
-FINAL_TICKS = 3  # of a run, after a release at its end: the autopilot is asked more than once
-
-
-def encode_release(config: AutopilotLinkConfig) -> bytes:
-    """The frame that asks the daemon to let go of the motors."""
-    message = dialect.MAVLink_command_long_message(
-        config.system_id, config.component_id, dialect.MAV_CMD_NAV_GUIDED_ENABLE, 0, 0, 0, 0, 0, 0, 0, 0
-    )
-    return _pack_as_ground_station(message)
-
-
-def encode_solve_time(config: AutopilotLinkConfig, solve_ms: float) -> bytes:
-    """The frame by which the shell tells how long solving takes."""
-    message = dialect.MAVLink_named_value_float_message(0, SOLVE_TIME.encode(), solve_ms)
-    return bytes(message.pack(dialect.MAVLink(None, srcSystem=config.system_id, srcComponent=config.component_id)))
-
-
-def _pack_as_ground_station(message: Any) -> bytes:
-    ground_station = dialect.MAVLink(None, srcSystem=255, srcComponent=dialect.MAV_COMP_ID_MISSIONPLANNER)
-    return bytes(message.pack(ground_station))
+        self._replies.send(t_ns, message, request.address, request.answer_as)

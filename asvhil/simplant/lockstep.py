@@ -10,7 +10,7 @@ from asvhil.backseat.build import build_backseat
 from asvhil.config import Config
 from asvhil.config.ports import OPERATOR
 from asvhil.logs.recorder import Recorder
-from asvhil.operator.session import FINAL_TICKS, encode_release
+from asvhil.operator.encoding import FINAL_TICKS, encode_release
 from asvhil.simplant.plant import Plant, with_lines_read
 from asvhil.types import Frame, Inputs, Outputs
 

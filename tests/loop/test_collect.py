@@ -19,7 +19,7 @@ from asvhil.links.operator_client import send_and_wait
 from asvhil.logs.encoding import decode_outputs
 from asvhil.logs.reader import LogFile
 from asvhil.logs.replay import config_of, replay
-from asvhil.operator.session import encode_hold
+from asvhil.operator.encoding import encode_hold
 from asvhil.simplant.plant import Plant
 from asvhil.supervisor.reasons import Reason, describe, explain
 from asvhil.types import Frame, Phase

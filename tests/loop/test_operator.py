@@ -14,7 +14,7 @@ from asvhil.controller.station_mpc import StationMpc
 from asvhil.io.mavlink.frames import dialect
 from asvhil.logs.opening import open_recorder
 from asvhil.logs.replay import replay
-from asvhil.operator.session import encode_hold, encode_release
+from asvhil.operator.encoding import encode_hold, encode_release
 from asvhil.supervisor.reasons import Reason, describe, explain
 from asvhil.types import Outputs, Phase
 from tests.support.loop import GroundStationLoop

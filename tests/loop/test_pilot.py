@@ -6,7 +6,7 @@ import pytest
 
 from asvhil.config import load_config
 from asvhil.io.mavlink.frames import FrameSplitter, decode, dialect
-from asvhil.operator.session import encode_hold
+from asvhil.operator.encoding import encode_hold
 from asvhil.simplant.lockstep import Lockstep
 from asvhil.supervisor.reasons import Reason, describe, explain
 from asvhil.types import Inputs, Outputs, Phase

@@ -27,7 +27,7 @@ from asvhil.links.router import MavlinkRouter
 from asvhil.logs.opening import open_recorder
 from asvhil.logs.reader import LogFile
 from asvhil.logs.replay import replay
-from asvhil.operator.session import encode_hold, encode_release
+from asvhil.operator.encoding import encode_hold, encode_release
 from asvhil.simplant.lockstep import Lockstep
 from asvhil.supervisor.reasons import Reason
 from asvhil.types import Frame, Outputs, Phase

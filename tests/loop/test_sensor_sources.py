@@ -16,7 +16,7 @@ from asvhil.links.endpoint import open_endpoint
 from asvhil.logs.opening import open_recorder
 from asvhil.logs.reader import LogFile
 from asvhil.logs.replay import replay
-from asvhil.operator.session import encode_hold
+from asvhil.operator.encoding import encode_hold
 from asvhil.simplant.lockstep import Lockstep
 from asvhil.simplant.plant import Plant
 from asvhil.sitl import run_lockstep

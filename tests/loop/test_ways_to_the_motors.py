@@ -9,7 +9,7 @@ from asvhil.backseat.build import build_backseat
 from asvhil.config import Config, load_config
 from asvhil.io.mavlink.frames import dialect, message_id
 from asvhil.logs.replay import replay
-from asvhil.operator.session import encode_release
+from asvhil.operator.encoding import encode_release
 from asvhil.simplant.lockstep import Lockstep
 from asvhil.sitl import run_lockstep
 from asvhil.supervisor.reasons import Reason, describe, explain

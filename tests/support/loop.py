@@ -9,7 +9,7 @@ from asvhil.config import Config
 from asvhil.io.mavlink.frames import dialect, renumbered
 from asvhil.io.mavlink.texts import TextReader
 from asvhil.logs.recorder import Recorder
-from asvhil.operator.session import encode_hold
+from asvhil.operator.encoding import encode_hold
 from asvhil.simplant.lockstep import Lockstep
 from asvhil.types import Inputs, Outputs
 from tests.support.messages import messages, overrides_us

@@ -14,7 +14,8 @@ from asvhil.io.sensors.nmea_framing import MAX_LINE
 from asvhil.io.sensors.nmea_sentences import EVERYTHING
 from asvhil.io.sensors.vectornav.codec import VectorNavCodec
 from asvhil.logs.tlog import read_tlog
-from asvhil.operator.session import OperatorSession, encode_hold, encode_release
+from asvhil.operator.encoding import encode_hold, encode_release
+from asvhil.operator.session import OperatorSession
 from asvhil.simplant.plant import Plant
 from asvhil.types import Frame
 from tests.support.paths import DATA

@@ -8,7 +8,8 @@ from asvhil.autopilot.ardurover import ArduRoverAutopilot
 from asvhil.config import AutopilotLinkConfig, PwmConfig
 from asvhil.io.mavlink.frames import FrameSplitter, decode, dialect
 from asvhil.io.mavlink.streams import StreamRequester
-from asvhil.operator.session import OperatorSession, encode_hold, encode_release
+from asvhil.operator.encoding import encode_hold, encode_release
+from asvhil.operator.session import OperatorSession
 from asvhil.supervisor.reasons import Reason, describe, explain
 from asvhil.types import (
     Frame,

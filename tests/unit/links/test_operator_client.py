@@ -14,7 +14,8 @@ from asvhil.io.mavlink.frames import dialect, sequence
 from asvhil.links.clock import Clock
 from asvhil.links.endpoint import open_endpoint
 from asvhil.links.operator_client import send_and_wait
-from asvhil.operator.session import OperatorSession, encode_hold
+from asvhil.operator.encoding import encode_hold
+from asvhil.operator.session import OperatorSession
 from asvhil.types import Frame
 
 CONFIG = load_config("sitl").links.autopilot

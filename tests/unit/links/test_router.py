@@ -9,7 +9,7 @@ from asvhil.config import load_config
 from asvhil.io.mavlink.frames import dialect
 from asvhil.io.mavlink.signing import Signer, SigningClock, derive_key
 from asvhil.links.router import MavlinkRouter
-from asvhil.operator.session import encode_hold
+from asvhil.operator.encoding import encode_hold
 from asvhil.types import Address, Frame
 
 QGC = "ground.qgc"

@@ -9,8 +9,9 @@ import pytest
 from asvhil.config import load_config
 from asvhil.geo import LocalFrame
 from asvhil.io.mavlink.frames import FrameSplitter, decode, dialect
+from asvhil.operator.encoding import encode_hold, encode_release
 from asvhil.operator.operations import Operations
-from asvhil.operator.session import OperatorSession, encode_hold, encode_release
+from asvhil.operator.session import OperatorSession
 from asvhil.operator.station_parameters import STATION_PARAMETERS, move_of_change, station_value
 from asvhil.operator.tunables import Tunables
 from asvhil.supervisor.reasons import Explanation, Reason, describe, explain

@@ -12,7 +12,8 @@ from asvhil.config import OperatorLinkConfig, load_config
 from asvhil.io.mavlink.frames import FrameSplitter, decode, dialect
 from asvhil.io.mavlink.texts import TextReader, Texts
 from asvhil.operator.reports import OperatorReport
-from asvhil.operator.session import STREAM_NS, OperatorRequest, OperatorSession
+from asvhil.operator.session import OperatorRequest, OperatorSession
+from asvhil.operator.setpoint_streams import STREAM_NS
 from asvhil.supervisor.reasons import Explanation, Reason, describe, explain
 from asvhil.types import EVERYONE, Address, Frame, HoldCommand, MoveCommand, ParameterChange, Phase, ReleaseCommand
 
