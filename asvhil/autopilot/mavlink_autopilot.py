@@ -81,6 +81,10 @@ class MavlinkAutopilot(AutopilotListener):
         self._known.end_driving()
         return self._sender.frames(t_ns, released)
 
+    def last_words(self, t_ns: int, *, neutral: bool) -> list[list[Frame]]:
+        """What another process sends, step by step, if this one dies before the next tick. Changes nothing here."""
+        return self._sender.frames_ahead(t_ns, self._output.last_words(neutral=neutral))
+
     def request_mode(self, t_ns: int, mode: str) -> list[Frame]:
         """DO_SET_MODE, at most once a second; nothing for a mode that the autopilot does not have."""
         number = self._modes.get(mode)

@@ -26,6 +26,7 @@ RELEASE_AXIS = 32767  # INT16_MAX: ArduPilot gives the channel of such an axis b
 AXIS = 1000  # -1000..1000 is a stick's whole travel
 NEUTRAL_NS = 3_000_000_000
 NEUTRAL_EVERY_NS = 100_000_000
+LAST_NEUTRALS, LAST_RELEASES = 4, 3  # of the last words: datagrams get lost, and an override has to be seen
 
 
 class Output(Protocol):
@@ -44,6 +45,13 @@ class Output(Protocol):
 
     def release(self, t_ns: int) -> list[bytes]:
         """Give the motors back: stop overriding sticks, or set outputs that hold their value to neutral."""
+        ...
+
+    def last_words(self, *, neutral: bool) -> list[list[bytes]]:
+        """What another process is to send, step by step, if this one dies now; changes nothing here.
+
+        Neutral first, for so long that no release can overtake it, unless the motors are being given to the pilot.
+        """
         ...
 
     def on_connect(self, t_ns: int) -> None:
@@ -74,6 +82,7 @@ class _Sticks:
 
     def __init__(self, config: AutopilotLinkConfig, pwm: PwmConfig, wiring: Wiring) -> None:
         self.wiring = wiring
+        self._neutral_us = pwm.neutral_us
         self._system_id, self._component_id = config.autopilot_system_id, config.autopilot_component_id
         # ArduPilot obeys both messages only from the system id of its ground station.
         self._mav = dialect.MAVLink(None, srcSystem=config.override_system_id, srcComponent=config.component_id)
@@ -93,6 +102,17 @@ class _Sticks:
 
     def data_to_send(self, t_ns: int) -> list[bytes]:
         return []
+
+    def last_words(self, *, neutral: bool) -> list[list[bytes]]:
+        """Neutral alone, then the release alone: in one go neutral would have no effect."""
+        middle = self.drive(self._neutral_us, self._neutral_us)
+        return [middle] * (LAST_NEUTRALS if neutral else 0) + [self.release(0)] * LAST_RELEASES
+
+    def drive(self, port_us: int, starboard_us: int) -> list[bytes]:
+        raise NotImplementedError
+
+    def release(self, t_ns: int) -> list[bytes]:
+        raise NotImplementedError
 
     def _packed(self, message: Any) -> list[bytes]:
         return [pack(message, self._mav)]
@@ -161,6 +181,10 @@ class _Held(ABC):
         """Send neutral now, and every 0.1 s for 3 s, so that some of it gets through a bad link."""
         self.on_connect(t_ns)
         return self._neutral(t_ns)
+
+    def last_words(self, *, neutral: bool) -> list[list[bytes]]:
+        """Neutral, which is the release too."""
+        return [self._set(self._neutral_us, self._neutral_us)] * (LAST_NEUTRALS + LAST_RELEASES)
 
     def on_connect(self, t_ns: int) -> None:
         """Send neutral: this program or the autopilot may have restarted while the motors ran."""

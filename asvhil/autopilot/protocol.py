@@ -107,6 +107,13 @@ class Autopilot(Protocol):
         """Give the motors back."""
         ...
 
+    def last_words(self, t_ns: int, *, neutral: bool) -> list[list[Frame]]:
+        """What another process is to send, step by step, if this one dies before its next tick; changes nothing here.
+
+        `neutral`: before the release, since the motors are driven.
+        """
+        ...
+
     def request_mode(self, t_ns: int, mode: str) -> list[Frame]:
         """Ask for a mode by name, at most once a second; nothing for a name that the autopilot does not have."""
         ...

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from asvhil.autopilot.motor_outputs import LAST_NEUTRALS, LAST_RELEASES
 from asvhil.autopilot.script_protocol import SENDERS, TEXTS, VERSION, AliveSign, Order, ScriptState, encode_order
 from asvhil.autopilot.wiring import Pulses, Wiring
 from asvhil.config import AutopilotLinkConfig, PwmConfig
@@ -110,6 +111,14 @@ class ScriptOutput:
         self._ended = None
         return released
 
+    def last_words(self, *, neutral: bool) -> list[list[bytes]]:
+        """Orders of the session for neutral, then its end; nothing where there is no session."""
+        if self._start is None:
+            return []
+        pulses_us = self.wiring.to_outputs((self._neutral_us, self._neutral_us))
+        orders = [Order.DRIVE] * (LAST_NEUTRALS if neutral else 0) + [Order.RELEASE] * LAST_RELEASES
+        return [[self._encode(order, self._count + 1 + i, pulses_us)] for i, order in enumerate(orders)]
+
     def data_to_send(self, t_ns: int) -> list[bytes]:
         """Nothing but orders; notes the time."""
         self._t_ns = t_ns
@@ -126,17 +135,20 @@ class ScriptOutput:
         return True
 
     def _order(self, order: Order, pulses_us: Pulses) -> list[bytes]:
-        assert self._start is not None
         self._count += 1
+        return [self._encode(order, self._count, pulses_us)]
+
+    def _encode(self, order: Order, count: int, pulses_us: Pulses) -> bytes:
+        assert self._start is not None
         message = encode_order(
             order,
             start=self._start,
-            count=self._count,
+            count=count,
             pulses_us=pulses_us,
             sender=self._sender,
             target=self._target,
         )
-        return [pack(message, self._mav)]
+        return pack(message, self._mav)
 
 
 def _why(state: ScriptState) -> str:

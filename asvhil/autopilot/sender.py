@@ -26,6 +26,16 @@ class AutopilotSender:
         """Numbered as they leave: receivers count what they miss, and routers drop what looks like a copy."""
         return [Frame(t_ns=t_ns, port=AUTOPILOT, data=self._numbering.number(t_ns, data)) for data in packed]
 
+    def frames_ahead(self, t_ns: int, steps: list[list[bytes]]) -> list[list[Frame]]:
+        """Frames that may leave later, in steps, with the numbers that come next; these are not taken."""
+        found: list[list[Frame]] = []
+        by = 0
+        for packed in steps:
+            numbered = [self._numbering.ahead(data, by + i) for i, data in enumerate(packed)]
+            by += len(packed)
+            found.append([Frame(t_ns=t_ns, port=AUTOPILOT, data=data) for data in numbered])
+        return found
+
     def frame(self, t_ns: int, message: Any) -> Frame:
         """One message of ours."""
         return Frame(t_ns=t_ns, port=AUTOPILOT, data=self._numbering.number(t_ns, pack(message, self._own)))

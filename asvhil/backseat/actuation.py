@@ -42,6 +42,7 @@ class Actuation:
         self.pulses_us: tuple[int, int] | None = None
         self.sent: MotorPulses | None = None
         self.control_ok: bool | None = None
+        self._driven = self._released = False  # what this tick sent to the motors
 
     # --- what the motors do --------------------------------------------------------------------------------
 
@@ -108,6 +109,7 @@ class Actuation:
         else:
             self._limiter.reset()
             self.pulses_us = None
+        self._driven, self._released = self.pulses_us is not None, decision.release
         frames: list[Frame] = []
         self.sent = None
         if self.pulses_us is not None:
@@ -124,6 +126,12 @@ class Actuation:
         if decision.ask_mode is not None:
             frames += self._autopilot.request_mode(t_ns, decision.ask_mode)
         return frames
+
+    def last_words(self, t_ns: int) -> list[list[Frame]]:
+        """What another process is to send, step by step, if this one dies before the next tick; changes nothing."""
+        if not (self._driven or self._released):
+            return []
+        return self._autopilot.last_words(t_ns, neutral=self._driven)
 
     def release_to_pilot(self, t_ns: int) -> list[Frame]:
         """Neutral and release, for a shell that can no longer step the backseat.

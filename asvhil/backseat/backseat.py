@@ -65,6 +65,13 @@ class Backseat:
         """Neutral and release, for a shell that can no longer call `step`."""
         return self._actuation.release_to_pilot(t_ns)
 
+    def last_words(self, t_ns: int) -> list[list[Frame]]:
+        """What another process is to send to the motors, step by step, if this one dies before its next `step`.
+
+        Changes nothing, so that a replay does not need it; empty while the motors are not ours.
+        """
+        return self._actuation.last_words(t_ns)
+
     # --- stages --------------------------------------------------------------------------------------------
 
     def _take_in(self, inputs: Inputs) -> Perceived:

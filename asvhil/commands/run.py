@@ -19,6 +19,9 @@ def run(
     duration: Annotated[
         float | None, typer.Option(min=0.1, help="Seconds to run; until interrupted by default.")
     ] = None,
+    no_guardian: Annotated[
+        bool, typer.Option("--no-guardian", help="Without the process that sends neutral if this one dies.")
+    ] = False,
     status_json: Annotated[bool, typer.Option(help="Print a JSON status line twice a second, no table.")] = False,
 ) -> None:
     """Run the daemon on the vehicle's companion computer. It holds only after `asvhil hold`."""
@@ -27,7 +30,7 @@ def run(
     from asvhil.links.clock import Clock
     from asvhil.logs.opening import make_run_folder, open_recorder
 
-    settings = load_config(config, tuple(set_))
+    settings = load_config(config, (*set_, *(["daemon.guardian=false"] if no_guardian else [])))
     path = log or make_run_folder(settings, "run") / "log.mcap"
     clock = Clock()
     recorder = open_recorder(settings, path, "live")

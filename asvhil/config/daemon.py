@@ -51,6 +51,21 @@ class DaemonConfig(Section):
         ),
     )
 
+    guardian: bool = Field(
+        default=True,
+        description=(
+            "Whether a small process of its own sends neutral and release if the daemon dies without having done so "
+            "(killed, crashed, out of memory). It does nothing else. Without it the autopilot's own time-out remains."
+        ),
+    )
+    guardian_lost: Literal["hold", "release"] = Field(
+        default="hold",
+        description=(
+            "What becomes of a hold when the guardian dies. It is started again at once in either case, with a note. "
+            "`hold`: the hold goes on. `release`: neutral and release, as by an operator."
+        ),
+    )
+
     @model_validator(mode="after")
     def _check_rates(self) -> DaemonConfig:
         ratio = self.tick_hz / self.control_hz

@@ -16,8 +16,9 @@ from types import MappingProxyType
 from asvhil.backseat.backseat import Backseat
 from asvhil.backseat.build import build_backseat
 from asvhil.config import Config
-from asvhil.config.ports import GROUND, OPERATOR
+from asvhil.config.ports import AUTOPILOT, GROUND, OPERATOR
 from asvhil.daemon.allowance import Allowance
+from asvhil.daemon.guardian import Guardian
 from asvhil.daemon.link_states import LinkStates
 from asvhil.daemon.own_notes import OwnNotes
 from asvhil.daemon.signals import handle_signals
@@ -68,7 +69,11 @@ class Daemon:
         self.router = MavlinkRouter(
             config.links, start_ns=clock.now_ns(), unix_ns=time.time_ns, on_forward=recorder.write_forwarded
         )
-        self._notes = OwnNotes(config.links.autopilot, {"log": lambda: recorder.trouble, **watches})
+        own: dict[str, Callable[[], str]] = {"log": lambda: recorder.trouble}
+        self.guardian = Guardian() if config.daemon.guardian else None
+        if self.guardian is not None:
+            own["guardian"] = lambda: "" if self.guardian is None else self.guardian.trouble
+        self._notes = OwnNotes(config.links.autopilot, {**own, **watches})
         self._saving: asyncio.Task[None] | None = None
         self._logged: dict[str, str] = {}
         specs = config.links.endpoints | self.router.ground_specs
@@ -92,6 +97,8 @@ class Daemon:
         """Tick until stopped, or for a time (s). Raises AsvhilError when the backseat failed, motors released first."""
         loop = asyncio.get_running_loop()
         signals = handle_signals(loop, stop=self.stop, hang_up=self._hang_up)
+        if self.guardian is not None:
+            self.guardian.start()
         readers = [asyncio.create_task(link.run(), name=port) for port, link in self.links.items()]
         for text in self.router.warnings:
             self._recorder.write_log(self._clock.now_ns(), "warning", text)
@@ -103,13 +110,18 @@ class Daemon:
             with ThreadPoolExecutor(1, thread_name_prefix="step") as worker:
                 await self._tick_until_stopped(loop, worker, duration_s)
                 await self._release_and_end(loop, worker)
+                self._stand_down()
         except Exception as error:
             await self._release_to_pilot()
+            self._stand_down()
             raise AsvhilError(f"the backseat failed, motors released: {type(error).__name__}: {error}") from error
         except BaseException:
             await self._release_to_pilot()
+            self._stand_down()
             raise
         finally:
+            if self.guardian is not None:
+                await asyncio.to_thread(self.guardian.close)
             for reader in readers:
                 reader.cancel()
             await asyncio.gather(*readers, return_exceptions=True)
@@ -170,11 +182,14 @@ class Daemon:
 
     async def _release_and_end(self, loop: asyncio.AbstractEventLoop, worker: ThreadPoolExecutor) -> None:
         """Shut down by an operator's release, so that the log has it as an input and replay gets it too."""
-        data = encode_release(self._config.links.autopilot)
-        self._inbox.append(Frame(t_ns=self._clock.now_ns(), port=OPERATOR, data=data))
+        self._ask_for_release()
         for _ in range(FINAL_TICKS):
             await self._tick(loop, worker, overrun=False)
             await asyncio.sleep(1.0 / self._config.daemon.tick_hz)  # neutral and release in one go are a release alone
+
+    def _ask_for_release(self) -> None:
+        data = encode_release(self._config.links.autopilot)
+        self._inbox.append(Frame(t_ns=self._clock.now_ns(), port=OPERATOR, data=data))
 
     async def _tick(self, loop: asyncio.AbstractEventLoop, worker: ThreadPoolExecutor, *, overrun: bool) -> None:
         self._inbox += self._notes.take_frames(self._clock.now_ns())
@@ -183,9 +198,13 @@ class Daemon:
         self._wake.clear()
         inputs = Inputs(t_ns=self._clock.now_ns(), frames=frames)
         self._recorder.write_inputs(inputs)
-        outputs, step_ns = await loop.run_in_executor(worker, self._timed_step, inputs)
+        outputs, last_words, step_ns = await loop.run_in_executor(worker, self._timed_step, inputs)
+        if last_words:
+            self._tell_guardian(last_words)  # before anything moves
         for frame in outputs.frames:
             await self._send(frame)
+        if not last_words:
+            self._tell_guardian([])  # after the last release
         self._recorder.write_outputs(outputs)
         self._recorder.write_timing(inputs.t_ns, step_ns, overrun)
         self.ticks += 1
@@ -214,10 +233,29 @@ class Daemon:
             self._inbox.append(Frame(t_ns=self._clock.now_ns(), port=OPERATOR, data=data))
             self._solve_reported_ns, self._slowest_ns = t_ns, 0
 
-    def _timed_step(self, inputs: Inputs) -> tuple[Outputs, int]:
+    def _timed_step(self, inputs: Inputs) -> tuple[Outputs, list[list[Frame]], int]:
         start_ns = time.perf_counter_ns()
         outputs = self._backseat.step(inputs)
-        return outputs, time.perf_counter_ns() - start_ns
+        step_ns = time.perf_counter_ns() - start_ns
+        return outputs, [] if self.guardian is None else self._backseat.last_words(inputs.t_ns), step_ns
+
+    def _tell_guardian(self, steps: list[list[Frame]]) -> None:
+        """Give it what to send if this process dies; end a hold that has none, where the config says so."""
+        if self.guardian is None:
+            return
+        link = self.links[AUTOPILOT]
+        handover = link.handover
+        blind = bool(steps) and handover is None and link.state == "up"
+        self.guardian.note_no_link("cannot send on this kind of link" if blind else "")
+        deaths = self.guardian.deaths
+        self.guardian.tell(self.router.last_words(steps), handover)
+        lost = self.guardian.deaths > deaths or not self.guardian.watches
+        if lost and steps and self._config.daemon.guardian_lost == "release":
+            self._ask_for_release()
+
+    def _stand_down(self) -> None:
+        if self.guardian is not None:
+            self.guardian.stand_down()
 
     def _states(self, outputs: Outputs) -> dict[str, str]:
         """The state of each link. Behind a semicolon stands what changes often."""

@@ -9,10 +9,11 @@ import socket
 from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable
+from typing import Any
 
 from asvhil.config.link_spec import LinkSpec
 from asvhil.errors import LinkError
-from asvhil.types import Frame
+from asvhil.types import Frame, record
 
 MAX_FRAMES = 4096
 MAX_BYTES = 512 * 1024  # 5 s of a full 921600 baud line; a later reader needs the newest frames
@@ -54,6 +55,20 @@ async def resolve(spec: LinkSpec, kind: socket.SocketKind) -> list[tuple[socket.
     # A dual-stacked name is bound and called on IPv4: that is where autopilots and ground stations look.
     found.sort(key=lambda info: info[0] != socket.AF_INET)
     return [(info[0], info[4]) for info in found]  # type: ignore[misc]
+
+
+@record
+class Handover:
+    """What another process needs to send on an open link: a descriptor to duplicate, and where datagrams go.
+
+    `kind` is `datagrams`, `stream` or `serial`; `peers` are socket addresses, none where the socket is connected. `key`
+    is the same as long as the descriptor stands for the same connection.
+    """
+
+    fd: int
+    kind: str
+    key: object
+    peers: tuple[Any, ...] = ()
 
 
 class Link(ABC):
@@ -116,6 +131,13 @@ class Link(ABC):
             await self._linger()
         finally:
             self._release()
+
+    def handover(self) -> Handover | None:
+        """What another process needs to send on this link now; None where it cannot, or there is nobody."""
+        return None if self._gone else self._handover()
+
+    def _handover(self) -> Handover | None:
+        return None
 
     def _check(self) -> None:
         if self._gone:

@@ -11,6 +11,7 @@ from asvhil.config import Config
 from asvhil.errors import LinkError
 from asvhil.links.clock import Clock
 from asvhil.links.endpoint import INBOX_FRAMES, Endpoint, open_endpoint
+from asvhil.links.link import Handover, Link
 from asvhil.types import Frame
 
 
@@ -96,6 +97,11 @@ class ReconnectingLink:
             await endpoint.send(data)
             return endpoint.unsent == unsent
         return False
+
+    @property
+    def handover(self) -> Handover | None:
+        """What another process needs to send on the link as it is now; None where it could not."""
+        return self._endpoint.handover() if isinstance(self._endpoint, Link) else None
 
     @property
     def losses(self) -> str:

@@ -7,7 +7,7 @@ a replay needs neither key nor clock, and no key is ever in a log.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Protocol
 
@@ -19,7 +19,7 @@ from asvhil.errors import ConfigError
 from asvhil.io.mavlink.frames import message_id, message_number, source, target
 from asvhil.io.mavlink.routing import Hops, LinkRules, RoutingTable
 from asvhil.io.mavlink.signature_filter import SignatureFilter
-from asvhil.io.mavlink.signing import Signer, SigningClock, SigningState, Verdict, Verifier
+from asvhil.io.mavlink.signing import PER_SECOND, Signer, SigningClock, SigningState, Verdict, Verifier
 from asvhil.links.keyfile import read_key, read_state, write_state
 from asvhil.operator.goto import is_goto
 from asvhil.types import Frame
@@ -111,6 +111,21 @@ class MavlinkRouter:
         if frame.port == OPERATOR and not frame.peer and self._table is not None:
             ports += self._table.originate(frame.data, besides=(AUTOPILOT,))
         return [self._signed(Frame(t_ns=frame.t_ns, port=name, data=frame.data, peer=frame.peer)) for name in ports]
+
+    def last_words(self, steps: Sequence[Sequence[Frame]]) -> list[list[bytes]]:
+        """Frames that another process may send later, in steps: signed, where the link is, ahead of our own.
+
+        What we send until they are made anew, a tick later, must not overtake them; they are a second ahead.
+        """
+        unix_ns, by = self._unix_ns(), PER_SECOND
+        signed: list[list[bytes]] = []
+        for frames in steps:
+            signed.append([])
+            for frame in frames:
+                by += 1
+                signer = self._signers.get(frame.port)
+                signed[-1].append(frame.data if signer is None else signer.sign_ahead(frame.data, unix_ns, by))
+        return signed
 
     def remarks(self, port: str) -> str:
         """How many frames were dropped on a link, and why, as text; empty if none."""

@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 from asvhil.config.link_spec import LinkSpec, host_port
 from asvhil.errors import LinkError
-from asvhil.links.link import OPEN_TIMEOUT_S, Link, resolve, why
+from asvhil.links.link import OPEN_TIMEOUT_S, Handover, Link, resolve, why
 from asvhil.links.stream import ByteStream
 
 DEAD_PEER_S = 10
@@ -32,6 +32,9 @@ class TcpClient(Link):
         super().__init__(spec.text, host_port(*sock.getpeername()[:2]), port, now_ns)
         self._sock = sock
         self._stream = ByteStream(sock.fileno(), self._received, self._lose, self._count_unsent)
+
+    def _handover(self) -> Handover | None:
+        return Handover(fd=self._sock.fileno(), kind="stream", key=self)
 
     def _transmit(self, data: bytes, peer: str) -> None:
         self._stream.send(data)
@@ -80,6 +83,11 @@ class TcpServer(Link):
         self._client = client
         self._sessions += 1
         self._stream = ByteStream(client.fileno(), self._received, self._client_left, self._count_unsent)
+
+    def _handover(self) -> Handover | None:
+        if self._client is None:
+            return None
+        return Handover(fd=self._client.fileno(), kind="stream", key=(self, self._sessions))
 
     def _client_left(self, _reason: str) -> None:
         self._drop_client()

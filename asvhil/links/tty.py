@@ -15,7 +15,7 @@ import serial
 
 from asvhil.config.link_spec import LinkSpec
 from asvhil.errors import LinkError
-from asvhil.links.link import Link, why
+from asvhil.links.link import Handover, Link, why
 from asvhil.links.stream import CHUNK_BYTES, ByteStream
 
 LINGER_S = 0.5
@@ -32,6 +32,9 @@ class SerialLink(Link):
         self._device = device
         self._congested_bytes = max(CONGESTED_BYTES, round(CONGESTED_S * spec.baud / 10.0))  # 10 bits to a byte
         self._stream = ByteStream(device.fileno(), self._received, self._unplugged, self._count_unsent)
+
+    def _handover(self) -> Handover | None:
+        return Handover(fd=self._device.fileno(), kind="serial", key=self)
 
     def _unplugged(self, reason: str) -> None:
         self._lose(f"unplugged, or the other end closed ({reason})")
@@ -112,6 +115,11 @@ class PtyLink(Link):
         self._timer: asyncio.TimerHandle | None = None
         os.set_blocking(master_fd, False)
         self._look()
+
+    def _handover(self) -> Handover | None:
+        if self._stream is None:
+            return None
+        return Handover(fd=self._master_fd, kind="stream", key=self)
 
     def _look(self) -> None:
         """Check whether a process has opened the slave: then read and write it until it is closed, else check again."""

@@ -10,7 +10,7 @@ from typing import Any
 
 from asvhil.config.link_spec import LinkSpec, host_port
 from asvhil.errors import LinkError
-from asvhil.links.link import Link, resolve, why
+from asvhil.links.link import Handover, Link, resolve, why
 
 MAX_PEERS = 16
 PEER_LIFE_NS = 10_000_000_000
@@ -67,13 +67,20 @@ class UdpIn(UdpLink):
         if len(self._peers) > MAX_PEERS:
             del self._peers[next(iter(self._peers))]
 
+    def _heard_lately(self) -> list[Any]:
+        oldest_ns = self._now_ns() - PEER_LIFE_NS
+        return [source for source, heard_ns in self._peers.values() if heard_ns >= oldest_ns]
+
+    def _handover(self) -> Handover | None:
+        peers = tuple(self._heard_lately())
+        return Handover(fd=self._sock.fileno(), kind="datagrams", key=self, peers=peers) if peers else None
+
     def _transmit(self, data: bytes, peer: str) -> None:
         if peer:
             known = self._peers.get(peer)
             targets = [known[0]] if known else []
         else:
-            oldest_ns = self._now_ns() - PEER_LIFE_NS
-            targets = [source for source, heard_ns in self._peers.values() if heard_ns >= oldest_ns]
+            targets = self._heard_lately()
         sent = False
         for target in targets:
             try:
@@ -87,6 +94,9 @@ class UdpIn(UdpLink):
 
 class UdpOut(UdpLink):
     """Connected to one peer, which may start later, restart, or be unreachable for a while."""
+
+    def _handover(self) -> Handover | None:
+        return Handover(fd=self._sock.fileno(), kind="datagrams", key=self)
 
     def _transmit(self, data: bytes, peer: str) -> None:
         for _ in range(2):  # an ICMP error of an earlier datagram is reported instead of sending this one

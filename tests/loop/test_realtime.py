@@ -58,7 +58,7 @@ def test_hold_by_command_through_noise_and_a_clean_end(tmp_path: Path) -> None:
 
 
 def test_kill_9_leaves_neutral_motors_and_a_readable_log(tmp_path: Path) -> None:
-    with bench(tmp_path) as at, at.plant():
+    with bench(tmp_path, "daemon.guardian=false") as at, at.plant():  # the autopilot's own time-out
         with at.daemon() as daemon:
             daemon.wait_for(lambda s: s["phase"] == "hold", 15.0)
             time.sleep(3.0)

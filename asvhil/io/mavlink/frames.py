@@ -131,6 +131,15 @@ def target(frame: bytes) -> tuple[int, int]:
     return system_id, component_id
 
 
+def _is_numbered(frame: bytes) -> bool:
+    return frame[0] == MAGIC_V2 and not frame[2] & SIGNED and message_id(frame) in CRC_EXTRA
+
+
+def _with_number(frame: bytes, number: int) -> bytes:
+    body = frame[:4] + bytes([number]) + frame[5:-CRC_LENGTH]
+    return body + checksum(body)
+
+
 class Numbering:
     """Numbers frames as they leave, for each sender by itself, and knows those of the last 3 s."""
 
@@ -143,17 +152,22 @@ class Numbering:
 
     def number(self, t_ns: int, frame: bytes) -> bytes:
         """A MAVLink 2 frame of ours with its number; any other as it is."""
-        if frame[0] != MAGIC_V2 or frame[2] & SIGNED or message_id(frame) not in CRC_EXTRA:
+        if not _is_numbered(frame):
             return frame
         sender = source(frame)
         number = self._next.get(sender, 0)
         self._next[sender] = (number + 1) % 256
-        body = frame[:4] + bytes([number]) + frame[5:-CRC_LENGTH]
-        numbered = body + checksum(body)
+        numbered = _with_number(frame, number)
         self._sent[numbered] = t_ns
         if len(self._sent) > self.KEPT:
             self._sent.pop(next(iter(self._sent)))
         return numbered
+
+    def ahead(self, frame: bytes, by: int) -> bytes:
+        """A frame that may leave later, with the number after the `by` next ones."""
+        if not _is_numbered(frame):
+            return frame
+        return _with_number(frame, (self._next.get(source(frame), 0) + by) % 256)
 
     def was_sent(self, t_ns: int, frame: bytes) -> bool:
         """Whether a complete frame, signed since or not, is one that left a moment ago."""

@@ -112,6 +112,10 @@ class SigningClock:
         self.last = max(timestamp_of(unix_ns), self.last + 1)
         return self.last
 
+    def ahead(self, unix_ns: int, by: int) -> int:
+        """A timestamp for a frame that may leave later, `by` ticks of 10 us ahead of all that left until now."""
+        return max(timestamp_of(unix_ns), self.last) + by
+
     def learn(self, timestamp: int) -> None:
         """A peer is ahead: follow, or it would take our frames for old ones."""
         self.last = max(self.last, timestamp)
@@ -128,6 +132,10 @@ class Signer:
     def sign(self, frame: bytes, unix_ns: int) -> bytes:
         """The frame, signed now."""
         return sign(frame, self._key, self._link_id, self._clock.next(unix_ns))
+
+    def sign_ahead(self, frame: bytes, unix_ns: int, by: int) -> bytes:
+        """The frame, signed to leave later, if at all: `by` ticks of 10 us ahead of what left until now."""
+        return sign(frame, self._key, self._link_id, self._clock.ahead(unix_ns, by))
 
 
 class Verifier:

@@ -7,7 +7,7 @@ import pytest
 
 from asvhil.config import load_config
 from asvhil.io.mavlink.frames import dialect
-from asvhil.io.mavlink.signing import Signer, SigningClock, derive_key
+from asvhil.io.mavlink.signing import Signer, SigningClock, Verdict, Verifier, derive_key
 from asvhil.links.router import MavlinkRouter
 from asvhil.operator.encoding import encode_hold
 from asvhil.types import Address, Frame
@@ -126,3 +126,28 @@ async def test_sticks_that_are_passed_on_to_the_autopilot_are_shown_to_us_too(co
         shown = await made.receive(Frame(t_ns=number, port=QGC, data=data, peer="10.0.0.1:5"))
         assert shown == [Frame(t_ns=number, port="operator", data=data, peer="10.0.0.1:5", via=QGC)]
         assert autopilot.forwarded[-1] == data
+
+
+def test_last_words_are_accepted_after_all_that_left_meanwhile_and_before_what_leaves_a_second_later(
+    tmp_path: Path,
+) -> None:
+    key = tmp_path / "key"
+    key.write_text("open sesame")
+    key.chmod(0o600)
+    config = load_config("sitl", (f"links.autopilot.signing={{key_file: {key}, link_id: 3}}",))
+    now_ns = 1_800_000_000_000_000_000
+    made = MavlinkRouter(config.links, start_ns=0, unix_ns=lambda: now_ns)
+    frame = Frame(t_ns=0, port="autopilot", data=heartbeat(1, 191))
+    autopilot = Verifier(derive_key("open sesame"), SigningClock(), max_ahead_s=None)
+
+    def accepts(data: bytes) -> bool:
+        return autopilot.check(data, 0, now_ns) is Verdict.ACCEPTED
+
+    steps = made.last_words([[frame, frame], [frame]])
+    for _ in range(100):  # in the same tick, while time stands still: each one more than the last
+        assert accepts(made.outgoing(frame)[0].data)
+    said = [data for words in steps for data in words]
+    assert len(said) == 3 and all(accepts(data) for data in said)
+    assert not accepts(made.outgoing(frame)[0].data)
+    now_ns += 1_100_000_000  # a daemon that is started again needs longer
+    assert accepts(made.outgoing(frame)[0].data)
