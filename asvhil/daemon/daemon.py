@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import gc
+import os
 import sys
 import time
 from collections import deque
@@ -22,6 +23,7 @@ from asvhil.daemon.guardian import Guardian
 from asvhil.daemon.link_states import LinkStates
 from asvhil.daemon.own_notes import OwnNotes
 from asvhil.daemon.signals import handle_signals
+from asvhil.daemon.systemd import ServiceManager
 from asvhil.errors import AsvhilError, ConfigError
 from asvhil.io.mavlink.frames import refuse_ignored_crc
 from asvhil.io.mavlink.signing import SigningState
@@ -74,6 +76,7 @@ class Daemon:
         if self.guardian is not None:
             own["guardian"] = lambda: "" if self.guardian is None else self.guardian.trouble
         self._notes = OwnNotes(config.links.autopilot, {**own, **watches})
+        self._service = ServiceManager(os.environ)
         self._saving: asyncio.Task[None] | None = None
         self._logged: dict[str, str] = {}
         specs = config.links.endpoints | self.router.ground_specs
@@ -134,6 +137,7 @@ class Daemon:
                 await self._saving
             await self._save(self.router.states())
             signals.restore()
+            self._service.stopping()
 
     def _hang_up(self) -> None:
         """The terminal is gone, which nobody may have wanted."""
@@ -214,6 +218,7 @@ class Daemon:
         self._log_changes(outputs, states)
         self._log_router(outputs.t_ns)
         self._show(outputs, states)
+        self._service.tick(f"{outputs.phase}: {outputs.health.reason}")
 
     def _show(self, outputs: Outputs, states: dict[str, str]) -> None:
         """Tell who looks on. If that fails, the run goes on without."""

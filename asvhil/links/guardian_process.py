@@ -27,7 +27,8 @@ import time
 STEP_S = 0.05
 LOOK_S = 0.1  # the daemon tells something in each tick while it has the motors
 REST_BYTES = 280  # of zeros: the rest of a frame that the daemon was in the middle of, if it was
-IGNORED = (signal.SIGINT, signal.SIGHUP, signal.SIGTERM, signal.SIGQUIT, signal.SIGPIPE)  # it ends with the daemon
+# It ends with the daemon, and not by what ends that one; SIGABRT is systemd's watchdog.
+IGNORED = (signal.SIGINT, signal.SIGHUP, signal.SIGTERM, signal.SIGQUIT, signal.SIGABRT, signal.SIGPIPE)
 
 
 class Line:

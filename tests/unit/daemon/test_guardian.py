@@ -222,7 +222,7 @@ async def test_real_links_are_handed_over(tmp_path: Path) -> None:
 # --- what becomes of it ---
 
 
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP, signal.SIGQUIT, signal.SIGPIPE])
+@pytest.mark.parametrize("number", guardian_process.IGNORED)
 def test_signals_for_the_daemon_do_not_end_it(number: signal.Signals, ear: Ear) -> None:
     with guarded() as guardian:
         keep_telling(guardian, 0.3, ear.link())
