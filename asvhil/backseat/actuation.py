@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from asvhil.autopilot.motor_check import MotorCheck
 from asvhil.autopilot.protocol import Autopilot
 from asvhil.backseat.cadence import Cadence
@@ -11,7 +13,7 @@ from asvhil.controller.pwm import PulseLimiter
 from asvhil.supervisor.reasons import Explanation
 from asvhil.supervisor.situation import MotorPulses, StationSticks
 from asvhil.supervisor.supervisor import Decision
-from asvhil.types import Control, Estimate, Frame, FrontseatStatus, Note, Phase, Wind
+from asvhil.types import Control, Estimate, Frame, FrontseatStatus, Note, Phase, Wind, changed
 
 
 class Actuation:
@@ -96,6 +98,8 @@ class Actuation:
         if not self._cadence.advance(t_ns, fresh):
             return None
         control = self._controller.step(estimate, wind, decision.station)
+        if control.ok and not all(map(math.isfinite, control.command)):
+            control = changed(control, ok=False)  # as neutral it would pass for a hold
         self._command = control.command if control.ok else (0.0, 0.0)
         self.control_ok = control.ok
         return control
