@@ -95,12 +95,12 @@ class Perception:
         t_ns = inputs.t_ns
         self._statuses.clear()
         for frame in inputs.frames:
-            self._take(frame)
+            self._on_frame(frame)
         wind = self._wind.wind(t_ns)
         usable_wind = wind if wind is not None and wind.valid else None
         if (usable_wind is None) != (self._forcing_wind is None):
             # Before the estimate, so that the controller gets wind and disturbance of one mind.
-            self._force(usable_wind)
+            self._set_forcing(usable_wind)
         estimate = self._estimator.estimate(t_ns)
         if usable_wind is not None:
             self._wind_ns = t_ns
@@ -119,7 +119,7 @@ class Perception:
     def note_pulses(self, pulses_us: tuple[int, int] | None, wind: Wind | None) -> None:
         """The pulses (us) that are sent from now on, None where the autopilot has the motors, and the usable wind."""
         self._pulses_us = pulses_us
-        self._force(wind)
+        self._set_forcing(wind)
 
     def check_model(self, seen: Perceived) -> PredictionError | None:
         """In a control tick, after `note_pulses`: the errors of the model's prediction, once its horizon is filled."""
@@ -151,7 +151,7 @@ class Perception:
         """Cumulative counts of the sensor links and of the estimator."""
         return (*self._decoder.counters(), *self._estimator.counters())
 
-    def _take(self, frame: Frame) -> None:
+    def _on_frame(self, frame: Frame) -> None:
         if frame.port == self._firmware.port:
             self._firmware.receive(frame)
         measurements = self._decoder.decode(frame)
@@ -159,9 +159,9 @@ class Perception:
             self._estimator.on_measurements(measurements)
         for measurement in measurements:
             if type(measurement) in NOT_THE_ESTIMATORS:
-                self._take_rest(measurement)
+                self._on_wind_or_status(measurement)
 
-    def _take_rest(self, measurement: Measurement) -> None:
+    def _on_wind_or_status(self, measurement: Measurement) -> None:
         """Wind, and the autopilot's status."""
         match measurement:
             case FrontseatStatus():
@@ -180,7 +180,7 @@ class Perception:
             case _:
                 pass
 
-    def _force(self, wind: Wind | None) -> None:
+    def _set_forcing(self, wind: Wind | None) -> None:
         """What drives the estimator's prediction from now on: our pulses, or else the autopilot's outputs; and wind."""
         pulses = self._pulses_us
         if pulses is None:

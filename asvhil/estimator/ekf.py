@@ -52,7 +52,7 @@ class Ekf:
     def rejected(self) -> dict[str, int]:
         """Cumulative counts of rejected readings by kind."""
         tracks = self._history.state.tracks if self._history is not None else {}
-        return {name: tracks[name].refused if name in tracks else 0 for name in NAMES}
+        return {name: tracks[name].rejected if name in tracks else 0 for name in NAMES}
 
     @property
     def resets(self) -> int:

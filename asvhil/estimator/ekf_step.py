@@ -39,7 +39,7 @@ from asvhil.types import GroundVelocity, Heading, Position, SpecificForce, YawRa
 MAX_GAP_S = 5.0
 SLOWEST_INERTIAL_S = 0.2  # longest time for which a residual of the accelerometer is held
 OVERDUE = 2.5  # intervals without a sample, after which the accelerometer counts as missing
-FIRST = Track()
+NEW_TRACK = Track()
 BIAS_SIGMA = 3.0  # bound of the slow error of a receiver: more is motion, or a jump
 CARRIED_NS = 10_000_000_000  # without wind, after which its load stays in the disturbance
 
@@ -57,7 +57,7 @@ class Filter:
         self._gate2 = ekf.gate_sigma**2
         self._n_motor = model.n_motor
         self._motion = MotionModel(model, ekf.position_bias_time_s)
-        self._loaded: Forcing | None = None  # the one whose input and wind are in the buffers of the model
+        self._buffered: Forcing | None = None  # the one whose input and wind are in the buffers of the model
         self._noise_rate = noise_rate(ekf)
         self._noise_rate_without_bias = self._noise_rate.copy()
         self._noise_rate_without_bias[[B_N, B_E]] = 0.0
@@ -105,8 +105,8 @@ class Filter:
         state = FilterState(position.t_ns, x, np.diag(prior(ekf)), np.zeros(self._n_motor))
         if velocity is not None and velocity.fused:
             state.follows_bias = False
-        state.tracks["position"] = Track(heard_ns=position.t_ns, used_ns=position.t_ns, used=1)
-        state.tracks["heading"] = Track(heard_ns=heading.t_ns, used_ns=heading.t_ns, used=1)
+        state.tracks["position"] = Track(received_ns=position.t_ns, accepted_ns=position.t_ns, accepted=1)
+        state.tracks["heading"] = Track(received_ns=heading.t_ns, accepted_ns=heading.t_ns, accepted=1)
         return state
 
     def step(self, before: FilterState, t_ns: int, event: Any) -> FilterState:
@@ -115,14 +115,14 @@ class Filter:
         self._predict(state, t_ns)
         match event:
             case None:
-                if validity.of(state, t_ns, self._stale_ns, self._config.trust):
+                if validity.is_valid(state, t_ns, self._stale_ns, self._config.trust):
                     state.invalid_since_ns = sensor_health.NEVER
                 elif state.invalid_since_ns == sensor_health.NEVER:
                     state.invalid_since_ns = t_ns
             case Forcing():
-                self._force(state, event)
+                self._set_forcing(state, event)
             case (SpecificForce() as m,):
-                self._on_force(state, m)
+                self._on_specific_force(state, m)
             case _:
                 self._on_correction(state, t_ns, event)
         return state
@@ -142,7 +142,7 @@ class Filter:
         while remaining_s > 1e-9:
             dt_s = min(remaining_s, MAX_STEP_S)
             remaining_s -= dt_s
-            self._load(state)
+            self._fill_buffers(state)
             motion.residual[:] = state.residual
             motion.predict(dt_s, gain)
             state.x = motion.after[:SIZE].copy()
@@ -158,16 +158,16 @@ class Filter:
         """Gain of the accelerometer's residual: k = q_m / (q_m + q_a), see `prediction.py`."""
         return self._model_density / (self._model_density + self._accel_density * interval_s)
 
-    def _load(self, state: FilterState) -> None:
+    def _fill_buffers(self, state: FilterState) -> None:
         motion = self._motion
         motion.state[:SIZE] = state.x
         motion.state[SIZE:] = state.motor
-        if state.forcing is not self._loaded:
-            self._loaded = state.forcing
+        if state.forcing is not self._buffered:
+            self._buffered = state.forcing
             motion.input[:] = state.forcing.model_input
             motion.wind[:] = state.forcing.wind_ned or (0.0, 0.0)
 
-    def _force(self, state: FilterState, forcing: Forcing) -> None:
+    def _set_forcing(self, state: FilterState, forcing: Forcing) -> None:
         """Another input and wind from now on.
 
         When the wind is no longer known, its load is added to the disturbance; when it returns, the load is subtracted
@@ -193,8 +193,8 @@ class Filter:
 
     def _acceleration(self, state: FilterState) -> Array:
         """(u, v, r) dot by the model and the disturbance (3)."""
-        self._load(state)
-        self._motion.accelerate()
+        self._fill_buffers(state)
+        self._motion.evaluate_acceleration()
         return self._motion.acceleration.copy()
 
     # --- readings --------------------------------------------------------------------------------------------
@@ -206,37 +206,36 @@ class Filter:
                 # error of the receiver: the estimate would drift off that filter's own position, and the boat with
                 # it. So with a fused velocity the slow error is not estimated, and decays.
                 state.follows_bias = not m.fused
-                fault_recovery.travel(state, t_ns, m.vn_mps, m.ve_mps)
+                fault_recovery.integrate_velocity(state, t_ns, m.vn_mps, m.ve_mps)
         noise = self._noise[tuple(type(m) for m in measurements)]
-        self._take(state, t_ns, measurement_model.reading_of(state.x, measurements, self._frame), noise)
+        self._gate_and_correct(state, t_ns, measurement_model.reading_of(state.x, measurements, self._frame), noise)
 
-    def _on_force(self, state: FilterState, m: SpecificForce) -> None:
+    def _on_specific_force(self, state: FilterState, m: SpecificForce) -> None:
         interval_s = (m.t_ns - state.inertial_ns) * 1e-9
         state.inertial_ns = m.t_ns
         if not (self._config.ekf.accelerometer and 0.0 < interval_s <= SLOWEST_INERTIAL_S):
             state.interval_s = 0.0
             return
         state.interval_s = interval_s
-        self._load(state)
+        self._fill_buffers(state)
         motion = self._motion
         motion.arm[:] = m.arm_m
-        motion.feel()
+        motion.evaluate_specific_force()
         expected = motion.force
         innovation = np.array([m.ax_mps2, m.ay_mps2]) - expected
         h = motion.force_jacobian.copy()
         variance = self._model_density / interval_s + self._accel_density
         before = state.x
-        felt = (float(expected[0]), float(expected[1]))
-        group = Group("acceleration", slice(0, 2), (m.ax_mps2, m.ay_mps2), felt)
+        group = Group("acceleration", slice(0, 2), (m.ax_mps2, m.ay_mps2), (float(expected[0]), float(expected[1])))
         noise = np.array([[variance, 0.0], [0.0, variance]])
-        if self._take(state, m.t_ns, Reading([group], innovation, h), noise):
+        if self._gate_and_correct(state, m.t_ns, Reading([group], innovation, h), noise):
             state.residual = innovation - h @ (state.x - before)
         else:
             state.interval_s = 0.0
 
     # --- correction ------------------------------------------------------------------------------------------
 
-    def _take(self, state: FilterState, t_ns: int, reading: Reading, noise: Array) -> bool:
+    def _gate_and_correct(self, state: FilterState, t_ns: int, reading: Reading, noise: Array) -> bool:
         """Correct with the groups of rows that pass the gate: whether there was any."""
         groups, innovation, h = reading
         if not groups:
@@ -247,26 +246,27 @@ class Filter:
         used = []
         for group in groups:
             name, rows, value, expected = group
-            track = state.tracks.get(name, FIRST)
-            track = sensor_health.hear(track, t_ns, value, expected, fault_recovery.ALIVE[name], self._frozen_ns)
-            if fault_recovery.frozen(state, name, track):
-                state.tracks[name] = sensor_health.skip(track)
+            track = state.tracks.get(name, NEW_TRACK)
+            limits = fault_recovery.FREEZE_LIMITS[name]
+            track = sensor_health.update(track, t_ns, value, expected, limits, self._frozen_ns)
+            if fault_recovery.is_frozen(state, name, track):
+                state.tracks[name] = sensor_health.exclude(track)
                 continue
-            distance2 = _distance2(variances, offs, rows)
+            distance2 = _mahalanobis2(variances, offs, rows)
             if distance2 <= self._gate2 * (rows.stop - rows.start):
-                state.tracks[name] = sensor_health.use(track, t_ns)
+                state.tracks[name] = sensor_health.accept(track, t_ns)
                 used.append(group)
                 continue
             off = offs[rows.start], offs[rows.stop - 1]
             slack = self._gate * math.sqrt(2.0 * noise[rows.start, rows.start])
-            steady = fault_recovery.steady_part(state, t_ns, name, off)
-            state.tracks[name] = track = sensor_health.refuse(track, t_ns, steady, off, slack)
-            if fault_recovery.convinces(state, t_ns, name, math.hypot(*off) - slack, self._return_ns):
-                self._give_up(state, name, math.hypot(*off))
+            steady = fault_recovery.consistency_offset(state, t_ns, name, off)
+            state.tracks[name] = track = sensor_health.reject(track, t_ns, steady, off, slack)
+            if fault_recovery.requires_reset(state, t_ns, name, math.hypot(*off) - slack, self._return_ns):
+                self._reset(state, name, math.hypot(*off))
                 ph = state.p @ h.T
                 s = h @ ph + noise
                 variances = s.tolist()
-                state.tracks[name] = sensor_health.use(track, t_ns)
+                state.tracks[name] = sensor_health.accept(track, t_ns)
                 used.append(group)
         if not used:
             return False
@@ -276,7 +276,7 @@ class Filter:
         self._correct(state, ph, s, innovation, h, noise)
         return True
 
-    def _give_up(self, state: FilterState, name: str, off: float) -> None:
+    def _reset(self, state: FilterState, name: str, off: float) -> None:
         """Reset the states of a rejected sensor to its reading.
 
         A position that is `off` (m) while the receiver's velocity was accepted means a slow error of the receiver, and
@@ -284,9 +284,9 @@ class Filter:
         """
         std_m = self._config.ekf.position_bias_std_m
         velocity = state.tracks.get("velocity")
-        moved = velocity is None or velocity.used == 0 or velocity.refused_in_row > 0
+        moved = velocity is None or velocity.accepted == 0 or velocity.rejected_in_row > 0
         if name != "position" or moved or not state.follows_bias or off > BIAS_SIGMA * std_m:
-            fault_recovery.give_up(state, name)
+            fault_recovery.reset_states(state, name)
             return
         state.resets += 1
         state.p = state.p.copy()
@@ -311,7 +311,7 @@ class Filter:
         np.minimum(np.maximum(part, self._least, out=part), self._most, out=part)  # as np.clip, and cheaper
 
 
-def _distance2(s: list[list[float]], innovation: list[float], rows: slice) -> float:
+def _mahalanobis2(s: list[list[float]], innovation: list[float], rows: slice) -> float:
     """The squared Mahalanobis distance of one or two rows."""
     i: int = rows.start
     j: int = rows.stop - 1

@@ -8,15 +8,15 @@ from __future__ import annotations
 import math
 
 from asvhil.estimator import sensor_health
-from asvhil.estimator.sensor_health import Liveliness, Track
+from asvhil.estimator.sensor_health import FreezeLimits, Track
 from asvhil.estimator.states import B_E, B_N, PSI, E, FilterState, N, R, U, V
 
-LONGEST_TRAVEL_S = 1.5  # between two velocities that are integrated
-NEW = 20  # readings that a sensor needs for a record to compare a jump with
+LONGEST_GAP_S = 1.5  # between two velocities that are integrated
+LEAST_ACCEPTED = 20  # readings that a sensor needs for a record to compare a jump with
 
 # States that are reset with a sensor's, and their variances then. The velocity over ground is known
 # in NED: with another heading it is another one in body axes.
-GIVEN_UP = {
+RESET_VARIANCES = {
     "position": ((N, 1e4), (E, 1e4), (U, 4.0), (V, 4.0)),
     "heading": ((PSI, 3.0), (U, 4.0), (V, 4.0), (R, 0.25)),
     "velocity": ((U, 4.0), (V, 4.0)),
@@ -24,26 +24,26 @@ GIVEN_UP = {
     "acceleration": (),
 }
 
-ALIVE = {
-    "position": Liveliness(noise=0.02, motion=0.1),
-    "velocity": Liveliness(noise=0.012, motion=0.1),
-    "heading": Liveliness(noise=math.radians(0.05), motion=math.radians(1.0)),
-    "yaw_rate": Liveliness(noise=0.002, motion=0.02),
+FREEZE_LIMITS = {
+    "position": FreezeLimits(noise=0.02, motion=0.1),
+    "velocity": FreezeLimits(noise=0.012, motion=0.1),
+    "heading": FreezeLimits(noise=math.radians(0.05), motion=math.radians(1.0)),
+    "yaw_rate": FreezeLimits(noise=0.002, motion=0.02),
     # The prediction of a force is the vessel model's: a motor that starts late, or a thrust that is a little off, must
     # not pass for a frozen sensor where the boat is at rest and the sensor coarse (ArduPilot's RAW_IMU: 1 mg).
-    "acceleration": Liveliness(noise=0.01, motion=0.15, lag_ns=300_000_000),
+    "acceleration": FreezeLimits(noise=0.01, motion=0.15, lag_ns=300_000_000),
 }
 
 
-def travel(state: FilterState, t_ns: int, vn_mps: float, ve_mps: float) -> None:
+def integrate_velocity(state: FilterState, t_ns: int, vn_mps: float, ve_mps: float) -> None:
     """Integrate the velocity of the receiver."""
-    elapsed_s = (t_ns - state.travelled_ns) * 1e-9
-    if elapsed_s <= LONGEST_TRAVEL_S:
-        state.travel = (state.travel[0] + vn_mps * elapsed_s, state.travel[1] + ve_mps * elapsed_s)
-    state.travelled_ns = t_ns
+    elapsed_s = (t_ns - state.displacement_ns) * 1e-9
+    if elapsed_s <= LONGEST_GAP_S:
+        state.displacement = (state.displacement[0] + vn_mps * elapsed_s, state.displacement[1] + ve_mps * elapsed_s)
+    state.displacement_ns = t_ns
 
 
-def frozen(state: FilterState, name: str, track: Track) -> bool:
+def is_frozen(state: FilterState, name: str, track: Track) -> bool:
     """Whether a sensor is frozen: by itself, or a velocity that repeats beside a frozen position of its receiver."""
     if track.frozen or name != "velocity":
         return track.frozen
@@ -51,18 +51,18 @@ def frozen(state: FilterState, name: str, track: Track) -> bool:
     return position is not None and position.frozen and track.repeats >= sensor_health.LEAST_REPEATS
 
 
-def steady_part(state: FilterState, t_ns: int, name: str, off: tuple[float, float]) -> tuple[float, float]:
+def consistency_offset(state: FilterState, t_ns: int, name: str, off: tuple[float, float]) -> tuple[float, float]:
     """The quantity that stays constant while a rejected sensor is consistent: its distance to the prediction.
 
     For a position it is the distance to the integrated velocity of the receiver, if there is one.
     """
-    if name != "position" or t_ns - state.travelled_ns > LONGEST_TRAVEL_S * 1e9:
+    if name != "position" or t_ns - state.displacement_ns > LONGEST_GAP_S * 1e9:
         return off
     value = state.tracks[name].value
-    return value[0] - state.travel[0], value[1] - state.travel[1]
+    return value[0] - state.displacement[0], value[1] - state.displacement[1]
 
 
-def convinces(state: FilterState, t_ns: int, name: str, distance: float, return_ns: int) -> bool:
+def requires_reset(state: FilterState, t_ns: int, name: str, distance: float, return_ns: int) -> bool:
     """Whether the filter is wrong, and not the sensor that it keeps rejecting.
 
     It must have been steady for the return time, and one of these must hold: it has no record yet; there has been no
@@ -72,22 +72,22 @@ def convinces(state: FilterState, t_ns: int, name: str, distance: float, return_
     track = state.tracks[name]
     if track.steady_since_ns == sensor_health.NEVER or t_ns - track.steady_since_ns < return_ns:
         return False
-    if track.used < NEW:
+    if track.accepted < LEAST_ACCEPTED:
         return True
     if state.invalid_since_ns != sensor_health.NEVER and t_ns - state.invalid_since_ns >= return_ns:
         return True
     velocity = state.tracks.get("velocity")
-    if name != "position" or velocity is None or velocity.refused_in_row == 0:
+    if name != "position" or velocity is None or velocity.rejected_in_row == 0:
         return False
-    span_s = (t_ns - velocity.refused_since_ns) * 1e-9
-    return span_s * 1e9 >= return_ns and distance <= math.hypot(*velocity.off) * span_s
+    span_s = (t_ns - velocity.rejected_since_ns) * 1e-9
+    return span_s * 1e9 >= return_ns and distance <= math.hypot(*velocity.innovation) * span_s
 
 
-def give_up(state: FilterState, name: str) -> None:
+def reset_states(state: FilterState, name: str) -> None:
     """Reset the variances of the states that a sensor measures, and of those that depend on them."""
     state.resets += 1
     p = state.p.copy()
-    for i, variance in GIVEN_UP[name]:
+    for i, variance in RESET_VARIANCES[name]:
         p[i, :] = p[:, i] = 0.0
         p[i, i] = variance
     if name == "position":  # the slow error was estimated for the old position

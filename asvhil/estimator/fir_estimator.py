@@ -72,15 +72,15 @@ class HeldSensors:
         for m in measurements:
             match m:
                 case Position():
-                    self._take_position(m)
+                    self._on_position(m)
                 case GroundVelocity():
-                    self._take_velocity(m)
+                    self._on_velocity(m)
                 case Heading():
                     self._psi_rad, self._heading_ns = m.psi_rad, m.t_ns
                 case YawRate():
                     self._r_radps = m.r_radps
                 case SpecificForce():
-                    self._take_force(m)
+                    self._on_specific_force(m)
                 case _:
                     pass
 
@@ -89,7 +89,7 @@ class HeldSensors:
         if self.frame is None:
             return None
         u, v = ned_to_body(self._psi_rad, self._vn_mps, self._ve_mps)
-        self._turn_motors(t_ns, (u, v, self._r_radps))
+        self._propagate_motors(t_ns, (u, v, self._r_radps))
         return Estimate(
             t_ns=t_ns,
             n_m=self._n_m,
@@ -101,7 +101,7 @@ class HeldSensors:
             motor=tuple(self._motor.tolist()),
             std=self._std,
             disturbance=(0.0, 0.0, 0.0),
-            valid=self._fresh(self._position_ns, t_ns) and self._fresh(self._heading_ns, t_ns),
+            valid=self._is_fresh(self._position_ns, t_ns) and self._is_fresh(self._heading_ns, t_ns),
         )
 
     def notes(self, t_ns: int) -> tuple[Note, ...]:
@@ -112,23 +112,23 @@ class HeldSensors:
         """No counters: nothing is rejected."""
         return ()
 
-    def _take_position(self, m: Position) -> None:
-        if self.frame is None and self._fresh(self._heading_ns, m.t_ns):
+    def _on_position(self, m: Position) -> None:
+        if self.frame is None and self._is_fresh(self._heading_ns, m.t_ns):
             self.frame = LocalFrame(lat_deg=m.lat_deg, lon_deg=m.lon_deg)
         if self.frame is not None:
             self._n_m, self._e_m = self.frame.to_ned(m.lat_deg, m.lon_deg)
             self._position_ns = m.t_ns
 
-    def _take_velocity(self, m: GroundVelocity) -> None:
+    def _on_velocity(self, m: GroundVelocity) -> None:
         self._vn_mps, self._ve_mps = m.vn_mps, m.ve_mps
 
-    def _take_force(self, m: SpecificForce) -> None:
+    def _on_specific_force(self, m: SpecificForce) -> None:
         """Not used: the velocity is that of the GNSS."""
 
-    def _fresh(self, at_ns: int | None, t_ns: int) -> bool:
+    def _is_fresh(self, at_ns: int | None, t_ns: int) -> bool:
         return at_ns is not None and t_ns - at_ns <= self._stale_ns
 
-    def _turn_motors(self, t_ns: int, nu: tuple[float, float, float]) -> None:
+    def _propagate_motors(self, t_ns: int, nu: tuple[float, float, float]) -> None:
         """Propagate the motor states under the input, at constant velocity."""
         elapsed_s = 0.0 if self._motor_ns is None else (t_ns - self._motor_ns) * 1e-9
         self._motor_ns = t_ns
@@ -159,7 +159,7 @@ class FirFusion(HeldSensors):
         self._velocity_ns: int | None = None
         self._an_mps2 = self._ae_mps2 = 0.0
 
-    def _take_force(self, m: SpecificForce) -> None:
+    def _on_specific_force(self, m: SpecificForce) -> None:
         """Integrate one acceleration, once there is an initial velocity."""
         an, ae = body_to_ned(self._psi_rad, self._surge.step(m.ax_mps2), self._sway.step(m.ay_mps2))
         elapsed_s = 0.0 if self._imu_ns is None else (m.t_ns - self._imu_ns) * 1e-9
@@ -168,7 +168,7 @@ class FirFusion(HeldSensors):
             self._ve_mps += 0.5 * elapsed_s * (self._ae_mps2 + ae)
         self._an_mps2, self._ae_mps2, self._imu_ns = an, ae, m.t_ns
 
-    def _take_velocity(self, m: GroundVelocity) -> None:
+    def _on_velocity(self, m: GroundVelocity) -> None:
         if self._velocity_ns is None:
             gain = 1.0
         else:

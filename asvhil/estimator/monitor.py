@@ -53,14 +53,14 @@ class ModelMonitor:
         self._past.append((estimate, model_input, wind_ned))
         if len(past) < self._steps:
             return None
-        one_step = self._one_step.rms(self._miss(past[-1:], estimate))
-        horizon = self._horizon.rms(self._miss(past[-self._steps :], estimate))
+        one_step = self._one_step.rms(self._prediction_error(past[-1:], estimate))
+        horizon = self._horizon.rms(self._prediction_error(past[-self._steps :], estimate))
         limits = (self._config.max_u_mps, self._config.max_v_mps, self._config.max_r_radps)
         # NaN compares false, so a model that diverges is not ok.
         ok = not self._horizon.full or all(error <= limit for error, limit in zip(horizon, limits, strict=True))
         return PredictionError(one_step=one_step, horizon=horizon, horizon_s=self._config.horizon_s, ok=ok)
 
-    def _miss(
+    def _prediction_error(
         self, rows: list[tuple[Estimate, tuple[float, float], tuple[float, float]]], now: Estimate
     ) -> tuple[float, float, float]:
         """Predicted less estimated (u, v, r) after rolling the model over rows of (state, input, wind)."""

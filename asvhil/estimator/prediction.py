@@ -23,10 +23,12 @@ MAX_STEP_S = 0.1
 
 
 class MotionModel:
-    """`predict` is one midpoint step with its Jacobian; `feel` is the specific force at the inertial sensor with its.
+    """Three functions, each with its buffers: fill those of the arguments, call it, and read the others.
 
-    Fill `state` (SIZE + motors), `input` (2), `wind` (2, NED) and `arm` (2, m, body axes: where the inertial sensor
-    is), and before a step `residual` (2, m/s^2). `accelerate` gives (u, v, r) dot by model and disturbance.
+    `predict` is one midpoint step: `after` and its `jacobian`. `evaluate_specific_force` is the reading expected of
+    the inertial sensor: `force` and its `force_jacobian`. `evaluate_acceleration` is (u, v, r) dot by the model and the
+    disturbance: `acceleration`. Arguments are `state` (SIZE + motors), `input` (2), `wind` (2, NED) and `arm` (2, m,
+    body axes: where the inertial sensor is), and of a step `residual` (2, m/s^2) as well.
     """
 
     def __init__(self, model: Dynamics, bias_time_s: float) -> None:
@@ -43,23 +45,23 @@ class MotionModel:
         gain, dt = ca.SX.sym("k"), ca.SX.sym("dt")
         names = [s, a, wind, arm, e, gain, dt]
 
-        def free_of(x: Any) -> Any:
-            return _free(model, bias_time_s, x, a, wind)
+        def rate_of_model(x: Any) -> Any:
+            return _model_rate(model, bias_time_s, x, a, wind)
 
-        def felt(x: Any) -> Any:
-            return _specific_force(free_of(x), x, arm)
+        def specific_force(x: Any) -> Any:
+            return _specific_force(rate_of_model(x), x, arm)
 
         def rate(x: Any) -> Any:
             """The derivative with the residual held."""
-            free = free_of(x)
+            free = rate_of_model(x)
             return ca.vertcat(free[:U], free[U : V + 1] + gain * e, free[R:])
 
         middle = s + 0.5 * dt * rate(s)
         after = s + dt * rate(middle)
         # In the covariance z is given, not e, so the part of the model that the accelerometer replaces has no effect.
-        z = felt(middle) + e
+        z = specific_force(middle) + e
         x, z_given = ca.SX.sym("x", size), ca.SX.sym("z", 2)
-        free = free_of(x)
+        free = rate_of_model(x)
         fused = free[U : V + 1] + gain * (z_given - _specific_force(free, x, arm))
         slope = ca.jacobian(ca.vertcat(free[:U], fused, free[R:SIZE]), x[:SIZE])
         a_middle = ca.substitute(slope, ca.vertcat(x, z_given), ca.vertcat(middle, z))
@@ -68,12 +70,12 @@ class MotionModel:
         arrays = [self.state, self.input, self.wind, self.arm, self.residual, self._gain, self._dt]
         self._step = bind(step, arrays, [self.after, step_columns])
 
-        force_jacobian = ca.densify(ca.jacobian(felt(s), s[:SIZE]))
-        feel = ca.Function("ekf_feel", [s, a, wind, arm], [felt(s), force_jacobian], {"cse": True})
-        self.feel = bind(feel, arrays[:4], [self.force, force_columns])
+        force_jacobian = ca.densify(ca.jacobian(specific_force(s), s[:SIZE]))
+        force = ca.Function("ekf_specific_force", [s, a, wind, arm], [specific_force(s), force_jacobian], {"cse": True})
+        self.evaluate_specific_force = bind(force, arrays[:4], [self.force, force_columns])
         self.acceleration = np.zeros(3)
-        accelerate = ca.Function("ekf_acceleration", [s, a, wind], [free_of(s)[U : R + 1]], {"cse": True})
-        self.accelerate = bind(accelerate, arrays[:3], [self.acceleration])
+        accelerate = ca.Function("ekf_acceleration", [s, a, wind], [rate_of_model(s)[U : R + 1]], {"cse": True})
+        self.evaluate_acceleration = bind(accelerate, arrays[:3], [self.acceleration])
 
     def predict(self, dt_s: float, gain: float) -> None:
         """`after` and `jacobian` of a step of dt_s with the residual fed back by the gain."""
@@ -82,7 +84,7 @@ class MotionModel:
         self._step()
 
 
-def _free(model: Dynamics, bias_time_s: float, s: Any, a: Any, wind: Any) -> Any:
+def _model_rate(model: Dynamics, bias_time_s: float, s: Any, a: Any, wind: Any) -> Any:
     """s_dot by model and disturbance alone. The receiver's slow error decays; the motor states come last."""
     moving = ca.vertcat(s[:MOVING], s[SIZE:])
     rate = motion_derivative(model, moving, a, wind, s[D_N : D_R + 1])

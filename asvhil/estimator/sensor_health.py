@@ -21,16 +21,16 @@ TOLD_AFTER = 2  # rejections in a row: a single outlier is not reported
 class Track:
     """The record of one sensor. Times are those of its readings."""
 
-    heard_ns: int = NEVER
-    used_ns: int = NEVER
-    used: int = 0
-    refused: int = 0
-    refused_in_row: int = 0
-    refused_since_ns: int = NEVER
+    received_ns: int = NEVER
+    accepted_ns: int = NEVER
+    accepted: int = 0
+    rejected: int = 0
+    rejected_in_row: int = 0
+    rejected_since_ns: int = NEVER
     # A rejected sensor at a constant distance to the prediction is steady: it may be right, and the filter wrong.
     steady_since_ns: int = NEVER
     steady: tuple[float, float] = (0.0, 0.0)
-    off: tuple[float, float] = (0.0, 0.0)
+    innovation: tuple[float, float] = (0.0, 0.0)
     value: tuple[float, float] = (math.nan, math.nan)
     expected: tuple[float, float] = (math.nan, math.nan)
     jitter: float = 0.0
@@ -41,7 +41,7 @@ class Track:
     frozen: bool = False
 
 
-class Liveliness(NamedTuple):
+class FreezeLimits(NamedTuple):
     """Limits of noise and motion above which a sensor that repeats its reading is frozen.
 
     `lag_ns`: for how long the prediction may be ahead of a sound sensor, as when motors start later than predicted.
@@ -52,8 +52,13 @@ class Liveliness(NamedTuple):
     lag_ns: int = 0
 
 
-def hear(
-    track: Track, t_ns: int, value: tuple[float, float], expected: tuple[float, float], alive: Liveliness, after_ns: int
+def update(
+    track: Track,
+    t_ns: int,
+    value: tuple[float, float],
+    expected: tuple[float, float],
+    limits: FreezeLimits,
+    after_ns: int,
 ) -> Track:
     """The track after a reading whose prediction was `expected`. `Track.frozen` then tells of a frozen sensor."""
     if value != track.value:
@@ -61,17 +66,17 @@ def hear(
         for change in (abs(value[0] - track.value[0]), abs(value[1] - track.value[1])):
             if change > 0.0 and (change < step or step == 0.0):  # False for the first, which has none before it
                 step = change
-        if track.used > 1 and not track.frozen:
+        if track.accepted > 1 and not track.frozen:
             change = abs(value[0] - track.value[0]) + abs(value[1] - track.value[1])
             if change == change:  # the first has none before it
                 moved = math.hypot(
                     value[0] - track.value[0] - expected[0] + track.expected[0],
                     value[1] - track.value[1] - expected[1] + track.expected[1],
                 )
-                jitter += JITTER_GAIN * (min(moved, 10.0 * alive.noise) - jitter)
+                jitter += JITTER_GAIN * (min(moved, 10.0 * limits.noise) - jitter)
         return changed(
             track,
-            heard_ns=t_ns,
+            received_ns=t_ns,
             value=value,
             expected=expected,
             jitter=jitter,
@@ -84,52 +89,54 @@ def hear(
     repeats = track.repeats + 1
     frozen, apart_ns = track.frozen, track.apart_since_ns
     if not frozen and repeats >= LEAST_REPEATS and t_ns - track.repeated_since_ns >= after_ns:
-        # MotionModel is that of the prediction since the first of them; only if it agreed with the reading then.
+        # The motion is that of the prediction since the first of them, if the prediction agreed with the reading then.
         off = math.hypot(value[0] - track.expected[0], value[1] - track.expected[1])
         moved = math.hypot(expected[0] - track.expected[0], expected[1] - track.expected[1])
         # Many receivers report a velocity of exactly zero for a slow boat.
-        noisy = track.jitter > max(alive.noise, STEPS_OF_NOISE * track.step) and value != (0.0, 0.0)
-        motion = max(alive.motion, track.step)
+        noisy = track.jitter > max(limits.noise, STEPS_OF_NOISE * track.step) and value != (0.0, 0.0)
+        motion = max(limits.motion, track.step)
         apart = moved > motion and off < motion
         apart_ns = (t_ns if apart_ns == NEVER else apart_ns) if apart else NEVER
-        frozen = noisy or (apart and t_ns - apart_ns >= alive.lag_ns)
-    return changed(track, heard_ns=t_ns, repeats=repeats, apart_since_ns=apart_ns, frozen=frozen)
+        frozen = noisy or (apart and t_ns - apart_ns >= limits.lag_ns)
+    return changed(track, received_ns=t_ns, repeats=repeats, apart_since_ns=apart_ns, frozen=frozen)
 
 
-def use(track: Track, t_ns: int) -> Track:
-    """Record that the reading was used."""
-    return changed(track, used_ns=t_ns, used=track.used + 1, refused_in_row=0, steady_since_ns=NEVER)
+def accept(track: Track, t_ns: int) -> Track:
+    """Record that the reading was used for a correction."""
+    return changed(track, accepted_ns=t_ns, accepted=track.accepted + 1, rejected_in_row=0, steady_since_ns=NEVER)
 
 
-def refuse(track: Track, t_ns: int, steady: tuple[float, float], off: tuple[float, float], slack: float) -> Track:
-    """Record that the reading was rejected, `off` the prediction; steady while `steady` changes by at most `slack`."""
+def reject(
+    track: Track, t_ns: int, steady: tuple[float, float], innovation: tuple[float, float], slack: float
+) -> Track:
+    """Record that the reading was rejected by its innovation; steady while `steady` changes by at most `slack`."""
     since_ns, first = track.steady_since_ns, track.steady
     if since_ns == NEVER or math.hypot(steady[0] - first[0], steady[1] - first[1]) > slack:
         since_ns, first = t_ns, steady
     return changed(
         track,
-        refused=track.refused + 1,
-        refused_in_row=track.refused_in_row + 1,
-        refused_since_ns=track.refused_since_ns if track.refused_in_row else t_ns,
+        rejected=track.rejected + 1,
+        rejected_in_row=track.rejected_in_row + 1,
+        rejected_since_ns=track.rejected_since_ns if track.rejected_in_row else t_ns,
         steady_since_ns=since_ns,
         steady=first,
-        off=off,
+        innovation=innovation,
     )
 
 
-def skip(track: Track) -> Track:
-    """Record the reading of a frozen sensor."""
-    return changed(track, refused=track.refused + 1, refused_in_row=0, steady_since_ns=NEVER)
+def exclude(track: Track) -> Track:
+    """Record that the reading was left out, as one of a frozen sensor."""
+    return changed(track, rejected=track.rejected + 1, rejected_in_row=0, steady_since_ns=NEVER)
 
 
 def fault(track: Track, t_ns: int, stale_ns: int) -> str:
     """The present fault of the sensor as text; empty if there is none, or if it was never heard."""
-    if track.heard_ns == NEVER:
+    if track.received_ns == NEVER:
         return ""
-    if t_ns - track.heard_ns > stale_ns:
+    if t_ns - track.received_ns > stale_ns:
         return "silent"
     if track.frozen:
         return "frozen"
-    if track.refused_in_row >= TOLD_AFTER:
+    if track.rejected_in_row >= TOLD_AFTER:
         return "jump rejected"
     return ""

@@ -67,6 +67,8 @@ class FilterState:
 
     __slots__ = (
         "carries_wind",
+        "displacement",
+        "displacement_ns",
         "follows_bias",
         "forcing",
         "inertial_ns",
@@ -79,8 +81,6 @@ class FilterState:
         "started_ns",
         "t_ns",
         "tracks",
-        "travel",
-        "travelled_ns",
         "x",
     )
 
@@ -91,8 +91,8 @@ class FilterState:
         self.inertial_ns = NEVER
         self.interval_s = 0.0
         self.tracks: dict[str, Track] = {}
-        self.travel = (0.0, 0.0)  # integral of the receiver's velocity (m, NED)
-        self.travelled_ns = NEVER
+        self.displacement = (0.0, 0.0)  # integral of the receiver's velocity (m, NED)
+        self.displacement_ns = NEVER
         self.invalid_since_ns = NEVER
         self.resets = 0
         self.started_ns = t_ns
@@ -106,7 +106,7 @@ class FilterState:
         other.forcing, other.residual = self.forcing, self.residual
         other.inertial_ns, other.interval_s = self.inertial_ns, self.interval_s
         other.tracks = self.tracks.copy()
-        other.travel, other.travelled_ns = self.travel, self.travelled_ns
+        other.displacement, other.displacement_ns = self.displacement, self.displacement_ns
         other.invalid_since_ns, other.resets = self.invalid_since_ns, self.resets
         other.started_ns, other.carries_wind = self.started_ns, self.carries_wind
         other.follows_bias = self.follows_bias

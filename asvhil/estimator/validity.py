@@ -9,7 +9,7 @@ from asvhil.dynamics.arrays import is_finite
 from asvhil.estimator.states import PSI, E, FilterState, N
 
 
-def of(state: FilterState, t_ns: int, stale_ns: int, config: TrustConfig) -> bool:
+def is_valid(state: FilterState, t_ns: int, stale_ns: int, config: TrustConfig) -> bool:
     """True with position and heading fresh; or with one of the two missing, for a time, while the others can bridge it.
 
     Position is bridged on heading and yaw rate (with velocity and acceleration where there are any), heading on
@@ -18,7 +18,7 @@ def of(state: FilterState, t_ns: int, stale_ns: int, config: TrustConfig) -> boo
     if not is_finite(state.x):
         return False
     bridge_ns = config.dead_reckoning_s * 1e9
-    age_ns = {name: t_ns - track.used_ns for name, track in state.tracks.items()}
+    age_ns = {name: t_ns - track.accepted_ns for name, track in state.tracks.items()}
     position_ns, heading_ns = age_ns["position"], age_ns["heading"]
     if position_ns <= stale_ns and heading_ns <= stale_ns:
         return True

@@ -6,11 +6,11 @@ import math
 
 from asvhil.config import WindFilterConfig
 from asvhil.estimator import sensor_health
-from asvhil.estimator.sensor_health import Liveliness, Track
+from asvhil.estimator.sensor_health import FreezeLimits, Track
 from asvhil.geo import body_to_ned, ned_to_body, wrap_rad
 from asvhil.types import ApparentWind, BowWind, Estimate, Note, TrueWind, Wind
 
-CUPS = Liveliness(noise=0.03, motion=0.5)  # m/s
+CUPS = FreezeLimits(noise=0.03, motion=0.5)  # m/s
 VANE_TURN_RAD = math.radians(35.0)  # one and a half of the steps of a vane with 16 positions
 VANE_MOVES_MPS = 1.0  # in less wind a vane may not move
 CALM_MPS = 0.5  # in less wind the direction is undefined
@@ -42,7 +42,7 @@ class WindFilter:
         self._t_ns: int | None = None
         self._vn = self._ve = self._variance = 0.0
         self._leap_ns: int | None = None  # since when each sample has been far from the wind so far
-        self._refused_ns: int | None = None
+        self._rejected_ns: int | None = None
         self._cups = Track()
         self._vane_rad = math.nan
         self._vane_since_ns = 0
@@ -55,22 +55,22 @@ class WindFilter:
         if not (math.isfinite(sample.speed_mps) and math.isfinite(sample.from_rad)):
             return
         was_stuck = self._stuck
-        self._stuck = self._why_stuck(sample, estimate)
+        self._stuck = self._stuck_part(sample, estimate)
         if self._stuck:
             return
         if was_stuck:
             self._t_ns = None  # samples since then are invalid
-        self._take(sample.t_ns, *true_wind(sample, estimate))
+        self._add(sample.t_ns, *true_wind(sample, estimate))
 
     def on_bow_wind(self, sample: BowWind, estimate: Estimate) -> None:
         """Add a true wind relative to the bow, of an instrument that knows the boat's motion but not its heading."""
         ahead = -sample.speed_mps * math.cos(sample.from_rad)
         abeam = -sample.speed_mps * math.sin(sample.from_rad)
-        self._take(sample.t_ns, *body_to_ned(estimate.psi_rad, ahead, abeam))
+        self._add(sample.t_ns, *body_to_ned(estimate.psi_rad, ahead, abeam))
 
     def on_true_wind(self, sample: TrueWind) -> None:
         """Add a true wind relative to north."""
-        self._take(sample.t_ns, sample.vn_mps, sample.ve_mps)
+        self._add(sample.t_ns, sample.vn_mps, sample.ve_mps)
 
     def wind(self, t_ns: int) -> Wind | None:
         """The filtered wind at a time, None before the first sample; not valid when stale or stuck."""
@@ -87,17 +87,17 @@ class WindFilter:
     def notes(self, t_ns: int) -> tuple[Note, ...]:
         """Notes: the anemometer is stuck, silent, or sends implausible values."""
         text = self._stuck
-        if not text and self._refused_ns is not None and t_ns - self._refused_ns <= self._config.stale_after_s * 1e9:
+        if not text and self._rejected_ns is not None and t_ns - self._rejected_ns <= self._config.stale_after_s * 1e9:
             text = "implausible"
-        if self._t_ns is not None and t_ns - max(self._t_ns, self._cups.heard_ns) > self._config.stale_after_s * 1e9:
+        if self._t_ns is not None and t_ns - max(self._t_ns, self._cups.received_ns) > self._config.stale_after_s * 1e9:
             text = "silent"
         return (Note(subject="anemometer", text=text, ok=False),) if text else ()
 
-    def _take(self, t_ns: int, vn: float, ve: float) -> None:
+    def _add(self, t_ns: int, vn: float, ve: float) -> None:
         if not (math.isfinite(vn) and math.isfinite(ve)):
             return
-        if not self._plausible(t_ns, vn, ve):
-            self._refused_ns = t_ns
+        if not self._is_plausible(t_ns, vn, ve):
+            self._rejected_ns = t_ns
             return
         config = self._config
         if self._t_ns is None or t_ns - self._t_ns > config.stale_after_s * 1e9:
@@ -119,7 +119,7 @@ class WindFilter:
             self._variance += turn_gain * (0.5 * (dn * dn + de * de) - self._variance)
         self._t_ns = t_ns
 
-    def _plausible(self, t_ns: int, vn: float, ve: float) -> bool:
+    def _is_plausible(self, t_ns: int, vn: float, ve: float) -> bool:
         """Whether a sample is plausible: a single outlier would disturb the prediction, and with it the position."""
         config = self._config
         if math.hypot(vn, ve) > config.speed_max_mps:
@@ -131,7 +131,7 @@ class WindFilter:
         self._leap_ns = t_ns if self._leap_ns is None else self._leap_ns
         return t_ns - self._leap_ns >= config.leap_after_s * 1e9
 
-    def _why_stuck(self, sample: ApparentWind, estimate: Estimate) -> str:
+    def _stuck_part(self, sample: ApparentWind, estimate: Estimate) -> str:
         """Which part of the anemometer is stuck, as text; empty if none.
 
         Cups: the same speed to the last bit, from a sensor that used to be noisy. Vane: the same direction, while the
@@ -142,13 +142,15 @@ class WindFilter:
         known = self._t_ns is not None
         speed, _ = apparent_wind((self._vn, self._ve), estimate) if known else (sample.speed_mps, 0.0)
         after_ns = round(self._config.stuck_after_s * 1e9)
-        self._cups = sensor_health.hear(self._cups, sample.t_ns, (sample.speed_mps, 0.0), (speed, 0.0), CUPS, after_ns)
-        self._cups = self._cups if self._cups.frozen else sensor_health.use(self._cups, sample.t_ns)
+        self._cups = sensor_health.update(
+            self._cups, sample.t_ns, (sample.speed_mps, 0.0), (speed, 0.0), CUPS, after_ns
+        )
+        self._cups = self._cups if self._cups.frozen else sensor_health.accept(self._cups, sample.t_ns)
         if self._cups.frozen and sample.speed_mps > 0.0:  # zero is normal in a calm
             return "stuck"
-        return "vane stuck" if self._vane_stuck(sample, estimate, after_ns) else ""
+        return "vane stuck" if self._is_vane_stuck(sample, estimate, after_ns) else ""
 
-    def _vane_stuck(self, sample: ApparentWind, estimate: Estimate, after_ns: int) -> bool:
+    def _is_vane_stuck(self, sample: ApparentWind, estimate: Estimate, after_ns: int) -> bool:
         if self._t_ns is None:
             return False
         if sample.from_rad != self._vane_rad:

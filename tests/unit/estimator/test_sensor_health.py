@@ -6,14 +6,14 @@ import random
 import pytest
 
 from asvhil.estimator import sensor_health
-from asvhil.estimator.fault_recovery import ALIVE
-from asvhil.estimator.sensor_health import Liveliness, Track
+from asvhil.estimator.fault_recovery import FREEZE_LIMITS
+from asvhil.estimator.sensor_health import FreezeLimits, Track
 
 HZ = 5
 AFTER_NS = 300_000_000
 
 
-def verdicts(alive: Liveliness, step: float, noise: float, speed: float = 0.0, stops: int = 50, stuck: int = 10**9):
+def verdicts(limits: FreezeLimits, step: float, noise: float, speed: float = 0.0, stops: int = 50, stuck: int = 10**9):
     """Whether each of 30 s of readings is called frozen: rounded to steps, of a boat that moves for `stops` readings.
 
     From reading `stuck` on the sensor repeats the one before, while the boat goes on as it did.
@@ -24,9 +24,9 @@ def verdicts(alive: Liveliness, step: float, noise: float, speed: float = 0.0, s
         if k < stuck:
             read = (true + chance.gauss(0.0, noise), chance.gauss(0.0, noise))
             value = (round(read[0] / step) * step, round(read[1] / step) * step)
-        track = sensor_health.hear(track, k * 10**9 // HZ, value, (true, 0.0), alive, AFTER_NS)
+        track = sensor_health.update(track, k * 10**9 // HZ, value, (true, 0.0), limits, AFTER_NS)
         found.append(track.frozen)
-        track = track if track.frozen else sensor_health.use(track, k * 10**9 // HZ)
+        track = track if track.frozen else sensor_health.accept(track, k * 10**9 // HZ)
     return found
 
 
@@ -40,7 +40,7 @@ def verdicts(alive: Liveliness, step: float, noise: float, speed: float = 0.0, s
     ],
 )
 def test_a_coarse_sensor_of_a_boat_that_has_come_to_rest_is_not_frozen(name, step, noise, speed):
-    assert not any(verdicts(ALIVE[name], step, noise, speed))
+    assert not any(verdicts(FREEZE_LIMITS[name], step, noise, speed))
 
 
 @pytest.mark.parametrize(
@@ -53,14 +53,14 @@ def test_a_coarse_sensor_of_a_boat_that_has_come_to_rest_is_not_frozen(name, ste
     ],
 )
 def test_a_fine_and_noisy_sensor_that_repeats_itself_is_frozen_within_a_second(name, step, noise):
-    found = verdicts(ALIVE[name], step, noise, stuck=100)
+    found = verdicts(FREEZE_LIMITS[name], step, noise, stuck=100)
     assert not any(found[:100])
     assert all(found[100 + HZ :])
 
 
 @pytest.mark.parametrize("first", [0, 25])
 def test_a_sensor_that_stays_while_the_boat_moves_is_frozen_however_coarse(first):
-    found = verdicts(ALIVE["position"], 0.185, 0.01, 1.0, stops=10**9, stuck=first)
+    found = verdicts(FREEZE_LIMITS["position"], 0.185, 0.01, 1.0, stops=10**9, stuck=first)
     assert not any(found[:first])
     assert all(found[first + HZ :])
 
@@ -71,8 +71,8 @@ def test_a_velocity_of_exactly_zero_is_not_reported_as_frozen():
         moving = k < 50
         value = (0.3 + chance.gauss(0.0, 0.05), chance.gauss(0.0, 0.05)) if moving else (0.0, 0.0)
         expected = (0.3, 0.0) if moving else (0.02, 0.0)
-        track = sensor_health.use(
-            sensor_health.hear(track, k * 200_000_000, value, expected, ALIVE["velocity"], AFTER_NS), k
+        track = sensor_health.accept(
+            sensor_health.update(track, k * 200_000_000, value, expected, FREEZE_LIMITS["velocity"], AFTER_NS), k
         )
         assert not track.frozen
 
@@ -82,11 +82,11 @@ def accelerometer(expected, value):
     track, found = Track(), []
     for k in range(6 * 20):
         t_ns, t_s = k * 50_000_000, k / 20
-        track = sensor_health.hear(
-            track, t_ns, (value(t_s), 0.0), (expected(t_s), 0.0), ALIVE["acceleration"], AFTER_NS
+        track = sensor_health.update(
+            track, t_ns, (value(t_s), 0.0), (expected(t_s), 0.0), FREEZE_LIMITS["acceleration"], AFTER_NS
         )
         found.append(track.frozen)
-        track = track if track.frozen else sensor_health.use(track, t_ns)
+        track = track if track.frozen else sensor_health.accept(track, t_ns)
     return found
 
 
