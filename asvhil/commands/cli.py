@@ -21,6 +21,7 @@ from asvhil.commands.replay import replay
 from asvhil.commands.report import report
 from asvhil.commands.run import run
 from asvhil.commands.sitl import sitl
+from asvhil.commands.status import status
 from asvhil.commands.train import train
 from asvhil.errors import AsvhilError
 
@@ -32,7 +33,7 @@ app = typer.Typer(
 )
 
 for command in (
-    *(run, hold, release, check, calibrate),
+    *(run, hold, release, status, check, calibrate),
     *(sitl, plant, report, replay),
     *(collect, train, evaluate),
 ):

@@ -19,6 +19,7 @@ from asvhil.backseat.build import build_backseat
 from asvhil.config import Config
 from asvhil.config.ports import AUTOPILOT, GROUND, OPERATOR
 from asvhil.daemon.allowance import Allowance
+from asvhil.daemon.computer import ComputerStatus
 from asvhil.daemon.guardian import Guardian
 from asvhil.daemon.link_states import LinkStates
 from asvhil.daemon.own_notes import OwnNotes
@@ -38,6 +39,8 @@ from asvhil.types import Frame, Inputs, Outputs
 RELEASES, RELEASE_S = 3, 0.05
 SWITCH_S = 0.0005
 ARRIVALS_AT_ONCE = 20
+COMPUTER_NS = 1_000_000_000
+LAST_TASKS_S = 2.0
 SOLVE_REPORT_NS = 500_000_000
 
 
@@ -77,6 +80,9 @@ class Daemon:
             own["guardian"] = lambda: "" if self.guardian is None else self.guardian.trouble
         self._notes = OwnNotes(config.links.autopilot, {**own, **watches})
         self._service = ServiceManager(os.environ)
+        self._computer = ComputerStatus(config.links.autopilot, recorder.path.parent)
+        self._looking: asyncio.Task[None] | None = None
+        self._looked_ns = 0
         self._saving: asyncio.Task[None] | None = None
         self._logged: dict[str, str] = {}
         specs = config.links.endpoints | self.router.ground_specs
@@ -133,8 +139,9 @@ class Daemon:
                     self._recorder.write_log(self._clock.now_ns(), "warning", f"link {port}: {link.losses}")
             for text in self.router.take_all_news():
                 self._recorder.write_log(self._clock.now_ns(), "warning", text)
-            if self._saving is not None:
-                await self._saving
+            for task in (self._looking, self._saving):
+                if task is not None:
+                    await asyncio.wait((task,), timeout=LAST_TASKS_S)
             await self._save(self.router.states())
             signals.restore()
             self._service.stopping()
@@ -155,6 +162,11 @@ class Daemon:
     async def _send(self, frame: Frame) -> None:
         for leaving in self.router.outgoing(frame):
             await self.links[leaving.port].send(leaving)
+
+    async def _look_at_computer(self) -> None:
+        """Tell the backseat of the computer, for operators; on a thread since its disk may stall."""
+        data = await asyncio.to_thread(self._computer.encode)
+        self._inbox.append(Frame(t_ns=self._clock.now_ns(), port=OPERATOR, data=data))
 
     async def _save(self, states: dict[Path, SigningState]) -> None:
         """Write signing timestamps to the disk, on a thread since a disk may stall."""
@@ -217,6 +229,9 @@ class Daemon:
         states = self._states(outputs)
         self._log_changes(outputs, states)
         self._log_router(outputs.t_ns)
+        if outputs.t_ns - self._looked_ns >= COMPUTER_NS and (self._looking is None or self._looking.done()):
+            self._looked_ns = outputs.t_ns
+            self._looking = asyncio.create_task(self._look_at_computer())
         self._show(outputs, states)
         self._service.tick(f"{outputs.phase}: {outputs.health.reason}")
 

@@ -32,7 +32,7 @@ def send_and_wait(
     `signing` each attempt is signed anew, as a repeated frame would be taken for an attack, and only answers signed
     with the same key are heard. Raises LinkError where nobody answers, or where the daemon listens on no port.
     """
-    signer, verifier = _with_key(signing)
+    signer, verifier = with_key(signing)
     data = renumbered(data, round(10.0 * time.time()))
     spec = parse_spec(endpoint)
     if spec.scheme not in KINDS:
@@ -42,7 +42,7 @@ def send_and_wait(
     reason, strangers = "no answer", ""
     while time.monotonic() < end_s:
         try:
-            with _called(spec) as link:
+            with called(spec) as link:
                 asked = _Answers(endpoint, target(data), mav_cmd, SignatureFilter((), verifier))
                 while time.monotonic() < end_s:
                     link.sendall(data if signer is None else signer.sign(data, time.time_ns()))
@@ -100,7 +100,7 @@ class _Answers:
         return None
 
 
-def _called(spec: LinkSpec) -> socket.socket:
+def called(spec: LinkSpec) -> socket.socket:
     """A socket that is connected to where the daemon listens. OSError where it cannot be."""
     host = OURS.get(spec.host, spec.host)
     kind = KINDS[spec.scheme]
@@ -120,7 +120,8 @@ def _called(spec: LinkSpec) -> socket.socket:
     return link
 
 
-def _with_key(signing: SigningConfig | None) -> tuple[Signer | None, Verifier | None]:
+def with_key(signing: SigningConfig | None) -> tuple[Signer | None, Verifier | None]:
+    """What signs and checks with the key of a config; None, None without one. ConfigError."""
     if signing is None:
         return None, None
     key, _ = read_key(Path(signing.key_file).expanduser())

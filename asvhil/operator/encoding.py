@@ -51,6 +51,20 @@ def encode_solve_time(config: AutopilotLinkConfig, solve_ms: float) -> bytes:
     return bytes(message.pack(dialect.MAVLink(None, srcSystem=config.system_id, srcComponent=config.component_id)))
 
 
+def encode_question(config: AutopilotLinkConfig, msg_id: int) -> bytes:
+    """The frame that asks the daemon for a message; STATUSTEXT: its phase with the reason, and its notes."""
+    message = dialect.MAVLink_command_long_message(
+        config.system_id, config.component_id, dialect.MAV_CMD_REQUEST_MESSAGE, 0, float(msg_id), 0, 0, 0, 0, 0, 0
+    )
+    return _pack_as_ground_station(message)
+
+
+def encode_presence() -> bytes:
+    """The heartbeat of a ground station, to which the daemon sends its reports."""
+    kind, none = dialect.MAV_TYPE_GCS, dialect.MAV_AUTOPILOT_INVALID
+    return _pack_as_ground_station(dialect.MAVLink_heartbeat_message(kind, none, 0, 0, dialect.MAV_STATE_ACTIVE, 3))
+
+
 def _pack_as_ground_station(message: Any) -> bytes:
     ground_station = dialect.MAVLink(None, srcSystem=255, srcComponent=dialect.MAV_COMP_ID_MISSIONPLANNER)
     return bytes(message.pack(ground_station))

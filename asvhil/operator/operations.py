@@ -7,18 +7,21 @@ from collections.abc import Iterable
 from typing import Any
 
 from asvhil.geo import wrap_rad
-from asvhil.io.mavlink.frames import dialect
 from asvhil.io.sensors.sources import Switch
-from asvhil.operator.reports import OperatorReport
+from asvhil.operator.reports import NOTICE, WARNING, OperatorReport
 from asvhil.operator.session import OperatorRequest, OperatorSession
 from asvhil.operator.station_parameters import STATION_PARAMETERS, move_of_change, station_value
 from asvhil.operator.tunables import Tunables
-from asvhil.supervisor.reasons import Explanation, describe
+from asvhil.supervisor.reasons import Explanation, Reason, describe
 from asvhil.supervisor.situation import Situation
 from asvhil.supervisor.supervisor import Decision, Request
 from asvhil.types import Control, Frame, Note, ParameterChange, Phase, record
 
-NOTICE, WARNING = dialect.MAV_SEVERITY_NOTICE, dialect.MAV_SEVERITY_WARNING
+# Whoever ended the hold so has the motors, or nobody wants them to turn.
+ENDED_BY_PEOPLE = {
+    *(Reason.RELEASED, Reason.DISARMED, Reason.MODE_CHANGED, Reason.STICK_MOVED, Reason.STATION_STICK),
+    *(Reason.OVERRIDE_NOT_FOLLOWED, Reason.TRANSMITTER_HEARD),
+}
 
 
 @record
@@ -41,6 +44,7 @@ class Operations:
         self._phase = Phase.STANDBY
         self._notes: tuple[Note, ...] = ()
         self._control: Control | None = None
+        self._adrift_in: str | None = None  # the autopilot's mode when a failure had ended the hold
 
     def receive(self, frame: Frame) -> None:
         """Take in a frame of the operator's port."""
@@ -83,6 +87,7 @@ class Operations:
             self._control = None
         elif control is not None:
             self._control = control
+        self._watch_for_drift(situation, decision)
         if decision.phase is not self._phase:
             self._phase = decision.phase
             self._session.tell(t_ns, NOTICE, f"{decision.phase}: {describe(decision.why)}")
@@ -122,6 +127,8 @@ class Operations:
     def _report(self, situation: Situation, decision: Decision) -> OperatorReport:
         station, estimate, frame = decision.station, situation.estimate, situation.frame
         known: dict[str, Any] = {"phase": decision.phase, "solve_ms": self._session.solve_ms}
+        known |= {"why": decision.why, "notes": self._notes, "computer": self._session.computer}
+        known |= {"adrift": self._adrift_in is not None}
         if self._control is not None:
             known |= {"iterations": float(self._control.iterations), "control_ok": self._control.ok}
         if station is not None and estimate is not None and frame is not None:
@@ -131,6 +138,17 @@ class Operations:
                 "station": (*frame.to_geodetic(station.n_m, station.e_m), station.psi_rad),
             }
         return OperatorReport(**known)
+
+    def _watch_for_drift(self, situation: Situation, decision: Decision) -> None:
+        """Whether a failure has ended the hold, and the pilot has neither disarmed nor chosen a mode since."""
+        status = situation.status
+        held = self._phase in (Phase.HOLD, Phase.FAILSAFE)
+        if decision.phase is not Phase.STANDBY:
+            self._adrift_in = None
+        elif held and decision.why.reason not in ENDED_BY_PEOPLE:
+            self._adrift_in = status.mode if status is not None else ""
+        elif status is not None and (not status.armed or status.mode != self._adrift_in):
+            self._adrift_in = None
 
     def _take_remarks(self, notes: tuple[Note, ...]) -> list[tuple[int, str]]:
         """What has become wrong, and what has recovered, since the last tick: (severity, text)."""

@@ -10,14 +10,18 @@ from typing import Any
 from asvhil import __version__
 from asvhil.io.mavlink.frames import dialect
 from asvhil.operator.goto import DENIED
-from asvhil.types import Phase, record
+from asvhil.supervisor.reasons import Explanation, describe
+from asvhil.types import Note, Phase, record
 
+NOTICE, WARNING = dialect.MAV_SEVERITY_NOTICE, dialect.MAV_SEVERITY_WARNING
 ACCEPTED = int(dialect.MAV_RESULT_ACCEPTED)
 HEARTBEAT_ID = dialect.MAVLINK_MSG_ID_HEARTBEAT
 VERSION_ID = dialect.MAVLINK_MSG_ID_AUTOPILOT_VERSION
 INTERVAL_ID = dialect.MAVLINK_MSG_ID_MESSAGE_INTERVAL
 VALUES_ID = dialect.MAVLINK_MSG_ID_NAMED_VALUE_FLOAT
 TARGET_ID = dialect.MAVLINK_MSG_ID_POSITION_TARGET_GLOBAL_INT
+TEXT_ID = dialect.MAVLINK_MSG_ID_STATUSTEXT
+COMPUTER_ID = dialect.MAVLINK_MSG_ID_ONBOARD_COMPUTER_STATUS
 FASTEST_US = 100_000.0  # the slowest daemon has a tick for no more
 SLOWEST_US = 2e9  # MESSAGE_INTERVAL tells no more
 CAPABILITIES = (
@@ -45,6 +49,8 @@ class OperatorReport:
     """Errors to the station that is held, the latest solution, and the station itself.
 
     What is not known is NaN; `station` is (latitude, longitude in degrees, heading in rad), None where none is held.
+    `adrift`: a failure has ended the hold, and nobody has taken the motors since. `why` tells the phase's reason,
+    `notes` what is wrong; `computer` is the latest ONBOARD_COMPUTER_STATUS.
     """
 
     phase: Phase = Phase.STANDBY
@@ -54,6 +60,15 @@ class OperatorReport:
     iterations: float = math.nan
     control_ok: bool = True
     station: tuple[float, float, float] | None = None
+    adrift: bool = False
+    why: Explanation | None = None
+    notes: tuple[Note, ...] = ()
+    computer: Any = None
+
+    def texts(self) -> list[tuple[int, str]]:
+        """The phase and its reason, then the notes: (severity, text)."""
+        said = [] if self.why is None else [(NOTICE, f"{self.phase}: {describe(self.why)}")]
+        return said + [(NOTICE if note.ok else WARNING, f"{note.subject}: {note.text}") for note in self.notes]
 
 
 class Reports:
@@ -61,7 +76,7 @@ class Reports:
 
     def __init__(self, report_hz: float) -> None:
         report_us = 1e6 / report_hz if report_hz > 0.0 else -1.0
-        self._usual_us = {HEARTBEAT_ID: 1e6, VALUES_ID: report_us, TARGET_ID: report_us}
+        self._usual_us = {HEARTBEAT_ID: 1e6, VALUES_ID: report_us, TARGET_ID: report_us, COMPUTER_ID: 1e6}
         self._interval_us = dict(self._usual_us)
         self._due_ns: dict[int, int] = {}
         self._start_ns: int | None = None
@@ -78,7 +93,7 @@ class Reports:
                 return ACCEPTED, INTERVAL_ID
             case dialect.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES:
                 return ACCEPTED, VERSION_ID
-            case dialect.MAV_CMD_REQUEST_MESSAGE if msg_id in (*self._interval_us, VERSION_ID):
+            case dialect.MAV_CMD_REQUEST_MESSAGE if msg_id in (*self._interval_us, VERSION_ID, TEXT_ID):
                 return ACCEPTED, msg_id
             case dialect.MAV_CMD_REQUEST_MESSAGE | dialect.MAV_CMD_GET_MESSAGE_INTERVAL:
                 return DENIED, None
@@ -112,7 +127,7 @@ class Reports:
         self._start_ns = t_ns if self._start_ns is None else self._start_ns
         t_ms = (t_ns - self._start_ns) // 1_000_000 % 2**32
         if msg_id == HEARTBEAT_ID:
-            return [self._heartbeat(report.phase)]
+            return [self._heartbeat(report)]
         if msg_id == VERSION_ID:
             return [_version()]
         if msg_id == INTERVAL_ID:
@@ -120,10 +135,13 @@ class Reports:
             return [dialect.MAVLink_message_interval_message(asked, round(self._interval_us[asked]))]
         if msg_id == VALUES_ID:
             return [dialect.MAVLink_named_value_float_message(t_ms, *row) for row in _rows(report)]
+        if msg_id == COMPUTER_ID:
+            return [] if report.computer is None else [_anew(report.computer)]
         return [] if report.station is None else [_target(t_ms, report.station)]
 
     @staticmethod
-    def _heartbeat(phase: Phase) -> Any:
+    def _heartbeat(report: OperatorReport) -> Any:
+        phase = report.phase
         mode = dialect.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED | (
             dialect.MAV_MODE_FLAG_GUIDED_ENABLED if phase is Phase.HOLD else 0
         )
@@ -132,7 +150,7 @@ class Reports:
             dialect.MAV_AUTOPILOT_INVALID,
             mode,
             PHASES.index(phase),
-            STATES[phase],
+            dialect.MAV_STATE_EMERGENCY if report.adrift else STATES[phase],
             3,
         )
 
@@ -148,6 +166,11 @@ def _rows(report: OperatorReport) -> Sequence[tuple[bytes, float]]:
         (b"solve_ok", float(report.control_ok)),
     )
     return [row for row in rows if math.isfinite(row[1])]
+
+
+def _anew(message: Any) -> Any:
+    """A message that was received, to be sent."""
+    return type(message)(*(getattr(message, name) for name in message.fieldnames))
 
 
 def _version() -> Any:

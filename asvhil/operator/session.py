@@ -16,7 +16,7 @@ from asvhil.operator.encoding import SOLVE_TIME
 from asvhil.operator.goto import COMMANDS, SETPOINT, Refusal, is_goto, meaning_of_command, meaning_of_setpoint
 from asvhil.operator.repeats import Heard, RepeatedSettings, Repeats
 from asvhil.operator.replies import Replies
-from asvhil.operator.reports import ACCEPTED, OperatorReport, Reports
+from asvhil.operator.reports import ACCEPTED, TEXT_ID, OperatorReport, Reports
 from asvhil.operator.setpoint_streams import SetpointStreams
 from asvhil.operator.shell_notes import NoteReader
 from asvhil.supervisor.reasons import Explanation, Reason, explain
@@ -81,6 +81,7 @@ class OperatorSession:
         self._heard_ns: int | None = None
         self.solve_ms = math.nan
         self.shell_notes = NoteReader()
+        self.computer: Any = None  # the latest ONBOARD_COMPUTER_STATUS of the shell
 
     def receive(self, frame: Frame) -> list[OperatorRequest]:
         """Requests in one frame; what needs no decision is answered by the next `data_to_send`."""
@@ -129,6 +130,8 @@ class OperatorSession:
         """Answers and texts, and what is due: a heartbeat once an operator was heard, reports while one is."""
         asked, self._asked = self._asked, []
         for address, msg_id in asked:
+            for severity, text in report.texts() if msg_id == TEXT_ID else ():
+                self._replies.send_text(t_ns, severity, text, address)
             for message in self._reports.build(t_ns, msg_id, report):
                 self._replies.send(t_ns, message, address)
         for address, message in self._parameters.data_to_send(value_of):
@@ -155,7 +158,7 @@ class OperatorSession:
     # --- in ------------------------------------------------------------------------------------------------
 
     def _on_own(self, data: bytes) -> None:
-        """The shell's own messages on this port: how long solving takes, and what is wrong with the shell."""
+        """The shell's own messages on this port: how long solving takes, what is wrong with it, its computer."""
         message = decode(data)
         if message is None:
             return
@@ -163,6 +166,8 @@ class OperatorSession:
             self.solve_ms = message.value
         elif message.get_type() == "STATUSTEXT":
             self.shell_notes.receive(message)
+        elif message.get_type() == "ONBOARD_COMPUTER_STATUS":
+            self.computer = message
 
     def _on_timesync(self, frame: Frame, data: bytes) -> None:
         """A ground station asks for our time; its own clock is not used."""
