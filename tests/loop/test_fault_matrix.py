@@ -14,7 +14,7 @@ from asvhil.controller.station_mpc import StationMpc
 from asvhil.logs.opening import open_recorder
 from asvhil.logs.replay import replay
 from asvhil.types import Phase
-from tests.support.fault_matrix import PHASES, ROWS, Fault, FaultLoop, Reaction
+from tests.support.fault_matrix import PHASES, ROWS, Fault, FaultLoop, Reaction, settings_of
 
 AT_ONCE_S = 0.05
 
@@ -31,9 +31,9 @@ def whole_controller() -> Iterator[None]:
 def test_a_fault_has_its_reaction_and_its_log_replays(fault: Fault, phase: str, tmp_path: Path) -> None:
     keys, from_s = PHASES[phase]
     log = tmp_path / "log.mcap"
-    plain = FaultLoop(fault, keys, from_s)
-    recorder = open_recorder(plain.config, log, "lockstep", threaded=False)
-    loop = FaultLoop(fault, keys, from_s, recorder)
+    settings = settings_of(fault, keys, from_s)
+    recorder = open_recorder(settings, log, "lockstep", threaded=False)
+    loop = FaultLoop(fault, settings, recorder)
     outputs = loop.wait(from_s)
     assert outputs.phase is Phase.HOLD, outputs.health.reason
     before_m = loop.off_m

@@ -15,7 +15,7 @@ from collections import deque
 from collections.abc import Callable, Iterable
 from typing import Any
 
-from asvhil.config import load_config
+from asvhil.config import Config, load_config
 from asvhil.controller.station_mpc import StationMpc
 from asvhil.io.mavlink.frames import dialect
 from asvhil.logs.recorder import Recorder
@@ -54,20 +54,24 @@ class Fault:
     act: Callable[[FaultLoop], None] | None = None
     mend: Callable[[FaultLoop], None] | None = None
     lasts_s: float | None = None
-    watch_s: float = 8.0
+    watch_s: float = 6.0
     farther_m: float = 3.0
     config: str = "sitl"
     keys: tuple[str, ...] = ()
     motors_stop: bool = True  # whether the autopilot's outputs are seen to stand still too
 
 
+def settings_of(fault: Fault, keys: Iterable[str], from_s: float) -> Config:
+    """The config of a run in which the fault begins at a time."""
+    until = "" if fault.lasts_s is None else f", until_s: {from_s + fault.lasts_s}"
+    faults = ", ".join(f"{{{part}, from_s: {from_s}{until}}}" for part in fault.plant)
+    return load_config(fault.config, (*keys, *fault.keys, *((f"plant.faults=[{faults}]",) if faults else ())))
+
+
 class FaultLoop(GroundStationLoop):
     """Lockstep whose links are ways: what the boat sends and what it is sent may be lost, late, or other bytes."""
 
-    def __init__(self, fault: Fault, keys: Iterable[str], from_s: float, recorder: Recorder | None = None) -> None:
-        until = "" if fault.lasts_s is None else f", until_s: {from_s + fault.lasts_s}"
-        faults = ", ".join(f"{{{part}, from_s: {from_s}{until}}}" for part in fault.plant)
-        settings = load_config(fault.config, (*keys, *fault.keys, *((f"plant.faults=[{faults}]",) if faults else ())))
+    def __init__(self, fault: Fault, settings: Config, recorder: Recorder | None = None) -> None:
         super().__init__(settings, recorder)
         self.from_plant: Way = lambda frame: (frame,)
         self.to_plant: Way = lambda frame: (frame,)

@@ -35,9 +35,7 @@ class Weather:
     def __init__(self, config: WeatherConfig, step_s: float, seed: np.random.SeedSequence) -> None:
         wind, current = config.wind, config.current
         along_seed, across_seed, wave_seed = seed.spawn(3)
-        self.mean_mps = wind.speed_mps
-        self._north = math.cos(math.radians(wind.toward_deg))
-        self._east = math.sin(math.radians(wind.toward_deg))
+        self.set_wind(wind.speed_mps, wind.toward_deg)
         along_std, across_std = wind.gust_along * wind.speed_mps, wind.gust_across * wind.speed_mps
         self._along = OrnsteinUhlenbeck(along_std, wind.gust_time_s, step_s, NormalSource(along_seed))
         self._across = OrnsteinUhlenbeck(across_std, wind.gust_time_s, step_s, NormalSource(across_seed))
@@ -48,6 +46,12 @@ class Weather:
         rough = config.waves.orbital_std_mps > 0.0 or config.waves.yaw_std_radps > 0.0
         self.waves = Waves(config.waves, wind.toward_deg, step_s, wave_seed) if rough else None
         self._compose(self._along.value, self._across.value)
+
+    def set_wind(self, speed_mps: float, toward_deg: float) -> None:
+        """Another mean wind from the next step on, of a wind with gusts; these and the waves stay as they are."""
+        self.mean_mps = speed_mps
+        self._north = math.cos(math.radians(toward_deg))
+        self._east = math.sin(math.radians(toward_deg))
 
     def set_step(self, step_s: float) -> None:
         """Steps of another length from now on, of the waves too."""
