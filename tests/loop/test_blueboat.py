@@ -6,10 +6,10 @@ from asvhil.config import load_config
 from asvhil.preflight.table import Result
 from asvhil.types import Inputs, Outputs, Phase
 from tests.loop.test_wirings import turns_as_commanded
+from tests.support.dock import Dock
 from tests.support.loop import STATION_DEG, GroundStationLoop
 from tests.support.messages import messages
 from tests.support.settled import NO_BIAS
-from tests.unit.preflight.test_preflight import Dock
 
 FIRMWARES = ("4.6", "4.7")
 HOLD, NEUTRAL = 4, (1500, 1500)

@@ -3,122 +3,26 @@
 from __future__ import annotations
 
 import asyncio
-import contextlib
-import itertools
 import os
 import socket
 import time
-from collections import Counter
-from collections.abc import AsyncIterator, Callable
 from pathlib import Path
 
 import pytest
 
-from asvhil.config import Config, load_config
-from asvhil.daemon.daemon import Daemon
 from asvhil.errors import ConfigError
-from asvhil.io.mavlink.frames import Parser, decode, dialect, message_id, source
-from asvhil.io.mavlink.signing import Signer, SigningClock, derive_key, is_signed, sign, timestamp_of
-from asvhil.links.clock import Clock
-from asvhil.links.endpoint import Endpoint, open_endpoint
-from asvhil.links.keyfile import read_state
-from asvhil.links.operator_client import send_and_wait
-from asvhil.links.router import MavlinkRouter
-from asvhil.logs.opening import open_recorder
+from asvhil.io.mavlink.frames import dialect, message_id, source
 from asvhil.logs.reader import LogFile
 from asvhil.logs.replay import replay
-from asvhil.operator.encoding import encode_hold, encode_release
+from asvhil.operator.encoding import encode_hold
 from asvhil.simplant.lockstep import Lockstep
 from asvhil.supervisor.reasons import Reason
-from asvhil.types import Frame, Outputs, Phase
+from asvhil.types import Frame, Phase
 from tests.support.ports import free_port
+from tests.support.routing import GCS_HEARTBEAT, HEARTBEAT, Peer, Running, config, peer, router
 from tests.support.waiting import until
 
 pytestmark = pytest.mark.real_time
-
-KEY_TEXT = "correct horse battery staple"
-
-
-class Peer:
-    """One end of a link in the test: what it hears, frame by frame, and what it says."""
-
-    def __init__(self, link: Endpoint, system_id: int, component_id: int) -> None:
-        self._link = link
-        self._mav = dialect.MAVLink(None, srcSystem=system_id, srcComponent=component_id)
-        self._parser = Parser()
-        self.frames: list[bytes] = []
-        self.seal: Callable[[bytes], bytes] = lambda data: data
-        self._reader = asyncio.create_task(self._read())
-
-    async def _read(self) -> None:
-        while True:
-            frame = await self._link.recv()
-            self.frames += self._parser.receive(frame.peer, frame.data)
-
-    def pack(self, message) -> bytes:  # type: ignore[no-untyped-def]
-        data = bytes(message.pack(self._mav))
-        self._mav.seq = (self._mav.seq + 1) % 256
-        return data
-
-    async def say(self, message) -> bytes:  # type: ignore[no-untyped-def]
-        data = self.seal(self.pack(message))
-        await self._link.send(data)
-        return data
-
-    async def say_raw(self, data: bytes) -> None:
-        await self._link.send(data)
-
-    def named(self, name: str) -> list:  # type: ignore[type-arg]
-        return [m for m in map(decode, self.frames) if m is not None and m.get_type() == name]
-
-    async def close(self) -> None:
-        self._reader.cancel()
-        await asyncio.gather(self._reader, return_exceptions=True)
-        await self._link.close()
-
-
-@contextlib.asynccontextmanager
-async def peer(spec: str, system_id: int, component_id: int) -> AsyncIterator[Peer]:
-    made = Peer(await open_endpoint(spec, "peer", Clock().now_ns), system_id, component_id)
-    try:
-        yield made
-    finally:
-        await made.close()
-
-
-class Running:
-    """A daemon in this process, with what its last tick gave."""
-
-    def __init__(self, config: Config, log: Path) -> None:
-        self.outputs: Outputs | None = None
-        self.links: dict[str, str] = {}
-        self._recorder = open_recorder(config, log, "live")
-        self.daemon = Daemon(config, self._recorder, Clock(), self._note)
-
-    def _note(self, outputs: Outputs, links: dict[str, str]) -> None:
-        self.outputs, self.links = outputs, links
-
-    async def __aenter__(self) -> Running:
-        self._task = asyncio.create_task(self.daemon.run(30.0))
-        return self
-
-    async def __aexit__(self, *_: object) -> None:
-        self.daemon.stop()
-        try:
-            await self._task
-        finally:
-            self._recorder.close()
-
-
-def config(*overrides: str) -> Config:
-    return load_config(
-        "sitl",
-        ("links.anemometer=null", "links.operator.endpoint=udpin:127.0.0.1:0", "controller.name=loiter", *overrides),
-    )
-
-
-HEARTBEAT = dialect.MAVLink_heartbeat_message(11, 3, 81, 0, 4, 3)
-GCS_HEARTBEAT = dialect.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3)
 
 
 async def test_a_ground_station_reaches_the_autopilot_and_the_daemon(tmp_path: Path) -> None:
@@ -303,82 +207,6 @@ async def test_others_wait_for_a_congested_serial_line_and_the_override_does_not
         os.close(slave_fd)
 
 
-async def test_signed_links(tmp_path: Path) -> None:
-    key_file, log = tmp_path / "key", tmp_path / "log.mcap"
-    key_file.write_text(KEY_TEXT)
-    autopilot_port, operator_port = free_port(), free_port()
-    settings = config(
-        f"links.autopilot.endpoint=udpin:127.0.0.1:{autopilot_port}",
-        f"links.autopilot.signing={{key_file: {key_file}, link_id: 3}}",
-        f"links.operator.endpoint=udpin:127.0.0.1:{operator_port}",
-        f"links.operator.signing={{key_file: {key_file}}}",
-    )
-    key = derive_key(KEY_TEXT)
-    signer = Signer(key, 0, SigningClock())
-    now_ns = time.time_ns
-    good: list[bytes] = []
-    async with (
-        Running(settings, log) as running,
-        peer(f"udpout:127.0.0.1:{autopilot_port}", 1, 1) as autopilot,
-        peer(f"udpout:127.0.0.1:{autopilot_port}", 1, 1) as attacker,
-    ):
-        autopilot.seal = lambda data: signer.sign(data, now_ns())
-        evil = attacker.pack(HEARTBEAT)
-
-        async def talk() -> None:
-            good.append(await autopilot.say(HEARTBEAT))
-            stamp = timestamp_of(now_ns())
-            await attacker.say_raw(evil)
-            await attacker.say_raw(sign(evil, b"z" * 32, 0, stamp))
-            await attacker.say_raw(good[0])
-            await attacker.say_raw(sign(evil, key, 0, stamp + 3600 * 100_000))
-            await attacker.say_raw(sign(evil, key, 9, stamp - 3600 * 100_000))
-
-        def heard() -> bool:
-            return len(good) > 20 and set(running.daemon.router.rejected("autopilot")) == {
-                "unsigned",
-                "wrongly signed",
-                "replayed",
-                "future-dated",
-                "too old",
-            }
-
-        await until(heard, meanwhile=talk)
-        assert running.outputs is not None and running.outputs.health.link_ok
-        assert "is this computer's clock right?" in running.links["autopilot"]
-        words = await asyncio.to_thread(
-            send_and_wait,
-            encode_release(settings.links.autopilot),
-            settings.links.operator.endpoint,
-            dialect.MAV_CMD_NAV_GUIDED_ENABLE,
-            signing=settings.links.operator.signing,
-        )
-        assert words == (0, "")
-        await until(lambda: len(autopilot.frames) > 8, meanwhile=talk)
-    receiver = dialect.MAVLink(None)
-    receiver.signing.secret_key, receiver.signing.timestamp = key, timestamp_of(now_ns())
-    assert all(is_signed(frame) and frame[-13] == 3 for frame in autopilot.frames)
-    assert all(receiver.parse_buffer(frame) for frame in autopilot.frames)
-    taken = [data for f in LogFile(log).frames("autopilot", "in") for data in Parser().receive(f.peer, f.data)]
-    assert taken == good[-len(taken) :] and len(taken) >= len(good) - 1
-    assert not any(is_signed(frame.data) for frame in LogFile(log).frames("autopilot", "out"))
-    assert replay(log).mismatch is None
-    assert key not in log.read_bytes() and KEY_TEXT.encode() not in log.read_bytes()
-    state = read_state(Path(f"{key_file}.autopilot.timestamps"))
-    last = int.from_bytes(good[-1][-12:-6], "little")
-    assert state.streams == {(1, 1, 0): last} and state.last >= last
-
-    # After a restart, what was recorded before is not heard again.
-    async with (
-        Running(settings, tmp_path / "second.mcap") as running,
-        peer(f"udpout:127.0.0.1:{autopilot_port}", 1, 1) as attacker,
-    ):
-        rejected: Counter[str] = running.daemon.router.rejected("autopilot")
-        old = itertools.cycle(good)
-        await until(lambda: rejected["replayed"] > 10, meanwhile=lambda: attacker.say_raw(next(old)))
-        assert running.outputs is not None and not running.outputs.health.link_ok
-
-
 async def test_only_the_named_senders_are_listened_to(tmp_path: Path) -> None:
     autopilot_port = free_port()
     settings = config(f"links.autopilot.endpoint=udpin:127.0.0.1:{autopilot_port}", "links.autopilot.senders=['1/1']")
@@ -416,51 +244,6 @@ def test_an_override_of_somebody_else_takes_the_boat_from_us() -> None:
         if outputs.phase is Phase.STANDBY:
             break
     assert outputs.phase is Phase.STANDBY and outputs.health.code == Reason.OVERRIDE_NOT_FOLLOWED
-
-
-# --- what is wrong is told in one line -----------------------------------------------------------------------------
-
-
-def router(tmp_path: Path, *overrides: str) -> MavlinkRouter:
-    return MavlinkRouter(config(*overrides).links, start_ns=0, unix_ns=lambda: 0)
-
-
-def test_keys_that_cannot_be_used(tmp_path: Path) -> None:
-    key = tmp_path / "key"
-    override = f"links.autopilot.signing.key_file={key}"
-    with pytest.raises(ConfigError, match=f"{key}: the signing key cannot be read"):
-        router(tmp_path, override)
-    key.write_text("\n")
-    with pytest.raises(ConfigError, match=f"{key}: the signing key is empty"):
-        router(tmp_path, override)
-    key.write_bytes(b"\xff\xfe")
-    with pytest.raises(ConfigError, match=f"{key}: not text"):
-        router(tmp_path, override)
-    key.write_text("x" * 5000)
-    with pytest.raises(ConfigError, match="too long"):
-        router(tmp_path, override)
-    key.write_text("secret words")
-    key.chmod(0o644)
-    made = router(tmp_path, override)
-    assert made.warnings == [f"{key}: others may read the signing key; chmod 600 it"]
-    key.chmod(0o600)
-    assert router(tmp_path, override).warnings == []
-    state = tmp_path / "key.autopilot.timestamps"
-    assert state.stat().st_mode & 0o777 == 0o600
-    for text in (
-        "",
-        "{",
-        '{"last": -1, "streams": {}}',
-        '{"last": 1, "streams": {"1/1": 4}}',
-        '{"last": 1}',
-        "[]",
-        "\xe9",
-    ):
-        state.write_text(text)
-        with pytest.raises(ConfigError, match=f"{state}: signing timestamps"):
-            router(tmp_path, override)
-    with pytest.raises(ConfigError, match="cannot be written"):
-        router(tmp_path, override, f"links.autopilot.signing.state_file={tmp_path}/no/such/folder")
 
 
 def test_messages_that_do_not_exist(tmp_path: Path) -> None:

@@ -11,9 +11,9 @@ from asvhil.supervisor.reasons import Reason, describe, explain
 from asvhil.types import Frame, Phase
 from tests.loop.test_wirings import BLUEBOAT, turns_as_commanded
 from tests.support.autopilot_script import HOLD, MANUAL, NEUTRAL, PATH, SCRIPT
+from tests.support.dock import Dock, bad, of
 from tests.support.loop import STATION_DEG, GroundStationLoop
 from tests.support.settled import settled
-from tests.unit.preflight.test_preflight import Dock, bad, of
 
 WAY = ("links.autopilot.output=script", "plant.frontseat.script=true", "plant.frontseat.mygcs_system_id=255")
 

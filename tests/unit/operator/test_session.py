@@ -8,78 +8,31 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from asvhil.config import OperatorLinkConfig, load_config
-from asvhil.io.mavlink.frames import FrameSplitter, decode, dialect
-from asvhil.io.mavlink.texts import TextReader, Texts
+from asvhil.config import OperatorLinkConfig
+from asvhil.io.mavlink.frames import dialect
 from asvhil.operator.reports import OperatorReport
-from asvhil.operator.session import OperatorRequest, OperatorSession
+from asvhil.operator.session import OperatorSession
 from asvhil.operator.setpoint_streams import STREAM_NS
-from asvhil.supervisor.reasons import Explanation, Reason, describe, explain
-from asvhil.types import EVERYONE, Address, Frame, HoldCommand, MoveCommand, ParameterChange, Phase, ReleaseCommand
+from asvhil.supervisor.reasons import Reason, describe, explain
+from asvhil.types import Address, Frame, HoldCommand, MoveCommand, Phase, ReleaseCommand
+from tests.support.operator_bench import (
+    ALL,
+    CONFIG,
+    GCS,
+    LAT,
+    LON,
+    NAMES,
+    POSITION_ONLY,
+    Bench,
+    S,
+    acks,
+    loiter_long,
+    messages,
+    reposition,
+    setpoint,
+)
 
-S = 1_000_000_000
-CONFIG = load_config("sitl").links.autopilot
-GCS = dialect.MAVLink(None, srcSystem=255, srcComponent=190)
-LAT, LON = 404237000, -869212000
-ALL = 0b111111111111
-POSITION_ONLY = 0b110111111000  # position; not yaw, rates or accelerations
-
-
-class Bench:
-    """An operator's link, its clock, and a ground station's mouth and ears."""
-
-    def __init__(self, parameters: tuple[str, ...] = (), **operator: object) -> None:
-        self.link = OperatorSession(CONFIG, OperatorLinkConfig(**operator), parameters)  # type: ignore[arg-type]
-        self.t_ns = 0
-
-    def say(self, message, peer: str = "gcs:1", after_ns: int = 100_000_000) -> list[OperatorRequest]:  # type: ignore[no-untyped-def]
-        self.t_ns += after_ns
-        data = bytes(message.pack(GCS))
-        return self.link.receive(Frame(t_ns=self.t_ns, port="operator", data=data, peer=peer))
-
-    def hear(self, situation: OperatorReport = OperatorReport(), values=lambda name: 0.5) -> list:  # type: ignore[no-untyped-def,type-arg]  # noqa: B008
-        self.t_ns += 1
-        return messages(self.link.data_to_send(self.t_ns, situation, values))
-
-    def answer(self, request: OperatorRequest, refusal: Explanation | None, after_ns: int = 0) -> list:  # type: ignore[type-arg]
-        """The acknowledgement and the texts that answer a request."""
-        self.t_ns += after_ns
-        self.link.answer(self.t_ns, request, refusal)
-        return [m for m in self.hear() if m.get_type() in ("COMMAND_ACK", "STATUSTEXT")]
-
-
-def messages(frames: list[Frame]) -> list:  # type: ignore[type-arg]
-    return [decode(data) for frame in frames for data in FrameSplitter().receive(frame.data)]
-
-
-def acks(heard: list) -> list[tuple[int, int, int]]:  # type: ignore[type-arg]
-    return [(m.command, m.result, m.get_srcComponent()) for m in heard if m.get_type() == "COMMAND_ACK"]
-
-
-def reposition(frame: int = 0, x: int = LAT, y: int = LON, yaw: float = math.nan, to=(1, 191)):  # type: ignore[no-untyped-def]
-    return dialect.MAVLink_command_int_message(*to, frame, 192, 0, 0, -1, 0, 0, yaw, x, y, 0)
-
-
-def setpoint(mask: int = POSITION_ONLY, frame: int = 6, x: int = LAT, y: int = LON, to=(1, 191), **fields: float):  # type: ignore[no-untyped-def]
-    values = {
-        "vx": 0.0,
-        "vy": 0.0,
-        "vz": 0.0,
-        "afx": 0.0,
-        "afy": 0.0,
-        "afz": 0.0,
-        "yaw": 0.0,
-        "yaw_rate": 0.0,
-        **fields,
-    }
-    return dialect.MAVLink_set_position_target_global_int_message(0, *to, frame, mask, x, y, 0.0, *values.values())
-
-
-def loiter_long(lat: float, lon: float, yaw_deg: float = math.nan):  # type: ignore[no-untyped-def]
-    return dialect.MAVLink_command_long_message(1, 191, 17, 0, 0, 0, 0, yaw_deg, lat, lon, 0)
-
-
-# --- gotos ---------------------------------------------------------------------------------------------------------
+# --- gotos ------------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("frame", [0, 3, 5, 6, 10, 11])
@@ -185,7 +138,7 @@ def test_set_points_are_not_acknowledged() -> None:
     assert len(bench.answer(request, refusal, after_ns=5 * S)) == 1
 
 
-# --- who is meant --------------------------------------------------------------------------------------------------
+# --- who is meant -----------------------------------------------------------------------------------------------------
 
 
 def test_gotos_to_the_autopilot_are_claimed_only_where_that_is_asked_for() -> None:
@@ -243,174 +196,8 @@ def test_what_another_link_brings_in_pieces_is_no_stream_of_ours() -> None:
     assert len(link.receive(Frame(t_ns=S, port="operator", data=data, via="ground.radio"))) == 1
 
 
-# --- messages ------------------------------------------------------------------------------------------------------
+# --- anything at all --------------------------------------------------------------------------------------------------
 
-
-def test_the_version_is_told_after_the_acknowledgement() -> None:
-    bench = Bench()
-    for command, param in ((512, 148.0), (520, 1.0)):
-        bench.say(dialect.MAVLink_command_long_message(1, 191, command, 0, param, 0, 0, 0, 0, 0, 0))
-        ack, version = (m for m in bench.hear() if m.get_type() in ("COMMAND_ACK", "AUTOPILOT_VERSION"))
-        assert (ack.command, ack.result) == (command, 0)
-        assert version.capabilities & dialect.MAV_PROTOCOL_CAPABILITY_COMMAND_INT and version.flight_sw_version
-
-
-@pytest.mark.parametrize(
-    ("command", "param1", "param2", "result"),
-    [
-        (512, 33.0, 0.0, dialect.MAV_RESULT_DENIED),
-        (512, math.nan, 0.0, dialect.MAV_RESULT_DENIED),
-        (510, 30.0, 0.0, dialect.MAV_RESULT_DENIED),
-        (511, 30.0, 1e6, dialect.MAV_RESULT_DENIED),
-        (511, 0.0, 1e6, dialect.MAV_RESULT_DENIED),
-        (511, 251.0, 10.0, dialect.MAV_RESULT_DENIED),
-        (511, 251.0, math.nan, dialect.MAV_RESULT_DENIED),
-        (511, 251.0, 1e30, dialect.MAV_RESULT_DENIED),  # more than MESSAGE_INTERVAL can tell
-        (511, 251.0, 200_000.0, dialect.MAV_RESULT_ACCEPTED),
-        (519, 1.0, 0.0, dialect.MAV_RESULT_UNSUPPORTED),
-    ],
-)
-def test_message_commands(command: int, param1: float, param2: float, result: int) -> None:
-    bench = Bench()
-    bench.say(dialect.MAVLink_command_long_message(1, 191, command, 0, param1, param2, 0, 0, 0, 0, 0))
-    assert acks(bench.hear()) == [(command, result, 191)]
-    bench.say(dialect.MAVLink_command_long_message(1, 191, 510, 0, 251, 0, 0, 0, 0, 0, 0))
-    assert acks(bench.hear()) == [(510, dialect.MAV_RESULT_ACCEPTED, 191)]
-
-
-def rates(bench: Bench, seconds: float = 10.0) -> dict[str, float]:
-    """Messages a second by name, with a tick each 50 ms; of named values those of one name."""
-    station = OperatorReport(phase=Phase.HOLD, distance_m=1.0, heading_error_rad=0.1, station=(40.0, -86.0, 0.5))
-    counts: dict[str, int] = {}
-    for _ in range(round(seconds * 20)):
-        bench.t_ns += S // 20
-        for message in messages(bench.link.data_to_send(bench.t_ns, station)):
-            name = getattr(message, "name", message.get_type())
-            counts[name] = counts.get(name, 0) + 1
-    return {name: count / seconds for name, count in counts.items()}
-
-
-def test_reports_come_at_their_rates_once_somebody_is_there() -> None:
-    bench = Bench()
-    assert rates(bench) == {}
-    bench.say(dialect.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3))
-    assert rates(bench) == {
-        "HEARTBEAT": 1.0,
-        "phase": 2.0,
-        "dist_err": 2.0,
-        "head_err": 2.0,
-        "solve_ok": 2.0,
-        "POSITION_TARGET_GLOBAL_INT": 2.0,
-    }
-    for msg_id, interval_us in ((251, 200_000.0), (87, -1.0)):
-        bench.say(dialect.MAVLink_command_long_message(1, 191, 511, 0, msg_id, interval_us, 0, 0, 0, 0, 0))
-    bench.say(dialect.MAVLink_command_long_message(1, 191, 510, 0, 251, 0, 0, 0, 0, 0, 0))
-    (interval,) = (m for m in bench.hear() if m.get_type() == "MESSAGE_INTERVAL")
-    assert (interval.message_id, interval.interval_us) == (251, 200_000)
-    now = rates(bench)
-    assert now["dist_err"] == 5.0 and "POSITION_TARGET_GLOBAL_INT" not in now
-    quiet = Bench(report_hz=0.0)
-    quiet.say(dialect.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3))
-    assert rates(quiet) == {"HEARTBEAT": 1.0}
-
-
-def test_reports_end_when_nobody_is_there_any_more() -> None:
-    bench = Bench()
-    bench.say(dialect.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3))
-    rates(bench, 16.0)
-    assert rates(bench) == {"HEARTBEAT": 1.0}
-    bench.say(dialect.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3))
-    assert rates(bench)["dist_err"] == pytest.approx(2.0, abs=0.1)
-
-
-def test_what_the_reports_say() -> None:
-    bench = Bench()
-    bench.say(dialect.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3))
-    heard = bench.hear(
-        OperatorReport(
-            phase=Phase.FAILSAFE, distance_m=2.5, heading_error_rad=-math.pi / 4, solve_ms=3.5, iterations=4.0,
-            control_ok=False, station=(40.5, -86.25, 1.5),
-        )
-    )  # fmt: skip
-    values = {m.name: m.value for m in heard if m.get_type() == "NAMED_VALUE_FLOAT"}
-    assert values == {
-        "phase": 3.0, "dist_err": 2.5, "head_err": -45.0, "solve_ms": 3.5, "solve_iter": 4.0, "solve_ok": 0.0,
-    }  # fmt: skip
-    (target,) = (m for m in heard if m.get_type() == "POSITION_TARGET_GLOBAL_INT")
-    assert (target.lat_int, target.lon_int, target.yaw) == (405000000, -862500000, 1.5)
-    assert target.type_mask == POSITION_ONLY & ~1024 | 4
-    (heartbeat,) = (m for m in heard if m.get_type() == "HEARTBEAT")
-    assert (heartbeat.autopilot, heartbeat.type, heartbeat.system_status) == (8, 18, dialect.MAV_STATE_CRITICAL)
-
-
-def test_frames_are_numbered() -> None:
-    bench = Bench()
-    bench.say(dialect.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3))
-    numbers = [frame.data[4] for _ in range(3) for frame in bench.link.data_to_send(bench.t_ns + S)]
-    assert numbers == list(range(len(numbers))) and numbers
-
-
-# --- parameters ----------------------------------------------------------------------------------------------------
-
-NAMES = tuple(f"P_{number}" for number in range(12))
-
-
-def test_a_list_is_paced_and_whole() -> None:
-    bench = Bench(NAMES)
-    bench.say(dialect.MAVLink_param_request_list_message(1, 0))
-    bench.say(dialect.MAVLink_param_request_list_message(1, 191))  # asked again meanwhile: not twice
-    ticks = [[m for m in bench.hear() if m.get_type() == "PARAM_VALUE"] for _ in range(6)]
-    assert [len(tick) for tick in ticks] == [5, 5, 2, 0, 0, 0]
-    told = [m for tick in ticks for m in tick]
-    assert [(m.param_id, m.param_index, m.param_count) for m in told] == [(n, i, 12) for i, n in enumerate(NAMES)]
-
-
-def test_reading_by_name_and_by_index() -> None:
-    bench = Bench(NAMES)
-    for name, index in ((b"P_3", -1), (b"", 7), (b"P_99", -1), (b"", 99), (b"", -2)):
-        bench.say(dialect.MAVLink_param_request_read_message(1, 191, name, index))
-    assert [m.param_id for m in bench.hear() if m.get_type() == "PARAM_VALUE"] == ["P_3", "P_7"]
-
-
-def test_setting_is_answered_to_everybody_with_the_value_that_holds() -> None:
-    bench = Bench(NAMES)
-    (request,) = bench.say(dialect.MAVLink_param_set_message(1, 191, b"P_3", 8.25, 9))
-    assert request.command == ParameterChange(t_ns=bench.t_ns, name="P_3", value=8.25)
-    refusal = explain(Reason.PARAMETER_OUT_OF_RANGE, name="P_3", range="0 to 1")
-    bench.link.answer(bench.t_ns, request, refusal)
-    frames = bench.link.data_to_send(bench.t_ns, OperatorReport(), lambda name: 0.25)
-    heard = [(frame, messages([frame])[0]) for frame in frames]
-    (text,) = (m for _, m in heard if m.get_type() == "STATUSTEXT")
-    assert text.text == describe(refusal)
-    ((frame, value),) = (pair for pair in heard if pair[1].get_type() == "PARAM_VALUE")
-    assert frame.address == EVERYONE and (value.param_id, value.param_value) == ("P_3", 0.25)
-    assert bench.say(dialect.MAVLink_param_set_message(1, 191, b"NONE", 8.25, 9)) == []
-    assert bench.say(dialect.MAVLink_param_set_message(1, 1, b"P_3", 8.25, 9)) == []
-
-
-# --- texts ---------------------------------------------------------------------------------------------------------
-
-
-@given(st.text(alphabet=st.characters(min_codepoint=32, max_codepoint=126), max_size=400))
-def test_texts_of_any_length_arrive_whole(text: str) -> None:
-    texts, reader = Texts(), TextReader()
-    for _ in range(2):
-        told = [reader.receive(m) for m in messages(
-            [Frame(t_ns=0, port="operator", data=bytes(m.pack(GCS))) for m in texts.messages(4, text)]
-        )]  # fmt: skip
-        assert told[-1] == text and told[:-1] == [None] * (len(told) - 1)
-        assert len(told) == 1 if len(text) <= 50 else len(told) == len(text) // 50 + 1
-
-
-def test_a_lost_piece_takes_its_text_with_it_and_no_other() -> None:
-    texts, reader = Texts(), TextReader()
-    first, second = texts.messages(4, "a" * 120), texts.messages(4, "b" * 120)
-    pieces = [first[0], *first[2:], *second]
-    heard = [reader.receive(decode(bytes(m.pack(GCS)))) for m in pieces]
-    assert [text for text in heard if text] == ["b" * 120]
-
-
-# --- anything at all -----------------------------------------------------------------------------------------------
 
 FLOATS = st.floats(width=32) | st.sampled_from([-1.0, 0.0, 1.0, 30.0, 87.0, 148.0, 251.0, 1e30, -1e30])
 INTS = st.sampled_from([0, 1, -1, LAT, LON, 2**31 - 1, -(2**31), 950000000])

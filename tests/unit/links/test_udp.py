@@ -1,0 +1,125 @@
+"""UDP endpoints: whom they answer, how many peers they remember, and peers that come and go."""
+
+from __future__ import annotations
+
+import asyncio
+import random
+import socket
+from pathlib import Path
+
+import pytest
+
+from asvhil.links.endpoint import open_endpoint
+from tests.support.endpoints import Clock, pair, recv_soon, run
+
+pytestmark = pytest.mark.real_time
+
+
+def test_udpin_answers_the_asker_and_tells_the_rest_to_all(tmp_path: Path) -> None:
+    async def body() -> None:
+        near, autopilot = await pair("udp", tmp_path)
+        station = await open_endpoint(f"udpout:{near.address}", "station", Clock())
+        await station.send(b"who?")
+        asked = await near.recv()
+        await near.send(b"me", asked.peer)
+        assert await recv_soon(station) == b"me"
+        await near.send(b"to all")
+        assert await recv_soon(station) == b"to all"
+        assert await recv_soon(autopilot) == b"to all"  # and not b"me" before it
+        await near.send(b"nobody", "127.0.0.1:9")
+        assert near.unsent == 1
+        for link in (near, autopilot, station):
+            await link.close()
+
+    run(body)
+
+
+def test_udpin_is_not_disturbed_by_a_garbage_peer(tmp_path: Path) -> None:
+    async def body() -> None:
+        near, autopilot = await pair("udp", tmp_path)
+        garbage = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        garbage.connect(("127.0.0.1", int(near.address.rpartition(":")[2])))
+        rng = random.Random(4)
+        heard: dict[str, list[bytes]] = {}
+        for i in range(30):
+            garbage.send(rng.randbytes(rng.randrange(0, 300)))
+            await autopilot.send(b"\xfd" + bytes([i]))
+            while b"\xfd" + bytes([i]) not in heard.get(autopilot_name(heard), []):
+                frame = await asyncio.wait_for(near.recv(), 2.0)
+                heard.setdefault(frame.peer, []).append(frame.data)
+        assert heard[autopilot_name(heard)] == [b"\xfd" + bytes([i]) for i in range(30)]
+        garbage.close()  # from now on, sends to it come back as ICMP errors
+        for i in range(5):
+            await near.send(bytes([i]))
+            assert await recv_soon(autopilot) == bytes([i])
+        await near.close()
+        await autopilot.close()
+
+    def autopilot_name(heard: dict[str, list[bytes]]) -> str:
+        return next((peer for peer, data in heard.items() if b"\xfd\x00" in data), "")
+
+    run(body)
+
+
+def test_udpin_counts_sends_before_anybody_was_heard_and_after_ten_silent_seconds(tmp_path: Path) -> None:
+    async def body() -> None:
+        clock = Clock()
+        near = await open_endpoint("udpin:127.0.0.1:0", "near", clock)
+        await near.send(b"nobody yet")
+        assert near.unsent == 1
+        far = await open_endpoint(f"udpout:{near.address}", "far", clock)
+        await far.send(b"hello")
+        peer = (await near.recv()).peer
+        clock.t_ns += 10_000_000_000
+        await near.send(b"just in time")
+        assert await recv_soon(far) == b"just in time"
+        clock.t_ns += 1
+        await near.send(b"too late")
+        assert near.unsent == 2
+        await near.send(b"an answer is never too late", peer)
+        assert await recv_soon(far) == b"an answer is never too late"
+        await near.close()
+        await far.close()
+
+    run(body)
+
+
+def test_udpin_remembers_the_sixteen_latest_peers(tmp_path: Path) -> None:
+    async def body() -> None:
+        near = await open_endpoint("udpin:127.0.0.1:0", "near", Clock())
+        callers = [await open_endpoint(f"udpout:{near.address}", str(i), Clock()) for i in range(18)]
+        for i in [*range(16), 0, 16, 17]:  # 0 speaks again, so 1 and 2 are the oldest when 16 and 17 come
+            await callers[i].send(b"here")
+            await near.recv()
+        await near.send(b"all")
+        await asyncio.sleep(0.05)
+        got = [i for i, caller in enumerate(callers) if caller._frames]  # type: ignore[attr-defined]
+        assert got == [0, *range(3, 18)]
+        for link in [near, *callers]:
+            await link.close()
+
+    run(body)
+
+
+def test_udpout_survives_a_peer_that_is_not_there_yet_and_one_that_restarts() -> None:
+    async def body() -> None:
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+            probe.bind(("127.0.0.1", 0))
+            ip_port = probe.getsockname()[1]
+        link = await open_endpoint(f"udpout:127.0.0.1:{ip_port}", "autopilot", Clock())
+        for _ in range(2):
+            reading = asyncio.create_task(link.recv())
+            for _ in range(3):
+                await link.send(b"anyone?")
+                await asyncio.sleep(0.01)
+            assert not reading.done()
+            await link.send(b"the ICMP error of this one is pending")
+            peer = await open_endpoint(f"udpin:127.0.0.1:{ip_port}", "late", Clock())
+            await link.send(b"first that can arrive")
+            assert await recv_soon(peer) == b"first that can arrive"
+            await peer.send(b"reply")
+            assert (await asyncio.wait_for(reading, 2.0)).data == b"reply"
+            await peer.close()
+        await link.close()
+
+    run(body)
