@@ -62,7 +62,8 @@ class StandardStream(io.TextIOBase):
 def guard_standard_streams() -> tuple[StandardStream, StandardStream]:
     """Put `StandardStream`s in the place of sys.stdout and sys.stderr. A descriptor that is closed becomes /dev/null.
 
-    Otherwise the next file that is opened would get its number, and a log our words.
+    Otherwise the next file that is opened would get its number, and a log our words. A stream that the caller has put
+    in the place of the process's own, as a notebook or a test does, stays.
     """
     for fd in (0, 1, 2):
         try:
@@ -71,7 +72,10 @@ def guard_standard_streams() -> tuple[StandardStream, StandardStream]:
             with contextlib.suppress(OSError):
                 os.open(os.devnull, os.O_RDWR)  # gets the lowest number that is free, which is this one
     streams = StandardStream(1, _encoding(sys.stdout)), StandardStream(2, _encoding(sys.stderr))
-    sys.stdout, sys.stderr = streams
+    if sys.stdout is sys.__stdout__:
+        sys.stdout = streams[0]
+    if sys.stderr is sys.__stderr__:
+        sys.stderr = streams[1]
     return streams
 
 
