@@ -11,7 +11,9 @@ from pathlib import Path
 
 import pytest
 
+from asvhil.backseat.build import build_link
 from asvhil.config import load_config
+from asvhil.config.ports import AUTOPILOT
 from asvhil.config.registry import REGISTRIES
 from asvhil.logs.encoding import decode_outputs
 from asvhil.logs.reader import LogFile
@@ -110,6 +112,16 @@ def test_the_summary_says_whether_the_sensor_is_used(done: Callable[[str], Examp
 
 def test_the_autopilot_tells_its_battery(done: Callable[[str], Example]) -> None:
     assert "battery: low: 12.6 V" in done("An autopilot").sitl
+
+
+def test_the_autopilot_loses_nothing_that_its_base_reads_of_the_same_message(done: Callable[[str], Example]) -> None:
+    example = done("An autopilot")
+    link = build_link(load_config(example.folder / "my-boat.yaml"))
+    for inputs, _ in LogFile(example.log).ticks():
+        for frame in inputs.frames:
+            if frame.port == AUTOPILOT:
+                link.receive(frame)
+    assert link.arming_checks.ok  # None where no SYS_STATUS was read
 
 
 @pytest.mark.real_time
