@@ -8,6 +8,7 @@ from asvhil.backseat.command import Command
 from asvhil.backseat.perception import Perceived, Perception
 from asvhil.config.ports import OPERATOR
 from asvhil.geo import LocalFrame
+from asvhil.motion.watch import MotionWatch
 from asvhil.supervisor.reasons import describe
 from asvhil.supervisor.situation import Situation, StationSticks
 from asvhil.supervisor.supervisor import Decision
@@ -17,8 +18,17 @@ from asvhil.types import Frame, Health, Inputs, Note, Outputs
 class Backseat:
     """One boat's estimation and control. The same object live, in lockstep and in replay; `step` is its only verb."""
 
-    def __init__(self, *, autopilot: Autopilot, perception: Perception, command: Command, actuation: Actuation) -> None:
+    def __init__(
+        self,
+        *,
+        autopilot: Autopilot,
+        perception: Perception,
+        motion: MotionWatch,
+        command: Command,
+        actuation: Actuation,
+    ) -> None:
         self._autopilot = autopilot
+        self._motion = motion
         self._perception = perception
         self._command = command
         self._actuation = actuation
@@ -41,8 +51,9 @@ class Backseat:
         frames = self._actuation.drive(t_ns, decision)
         self._perception.note_pulses(self._actuation.pulses_us, seen.usable_wind)
         model_error = self._perception.check_model(seen) if control is not None else None
+        self._motion.note_station(decision.station)
         outside = (*self._autopilot.notes, *self._actuation.notes, *self._perception.notes(t_ns))
-        notes = (*outside, *self._command.notes)
+        notes = (*outside, *self._motion.notes, *self._command.notes)
         frames += self._autopilot.data_to_send(t_ns)
         frames += self._perception.data_to_send(t_ns)
         frames += self._command.data_to_send(situation, decision, control, self._perception.switches(t_ns), notes)
@@ -90,6 +101,10 @@ class Backseat:
 
     def _situation(self, seen: Perceived) -> Situation:
         """What this tick is decided by."""
+        ailing = self._perception.ailing(seen.t_ns)
+        motion = self._motion.step(
+            seen.t_ns, seen.measurements, self._perception.command, seen.usable_wind, seen.estimate, ailing
+        )
         beat_ns, heard_ns = self._autopilot.autopilot_heartbeat_ns, self._autopilot.autopilot_heard_ns
         station_ns = self._autopilot.station_heard_ns
         return Situation(
@@ -103,6 +118,7 @@ class Backseat:
             frame=seen.frame,
             fault=self._actuation.fault,
             unverified=self._actuation.unverified,
+            motion=motion,
             control_ok=self._actuation.control_ok,
             sent=self._actuation.sent,
             station_age_s=None if station_ns is None else (seen.t_ns - station_ns) * 1e-9,

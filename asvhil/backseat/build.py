@@ -27,6 +27,7 @@ from asvhil.estimator.wind import WindFilter
 from asvhil.estimator.wind_load import WindFromLoad
 from asvhil.io.sensors.decoder import Decoder
 from asvhil.io.sensors.firmware import FirmwareWatch
+from asvhil.motion.watch import MotionWatch
 from asvhil.operator.operations import Operations
 from asvhil.operator.session import OperatorSession
 from asvhil.operator.station_parameters import STATION_PARAMETERS
@@ -159,6 +160,7 @@ def build_backseat(
     return Backseat(
         autopilot=link,
         perception=build_perception(config, model, link),
+        motion=MotionWatch(config),
         command=build_command(config, controller),
         actuation=Actuation(
             autopilot=link,

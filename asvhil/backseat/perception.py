@@ -19,16 +19,21 @@ from asvhil.types import (
     Estimate,
     Frame,
     FrontseatStatus,
+    GroundVelocity,
+    Heading,
     Inputs,
     Measurement,
     Note,
     PredictionError,
     TrueWind,
     Wind,
+    YawRate,
     record,
 )
 
 NOT_THE_ESTIMATORS = frozenset({FrontseatStatus, ApparentWind, BowWind, TrueWind})
+KINDS: dict[str, type] = {"gnss velocity": GroundVelocity, "compass": Heading, "gyro": YawRate}
+DEAD = frozenset({"silent", "frozen"})
 REMEMBERED_NS = 30_000_000_000  # for so long a measured wind is a better guess than the disturbance
 
 
@@ -38,7 +43,7 @@ class Perceived:
 
     `statuses` are those of the autopilot that came in this tick, `status` is the last so far. `wind` is the one to
     show, `usable_wind` the one to predict with: of a sensor, and valid. `frame` is the local NED frame. None: not
-    known.
+    known. `measurements` are those of the boat's motion that came in this tick.
     """
 
     t_ns: int
@@ -48,6 +53,7 @@ class Perceived:
     wind: Wind | None
     usable_wind: Wind | None
     frame: LocalFrame | None
+    measurements: tuple[Measurement, ...] = ()
 
 
 class Perception:
@@ -79,11 +85,13 @@ class Perception:
         self._pwm = pwm
         self._status: FrontseatStatus | None = None
         self._statuses: list[FrontseatStatus] = []
+        self._measurements: list[Measurement] = []
         self._pulses_us: tuple[int, int] | None = None
         self._forcing_wind: Wind | None = None
         self._wind_ns = -REMEMBERED_NS
         self._model_input = (0.0, 0.0)
         self.model_ok = True  # the boat behaves as the model says
+        self.command = (0.0, 0.0)  # of the motors since the last tick, ours or the autopilot's
 
     @property
     def frame(self) -> LocalFrame | None:
@@ -94,6 +102,7 @@ class Perception:
         """Take in the frames of a tick; those of other ports than the autopilot's and the sensors' are ignored."""
         t_ns = inputs.t_ns
         self._statuses.clear()
+        self._measurements.clear()
         for frame in inputs.frames:
             self._on_frame(frame)
         wind = self._wind.wind(t_ns)
@@ -114,6 +123,7 @@ class Perception:
             wind=wind,
             usable_wind=usable_wind,
             frame=self._estimator.frame,
+            measurements=tuple(self._measurements),
         )
 
     def note_pulses(self, pulses_us: tuple[int, int] | None, wind: Wind | None) -> None:
@@ -134,6 +144,11 @@ class Perception:
         firmware = self._firmware.note()
         own = () if firmware is None else (firmware,)
         return (*self._estimator.notes(t_ns), *self._wind.notes(t_ns), *own)
+
+    def ailing(self, t_ns: int) -> frozenset[type]:
+        """The kinds of measurement whose sensor is silent or frozen."""
+        notes = self._estimator.notes(t_ns)
+        return frozenset(KINDS[note.subject] for note in notes if note.text in DEAD and note.subject in KINDS)
 
     def data_to_send(self, t_ns: int) -> list[Frame]:
         """Questions to the sensors."""
@@ -160,6 +175,8 @@ class Perception:
         for measurement in measurements:
             if type(measurement) in NOT_THE_ESTIMATORS:
                 self._on_wind_or_status(measurement)
+            else:
+                self._measurements.append(measurement)
 
     def _on_wind_or_status(self, measurement: Measurement) -> None:
         """Wind, and the autopilot's status."""
@@ -186,7 +203,7 @@ class Perception:
         if pulses is None:
             reported = self._status.motors_us if self._status is not None else None
             pulses = reported or (0, 0)
-        command = (command_of_pulse(self._pwm, pulses[0]), command_of_pulse(self._pwm, pulses[1]))
-        self._model_input = self._model.input_of_command(command)
+        self.command = (command_of_pulse(self._pwm, pulses[0]), command_of_pulse(self._pwm, pulses[1]))
+        self._model_input = self._model.input_of_command(self.command)
         self._forcing_wind = wind
         self._estimator.set_forcing(self._model_input, None if wind is None else (wind.vn_mps, wind.ve_mps))

@@ -23,6 +23,7 @@ from asvhil.config.estimator import (
 )
 from asvhil.config.links import AutopilotLinkConfig, OperatorLinkConfig
 from asvhil.config.loading import config_from_json, find_config, find_shipped, load_config, override_value
+from asvhil.config.motion import MotionConfig
 from asvhil.config.plant import FrontseatConfig, HilConfig, PlantConfig, Px4HilConfig
 from asvhil.config.plant_faults import OF_ONE_DEVICE, FaultConfig, GlitchConfig, GlitchesConfig
 from asvhil.config.plant_sensors import (
@@ -81,6 +82,7 @@ __all__ = [
     "LoiterConfig",
     "ManoeuvresConfig",
     "MonitorConfig",
+    "MotionConfig",
     "MotorOutputConfig",
     "MpcConfig",
     "MpcWeights",

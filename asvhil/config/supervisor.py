@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from asvhil.config.base import Degrees, Latitude, Longitude, NonNegative, Positive, Section
+from asvhil.config.motion import MotionConfig
 from asvhil.types import Cause
 
 
@@ -134,3 +135,4 @@ class SupervisorConfig(Section):
         description="After a failure (link, estimate, solver) the motors are neutral for this long, then released.",
     )
     readback: ReadbackConfig = Field(default=ReadbackConfig(), description="Checking that the motor outputs follow.")
+    motion: MotionConfig = Field(default=MotionConfig(), description="Watching that the boat moves as it is told to.")

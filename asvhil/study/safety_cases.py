@@ -153,7 +153,7 @@ CHOP = ("plant.weather.waves.orbital_std_mps=0.07", "plant.weather.waves.yaw_std
 SEA = ("plant.weather.waves.orbital_std_mps=0.15", "plant.weather.waves.yaw_std_radps=0.05")
 DRIFT = ("plant.sensors.gnss.slow_bias_m=2.5", "plant.sensors.gnss.slow_bias_time_s=60")
 FIELD = ("controller.mpc.near.heading=120", "controller.mpc.lasting_offset_m=[0.10,0.25]")
-MODERATE = ("plant.weather.current.speed_mps=0.6", "plant.weather.current.toward_deg=120")
+MODERATE = ("plant.weather.current.speed_mps=0.3", "plant.weather.current.toward_deg=120")
 
 
 def _healthy_groups(base: str) -> dict[str, Keys]:
@@ -168,7 +168,7 @@ def _healthy_groups(base: str) -> dict[str, Keys]:
         "mass + 40 %": _other_boat(base, heavy),
         "no wind sensor": NO_SENSOR,
         "receiver drift": DRIFT,
-        "current of 0.6 m/s": MODERATE,
+        "current of 0.3 m/s": MODERATE,
         "compass off by 10°": ("plant.faults=[{kind: compass-turned, size: 10}]",),
         "physics model": ("controller.name=sd-mpc",),
     }

@@ -68,6 +68,15 @@ class Reason(enum.StrEnum):
     OUTPUT_STUCK = "output-stuck"
     OUTPUTS_UNCHANGED = "outputs-unchanged"
     OUTPUTS_DIFFER = "outputs-differ"
+    # How the boat moves other than it is told to
+    MOTORS_REVERSED = "motors-reversed"
+    MOTOR_REVERSED = "motor-reversed"
+    MOTORS_SWAPPED = "motors-swapped"
+    MOTOR_DEAD = "motor-dead"
+    NO_THRUST = "no-thrust"
+    HEADING_OFF = "heading-off"
+    BEYOND_MOTORS = "beyond-motors"
+    DRIFTED_OFF = "drifted-off"
     # Why a request makes no sense
     GUIDED_ENABLE_VALUE = "guided-enable-value"
     COMMAND_INT_ONLY = "command-int-only"
@@ -276,6 +285,39 @@ WORDS: Mapping[Reason, Words] = {
     Reason.OUTPUTS_DIFFER: Words(
         text="outputs do not follow the commands",
         remedy="Run `asvhil check`: a dead zone, a scale or a slew limit of the autopilot bends the commands.",
+    ),
+    Reason.MOTORS_REVERSED: Words(
+        text="the boat goes astern for ahead: both motors are reversed",
+        remedy="Exchange two phases of each motor, or reverse both outputs (SERVOn_REVERSED); try it tied up first.",
+    ),
+    Reason.MOTOR_REVERSED: Words(
+        text="the boat turns and runs against its commands: the {motor} motor is reversed",
+        remedy="Exchange two phases of that motor, or reverse its output (SERVOn_REVERSED); try it tied up first.",
+    ),
+    Reason.MOTORS_SWAPPED: Words(
+        text="the boat turns against its commands: port and starboard motor are swapped",
+        remedy="Exchange the motors' plugs, or the functions of their outputs; try it tied up first.",
+    ),
+    Reason.MOTOR_DEAD: Words(
+        text="the boat moves as if the {motor} motor gave no thrust",
+        remedy="Look at that motor's propeller, fuse, cable and speed controller.",
+    ),
+    Reason.NO_THRUST: Words(
+        text="the boat does not move by its motors",
+        remedy="Motors without power, fouled, or the boat is aground or moored.",
+    ),
+    Reason.HEADING_OFF: Words(
+        text="the boat does not move where it heads: the heading is off by about {degrees} degrees{side}",
+        remedy="Look at how the compass is mounted (AHRS_ORIENTATION, COMPASS_ORIENT), at iron near it, and at its "
+        "calibration (`asvhil calibrate`).",
+    ),
+    Reason.BEYOND_MOTORS: Words(
+        text="the motors at their limit do not hold it: {metres:.0f} m farther off the station",
+        remedy="Current or wind is stronger than the motors, or they have lost thrust: take the boat home.",
+    ),
+    Reason.DRIFTED_OFF: Words(
+        text="{metres:.0f} m farther off the station than it has been",
+        remedy="Look at the motors, at the compass and at the current; supervisor.motion sets how far is too far.",
     ),
     Reason.GUIDED_ENABLE_VALUE: Words(
         text="param1 must be 0 or 1", remedy="NAV_GUIDED_ENABLE: 1 holds the station here, 0 releases."

@@ -38,8 +38,9 @@ class Situation:
     since its heartbeat. `stranger`: why the vehicle on the link is not ours to drive.
     `slow`: what comes too slowly to begin a hold, while it is being asked for again.
     `fault`: why the motors do not, or would not, follow the commands. `unverified`: what it means if the motors' sticks
-    do not show our commands; None once they have, for then somebody else has them. `control_ok`: whether the solution
-    of the last tick can be used; None where there was none. `sent`: what the last tick sent to the motors.
+    do not show our commands; None once they have, for then somebody else has them. `motion`: why a boat that is held
+    does not move as it is told to. `control_ok`: whether the solution of the last tick can be used; None where there
+    was none. `sent`: what the last tick sent to the motors.
     `station_age_s`: since anything was heard of the pilot's ground station; None: never. `station_sticks`: what was
     heard, since the last tick, of sticks of ground stations that the autopilot obeys.
     """
@@ -54,6 +55,7 @@ class Situation:
     slow: Explanation | None = None
     fault: Explanation | None = None
     unverified: Explanation | None = None
+    motion: Explanation | None = None
     control_ok: bool | None = None
     sent: MotorPulses | None = None
     station_age_s: float | None = None

@@ -306,7 +306,7 @@ class Supervisor:
             # Where the station's messages and ours set the same channels, ours would stand until its next one.
             self._let_go(act, neutral_first=act.reason is Reason.STATION_STICK)
             return
-        ends = situation.stranger or self._lost_station(situation) or situation.fault
+        ends = situation.stranger or self._lost_station(situation) or situation.fault or situation.motion
         if ends is not None:
             if ends.reason is Reason.SCRIPT_LET_GO:  # by the pilot's act, which it sees first
                 self._pilot_ns = t_ns

@@ -40,6 +40,7 @@ class SupervisorBench:
         self.control_ok: bool | None = None
         self.slow: Explanation | None = None
         self.station_age_s: float | None = None
+        self.motion: Explanation | None = None
 
     def hold(self, **fields: float) -> Explanation | None:
         """Ask to hold; the answer."""
@@ -62,6 +63,7 @@ class SupervisorBench:
             frame=FRAME,
             slow=self.slow,
             station_age_s=self.station_age_s,
+            motion=self.motion,
             control_ok=self.control_ok,
             sent=self.sent,
         )

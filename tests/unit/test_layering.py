@@ -15,7 +15,19 @@ import pytest
 from tests.support.paths import ROOT
 
 PACKAGE = ROOT / "asvhil"
-CORE = ["errors", "types", "geo", "config", "supervisor", "io", "dynamics", "estimator", "controller", "autopilot"]
+CORE = [
+    "errors",
+    "types",
+    "geo",
+    "config",
+    "supervisor",
+    "io",
+    "dynamics",
+    "motion",
+    "estimator",
+    "controller",
+    "autopilot",
+]
 CORE += ["operator", "backseat"]
 SHELL = [
     "links",

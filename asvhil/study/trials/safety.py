@@ -6,11 +6,13 @@ import math
 from typing import Any
 
 from asvhil.config import load_config
+from asvhil.controller.pwm import command_of_pulse
+from asvhil.dynamics.rigid_body import ThrustCurve
 from asvhil.geo import LocalFrame
 from asvhil.simplant.lockstep import Lockstep
 from asvhil.types import Phase
 
-THRUST_US = 20  # a pulse this far off neutral is thrust
+THRUST = 0.05  # of full ahead, by the curve of the config: a motor that is told to give more has thrust
 AFTER_S = 1.0  # the run goes on for so long after the end of the hold
 
 
@@ -27,7 +29,7 @@ def run_hold(base: str, overrides: tuple[str, ...], hold_s: float) -> dict[str, 
     origin = LocalFrame(lat_deg=config.plant.origin_lat_deg, lon_deg=config.plant.origin_lon_deg)
     n_m, e_m = origin.to_ned(at.lat_deg, at.lon_deg)
     loop, hz = Lockstep(config), config.daemon.tick_hz
-    neutral_us = config.vehicle.pwm.neutral_us
+    pwm, curve = config.vehicle.pwm, ThrustCurve(config.vehicle.vessel.thrust_curve)
     begun = ended = None
     thrust = 0
     begin_m = farthest_m = 0.0
@@ -45,8 +47,8 @@ def run_hold(base: str, overrides: tuple[str, ...], hold_s: float) -> dict[str, 
         if ended is None:
             farthest_m = max(farthest_m, distance_m)
             failsafe = failsafe or outputs.phase is Phase.FAILSAFE
-            pulses_us = outputs.pwm_us or (neutral_us, neutral_us)
-            thrust += any(abs(us - neutral_us) > THRUST_US for us in pulses_us)
+            told_n = (curve.thrust_n(command_of_pulse(pwm, us)) for us in outputs.pwm_us or ())
+            thrust += any(abs(thrust_n) > THRUST * curve.ahead_n for thrust_n in told_n)
             for note in outputs.health.notes:
                 if note.subject == "motion" and not note.ok:
                     told.setdefault(note.text, (tick - begun) / hz)

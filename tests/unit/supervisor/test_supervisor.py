@@ -376,3 +376,16 @@ def test_the_decision_says_when_the_station_is_another_one() -> None:
     decision = bench.release()
     assert decision.station is None and decision.station_changed
     assert not bench.step().station_changed
+
+
+@pytest.mark.parametrize("reason", [Reason.MOTORS_REVERSED, Reason.DRIFTED_OFF])
+def test_a_boat_that_does_not_move_as_it_is_told_to_is_let_go_neutral_first(reason: Reason) -> None:
+    bench = SupervisorBench()
+    assert bench.hold() is None
+    bench.drive()
+    bench.motion = explain(reason, metres=9.0) if reason is Reason.DRIFTED_OFF else explain(reason)
+    decision = bench.step()
+    assert (decision.phase, decision.why.reason) == (Phase.STANDBY, reason)
+    assert not decision.drive and decision.neutral and decision.release
+    bench.motion = None
+    assert bench.step().phase is Phase.STANDBY  # only a new command takes the motors again

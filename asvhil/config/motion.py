@@ -1,0 +1,51 @@
+"""When a boat that does not move as it is told to is let go."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import Field
+
+from asvhil.config.base import NonNegative, Positive, Section
+
+
+class MotionConfig(Section):
+    """The watch over the motion while a station is held: motors, compass, and the distance to the station.
+
+    It compares what velocity, yaw rate and heading do with what the commands should make them do by vehicle.vessel, and
+    names what explains them best: a motor reversed, swapped or dead, or a heading that is off (docs/safety.md).
+    """
+
+    on_fault: Literal["release", "tell", "off"] = Field(
+        default="release",
+        description=(
+            "`release`: the hold ends, neutral first. `tell`: it goes on, with a note for the operator. `off`: nothing "
+            "is watched."
+        ),
+    )
+    evidence: float = Field(
+        default=18.0,
+        ge=5.0,
+        le=100.0,
+        description=(
+            "How much likelier a fault must be than a sound boat, as the natural logarithm of the ratio of their "
+            "likelihoods since it began. Lower: sooner; higher: fewer false alarms where hull or waves differ much."
+        ),
+    )
+    lead: NonNegative = Field(
+        default=3.0, description="A fault must be so much likelier than the next one, or be waited for for lead_s."
+    )
+    lead_s: NonNegative = Field(
+        default=2.0, description="After this long with enough evidence the likeliest fault is named, with no lead."
+    )
+    farther_m: Positive = Field(
+        default=8.0,
+        description=(
+            "A hold ends once the boat is this much farther from the station than it has been since the hold began, "
+            "or the station was moved. A boat that was fast then may go on for as far as it needs to stop."
+        ),
+    )
+    farther_share: NonNegative = Field(
+        default=0.25,
+        description="Where that is more: this share of the distance at the begin, which leaves room to turn.",
+    )

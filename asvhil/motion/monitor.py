@@ -1,0 +1,153 @@
+"""The monitor of the motion while a station is held: does the boat answer as it is told to, by the bank's evidence."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from asvhil.config import EkfConfig, MotionConfig, VesselConfig
+from asvhil.geo import wrap_rad
+from asvhil.motion.bank import Bank, BankNoise
+from asvhil.motion.evidence import Evidence
+from asvhil.motion.hypotheses import FAULTY, SOUND
+from asvhil.supervisor.reasons import Explanation
+from asvhil.types import GroundVelocity, Heading, Measurement, YawRate
+
+STEP_S = 0.2
+OLD_NS = 1_000_000_000  # a heading this old is none
+JUMP_RAD = math.radians(25.0)  # a heading this far off the turn that the gyro tells has jumped
+JUMP_TIME_S = 10.0  # time constant at which that is forgotten
+GAP_S = 1.0  # a step this long begins anew
+ROUGH_POWER = 3  # by how much less each tick then tells
+ROUGH_GAIN = 0.05  # of a step, on how rough the water is
+# Beside a sensor's own noise: waves, and a velocity that is some tenths of a second old.
+VELOCITY_NOISE, YAW_NOISE = 1.3, 2.0
+
+
+class MotionMonitor:
+    """Evidence on motors and compass from velocity, yaw rate and heading under the commands that were sent.
+
+    `on_measurement` for all that comes; `step` in each tick; `begin` when a hold begins. Sensors that their own
+    health calls silent or frozen prove nothing, so the evidence waits for them.
+    """
+
+    def __init__(self, config: MotionConfig, ekf: EkfConfig, vessel: VesselConfig) -> None:
+        self._config = config
+        noise = BankNoise(
+            velocity_std_mps=VELOCITY_NOISE * ekf.velocity_std_mps,
+            yaw_rate_std_radps=YAW_NOISE * ekf.yaw_rate_std_radps,
+        )
+        self._bank = Bank(SOUND + FAULTY, vessel, noise)
+        self._evidence = Evidence(len(SOUND), len(FAULTY))
+        self._velocity: GroundVelocity | None = None
+        self._heading: Heading | None = None
+        self._yaw_rate: YawRate | None = None
+        self._fresh: set[type] = set()
+        self._t_ns: int | None = None  # of the last step; None before the first
+        self._lagged_ns = 0
+        self._suspected_ns: int | None = None
+        self._roughness = 1.0
+        self._last_rad = self._turned_rad = self._jump_rad = 0.0  # heading of the last step, the turn since, a jump
+
+    def on_measurement(self, measurement: Measurement) -> None:
+        """Keep the latest of each kind that counts here."""
+        match measurement:
+            case GroundVelocity():
+                self._velocity = measurement
+            case Heading():
+                self._heading = measurement
+            case YawRate():
+                self._yaw_rate = measurement
+            case _:
+                return
+        self._fresh.add(type(measurement))
+
+    def begin(self) -> None:
+        """A hold begins: forget all evidence. What is known of motion and current stays."""
+        self._evidence.reset()
+        self._suspected_ns = None
+        self._bank.restart(np.ones(len(SOUND) + len(FAULTY), dtype=bool), 0)
+
+    @property
+    def current_ned(self) -> tuple[float, float]:
+        """The current (m/s) that carries the boat, as far as it has shown."""
+        return self._bank.current_ned if self._t_ns is not None else (0.0, 0.0)
+
+    def step(
+        self,
+        t_ns: int,
+        command: tuple[float, float],
+        wind_ned: tuple[float, float] | None,
+        ailing: frozenset[type] = frozenset(),
+        *,
+        holding: bool = True,
+    ) -> Explanation | None:
+        """What is wrong, once there is enough evidence; `command` is what the motors got since the last tick.
+
+        `ailing`: the kinds of measurement whose sensor is silent or frozen. While nothing is held there is no evidence,
+        and motion and current are followed.
+        """
+        velocity, heading = self._velocity, self._heading
+        if velocity is None or heading is None or t_ns - heading.t_ns > OLD_NS:
+            return None
+        if self._t_ns is None or (t_ns - self._t_ns) * 1e-9 > GAP_S:
+            rate = 0.0 if self._yaw_rate is None else self._yaw_rate.r_radps
+            self._bank.reset((velocity.vn_mps, velocity.ve_mps), rate)
+            self._t_ns = self._lagged_ns = t_ns
+            self._fresh.clear()
+            self._last_rad, self._turned_rad, self._jump_rad = heading.psi_rad, 0.0, 0.0
+            return None
+        tick_s = (t_ns - self._lagged_ns) * 1e-9
+        self._bank.lag(command, tick_s)
+        self._turned_rad += 0.0 if self._yaw_rate is None else tick_s * self._yaw_rate.r_radps
+        self._lagged_ns = t_ns
+        dt_s = (t_ns - self._t_ns) * 1e-9
+        if dt_s < STEP_S - 1e-3:
+            return None
+        self._t_ns = t_ns
+        self._follow(heading.psi_rad, dt_s)
+        self._bank.predict(dt_s, heading.psi_rad, wind_ned)
+        self._weigh(ailing, holding)
+        return self._verdict(t_ns)
+
+    def _follow(self, heading_rad: float, dt_s: float) -> None:
+        """How far the compass has jumped: its turns less those of the gyro, which drift and are forgotten."""
+        if self._yaw_rate is not None:
+            apart_rad = wrap_rad(heading_rad - self._last_rad - self._turned_rad)
+            self._jump_rad = math.exp(-dt_s / JUMP_TIME_S) * (self._jump_rad + apart_rad)
+        self._last_rad, self._turned_rad = heading_rad, 0.0
+
+    def _weigh(self, ailing: frozenset[type], holding: bool) -> None:
+        """Correct the bank, and add to the evidence."""
+        velocity, rate = self._velocity, self._yaw_rate
+        assert velocity is not None
+        log, squares = self._bank.correct(
+            (velocity.vn_mps, velocity.ve_mps) if GroundVelocity in self._fresh - ailing else None,
+            rate.r_radps if rate is not None and YawRate in self._fresh - ailing else None,
+        )
+        self._fresh.clear()
+        # In waves no hypothesis predicts well, readings are off for seconds on end, and each tells that much less.
+        self._roughness += ROUGH_GAIN * (max(1.0, float(squares.min()) / 3.0) - self._roughness)
+        if ailing or not holding or abs(self._jump_rad) > JUMP_RAD:
+            return
+        self._evidence.add(log / self._roughness**ROUGH_POWER)
+        none = self._evidence.sums <= 0.0
+        if none.any():
+            which = np.concatenate([np.zeros(len(SOUND), dtype=bool), none])
+            self._bank.restart(which, self._evidence.best_sound)
+
+    def _verdict(self, t_ns: int) -> Explanation | None:
+        """The fault with the most evidence, once it is enough and leads the others, or has been enough for long."""
+        sums, names = self._evidence.sums, self._evidence.names
+        if float(sums.max()) < self._config.evidence:
+            self._suspected_ns = None
+            return None
+        order = np.argsort(names)
+        best, second = float(names[order[-1]]), float(names[order[-2]])
+        if self._suspected_ns is None:
+            self._suspected_ns = t_ns
+        certain = best - second >= self._config.lead
+        if not certain and (t_ns - self._suspected_ns) * 1e-9 < self._config.lead_s:
+            return None
+        return FAULTY[int(order[-1])].fault

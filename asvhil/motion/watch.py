@@ -1,0 +1,72 @@
+"""The watch over the motion of a held boat: monitor and distance, and what follows from them."""
+
+from __future__ import annotations
+
+from asvhil.config import Config
+from asvhil.config.registry import CONTROLLERS
+from asvhil.motion.distance import DistanceWatch
+from asvhil.motion.monitor import MotionMonitor
+from asvhil.supervisor.reasons import Explanation, describe
+from asvhil.types import Estimate, Measurement, Note, Station, Wind
+
+SUBJECT = "motion"
+
+
+class MotionWatch:
+    """In each tick: `step` with what is known, then `note_station` once it is decided whether one is held.
+
+    A controller that keeps no station, as for manoeuvres, may go where it likes, and its holds go on: what is found is
+    told alone.
+    """
+
+    def __init__(self, config: Config) -> None:
+        self._config = config.supervisor.motion
+        vessel = config.believed_vessel
+        self._keeps_station = CONTROLLERS.find(config.controller.name).keeps_station
+        self._monitor = MotionMonitor(self._config, config.estimator.ekf, vessel)
+        self._distance = DistanceWatch(self._config, vessel)
+        self._station: Station | None = None
+        self._found: Explanation | None = None
+
+    def step(
+        self,
+        t_ns: int,
+        measurements: tuple[Measurement, ...],
+        command: tuple[float, float],
+        wind: Wind | None,
+        estimate: Estimate | None,
+        ailing: frozenset[type],
+    ) -> Explanation | None:
+        """Why a hold is to end, from what came in this tick and the commands that the motors got before it.
+
+        What was found stands until the hold ends.
+        """
+        if self._config.on_fault == "off":
+            return None
+        for measurement in measurements:
+            self._monitor.on_measurement(measurement)
+        wind_ned = None if wind is None else (wind.vn_mps, wind.ve_mps)
+        station = self._station
+        found = self._monitor.step(t_ns, command, wind_ned, ailing, holding=station is not None)
+        if station is None:
+            return None
+        if self._keeps_station and found is None and estimate is not None and estimate.valid:
+            found = self._distance.step(t_ns, estimate, station, command, self._monitor.current_ned)
+        if self._found is None:
+            self._found = found
+        return self._found if self._keeps_station and self._config.on_fault == "release" else None
+
+    def note_station(self, station: Station | None) -> None:
+        """The station that is held from now on, None where none is."""
+        if station is not None and self._station is None:
+            self._monitor.begin()
+            self._distance.begin()
+            self._found = None
+        self._station = station
+
+    @property
+    def notes(self) -> tuple[Note, ...]:
+        """What was found, while the hold goes on."""
+        if self._found is None or self._station is None:
+            return ()
+        return (Note(subject=SUBJECT, text=describe(self._found), ok=False),)

@@ -1,0 +1,63 @@
+"""Boats that would run away, in lockstep: the hold ends soon, near the station and by name; sound ones are held."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from asvhil.config import load_config
+from asvhil.logs.encoding import decode_outputs
+from asvhil.logs.reader import LogFile
+from asvhil.logs.replay import replay
+from asvhil.sitl import run_lockstep
+from asvhil.study.safety import judge
+from asvhil.study.safety_cases import FAULTS, start_keys, wind_keys
+from asvhil.study.trials.safety import run_hold
+from asvhil.types import Phase
+
+HELD = (*wind_keys(4.0, 120.0, 5), *start_keys(5.0, 200.0))
+
+
+@pytest.mark.parametrize("base", ["sitl", "sitl-bream"])
+@pytest.mark.parametrize(
+    "name",
+    ["both motors reversed", "motors swapped", "port motor reversed", "compass off by 180°", "compass off by 90°"],
+)
+def test_a_runaway_is_ended_before_it_is_far(base: str, name: str) -> None:
+    fault = FAULTS[name]
+    result = run_hold(base, (*fault.keys, *HELD), 20.0)
+    verdict = judge(fault, result)
+    assert verdict["met"] and verdict["named"], result
+
+
+def test_without_the_watch_it_runs_away() -> None:
+    """The same boat, so that the test above is not passed by one that would have been held."""
+    keys = (*FAULTS["both motors reversed"].keys, *HELD, "supervisor.motion.on_fault=off")
+    result = run_hold("sitl", keys, 40.0)
+    assert result["ended_s"] is None and result["farther_m"] > 20.0
+
+
+def test_where_it_is_only_told_the_hold_goes_on_with_a_note() -> None:
+    keys = (*FAULTS["motors swapped"].keys, *HELD, "supervisor.motion.on_fault=tell")
+    result = run_hold("sitl", keys, 15.0)
+    assert result["ended_s"] is None and "swapped" in " ".join(result["told"])
+
+
+def test_a_motor_that_dies_while_it_is_held() -> None:
+    """The port motor is lost after half a minute: 20 s at the station in a wind across it."""
+    keys = ("plant.faults=[{kind: port-motor, from_s: 30}]", *wind_keys(5.0, 90.0, 3), *start_keys(3.0, 90.0))
+    result = run_hold("sitl-bream", keys, 70.0)
+    assert result["reason"] == "motor-dead" and "port" in result["text"]
+    assert 26.0 < result["ended_s"] < 60.0
+
+
+def test_a_replay_through_the_end_of_a_runaway_is_exact(tmp_path: Path) -> None:
+    log = tmp_path / "log.mcap"
+    run_lockstep(load_config("sitl-bream", (*FAULTS["port motor reversed"].keys, *HELD)), log, 20.0)
+    made = [decode_outputs(recorded) for _, recorded in LogFile(log).ticks() if recorded is not None]
+    phases = [outputs.phase for outputs in made]
+    assert Phase.HOLD in phases and phases[-1] is Phase.STANDBY
+    end = len(phases) - phases[::-1].index(Phase.HOLD)  # the first tick after the hold
+    assert made[end].health.code == "motor-reversed" and made[end].pwm_us in (None, (1500, 1500))
+    assert replay(log).mismatch is None

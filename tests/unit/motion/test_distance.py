@@ -1,0 +1,91 @@
+"""The watch over the distance: how far off is too far, and whose fault it is."""
+
+from __future__ import annotations
+
+import pytest
+
+from asvhil.config import MotionConfig, load_config
+from asvhil.motion.distance import DistanceWatch
+from asvhil.supervisor.reasons import Explanation, Reason
+from asvhil.types import Estimate, Station
+
+VESSEL = load_config("sitl").vehicle.vessel
+STATION = Station(n_m=0.0, e_m=0.0, psi_rad=0.0)
+
+
+def at(n_m: float, u_mps: float = 0.0) -> Estimate:
+    return Estimate(
+        t_ns=0, n_m=n_m, e_m=0.0, psi_rad=0.0, u_mps=u_mps, v_mps=0.0, r_radps=0.0,
+        motor=(), std=(), disturbance=(0.0, 0.0, 0.0), valid=True,
+    )  # fmt: skip
+
+
+class Path:
+    """A boat that is moved along the north axis, a tick each 0.1 m."""
+
+    def __init__(self, start_m: float, u_mps: float = 0.0, current: tuple[float, float] = (0.0, 0.0)) -> None:
+        self.watch = DistanceWatch(MotionConfig(), VESSEL)
+        self.t_ns, self.n_m, self.u_mps, self.current = 0, start_m, u_mps, current
+        self.station = STATION
+
+    def to(self, n_m: float, command: tuple[float, float] = (0.2, 0.2)) -> Explanation | None:
+        step = 0.1 if n_m >= self.n_m else -0.1
+        for _ in range(round(abs(n_m - self.n_m) / 0.1) + 1):
+            self.t_ns += 50_000_000
+            found = self.watch.step(self.t_ns, at(self.n_m, self.u_mps), self.station, command, self.current)
+            if found is not None:
+                return found
+            self.n_m += step
+        return None
+
+
+def test_so_much_farther_than_at_the_begin_is_too_far() -> None:
+    path = Path(5.0)
+    assert path.to(12.9) is None
+    found = path.to(13.2)
+    assert found is not None and found.reason is Reason.DRIFTED_OFF and dict(found.detail)["metres"] > 8.0
+
+
+def test_it_counts_from_where_the_boat_has_been_nearest() -> None:
+    path = Path(12.0)
+    assert path.to(1.0) is None and path.to(8.9) is None
+    assert path.to(9.3) is not None
+
+
+def test_motors_at_their_limit_are_named() -> None:
+    path = Path(0.0)
+    found = path.to(9.0, (1.0, -1.0))
+    assert found is not None and found.reason is Reason.BEYOND_MOTORS
+
+
+def test_from_far_off_there_is_room_to_turn() -> None:
+    path = Path(60.0)
+    assert path.to(74.5) is None and path.to(75.5) is not None
+
+
+def test_a_boat_with_way_on_may_stop() -> None:
+    """At 3 m/s the WAM-V, with half of 186 N astern on 280 kg, needs 13.5 m."""
+    assert Path(0.0, u_mps=3.0).to(13.0) is None
+    assert Path(0.0, u_mps=3.0).to(14.0) is not None
+
+
+def test_a_boat_that_is_carried_has_no_way_on() -> None:
+    found = Path(0.0, u_mps=2.5, current=(2.5, 0.0)).to(8.5)
+    assert found is not None
+
+
+def test_a_station_that_is_moved_begins_anew() -> None:
+    path = Path(0.0)
+    assert path.to(5.0) is None
+    path.station = Station(n_m=-30.0, e_m=0.0, psi_rad=0.0)  # 35 m off now
+    assert path.to(12.0) is None
+    assert path.to(15.0) is not None
+
+
+@pytest.mark.parametrize("begin", [True, False])
+def test_a_new_hold_at_the_same_station_begins_anew(begin: bool) -> None:
+    path = Path(0.0)
+    assert path.to(7.0) is None
+    if begin:
+        path.watch.begin()
+    assert (path.to(10.0) is None) is begin

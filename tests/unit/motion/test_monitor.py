@@ -1,0 +1,124 @@
+"""The motion monitor on a simulated hull: each fault by its name and soon, and nothing on a sound boat."""
+
+from __future__ import annotations
+
+import pytest
+
+from asvhil.motion.hypotheses import FAULTY, SOUND
+from asvhil.supervisor.reasons import Reason, describe
+from asvhil.types import GroundVelocity, Heading
+from tests.support.motion_boat import MotionBoat
+
+PORT, STARBOARD = "port-motor-reversed", "starboard-motor-reversed"
+WRONG: dict[str, tuple[tuple[str, ...], float, Reason, str]] = {
+    "both reversed": ((PORT, STARBOARD), 0.0, Reason.MOTORS_REVERSED, "both motors are reversed"),
+    "port reversed": ((PORT,), 0.0, Reason.MOTOR_REVERSED, "the port motor is reversed"),
+    "starboard reversed": ((STARBOARD,), 0.0, Reason.MOTOR_REVERSED, "the starboard motor is reversed"),
+    "swapped": (("motors-swapped",), 0.0, Reason.MOTORS_SWAPPED, "swapped"),
+    "port dead": (("port-motor",), 0.0, Reason.MOTOR_DEAD, "the port motor gave no thrust"),
+    "starboard dead": (("starboard-motor",), 0.0, Reason.MOTOR_DEAD, "the starboard motor gave no thrust"),
+    "both dead": (("port-motor", "starboard-motor"), 0.0, Reason.NO_THRUST, "does not move"),
+    "compass 180": ((), 180.0, Reason.HEADING_OFF, "off by about 180 degrees (or the motors"),
+    "compass 90": ((), 90.0, Reason.HEADING_OFF, "off by about 90 degrees clockwise"),
+    "compass -90": ((), -90.0, Reason.HEADING_OFF, "off by about 90 degrees counter-clockwise"),
+    "compass 45": ((), 45.0, Reason.HEADING_OFF, "off by about 45 degrees clockwise"),
+    "compass -45": ((), -45.0, Reason.HEADING_OFF, "off by about 45 degrees counter-clockwise"),
+}
+
+
+@pytest.mark.parametrize("base", ["sitl", "sitl-bream"])
+@pytest.mark.parametrize("fault", list(WRONG))
+def test_each_fault_is_named_within_15_s_of_thrust(base: str, fault: str) -> None:
+    faults, compass_deg, reason, words = WRONG[fault]
+    boat = MotionBoat(base, faults=faults, compass_deg=compass_deg)
+    found = boat.run(15.0)
+    assert found is not None and found.reason is reason and words in describe(found)
+
+
+@pytest.mark.parametrize("base", ["sitl", "sitl-bream", "sitl-blueboat"])
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_nothing_is_found_on_a_sound_boat(base: str, seed: int) -> None:
+    assert MotionBoat(base, seed=seed).run(120.0) is None
+
+
+@pytest.mark.parametrize("compass_deg", [12.0, -12.0])
+def test_a_compass_that_is_a_little_off_is_sound(compass_deg: float) -> None:
+    assert MotionBoat(compass_deg=compass_deg).run(120.0) is None
+
+
+def test_a_boat_in_a_current_is_sound() -> None:
+    boat = MotionBoat(current=(0.8, -0.5))
+    assert boat.run(120.0) is None
+    assert boat.monitor.current_ned == pytest.approx((0.8, -0.5), abs=0.3)
+
+
+def test_a_fault_that_comes_late_is_found_as_soon() -> None:
+    boat = MotionBoat()
+    assert boat.run(100.0) is None
+    boat.faults = frozenset({PORT})
+    found = boat.run(15.0)
+    assert found is not None and found.reason is Reason.MOTOR_REVERSED and boat.found_s < 15.0
+
+
+def test_without_thrust_there_is_no_evidence() -> None:
+    """Whatever is wrong: a boat that drifts shows nothing of its motors."""
+    boat = MotionBoat(faults=(PORT, STARBOARD), compass_deg=90.0, current=(1.0, 0.5))
+    assert boat.run(60.0, lambda t_s: (0.0, 0.0)) is None
+
+
+def test_before_a_hold_nothing_is_found() -> None:
+    boat = MotionBoat(faults=(PORT, STARBOARD))
+    assert boat.run(30.0, holding=False) is None
+
+
+def test_a_sensor_that_is_silent_or_frozen_proves_nothing() -> None:
+    """A receiver that repeats its velocity looks like motors that do nothing, if it is not known."""
+
+    def ahead(t_s: float) -> tuple[float, float]:
+        return (0.7, 0.7) if t_s % 8.0 < 4.0 else (-0.9, -0.9)
+
+    boat = MotionBoat()
+    boat.frozen = True
+    boat.ailing = frozenset({GroundVelocity})
+    assert boat.run(40.0, ahead) is None
+    boat.ailing = frozenset()
+    found = boat.run(20.0, ahead)
+    assert found is not None and found.reason is Reason.NO_THRUST
+
+
+def test_a_heading_that_jumps_for_some_seconds_proves_nothing() -> None:
+    boat = MotionBoat()
+    boat.run(20.0)
+    boat.compass_rad = 1.05
+    assert boat.run(5.0) is None
+    boat.compass_rad = 0.0
+    assert boat.run(60.0) is None
+
+
+def test_a_heading_that_jumps_and_stays_is_found() -> None:
+    boat = MotionBoat()
+    boat.run(20.0)
+    boat.compass_rad = 1.57
+    found = boat.run(40.0)
+    assert found is not None and found.reason is Reason.HEADING_OFF
+
+
+def test_a_new_hold_begins_without_old_evidence() -> None:
+    boat = MotionBoat(faults=(PORT, STARBOARD))
+    assert boat.run(15.0) is not None
+    boat.faults = frozenset()
+    boat.monitor.begin()
+    assert boat.run(60.0) is None
+
+
+def test_without_a_heading_or_a_velocity_nothing_is_said() -> None:
+    boat = MotionBoat(faults=(PORT, STARBOARD))
+    monitor, kept = boat.monitor, boat.monitor.on_measurement
+    monitor.on_measurement = lambda m: None if isinstance(m, Heading) else kept(m)  # type: ignore[method-assign]
+    assert boat.run(30.0) is None
+
+
+def test_every_faulty_hypothesis_says_what_it_means_and_no_sound_one_does() -> None:
+    assert all(h.fault is None for h in SOUND)
+    said = [describe(h.fault) for h in FAULTY if h.fault is not None]
+    assert len(said) == len(FAULTY) == len(set(said))

@@ -1,0 +1,70 @@
+"""What follows from a finding: the hold ends, or the operator is told, or nothing is watched."""
+
+from __future__ import annotations
+
+import pytest
+
+from asvhil.config import load_config
+from asvhil.motion.watch import MotionWatch
+from asvhil.supervisor.reasons import Explanation, Reason
+from asvhil.types import Estimate, Station
+
+STATION = Station(n_m=0.0, e_m=0.0, psi_rad=0.0)
+
+
+class Drift:
+    """A boat that is carried off from its station at 1 m/s."""
+
+    def __init__(self, *overrides: str) -> None:
+        self.watch = MotionWatch(load_config("sitl", overrides))
+        self.t_ns = 0
+
+    def run(self, seconds: float, station: Station | None = STATION, *, valid: bool = True) -> Explanation | None:
+        found = None
+        for _ in range(round(seconds * 20)):
+            self.t_ns += 50_000_000
+            estimate = Estimate(
+                t_ns=self.t_ns, n_m=self.t_ns * 1e-9, e_m=0.0, psi_rad=0.0, u_mps=0.0, v_mps=0.0, r_radps=0.0,
+                motor=(), std=(), disturbance=(0.0, 0.0, 0.0), valid=valid,
+            )  # fmt: skip
+            found = self.watch.step(self.t_ns, (), (0.0, 0.0), None, estimate, frozenset())
+            self.watch.note_station(station)
+        return found
+
+
+def test_a_finding_ends_the_hold_and_is_noted_while_it_lasts() -> None:
+    drift = Drift()
+    assert drift.run(7.0) is None and drift.watch.notes == ()
+    found = drift.run(3.0)
+    assert found is not None and found.reason is Reason.DRIFTED_OFF
+    assert [(note.subject, note.ok) for note in drift.watch.notes] == [("motion", False)]
+    drift.run(0.1, None)
+    assert drift.watch.notes == ()
+
+
+def test_told_alone() -> None:
+    drift = Drift("supervisor.motion.on_fault=tell")
+    assert drift.run(12.0) is None
+    assert "farther off the station" in drift.watch.notes[0].text
+
+
+def test_off() -> None:
+    drift = Drift("supervisor.motion.on_fault=off")
+    assert drift.run(30.0) is None and drift.watch.notes == ()
+
+
+def test_manoeuvres_may_go_where_they_like() -> None:
+    drift = Drift("controller.name=manoeuvres")
+    assert drift.run(100.0) is None and drift.watch.notes == ()
+
+
+@pytest.mark.parametrize("station", [None, STATION])
+def test_without_a_station_or_a_valid_estimate_no_distance_counts(station: Station | None) -> None:
+    assert Drift().run(30.0, station, valid=station is None) is None
+
+
+def test_the_next_hold_begins_anew() -> None:
+    drift = Drift()
+    assert drift.run(12.0) is not None
+    drift.run(0.1, None)
+    assert drift.run(7.0) is None
