@@ -52,7 +52,7 @@ class MotorCheck:
             self._found = self._explain(fault) if bend is None else _explain_bend(bend)
         elif self._readback.follows:
             self._found = None  # until then what was found last stays in the notes
-        ends = fault is not None and not tolerated and self._driving_ns is not None
+        ends = fault is not None and not tolerated and self._driving_ns is not None and not self._may_be_disarmed(fault)
         found = self._found if ends else None
         shut = self._unread_wiring() or self._autopilot.way_fault
         self.fault = self._unbounded() or self._wrong_parameter() or shut or found
@@ -89,6 +89,11 @@ class MotorCheck:
         elif self._readback.follows:
             found.append(Note(subject="outputs", text="follow the commands", ok=True))
         return tuple(found)
+
+    def _may_be_disarmed(self, fault: Fault) -> bool:
+        """Outputs that stand still, and no heartbeat since, as on a lossy link: it would say whether it is armed."""
+        beat_ns = self._autopilot.autopilot_heartbeat_ns
+        return fault.cause is Cause.STUCK and beat_ns is not None and beat_ns < self._readback.differing_ns
 
     def _unbounded(self) -> Explanation | None:
         why = self._autopilot.unbounded

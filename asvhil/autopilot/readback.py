@@ -65,6 +65,7 @@ class Readback:
 
     A report may answer any pulses sent within `lag_s` before it came, and differs where it fits none of them.
     `fault` is what was found, until the motors are taken anew; None while the outputs follow, or it is undecided.
+    `differing_ns` is the time of the first report that it was found by.
     """
 
     def __init__(
@@ -93,6 +94,7 @@ class Readback:
         self.override_seen = False  # an override among the sticks, since the motors were taken
         self.follows = False  # outputs that left neutral were seen to follow
         self.fault: Fault | None = None
+        self.differing_ns = 0
 
     def unread_ns(self, t_ns: int) -> int:
         """For how long the motors have been driven without a report of the outputs."""
@@ -195,6 +197,7 @@ class Readback:
         span_ns = t_ns - reports[0].t_ns
         if span_ns >= LEAST_SPAN_NS and _time_ns(reports, stale=True) >= LEAST_DIFFERENCE_NS:
             self.fault = self._explain(t_ns, reports)
+            self.differing_ns = reports[0].t_ns
         return self.fault
 
     def _explain(self, t_ns: int, reports: list[_Report]) -> Fault | None:

@@ -30,11 +30,12 @@ RIGHT = {
 class Drive:
     """Motors that are driven for 2.5 s by an autopilot that makes something else of the commands."""
 
-    def __init__(self, values: dict[str, float], *tolerate: Cause) -> None:
+    def __init__(self, values: dict[str, float], *tolerate: Cause, beats_until_ns: int = 2**62) -> None:
         pwm = CONFIG.vehicle.pwm
         findings = judge(requirements(CONFIG.links.autopilot, pwm, values), values)
-        autopilot: Any = SimpleNamespace(findings=findings, unbounded="", unread_wiring="", way_fault=None)
-        self.check = MotorCheck(autopilot, Readback(ReadbackConfig(), pwm.neutral_us), tolerate)
+        self.autopilot: Any = SimpleNamespace(findings=findings, unbounded="", unread_wiring="", way_fault=None)
+        self.beats_until_ns = beats_until_ns
+        self.check = MotorCheck(self.autopilot, Readback(ReadbackConfig(), pwm.neutral_us), tolerate)
 
     def run(self, gain: float) -> str | None:
         for tick in range(1, 51):
@@ -55,6 +56,7 @@ class Drive:
                     outputs_ns=t_ns,
                 )
             )
+            self.autopilot.autopilot_heartbeat_ns = min(t_ns, self.beats_until_ns)
             self.check.step(t_ns)
             if self.check.fault is not None:
                 return describe(self.check.fault)
@@ -76,6 +78,13 @@ def test_outputs_that_do_not_follow_end_the_hold_and_name_what_was_not_read() ->
     assert Drive({}).run(0.5) == "outputs do not follow the commands (asvhil check)"
     assert Drive({}).run(-1.0) == "reversed output: both (SERVO1/3_REVERSED)"
     assert Drive(RIGHT).run(-1.0) == "reversed output: both (SERVO1/3_REVERSED)"
+
+
+def test_outputs_at_rest_are_stuck_only_once_a_heartbeat_since_tells_nothing_of_a_disarming() -> None:
+    """On a link that loses heartbeats, an autopilot that has disarmed itself looks the same."""
+    assert str(Drive(RIGHT).run(0.0)).startswith("stuck output: both")
+    assert Drive(RIGHT, beats_until_ns=300 * MS).run(0.0) is None
+    assert str(Drive(RIGHT, beats_until_ns=300 * MS).run(-1.0)).startswith("reversed output: both")
 
 
 @pytest.mark.parametrize(
