@@ -1,4 +1,4 @@
-"""Precedence of the pilot: at fifty random moments he takes over, and has the motors in the tick of the news."""
+"""Precedence of the pilot: at 200 random moments he takes over, and has the motors in the tick of the news."""
 
 import random
 
@@ -12,6 +12,7 @@ from asvhil.supervisor.reasons import Reason, describe, explain
 from asvhil.types import Inputs, Outputs, Phase
 
 MANUAL, HOLD = 0, 4
+MOMENTS = 200
 
 
 class Witness:
@@ -58,11 +59,11 @@ def tick_until(loop: Lockstep, phase: Phase, limit: int = 200) -> None:
 @pytest.mark.parametrize("act", ["mode", "disarmed", "stick"])
 def test_the_pilot_has_the_boat_in_the_tick_that_hears_of_it(act: str) -> None:
     chance = random.Random(f"pilot {act}")
-    loop = Lockstep(load_config("sitl"))
+    loop = Lockstep(load_config("sitl", ("controller.name=backstepping",)))
     frontseat = loop.plant.frontseat
     tick_until(loop, Phase.HOLD)
-    for _ in range(17):  # three acts: 51 moments in all
-        for _ in range(chance.randrange(25, 90)):
+    for _ in range(MOMENTS):
+        for _ in range(chance.randrange(25, 45)):
             _, outputs = loop.tick()
             assert outputs.phase is Phase.HOLD and overrides(outputs)
         if act == "mode":
