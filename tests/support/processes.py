@@ -26,7 +26,7 @@ from tests.support.ports import free_port
 class Process:
     """One `asvhil` command. Its JSON status lines are collected as they come; it is ended by its pid."""
 
-    def __init__(self, *arguments: str) -> None:
+    def __init__(self, *arguments: str, env: dict[str, str] | None = None) -> None:
         self.started_s = time.monotonic()
         self.child = subprocess.Popen(
             [sys.executable, "-m", "asvhil", *arguments],
@@ -34,6 +34,7 @@ class Process:
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
+            env=os.environ | (env or {}),
         )
         self.lines: queue.Queue[str] = queue.Queue()
         self._reader = threading.Thread(target=self._read, daemon=True)
@@ -194,8 +195,8 @@ class Bench:
     def plant(self) -> Process:
         return Process("plant", "sitl", "--quiet", *self.sets)
 
-    def daemon(self) -> Process:
-        return Process("run", "sitl", "--status-json", "--log", str(self.log), *self.sets)
+    def daemon(self, env: dict[str, str] | None = None) -> Process:
+        return Process("run", "sitl", "--status-json", "--log", str(self.log), *self.sets, env=env)
 
     def command(self, *arguments: str) -> subprocess.CompletedProcess[str]:
         """One `asvhil hold` or `release`, to its end."""
