@@ -19,10 +19,16 @@ class HandledSignals:
         self._loop = loop
         self._handled: list[signal.Signals] = []
         self._before: dict[signal.Signals, Any] = {}
+        self._seen: set[signal.Signals] = set()
 
     def handle(self, number: signal.Signals, call: Callable[[], None]) -> None:
         """Call on a signal."""
-        self._loop.add_signal_handler(number, call)
+
+        def seen() -> None:
+            self._seen.add(number)
+            call()
+
+        self._loop.add_signal_handler(number, seen)
         self._handled.append(number)
 
     def ignore(self, number: signal.Signals) -> None:
@@ -30,9 +36,11 @@ class HandledSignals:
         self._before[number] = signal.signal(number, signal.SIG_IGN)
 
     def restore(self) -> None:
-        """Have all signals do what they did before."""
+        """Have all signals do what they did before; one that has come already is ignored from now on."""
         for number in self._handled:
             self._loop.remove_signal_handler(number)
+            if number in self._seen:  # a shell and the kernel both send a hang-up: the log is still to be finished
+                signal.signal(number, signal.SIG_IGN)
         for number, before in self._before.items():
             signal.signal(number, before)
 
