@@ -15,6 +15,14 @@ PluginOption = Annotated[
 RecordedPluginsOption = Annotated[
     bool, typer.Option("--allow-recorded-plugins", help="Run the code of plug-ins that the log holds.")
 ]
+FaultOption = Annotated[
+    list[str],
+    typer.Option(
+        "--fault",
+        metavar="KIND@FROM[:DURATION][:SIZE]",
+        help="Something that fails, e.g. gnss-jump@60:5s:20m; repeatable.",
+    ),
+]
 JsonOption = Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Write the figures as JSON.")]
 ColumnsOption = Annotated[
     str | None, typer.Option(help="Column map of CSV files: a path, or the name of a shipped one.")

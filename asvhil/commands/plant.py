@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from asvhil.commands.options import ConfigArgument, SetOption
+from asvhil.commands.options import ConfigArgument, FaultOption, SetOption
 from asvhil.commands.views import say
 from asvhil.errors import ConfigError
 
@@ -36,6 +36,7 @@ def plant(
             metavar="LINK", help="With either: where, such as udpin:0.0.0.0:9002 or serial:/dev/ttyACM0:921600."
         ),
     ] = None,
+    fault: FaultOption = [],  # noqa: B006
     duration: Annotated[
         float | None, typer.Option(min=0.1, help="Seconds to run; until interrupted by default.")
     ] = None,
@@ -43,12 +44,13 @@ def plant(
 ) -> None:
     """Run the simulated boat as a vehicle on the network, or as the physics of an autopilot in the loop."""
     from asvhil.config import load_config
+    from asvhil.config.fault_text import with_faults
 
     if ardupilot_json and px4_hil:
         raise ConfigError("plant: give --ardupilot-json or --px4-hil, not both")
     if endpoint is not None and not (ardupilot_json or px4_hil):
         raise ConfigError("plant: --endpoint goes with --ardupilot-json or --px4-hil; else it is plant.links.autopilot")
-    settings = load_config(config, tuple(set_))
+    settings = with_faults(load_config(config, tuple(set_)), fault)
     if ardupilot_json or px4_hil:
         _serve_autopilot(settings, px4_hil, endpoint, duration, quiet)
     else:

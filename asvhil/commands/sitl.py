@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from asvhil.commands.options import ConfigArgument, JsonOption, SetOption
+from asvhil.commands.options import ConfigArgument, FaultOption, JsonOption, SetOption
 from asvhil.commands.views import LiveView, check_writable, progress, report_run
 from asvhil.errors import ConfigError
 
@@ -27,6 +27,7 @@ def sitl(
     ] = None,
     seed: Annotated[int | None, typer.Option(min=0, help="Seed of weather and sensor noise.")] = None,
     controller: Annotated[str | None, typer.Option(help="The controller's name.")] = None,
+    fault: FaultOption = [],  # noqa: B006
     log: Annotated[Path | None, typer.Option(help="The MCAP log to write; in a new run folder by default.")] = None,
     json_: JsonOption = None,
     picture: Annotated[bool, typer.Option(help="Draw the run beside its log.")] = True,
@@ -41,6 +42,7 @@ def sitl(
     from rich.console import Console
 
     from asvhil.config import load_config
+    from asvhil.config.fault_text import with_faults
     from asvhil.config.mean_wind import parse_wind, wind_keys
     from asvhil.logs.opening import make_run_folder
     from asvhil.sitl import run_lockstep, run_realtime
@@ -53,7 +55,7 @@ def sitl(
     if wind is not None:
         keys = wind_keys(parse_wind(wind), load_config(config, tuple(overrides)))
         overrides += [f"plant.weather.wind.{key}={value}" for key, value in keys.items()]
-    settings = load_config(config, tuple(overrides))
+    settings = with_faults(load_config(config, tuple(overrides)), fault)
     if settings.supervisor.engage != "auto":
         raise ConfigError(f"{config}: key supervisor.engage: sitl needs auto (nobody is there to say hold)")
     if log is not None and picture and log.suffix == ".png":

@@ -1,0 +1,56 @@
+"""A fault as people give it at the command line: KIND@FROM[:DURATION][:SIZE], such as gnss-jump@60:5s:20m."""
+
+from __future__ import annotations
+
+import difflib
+import re
+from typing import get_args
+
+from pydantic import ValidationError
+
+from asvhil.config.plant_faults import FaultConfig, FaultKind
+from asvhil.config.root import Config
+from asvhil.errors import ConfigError
+
+KINDS: tuple[str, ...] = get_args(FaultKind)
+FORM = "KIND@FROM[:DURATION][:SIZE], such as gnss-jump@60:5s:20m"
+_PART = re.compile(r"(-?\d+(?:\.\d+)?)(s|m|deg)?")
+
+
+def parse_fault(text: str) -> FaultConfig:
+    """FROM and DURATION in seconds, SIZE in the kind's unit (m, deg, or a bare share). ConfigError where it is none."""
+    kind, sign, rest = text.partition("@")
+    if kind not in KINDS:
+        near = difflib.get_close_matches(kind, KINDS, n=1)
+        known = f"did you mean {near[0]}?" if near else f"known: {', '.join(KINDS)}"
+        raise ConfigError(f"--fault {text}: unknown kind {kind!r} ({known})")
+    parts = [_PART.fullmatch(part) for part in rest.split(":")] if sign else [None]
+    if not all(parts) or len(parts) > 3:
+        raise ConfigError(f"--fault {text}: {FORM} is expected")
+    (first, first_unit), *others = [(float(part[1]), part[2]) for part in parts if part is not None]
+    if first_unit not in (None, "s"):
+        raise ConfigError(f"--fault {text}: the begin is in seconds")
+    lasts = [value for value, unit in others if unit == "s"]
+    sizes = [value for value, unit in others if unit != "s"]
+    if len(lasts) > 1 or len(sizes) > 1:
+        raise ConfigError(f"--fault {text}: {FORM} is expected; a duration ends in s")
+    try:
+        return FaultConfig.model_validate(
+            {
+                "kind": kind,
+                "from_s": first,
+                "until_s": first + lasts[0] if lasts else None,
+                "size": sizes[0] if sizes else None,
+            }
+        )
+    except ValidationError as error:
+        reason = error.errors()[0]["msg"].removeprefix("Value error, ")
+        raise ConfigError(f"--fault {text}: {reason}") from None
+
+
+def with_faults(config: Config, texts: list[str]) -> Config:
+    """The config with faults of the simulated boat added to its own."""
+    if not texts:
+        return config
+    faults = (*config.plant.faults, *map(parse_fault, texts))
+    return config.model_copy(update={"plant": config.plant.model_copy(update={"faults": faults})})

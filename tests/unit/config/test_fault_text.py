@@ -1,0 +1,52 @@
+"""Faults as they are given at the command line."""
+
+from __future__ import annotations
+
+import pytest
+
+from asvhil.config import FaultConfig, load_config
+from asvhil.config.fault_text import parse_fault, with_faults
+from asvhil.errors import ConfigError
+
+
+@pytest.mark.parametrize(
+    ("text", "fault"),
+    [
+        ("gnss-jump@60:5s:20m", FaultConfig(kind="gnss-jump", from_s=60.0, until_s=65.0, size=20.0)),
+        ("gnss-jump@60:20m:5s", FaultConfig(kind="gnss-jump", from_s=60.0, until_s=65.0, size=20.0)),
+        ("heading-jump@1.5s:-30deg", FaultConfig(kind="heading-jump", from_s=1.5, size=-30.0)),
+        ("port-motor-weak@10:0.5", FaultConfig(kind="port-motor-weak", from_s=10.0, size=0.5)),
+        ("motors-swapped@0", FaultConfig(kind="motors-swapped")),
+    ],
+)
+def test_what_is_understood(text: str, fault: FaultConfig) -> None:
+    assert parse_fault(text) == fault
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("gps-jump@60", r"unknown kind 'gps-jump' \(did you mean gnss-jump\?\)"),
+        ("fire@60", r"unknown kind 'fire' \(known: port-motor, "),
+        ("gnss-jump", r"KIND@FROM\[:DURATION\]\[:SIZE\], such as gnss-jump@60:5s:20m is expected"),
+        ("gnss-jump@", "is expected"),
+        ("gnss-jump@60m", "the begin is in seconds"),
+        ("gnss-jump@60:5s:6s", "a duration ends in s"),
+        ("gnss-jump@60:5s:6m:7", "is expected"),
+        ("gnss-jump@60:0s", "from_s < until_s must hold"),
+        ("gnss-jump@-1", "greater than or equal to 0"),
+        ("gnss-silent@60:5m", "have a size, gnss-silent has none"),
+        ("port-motor-weak@60:7", "a share of the thrust, between 0 and 1"),
+    ],
+)
+def test_what_is_not_is_told_in_one_line(text: str, words: str) -> None:
+    with pytest.raises(ConfigError, match=f"^--fault {text.replace('[', '.')}: .*{words}") as caught:
+        parse_fault(text)
+    assert "\n" not in str(caught.value)
+
+
+def test_they_are_added_to_those_of_the_config() -> None:
+    config = load_config("sitl", ("plant.faults=[{kind: vane}]",))
+    kinds = [fault.kind for fault in with_faults(config, ["cups@5", "gnss-silent@9:2s"]).plant.faults]
+    assert kinds == ["vane", "cups", "gnss-silent"]
+    assert with_faults(config, []) is config
