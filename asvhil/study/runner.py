@@ -26,7 +26,7 @@ WATCH_S = 0.3
 PACKAGE = Path(__file__).resolve().parents[1]
 # Packages that determine the result of a run. How studies count, draw and show their runs does not.
 DECISIVE = (
-    *("types.py", "geo.py", "config", "io", "dynamics", "estimator", "controller", "autopilot", "supervisor"),
+    *("types.py", "geo.py", "config", "io", "dynamics", "estimator", "controller", "autopilot", "supervisor", "motion"),
     *("operator", "backseat", "simplant", "logs", "study/trials"),
 )
 
