@@ -205,12 +205,16 @@ class FrontseatStatus:
 
 @record
 class HoldCommand:
-    """The operator asks to keep a station, and so to take the motors. A missing field means: as the boat is now."""
+    """The operator asks to keep a station, and so to take the motors. A missing field means: as the boat is now.
+
+    `within_m`: how far off he knows the station to be; 0: no farther than the config lets pass without a word.
+    """
 
     t_ns: int
     lat_deg: float | None = None
     lon_deg: float | None = None
     psi_rad: float | None = None
+    within_m: float = 0.0
 
 
 @record

@@ -24,6 +24,14 @@ def hold(
     heading: Annotated[
         float | None, typer.Option(help="Heading to keep in degrees; the present one by default.")
     ] = None,
+    within: Annotated[
+        float,
+        typer.Option(
+            metavar="METRES",
+            min=0.0,
+            help="A station as far off as this is meant; else supervisor.max_distance_m is the limit.",
+        ),
+    ] = 0.0,
     config: DaemonOption = "field",
     set_: SetOption = [],  # noqa: B006
 ) -> None:
@@ -35,7 +43,7 @@ def hold(
     settings = load_config(config, tuple(set_))
     lat_deg, lon_deg = (None, None) if at is None else lat_lon("--at", at)
     psi_rad = None if heading is None else math.radians(heading)
-    data = encode_hold(settings.links.autopilot, lat_deg, lon_deg, psi_rad)
+    data = encode_hold(settings.links.autopilot, lat_deg, lon_deg, psi_rad, within)
     _ask(settings, data, dialect.MAV_CMD_DO_REPOSITION, "holding")
 
 

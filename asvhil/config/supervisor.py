@@ -93,6 +93,14 @@ class SupervisorConfig(Section):
         ),
     )
     station: StationConfig | None = Field(default=None, description="The station of `engage: auto`, required there.")
+    max_distance_m: Positive = Field(
+        default=100.0,
+        le=2000.0,
+        description=(
+            "A station farther from the boat than this is refused, with its distance, unless the hold command names a "
+            "distance that it lies within (`asvhil hold --within`, param3 of DO_REPOSITION). Not for `engage: auto`."
+        ),
+    )
     control_mode: str = Field(
         default="MANUAL",
         description=(

@@ -13,9 +13,16 @@ SOLVE_TIME = "solve_ms"
 
 
 def encode_hold(
-    config: AutopilotLinkConfig, lat_deg: float | None, lon_deg: float | None, psi_rad: float | None
+    config: AutopilotLinkConfig,
+    lat_deg: float | None,
+    lon_deg: float | None,
+    psi_rad: float | None,
+    within_m: float = 0.0,
 ) -> bytes:
-    """The frame that asks the daemon to hold a station; None means as the boat is now."""
+    """The frame that asks the daemon to hold a station; None means as the boat is now.
+
+    `within_m`: the distance that it is known to lie within, 0 for the one of the config.
+    """
     message = dialect.MAVLink_command_int_message(
         config.system_id,
         config.component_id,
@@ -25,7 +32,7 @@ def encode_hold(
         0,
         -1.0,
         0.0,
-        0.0,
+        within_m,
         math.nan if psi_rad is None else psi_rad,
         HERE if lat_deg is None else round(lat_deg * 1e7),
         HERE if lon_deg is None else round(lon_deg * 1e7),

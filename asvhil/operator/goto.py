@@ -82,7 +82,9 @@ def meaning_of_command(t_ns: int, m: Any) -> Meaning | None:
         lat_deg, lon_deg = m.param5, m.param6
     if m.command == LOITER:
         here = here or (lat_deg == 0.0 and lon_deg == 0.0)
-    return _hold(t_ns, None if here else (lat_deg, lon_deg), yaw_rad)
+    # The radius of a loiter means nothing to a boat; the distance that is confirmed stands there.
+    within_m = m.param3 if m.command == REPOSITION and m.param3 > 0.0 else 0.0  # False for NaN
+    return _hold(t_ns, None if here else (lat_deg, lon_deg), yaw_rad, within_m)
 
 
 def meaning_of_setpoint(t_ns: int, m: Any, *, streaming: bool) -> HoldCommand | MoveCommand | Refusal:
@@ -105,7 +107,9 @@ def meaning_of_setpoint(t_ns: int, m: Any, *, streaming: bool) -> HoldCommand | 
     return MoveCommand(t_ns=t_ns, lat_deg=hold.lat_deg, lon_deg=hold.lon_deg, psi_rad=hold.psi_rad)
 
 
-def _hold(t_ns: int, place_deg: tuple[float, float] | None, yaw_rad: float) -> HoldCommand | Refusal:
+def _hold(
+    t_ns: int, place_deg: tuple[float, float] | None, yaw_rad: float, within_m: float = 0.0
+) -> HoldCommand | Refusal:
     lat_deg, lon_deg = place_deg if place_deg is not None else (None, None)
     if lat_deg is not None and lon_deg is not None:
         on_earth = abs(lat_deg) <= 90.0 and abs(lon_deg) <= 180.0
@@ -114,4 +118,4 @@ def _hold(t_ns: int, place_deg: tuple[float, float] | None, yaw_rad: float) -> H
     if not math.isnan(yaw_rad) and not abs(yaw_rad) <= YAW_MAX_RAD:
         return Refusal(why=explain(Reason.HEADING_IMPOSSIBLE))
     psi_rad = None if math.isnan(yaw_rad) else yaw_rad
-    return HoldCommand(t_ns=t_ns, lat_deg=lat_deg, lon_deg=lon_deg, psi_rad=psi_rad)
+    return HoldCommand(t_ns=t_ns, lat_deg=lat_deg, lon_deg=lon_deg, psi_rad=psi_rad, within_m=within_m)

@@ -52,6 +52,7 @@ class Reason(enum.StrEnum):
     PILOT_FIRST = "pilot-first"
     NO_STATION_HELD = "no-station-held"
     STATION_TOO_FAR = "station-too-far"
+    STATION_UNCONFIRMED = "station-unconfirmed"
     STICK_HIDDEN = "stick-hidden"
     WIRING_UNREAD = "wiring-unread"
     SCRIPT_SILENT = "script-silent"
@@ -224,6 +225,11 @@ WORDS: Mapping[Reason, Words] = {
     Reason.STATION_TOO_FAR: Words(
         text="station is {distance_km:.1f} km away, 2 km at most",
         remedy="Check latitude and longitude, or drive the boat nearer first.",
+    ),
+    Reason.STATION_UNCONFIRMED: Words(
+        text="station is {metres:.0f} m away, {most:.0f} m at most without a word",
+        remedy="Check latitude and longitude. If it is meant: `asvhil hold --within METRES`, param3 of DO_REPOSITION "
+        "in metres, or supervisor.max_distance_m.",
     ),
     Reason.STICK_HIDDEN: Words(
         text="channel {channel} moves a motor and is to end a hold",

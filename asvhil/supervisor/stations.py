@@ -41,9 +41,11 @@ def station_of_move(command: MoveCommand, held: Station, frame: LocalFrame) -> S
     )
 
 
-def too_far(station: Station, estimate: Estimate) -> Explanation | None:
-    """Why a station is out of reach; None where it is within."""
+def too_far(station: Station, estimate: Estimate, most_m: float) -> Explanation | None:
+    """Why a station is out of reach, or farther than `most_m`, as nobody has said that he means; None where neither."""
     distance_m = math.hypot(station.n_m - estimate.n_m, station.e_m - estimate.e_m)
-    if distance_m <= MAX_STATION_DISTANCE_M:  # a NaN is not
-        return None
-    return explain(Reason.STATION_TOO_FAR, distance_km=distance_m / 1000.0)
+    if not distance_m <= MAX_STATION_DISTANCE_M:  # a NaN is not
+        return explain(Reason.STATION_TOO_FAR, distance_km=distance_m / 1000.0)
+    if distance_m > most_m:
+        return explain(Reason.STATION_UNCONFIRMED, metres=distance_m, most=most_m)
+    return None

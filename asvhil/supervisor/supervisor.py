@@ -63,6 +63,7 @@ class Supervisor:
         self._phase = Phase.STANDBY
         self._why = explain(Reason.WAITING_FOR_HOLD)
         self._station: Station | None = None
+        self._most_m = config.max_distance_m  # by the last hold command: how far off a station may be
         self._auto_pending = config.engage == "auto"
         self._failing_since_ns: int | None = None
         self._release_left = 0
@@ -156,9 +157,11 @@ class Supervisor:
         status, estimate, frame = situation.status, situation.estimate, situation.frame
         assert status is not None and estimate is not None and frame is not None
         station = station_of_hold(command, estimate, frame)
-        refusal = too_far(station, estimate)
+        most_m = max(self._config.max_distance_m, command.within_m)
+        refusal = too_far(station, estimate, most_m)
         if refusal is not None:
             return refusal
+        self._most_m = most_m
         if status.mode != self._config.control_mode:
             self._take_mode(command.t_ns, station, status)
         else:
@@ -171,7 +174,7 @@ class Supervisor:
         if held is None or situation.estimate is None or situation.frame is None:
             return explain(Reason.NO_STATION_HELD)
         station = station_of_move(command, held, situation.frame)
-        refusal = too_far(station, situation.estimate)
+        refusal = too_far(station, situation.estimate, self._most_m)
         if refusal is None:
             self._station = station
         return refusal

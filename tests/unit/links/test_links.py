@@ -218,7 +218,10 @@ def test_hold_here_hold_there_and_release() -> None:
     operator = OperatorSession(CONFIG)
     (request,) = ask(operator, encode_hold(CONFIG, None, None, None))
     assert request.command == HoldCommand(t_ns=3)  # type: ignore[attr-defined]
+    (request,) = ask(operator, encode_hold(CONFIG, 40.4237, -86.9212, 1.5, 250.0))
+    assert isinstance(request.command, HoldCommand) and request.command.within_m == 250.0
     (request,) = ask(operator, encode_hold(CONFIG, 40.4237, -86.9212, 1.5))
+    assert isinstance(request.command, HoldCommand) and request.command.within_m == 0.0
     assert request.command == HoldCommand(t_ns=3, lat_deg=404237000 * 1e-7, lon_deg=-869212000 * 1e-7, psi_rad=1.5)  # type: ignore[attr-defined]
     (request,) = ask(operator, encode_release(CONFIG))
     assert isinstance(request.command, ReleaseCommand)  # type: ignore[attr-defined]

@@ -67,6 +67,39 @@ def test_a_stream_that_becomes_slow_in_a_hold_ends_nothing_by_itself() -> None:
     assert bench.drive().phase is Phase.HOLD
 
 
+@pytest.mark.parametrize(
+    ("off_m", "within_m", "reason"),
+    [
+        (98.0, 0.0, None),
+        (102.0, 0.0, Reason.STATION_UNCONFIRMED),
+        (1100.0, 0.0, Reason.STATION_UNCONFIRMED),
+        (1100.0, 1000.0, Reason.STATION_UNCONFIRMED),
+        (1100.0, 1200.0, None),
+        (98.0, 10.0, None),  # it never narrows what the config lets pass
+        (2100.0, 9000.0, Reason.STATION_TOO_FAR),
+        (102.0, math.nan, Reason.STATION_UNCONFIRMED),
+    ],
+)
+def test_a_station_far_off_needs_its_distance_named(off_m: float, within_m: float, reason: Reason | None) -> None:
+    lat, lon = FRAME.to_geodetic(ESTIMATE.n_m + off_m, ESTIMATE.e_m)
+    refusal = SupervisorBench().hold(lat_deg=lat, lon_deg=lon, within_m=within_m)
+    assert (None if refusal is None else refusal.reason) is reason
+    if reason is Reason.STATION_UNCONFIRMED:
+        assert refusal is not None and dict(refusal.detail)["metres"] == pytest.approx(off_m, abs=0.1)
+
+
+def test_a_station_is_moved_as_far_as_the_hold_was_told_to_go() -> None:
+    lat, lon = FRAME.to_geodetic(300.0, 0.0)
+    bench = SupervisorBench()
+    bench.hold()
+    refusal = bench.move(lat_deg=lat, lon_deg=lon)
+    assert refusal is not None and refusal.reason is Reason.STATION_UNCONFIRMED
+    bench.hold(within_m=400.0)
+    assert bench.move(lat_deg=lat, lon_deg=lon) is None
+    bench.hold()
+    assert bench.move(lat_deg=lat, lon_deg=lon) is not None
+
+
 def test_a_station_in_another_county_is_refused() -> None:
     lat, lon = FRAME.to_geodetic(3000.0, 0.0)
     refusal = SupervisorBench().hold(lat_deg=lat, lon_deg=lon)
