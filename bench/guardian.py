@@ -69,8 +69,8 @@ def main() -> None:
         file = options.output / "guardian.md"
         head = file.read_text().partition(MARKER)[0] if file.exists() else "# The guardian\n\n"
         file.write_text(f"{head}{MARKER}\n\n{page}\n")
-        tree = {link: [death.__dict__ for death in deaths] for link, deaths in found.items()}
-        file.with_suffix(".json").write_text(json.dumps(tree, indent=1) + "\n")
+        parts = (f'"{link}": [\n' + ",\n".join(map(as_json, deaths)) + "\n]" for link, deaths in found.items())
+        file.with_suffix(".json").write_text("{\n" + ",\n".join(parts) + "\n}\n")
 
 
 if __name__ == "__main__":

@@ -129,12 +129,11 @@ def main() -> None:
     if link is None or not steps:
         return
     link.begin()
-    due_s = time.monotonic()
     for frames in steps:
-        due_s += STEP_S
+        until_s = time.monotonic() + STEP_S
         for frame in frames:
-            link.send(bytes.fromhex(frame), due_s)
-        time.sleep(max(0.0, due_s - time.monotonic()))
+            link.send(bytes.fromhex(frame), until_s)
+        time.sleep(STEP_S)  # from then on, however late it was: a release must not follow on the heels of a neutral
     link.drain()
 
 
