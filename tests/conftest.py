@@ -3,11 +3,16 @@
 from collections.abc import Iterator
 
 import pytest
+from hypothesis import HealthCheck, settings
 
 import asvhil
 from asvhil.config.plugins import unload_all
 
 assert asvhil.__version__
+
+# Neither what an example takes nor how fast examples are drawn may decide a test: a busy machine is slow at both.
+settings.register_profile("any load", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.load_profile("any load")
 
 
 @pytest.fixture(autouse=True)
