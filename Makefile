@@ -7,11 +7,12 @@ INSTALL := $(PIP) install -qq -c constraints.txt
 STAMPS := $(VENV)/.stamps
 
 .DEFAULT_GOAL := help
-.PHONY: help sitl test lint unit firmware firmware-sim check-aarch64 clean
+.PHONY: help sitl test lint unit mutants firmware firmware-sim check-aarch64 clean
 
 help:
 	@echo "make sitl   keep a station for 60 s with the simulated boat"
 	@echo "make test   lint, types and all tests"
+	@echo "make mutants  change what guards the motors, one thing at a time, and count which changes its tests notice"
 	@echo "make firmware  build the anemometer's firmware for Arduino Uno and Nano"
 	@echo "make firmware-sim  the same, and a simulated Arduino to run it on"
 	@echo "make check-aarch64  download the daemon's packages as wheels for 64-bit ARM"
@@ -71,6 +72,18 @@ unit: $(STAMPS)/test $(STAMPS)/peer $(STAMPS)/mavproxy
 	echo "beside these, in real time:"; \
 	wait $$beside; late=$$?; cat $(VENV)/real-time.txt; \
 	test $$ahead -eq 0 -a $$late -eq 0
+
+$(STAMPS)/mutants: $(STAMPS)/test
+	@echo "adding mutmut ..."
+	@$(INSTALL) -e '.[mutants]'
+	@touch $@
+
+# SAMPLE=60: of each module so many mutants, drawn by SEED, in place of all; SECONDS_EACH: most for one module.
+SAMPLE ?= 0
+SEED ?= 1
+SECONDS_EACH ?= 300
+mutants: $(STAMPS)/mutants
+	@$(BIN)/python -m bench.mutants --least 0.9 --sample $(SAMPLE) --seed $(SEED) --seconds $(SECONDS_EACH)
 
 # Every package of the daemon must come as a ready wheel for a Jetson or a Raspberry Pi (64 bit) too.
 check-aarch64: $(STAMPS)/base
