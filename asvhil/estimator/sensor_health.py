@@ -67,12 +67,11 @@ def update(
             if change > 0.0 and (change < step or step == 0.0):  # False for the first, which has none before it
                 step = change
         if track.accepted > 1 and not track.frozen:
-            change = abs(value[0] - track.value[0]) + abs(value[1] - track.value[1])
-            if change == change:  # the first has none before it
-                moved = math.hypot(
-                    value[0] - track.value[0] - expected[0] + track.expected[0],
-                    value[1] - track.value[1] - expected[1] + track.expected[1],
-                )
+            moved = math.hypot(
+                value[0] - track.value[0] - expected[0] + track.expected[0],
+                value[1] - track.value[1] - expected[1] + track.expected[1],
+            )
+            if math.isfinite(moved):
                 jitter += JITTER_GAIN * (min(moved, 10.0 * limits.noise) - jitter)
         return changed(
             track,
