@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from asvhil.config import PwmConfig
-from asvhil.controller.pwm import PulseLimiter, command_of_pulse, pulse_of_command
+from asvhil.controller.pwm import PulseLimiter, command_of_pulse, command_rate_per_s, pulse_of_command
 
 PWM = PwmConfig(slew_us_per_s=1000.0)
 MS = 1_000_000
@@ -67,3 +67,73 @@ def test_thrust_is_reduced_at_once_and_increased_at_the_slew_rate() -> None:
     assert pulses == (1900, 1100)
     assert limiter.step(1000 * MS, (0.0, 0.1)) == (1500, 1540)  # less thrust at once; over neutral, then 40 us
     assert limiter.neutral() == (1500, 1500)
+
+
+@pytest.mark.parametrize(
+    ("pulse", "command"),
+    [
+        (1000, -1.0),
+        (1200, -0.5),
+        (1399, -1 / 400),
+        (1400, 0.0),
+        (1401, 1 / 600),
+        (1700, 0.5),
+        (2000, 1.0),
+        (900, -1.0),
+        (2200, 1.0),
+        (1, -1.0),
+    ],
+)
+def test_command_of_a_pulse_in_an_asymmetric_range(pulse: int, command: float) -> None:
+    pwm = PwmConfig(astern_us=1000, neutral_us=1400, ahead_us=2000)
+    assert command_of_pulse(pwm, pulse) == pytest.approx(command)
+
+
+@pytest.mark.parametrize(("astern_us", "ahead_us"), [(1000, 2000), (800, 1800)])
+def test_a_command_grows_as_fast_as_the_slower_side_allows(astern_us: int, ahead_us: int) -> None:
+    pwm = PwmConfig(astern_us=astern_us, neutral_us=1400, ahead_us=ahead_us, slew_us_per_s=1200.0)
+    assert command_rate_per_s(pwm) == pytest.approx(2.0)
+
+
+def at(last_us: tuple[int, int]) -> PulseLimiter:
+    """A limiter that has long been told so, at 0 s."""
+    limiter = PulseLimiter(PWM)
+    for seconds in range(-3, 1):
+        limiter.step(seconds * 1000 * MS, ((last_us[0] - 1500) / 400, (last_us[1] - 1500) / 400))
+    return limiter
+
+
+@pytest.mark.parametrize(
+    ("last_us", "wanted", "pulses"),
+    [
+        ((1900, 1900), (-0.5, 0.5), (1450, 1700)),  # over neutral at the slew rate, however far it came from
+        ((1600, 1400), (-0.2, 0.2), (1450, 1550)),
+        ((1400, 1600), (1.0, -1.0), (1550, 1450)),
+        ((1600, 1400), (1.0, -1.0), (1650, 1350)),
+        ((1501, 1499), (-0.2, 0.2), (1450, 1550)),
+        ((1500, 1500), (0.2, -0.2), (1550, 1450)),
+        ((1600, 1400), (0.25, -0.25), (1600, 1400)),
+        ((1600, 1400), (0.05, -0.05), (1520, 1480)),
+    ],
+)
+def test_a_step_of_50_ms(last_us: tuple[int, int], wanted: tuple[float, float], pulses: tuple[int, int]) -> None:
+    assert at(last_us).step(50 * MS, wanted) == pulses
+
+
+def test_a_first_step_and_one_after_a_release_are_of_1_us() -> None:
+    limiter = PulseLimiter(PWM)
+    assert limiter.step(0, (1.0, -1.0)) == (1501, 1499)
+    assert limiter.step(100 * MS, (1.0, -1.0)) == (1601, 1399)
+    limiter.reset()
+    assert limiter.step(200 * MS, (1.0, -1.0)) == (1501, 1499)
+
+
+def test_a_pause_counts_as_a_second_at_most() -> None:
+    limiter = PulseLimiter(PwmConfig(slew_us_per_s=100.0))
+    limiter.step(0, (1.0, -1.0))
+    assert limiter.step(5000 * MS, (1.0, -1.0)) == (1601, 1399)
+
+
+def test_only_two_motors_are_commanded() -> None:
+    with pytest.raises(ValueError):
+        PulseLimiter(PWM).step(0, (1.0, 1.0, 1.0))  # type: ignore[arg-type]
