@@ -144,3 +144,86 @@ def test_each_profile_brings_its_own_defaults() -> None:
     rover = load_config("wamv16", ("links.autopilot={endpoint: 'udpin:127.0.0.1:1'}",))
     assert (rover.links.autopilot.output, rover.supervisor.control_mode) == ("rc_override", "MANUAL")
     assert list(rover.links.autopilot.streams_hz) == sorted(rover.links.autopilot.streams_hz)
+
+
+# --- which channel, and the last words -------------------------------------------------------------------------------
+
+
+def overridden(packed: list[bytes]) -> dict[int, int]:
+    """The channels (from 1) of one RC_CHANNELS_OVERRIDE that are not left to the pilot."""
+    (m,) = messages(packed)
+    values = [getattr(m, f"chan{channel}_raw") for channel in range(1, 19)]
+    assert (m.target_system, m.target_component) == (1, 1)  # type: ignore[attr-defined]
+    ignored = [65535] * 8 + [0] * 10
+    return {n: value for n, (value, none) in enumerate(zip(values, ignored, strict=True), 1) if value != none}
+
+
+def wired_to(kind: str, port: int, starboard: int) -> Output:
+    link = AutopilotLinkConfig(endpoint="udpin:127.0.0.1:0", output=kind)
+    return make_output(link, PWM, wiring_of(link, PWM, {"RCMAP_ROLL": port, "RCMAP_THROTTLE": starboard}))
+
+
+@pytest.mark.parametrize(
+    ("port", "starboard", "released"),
+    [
+        (1, 3, {1: 0, 3: 0}),
+        (8, 2, {8: 0, 2: 0}),
+        (7, 9, {7: 0, 9: 65534}),  # 0 would mean "ignore" there
+        (16, 10, {16: 65534, 10: 65534}),
+    ],
+)
+def test_an_override_moves_the_motors_channels_and_no_other(port: int, starboard: int, released: dict) -> None:
+    way = wired_to("rc_override", port, starboard)
+    assert overridden(way.drive(1600, 1420)) == {port: 1600, starboard: 1420}
+    assert overridden(way.release(0)) == released
+    # The release is a message without the fields of MAVLink 2 wherever it can be.
+    assert way.drive(1600, 1420)[0][1] == (18 if max(port, starboard) <= 8 else 18 + 2 * (max(port, starboard) - 8))
+
+
+@pytest.mark.parametrize(
+    ("kind", "middle", "given_back"),
+    [("rc_override", (1480, 1480), (0, 0)), ("manual_control", (-40, -40), (32767,) * 2)],
+)
+def test_the_last_words_on_sticks_are_neutral_and_then_the_release(
+    kind: str, middle: tuple[int, int], given_back: tuple[int, int]
+) -> None:
+    way = output(kind)
+    way.drive(1600, 1420)
+    steps = [said(step) for step in way.last_words(neutral=True)]
+    assert steps[-3:] == [[given_back]] * 3
+    assert len(steps) == 7 and all(step == steps[0] for step in steps[:4])
+    assert steps[0][0] == middle
+    assert [said(step) for step in way.last_words(neutral=False)] == [[given_back]] * 3
+
+
+@pytest.mark.parametrize(
+    ("kind", "neutral"),
+    [
+        ("set_servo", [(183, 1.0, 1480.0), (183, 3.0, 1480.0)]),
+        ("set_actuator", [(187, pytest.approx(-0.05), pytest.approx(-0.05))]),
+    ],
+)
+@pytest.mark.parametrize("first", [True, False])
+def test_the_last_words_on_held_outputs_are_neutral(kind: str, neutral: list[object], first: bool) -> None:
+    way = output(kind)
+    way.drive(1600, 1420)
+    assert [said(step) for step in way.last_words(neutral=first)] == [neutral] * 7
+
+
+def test_commands_are_sent_for_the_first_time_by_our_identity_and_without_other_parameters() -> None:
+    for m in messages(output("set_servo", system_id=9, component_id=192).drive(1600, 1420)):
+        assert (m.get_srcSystem(), m.get_srcComponent(), m.confirmation) == (9, 192, 0)  # type: ignore[attr-defined]
+        assert [getattr(m, f"param{n}") for n in range(3, 8)] == [0.0] * 5
+
+
+def test_each_actuator_has_the_range_of_its_own_output() -> None:
+    link = AutopilotLinkConfig(endpoint="udpin:127.0.0.1:0", profile="px4", output="set_actuator")
+    wiring = px4_wiring_of(link, PWM, {"PWM_MAIN_MIN1": 1000.0, "PWM_MAIN_MAX1": 2000.0})
+    (m,) = messages(make_output(link, PWM, wiring).drive(1900, 1900))
+    assert (m.param1, m.param2) == (pytest.approx(0.8), 1.0)  # type: ignore[attr-defined]
+
+
+def test_a_refusal_without_a_name_is_told_by_its_number() -> None:
+    way = output("set_actuator")
+    acknowledge(way, dialect.MAV_CMD_DO_SET_ACTUATOR, 77)
+    assert way.refused == "the autopilot refuses DO_SET_ACTUATOR (result 77)"
