@@ -233,6 +233,7 @@ def safety(
     ),
     fault: Annotated[list[str], typer.Option(help="One fault by its name in the table; repeatable.")] = [],  # noqa: B006
     healthy: Annotated[bool, typer.Option(help="Healthy boats too.")] = True,
+    every: Annotated[int, typer.Option(min=1, help="One in so many of the holds alone.")] = 1,
     workers: WorkersOption = None,
     quick: QuickOption = False,
     set_: SetOption = [],  # noqa: B006
@@ -252,7 +253,7 @@ def safety(
             part,
             faults=faults,
             with_healthy=healthy,
-            every=40 if quick else 1,
+            every=40 if quick else every,
             overrides=tuple(set_),
         )
 

@@ -39,6 +39,7 @@ def study_safety(
         calm.setdefault(case.group, {}).setdefault(case.boat, []).append({"keys": list(case.keys), **result})
     return {
         "part": part,
+        "every": every,
         "winds": [list(wind) for wind in WINDS[part]],
         "seeds": list(SEEDS[part]),
         "overrides": list(overrides),
@@ -72,9 +73,11 @@ def markdown(study: Mapping[str, Any]) -> str:
     """One table of the runaways, one of the healthy boats."""
     asked = study["asked"]
     winds = ", ".join(f"{speed:g} m/s toward {toward:g}°" for speed, toward in study["winds"])
+    share = f", one in {study['every']} of them" if study["every"] > 1 else ""
+    seeds = ", ".join(map(str, study["seeds"]))
     head = (
-        f"Holds `{study['part']}`: {winds}; seeds {', '.join(map(str, study['seeds']))}; from 5 m off and from the "
-        f"station. Met: ended, or told where that is enough, within {asked['thrust_s']:g} s of thrust and before the "
+        f"Holds `{study['part']}`{share}: {winds}; seeds {seeds}; from 5 m off and from the station. "
+        f"Met: ended, or told where that is enough, within {asked['thrust_s']:g} s of thrust and before the "
         f"boat was {asked['farther_m']:g} m farther off than at the begin. Named: by the right cause. Thrust and "
         "farther off: median and worst of the holds that ended; of the others how far off they got in a minute."
     )
