@@ -15,6 +15,7 @@ from asvhil.io.mavlink.signing import (
     EPOCH_2015_NS,
     FIRST_START,
     MAX_STREAMS,
+    Signer,
     SigningClock,
     SigningState,
     Verdict,
@@ -275,3 +276,86 @@ def test_the_rightful_peer_is_never_locked_out(steps: list[tuple], restart_every
         assert guard.state() == before
         if restart_every is not None and number % restart_every == 0:
             guard = Verifier(KEY, SigningClock(), state=guard.state(), start_ns=at_ns)
+
+
+# --- what leaves on a link, and the limits ---------------------------------------------------------------------------
+
+
+def test_frames_of_one_clock_are_signed_by_their_links_with_rising_times() -> None:
+    clock = SigningClock()
+    first, second = Signer(KEY, 3, clock), Signer(bytes(32), 4, clock)
+    assert first.sign(heartbeat(), NOW_NS) == sign(heartbeat(), KEY, 3, NOW)
+    assert second.sign(heartbeat(), NOW_NS) == sign(heartbeat(), bytes(32), 4, NOW + 1)
+
+
+def test_a_frame_for_later_is_dated_ahead_and_does_not_move_the_clock() -> None:
+    clock = SigningClock()
+    signer = Signer(KEY, 3, clock)
+    assert signer.sign_ahead(heartbeat(), NOW_NS, 500) == sign(heartbeat(), KEY, 3, NOW + 500)
+    assert signer.sign(heartbeat(), NOW_NS) == sign(heartbeat(), KEY, 3, NOW)
+    clock.learn(NOW + HOUR)  # of what left until now, that counts
+    assert signer.sign_ahead(heartbeat(), NOW_NS, 7) == sign(heartbeat(), KEY, 3, NOW + HOUR + 7)
+
+
+def test_the_flags_of_a_frame_that_is_signed_are_its_own() -> None:
+    frame = heartbeat()
+    flagged = frame[:2] + b"\x00\x5a" + frame[4:]  # compat flags are no incompat flags
+    assert sign(flagged, KEY, 0, NOW)[2:4] == b"\x01\x5a"
+
+
+def test_a_clock_that_has_seen_nothing_starts_at_the_first_tick() -> None:
+    assert SigningClock().next(0) == 1
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("", "^is empty; 64 hexadecimal digits or a passphrase is expected$"),
+        ("a\nb", "^is more than one line of text; 64 hexadecimal digits or a passphrase is expected$"),
+        ("a" * 48, "^has 48 hexadecimal digits"),
+    ],
+)
+def test_what_is_no_key_is_told_in_words(text: str, words: str) -> None:
+    with pytest.raises(ConfigError, match=words):
+        derive_key(text)
+
+
+def test_fewer_digits_and_other_letters_are_a_passphrase() -> None:
+    for text in ("a" * 47, "X".join(["ab"] * 24)):
+        assert derive_key(text) == hashlib.sha256(text.encode()).digest()
+
+
+@pytest.mark.parametrize(
+    ("timestamp", "verdict"),
+    [
+        (NOW - 60 * SECOND - 1, Verdict.TOO_OLD),
+        (NOW - 60 * SECOND, Verdict.ACCEPTED),
+        (NOW + 60 * SECOND, Verdict.ACCEPTED),
+        (NOW + 60 * SECOND + 1, Verdict.FUTURE),
+    ],
+)
+def test_a_new_stream_may_be_off_by_just_a_minute(timestamp: int, verdict: Verdict) -> None:
+    assert check(verifier(), sign(heartbeat(), KEY, 0, timestamp)) is verdict
+
+
+def test_without_a_clock_time_goes_on_from_what_was_known_at_the_start() -> None:
+    for timestamp, verdict in ((NOW + HOUR - 60 * SECOND - 1, Verdict.TOO_OLD), (NOW + HOUR, Verdict.ACCEPTED)):
+        guard = verifier(SigningState(last=NOW, streams={}))
+        frame = sign(heartbeat(), KEY, 0, timestamp)
+        assert guard.check(frame, NOW_NS + 3600 * 10**9, 0) is verdict
+
+
+def test_a_clock_counts_as_set_from_just_2026_on() -> None:
+    set_ns = EPOCH_2015_NS + 10_000 * CLOCK_UNSET_BEFORE
+    far = sign(heartbeat(), KEY, 0, CLOCK_UNSET_BEFORE + HOUR)
+    assert Verifier(KEY, SigningClock()).check(far, 0, set_ns) is Verdict.FUTURE
+    assert Verifier(KEY, SigningClock()).check(far, 0, set_ns - 10_000) is Verdict.ACCEPTED
+
+
+def test_a_stream_that_goes_on_may_be_ahead_of_itself_by_just_a_minute() -> None:
+    day_before_ns = NOW_NS - 24 * 3600 * 10**9
+    for more, verdict in ((0, Verdict.ACCEPTED), (1, Verdict.FUTURE)):
+        guard = verifier()
+        assert check(guard, sign(heartbeat(), KEY, 0, NOW)) is Verdict.ACCEPTED
+        frame = sign(heartbeat(), KEY, 0, NOW + 10 * SECOND + 60 * SECOND + more)
+        assert guard.check(frame, NOW_NS + 10 * 10**9, day_before_ns) is verdict
