@@ -8,7 +8,16 @@ from __future__ import annotations
 from typing import Any
 
 from asvhil.autopilot.motor_outputs import LAST_NEUTRALS, LAST_RELEASES
-from asvhil.autopilot.script_protocol import SENDERS, TEXTS, VERSION, AliveSign, Order, ScriptState, encode_order
+from asvhil.autopilot.script_protocol import (
+    SENDERS,
+    TEXTS,
+    VERSION,
+    AliveSign,
+    Order,
+    ScriptReason,
+    ScriptState,
+    encode_order,
+)
 from asvhil.autopilot.wiring import Pulses, Wiring
 from asvhil.config import AutopilotLinkConfig, PwmConfig
 from asvhil.errors import ConfigError
@@ -78,7 +87,8 @@ class ScriptOutput:
             return
         if state.driving:
             self._driven = True
-        elif self._driven or t_ns - self._begun_ns > OLD_NS:
+        elif self._driven or (t_ns - self._begun_ns > OLD_NS and state.reason is not ScriptReason.READY):
+            # "Ready" beside the next start is of before: the message with the reason was lost, that with the start not.
             self._ended = explain(Reason.SCRIPT_LET_GO, why=_why(state))
 
     def fault(self, t_ns: int) -> Explanation | None:
