@@ -38,6 +38,17 @@ class MotionConfig(Section):
     lead_s: NonNegative = Field(
         default=2.0, description="After this long with enough evidence the likeliest fault is named, with no lead."
     )
+    sense_s: NonNegative = Field(
+        default=30.0,
+        description="For so long after a hold has begun, a fault of motors or compass ends it at once.",
+    )
+    confirm_m: NonNegative = Field(
+        default=4.0,
+        description=(
+            "Later such a fault is told at once, and ends the hold once the boat is this much farther off than it has "
+            "been: by waves and gusts alone a sound boat may seem to have one, and stays all the same."
+        ),
+    )
     farther_m: Positive = Field(
         default=8.0,
         description=(

@@ -17,19 +17,23 @@ BRAKING = 0.5  # of the thrust of both motors astern, of which a boat is taken t
 
 
 class DistanceWatch:
-    """From the begin of a hold, or a move of its station, on: how near the boat has been, and what the motors did."""
+    """From the begin of a hold, or a move of its station, on: how near the boat has been, and what the motors did.
+
+    `farther_m`: how much farther off the boat is now than it has been.
+    """
 
     def __init__(self, config: MotionConfig, vessel: VesselConfig) -> None:
         self._config = config
         mass_kg = vessel.mass_kg + vessel.added_mass_surge_kg
         self._braking_mps2 = BRAKING * 2.0 * abs(vessel.thrust_curve[0][1]) / mass_kg
-        self._least_m = self._allowed_m = 0.0
+        self._least_m = self._allowed_m = self.farther_m = 0.0
         self._station: Station | None = None
         self._past: deque[tuple[int, bool]] = deque()  # (time, whether a motor was at its limit)
 
     def begin(self) -> None:
         """Forget all: a hold begins."""
         self._station = None
+        self.farther_m = 0.0
 
     def step(
         self,
@@ -48,12 +52,12 @@ class DistanceWatch:
         self._past.append((t_ns, saturated))
         while t_ns - self._past[0][0] > LOOK_BACK_NS:
             self._past.popleft()
-        farther_m = distance_m - self._least_m
-        if farther_m <= self._allowed_m:
+        self.farther_m = distance_m - self._least_m
+        if self.farther_m <= self._allowed_m:
             return None
         share = sum(at_limit for _, at_limit in self._past) / len(self._past)
         reason = Reason.BEYOND_MOTORS if share >= SHARE else Reason.DRIFTED_OFF
-        return explain(reason, metres=farther_m)
+        return explain(reason, metres=self.farther_m)
 
     def _start(self, distance_m: float, estimate: Estimate, station: Station, current_ned: tuple[float, float]) -> None:
         """How far off the boat may get: by the config, and by the way through the water that it needs to stop."""

@@ -27,6 +27,8 @@ class MotionWatch:
         self._distance = DistanceWatch(self._config, vessel)
         self._station: Station | None = None
         self._found: Explanation | None = None
+        self._ended = False
+        self._begin_ns: int | None = None
 
     def step(
         self,
@@ -47,21 +49,31 @@ class MotionWatch:
             self._monitor.on_measurement(measurement)
         wind_ned = None if wind is None else (wind.vn_mps, wind.ve_mps)
         station = self._station
-        found = self._monitor.step(t_ns, command, wind_ned, ailing, holding=station is not None)
+        fault = self._monitor.step(t_ns, command, wind_ned, ailing, holding=station is not None)
         if station is None:
             return None
-        if self._keeps_station and found is None and estimate is not None and estimate.valid:
-            found = self._distance.step(t_ns, estimate, station, command, self._monitor.current_ned)
+        away = None
+        if self._keeps_station and estimate is not None and estimate.valid:
+            away = self._distance.step(t_ns, estimate, station, command, self._monitor.current_ned)
         if self._found is None:
-            self._found = found
-        return self._found if self._keeps_station and self._config.on_fault == "release" else None
+            self._found = fault or away
+        if self._begin_ns is None:
+            self._begin_ns = t_ns
+        # What is wired wrong shows at once. Later gusts and waves alone may look like a fault, by chance; but a boat
+        # that has one does not stay where it is.
+        begins = fault is not None and (t_ns - self._begin_ns) * 1e-9 <= self._config.sense_s
+        confirmed = begins or away is not None or self._distance.farther_m >= self._config.confirm_m
+        ends = confirmed and self._keeps_station and self._config.on_fault == "release"
+        if ends and self._found is not None:
+            self._ended = True
+        return self._found if self._ended else None
 
     def note_station(self, station: Station | None) -> None:
         """The station that is held from now on, None where none is."""
         if station is not None and self._station is None:
             self._monitor.begin()
             self._distance.begin()
-            self._found = None
+            self._found, self._ended, self._begin_ns = None, False, None
         self._station = station
 
     @property

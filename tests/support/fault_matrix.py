@@ -322,6 +322,7 @@ WIRING = frozenset(
         *(Reason.OVERRIDES_IGNORED, Reason.OUTPUTS_UNCHANGED),
     }
 )
+AWAY = frozenset({Reason.DRIFTED_OFF, Reason.BEYOND_MOTORS})
 INS = "sitl-vn300"  # with the autopilot standing by
 COMPASS = "sitl-bream"  # whose heading has no other source
 KEEP, NEUTRAL, RELEASE = Reaction.KEEP, Reaction.NEUTRAL, Reaction.RELEASE
@@ -432,7 +433,15 @@ CONTROLLER = (
         frozenset({Reason.NO_SOLUTION}),
         act=_solver(command=(math.nan, math.nan)),
     ),
-    Fault("controller asks for ten times full thrust", KEEP, act=_solver(command=(10.0, 10.0)), farther_m=99.0),
+    Fault(
+        "controller asks for ten times full thrust",
+        NEUTRAL,
+        24.0,
+        AWAY,
+        act=_solver(command=(10.0, 10.0)),
+        watch_s=26.0,
+        farther_m=30.0,
+    ),
 )
 OPERATOR = (
     Fault("a hold 120 km away", KEEP, act=_moves_far),
