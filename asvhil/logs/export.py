@@ -3,21 +3,20 @@
 from __future__ import annotations
 
 import csv
-import os
 import struct
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TypeAlias
 
-from mcap.records import Channel, Message
+from mcap.records import Message
 
 from asvhil.config.ports import AUTOPILOT
 from asvhil.errors import AsvhilError, LogError
 from asvhil.geo import LocalFrame
 from asvhil.io.mavlink.frames import Parser, decode, dialect, message_id
 from asvhil.logs.encoding import decode_outputs
-from asvhil.logs.reader import LogFile, Timing, decode_timing
+from asvhil.logs.new_file import whole_file
+from asvhil.logs.reader import LogChannel, LogFile, Timing, decode_timing
 from asvhil.logs.recorder import OUTPUTS_TOPIC, TIMING_TOPIC
 from asvhil.types import Outputs
 
@@ -78,53 +77,36 @@ def export_log(source: Path, target: Path, on_bytes: Progress = lambda done: Non
     if kind not in FORMATS:
         raise AsvhilError(f"{target}: a file that ends in {', '.join(FORMATS)} is expected")
     log = LogFile(source)
-    with _new_file(target) as part:
-        if kind == ".tlog":
-            return _write_tlog(log, part, on_bytes)
-        rows = _rows(log, on_bytes)
-        return _write_csv(rows, part) if kind == ".csv" else _write_parquet(rows, part)
-
-
-@contextmanager
-def _new_file(target: Path) -> Iterator[Path]:
-    """A file beside the target that takes its name once it is whole."""
-    part = target.with_name(f"{target.name}.part")
+    if target.exists():
+        raise AsvhilError(f"{target}: exists already; give another name")
     try:
-        if target.exists():
-            raise AsvhilError(f"{target}: exists already; give another name")
-        yield part
-        os.link(part, target)
+        with whole_file(target) as part:
+            if kind == ".tlog":
+                return _write_tlog(log, part, on_bytes)
+            rows = _rows(log, on_bytes)
+            return _write_csv(rows, part) if kind == ".csv" else _write_parquet(rows, part)
     except OSError as error:
         raise AsvhilError(f"{target}: cannot be written ({error.strerror or error})") from None
-    finally:
-        part.unlink(missing_ok=True)
 
 
-def _items(log: LogFile, on_bytes: Progress) -> Iterator[tuple[Message, Channel]]:
+def _messages(log: LogFile, on_bytes: Progress) -> Iterator[tuple[LogChannel, Message]]:
     """All messages, with their channels. LogError at the first damage; a log without an end is read up to it."""
-    channels: dict[int, Channel] = {}
-    for offset, piece in log.pieces():
-        on_bytes(offset)
-        if isinstance(piece, LogError):
-            if str(piece) == log.damage and log.truncated:
-                return
-            raise LogError(f"{piece}; `asvhil log recover` keeps what is intact")
-        for item in piece:
-            if isinstance(item, Channel):
-                channels[item.id] = item
-            elif isinstance(item, Message) and item.channel_id in channels:
-                yield item, channels[item.channel_id]
+    try:
+        for channel, message, offset in log.messages():
+            on_bytes(offset)
+            yield channel, message
+    except LogError as error:
+        raise LogError(f"{error}; `asvhil log recover` keeps what is intact") from None
 
 
 def _write_tlog(log: LogFile, part: Path, on_bytes: Progress) -> int:
     """The frames of the autopilot's link, in and out, in the order of their time: as a ground station would have it."""
     frames: list[tuple[int, bytes]] = []
     parsers: dict[str, Parser] = {}
-    for message, channel in _items(log, on_bytes):
-        if channel.metadata.get("port") == AUTOPILOT:
-            parser = parsers.setdefault(channel.metadata["direction"], Parser())
-            peer = channel.metadata.get("peer", "")
-            frames += [(message.log_time // 1000, bytes(data)) for data in parser.receive(peer, message.data)]
+    for channel, message in _messages(log, on_bytes):
+        if channel.port == AUTOPILOT:
+            parser = parsers.setdefault(channel.direction, Parser())
+            frames += [(message.log_time // 1000, bytes(data)) for data in parser.receive(channel.peer, message.data)]
     frames.sort(key=lambda frame: frame[0])  # stable: those of one time stay in the order of the file
     with part.open("wb") as file:
         for t_us, data in frames:
@@ -140,7 +122,7 @@ def _rows(log: LogFile, on_bytes: Progress) -> Iterator[Row]:
     truth: Any = None
     truth_at: Any = None
     timing: Timing | None = None
-    for message, channel in _items(log, on_bytes):
+    for channel, message in _messages(log, on_bytes):
         if channel.topic == OUTPUTS_TOPIC:
             if outputs is not None and first_ns is not None:
                 yield _row(outputs, first_ns, timing, truth_at)
@@ -148,8 +130,8 @@ def _rows(log: LogFile, on_bytes: Progress) -> Iterator[Row]:
             first_ns = outputs.t_ns if first_ns is None else first_ns
         elif channel.topic == TIMING_TOPIC:
             timing = decode_timing(message.data, log.path)
-        elif channel.metadata.get("port") == AUTOPILOT and channel.metadata["direction"] == "in":
-            for data in parser.receive(channel.metadata.get("peer", ""), message.data):
+        elif channel.port == AUTOPILOT and channel.direction == "in":
+            for data in parser.receive(channel.peer, message.data):
                 if message_id(data) == dialect.MAVLINK_MSG_ID_SIM_STATE:
                     truth = decode(data) or truth
     if outputs is None or first_ns is None:

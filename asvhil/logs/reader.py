@@ -62,7 +62,9 @@ class _Marker(msgspec.Struct):
     frames: int
 
 
-class _Channel(NamedTuple):
+class LogChannel(NamedTuple):
+    """What a log says of a channel; without frames all but the topic are empty."""
+
     topic: str
     port: str
     direction: str  # "in", "out", or empty where the channel holds no frames
@@ -104,7 +106,7 @@ class LogFile:
         frames: list[Frame] = []
         inputs: Inputs | None = None
         tick = 0
-        for channel, message, chunk_at in self._messages():
+        for channel, message, chunk_at in self.messages():
             if channel.direction == "in":
                 frames.append(_frame(channel, message))
             elif channel.topic == INPUTS_TOPIC:
@@ -130,13 +132,13 @@ class LogFile:
 
     def frames(self, port: str, direction: str) -> Iterator[Frame]:
         """The frames of a port, `in` or `out`, of all its peers in the order of the file."""
-        for channel, message, _ in self._messages():
+        for channel, message, _ in self.messages():
             if channel.direction == direction and channel.port == port:
                 yield _frame(channel, message)
 
     def timing(self) -> Iterator[Timing]:
         """How long each step took."""
-        for channel, message, chunk_at in self._messages():
+        for channel, message, chunk_at in self.messages():
             if channel.topic == TIMING_TOPIC:
                 yield self._decode(_timing, message.data, TIMING_TOPIC, chunk_at)
 
@@ -296,9 +298,9 @@ class LogFile:
         except _DAMAGE as error:
             raise self._error(f"damaged ({error})", offset) from None
 
-    def _messages(self) -> Iterator[tuple[_Channel, Message, int]]:
+    def messages(self) -> Iterator[tuple[LogChannel, Message, int]]:
         """All messages in the order of the file, with their channel and the offset of their chunk."""
-        channels: dict[int, _Channel] = {}
+        channels: dict[int, LogChannel] = {}
         try:
             with self.path.open("rb") as file:
                 for offset, size in self._data:
@@ -345,13 +347,13 @@ def _records(data: bytes) -> Iterator[McapRecord]:
         at = end
 
 
-def _channel(declared: Channel) -> _Channel:
+def _channel(declared: Channel) -> LogChannel:
     values = declared.metadata
     port, peer, via = values.get("port", ""), values.get("peer", ""), values.get("via")
     if via is None and port == OPERATOR:  # of a log older than `via`
         via, _, peer = peer.rpartition("|")
-    return _Channel(declared.topic, port, values.get("direction", ""), peer, via or "")
+    return LogChannel(declared.topic, port, values.get("direction", ""), peer, via or "")
 
 
-def _frame(channel: _Channel, message: Message) -> Frame:
+def _frame(channel: LogChannel, message: Message) -> Frame:
     return Frame(t_ns=message.log_time, port=channel.port, data=message.data, peer=channel.peer, via=channel.via)

@@ -36,6 +36,7 @@ from asvhil.config.ports import ANEMOMETER, AUTOPILOT, GNSS, INS, OPERATOR
 from asvhil.errors import LogError
 from asvhil.logs.encoding import encode_outputs
 from asvhil.logs.foxglove import LOG_TOPIC, SCHEMAS, TOPIC_SCHEMAS, convert_outputs, log_message
+from asvhil.logs.new_file import sync_folder
 from asvhil.types import Frame, Inputs, Outputs
 
 PROFILE = "asvhil"
@@ -237,7 +238,7 @@ class _LogWriter:
                 self._mcap.add_metadata(name, values)
             self._mcap.add_metadata(LAYOUT_RECORD, {"layout": LAYOUT, "records": str(len(metadata))})
             self._sink.sync()
-            _sync_folder(path.parent)
+            sync_folder(path.parent)
         except BaseException:
             self._sink.close()
             raise
@@ -336,15 +337,6 @@ class _Sink:
         if self._open:
             self._open = False
             os.close(self._fd)
-
-
-def _sync_folder(folder: Path) -> None:
-    """Sync the folder, so that the name of a new file is on the disk too."""
-    fd = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
-    try:
-        os.fsync(fd)
-    finally:
-        os.close(fd)
 
 
 _json = msgspec.json.encode

@@ -13,6 +13,7 @@ from mcap.writer import CompressionType, Writer
 
 from asvhil import __version__
 from asvhil.errors import LogError
+from asvhil.logs.new_file import whole_file
 from asvhil.logs.reader import LogFile
 from asvhil.logs.recorder import INPUTS_TOPIC, LAYOUT, LAYOUT_RECORD, OUTPUTS_TOPIC, PROFILE
 from asvhil.types import record
@@ -92,22 +93,18 @@ def recover(
     """
     log = LogFile(source)
     copy = _Copy(log, behind_damage=behind_damage, on_bytes=on_bytes)
-    part = target.with_name(f"{target.name}.part")
     if target.exists():
         raise LogError(f"{target}: exists already; a log is never overwritten")
     try:
-        counts, span_s, written = _write(log, copy, part)
-        on_bytes(source.stat().st_size)
-        if not counts[INPUTS_TOPIC]:
-            raise LogError(f"{source}: nothing to recover: no tick is intact")
-        if _digest(LogFile(part)) != written:
-            raise LogError(f"{target}: the recovered log is not what was written: is the disk sound?")
-        os.link(part, target)  # unlike a rename, it never takes the place of another file
-        _sync(target.parent)
+        with whole_file(target) as part:
+            counts, span_s, written = _write(log, copy, part)
+            on_bytes(source.stat().st_size)
+            if not counts[INPUTS_TOPIC]:
+                raise LogError(f"{source}: nothing to recover: no tick is intact")
+            if _digest(LogFile(part)) != written:
+                raise LogError(f"{target}: the recovered log is not what was written: is the disk sound?")
     except OSError as error:
         raise LogError(f"{target}: the recovered log cannot be written ({error.strerror})") from None
-    finally:
-        part.unlink(missing_ok=True)
     return Recovery(
         path=target,
         messages=dict(counts),
@@ -171,11 +168,3 @@ def _add(digest: blake2b, channel: Channel, message: Message) -> None:
     )
     digest.update(head.encode())
     digest.update(message.data)
-
-
-def _sync(folder: Path) -> None:
-    fd = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
-    try:
-        os.fsync(fd)
-    finally:
-        os.close(fd)
