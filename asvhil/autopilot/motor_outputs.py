@@ -75,7 +75,7 @@ class Output(Protocol):
         ...
 
 
-class _Sticks:
+class _Sticks(Output):
     """The pilot's sticks, overridden: the autopilot's own time-out gives them back when the messages stop."""
 
     hazard = refused = ""
@@ -107,12 +107,6 @@ class _Sticks:
         """Neutral alone, then the release alone: in one go neutral would have no effect."""
         middle = self.drive(self._neutral_us, self._neutral_us)
         return [middle] * (LAST_NEUTRALS if neutral else 0) + [self.release(0)] * LAST_RELEASES
-
-    def drive(self, port_us: int, starboard_us: int) -> list[bytes]:
-        raise NotImplementedError
-
-    def release(self, t_ns: int) -> list[bytes]:
-        raise NotImplementedError
 
     def _packed(self, message: Any) -> list[bytes]:
         return [pack(message, self._mav)]

@@ -101,9 +101,8 @@ class Backseat:
 
     def _situation(self, seen: Perceived) -> Situation:
         """What this tick is decided by."""
-        ailing = self._perception.ailing(seen.t_ns)
         motion = self._motion.step(
-            seen.t_ns, seen.measurements, self._perception.command, seen.usable_wind, seen.estimate, ailing
+            seen.t_ns, seen.measurements, self._perception.command, seen.usable_wind, seen.estimate, seen.ailing
         )
         beat_ns, heard_ns = self._autopilot.autopilot_heartbeat_ns, self._autopilot.autopilot_heard_ns
         station_ns = self._autopilot.station_heard_ns

@@ -5,6 +5,8 @@ from __future__ import annotations
 from asvhil.config import PwmConfig
 from asvhil.controller.pwm import command_of_pulse
 from asvhil.dynamics.protocol import Dynamics
+from asvhil.estimator import sensor_health
+from asvhil.estimator.ekf import NAMES
 from asvhil.estimator.monitor import ModelMonitor
 from asvhil.estimator.protocol import StateEstimator
 from asvhil.estimator.wind import WindFilter
@@ -32,8 +34,8 @@ from asvhil.types import (
 )
 
 NOT_THE_ESTIMATORS = frozenset({FrontseatStatus, ApparentWind, BowWind, TrueWind})
-KINDS: dict[str, type] = {"gnss velocity": GroundVelocity, "compass": Heading, "gyro": YawRate}
-DEAD = frozenset({"silent", "frozen"})
+WATCHED: dict[str, type] = {NAMES["velocity"]: GroundVelocity, NAMES["heading"]: Heading, NAMES["yaw_rate"]: YawRate}
+DEAD = frozenset({sensor_health.SILENT, sensor_health.FROZEN})
 REMEMBERED_NS = 30_000_000_000  # for so long a measured wind is a better guess than the disturbance
 
 
@@ -43,7 +45,8 @@ class Perceived:
 
     `statuses` are those of the autopilot that came in this tick, `status` is the last so far. `wind` is the one to
     show, `usable_wind` the one to predict with: of a sensor, and valid. `frame` is the local NED frame. None: not
-    known. `measurements` are those of the boat's motion that came in this tick.
+    known. `measurements` are those of the boat's motion that came in this tick, `ailing` the kinds of these whose
+    sensor is silent or frozen.
     """
 
     t_ns: int
@@ -54,6 +57,7 @@ class Perceived:
     usable_wind: Wind | None
     frame: LocalFrame | None
     measurements: tuple[Measurement, ...] = ()
+    ailing: frozenset[type] = frozenset()
 
 
 class Perception:
@@ -86,6 +90,7 @@ class Perception:
         self._status: FrontseatStatus | None = None
         self._statuses: list[FrontseatStatus] = []
         self._measurements: list[Measurement] = []
+        self._sensor_notes: tuple[Note, ...] = ()
         self._pulses_us: tuple[int, int] | None = None
         self._forcing_wind: Wind | None = None
         self._wind_ns = -REMEMBERED_NS
@@ -111,6 +116,7 @@ class Perception:
             # Before the estimate, so that the controller gets wind and disturbance of one mind.
             self._set_forcing(usable_wind)
         estimate = self._estimator.estimate(t_ns)
+        self._sensor_notes = self._estimator.notes(t_ns)
         if usable_wind is not None:
             self._wind_ns = t_ns
         elif estimate is not None and self._wind_load is not None and t_ns - self._wind_ns > REMEMBERED_NS:
@@ -124,6 +130,9 @@ class Perception:
             usable_wind=usable_wind,
             frame=self._estimator.frame,
             measurements=tuple(self._measurements),
+            ailing=frozenset(
+                WATCHED[note.subject] for note in self._sensor_notes if note.text in DEAD and note.subject in WATCHED
+            ),
         )
 
     def note_pulses(self, pulses_us: tuple[int, int] | None, wind: Wind | None) -> None:
@@ -143,12 +152,7 @@ class Perception:
         """The sensors that are not as they should be, and the anemometer's firmware."""
         firmware = self._firmware.note()
         own = () if firmware is None else (firmware,)
-        return (*self._estimator.notes(t_ns), *self._wind.notes(t_ns), *own)
-
-    def ailing(self, t_ns: int) -> frozenset[type]:
-        """The kinds of measurement whose sensor is silent or frozen."""
-        notes = self._estimator.notes(t_ns)
-        return frozenset(KINDS[note.subject] for note in notes if note.text in DEAD and note.subject in KINDS)
+        return (*self._sensor_notes, *self._wind.notes(t_ns), *own)
 
     def data_to_send(self, t_ns: int) -> list[Frame]:
         """Questions to the sensors."""

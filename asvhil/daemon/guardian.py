@@ -30,7 +30,7 @@ class Guardian:
     def __init__(self) -> None:
         self._process: subprocess.Popen[bytes] | None = None
         self._control: socket.socket | None = None
-        self._told: tuple[str, object] = ("", None)  # the last message, and the link that it has
+        self._told: tuple[dict[str, object], object] = ({}, None)  # the last message, and the link that it has
         self._told_s = self._answered_s = self._died_s = self._tried_s = -1e9
         self._death = ""
         self.deaths = 0
@@ -82,7 +82,7 @@ class Guardian:
             other.close()
         control.setblocking(False)
         self._control = control
-        self._told = ("", None)
+        self._told = ({}, None)
         self._told_s = -1e9
         self._answered_s = time.monotonic() + ANSWER_S  # it has its own start to make
         _no_core()
@@ -98,16 +98,15 @@ class Guardian:
                 return
         key = None if link is None else link.key
         same = key == self._told[1]
-        content = {
+        content: dict[str, object] = {
             "peers": [] if link is None else link.peers,
             "steps": [[frame.hex() for frame in frames] for frames in steps],
         }
-        text = json.dumps(content)
-        if same and text == self._told[0] and now_s - self._told_s < TELL_S:
+        if same and content == self._told[0] and now_s - self._told_s < TELL_S:
             return
         kind = "keep" if same else "none" if link is None else link.kind
         self._send(json.dumps({"link": kind, **content}).encode(), [] if same or link is None else [link.fd])
-        self._told, self._told_s = (text, key), now_s
+        self._told, self._told_s = (content, key), now_s
 
     def note_no_link(self, text: str) -> None:
         """Why the link to the autopilot is none that it could use; empty where it is."""
