@@ -67,7 +67,7 @@ def processes_of(session: int) -> list[int]:
 
 
 def cut_power(folder: Path, after_s: float, seed: int) -> tuple[Path, int]:
-    """The log of a run that was killed `after_s` after its log appeared, and the Unix time of the kill (ns)."""
+    """The log of a run that was killed `after_s` after its first ticks were synced, and the time of the kill (ns)."""
     (folder / "shim").mkdir()
     (folder / "shim" / "sitecustomize.py").write_text(SHIM)
     paths = [str(folder / "shim"), *filter(None, [os.environ.get("PYTHONPATH")])]
@@ -79,7 +79,7 @@ def cut_power(folder: Path, after_s: float, seed: int) -> tuple[Path, int]:
     )
     try:
         end_s = time.monotonic() + 60.0
-        while not (logs := list(folder.glob("runs/*/log.mcap"))):
+        while not (logs := list(folder.glob("runs/*/log.mcap"))) or len(synced_sizes(logs[0], folder / "synced")) < 2:
             if time.monotonic() > end_s or boat.poll() is not None:
                 raise SystemExit("the run made no log")
             time.sleep(0.05)
@@ -93,11 +93,16 @@ def cut_power(folder: Path, after_s: float, seed: int) -> tuple[Path, int]:
     return logs[0], killed_ns
 
 
+def synced_sizes(log: Path, synced: Path) -> list[int]:
+    """The sizes of a log for which an fsync has returned, the metadata's first."""
+    inode = log.stat().st_ino
+    told = synced.read_text().splitlines() if synced.exists() else []
+    return [int(size) for name, size in map(str.split, told) if int(name) == inode]
+
+
 def tear(log: Path, synced: Path, tail: str, noise: random.Random) -> int:
     """Leave of a log what the disk may have of it: how many bytes had been synced."""
-    inode = log.stat().st_ino
-    sizes = [int(size) for name, size in map(str.split, synced.read_text().splitlines()) if int(name) == inode]
-    kept, data = max(sizes), log.read_bytes()
+    kept, data = max(synced_sizes(log, synced)), log.read_bytes()
     rest = len(data) - kept
     more = {
         "nothing": b"",

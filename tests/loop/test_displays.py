@@ -152,7 +152,8 @@ def test_a_hold_outlives_its_display(
         held_ticks = [(i, o) for i, o in of_the_run[begun:] if o.phase is Phase.HOLD]
         times = [inputs.t_ns for inputs, _ in held_ticks]
         assert times[-1] - broken_ns > (HELD_S - 0.5) * 1e9, "the hold went on to the end"
-        assert max(b - a for a, b in itertools.pairwise(times)) < 0.3e9, "no tick was held up"
+        # By a display that takes nothing it would be for good; by a busy computer it may be for a while.
+        assert max(b - a for a, b in itertools.pairwise(times)) < 1.5e9, "no tick was held up"
         said = {f"{n.subject}: {n.text}" for _, outputs in held_ticks for n in outputs.health.notes if not n.ok}
         found = [text for text in said if text.startswith(("display", "terminal"))]
         assert found == [] if not note else any(text.startswith(note) for text in found), found

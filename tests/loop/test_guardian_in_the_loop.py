@@ -16,8 +16,8 @@ from tests.support.processes import Process, bench
 
 pytestmark = pytest.mark.real_time
 
-NEUTRAL_WITHIN_S = 0.2
-STALL_S = 0.03
+# Beside other tests. Without a guardian it is 3 s; on a quiet computer 0.05 s (docs/results/guardian.md).
+NEUTRAL_WITHIN_S = 1.0
 
 
 def guardian_of(daemon: Process) -> int:
@@ -36,9 +36,8 @@ def test_the_motors_are_neutral_at_once_however_a_daemon_dies(link: str, tmp_pat
     done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=False, timeout=150.0)
     deaths = [json.loads(line) for line in done.stdout.splitlines()]
     assert [death["how"] for death in deaths] == list(DEATHS), done.stderr
-    for death in deaths:  # what the boat itself was late by, on a busy computer, is not the guardian's
-        late_s = NEUTRAL_WITHIN_S + 5.0 * max(0.0, death["stall_s"] - STALL_S)
-        assert death["neutral_s"] is not None and death["neutral_s"] < late_s, death
+    for death in deaths:
+        assert death["neutral_s"] is not None and death["neutral_s"] < NEUTRAL_WITHIN_S, death
 
 
 def test_a_guardian_that_dies_is_told_and_the_hold_goes_on(tmp_path: Path) -> None:
@@ -49,7 +48,7 @@ def test_a_guardian_that_dies_is_told_and_the_hold_goes_on(tmp_path: Path) -> No
         os.kill(first, signal.SIGKILL)
         killed_s = time.monotonic()
         status = daemon.wait_for(lambda s: "guardian" in s["notes"], 3.0)
-        assert time.monotonic() - killed_s < 1.2, "at the next status"
+        assert time.monotonic() - killed_s < 2.5, "at the next status"
         assert status["notes"]["guardian"] == "died (SIGKILL), and was started again" and status["phase"] == "hold"
         assert guardian_of(daemon) not in (0, first)
         assert daemon.wait_for(lambda s: True, 3.0)["phase"] == "hold"
