@@ -64,3 +64,7 @@ class ModelError(AsvhilError):
       - the model was trained for another vehicle, or with another step than `controller.mpc.first_step_s`
       - the training data hold no motion, or training diverges
     """
+
+
+class OtherHullError(ModelError):
+    """A model was trained on another boat, by its hull and motors, than `vehicle.vessel` describes."""

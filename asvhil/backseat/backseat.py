@@ -52,6 +52,7 @@ class Backseat:
         self._perception.note_pulses(self._actuation.pulses_us, seen.usable_wind)
         model_error = self._perception.check_model(seen) if control is not None else None
         self._motion.note_station(decision.station)
+        self._perception.note_held(held=decision.station is not None)
         outside = (*self._autopilot.notes, *self._actuation.notes, *self._perception.notes(t_ns))
         notes = (*outside, *self._motion.notes, *self._command.notes)
         frames += self._autopilot.data_to_send(t_ns)
@@ -117,7 +118,7 @@ class Backseat:
             frame=seen.frame,
             fault=self._actuation.fault,
             unverified=self._actuation.unverified,
-            motion=motion,
+            motion=motion or self._perception.mismatch,
             control_ok=self._actuation.control_ok,
             sent=self._actuation.sent,
             station_age_s=None if station_ns is None else (seen.t_ns - station_ns) * 1e-9,

@@ -20,7 +20,8 @@ from asvhil.controller.protocol import Controller
 from asvhil.dynamics.protocol import Dynamics
 from asvhil.dynamics.rigid_body import SimplifiedDynamics
 from asvhil.dynamics.weights import load_model
-from asvhil.errors import ModelError
+from asvhil.errors import ModelError, OtherHullError
+from asvhil.estimator.model_watch import ModelWatch
 from asvhil.estimator.monitor import ModelMonitor
 from asvhil.estimator.protocol import StateEstimator
 from asvhil.estimator.wind import WindFilter
@@ -49,16 +50,35 @@ def model_file(config: Config) -> Path | None:
 def build_model(config: Config, file: Path | None = None) -> Dynamics:
     """The vessel model that the estimator and the controller share; `file` instead of the config's, as in replay.
 
-    Raises ModelError where the file is damaged, of another kind, vehicle or step than the config asks for.
+    Raises ModelError where the file is damaged, of another kind, vehicle or step than the config asks for, and
+    OtherHullError where it is of another hull and `controller.on_other_hull` is `refuse`.
     """
     file = file or model_file(config)
     if file is None:
         return SimplifiedDynamics(config.believed_vessel)
     kind = CONTROLLERS.find(config.controller.name).model
-    model = load_model(file, vehicle=config.vehicle.name, dt_s=config.controller.mpc.first_step_s)
+    choice = config.controller.on_other_hull
+    vessel = None if choice == "use" else config.vehicle.vessel
+    try:
+        model = load_model(file, vehicle=config.vehicle.name, vessel=vessel, dt_s=config.controller.mpc.first_step_s)
+    except OtherHullError:
+        if choice == "refuse":
+            raise
+        return SimplifiedDynamics(config.believed_vessel)
     if model.name != kind:
         raise ModelError(f"{file}: holds a model of kind {model.name}, but {config.controller.name} needs {kind}")
     return model
+
+
+def model_replaced(config: Config, model: Dynamics) -> bool:
+    """Whether the physics stand in for a learned model, which is of another hull."""
+    return bool(CONTROLLERS.find(config.controller.name).model) and isinstance(model, SimplifiedDynamics)
+
+
+def build_model_watch(config: Config, model: Dynamics) -> ModelWatch:
+    """What tells of a model that does not fit the boat."""
+    monitor = ModelMonitor(config.estimator.monitor, model, 1.0 / config.daemon.control_hz)
+    return ModelWatch(config.estimator.monitor, monitor, replaced=model_replaced(config, model))
 
 
 def build_controller(config: Config, model: Dynamics) -> Controller:
@@ -117,7 +137,7 @@ def build_perception(config: Config, model: Dynamics, link: MavlinkAutopilot) ->
         estimator=build_estimator(config, model),
         wind=build_wind(config.estimator),
         wind_load=build_wind_load(config),
-        monitor=ModelMonitor(config.estimator.monitor, model, 1.0 / config.daemon.control_hz),
+        model_watch=build_model_watch(config, model),
         model=model,
         pwm=config.vehicle.pwm,
     )

@@ -7,7 +7,7 @@ from asvhil.controller.pwm import command_of_pulse
 from asvhil.dynamics.protocol import Dynamics
 from asvhil.estimator import sensor_health
 from asvhil.estimator.ekf import NAMES
-from asvhil.estimator.monitor import ModelMonitor
+from asvhil.estimator.model_watch import ModelWatch
 from asvhil.estimator.protocol import StateEstimator
 from asvhil.estimator.wind import WindFilter
 from asvhil.estimator.wind_load import WindFromLoad
@@ -15,6 +15,7 @@ from asvhil.geo import LocalFrame
 from asvhil.io.sensors.decoder import Decoder
 from asvhil.io.sensors.firmware import FirmwareWatch
 from asvhil.io.sensors.sources import Switch
+from asvhil.supervisor.reasons import Explanation
 from asvhil.types import (
     ApparentWind,
     BowWind,
@@ -75,7 +76,7 @@ class Perception:
         estimator: StateEstimator,
         wind: WindFilter,
         wind_load: WindFromLoad | None,
-        monitor: ModelMonitor,
+        model_watch: ModelWatch,
         model: Dynamics,
         pwm: PwmConfig,
     ) -> None:
@@ -84,7 +85,7 @@ class Perception:
         self._estimator = estimator
         self._wind = wind
         self._wind_load = wind_load
-        self._monitor = monitor
+        self._model_watch = model_watch
         self._model = model
         self._pwm = pwm
         self._status: FrontseatStatus | None = None
@@ -95,7 +96,6 @@ class Perception:
         self._forcing_wind: Wind | None = None
         self._wind_ns = -REMEMBERED_NS
         self._model_input = (0.0, 0.0)
-        self.model_ok = True  # the boat behaves as the model says
         self.command = (0.0, 0.0)  # of the motors since the last tick, ours or the autopilot's
 
     @property
@@ -144,15 +144,27 @@ class Perception:
         """In a control tick, after `note_pulses`: the errors of the model's prediction, once its horizon is filled."""
         if seen.estimate is None:
             return None
-        error = self._monitor.step(seen.estimate, self._model_input, seen.usable_wind)
-        self.model_ok = error is None or error.ok
-        return error
+        return self._model_watch.step(seen.estimate, self._model_input, seen.usable_wind)
+
+    @property
+    def model_ok(self) -> bool:
+        """Whether the boat behaves as the model says."""
+        return self._model_watch.ok
+
+    @property
+    def mismatch(self) -> Explanation | None:
+        """Why a hold is to end for a model that does not fit the boat."""
+        return self._model_watch.fault
+
+    def note_held(self, *, held: bool) -> None:
+        """Whether a station is held from now on."""
+        self._model_watch.note_held(held=held)
 
     def notes(self, t_ns: int) -> tuple[Note, ...]:
-        """The sensors that are not as they should be, and the anemometer's firmware."""
+        """The sensors that are not as they should be, the anemometer's firmware, and a model that does not fit."""
         firmware = self._firmware.note()
         own = () if firmware is None else (firmware,)
-        return (*self._sensor_notes, *self._wind.notes(t_ns), *own)
+        return (*self._sensor_notes, *self._wind.notes(t_ns), *own, *self._model_watch.notes)
 
     def data_to_send(self, t_ns: int) -> list[Frame]:
         """Questions to the sensors."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import Field
 
@@ -166,6 +166,14 @@ class ControllerConfig(Choosing):
         description=(
             "File of a learned model: a path, or the name of a shipped one; where absent, the one shipped for this "
             "vehicle (VEHICLE-KIND.npz)."
+        ),
+    )
+    on_other_hull: Literal["refuse", "physics", "use"] = Field(
+        default="refuse",
+        description=(
+            "Where the model file was trained on a boat whose mass, yaw inertia, motor arm or thrust differs from "
+            "vehicle.vessel by more than a factor of 1.5. `refuse`: the program does not start. `physics`: "
+            "vehicle.vessel predicts in its place, as in sd-mpc, which is told. `use`: the model is used all the same."
         ),
     )
     vessel: VesselConfig | None = Field(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
@@ -194,6 +194,13 @@ class MonitorConfig(Section):
     max_u_mps: Positive = Field(default=0.35, description="Limit for the surge velocity.")
     max_v_mps: Positive = Field(default=0.25, description="Limit for the sway velocity.")
     max_r_radps: Positive = Field(default=0.12, description="Limit for the yaw rate.")
+    mismatch_s: Positive = Field(
+        default=10.0, description="Errors beyond a limit for this long mean that the model does not fit the boat."
+    )
+    on_mismatch: Literal["tell", "release"] = Field(
+        default="tell",
+        description="What then follows. `tell`: a note, and the hold goes on. `release`: the hold ends, neutral first.",
+    )
 
 
 ESTIMATORS.fill(

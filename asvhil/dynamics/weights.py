@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import zipfile
 import zlib
@@ -12,14 +13,16 @@ from typing import Any
 
 import numpy as np
 
+from asvhil.config import VesselConfig
 from asvhil.dynamics.arrays import Array
 from asvhil.dynamics.fitted_sd import PARAMETERS, FittedSd
+from asvhil.dynamics.hull import differences
 from asvhil.dynamics.knode import Knode
 from asvhil.dynamics.lagnet import LagNet, ThrustMap
 from asvhil.dynamics.nnsem import Nnsem, Scaling, TanhNetwork
 from asvhil.dynamics.node import Node
 from asvhil.dynamics.protocol import Dynamics
-from asvhil.errors import ModelError
+from asvhil.errors import ModelError, OtherHullError
 from asvhil.types import record
 
 FORMAT = 1
@@ -50,7 +53,8 @@ class TrainedModel:
     """The contents of a model file.
 
     `data_hash`, `config_hash` and `seed` identify the origin of the model; `figures` are JSON-serialisable figures of
-    its training, for display.
+    its training, for display. `hull`: of the boat that it was trained on (`hull.hull_of`), None or empty where that was
+    not told.
     """
 
     kind: str
@@ -62,6 +66,7 @@ class TrainedModel:
     config_hash: str
     seed: int
     figures: Mapping[str, Any]
+    hull: Mapping[str, float] | None = None
 
     def dynamics(self) -> Dynamics:
         """The model as `Dynamics`."""
@@ -79,6 +84,7 @@ def save_model(path: Path, model: TrainedModel) -> None:
         "config_hash": model.config_hash,
         "seed": model.seed,
         "figures": json.dumps(model.figures, sort_keys=True),
+        "hull": json.dumps(dict(model.hull or {}), sort_keys=True),
         "centre": model.scaling.centre,
         "half": model.scaling.half,
         **{f"weights.{name}": value for name, value in model.weights.items()},
@@ -99,14 +105,23 @@ def read_model(path: str | Path) -> TrainedModel:
     return _checked(read_arrays(Path(path)), Path(path))
 
 
-def load_model(path: str | Path, *, vehicle: str | None = None, dt_s: float | None = None) -> Dynamics:
-    """The `Dynamics` of a file, checked against a vehicle and a step (s) where these are given.
+def load_model(
+    path: str | Path, *, vehicle: str | None = None, vessel: VesselConfig | None = None, dt_s: float | None = None
+) -> Dynamics:
+    """The `Dynamics` of a file, checked against a vehicle's name, a hull and a step (s) where these are given.
 
-    Raises ModelError as `read_model` does, and where the model belongs to another vehicle or step.
+    Raises ModelError as `read_model` does, and where the model belongs to another vehicle or step; OtherHullError
+    where it was trained on a boat of the same name that is another one by its hull or motors.
     """
     model = read_model(path)
     if vehicle is not None and model.vehicle != vehicle:
         raise ModelError(f"{path}: this model was trained for vehicle {model.vehicle!r}, not for {vehicle!r}")
+    apart = "" if vessel is None else differences(model.hull or {}, vessel)
+    if apart:
+        raise OtherHullError(
+            f"{path}: this model was trained on another boat than vehicle.vessel describes ({apart}): train one on "
+            "this boat (docs/models.md), or let controller.on_other_hull say what to do"
+        )
     if dt_s is not None and abs(model.dt_s - dt_s) > DT_TOLERANCE_S:
         raise ModelError(f"{path}: this model has steps of {model.dt_s:g} s, but {dt_s:g} s are asked for")
     return model.dynamics()
@@ -167,6 +182,7 @@ def _checked(arrays: Mapping[str, Array], path: Path) -> TrainedModel:
     if not isinstance(figures, dict):
         raise ModelError(f"{path}: figures is not a JSON object")
     vehicle, data_hash, config_hash = (text(name) for name in _ORIGIN)
+    hull = _hull(text("hull"), path) if "hull" in arrays else {}
     return TrainedModel(
         kind=kind,
         vehicle=vehicle,
@@ -177,7 +193,19 @@ def _checked(arrays: Mapping[str, Array], path: Path) -> TrainedModel:
         config_hash=config_hash,
         seed=int(seed),
         figures=figures,
+        hull=hull,
     )
+
+
+def _hull(text: str, path: Path) -> dict[str, float]:
+    """The figures of the hull; ModelError where they are not positive numbers by name."""
+    try:
+        figures = {str(name): float(value) for name, value in json.loads(text).items()}
+    except (ValueError, TypeError, AttributeError):
+        figures = {"": math.nan}
+    if not all(0.0 < value < math.inf for value in figures.values()):
+        raise ModelError(f"{path}: hull is not a JSON object of positive numbers")
+    return figures
 
 
 def _find(arrays: Mapping[str, Array], name: str, path: Path) -> Array:

@@ -5,8 +5,9 @@ from __future__ import annotations
 import shutil
 from pathlib import Path
 
-from asvhil.backseat.build import build_model, model_file
+from asvhil.backseat.build import build_model, model_file, model_replaced
 from asvhil.config import Config
+from asvhil.dynamics.weights import read_model
 from asvhil.errors import AsvhilError
 from asvhil.preflight.table import Check, Result
 
@@ -30,6 +31,12 @@ def _model(config: Config) -> Check:
         todo = "train one (docs/models.md), or set controller.model"
         return Check(section="computer", item="model", result=Result.FAIL, found=str(error), wanted=wanted, todo=todo)
     found = f"physics of {name}" if file is None else f"{file.name}, {model.name} of {name}"
+    if model_replaced(config, model) and file is not None:
+        found = f"{file.name} is of another hull, so the physics of {name} stand in for it"
+        todo = "train a model on this boat (docs/models.md)"
+        return Check(section="computer", item="model", result=Result.WARN, found=found, wanted=wanted, todo=todo)
+    if file is not None and not read_model(file).hull:
+        found += "; the file does not tell of which hull"
     return Check(section="computer", item="model", result=Result.PASS, found=found, wanted=wanted)
 
 

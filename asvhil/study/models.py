@@ -26,7 +26,7 @@ from asvhil.study.model_jobs import IN_WAVES, TrainingJob, chosen_jobs
 from asvhil.study.model_logs import Logs, Tell, wave_figures
 from asvhil.study.page import write_page
 from asvhil.train.evaluate import HOLD, Case, Window, absolute_errors, predict, windows_of
-from asvhil.train.jobs import DT_S, origin_of, test_cases, training_data
+from asvhil.train.jobs import DT_S, DataOrigin, origin_of, test_cases, training_data
 from asvhil.train.options import FitOptions
 from asvhil.train.progress import TrainingProgress
 from asvhil.train.records import Dataset
@@ -39,12 +39,12 @@ BY_ADJOINT = ("node", "knode")
 
 @record
 class _Sea:
-    """Training and test data of one sea; origin: vehicle and config hash."""
+    """Training and test data of one sea, and where they come from."""
 
     datasets: tuple[Dataset, ...]
     cases: Sequence[Case]
     windows: Sequence[Window]
-    origin: tuple[str, str]
+    origin: DataOrigin
 
 
 def mpc_tick_ms(model: Dynamics, ticks: int = MPC_TICKS) -> float:
@@ -185,14 +185,14 @@ def _train(
         if nnsem_s is not None and not early and time.process_time() - begin_s >= nnsem_s:
             early.extend(_timed(progress.models(), begin_s))
 
-    vehicle, config_hash = sea.origin
     models = fit_many(
         job.kind,
         sea.datasets[number],
         seeds=tuple(range(1, job.seeds + 1)),
         options=job.options,
-        vehicle=vehicle,
-        config_hash=config_hash,
+        vehicle=sea.origin.vehicle,
+        config_hash=sea.origin.config_hash,
+        hull=sea.origin.hull,
         progress=note,
     )
     models = _timed(models, begin_s)
@@ -213,8 +213,8 @@ def _read(file: Path, job: TrainingJob, sea: _Sea, number: int, seed: int | None
     found = json.loads(json.dumps(dataclasses.asdict(FitOptions()))) | model.figures.get("options", wanted)
     differing = [name for name in wanted if found[name] != wanted[name]]
     what = ""
-    if (model.kind, model.vehicle) != (job.kind, sea.origin[0]):
-        what = f"a {model.kind} of {model.vehicle!r}, not a {job.kind} of {sea.origin[0]!r}"
+    if (model.kind, model.vehicle) != (job.kind, sea.origin.vehicle):
+        what = f"a {model.kind} of {model.vehicle!r}, not a {job.kind} of {sea.origin.vehicle!r}"
     elif model.data_hash != sea.datasets[number].source_hash:
         what = f"trained on other logs than those of data set {number + 1}"
     elif differing:

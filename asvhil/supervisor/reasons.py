@@ -78,6 +78,7 @@ class Reason(enum.StrEnum):
     HEADING_OFF = "heading-off"
     BEYOND_MOTORS = "beyond-motors"
     DRIFTED_OFF = "drifted-off"
+    MODEL_MISMATCH = "model-mismatch"
     # Why a request makes no sense
     GUIDED_ENABLE_VALUE = "guided-enable-value"
     COMMAND_INT_ONLY = "command-int-only"
@@ -324,6 +325,10 @@ WORDS: Mapping[Reason, Words] = {
     Reason.DRIFTED_OFF: Words(
         text="{metres:.0f} m farther off the station than it has been",
         remedy="Look at the motors, at the compass and at the current; supervisor.motion sets how far is too far.",
+    ),
+    Reason.MODEL_MISMATCH: Words(
+        text="the boat does not move as the model says: {what} is off by {error} within {horizon_s:g} s",
+        remedy="Train a model on this boat as it is (docs/models.md); look at vehicle.vessel and the wind sensor.",
     ),
     Reason.GUIDED_ENABLE_VALUE: Words(
         text="param1 must be 0 or 1", remedy="NAV_GUIDED_ENABLE: 1 holds the station here, 0 releases."

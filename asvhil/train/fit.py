@@ -6,7 +6,7 @@ The same data, options and seed give the same weights to the last bit on one mac
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -61,6 +61,7 @@ def fit_many(
     options: FitOptions | None = None,
     vehicle: str = "",
     config_hash: str = "",
+    hull: Mapping[str, float] | None = None,
     progress: Callable[[TrainingProgress], None] | None = None,
     checkpoint: Path | None = None,
 ) -> list[TrainedModel]:
@@ -76,6 +77,7 @@ def fit_many(
         "dt_s": dataset.dt_s,
         "data_hash": dataset.source_hash,
         "config_hash": config_hash,
+        "hull": hull or {},
     }
     if kind == "sd":
         return _fitted_sd(dataset, seeds, chosen, origin, progress)

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from asvhil.dynamics.hull import differences, hull_of
 from asvhil.dynamics.protocol import Dynamics
 from asvhil.dynamics.weights import TrainedModel, read_model, save_model
 from asvhil.errors import ConfigError, ModelError
@@ -23,6 +24,7 @@ from asvhil.train.dataset import (
 from asvhil.train.evaluate import Case, evaluate, predict, windows_of
 from asvhil.train.options import FitOptions, chosen_options
 from asvhil.train.progress import TrainingProgress
+from asvhil.types import record
 
 DT_S = 0.2
 
@@ -58,13 +60,28 @@ def test_cases(paths: Sequence[Path], columns: str | None, dt_s: float, *, truth
     return cases
 
 
-def origin_of(paths: Sequence[Path]) -> tuple[str, str]:
-    """Vehicle name and config hash of MCAP logs; ConfigError where they come from two vehicles."""
+@record
+class DataOrigin:
+    """Where training data come from: vehicle, config hash, and figures of the hull (empty where it is not known)."""
+
+    vehicle: str
+    config_hash: str
+    hull: Mapping[str, float]
+
+
+def origin_of(paths: Sequence[Path]) -> DataOrigin:
+    """The origin of MCAP logs; ConfigError where they come from two vehicles, by name or by hull."""
     configs = [config_of(LogFile(path), path, known_only=True) for path in paths]
     names = {config.vehicle.name for config in configs}
     if len(names) > 1:
         raise ConfigError(f"data: logs of different vehicles ({', '.join(sorted(names))})")
-    return configs[0].vehicle.name, configs[0].content_hash()
+    first = configs[0]
+    for path, config in zip(paths, configs, strict=True):
+        apart = differences(hull_of(first.vehicle.vessel), config.vehicle.vessel)
+        if apart:
+            raise ConfigError(f"data: {path} is of another hull than {paths[0]} by vehicle.vessel ({apart})")
+    vehicle = first.vehicle
+    return DataOrigin(vehicle=vehicle.name, config_hash=first.content_hash(), hull=hull_of(vehicle.vessel))
 
 
 def train_command(
@@ -95,11 +112,11 @@ def train_command(
     if is_csv(data):
         if vehicle is None:
             raise ConfigError("train: CSV files do not say which vehicle they come from: give its name")
-        name, config_hash = vehicle, ""
+        origin = DataOrigin(vehicle=vehicle, config_hash="", hull={})
     else:
-        name, config_hash = origin_of(data)
-        if vehicle is not None and vehicle != name:
-            raise ConfigError(f"train: the logs come from vehicle {name!r}, not from {vehicle!r}")
+        origin = origin_of(data)
+        if vehicle is not None and vehicle != origin.vehicle:
+            raise ConfigError(f"train: the logs come from vehicle {origin.vehicle!r}, not from {vehicle!r}")
     dataset = training_data(data, columns, dt_s, smoothed=smoothed)
     checkpoint = checkpoint_of(output)
     if not resume:
@@ -114,8 +131,9 @@ def train_command(
         dataset,
         seeds=tuple(range(seed, seed + tries)),
         options=options,
-        vehicle=name,
-        config_hash=config_hash,
+        vehicle=origin.vehicle,
+        config_hash=origin.config_hash,
+        hull=origin.hull,
         progress=progress,
         checkpoint=checkpoint,
     )
@@ -125,10 +143,10 @@ def train_command(
     from asvhil.train.pictures import draw_curve
 
     picture = output.with_suffix(".curve.png")
-    draw_curve(model.figures, f"{kind}, {name}", picture)
+    draw_curve(model.figures, f"{kind}, {origin.vehicle}", picture)
     return {
         "kind": kind,
-        "vehicle": name,
+        "vehicle": origin.vehicle,
         "model": str(output),
         "picture": str(picture),
         "data": [str(path) for path in data],
@@ -162,7 +180,7 @@ def evaluate_command(
         raise ConfigError("evaluate: no model is given")
     loaded = {path: read_model(path) for path in models}
     dt_s = loaded[models[0]].dt_s
-    vehicle = None if is_csv(data) else origin_of(data)[0]
+    vehicle = None if is_csv(data) else origin_of(data).vehicle
     for path, model in loaded.items():
         _check(path, model, dt_s, vehicle)
     cases = test_cases(data, columns, dt_s, truth=truth)

@@ -142,6 +142,17 @@ def test_figures_and_dt_are_checked(tmp_path: Path) -> None:
     assert "a step within 0 to 2 s is needed" in complaint(written(tmp_path, "nnsem", {"dt_s": np.array(-0.2)}))
 
 
+@pytest.mark.parametrize("text", ["no", "[1]", '{"mass": "heavy"}', '{"mass": 0}', '{"mass": NaN}', '{"mass": null}'])
+def test_a_hull_is_positive_numbers_by_name(text: str, tmp_path: Path) -> None:
+    assert "hull is not a JSON object of positive numbers" in complaint(
+        written(tmp_path, "nnsem", {"hull": np.array(text)})
+    )
+
+
+def test_a_file_from_before_hulls_were_kept_is_read(tmp_path: Path) -> None:
+    assert not read_model(written(tmp_path, "nnsem", {"hull": None})).hull
+
+
 def test_a_model_that_could_not_be_read_back_is_not_written(tmp_path: Path) -> None:
     model = sample("nnsem")
     model.weights["b1"][0] = np.inf

@@ -1,0 +1,43 @@
+"""A boat that is not the model's, in the loop: the operator is told, and the hold ends where the config asks."""
+
+import pytest
+
+from asvhil.config import load_config
+from asvhil.simplant.lockstep import Lockstep
+from asvhil.types import Phase
+
+# Motors that are three times as slow as the model's.
+OTHER_BOAT = ("plant.vessel.motor_lag_s=1.5", "estimator.monitor.max_r_radps=0.04", "supervisor.motion.on_fault=off")
+
+
+def keys() -> tuple[str, ...]:
+    vessel = load_config("sitl").vehicle.vessel.model_dump(mode="json")
+    return (*(f"plant.vessel.{name}={value}" for name, value in vessel.items()), *OTHER_BOAT)
+
+
+@pytest.mark.parametrize("choice", ["tell", "release"])
+def test_a_model_of_another_boat_is_told_or_ends_the_hold(choice: str) -> None:
+    loop = Lockstep(load_config("sitl", (*keys(), f"estimator.monitor.on_mismatch={choice}")))
+    told = False
+    held = False
+    for _ in range(90 * 20):
+        _, outputs = loop.tick()
+        held |= outputs.phase is Phase.HOLD
+        told |= any(note.subject == "model" and not note.ok for note in outputs.health.notes)
+        if held and outputs.phase is not Phase.HOLD:
+            break
+    if choice == "tell":
+        assert told and outputs.phase is Phase.HOLD
+    else:
+        assert outputs.phase is not Phase.HOLD and outputs.health.code == "model-mismatch"
+        assert "does not move as the model says" in outputs.health.reason
+        for _ in range(20):
+            _, outputs = loop.tick()
+            assert outputs.pwm_us in (None, (1500, 1500))
+
+
+def test_the_boat_of_the_model_is_not_told() -> None:
+    loop = Lockstep(load_config("sitl"))
+    for _ in range(90 * 20):
+        _, outputs = loop.tick()
+        assert not any(note.subject == "model" for note in outputs.health.notes)
