@@ -8,8 +8,9 @@ import numpy as np
 
 from asvhil.config import EkfConfig, MotionConfig, VesselConfig
 from asvhil.geo import wrap_rad
-from asvhil.motion.bank import Bank, BankNoise
+from asvhil.motion.bank import Bank
 from asvhil.motion.evidence import Evidence
+from asvhil.motion.filter import BankNoise
 from asvhil.motion.hypotheses import FAULTY, SOUND
 from asvhil.supervisor.reasons import Explanation
 from asvhil.types import GroundVelocity, Heading, Measurement, YawRate
