@@ -42,5 +42,5 @@ class Evidence:
         mixture = top + float(np.log(total))
         self._weights = (1.0 - LEAK) * parts / total + LEAK / count
         ratios = faulty - mixture
-        self.sums = np.maximum(0.0, self.sums + np.clip(ratios, -MOST, MOST))
-        self.names = np.where(self.sums > 0.0, self.names + np.clip(ratios, -MOST_OF_NAME, MOST_OF_NAME), 0.0)
+        self.sums = np.maximum(0.0, self.sums + ratios.clip(-MOST, MOST))
+        self.names = np.where(self.sums > 0.0, self.names + ratios.clip(-MOST_OF_NAME, MOST_OF_NAME), 0.0)
