@@ -13,8 +13,9 @@ import pytest
 from asvhil.controller.station_mpc import StationMpc
 from asvhil.logs.opening import open_recorder
 from asvhil.logs.replay import replay
+from asvhil.supervisor.fault_table import Reaction
 from asvhil.types import Phase
-from tests.support.fault_matrix import PHASES, ROWS, Fault, FaultLoop, Reaction, settings_of
+from tests.support.fault_matrix import PHASES, ROWS, Fault, FaultLoop, settings_of
 
 AT_ONCE_S = 0.05
 
@@ -30,6 +31,7 @@ def whole_controller() -> Iterator[None]:
 @pytest.mark.parametrize("fault", ROWS, ids=[fault.name for fault in ROWS])
 def test_a_fault_has_its_reaction_and_its_log_replays(fault: Fault, phase: str, tmp_path: Path) -> None:
     keys, from_s = PHASES[phase]
+    promise = fault.promise
     log = tmp_path / "log.mcap"
     settings = settings_of(fault, keys, from_s)
     recorder = open_recorder(settings, log, "lockstep", threaded=False)
@@ -57,13 +59,13 @@ def test_a_fault_has_its_reaction_and_its_log_replays(fault: Fault, phase: str, 
             assert outputs.pwm_us in (None, (1500, 1500))
     recorder.close()
     assert recorder.error is None
-    if fault.reaction is Reaction.KEEP:
+    if promise.reaction is Reaction.KEEP:
         assert ended_s is None, f"ended after {ended_s} s: {code}"
     else:
         assert ended_s is not None, "the hold went on"
-        assert ended_s <= fault.within_s + AT_ONCE_S, (ended_s, code)
-        assert code in fault.codes, code
-        if fault.reaction is Reaction.NEUTRAL and fault.motors_stop:
+        assert ended_s <= promise.within_s + AT_ONCE_S, (ended_s, code)
+        assert code in promise.reasons, code
+        if promise.reaction is Reaction.NEUTRAL and fault.motors_stop:
             assert loop.motors_stand_still, loop.plant.truth.outputs_us
     assert farthest_m - before_m <= fault.farther_m, (before_m, farthest_m)
     result = replay(log)

@@ -8,7 +8,6 @@ messages.
 from __future__ import annotations
 
 import dataclasses
-import enum
 import math
 import random
 from collections import deque
@@ -20,7 +19,8 @@ from asvhil.controller.station_mpc import StationMpc
 from asvhil.io.mavlink.frames import dialect
 from asvhil.logs.recorder import Recorder
 from asvhil.operator.encoding import encode_hold, encode_release
-from asvhil.supervisor.reasons import Reason
+from asvhil.supervisor.fault_table import ROWS as TABLE
+from asvhil.supervisor.fault_table import FaultRow
 from asvhil.types import Frame
 from tests.support.loop import GroundStationLoop
 
@@ -30,15 +30,9 @@ NEUTRAL_US = (1500, 1500)
 Way = Callable[[Frame], Iterable[Frame]]
 
 
-class Reaction(enum.StrEnum):
-    KEEP = "keep"  # the hold goes on, and the boat stays
-    NEUTRAL = "neutral"  # the controller has the motors no longer, and they stand still
-    RELEASE = "release"  # in the tick of the news the motors are the pilot's
-
-
 @dataclasses.dataclass(frozen=True)
 class Fault:
-    """A row: what breaks, what is promised, within which time, and with which reasons.
+    """A row of the table of faults by its name, and how it is broken in.
 
     `plant` are faults of the config, by kind and its further keys; `act` breaks what a config cannot, after `setup` at
     the start. `lasts_s` is the time after which `mend` undoes it; None: it stays. `farther_m` bounds how much farther
@@ -46,9 +40,6 @@ class Fault:
     """
 
     name: str
-    reaction: Reaction
-    within_s: float = 0.0
-    codes: frozenset[Reason] = frozenset()
     plant: tuple[str, ...] = ()
     setup: Callable[[FaultLoop], None] | None = None
     act: Callable[[FaultLoop], None] | None = None
@@ -59,6 +50,11 @@ class Fault:
     config: str = "sitl"
     keys: tuple[str, ...] = ()
     motors_stop: bool = True  # whether the autopilot's outputs are seen to stand still too
+
+    @property
+    def promise(self) -> FaultRow:
+        """What is promised."""
+        return TABLE[self.name]
 
 
 def settings_of(fault: Fault, keys: Iterable[str], from_s: float) -> Config:
@@ -312,142 +308,111 @@ def _pilots_station(loop: FaultLoop) -> None:
     loop.inject("autopilot", _mavlink(body, loop.config.links.autopilot.override_system_id, 190), "10.0.0.5:14550")
 
 
-STALE = frozenset({Reason.ESTIMATE_STALE})
-LINK = frozenset({Reason.HEARTBEAT_LOST, Reason.ESTIMATE_STALE, Reason.MODE_UNKNOWN})
-STOPPED = frozenset({Reason.OUTPUT_STUCK, Reason.OUTPUTS_UNCHANGED, Reason.OUTPUTS_DIFFER, Reason.DISARMED})
-WIRING = frozenset(
-    {
-        *(Reason.AUTOPILOT_PARAMETER, Reason.OUTPUT_REVERSED, Reason.OUTPUTS_SWAPPED, Reason.OUTPUT_STUCK),
-        *(Reason.OUTPUTS_DIFFER, Reason.WIRING_UNREAD, Reason.OVERRIDE_NOT_FOLLOWED, Reason.COMMANDS_MIXED),
-        *(Reason.OVERRIDES_IGNORED, Reason.OUTPUTS_UNCHANGED),
-    }
-)
-AWAY = frozenset({Reason.DRIFTED_OFF, Reason.BEYOND_MOTORS})
 INS = "sitl-vn300"  # with the autopilot standing by
 COMPASS = "sitl-bream"  # whose heading has no other source
-KEEP, NEUTRAL, RELEASE = Reaction.KEEP, Reaction.NEUTRAL, Reaction.RELEASE
 GENERIC, COPTER = dialect.MAV_TYPE_CAMERA, dialect.MAV_TYPE_QUADROTOR
 INVALID, ARDUPILOT = dialect.MAV_AUTOPILOT_INVALID, dialect.MAV_AUTOPILOT_ARDUPILOTMEGA
 
 SENSORS = (
-    Fault("GNSS silent for 5 s", KEEP, plant=("kind: gnss-silent",), lasts_s=5.0),
-    Fault("GNSS lost for good", NEUTRAL, 40.0, STALE, plant=("kind: gnss-silent",), watch_s=44.0, farther_m=8.0),
-    Fault("GNSS jumps by 20 m for 5 s", KEEP, plant=("kind: gnss-jump, size: 20",), lasts_s=5.0),
-    Fault("GNSS jumps by 3 m for 3 s", KEEP, plant=("kind: gnss-jump, size: 3",), lasts_s=3.0),
-    Fault("GNSS frozen for 5 s", KEEP, plant=("kind: gnss-frozen",), lasts_s=5.0),
-    Fault("heading silent for 5 s", KEEP, plant=("kind: heading-silent",), lasts_s=5.0, config=COMPASS, farther_m=6.0),
-    Fault("heading of the INS lost", KEEP, plant=("kind: heading-silent",), config=INS),
+    Fault("GNSS silent for 5 s", plant=("kind: gnss-silent",), lasts_s=5.0),
+    Fault("GNSS lost for good", plant=("kind: gnss-silent",), watch_s=44.0, farther_m=8.0),
+    Fault("GNSS jumps by 20 m for 5 s", plant=("kind: gnss-jump, size: 20",), lasts_s=5.0),
+    Fault("GNSS jumps by 3 m for 3 s", plant=("kind: gnss-jump, size: 3",), lasts_s=3.0),
+    Fault("GNSS frozen for 5 s", plant=("kind: gnss-frozen",), lasts_s=5.0),
+    Fault("heading silent for 5 s", plant=("kind: heading-silent",), lasts_s=5.0, config=COMPASS, farther_m=6.0),
+    Fault("heading of the INS lost", plant=("kind: heading-silent",), config=INS),
     Fault(
         "the only heading lost",
-        NEUTRAL,
-        40.0,
-        STALE,
         plant=("kind: heading-silent",),
         watch_s=44.0,
         farther_m=25.0,
         config=COMPASS,
     ),
-    Fault("heading jumps by 60 degrees for 4 s", KEEP, plant=("kind: heading-jump, size: 60",), lasts_s=4.0),
+    Fault("heading jumps by 60 degrees for 4 s", plant=("kind: heading-jump, size: 60",), lasts_s=4.0),
     Fault(
         "GNSS and heading lost",
-        NEUTRAL,
-        4.0,
-        STALE,
         plant=("kind: gnss-silent", "kind: heading-silent"),
         farther_m=6.0,
         config=COMPASS,
     ),
-    Fault("gyro and accelerometer silent", KEEP, plant=("kind: imu-silent",)),
-    Fault("anemometer silent", KEEP, plant=("kind: anemometer",)),
-    Fault("anemometer stuck", KEEP, plant=("kind: anemometer-stuck",)),
-    Fault("vane stuck", KEEP, plant=("kind: vane",)),
-    Fault("cups stuck", KEEP, plant=("kind: cups",)),
-    Fault("bytes of noise on the anemometer's line", KEEP, act=_flood("anemometer")),
-    Fault("time runs back by a second", KEEP, act=_time_back, farther_m=4.0),
+    Fault("gyro and accelerometer silent", plant=("kind: imu-silent",)),
+    Fault("anemometer silent", plant=("kind: anemometer",)),
+    Fault("anemometer stuck", plant=("kind: anemometer-stuck",)),
+    Fault("vane stuck", plant=("kind: vane",)),
+    Fault("cups stuck", plant=("kind: cups",)),
+    Fault("bytes of noise on the anemometer's line", act=_flood("anemometer")),
+    Fault("time runs back by a second", act=_time_back, farther_m=4.0),
 )
 LINKS = (
-    Fault("link down both ways", NEUTRAL, 4.0, LINK, act=_links(inward=_nothing, outward=_nothing)),
-    Fault("nothing comes from the autopilot", NEUTRAL, 4.0, LINK, act=_links(inward=_nothing)),
-    Fault("nothing reaches the autopilot", NEUTRAL, 5.0, WIRING | STOPPED, act=_links(outward=_nothing)),
-    Fault("link down for 1 s", KEEP, act=_links(inward=_nothing, outward=_nothing), mend=_mended, lasts_s=1.0),
-    Fault("20 % of the frames lost each way", KEEP, act=_lossy),
-    Fault("frames reordered", KEEP, act=_reordered),
-    Fault("frames doubled", KEEP, act=_links(inward=_twice, outward=_twice)),
-    Fault("frames 0.3 s late", KEEP, act=_late(0.3)),
-    Fault("frames 6 s late", NEUTRAL, 5.0, LINK, act=_late(6.0)),
-    Fault("a tenth of the frames damaged", KEEP, act=_corrupt),
-    Fault("frames cut anywhere", KEEP, act=_cut_anywhere),
-    Fault("noise on the autopilot's link", KEEP, act=_flood("autopilot")),
+    Fault("link down both ways", act=_links(inward=_nothing, outward=_nothing)),
+    Fault("nothing comes from the autopilot", act=_links(inward=_nothing)),
+    Fault("nothing reaches the autopilot", act=_links(outward=_nothing)),
+    Fault("link down for 1 s", act=_links(inward=_nothing, outward=_nothing), mend=_mended, lasts_s=1.0),
+    Fault("20 % of the frames lost each way", act=_lossy),
+    Fault("frames reordered", act=_reordered),
+    Fault("frames doubled", act=_links(inward=_twice, outward=_twice)),
+    Fault("frames 0.3 s late", act=_late(0.3)),
+    Fault("frames 6 s late", act=_late(6.0)),
+    Fault("a tenth of the frames damaged", act=_corrupt),
+    Fault("frames cut anywhere", act=_cut_anywhere),
+    Fault("noise on the autopilot's link", act=_flood("autopilot")),
 )
 NEIGHBOURS = (
-    Fault("a camera on the autopilot's system", KEEP, act=_voice(_heartbeat(GENERIC, INVALID), 1, 100)),
-    Fault("a second ground station", KEEP, act=_voice(_heartbeat(dialect.MAV_TYPE_GCS, INVALID, 4), 253, 190)),
+    Fault("a camera on the autopilot's system", act=_voice(_heartbeat(GENERIC, INVALID), 1, 100)),
+    Fault("a second ground station", act=_voice(_heartbeat(dialect.MAV_TYPE_GCS, INVALID, 4), 253, 190)),
     Fault(
         "the autopilot becomes a copter",
-        NEUTRAL,
-        3.0,
-        frozenset({Reason.NOT_A_BOAT, Reason.TWO_VEHICLES, Reason.DISARMED}),
         act=_voice(_heartbeat(COPTER, ARDUPILOT, 81), 1, 1),
     ),
     Fault(
         "acknowledgements that nobody asked for",
-        KEEP,
         act=_voice(lambda n: dialect.MAVLink_command_ack_message(n % 600, n % 6, 0, 0, 255, 190), 1, 1, every=2),
     ),
 )
 AUTOPILOT = (
-    Fault("autopilot reboots", NEUTRAL, 3.0, LINK | {Reason.DISARMED, Reason.MODE_CHANGED}, act=_reboot),
-    Fault("its fail-safe changes the mode", RELEASE, 0.3, frozenset({Reason.MODE_CHANGED}), act=_mode(HOLD_MODE)),
-    Fault("emergency stop of the motors", NEUTRAL, 3.0, STOPPED, act=_emergency_stop),
-    Fault("an output loses its function", NEUTRAL, 5.0, WIRING, act=_parameter(SERVO1_FUNCTION=0), motors_stop=False),
-    Fault("outputs swapped", NEUTRAL, 4.0, WIRING, act=_parameter(SERVO1_FUNCTION=74, SERVO3_FUNCTION=73)),
-    Fault("an output reversed", NEUTRAL, 4.0, WIRING, act=_parameter(SERVO1_REVERSED=1)),
-    Fault("sticks mixed as steering and throttle", NEUTRAL, 4.0, WIRING, act=_parameter(PILOT_STEER_TYPE=0)),
-    Fault("overrides switched off", NEUTRAL, 5.0, WIRING, act=_parameter(RC_OPTIONS=2)),
-    Fault("another system id is obeyed", NEUTRAL, 5.0, WIRING, act=_parameter(SYSID_MYGCS=77)),
+    Fault("autopilot reboots", act=_reboot),
+    Fault("its fail-safe changes the mode", act=_mode(HOLD_MODE)),
+    Fault("emergency stop of the motors", act=_emergency_stop),
+    Fault("an output loses its function", act=_parameter(SERVO1_FUNCTION=0), motors_stop=False),
+    Fault("outputs swapped", act=_parameter(SERVO1_FUNCTION=74, SERVO3_FUNCTION=73)),
+    Fault("an output reversed", act=_parameter(SERVO1_REVERSED=1)),
+    Fault("sticks mixed as steering and throttle", act=_parameter(PILOT_STEER_TYPE=0)),
+    Fault("overrides switched off", act=_parameter(RC_OPTIONS=2)),
+    Fault("another system id is obeyed", act=_parameter(SYSID_MYGCS=77)),
 )
 PILOT = (
-    Fault("pilot changes the mode", RELEASE, 0.3, frozenset({Reason.MODE_CHANGED}), act=_mode(LOITER)),
-    Fault("pilot moves a stick", RELEASE, 0.3, frozenset({Reason.STICK_MOVED}), act=_stick),
-    Fault("pilot disarms", RELEASE, 0.3, frozenset({Reason.DISARMED}), act=_disarm),
-    Fault("pilot's ground station moves a stick", RELEASE, 0.3, frozenset({Reason.STATION_STICK}), act=_pilots_station),
+    Fault("pilot changes the mode", act=_mode(LOITER)),
+    Fault("pilot moves a stick", act=_stick),
+    Fault("pilot disarms", act=_disarm),
+    Fault("pilot's ground station moves a stick", act=_pilots_station),
     # An ArduRover takes overrides for its radio: only a receiver that tells its signal strength can be seen to be lost.
-    Fault("pilot's transmitter lost, no signal strength", KEEP, plant=("kind: transmitter",)),
+    Fault("pilot's transmitter lost, no signal strength", plant=("kind: transmitter",)),
     Fault(
         "pilot's transmitter lost, signal strength told",
-        NEUTRAL,
-        3.0,
-        frozenset({Reason.TRANSMITTER_LOST}),
         setup=_receiver_tells_its_strength,
         act=_transmitter_lost,
     ),
-    Fault("operator releases", RELEASE, 0.1, frozenset({Reason.RELEASED}), act=_release),
-    Fault("operator's link silent", KEEP),
+    Fault("operator releases", act=_release),
+    Fault("operator's link silent"),
 )
 CONTROLLER = (
-    Fault("controller finds no solution", NEUTRAL, 1.0, frozenset({Reason.NO_SOLUTION}), act=_solver(ok=False)),
+    Fault("controller finds no solution", act=_solver(ok=False)),
     Fault(
         "controller gives no numbers",
-        NEUTRAL,
-        1.0,
-        frozenset({Reason.NO_SOLUTION}),
         act=_solver(command=(math.nan, math.nan)),
     ),
     Fault(
         "controller asks for ten times full thrust",
-        NEUTRAL,
-        24.0,
-        AWAY,
         act=_solver(command=(10.0, 10.0)),
         watch_s=26.0,
         farther_m=30.0,
     ),
 )
 OPERATOR = (
-    Fault("a hold 120 km away", KEEP, act=_moves_far),
-    Fault("set-points that are no numbers", KEEP, act=_operator(_odd_setpoint)),
-    Fault("commands with a wrong checksum", KEEP, act=_operator(_wrong_crc)),
-    Fault("noise on the operator's link", KEEP, act=_flood("operator")),
+    Fault("a hold 120 km away", act=_moves_far),
+    Fault("set-points that are no numbers", act=_operator(_odd_setpoint)),
+    Fault("commands with a wrong checksum", act=_operator(_wrong_crc)),
+    Fault("noise on the operator's link", act=_flood("operator")),
 )
 
 ROWS = (*SENSORS, *LINKS, *NEIGHBOURS, *AUTOPILOT, *PILOT, *CONTROLLER, *OPERATOR)
