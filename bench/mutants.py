@@ -22,7 +22,10 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
-SUPERVISOR = ("tests/unit/supervisor/test_supervisor.py", "tests/unit/supervisor/test_arming_help.py")
+SUPERVISOR = tuple(
+    f"tests/unit/supervisor/test_{theme}.py"
+    for theme in ("supervisor", "arming_help", "watched_sticks", "motor_sticks")
+)
 MODULES = {
     "asvhil/estimator/wind.py": ("tests/unit/estimator/test_wind.py",),
     "asvhil/estimator/sensor_health.py": ("tests/unit/estimator/test_sensor_health.py",),

@@ -99,7 +99,7 @@ class PilotWatch:
         channel = _first_apart(status.motor_channels, now_us, sent_us)
         off_us = _apart_us(now_us, status.centres_us)
         if told_ns - self._engaged_ns < self._echo_ns:  # the echo of the first overrides may still be on its way
-            moved_us = _apart_us(now_us, self._before_us) if all(self._before_us) else off_us
+            moved_us = _apart_us(now_us, self._before_us)  # far, where they were not known: then it is the centre's
             moved = min(off_us, moved_us) > self._config.stick_threshold_us
             return explain(Reason.STICK_MOVED, channel=channel) if moved else None
         if not sent_us or self._is_of_station(told_ns, status.motor_channels, now_us, sent_us):
@@ -125,10 +125,10 @@ class PilotWatch:
         self, told_ns: int, channels: tuple[int, int], now_us: tuple[int, int], sent_us: list[tuple[int, int]]
     ) -> bool:
         """Whether sticks are those of a ground station whose messages are heard, where it does not move them all."""
-        for channel, now, ours in zip(channels, now_us, zip(*sent_us, strict=True), strict=True):
+        for motor, channel in enumerate(channels):
             heard_ns, station_us = self._station_us.get(channel, (0, 0))
-            theirs = told_ns - heard_ns < STATION_NS and abs(now - station_us) <= ECHO_TOLERANCE_US
-            if not theirs and all(abs(now - us) > ECHO_TOLERANCE_US for us in ours):
+            theirs = told_ns - heard_ns < STATION_NS and abs(now_us[motor] - station_us) <= ECHO_TOLERANCE_US
+            if not theirs and not _shows_ours(motor, now_us, sent_us):
                 return False
         return True
 
@@ -159,15 +159,12 @@ def _apart_us(a: tuple[int, int], b: tuple[int, int]) -> int:
     return max(abs(a[0] - b[0]), abs(a[1] - b[1]))
 
 
+def _shows_ours(motor: int, now_us: tuple[int, int], sent_us: list[tuple[int, int]]) -> bool:
+    """Whether the stick of a motor (0: port, 1: starboard) shows any of what was sent."""
+    return any(abs(now_us[motor] - us[motor]) <= ECHO_TOLERANCE_US for us in sent_us)
+
+
 def _first_apart(channels: tuple[int, int], now_us: tuple[int, int], sent_us: list[tuple[int, int]]) -> int:
     """The first channel that shows nothing of what was sent; the first of all where each does, of different times."""
-    apart = (
-        (
-            channel
-            for channel, now, sent in zip(channels, now_us, zip(*sent_us, strict=True), strict=True)
-            if not any(abs(now - us) <= ECHO_TOLERANCE_US for us in sent)
-        )
-        if sent_us
-        else iter(())
-    )
+    apart = (channel for motor, channel in enumerate(channels) if not _shows_ours(motor, now_us, sent_us))
     return next(apart, channels[0])
