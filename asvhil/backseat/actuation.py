@@ -7,9 +7,8 @@ import math
 from asvhil.autopilot.motor_check import MotorCheck
 from asvhil.autopilot.protocol import Autopilot
 from asvhil.backseat.cadence import Cadence
-from asvhil.config import PwmConfig
 from asvhil.controller.protocol import Controller
-from asvhil.controller.pwm import PulseLimiter
+from asvhil.controller.pwm import Limiter
 from asvhil.supervisor.reasons import Explanation
 from asvhil.supervisor.situation import MotorPulses, StationSticks
 from asvhil.supervisor.supervisor import Decision
@@ -30,15 +29,16 @@ class Actuation:
         check: MotorCheck,
         cadence: Cadence,
         controller: Controller,
-        pwm: PwmConfig,
+        limiter: Limiter,
+        neutral_us: int,
         control_mode: str,
     ) -> None:
         self._autopilot = autopilot
         self._check = check
         self._cadence = cadence
         self._controller = controller
-        self._limiter = PulseLimiter(pwm)
-        self._neutral_us = pwm.neutral_us
+        self._limiter = limiter
+        self._neutral_us = neutral_us
         self._control_mode = control_mode
         self._command = (0.0, 0.0)
         self.pulses_us: tuple[int, int] | None = None

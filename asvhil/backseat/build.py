@@ -17,6 +17,7 @@ from asvhil.config.ports import ANEMOMETER
 from asvhil.config.registry import AUTOPILOTS, CONTROLLERS, ESTIMATORS
 from asvhil.controller.procedure import Procedure
 from asvhil.controller.protocol import Controller
+from asvhil.controller.pwm import Limiter, PulseLimiter
 from asvhil.dynamics.protocol import Dynamics
 from asvhil.dynamics.rigid_body import SimplifiedDynamics
 from asvhil.dynamics.weights import load_model
@@ -167,11 +168,16 @@ def build_firmware_watch(config: Config) -> FirmwareWatch:
 
 
 def build_backseat(
-    config: Config, file: Path | None = None, *, model: Dynamics | None = None, controller: Controller | None = None
+    config: Config,
+    file: Path | None = None,
+    *,
+    model: Dynamics | None = None,
+    controller: Controller | None = None,
+    limiter: Limiter | None = None,
 ) -> Backseat:
     """A backseat that is ready for its first `step`; `file` is a model file to use instead of the config's.
 
-    A `model` or `controller` that is given, as by a study, is used as it is.
+    A `model` or `controller` that is given, as by a study, is used as it is; so is a `limiter`, as by an edited log.
     """
     config.check_plugins()
     model = model or build_model(config, file)
@@ -187,7 +193,8 @@ def build_backseat(
             check=build_motor_check(config, link),
             cadence=build_cadence(config),
             controller=controller,
-            pwm=pwm,
+            limiter=limiter or PulseLimiter(pwm),
+            neutral_us=pwm.neutral_us,
             control_mode=config.supervisor.control_mode,
         ),
     )

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from asvhil.commands.options import JsonOption, PluginOption, RecordedPluginsOption, SetOption
+from asvhil.commands.options import FaultOption, JsonOption, PluginOption, RecordedPluginsOption, SetOption
 from asvhil.commands.views import progress, say, write_json
 from asvhil.errors import ConfigError
 
@@ -21,15 +21,21 @@ def replay(
     set_: SetOption = [],  # noqa: B006
     plugin: PluginOption = [],  # noqa: B006
     allow_recorded_plugins: RecordedPluginsOption = False,
+    fault: FaultOption = [],  # noqa: B006
     json_: JsonOption = None,
 ) -> None:
-    """Run a log through the backseat and compare every tick byte by byte; exit 1 where one differs."""
+    """Run a log through the backseat and compare every tick byte by byte; exit 1 where one differs.
+
+    With --fault, times from the log's first tick: what the backseat would have noticed and done; nothing is compared.
+    """
     from rich.console import Console
 
     console = Console()
     if (log is None) == (tlog is None):
         raise ConfigError("replay: give either an MCAP log or --tlog FILE")
     if tlog is not None:
+        if fault:
+            raise ConfigError("replay: --fault goes with an MCAP log of asvhil, not with --tlog")
         _replay_tlog(console, tlog, config, tuple(set_), json_)
         return
     assert log is not None
@@ -40,6 +46,9 @@ def replay(
 
     load_plugins([log], plugin, allow_recorded=allow_recorded_plugins)
 
+    if fault:
+        _replay_faults(console, log, fault, json_)
+        return
     with progress(console, spinner=True) as bar:
         task = bar.add_task("replay", total=None)
         result = replay_log(log, lambda ticks: bar.update(task, completed=ticks) if ticks % 50 == 0 else None)
@@ -64,6 +73,59 @@ def replay(
         raise typer.Exit(1)
     tail = ", the log's end is cut off" if result.truncated else ""
     say(console, f"{log}: {result.compared} ticks bit-exact ({speed}){tail}")
+
+
+def _replay_faults(console: Any, log: Path, texts: list[str], json_file: Path | None) -> None:
+    from asvhil.config.fault_text import parse_fault
+    from asvhil.logs.fault_replay import replay_with_faults
+
+    faults = [parse_fault(text) for text in texts]
+    with progress(console, spinner=True) as bar:
+        task = bar.add_task("replay", total=None)
+        found = replay_with_faults(
+            log, faults, lambda ticks: bar.update(task, completed=ticks) if ticks % 50 == 0 else None
+        )
+    first = found.first_difference
+    figures = {
+        "faults": texts,
+        "ticks": found.ticks,
+        "edited_frames": found.edited,
+        "untouched_ports": list(found.untouched),
+        "first_difference": None if first is None else dict(zip(("tick", "t_s", "field"), first, strict=True)),
+        "recorded_holds": list(found.recorded_holds),
+        "holds": list(found.holds),
+        "notes": [dict(zip(("t_s", "subject", "text", "ok"), note, strict=True)) for note in found.notes],
+        "estimate_off_m": found.estimate_off_m,
+        "pulses_apart_us": found.pulses_apart_us,
+        "judged_to_s": found.judged_to_s,
+    }
+    write_json(json_file, figures)
+    say(
+        console,
+        f"{log}: {found.ticks} ticks with {', '.join(texts)} in {found.edited} frames; the boat moves as recorded",
+    )
+    for port in found.untouched:
+        say(console, f"{port}: as recorded, its bytes cannot be edited")
+    if not found.edited:
+        say(console, "the faults change no byte of this log: it ends before them, or has nothing that shows them")
+    if first is None:
+        say(console, "no output differs from the record")
+    else:
+        say(console, f"outputs differ from {first[1]:.2f} s on: {first[2]}")
+    for t_s, subject, text, ok in found.notes:
+        say(console, f"{t_s:7.2f} s  {subject}: {text}{'' if ok else ' (!)'}")
+    for name, holds in (("recorded", found.recorded_holds), ("with the faults", found.holds)):
+        for hold in holds:
+            ended = f"ended by {hold['ended']}" if hold["ended"] else "to the end"
+            say(console, f"{name}: hold from {hold['from_s']:.2f} to {hold['to_s']:.2f} s, {ended}")
+    if found.judged_to_s is not None:
+        say(
+            console,
+            f"not judged from {found.judged_to_s:.2f} s on: the hold goes on there, and the recorded one has ended",
+        )
+    if first is not None:
+        off_m, apart_us = found.estimate_off_m, found.pulses_apart_us
+        say(console, f"at most {off_m:.2f} m between the estimates, {apart_us} us between the commands")
 
 
 def _replay_tlog(console: Any, tlog: Path, config: str, overrides: tuple[str, ...], json_file: Path | None) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Protocol
 
 from asvhil.config import PwmConfig
 
@@ -29,6 +30,22 @@ def command_of_pulse(config: PwmConfig, pulse_us: int) -> float:
 def command_rate_per_s(config: PwmConfig) -> float:
     """How fast a command can grow under the slew limit, in commands (1: full) per second, on the slower side."""
     return config.slew_us_per_s / max(config.ahead_us - config.neutral_us, config.neutral_us - config.astern_us)
+
+
+class Limiter(Protocol):
+    """What makes the pulses of both motors of a command."""
+
+    def reset(self) -> None:
+        """Note that the motors are released."""
+        ...
+
+    def neutral(self) -> tuple[int, int]:
+        """Neutral for both motors (us), at once."""
+        ...
+
+    def step(self, t_ns: int, command: tuple[float, float]) -> tuple[int, int]:
+        """Pulse widths (us; port, starboard) for a command in [-1, 1]."""
+        ...
 
 
 class PulseLimiter:

@@ -13,9 +13,9 @@ from mcap.records import Channel, Message
 
 from asvhil.errors import LogError
 from asvhil.logs.encoding import NOT_VALID, decode_outputs
+from asvhil.logs.holds import Holds
 from asvhil.logs.reader import LogFile, decode_timing
 from asvhil.logs.recorder import INPUTS_TOPIC, OUTPUTS_TOPIC, TIMING_TOPIC
-from asvhil.types import Phase
 
 
 class _Config(msgspec.Struct):
@@ -23,24 +23,6 @@ class _Config(msgspec.Struct):
         name: str
 
     controller: Controller
-
-
-class _Holds:
-    """Spans in which the controller had the motors, with the reason that ended each."""
-
-    def __init__(self) -> None:
-        self.spans: list[dict[str, Any]] = []
-        self._open: dict[str, Any] | None = None
-
-    def add(self, t_s: float, phase: str, reason: str) -> None:
-        if phase == Phase.HOLD:
-            if self._open is None:
-                self._open = {"from_s": t_s, "ended": None}
-                self.spans.append(self._open)
-            self._open["to_s"] = t_s
-        elif self._open is not None:
-            self._open["ended"] = f"{phase}: {reason}"
-            self._open = None
 
 
 def log_info(path: Path, on_bytes: Callable[[int], None] = lambda done: None) -> dict[str, Any]:
@@ -56,7 +38,7 @@ def log_info(path: Path, on_bytes: Callable[[int], None] = lambda done: None) ->
     span_ns: dict[int, tuple[int, int]] = {}
     damage: list[str] = []
     phases: Counter[str] = Counter()
-    holds = _Holds()
+    holds = Holds()
     first_ns: int | None = None
     last_ns = 0
     ticks = dropped = overruns = sequence = 0

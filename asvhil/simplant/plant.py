@@ -7,12 +7,13 @@ from typing import Protocol
 import numpy as np
 
 from asvhil.config import Config
+from asvhil.config.fault_spans import Faults, Present
 from asvhil.config.ports import ANEMOMETER, AUTOPILOT, GNSS, INS
 from asvhil.config.registry import SENSORS
 from asvhil.geo import LocalFrame, wrap_rad
 from asvhil.simplant.ardurover.vehicle import SimulatedArduRover
 from asvhil.simplant.boat.devices import SimulatedNmea, SimulatedSensor, SimulatedVn300
-from asvhil.simplant.boat.faults import Faults, Present, all_faults, motor_signals_us
+from asvhil.simplant.boat.faults import all_faults, motor_signals_us
 from asvhil.simplant.boat.metronome import Metronome
 from asvhil.simplant.boat.sensors import Anemometer, Navigation, TrueMotion, mwv_sentence
 from asvhil.simplant.boat.vessel import Vessel

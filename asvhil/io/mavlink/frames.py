@@ -208,6 +208,11 @@ class FrameSplitter:
         self.unknown = 0
         self.garbage_bytes = 0
 
+    @property
+    def held(self) -> int:
+        """How many bytes wait for the rest of their frame."""
+        return len(self._buffer)
+
     def receive(self, data: bytes) -> list[bytes]:
         """All complete frames that `data` brings to an end, in order."""
         if not self._buffer and _is_one_frame(data):  # as nearly all datagrams are

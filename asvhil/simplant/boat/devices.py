@@ -11,6 +11,7 @@ import math
 import numpy as np
 
 from asvhil.config import InsDeviceConfig, NmeaDeviceConfig, SensorLinkConfig, SensorsConfig
+from asvhil.config.fault_spans import Present, SensorFaults
 from asvhil.config.ports import GNSS, INS
 from asvhil.config.registry import SensorKind
 from asvhil.geo import GRAVITY_MPS2, LocalFrame, wrap_2pi, wrap_rad
@@ -26,7 +27,6 @@ from asvhil.io.sensors.vectornav.codec import (
     NOT_TRACKING,
     TRACKING,
 )
-from asvhil.simplant.boat.faults import Present, SensorFaults
 from asvhil.simplant.boat.metronome import Metronome
 from asvhil.simplant.boat.sensors import Anemometer, Navigation, SensorReading, TrueMotion
 from asvhil.types import Frame

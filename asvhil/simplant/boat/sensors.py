@@ -7,18 +7,16 @@ from typing import Protocol
 
 import numpy as np
 
+from asvhil.autopilot.jump_follower import SOUND_JUMP, JumpFollower
 from asvhil.config import AnemometerSensorConfig, SensorsConfig
+from asvhil.config.fault_spans import SOUND, SensorFaults
 from asvhil.geo import ned_to_body, wrap_2pi
 from asvhil.io.sensors.nmea_checksum import nmea_sentence
-from asvhil.simplant.boat.faults import SOUND, SensorFaults
 from asvhil.simplant.boat.noise import NormalSource, OrnsteinUhlenbeck
 from asvhil.types import record
 
 FUSION_S = 1.0  # time constant by which a filter's position follows the integral of its velocity
-RETRY_NS = 10_000_000_000  # AP_NavEKF3.h: posRetryTimeUseVel_ms and magFailTimeLimit_ms are 10000
-Jump = tuple[float, float, float]  # north, east (m), heading (rad)
 NO_DEVIATION = (0.0, 0.0, 0.0, 0.0)
-SOUND_JUMP: Jump = (0.0, 0.0, 0.0)
 VANE_STALL_MPS = 0.01  # below it the vane does not turn
 
 
@@ -37,25 +35,6 @@ class TrueMotion(Protocol):
         """Of port and starboard, in [-1, 1]."""
 
     def ground_velocity_ned(self) -> tuple[float, float]: ...
-
-
-class Follower:
-    """A filter with innovation gates: it follows a jump of its sensor only after that has lasted `RETRY_NS`."""
-
-    __slots__ = ("_asked", "_since_ns", "value")
-
-    def __init__(self) -> None:
-        self.value = SOUND_JUMP
-        self._asked = self.value
-        self._since_ns = 0
-
-    def step(self, t_ns: int, asked: Jump) -> Jump:
-        """The part of a jump that the filter has accepted by now."""
-        if asked != self._asked:
-            self._asked, self._since_ns = asked, t_ns
-        if t_ns - self._since_ns >= RETRY_NS:
-            self.value = asked
-        return self.value
 
 
 class Navigation:
@@ -135,7 +114,7 @@ class Navigation:
         self._heading_bias = math.radians(config.heading.bias_deg)
         self._deviation = tuple(math.radians(part) for part in config.heading.deviation_deg)
         self._motor_pull = tuple(math.radians(part) for part in config.heading.motor_deg)
-        self._follower = Follower() if filtered else None
+        self._follower = JumpFollower() if filtered else None
         fused, slow_mps = config.fused_velocity, config.fused_velocity.slow_bias_mps if filtered else 0.0
         self._slow_vn = OrnsteinUhlenbeck(slow_mps, fused.slow_bias_time_s, period_s, slow_n)
         self._slow_ve = OrnsteinUhlenbeck(slow_mps, fused.slow_bias_time_s, period_s, slow_e)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from asvhil.config import Config
-from asvhil.simplant.boat.faults import Present
+from asvhil.config.fault_spans import Present
 from asvhil.simplant.boat.sensors import Navigation, TrueMotion
 from asvhil.simplant.boat.vessel import NO_SIGNAL_US
 from asvhil.simplant.plant import Plant, Truth

@@ -5,6 +5,7 @@ from dataclasses import replace
 from asvhil.backseat.actuation import Actuation
 from asvhil.backseat.build import build_cadence, build_link, build_motor_check
 from asvhil.config import load_config
+from asvhil.controller.pwm import PulseLimiter
 from asvhil.supervisor.reasons import Reason, explain
 from asvhil.supervisor.situation import MotorPulses
 from asvhil.supervisor.supervisor import Decision
@@ -60,7 +61,8 @@ class Bench:
             check=build_motor_check(CONFIG, autopilot),
             cadence=build_cadence(CONFIG),
             controller=self.controller,
-            pwm=CONFIG.vehicle.pwm,
+            limiter=PulseLimiter(CONFIG.vehicle.pwm),
+            neutral_us=CONFIG.vehicle.pwm.neutral_us,
             control_mode="MANUAL",
         )
         self.t_ns = 0

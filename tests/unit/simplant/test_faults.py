@@ -8,8 +8,9 @@ import math
 import pytest
 
 from asvhil.config import FaultConfig, load_config
+from asvhil.config.fault_spans import SOUND, Faults
 from asvhil.errors import ConfigError
-from asvhil.simplant.boat.faults import SOUND, Faults, all_faults, motor_signals_us
+from asvhil.simplant.boat.faults import all_faults, motor_signals_us
 from tests.support.simplant_boat import Boat, of
 
 SECOND = 1_000_000_000

@@ -1,0 +1,164 @@
+"""Faults put into recorded logs: the backseat notices and does what it does where the boat itself has the fault."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from asvhil.commands.cli import app
+from asvhil.config import load_config
+from asvhil.config.fault_text import parse_fault, with_faults
+from asvhil.errors import ConfigError
+from asvhil.logs.encoding import decode_outputs
+from asvhil.logs.fault_replay import Reaction, RecordedPulses, replay_with_faults
+from asvhil.logs.reader import LogFile
+from asvhil.sitl import run_lockstep
+from asvhil.types import Phase
+
+Logs = Callable[..., Path]
+
+
+@pytest.fixture(scope="module")
+def logs(tmp_path_factory: pytest.TempPathFactory) -> Logs:
+    """Logs of 60 s in lockstep by config and faults, each made once."""
+    made: dict[tuple[str, ...], Path] = {}
+
+    def log(config: str, *faults: str) -> Path:
+        if (config, *faults) not in made:
+            path = tmp_path_factory.mktemp("faults") / "log.mcap"
+            run_lockstep(with_faults(load_config(config), list(faults)), path, 60.0)
+            made[config, *faults] = path
+        return made[config, *faults]
+
+    return log
+
+
+def reaction(path: Path, *faults: str) -> Reaction:
+    return replay_with_faults(path, [parse_fault(text) for text in faults])
+
+
+def first_told(path: Path, sound: Path) -> dict[tuple[str, str], float]:
+    """When a log has each bad note first that the sound one never has."""
+    never = {key for key, _ in bad_notes(sound)}
+    found: dict[tuple[str, str], float] = {}
+    for key, t_s in bad_notes(path):
+        if key not in never:
+            found.setdefault(key, t_s)
+    return found
+
+
+def bad_notes(path: Path) -> list[tuple[tuple[str, str], float]]:
+    ticks = [decode_outputs(data) for _, data in LogFile(path).ticks() if data is not None]
+    return [
+        ((note.subject, note.text), (outputs.t_ns - ticks[0].t_ns) * 1e-9)
+        for outputs in ticks
+        for note in outputs.health.notes
+        if not note.ok
+    ]
+
+
+def hold_end(path: Path) -> tuple[float, str] | None:
+    """When and for which reason the hold of a log ended, None where the operator released it."""
+    ticks = [decode_outputs(data) for _, data in LogFile(path).ticks() if data is not None]
+    was = Phase.STANDBY
+    for outputs in ticks:
+        if was == Phase.HOLD != outputs.phase and outputs.health.code != "released":
+            return (outputs.t_ns - ticks[0].t_ns) * 1e-9, outputs.health.reason
+        was = outputs.phase
+    return None
+
+
+def test_a_fault_that_never_comes_changes_no_byte(logs: Logs) -> None:
+    found = reaction(logs("sitl"), "gnss-jump@900:5s")
+    assert found.ticks == 1203 and found.edited == 0 and found.first_difference is None
+    assert found.holds == found.recorded_holds and len(found.holds) == 1
+    assert found.notes == () and found.pulses_apart_us == 0 and found.judged_to_s is None
+
+
+@pytest.mark.parametrize(
+    ("config", "fault"),
+    [
+        *[("sitl", f"{kind}@20") for kind in ("gnss-silent", "gnss-frozen", "gnss-jump", "gnss", "imu-silent")],
+        *[("sitl", f"{kind}@20:8s") for kind in ("anemometer", "anemometer-stuck", "heading-jump")],
+        ("sitl", "compass-turned@0"),
+        ("sitl", "heading-jump@20:15s:-60deg"),
+        *[("sitl-bream", f"{kind}@20") for kind in ("gnss-silent", "gnss-frozen", "heading-silent", "nmea")],
+        ("sitl-bream", "gnss-jump@20:5s:40m"),
+        ("sitl-bream", "heading-jump@20:5s:90deg"),
+    ],
+)
+def test_it_notices_what_it_notices_on_a_boat_with_the_fault(logs: Logs, config: str, fault: str) -> None:
+    sound, faulty = logs(config), logs(config, fault)
+    found = reaction(sound, fault)
+    # Later notes are those of a boat that has gone elsewhere since.
+    until_s = parse_fault(fault).from_s + 6.0
+    expected = {key: t_s for key, t_s in first_told(faulty, sound).items() if t_s < until_s}
+    told = {(subject, text): t_s for t_s, subject, text, ok in found.notes if not ok}
+    assert {key: pytest.approx(t_s, abs=0.5) for key, t_s in expected.items()} == {
+        key: told[key] for key in expected if key in told
+    }
+    assert found.first_difference is not None or not expected
+    ended = hold_end(faulty)
+    if ended is None:
+        assert found.holds == found.recorded_holds
+    else:
+        t_s, reason = ended
+        assert found.holds[0]["to_s"] == pytest.approx(t_s, abs=2.0) and reason in found.holds[0]["ended"]
+        assert found.recorded_holds[0]["to_s"] > 55.0
+
+
+def test_neither_the_pilot_nor_the_outputs_are_blamed_for_what_was_edited(logs: Logs) -> None:
+    """Neutral in a fail-safe, and a hold that goes on afterwards, though the record's motors ran all the time."""
+    found = reaction(logs("sitl"), "gnss-silent@10:28s")
+    assert found.holds[0]["ended"] == "failsafe: position or heading is stale"
+    assert len(found.holds) == 2 and found.holds[1]["from_s"] > 38.0 and "released by" in found.holds[1]["ended"]
+    assert {subject for _, subject, _, ok in found.notes if not ok} == {"gnss position", "gnss velocity"}
+    assert found.pulses_apart_us > 100
+
+
+def test_what_no_edit_can_reach_is_named(logs: Logs) -> None:
+    assert reaction(logs("sitl-vn300"), "gnss-jump@20").untouched == ("ins",)
+    silent = reaction(logs("sitl-vn300"), "ins@20")
+    assert silent.untouched == () and silent.edited > 700
+
+
+def test_pulses_of_the_record_stand_where_it_drove() -> None:
+    pulses = RecordedPulses(load_config("sitl").vehicle.pwm)
+    pulses.begin_tick((1600, 1700))
+    assert pulses.step(0, (0.0, 0.0)) == (1600, 1700) and pulses.wanted_us == (1500, 1500) and not pulses.alone
+    assert pulses.neutral() == (1600, 1700) and not pulses.alone
+    pulses.begin_tick(None)
+    assert pulses.wanted_us is None
+    assert pulses.neutral() == (1500, 1500) and not pulses.alone
+    assert pulses.step(1, (0.0, 0.0)) == (1500, 1500) and pulses.alone
+
+
+@pytest.mark.parametrize("kind", ["port-motor", "motors-swapped", "transmitter"])
+def test_what_would_have_moved_the_boat_otherwise_is_refused(logs: Logs, kind: str) -> None:
+    with pytest.raises(ConfigError, match=f"--fault {kind}: cannot be put into a log.*gnss-jump"):
+        reaction(logs("sitl"), f"{kind}@5")
+
+
+def test_the_command_tells_and_writes_it(logs: Logs, tmp_path: Path) -> None:
+    out = tmp_path / "reaction.json"
+    result = CliRunner().invoke(
+        app,
+        ["replay", str(logs("sitl")), "--fault", "gnss-silent@20", "--fault", "anemometer@30:5s", "--json", str(out)],
+    )
+    assert result.exit_code == 0, result.output
+    figures = json.loads(out.read_text())
+    assert figures["faults"] == ["gnss-silent@20", "anemometer@30:5s"] and figures["edited_frames"] > 100
+    assert figures["first_difference"]["t_s"] == pytest.approx(20.1, abs=0.2)
+    assert figures["holds"][0]["ended"] == "failsafe: position or heading is stale"
+    assert {note["subject"] for note in figures["notes"]} >= {"gnss position", "anemometer"}
+    text = " ".join(result.output.split())
+    assert "with the faults: hold from" in text and "position or heading is stale" in text
+
+
+def test_a_telemetry_log_takes_no_faults() -> None:
+    result = CliRunner().invoke(app, ["replay", "--tlog", "x.tlog", "--fault", "gnss@5"])
+    assert result.exit_code != 0 and "--fault goes with an MCAP log" in str(result.exception or result.output)
