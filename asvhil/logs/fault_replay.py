@@ -59,7 +59,7 @@ class RecordedPulses:
 
 
 @record
-class Reaction:
+class Noticed:
     """What the backseat makes of a log with faults in it. Times (s) count from the first tick.
 
     `edited`: frames that are not as recorded; `untouched`: ports that the faults should show on, and no edit can.
@@ -101,7 +101,7 @@ class _NewNotes:
 
 def replay_with_faults(
     path: Path, faults: Sequence[FaultConfig], on_tick: Callable[[int], None] = lambda ticks: None
-) -> Reaction:
+) -> Noticed:
     """Step a fresh backseat through a log into which faults are put. LogError, ConfigError.
 
     The plug-ins of the run must have been loaded (`plugins.load_plugins`).
@@ -140,7 +140,7 @@ def replay_with_faults(
         on_tick(ticks)
     if not ticks:
         raise LogError(f"{path}: holds no tick with outputs to compare")
-    return Reaction(
+    return Noticed(
         ticks=ticks,
         span_s=t_s,
         edited=edits.edited,

@@ -14,7 +14,7 @@ from asvhil.config import load_config
 from asvhil.config.fault_text import parse_fault, with_faults
 from asvhil.errors import ConfigError
 from asvhil.logs.encoding import decode_outputs
-from asvhil.logs.fault_replay import Reaction, RecordedPulses, replay_with_faults
+from asvhil.logs.fault_replay import Noticed, RecordedPulses, replay_with_faults
 from asvhil.logs.reader import LogFile
 from asvhil.sitl import run_lockstep
 from asvhil.types import Phase
@@ -37,7 +37,7 @@ def logs(tmp_path_factory: pytest.TempPathFactory) -> Logs:
     return log
 
 
-def reaction(path: Path, *faults: str) -> Reaction:
+def reaction(path: Path, *faults: str) -> Noticed:
     return replay_with_faults(path, [parse_fault(text) for text in faults])
 
 
