@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import Field, field_validator
 
 from asvhil.config.base import Degrees, Latitude, Longitude, NonNegative, Positive, Section
 from asvhil.config.motion import MotionConfig
@@ -101,6 +101,14 @@ class SupervisorConfig(Section):
             "distance that it lies within (`asvhil hold --within`, param3 of DO_REPOSITION). Not for `engage: auto`."
         ),
     )
+    geofence: tuple[tuple[Latitude, Longitude], ...] = Field(
+        default=(),
+        description=(
+            "Corners [latitude, longitude] in turn of the water where the boat may be, at least 3. A station outside "
+            "is refused, a hold of a boat outside does not begin, and one whose boat gets outside ends, neutral first. "
+            "Empty: no fence here; the autopilot may have its own."
+        ),
+    )
     control_mode: str = Field(
         default="MANUAL",
         description=(
@@ -144,3 +152,10 @@ class SupervisorConfig(Section):
     )
     readback: ReadbackConfig = Field(default=ReadbackConfig(), description="Checking that the motor outputs follow.")
     motion: MotionConfig = Field(default=MotionConfig(), description="Watching that the boat moves as it is told to.")
+
+    @field_validator("geofence")
+    @classmethod
+    def _check_geofence(cls, corners: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
+        if corners and len(set(corners)) < 3:
+            raise ValueError("a geofence needs 3 corners [latitude, longitude] or more, or none")
+        return corners

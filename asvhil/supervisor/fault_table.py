@@ -149,6 +149,20 @@ SECTIONS: dict[str, tuple[FaultRow, ...]] = {
             proof=RUNAWAYS,
         ),
         _row(
+            "the boat leaves the geofence",
+            "position against `supervisor.geofence`",
+            *(NEUTRAL, 0.1, (Reason.OUTSIDE_FENCE,)),
+            proof="tests/loop/test_geofence.py",
+        ),
+        _row(
+            "station outside the geofence, or farther than is meant",
+            "`supervisor.geofence`; `supervisor.max_distance_m`, {supervisor.max_distance_m:g} m",
+            REFUSE,
+            told="`outside-fence`, `station-unconfirmed`, `station-too-far`",
+            todo="Check latitude and longitude; `asvhil hold --within METRES` says that it is meant.",
+            proof="tests/unit/supervisor/test_geofence.py",
+        ),
+        _row(
             "the boat does not move as its model says",
             "errors of the prediction beyond `estimator.monitor` for {estimator.monitor.mismatch_s:g} s",
             told="note `model`; `estimator.monitor.on_mismatch: release` ends the hold",

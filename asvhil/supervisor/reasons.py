@@ -53,6 +53,7 @@ class Reason(enum.StrEnum):
     NO_STATION_HELD = "no-station-held"
     STATION_TOO_FAR = "station-too-far"
     STATION_UNCONFIRMED = "station-unconfirmed"
+    OUTSIDE_FENCE = "outside-fence"
     STICK_HIDDEN = "stick-hidden"
     WIRING_UNREAD = "wiring-unread"
     SCRIPT_SILENT = "script-silent"
@@ -231,6 +232,10 @@ WORDS: Mapping[Reason, Words] = {
         text="station is {metres:.0f} m away, {most:.0f} m at most without a word",
         remedy="Check latitude and longitude. If it is meant: `asvhil hold --within METRES`, param3 of DO_REPOSITION "
         "in metres, or supervisor.max_distance_m.",
+    ),
+    Reason.OUTSIDE_FENCE: Words(
+        text="the {what} is {metres:.0f} m outside the geofence",
+        remedy="Bring the boat back into supervisor.geofence, or choose a station in it.",
     ),
     Reason.STICK_HIDDEN: Words(
         text="channel {channel} moves a motor and is to end a hold",

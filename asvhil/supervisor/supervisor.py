@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from asvhil.config import SupervisorConfig
+from asvhil.geo import LocalFrame
 from asvhil.supervisor.arming_help import ArmingHelp
+from asvhil.supervisor.geofence import Geofence
 from asvhil.supervisor.mode_request import ModeRequest
 from asvhil.supervisor.pilot_watch import PilotWatch
 from asvhil.supervisor.reasons import Explanation, Reason, explain
@@ -63,6 +65,7 @@ class Supervisor:
         self._phase = Phase.STANDBY
         self._why = explain(Reason.WAITING_FOR_HOLD)
         self._station: Station | None = None
+        self._fence = Geofence(config.geofence)
         self._most_m = config.max_distance_m  # by the last hold command: how far off a station may be
         self._auto_pending = config.engage == "auto"
         self._failing_since_ns: int | None = None
@@ -158,7 +161,7 @@ class Supervisor:
         assert status is not None and estimate is not None and frame is not None
         station = station_of_hold(command, estimate, frame)
         most_m = max(self._config.max_distance_m, command.within_m)
-        refusal = too_far(station, estimate, most_m)
+        refusal = too_far(station, estimate, most_m) or self._outside(station, frame)
         if refusal is not None:
             return refusal
         self._most_m = most_m
@@ -174,7 +177,7 @@ class Supervisor:
         if held is None or situation.estimate is None or situation.frame is None:
             return explain(Reason.NO_STATION_HELD)
         station = station_of_move(command, held, situation.frame)
-        refusal = too_far(station, situation.estimate, self._most_m)
+        refusal = too_far(station, situation.estimate, self._most_m) or self._outside(station, situation.frame)
         if refusal is None:
             self._station = station
         return refusal
@@ -204,7 +207,17 @@ class Supervisor:
             return explain(Reason.WRONG_MODE, mode=status.mode, needed=self._config.control_mode)
         if situation.estimate is None or not situation.estimate.valid:
             return explain(Reason.NO_ESTIMATE)
-        return None
+        return self._left_fence(situation)
+
+    def _outside(self, station: Station, frame: LocalFrame) -> Explanation | None:
+        return self._fence.refusal("station", (station.n_m, station.e_m), frame)
+
+    def _left_fence(self, situation: Situation) -> Explanation | None:
+        """Why the boat is not where it may be. Where it is unknown, other watches have the word."""
+        estimate, frame = situation.estimate, situation.frame
+        if estimate is None or frame is None or not estimate.valid:
+            return None
+        return self._fence.refusal("boat", (estimate.n_m, estimate.e_m), frame)
 
     def _is_transmitter_lost(self, status: FrontseatStatus) -> bool:
         return status.radio is Radio.LOST and self._config.transmitter_lost == "release"
@@ -256,7 +269,12 @@ class Supervisor:
             return
         at = self._config.station
         assert at is not None  # held by the config's validation
-        self._engage(situation.t_ns, station_of_config(at, frame), status)
+        station = station_of_config(at, frame)
+        outside = self._outside(station, frame) or self._left_fence(situation)
+        if outside is not None:
+            self._wait(outside)
+            return
+        self._engage(situation.t_ns, station, status)
 
     def _wait(self, why: Explanation) -> None:
         """Not yet, or no longer, on the way to a hold by itself."""
@@ -310,6 +328,7 @@ class Supervisor:
             self._let_go(act, neutral_first=act.reason is Reason.STATION_STICK)
             return
         ends = situation.stranger or self._lost_station(situation) or situation.fault or situation.motion
+        ends = ends or self._left_fence(situation)
         if ends is not None:
             if ends.reason is Reason.SCRIPT_LET_GO:  # by the pilot's act, which it sees first
                 self._pilot_ns = t_ns
