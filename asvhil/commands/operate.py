@@ -9,7 +9,7 @@ import typer
 
 from asvhil.commands.numbers import lat_lon
 from asvhil.commands.options import SetOption
-from asvhil.errors import AsvhilError
+from asvhil.errors import AsvhilError, LinkError
 
 if TYPE_CHECKING:
     from asvhil.config import Config
@@ -35,7 +35,7 @@ def hold(
     config: DaemonOption = "field",
     set_: SetOption = [],  # noqa: B006
 ) -> None:
-    """Ask the running daemon to hold a station."""
+    """Ask the running daemon to hold a station; the answer says which, and how far off the boat is."""
     from asvhil.config import load_config
     from asvhil.io.mavlink.frames import dialect
     from asvhil.operator.encoding import encode_hold
@@ -44,7 +44,8 @@ def hold(
     lat_deg, lon_deg = (None, None) if at is None else lat_lon("--at", at)
     psi_rad = None if heading is None else math.radians(heading)
     data = encode_hold(settings.links.autopilot, lat_deg, lon_deg, psi_rad, within)
-    _ask(settings, data, dialect.MAV_CMD_DO_REPOSITION, "holding")
+    _ask(settings, data, dialect.MAV_CMD_DO_REPOSITION)
+    typer.echo(_what_is_held(settings))
 
 
 def release(
@@ -58,14 +59,32 @@ def release(
 
     settings = load_config(config, tuple(set_))
     data = encode_release(settings.links.autopilot)
-    _ask(settings, data, dialect.MAV_CMD_NAV_GUIDED_ENABLE, "released")
+    _ask(settings, data, dialect.MAV_CMD_NAV_GUIDED_ENABLE)
+    typer.echo("released")
 
 
-def _ask(config: Config, data: bytes, mav_cmd: int, done: str) -> None:
+def _what_is_held(config: Config) -> str:
+    """Place and heading of the station that was granted, and the way there; so a digit that is wrong is seen."""
+    from asvhil.links.operator_listener import OperatorListener
+
+    link = config.links.operator
+    try:
+        look = OperatorListener(config.links.autopilot, link.endpoint, link.signing).look()
+    except LinkError:  # it was granted all the same
+        return "holding"
+    station, distance_m = look["station"], look.get("distance_m")
+    if look["phase"] not in ("hold", "failsafe") or station is None:
+        return f"granted; {look['phase']}: {look['reason']}"
+    place = f"{station['lat_deg']:.7f}, {station['lon_deg']:.7f}, heading {station['heading_deg']:.1f} deg"
+    away = "" if distance_m is None else f"; {distance_m:.1f} m away"
+    return f"holding {place}{away}"
+
+
+def _ask(config: Config, data: bytes, mav_cmd: int) -> None:
+    """Send a request until it is answered. Raises AsvhilError with the daemon's words where it is refused."""
     from asvhil.links.operator_client import send_and_wait
 
     link = config.links.operator
     result, text = send_and_wait(data, link.endpoint, mav_cmd, signing=link.signing)
     if result != 0:
         raise AsvhilError(f"the daemon refused: {text or f'MAV_RESULT {result}'}")
-    typer.echo(done)

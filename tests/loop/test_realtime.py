@@ -1,6 +1,7 @@
 """Two processes, real UDP, a real serial line: engagement, noise on every link, kill -9, and the log afterwards."""
 
 import random
+import re
 import signal
 import socket
 import time
@@ -34,7 +35,12 @@ def test_hold_by_command_through_noise_and_a_clean_end(tmp_path: Path) -> None:
             assert (released.returncode, released.stdout) == (0, "released\n"), released.stderr
             daemon.wait_for(lambda s: s["phase"] == "standby" and s["pwm_us"] is None, 5.0)
             held = at.command("hold", "--heading", "10")
-            assert (held.returncode, held.stdout) == (0, "holding\n"), held.stderr
+            assert held.returncode == 0, held.stderr
+            told = re.fullmatch(
+                r"holding (-?\d+\.\d{7}), (-?\d+\.\d{7}), heading (\d+\.\d) deg; (\d+\.\d) m away\n", held.stdout
+            )
+            assert told is not None, held.stdout
+            assert float(told[4]) < 3.0, "a hold without a place is one where the boat is"
             daemon.wait_for(lambda s: s["phase"] == "hold", 5.0)
             with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as attacker:
                 for _ in range(256):  # a megabyte into each link, in a few seconds
