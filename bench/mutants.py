@@ -24,7 +24,15 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 SUPERVISOR = tuple(
     f"tests/unit/supervisor/test_{theme}.py"
-    for theme in ("supervisor", "arming_help", "watched_sticks", "motor_sticks")
+    for theme in (
+        "supervisor",
+        "arming_help",
+        "auto_engage",
+        "letting_go",
+        "motor_sticks",
+        "pilot_first",
+        "watched_sticks",
+    )
 )
 MODULES = {
     "asvhil/estimator/wind.py": ("tests/unit/estimator/test_wind.py",),

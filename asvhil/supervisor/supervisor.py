@@ -90,12 +90,7 @@ class Supervisor:
         answers = tuple(self._answer(request, situation) for request in requests)
         if self._phase in (Phase.STANDBY, Phase.PREPARE) and self._auto_pending:
             self._prepare(situation)
-        if self._next_station is not None:
-            self._await_mode(situation)
-        if self._arming_help.active:
-            self._await_arming(situation)
-        if self._phase in (Phase.HOLD, Phase.FAILSAFE):
-            self._watch(situation)
+        self._go_on(situation)
         self._name_the_end(situation, was_held=was_held)
         releasing = self._phase is Phase.STANDBY and self._release_left > 0
         neutral_alone = self._release_left > RELEASE_REPEATS
@@ -150,10 +145,12 @@ class Supervisor:
 
     def _hold(self, command: HoldCommand, situation: Situation) -> Explanation | None:
         """Take up a station. Returns None, or why not."""
+        self._go_on(situation)  # what the pilot does in this tick comes before what is asked for in it
         refusal = self._why_not(situation, situation.fault) or situation.slow
-        if refusal is None and self._pilot_ns is not None and situation.t_ns - self._pilot_ns < PILOT_FIRST_NS:
+        pilot_first = self._pilot_ns is not None and situation.t_ns - self._pilot_ns < PILOT_FIRST_NS
+        if refusal is None and pilot_first:
             refusal = explain(Reason.PILOT_FIRST)
-        if refusal is not None and refusal.reason is Reason.NOT_ARMED:
+        if refusal is not None and refusal.reason is Reason.NOT_ARMED and not pilot_first:
             refusal = self._help_arming(command.t_ns, situation.status) or refusal
         if refusal is not None:
             return refusal
@@ -241,11 +238,19 @@ class Supervisor:
             return None
         self._phase, self._why = Phase.PREPARE, explain(Reason.SENDING_NEUTRAL)
         self._auto_pending = False
-        self._release_left = 0
         self._mode.forget()
         return self._arming_help.begin(t_ns, status)
 
     # --- each tick -----------------------------------------------------------------------------------------
+
+    def _go_on(self, situation: Situation) -> None:
+        """What has become of a hold, or of the attempt to begin one, that was there already."""
+        if self._next_station is not None:
+            self._await_mode(situation)
+        if self._arming_help.active:
+            self._await_arming(situation)
+        if self._phase in (Phase.HOLD, Phase.FAILSAFE):
+            self._watch(situation)
 
     def _prepare(self, situation: Situation) -> None:
         """engage: auto. Wait for readiness, ask for mode and arming with neutral sticks, then hold, once."""
@@ -285,10 +290,9 @@ class Supervisor:
     def _take_mode(self, t_ns: int, station: Station, status: FrontseatStatus) -> None:
         """Ask for the control mode, with neutral sticks, before the motors are driven."""
         self._phase, self._why = Phase.PREPARE, explain(Reason.TAKING_MODE, mode=self._config.control_mode)
-        self._station, self._next_station = None, station
+        self._next_station = station
         self._arming_help.end()
         self._auto_pending = False
-        self._release_left = 0
         self._mode.take(t_ns, status.mode)
 
     def _await_arming(self, situation: Situation) -> None:
@@ -296,7 +300,10 @@ class Supervisor:
         alive = situation.status is not None and self._link_ok(situation)
         failure = self._arming_help.failure(situation) if alive else explain(Reason.NO_HEARTBEAT)
         if failure is not None:
-            self._let_go(failure, neutral_first=failure.reason not in THEIRS)
+            theirs = failure.reason in THEIRS
+            if theirs:
+                self._pilot_ns = situation.t_ns
+            self._let_go(failure, neutral_first=not theirs)
 
     def _await_mode(self, situation: Situation) -> None:
         """Hold once the mode that was asked for stands; give up where something has changed, or after a while."""
@@ -310,6 +317,8 @@ class Supervisor:
             situation.t_ns, status.mode
         )
         if failure is not None:
+            if failure.reason is not Reason.MODE_NOT_ENTERED:
+                self._pilot_ns = situation.t_ns
             self._let_go(failure)
         elif status.mode == self._config.control_mode:
             assert self._next_station is not None
@@ -385,13 +394,11 @@ class Supervisor:
     def _engage(self, t_ns: int, station: Station, status: FrontseatStatus) -> None:
         self._phase, self._why = Phase.HOLD, explain(Reason.HOLDING)
         self._station = station
-        self._auto_pending = False
         self._next_station = None
         self._arming_help.end()
         self._mode.taken()
         self._failing_since_ns = None
         self._control_failed = False
-        self._release_left = 0
         self._pilot.begin(t_ns, status)
 
     def _let_go(self, why: Explanation, *, neutral_first: bool = False, give_back_ns: int | None = None) -> None:
@@ -403,7 +410,6 @@ class Supervisor:
         itself, and a pilot's choice stands.
         """
         self._phase, self._why = Phase.STANDBY, why
-        self._station = None
         self._auto_pending = False
         self._next_station = None
         self._arming_help.end()
@@ -411,6 +417,5 @@ class Supervisor:
             self._mode.forget()
         else:
             self._mode.give_back(give_back_ns)
-        self._failing_since_ns = None
         self._release_left = RELEASE_REPEATS + (NEUTRAL_ALONE if self._keeps_override else 0)
         self._neutral_first = neutral_first or self._keeps_override

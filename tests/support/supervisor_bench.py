@@ -5,7 +5,7 @@ from dataclasses import replace
 from asvhil.config import SupervisorConfig
 from asvhil.geo import LocalFrame
 from asvhil.supervisor.reasons import Explanation
-from asvhil.supervisor.situation import MotorPulses, Situation
+from asvhil.supervisor.situation import MotorPulses, Situation, StationSticks
 from asvhil.supervisor.supervisor import Decision, Request, Supervisor
 from asvhil.types import Estimate, FrontseatStatus, HoldCommand, MoveCommand, ReleaseCommand
 
@@ -35,12 +35,18 @@ class SupervisorBench:
         self.t_ns = 0
         self.status: FrontseatStatus | None = status()
         self.age_s: float | None = 0.1
+        self.heard_age_s: float | None = None
+        self.stranger: Explanation | None = None
         self.estimate: Estimate | None = ESTIMATE
+        self.frame: LocalFrame | None = FRAME
         self.sent: MotorPulses | None = None  # in the last tick
         self.control_ok: bool | None = None
         self.slow: Explanation | None = None
         self.station_age_s: float | None = None
         self.motion: Explanation | None = None
+        self.fault: Explanation | None = None
+        self.unverified: Explanation | None = None
+        self.station_sticks: tuple[StationSticks, ...] = ()  # since the last tick
 
     def hold(self, **fields: float) -> Explanation | None:
         """Ask to hold; the answer."""
@@ -60,14 +66,19 @@ class SupervisorBench:
             status=self.status,
             heartbeat_age_s=self.age_s,
             estimate=self.estimate,
-            frame=FRAME,
+            heard_age_s=self.heard_age_s,
+            stranger=self.stranger,
+            frame=self.frame,
             slow=self.slow,
+            fault=self.fault,
+            unverified=self.unverified,
+            station_sticks=self.station_sticks,
             station_age_s=self.station_age_s,
             motion=self.motion,
             control_ok=self.control_ok,
             sent=self.sent,
         )
-        self.control_ok = self.sent = None
+        self.control_ok, self.sent, self.station_sticks = None, None, ()
         return self.supervisor.step(situation, requests)
 
     def drive(self, seconds: float = 2.0, pulses: tuple[int, int] = (1600, 1400)) -> Decision:

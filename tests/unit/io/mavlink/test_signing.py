@@ -343,6 +343,11 @@ def test_without_a_clock_time_goes_on_from_what_was_known_at_the_start() -> None
         guard = verifier(SigningState(last=NOW, streams={}))
         frame = sign(heartbeat(), KEY, 0, timestamp)
         assert guard.check(frame, NOW_NS + 3600 * 10**9, 0) is verdict
+    guard = verifier(SigningState(last=NOW, streams={}))
+    latest_ns = NOW_NS + 3600 * 10**9 + 9_999  # the last moment of a tick of 10 us
+    assert guard.check(sign(heartbeat(), KEY, 0, NOW + HOUR - 60 * SECOND), latest_ns, 0) is Verdict.ACCEPTED
+    guard = Verifier(KEY, SigningClock(), state=SigningState(last=NOW, streams={}))
+    assert guard.check(sign(heartbeat(), KEY, 0, NOW - 60 * SECOND - 1), 0, 0) is Verdict.TOO_OLD
 
 
 def test_a_clock_counts_as_set_from_just_2026_on() -> None:

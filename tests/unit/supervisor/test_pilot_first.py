@@ -1,0 +1,154 @@
+"""What the pilot does comes before a hold command that was sent before its sender could know of it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from asvhil.config import SupervisorConfig
+from asvhil.supervisor.reasons import Explanation, Reason, explain
+from asvhil.supervisor.situation import MotorPulses, StationSticks
+from asvhil.supervisor.supervisor import Decision
+from asvhil.types import FrontseatStatus, HoldCommand, MoveCommand, Phase, Radio
+from tests.support.supervisor_bench import ESTIMATE, SupervisorBench, status
+
+PILOT_FIRST = explain(Reason.PILOT_FIRST)
+NOT_ARMED = explain(Reason.NOT_ARMED, hint="")
+
+
+def station_moves(bench: SupervisorBench, channel: int = 1, us: int = 1700) -> None:
+    sticks = StationSticks(t_ns=bench.t_ns, sender=(255, 190), channels=((channel, us),))
+    bench.station_sticks = (sticks,)
+
+
+def holding(**config: object) -> SupervisorBench:
+    bench = SupervisorBench(SupervisorConfig.model_validate(config))
+    assert bench.hold() is None
+    bench.drive()
+    return bench
+
+
+def taking_mode() -> SupervisorBench:
+    bench = SupervisorBench(SupervisorConfig(take_mode=True))
+    bench.status = status(mode="GUIDED")
+    assert bench.hold() is None and bench.step().neutral
+    return bench
+
+
+def asks(bench: SupervisorBench, ms: int = 50) -> Decision:
+    return bench.step(ms, HoldCommand(t_ns=bench.t_ns))
+
+
+def stood_by(decision: Decision, why: Explanation, answer: Explanation) -> bool:
+    said = (decision.phase, decision.why, decision.answers, decision.begun, decision.drive, decision.ask_mode)
+    return said == (Phase.STANDBY, why, (answer,), False, False, None)
+
+
+ACTS: dict[str, tuple[FrontseatStatus, Explanation]] = {
+    "mode": (status(mode="HOLD"), explain(Reason.MODE_CHANGED, mode="HOLD")),
+    "stick": (status(rc_us=(1600, 1700, 1400, 1500)), explain(Reason.STICK_MOVED, channel=2)),
+    "override": (status(rc_us=(1600, 1500, 1900, 1500)), explain(Reason.OVERRIDE_NOT_FOLLOWED, channel=3)),
+}
+
+
+@pytest.mark.parametrize("act", ACTS)
+def test_a_hold_command_of_the_very_tick_in_which_the_pilot_acts_is_refused(act: str) -> None:
+    """As the new hold would take his stick for one at rest, and ask for another mode than his."""
+    bench = holding(take_mode=True)
+    bench.status, why = ACTS[act]
+    assert stood_by(asks(bench), why, PILOT_FIRST)
+    bench.status = status()
+    assert bench.step(999).phase is Phase.STANDBY and bench.hold() == PILOT_FIRST
+    bench.step(1)
+    assert bench.hold() is None
+
+
+def test_so_is_one_in_which_a_ground_stations_stick_is_moved() -> None:
+    bench = holding()
+    station_moves(bench)
+    why = explain(Reason.STATION_STICK, channel=1, station="255/190")
+    decision = asks(bench)
+    assert stood_by(decision, why, PILOT_FIRST) and decision.neutral and decision.release
+
+
+def test_disarming_is_not_answered_with_neutral_to_arm_again() -> None:
+    bench = holding()
+    bench.status = status(armed=False, radio=Radio.ABSENT)
+    assert stood_by(asks(bench), explain(Reason.DISARMED), NOT_ARMED)
+    assert asks(bench, 900).phase is Phase.STANDBY
+    decision = asks(bench, 100)
+    assert decision.phase is Phase.PREPARE and decision.why == explain(Reason.SENDING_NEUTRAL)
+
+
+def test_where_there_is_another_reason_to_refuse_that_one_is_told() -> None:
+    bench = holding()
+    bench.status = status(mode="HOLD")
+    bench.step()
+    assert bench.hold() == explain(Reason.WRONG_MODE, mode="HOLD", needed="MANUAL")
+
+
+def test_a_mode_that_the_pilot_chooses_while_another_is_asked_for_stands() -> None:
+    bench = taking_mode()
+    bench.status = status(mode="LOITER")
+    assert stood_by(asks(bench), explain(Reason.MODE_CHANGED, mode="LOITER"), PILOT_FIRST)
+    assert bench.step(999).ask_mode is None and bench.hold() == PILOT_FIRST
+    bench.step(1)
+    assert bench.hold() is None and bench.step().ask_mode == "MANUAL"
+
+
+def test_a_ground_stations_stick_ends_the_attempt_to_take_the_mode() -> None:
+    bench = taking_mode()
+    station_moves(bench)
+    decision = asks(bench)
+    assert stood_by(decision, explain(Reason.STATION_STICK, channel=1, station="255/190"), PILOT_FIRST)
+    assert decision.release and not decision.neutral
+
+
+def test_a_mode_that_is_not_entered_is_nobodys_choice() -> None:
+    bench = taking_mode()
+    assert bench.step(4000).why == explain(Reason.MODE_NOT_ENTERED, mode="MANUAL")
+    assert bench.hold() is None
+
+
+def test_neutral_for_arming_is_not_sent_anew_against_sticks_that_have_just_taken_the_boat() -> None:
+    bench = SupervisorBench()
+    bench.status = replace(status(armed=False, radio=Radio.ABSENT, rc_us=(0,) * 8), sticks_us=(0, 0))
+    assert bench.hold() is not None and bench.step().neutral
+    station_moves(bench)
+    decision = asks(bench)
+    assert decision.phase is Phase.STANDBY and decision.why.reason is Reason.STATION_STICK
+    bench = SupervisorBench()
+    bench.status = status(armed=False, radio=Radio.ABSENT)
+    bench.hold()
+    for _ in range(40):
+        assert bench.step().neutral
+        bench.sent = MotorPulses(t_ns=bench.t_ns, us=(1500, 1500))
+    bench.status = status(armed=False, radio=Radio.ABSENT, rc_us=(1700, 1500, 1500, 1500))
+    assert stood_by(asks(bench), explain(Reason.OVERRIDE_NOT_FOLLOWED, channel=1), NOT_ARMED)
+    assert asks(bench).phase is Phase.STANDBY
+
+
+def test_a_script_that_let_go_by_the_pilots_act_puts_him_first() -> None:
+    bench = holding()
+    bench.fault = explain(Reason.SCRIPT_LET_GO, hint="mode")
+    decision = bench.step()
+    assert decision.why.reason is Reason.SCRIPT_LET_GO and decision.neutral and decision.release
+    bench.fault = None
+    assert bench.hold() == PILOT_FIRST
+    bench = holding()
+    bench.fault = explain(Reason.OUTPUTS_DIFFER)
+    assert bench.step().why.reason is Reason.OUTPUTS_DIFFER
+    assert bench.hold() == explain(Reason.OUTPUTS_DIFFER)
+    bench.fault = None
+    assert bench.hold() is None, "a fault is no act of the pilot"
+
+
+def test_a_station_is_not_moved_by_a_boat_that_does_not_know_where_it_is() -> None:
+    bench = holding()
+    bench.estimate = replace(ESTIMATE, valid=False)
+    before = bench.step().station
+    for estimate, frame in ((None, bench.frame), (ESTIMATE, None)):
+        bench.estimate, bench.frame = estimate, frame
+        decision = bench.step(50, MoveCommand(t_ns=bench.t_ns, n_m=5.0))
+        assert decision.answers == (explain(Reason.NO_STATION_HELD),) and decision.station == before
