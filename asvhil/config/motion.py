@@ -43,10 +43,11 @@ class MotionConfig(Section):
         description="For so long after a hold has begun, a fault of motors or compass ends it at once.",
     )
     confirm_m: NonNegative = Field(
-        default=4.0,
+        default=6.0,
         description=(
-            "Later such a fault is told at once, and ends the hold once the boat is this much farther off than it has "
-            "been: by waves and gusts alone a sound boat may seem to have one, and stays all the same."
+            "Later such a fault is told at once, for as long as there is evidence of it, and ends the hold once the "
+            "boat is this much farther off than it has been: by waves and gusts alone a sound boat may seem to have "
+            "one, and stays all the same."
         ),
     )
     farther_m: Positive = Field(

@@ -10,6 +10,7 @@ from asvhil.supervisor.reasons import Explanation, describe
 from asvhil.types import Estimate, Measurement, Note, Station, Wind
 
 SUBJECT = "motion"
+FORGET_S = 20.0  # a fault without enough evidence for this long was a chance
 
 
 class MotionWatch:
@@ -29,6 +30,7 @@ class MotionWatch:
         self._found: Explanation | None = None
         self._ended = False
         self._begin_ns: int | None = None
+        self._seen_ns = 0  # when there was enough evidence last
 
     def step(
         self,
@@ -41,7 +43,7 @@ class MotionWatch:
     ) -> Explanation | None:
         """Why a hold is to end, from what came in this tick and the commands that the motors got before it.
 
-        What was found stands until the hold ends.
+        What was found stands until the hold ends, or until there has been too little evidence for a while.
         """
         if self._config.on_fault == "off":
             return None
@@ -55,6 +57,10 @@ class MotionWatch:
         away = None
         if self._keeps_station and estimate is not None and estimate.valid:
             away = self._distance.step(t_ns, estimate, station, command, self._monitor.current_ned)
+        if fault is not None:
+            self._seen_ns = t_ns
+        if (t_ns - self._seen_ns) * 1e-9 > FORGET_S and away is None and not self._ended:
+            self._found = None
         if self._found is None:
             self._found = fault or away
         if self._begin_ns is None:

@@ -5,8 +5,9 @@ from __future__ import annotations
 import pytest
 
 from asvhil.config import load_config
+from asvhil.motion.monitor import MotionMonitor
 from asvhil.motion.watch import MotionWatch
-from asvhil.supervisor.reasons import Explanation, Reason
+from asvhil.supervisor.reasons import Explanation, Reason, explain
 from asvhil.types import Estimate, Station
 
 STATION = Station(n_m=0.0, e_m=0.0, psi_rad=0.0)
@@ -61,6 +62,59 @@ def test_manoeuvres_may_go_where_they_like() -> None:
 @pytest.mark.parametrize("station", [None, STATION])
 def test_without_a_station_or_a_valid_estimate_no_distance_counts(station: Station | None) -> None:
     assert Drift().run(30.0, station, valid=station is None) is None
+
+
+class Suspicion:
+    """A boat that stays, or is some metres off, and a monitor that suspects a motor while `suspects`."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.watch = MotionWatch(load_config("sitl"))
+        self.t_ns, self.off_m, self.suspects = 0, 0.0, False
+        fault = explain(Reason.MOTOR_DEAD, motor="port")
+        monkeypatch.setattr(MotionMonitor, "step", lambda *_, **__: fault if self.suspects else None)
+
+    def run(self, seconds: float) -> Explanation | None:
+        found = None
+        for _ in range(round(seconds * 20)):
+            self.t_ns += 50_000_000
+            estimate = Estimate(
+                t_ns=self.t_ns, n_m=self.off_m, e_m=0.0, psi_rad=0.0, u_mps=0.0, v_mps=0.0, r_radps=0.0,
+                motor=(), std=(), disturbance=(0.0, 0.0, 0.0), valid=True,
+            )  # fmt: skip
+            found = found or self.watch.step(self.t_ns, (), (0.0, 0.0), None, estimate, frozenset())
+            self.watch.note_station(STATION)
+        return found
+
+
+def test_a_late_suspicion_is_told_and_taken_back_and_ends_nothing_after_that(monkeypatch: pytest.MonkeyPatch) -> None:
+    boat = Suspicion(monkeypatch)
+    boat.run(40.0)
+    boat.suspects = True
+    assert boat.run(2.0) is None and "port motor gave no thrust" in boat.watch.notes[0].text
+    boat.suspects = False
+    assert boat.run(19.0) is None and len(boat.watch.notes) == 1
+    assert boat.run(2.0) is None and boat.watch.notes == ()
+    boat.off_m = 7.0
+    assert boat.run(10.0) is None, "a swing long after it is no proof"
+
+
+def test_a_late_suspicion_ends_the_hold_of_a_boat_that_leaves(monkeypatch: pytest.MonkeyPatch) -> None:
+    boat = Suspicion(monkeypatch)
+    boat.run(40.0)
+    boat.suspects, boat.off_m = True, 5.5
+    assert boat.run(10.0) is None
+    boat.off_m = 6.5
+    found = boat.run(1.0)
+    assert found is not None and found.reason is Reason.MOTOR_DEAD
+    boat.suspects = False
+    assert boat.run(30.0) is not None, "what has ended a hold stands"
+
+
+def test_an_early_suspicion_ends_the_hold_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    boat = Suspicion(monkeypatch)
+    boat.run(10.0)
+    boat.suspects = True
+    assert boat.run(0.1) is not None
 
 
 def test_the_next_hold_begins_anew() -> None:
