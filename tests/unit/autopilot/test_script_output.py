@@ -100,6 +100,9 @@ def test_none_begins_before_the_script_is_heard_nor_after_a_disarming() -> None:
     way = output()
     way.on_vehicle(armed=True, mode="HOLD")
     assert way.drive(1600, 1420) == []
+    way = output()
+    told(way, S)
+    assert way.drive(1600, 1420) == [], "nor before the vehicle is"
     way = ready()
     way.on_disarmed(S)
     assert way.drive(1600, 1420) == []
@@ -161,12 +164,25 @@ def test_a_late_reason_ends_a_session_of_which_the_sign_has_not_told() -> None:
     assert way.fault(S + 800_000_000) == explain(Reason.SCRIPT_LET_GO, why="an unknown reason")
 
 
+def test_values_of_other_scripts_say_nothing_of_ours() -> None:
+    other = decode(
+        dialect.MAVLink_named_value_float_message(0, b"DEPTH", 3.0).pack(dialect.MAVLink(None, srcSystem=7))
+    )
+    way = ready()
+    way.drive(1600, 1420)
+    way.on_named_value(S, other)
+    told(way, S, reason=ScriptReason.STICK, start=START + 1)  # perhaps of before
+    way.on_named_value(S + 900_000_000, other)
+    assert way.fault(S + 900_000_000) is None
+
+
 def test_a_session_begins_without_what_ended_the_one_before() -> None:
     way = ready()
     way.drive(1600, 1420)
     told(way, S, reason=ScriptReason.DRIVING, start=START + 1)
     way.release(S)
     told(way, 3 * S, start=START + 1)
+    assert way.fault(3 * S) is None, "a sign of after the release ends nothing"
     way.data_to_send(3 * S)
     way.drive(1600, 1420)
     told(way, 4 * S, start=START + 1)
