@@ -39,7 +39,9 @@ MODULES = {
     "asvhil/estimator/sensor_health.py": ("tests/unit/estimator/test_sensor_health.py",),
     "asvhil/autopilot/motor_outputs.py": ("tests/unit/autopilot/test_motor_outputs.py",),
     "asvhil/autopilot/script_output.py": ("tests/unit/autopilot/test_script_output.py",),
-    "asvhil/autopilot/readback.py": ("tests/unit/autopilot/test_readback.py",),
+    "asvhil/autopilot/readback.py": tuple(
+        f"tests/unit/autopilot/test_readback{theme}.py" for theme in ("", "_sticks", "_times")
+    ),
     "asvhil/controller/pwm.py": ("tests/unit/controller/test_pwm.py",),
     "asvhil/io/mavlink/signing.py": ("tests/unit/io/mavlink/test_signing.py",),
     "asvhil/supervisor/pilot_watch.py": SUPERVISOR,

@@ -165,9 +165,7 @@ def test_a_late_reason_ends_a_session_of_which_the_sign_has_not_told() -> None:
 
 
 def test_values_of_other_scripts_say_nothing_of_ours() -> None:
-    other = decode(
-        dialect.MAVLink_named_value_float_message(0, b"DEPTH", 3.0).pack(dialect.MAVLink(None, srcSystem=7))
-    )
+    other = decode(dialect.MAVLink_named_value_float_message(0, b"DEPTH", 3.0).pack(dialect.MAVLink(None, srcSystem=7)))
     way = ready()
     way.drive(1600, 1420)
     way.on_named_value(S, other)
