@@ -177,7 +177,8 @@ class FrontseatStatus:
     `centres_us` is where those sticks rest, as RC values. `receiver_ignored`: a transmitter has no effect, heard or
     not. `keeps_override`: no receiver takes the place of an override that has ended, and its last value stands.
     `rc_ns` and `outputs_ns` are when the values came; 0: never. `arming_fault`: why it would not arm, by the
-    autopilot's own words; empty where it would, or is armed, or nothing is known.
+    autopilot's own words; empty where it would, or is armed, or nothing is known. `battery_percent`: of the charge;
+    None where the autopilot does not tell.
     """
 
     t_ns: int
@@ -196,6 +197,8 @@ class FrontseatStatus:
     outputs_ns: int = 0
     radio: Radio = Radio.UNKNOWN
     arming_fault: str = ""
+    battery_v: float | None = None
+    battery_percent: float | None = None
 
     @property
     def has_transmitter(self) -> bool:

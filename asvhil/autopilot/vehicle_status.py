@@ -14,6 +14,7 @@ from asvhil.autopilot.wiring import Pulses
 from asvhil.io.mavlink.frames import dialect
 from asvhil.types import FrontseatStatus, Radio
 
+NO_VOLTAGE = 0xFFFF  # mV in SYS_STATUS, as 0 of a monitor that is not set up
 BOOTING = (dialect.MAV_STATE_BOOT, dialect.MAV_STATE_CALIBRATING)
 CHANNELS_OF = attrgetter(*(f"chan{i}_raw" for i in range(1, 19)))  # of RC_CHANNELS
 OUTPUTS_OF = attrgetter(*(f"servo{i}_raw" for i in range(1, 17)))  # of SERVO_OUTPUT_RAW
@@ -42,6 +43,8 @@ class VehicleStatus:
         self._sticks_us: Pulses | None = None
         self._motors_us: Pulses | None = None
         self._rc_ns = self._outputs_ns = 0
+        self._battery_v: float | None = None
+        self._battery_percent: float | None = None
 
     def restart(self) -> None:
         """The autopilot has rebooted."""
@@ -77,6 +80,8 @@ class VehicleStatus:
             outputs_ns=self._outputs_ns,
             radio=self.transmitter.radio,
             arming_fault="" if self.armed else self.arming_fault,
+            battery_v=self._battery_v,
+            battery_percent=self._battery_percent,
         )
         return (status,)
 
@@ -109,6 +114,8 @@ class VehicleStatus:
     def on_sys_status(self, t_ns: int, m: Any) -> Sequence[FrontseatStatus]:
         """SYS_STATUS."""
         health = m.onboard_control_sensors_health
+        self._battery_v = 1e-3 * m.voltage_battery if 0 < m.voltage_battery < NO_VOLTAGE else None
+        self._battery_percent = float(m.battery_remaining) if m.battery_remaining >= 0 else None
         self.transmitter.on_sys_status(t_ns, m.onboard_control_sensors_present, health)
         self.arming_checks.on_sys_status(m.onboard_control_sensors_enabled, health)
         return self.status(t_ns)

@@ -9,6 +9,7 @@ from asvhil.backseat.perception import Perceived, Perception
 from asvhil.config.ports import OPERATOR
 from asvhil.geo import LocalFrame
 from asvhil.motion.watch import MotionWatch
+from asvhil.supervisor.battery_watch import BatteryWatch
 from asvhil.supervisor.reasons import describe
 from asvhil.supervisor.situation import Situation, StationSticks
 from asvhil.supervisor.supervisor import Decision
@@ -24,11 +25,13 @@ class Backseat:
         autopilot: Autopilot,
         perception: Perception,
         motion: MotionWatch,
+        battery: BatteryWatch,
         command: Command,
         actuation: Actuation,
     ) -> None:
         self._autopilot = autopilot
         self._motion = motion
+        self._battery = battery
         self._perception = perception
         self._command = command
         self._actuation = actuation
@@ -54,7 +57,7 @@ class Backseat:
         self._motion.note_station(decision.station)
         self._perception.note_held(held=decision.station is not None)
         outside = (*self._autopilot.notes, *self._actuation.notes, *self._perception.notes(t_ns))
-        notes = (*outside, *self._motion.notes, *self._command.notes)
+        notes = (*outside, *self._motion.notes, *self._battery.notes, *self._command.notes)
         frames += self._autopilot.data_to_send(t_ns)
         frames += self._perception.data_to_send(t_ns)
         frames += self._command.data_to_send(situation, decision, control, self._perception.switches(t_ns), notes)
@@ -105,6 +108,7 @@ class Backseat:
         motion = self._motion.step(
             seen.t_ns, seen.measurements, self._perception.command, seen.usable_wind, seen.estimate, seen.ailing
         )
+        self._battery.step(seen.t_ns, seen.status)
         beat_ns, heard_ns = self._autopilot.autopilot_heartbeat_ns, self._autopilot.autopilot_heard_ns
         station_ns = self._autopilot.station_heard_ns
         return Situation(
@@ -116,7 +120,7 @@ class Backseat:
             slow=self._autopilot.slow_stream,
             estimate=seen.estimate,
             frame=seen.frame,
-            fault=self._actuation.fault,
+            fault=self._actuation.fault or self._battery.fault,
             unverified=self._actuation.unverified,
             motion=motion or self._perception.mismatch,
             control_ok=self._actuation.control_ok,

@@ -34,6 +34,7 @@ from asvhil.operator.operations import Operations
 from asvhil.operator.session import OperatorSession
 from asvhil.operator.station_parameters import STATION_PARAMETERS
 from asvhil.operator.tunables import Tunables
+from asvhil.supervisor.battery_watch import BatteryWatch
 from asvhil.supervisor.supervisor import Supervisor
 
 HELD_S = 1e-3  # a time constant so short that a low-pass takes each sample over whole
@@ -187,6 +188,7 @@ def build_backseat(
         autopilot=link,
         perception=build_perception(config, model, link),
         motion=MotionWatch(config),
+        battery=BatteryWatch(config.supervisor.battery),
         command=build_command(config, controller),
         actuation=Actuation(
             autopilot=link,

@@ -1,6 +1,7 @@
 """The config: its sections, one module for each subject, and the way from YAML text to a validated `Config`."""
 
 from asvhil.config.base import Section
+from asvhil.config.battery import BatteryConfig
 from asvhil.config.controller import (
     BacksteppingConfig,
     LoiterConfig,
@@ -59,6 +60,7 @@ __all__ = [
     "AutopilotKind",
     "AutopilotLinkConfig",
     "BacksteppingConfig",
+    "BatteryConfig",
     "CompassConfig",
     "Config",
     "ControllerConfig",

@@ -37,14 +37,16 @@ class Present(frozenset[str]):
 
     _sensors: dict[str, SensorFaults]
     thrust_left: tuple[float, float] = (1.0, 1.0)  # of the port and of the starboard motor
+    battery_v: float | None = None  # None: as it should be
 
     @classmethod
     def of_faults(cls, faults: Iterable[FaultConfig]) -> Present:
         present = tuple(faults)
         self = cls(fault.kind for fault in present)
         self._sensors = {device: _sensor_faults(present, device) for device in ("autopilot", "ins", "nmea")}
-        weak = {fault.kind: fault.magnitude for fault in present}
-        self.thrust_left = weak.get("port-motor-weak", 1.0), weak.get("starboard-motor-weak", 1.0)
+        sizes = {fault.kind: fault.magnitude for fault in present}
+        self.thrust_left = sizes.get("port-motor-weak", 1.0), sizes.get("starboard-motor-weak", 1.0)
+        self.battery_v = sizes.get("battery")
         return self
 
     def of(self, device: str) -> SensorFaults:

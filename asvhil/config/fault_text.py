@@ -14,11 +14,11 @@ from asvhil.errors import ConfigError
 
 KINDS: tuple[str, ...] = get_args(FaultKind)
 FORM = "KIND@FROM[:DURATION][:SIZE], such as gnss-jump@60:5s:20m"
-_PART = re.compile(r"(-?\d+(?:\.\d+)?)(s|m|deg)?")
+_PART = re.compile(r"(-?\d+(?:\.\d+)?)(s|m|deg|V)?")
 
 
 def parse_fault(text: str) -> FaultConfig:
-    """FROM and DURATION in seconds, SIZE in the kind's unit (m, deg, or a bare share). ConfigError where it is none."""
+    """FROM and DURATION in seconds, SIZE in the kind's unit (m, deg, V, or a bare share). ConfigError for others."""
     kind, sign, rest = text.partition("@")
     if kind not in KINDS:
         near = difflib.get_close_matches(kind, KINDS, n=1)

@@ -16,6 +16,7 @@ DEFAULT_SIZE = {
     "compass-turned": 90.0,
     "port-motor-weak": 0.3,
     "starboard-motor-weak": 0.3,
+    "battery": 10.5,
 }
 OF_ONE_DEVICE = frozenset(
     {
@@ -47,6 +48,7 @@ FaultKind = Literal[
     "ins-gnss",
     "nmea",
     "transmitter",
+    "battery",
 ]
 
 
@@ -64,7 +66,7 @@ class FaultConfig(Section):
         default=None,
         description=(
             "How much. gnss-jump: m (null: 20). heading-jump, compass-turned: degrees (null: 60, 90). A weak motor: "
-            "the share of its thrust that is left (null: 0.3)."
+            "the share of its thrust that is left (null: 0.3). battery: V (null: 10.5)."
         ),
     )
     toward_deg: Degrees = Field(default=45.0, description="Direction of a gnss-jump, clockwise from north.")

@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Field, field_validator
 
 from asvhil.config.base import Degrees, Latitude, Longitude, NonNegative, Positive, Section
+from asvhil.config.battery import BatteryConfig
 from asvhil.config.motion import MotionConfig
 from asvhil.types import Cause
 
@@ -152,6 +153,7 @@ class SupervisorConfig(Section):
     )
     readback: ReadbackConfig = Field(default=ReadbackConfig(), description="Checking that the motor outputs follow.")
     motion: MotionConfig = Field(default=MotionConfig(), description="Watching that the boat moves as it is told to.")
+    battery: BatteryConfig = Field(default=BatteryConfig(), description="Watching the battery.")
 
     @field_validator("geofence")
     @classmethod

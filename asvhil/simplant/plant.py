@@ -19,6 +19,7 @@ from asvhil.simplant.boat.sensors import Anemometer, Navigation, TrueMotion, mwv
 from asvhil.simplant.boat.vessel import Vessel
 from asvhil.simplant.boat.weather import Weather
 from asvhil.simplant.px4.vehicle import SimulatedPx4
+from asvhil.simplant.vehicle.powered import BATTERY_V
 from asvhil.types import Frame, record
 
 
@@ -212,6 +213,7 @@ class Plant:
                 self._transmitter_lost = not self._transmitter_lost
                 self.frontseat.set_receiver(not self._transmitter_lost)
             if self._loop.take_due(self._t_ns):
+                self.frontseat.set_battery(BATTERY_V if faults.battery_v is None else faults.battery_v)
                 self._navigation.sample(self._t_ns, self.motion, faults.of("autopilot"))
                 sent += self._autopilot.loop(self._t_ns)
                 self._drive(faults)

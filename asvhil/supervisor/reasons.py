@@ -80,6 +80,7 @@ class Reason(enum.StrEnum):
     BEYOND_MOTORS = "beyond-motors"
     DRIFTED_OFF = "drifted-off"
     MODEL_MISMATCH = "model-mismatch"
+    BATTERY_LOW = "battery-low"
     # Why a request makes no sense
     GUIDED_ENABLE_VALUE = "guided-enable-value"
     COMMAND_INT_ONLY = "command-int-only"
@@ -334,6 +335,10 @@ WORDS: Mapping[Reason, Words] = {
     Reason.MODEL_MISMATCH: Words(
         text="the boat does not move as the model says: {what} is off by {error} within {horizon_s:g} s",
         remedy="Train a model on this boat as it is (docs/models.md); look at vehicle.vessel and the wind sensor.",
+    ),
+    Reason.BATTERY_LOW: Words(
+        text="the battery is low: {reading}, less than {limit}",
+        remedy="Take the boat home. supervisor.battery sets the limits.",
     ),
     Reason.GUIDED_ENABLE_VALUE: Words(
         text="param1 must be 0 or 1", remedy="NAV_GUIDED_ENABLE: 1 holds the station here, 0 releases."

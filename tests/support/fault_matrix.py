@@ -308,6 +308,7 @@ def _pilots_station(loop: FaultLoop) -> None:
     loop.inject("autopilot", _mavlink(body, loop.config.links.autopilot.override_system_id, 190), "10.0.0.5:14550")
 
 
+BATTERY, RELEASE = ("supervisor.battery.low_v=11.5",), "supervisor.battery.on_low=release"
 INS = "sitl-vn300"  # with the autopilot standing by
 COMPASS = "sitl-bream"  # whose heading has no other source
 GENERIC, COPTER = dialect.MAV_TYPE_CAMERA, dialect.MAV_TYPE_QUADROTOR
@@ -372,6 +373,14 @@ NEIGHBOURS = (
 AUTOPILOT = (
     Fault("autopilot reboots", act=_reboot),
     Fault("its fail-safe changes the mode", act=_mode(HOLD_MODE)),
+    Fault("battery low", plant=("kind: battery",), keys=BATTERY, watch_s=12.0, farther_m=8.0),
+    Fault(
+        "battery low, where that ends a hold",
+        plant=("kind: battery",),
+        keys=(*BATTERY, RELEASE),
+        watch_s=14.0,
+        farther_m=8.0,
+    ),
     Fault("emergency stop of the motors", act=_emergency_stop),
     Fault("an output loses its function", act=_parameter(SERVO1_FUNCTION=0), motors_stop=False),
     Fault("outputs swapped", act=_parameter(SERVO1_FUNCTION=74, SERVO3_FUNCTION=73)),

@@ -24,6 +24,7 @@ LOWEST_RATE_HZ = 20  # below, a step would be longer than the 0.05 s that the pl
 ANOTHER_AFTER_NS = 500_000_000  # a second autopilot is heard once the first has been silent for that long
 COUNTS = 1 << 32
 
+OF_THE_AUTOPILOT = {"transmitter": "SIM_RC_FAIL", "battery": "SIM_BATT_VOLTAGE"}  # faults that it simulates itself
 _FORMATS = {18458: struct.Struct("<HHI16H"), 29569: struct.Struct("<HHI32H")}  # by magic number
 _SIZES = {format_.size for format_ in _FORMATS.values()}
 _STATE = (
@@ -79,8 +80,9 @@ class ArduPilotJson:
                     f"key {where}.kind: ArduPilot's JSON interface carries the true motion and no fix; "
                     f"take {fault.kind} out, and use the autopilot's own SIM_ parameters"
                 )
-            if fault.kind == "transmitter":
-                raise ConfigError(f"key {where}.kind: take transmitter out, and use the autopilot's own SIM_RC_FAIL")
+            if fault.kind in OF_THE_AUTOPILOT:
+                own = OF_THE_AUTOPILOT[fault.kind]
+                raise ConfigError(f"key {where}.kind: take {fault.kind} out, and use the autopilot's own {own}")
         hil, pwm = config.plant.hil, config.vehicle.pwm
         self._port, self._starboard = wired_motors(pwm)
         self._neutral_us, self._band_us = pwm.neutral_us, hil.neutral_band_us

@@ -38,6 +38,7 @@ class Vehicle(Protocol):
     changed: bool
     texts: list[tuple[int, str]]
     servo_us: list[int]
+    battery_v: float
 
     @property
     def rc(self) -> RcInputs: ...
@@ -143,6 +144,10 @@ class SimulatedAutopilot(ABC):
     def set_receiver(self, present: bool) -> None:
         """The pilot's transmitter comes into, or goes out of, range."""
         self._vehicle.rc.set_receiver(self._vehicle.t_ns, present)
+
+    def set_battery(self, volts: float) -> None:
+        """The voltage of the battery."""
+        self._vehicle.battery_v = volts
 
     def set_mode(self, number: int) -> bool:
         """The pilot's mode switch; False where the vehicle refuses."""

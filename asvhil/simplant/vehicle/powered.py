@@ -5,6 +5,8 @@ from __future__ import annotations
 from asvhil.config import FrontseatConfig
 from asvhil.simplant.vehicle.rc import RcInputs
 
+BATTERY_V = 12.6
+
 
 class PoweredVehicle:
     """State without bytes. `texts` and `changed` collect what the link is to send to the stations.
@@ -17,6 +19,7 @@ class PoweredVehicle:
         self.rc = RcInputs(config.rc_receiver, t_ns)
         self.texts: list[tuple[int, str]] = []
         self.servo_us = [0] * 16
+        self.battery_v = BATTERY_V
 
     def restart(self, t_ns: int) -> None:
         """Power on: everything but the parameters and the pilot's sticks is reset."""
