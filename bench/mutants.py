@@ -29,8 +29,10 @@ SUPERVISOR = tuple(
         "arming_help",
         "auto_engage",
         "letting_go",
+        "mode_request",
         "motor_sticks",
         "pilot_first",
+        "stations",
         "watched_sticks",
     )
 )
@@ -44,7 +46,10 @@ MODULES = {
     ),
     "asvhil/controller/pwm.py": ("tests/unit/controller/test_pwm.py",),
     "asvhil/io/mavlink/signing.py": ("tests/unit/io/mavlink/test_signing.py",),
+    "asvhil/supervisor/arming_help.py": SUPERVISOR,
+    "asvhil/supervisor/mode_request.py": SUPERVISOR,
     "asvhil/supervisor/pilot_watch.py": SUPERVISOR,
+    "asvhil/supervisor/stations.py": SUPERVISOR,
     "asvhil/supervisor/supervisor.py": SUPERVISOR,
 }
 NEEDED = ("asvhil", "tests", "config", "firmware", "docs", "pyproject.toml")

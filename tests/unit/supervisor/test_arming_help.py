@@ -6,7 +6,7 @@ import pytest
 
 from asvhil.config import SupervisorConfig
 from asvhil.supervisor.reasons import Reason, explain
-from asvhil.supervisor.situation import MotorPulses
+from asvhil.supervisor.situation import MotorPulses, StationSticks
 from asvhil.supervisor.supervisor import Decision, Supervisor
 from asvhil.types import Phase, Radio
 from tests.support.supervisor_bench import SupervisorBench, status
@@ -130,6 +130,32 @@ def test_it_can_be_switched_off_and_is_nothing_for_outputs_that_hold_their_value
     bench = DisarmedBench()
     bench.supervisor = Supervisor(SupervisorConfig(), overrides_sticks=False)
     assert bench.hold() == explain(Reason.NOT_ARMED, hint="Radio failsafe on")
+
+
+@pytest.mark.parametrize("seconds", [0.5, 30.0])
+def test_the_reasons_name_how_long_and_which_mode(seconds: float) -> None:
+    bench = DisarmedBench(SupervisorConfig(arming_neutral_s=seconds))
+    assert bench.hold() == explain(Reason.ARM_NOW, seconds=seconds, mode="MANUAL")
+    assert bench.step(round(seconds * 1000)).why == explain(Reason.NEUTRAL_ENDED, seconds=seconds)
+    bench = DisarmedBench()
+    bench.hold()
+    bench.change(armed=True, mode="AUTO")
+    assert bench.step().why == explain(Reason.MODE_CHANGED, mode="AUTO")
+
+
+def test_where_the_sticks_rest_is_what_they_were_when_neutral_was_asked_for_first() -> None:
+    def moves(bench: DisarmedBench, us: int) -> Decision:
+        sticks = StationSticks(t_ns=bench.t_ns, sender=(255, 190), channels=((2, us),))
+        bench.station_sticks = (sticks,)
+        return bench.step()
+
+    bench = DisarmedBench()
+    bench.change(rc_us=(0, 1600, 0, 0, 0, 0, 0, 0))
+    bench.hold()
+    assert moves(bench, 1650).neutral
+    bench.change(rc_us=(1500, 1700, 1500, 0, 0, 0, 0, 0))
+    assert bench.hold() == ARM_NOW
+    assert lets_go(moves(bench, 1670), Reason.STATION_STICK)
 
 
 # --- a transmitter that is lost -----------------------------------------------------------------------------

@@ -1,0 +1,69 @@
+"""Where a station is that is asked for, and when it is too far off."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from asvhil.supervisor.reasons import Reason, explain
+from asvhil.supervisor.stations import MAX_STATION_DISTANCE_M, station_of_hold, station_of_move, too_far
+from asvhil.types import HoldCommand, MoveCommand, Station
+from tests.support.supervisor_bench import ESTIMATE, FRAME
+
+HELD = Station(n_m=10.0, e_m=20.0, psi_rad=1.0)
+LAT_DEG, LON_DEG = FRAME.to_geodetic(30.0, -40.0)
+AWAY = replace(ESTIMATE, n_m=300.0, e_m=-400.0)
+
+
+def near(station: Station, n_m: float, e_m: float, psi_rad: float) -> bool:
+    return (station.n_m, station.e_m, station.psi_rad) == pytest.approx((n_m, e_m, psi_rad), abs=1e-3)
+
+
+def test_a_hold_is_at_the_place_that_is_named_as_a_whole_else_where_the_boat_is() -> None:
+    boat = (ESTIMATE.n_m, ESTIMATE.e_m, ESTIMATE.psi_rad)
+    assert near(station_of_hold(HoldCommand(t_ns=0), ESTIMATE, FRAME), *boat)
+    for half in ({"lat_deg": LAT_DEG}, {"lon_deg": LON_DEG}):
+        assert near(station_of_hold(HoldCommand(t_ns=0, **half), ESTIMATE, FRAME), *boat)
+    named = HoldCommand(t_ns=0, lat_deg=LAT_DEG, lon_deg=LON_DEG, psi_rad=0.0)
+    assert near(station_of_hold(named, ESTIMATE, FRAME), 30.0, -40.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("move", "to"),
+    [
+        ({}, (10.0, 20.0, 1.0)),
+        ({"lat_deg": LAT_DEG}, (30.0, 20.0, 1.0)),
+        ({"lon_deg": LON_DEG}, (10.0, -40.0, 1.0)),
+        ({"lat_deg": LAT_DEG, "lon_deg": LON_DEG}, (30.0, -40.0, 1.0)),
+        ({"lat_deg": LAT_DEG, "lon_deg": LON_DEG, "n_m": 0.0}, (0.0, -40.0, 1.0)),
+        ({"e_m": 0.0, "psi_rad": 0.0}, (10.0, 0.0, 0.0)),
+    ],
+)
+def test_a_move_leaves_what_it_does_not_name(move: dict[str, float], to: tuple[float, float, float]) -> None:
+    assert near(station_of_move(MoveCommand(t_ns=0, **move), HELD, FRAME), *to)
+
+
+@pytest.mark.parametrize("direction", [(1.0, 0.0), (0.0, 1.0), (0.6, -0.8), (-0.6, 0.8)])
+def test_the_distance_from_the_boat_counts_in_every_direction(direction: tuple[float, float]) -> None:
+    def at(distance_m: float, most_m: float) -> object:
+        n_m, e_m = (origin + distance_m * part for origin, part in zip((AWAY.n_m, AWAY.e_m), direction, strict=True))
+        return too_far(Station(n_m=n_m, e_m=e_m, psi_rad=0.0), AWAY, most_m)
+
+    assert at(100.0 - 1e-6, 100.0) is None
+    unconfirmed, beyond = at(100.001, 100.0), at(2000.001, 9000.0)
+    assert unconfirmed is not None and beyond is not None
+    assert at(2000.0 - 1e-6, 9000.0) is None
+
+
+def test_the_limits_themselves_are_within_reach_and_the_distance_is_told() -> None:
+    here = replace(ESTIMATE, n_m=0.0, e_m=0.0)
+    station = Station(n_m=60.0, e_m=-80.0, psi_rad=0.0)
+    assert too_far(station, here, 100.0) is None
+    assert too_far(station, here, 99.0) == explain(Reason.STATION_UNCONFIRMED, metres=100.0, most=99.0)
+    farthest = Station(n_m=0.0, e_m=MAX_STATION_DISTANCE_M, psi_rad=0.0)
+    assert too_far(farthest, here, 2000.0) is None
+    assert too_far(replace(farthest, e_m=3000.0), here, 9000.0) == explain(Reason.STATION_TOO_FAR, distance_km=3.0)
+    nowhere = too_far(replace(farthest, n_m=math.nan), here, 9000.0)
+    assert nowhere is not None and nowhere.reason is Reason.STATION_TOO_FAR
