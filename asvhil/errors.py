@@ -21,6 +21,13 @@ class AsvhilError(Exception):
       - the log of `asvhil calibrate` has too few circles
     """
 
+    def __init__(self, message: str = "") -> None:
+        """The message; what would break its line, or move a terminal's cursor, is shown escaped.
+
+        Names and values that it quotes come from files and command lines, and may hold anything.
+        """
+        super().__init__("".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in message))
+
 
 class ConfigError(AsvhilError):
     """A config file, a key in it, or an option of a command is wrong. Raised at start-up, before anything moves.
