@@ -44,6 +44,11 @@ MODULES = {
     "asvhil/autopilot/readback.py": tuple(
         f"tests/unit/autopilot/test_readback{theme}.py" for theme in ("", "_sticks", "_times")
     ),
+    "asvhil/autopilot/transmitter.py": ("tests/unit/autopilot/test_transmitter.py",),
+    "asvhil/autopilot/ground_stations.py": (
+        "tests/unit/autopilot/test_ground_stations.py",
+        "tests/unit/autopilot/test_station_sticks.py",
+    ),
     "asvhil/controller/pwm.py": ("tests/unit/controller/test_pwm.py",),
     "asvhil/io/mavlink/signing.py": ("tests/unit/io/mavlink/test_signing.py",),
     "asvhil/supervisor/arming_help.py": SUPERVISOR,

@@ -66,8 +66,6 @@ class Transmitter:
         elif self._healthy is False:
             never = self._channels is None and self.radio in (Radio.UNKNOWN, Radio.ABSENT)
             self.radio = Radio.ABSENT if never else Radio.LOST
-        elif self._healthy is None and self._channels is None:
-            self.radio = Radio.UNKNOWN
         elif self.radio is not Radio.LOST or not self._overridden(t_ns):
             self.radio = Radio.HEARD
 

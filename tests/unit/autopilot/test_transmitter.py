@@ -80,6 +80,50 @@ def test_a_px4_without_rc_channels_is_judged_by_its_bits() -> None:
     assert radios.run(2.0, channels=None, bit=False) is Radio.LOST
 
 
+def test_the_receivers_bits_are_its_own_and_count_only_where_it_is_there() -> None:
+    others = 0xFFFFFFFF & ~RECEIVER
+    for present, health, radio in (
+        (others, 0xFFFFFFFF, Radio.ABSENT),
+        (others, others, Radio.ABSENT),
+        (0xFFFFFFFF, others, Radio.ABSENT),  # it has never been heard
+        (RECEIVER, RECEIVER, Radio.HEARD),
+    ):
+        transmitter = Transmitter()
+        transmitter.on_sys_status(S, present, health)
+        assert transmitter.radio is radio
+
+
+def test_channels_without_bits_are_heard_and_with_a_bit_that_is_gone_are_lost() -> None:
+    transmitter = Transmitter()
+    transmitter.on_rc_channels(S, 8, 255)
+    assert transmitter.radio is Radio.HEARD and transmitter.tells_signal is False
+    transmitter.on_sys_status(S, 0, 0)
+    assert transmitter.radio is Radio.LOST
+    transmitter.restart()
+    assert transmitter.radio is Radio.UNKNOWN
+
+
+def test_the_least_signal_is_one_and_a_second_without_is_a_loss() -> None:
+    transmitter = Transmitter()
+    transmitter.on_rc_channels(S, 8, 1)
+    assert transmitter.tells_signal
+    transmitter.on_rc_channels(2 * S, 8, 0)
+    transmitter.on_rc_channels(3 * S - 1, 8, 0)
+    assert transmitter.radio is Radio.HEARD
+    transmitter.on_rc_channels(3 * S, 8, 0)
+    assert transmitter.radio is Radio.LOST
+
+
+def test_a_loss_is_made_good_from_a_second_after_the_last_override_on() -> None:
+    for after_ns, radio in ((S - 1, Radio.LOST), (S, Radio.HEARD)):
+        transmitter = Transmitter()
+        transmitter.on_rc_channels(S, 8, 255)
+        transmitter.on_sys_status(S, RECEIVER, 0)
+        transmitter.note_override(10 * S)
+        transmitter.on_sys_status(10 * S + after_ns, RECEIVER, RECEIVER)
+        assert transmitter.radio is radio
+
+
 # --- arming -------------------------------------------------------------------------------------------------
 
 
