@@ -9,6 +9,7 @@ from asvhil.config.plant_faults import FaultConfig
 from asvhil.types import record
 
 FOREVER_NS = 2**63
+DRIFT_NS = 100_000_000  # what drifts moves on so often
 OF_DEVICE = {"gnss": ("autopilot", "gnss-silent"), "ins-gnss": ("ins", "gnss-silent")}  # names for one device alone
 
 
@@ -40,11 +41,12 @@ class Present(frozenset[str]):
     battery_v: float | None = None  # None: as it should be
 
     @classmethod
-    def of_faults(cls, faults: Iterable[FaultConfig]) -> Present:
+    def of_faults(cls, faults: Iterable[tuple[FaultConfig, float]]) -> Present:
+        """Of faults with the seconds since their begin."""
         present = tuple(faults)
-        self = cls(fault.kind for fault in present)
+        self = cls(fault.kind for fault, _ in present)
         self._sensors = {device: _sensor_faults(present, device) for device in ("autopilot", "ins", "nmea")}
-        sizes = {fault.kind: fault.magnitude for fault in present}
+        sizes = {fault.kind: fault.magnitude for fault, _ in present}
         self.thrust_left = sizes.get("port-motor-weak", 1.0), sizes.get("starboard-motor-weak", 1.0)
         self.battery_v = sizes.get("battery")
         return self
@@ -70,17 +72,20 @@ class Faults:
     def at(self, t_ns: int) -> Present:
         """The faults that are present at a time, which must not decrease. Called at each step, so fast."""
         if t_ns >= self._next_ns:
-            self._now = Present.of_faults(fault for first_ns, end_ns, fault in self._spans if first_ns <= t_ns < end_ns)
+            spans = [(first_ns, fault) for first_ns, end_ns, fault in self._spans if first_ns <= t_ns < end_ns]
+            self._now = Present.of_faults((fault, 1e-9 * (t_ns - first_ns)) for first_ns, fault in spans)
             edges = (edge_ns for first_ns, end_ns, _ in self._spans for edge_ns in (first_ns, end_ns))
             self._next_ns = min((edge_ns for edge_ns in edges if edge_ns > t_ns), default=FOREVER_NS)
+            if "heading-drift" in self._now:
+                self._next_ns = min(self._next_ns, t_ns + DRIFT_NS)
         return self._now
 
 
-def _sensor_faults(present: Iterable[FaultConfig], device: str) -> SensorFaults:
-    """The faults present in one device; jumps are added."""
+def _sensor_faults(present: Iterable[tuple[FaultConfig, float]], device: str) -> SensorFaults:
+    """The faults present in one device, with the seconds since their begin; jumps are added."""
     kinds: set[str] = set()
     n_m = e_m = turn_deg = compass_deg = 0.0
-    for fault in present:
+    for fault, age_s in present:
         only, kind = OF_DEVICE.get(fault.kind, (fault.device, fault.kind))
         if only not in (None, device):
             continue
@@ -92,6 +97,8 @@ def _sensor_faults(present: Iterable[FaultConfig], device: str) -> SensorFaults:
             turn_deg += fault.magnitude
         elif kind == "compass-turned":
             compass_deg += fault.magnitude
+        elif kind == "heading-drift":
+            compass_deg += fault.magnitude * age_s
     return SensorFaults(
         jump_n_m=n_m,
         jump_e_m=e_m,

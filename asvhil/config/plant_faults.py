@@ -13,6 +13,7 @@ Device = Literal["autopilot", "ins", "nmea"]
 DEFAULT_SIZE = {
     "gnss-jump": 20.0,
     "heading-jump": 60.0,
+    "heading-drift": 2.0,
     "compass-turned": 90.0,
     "port-motor-weak": 0.3,
     "starboard-motor-weak": 0.3,
@@ -21,7 +22,7 @@ DEFAULT_SIZE = {
 OF_ONE_DEVICE = frozenset(
     {
         *("gnss-jump", "gnss-frozen", "gnss-silent", "imu-silent"),
-        *("heading-jump", "heading-silent", "compass-turned"),
+        *("heading-jump", "heading-drift", "heading-silent", "compass-turned"),
     }
 )
 FaultKind = Literal[
@@ -38,6 +39,7 @@ FaultKind = Literal[
     "gnss-silent",
     "heading-jump",
     "heading-silent",
+    "heading-drift",
     "compass-turned",
     "imu-silent",
     "anemometer",
@@ -65,7 +67,8 @@ class FaultConfig(Section):
     size: float | None = Field(
         default=None,
         description=(
-            "How much. gnss-jump: m (null: 20). heading-jump, compass-turned: degrees (null: 60, 90). A weak motor: "
+            "How much. gnss-jump: m (null: 20). heading-jump, compass-turned: degrees (null: 60, 90). "
+            "heading-drift: degrees a second (null: 2). A weak motor: "
             "the share of its thrust that is left (null: 0.3). battery: V (null: 10.5)."
         ),
     )

@@ -17,7 +17,10 @@ from asvhil.logs.fault_messages import MessageEdits
 from asvhil.logs.fault_sentences import SentenceEdits
 from asvhil.types import Frame, Inputs, changed
 
-SENSORS = ("gnss-jump", "gnss-frozen", "gnss-silent", "heading-jump", "heading-silent", "compass-turned", "imu-silent")
+SENSORS = (
+    *("gnss-jump", "gnss-frozen", "gnss-silent", "imu-silent"),
+    *("heading-jump", "heading-drift", "heading-silent", "compass-turned"),
+)
 EDITS = (*SENSORS, "gnss", "ins-gnss", "anemometer", "anemometer-stuck", "vane", "cups", "ins", "nmea")
 SENTENCES, BINARY = "nmea", "vectornav"  # kinds of link
 

@@ -126,6 +126,12 @@ SECTIONS: dict[str, tuple[FaultRow, ...]] = {
             *(NEUTRAL, 40.0, _STALE),
         ),
         _row("heading jumps by 60 degrees for 4 s", _GATE, told=_NOTE),
+        _row(
+            "heading slowly wrong, by 2 degrees a second",
+            "motion against the commands",
+            *(NEUTRAL, 80.0, (Reason.HEADING_OFF, *_CARRIED, *_STALE)),
+            told="note `motion` once it is 45° off",
+        ),
         _row("GNSS and heading lost", _SILENT, NEUTRAL, 4.0, _STALE),
         _row("gyro and accelerometer silent", _SILENT, told=_NOTE),
         _row("anemometer silent", "no sample for {estimator.wind.stale_after_s:g} s", told="note `wind`"),

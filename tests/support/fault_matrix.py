@@ -331,6 +331,12 @@ SENSORS = (
     ),
     Fault("heading jumps by 60 degrees for 4 s", plant=("kind: heading-jump, size: 60",), lasts_s=4.0),
     Fault(
+        "heading slowly wrong, by 2 degrees a second",
+        plant=("kind: heading-drift",),
+        watch_s=82.0,
+        farther_m=10.0,
+    ),
+    Fault(
         "GNSS and heading lost",
         plant=("kind: gnss-silent", "kind: heading-silent"),
         farther_m=6.0,

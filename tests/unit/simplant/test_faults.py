@@ -10,6 +10,7 @@ import pytest
 from asvhil.config import FaultConfig, load_config
 from asvhil.config.fault_spans import SOUND, Faults
 from asvhil.errors import ConfigError
+from asvhil.geo import wrap_rad
 from asvhil.simplant.boat.faults import all_faults, motor_signals_us
 from tests.support.simplant_boat import Boat, of
 
@@ -73,6 +74,24 @@ def test_a_turned_compass_shows_at_once_and_on_every_device() -> None:
     boat.run(1.0)
     assert math.degrees(boat.plant.navigation.psi_rad - boat.plant.truth.psi_rad) == pytest.approx(120.0)
     assert math.degrees(boat.plant.navigation.compass_error_rad) == pytest.approx(120.0)
+
+
+def test_a_heading_that_drifts_is_off_by_more_and_more_until_it_ends() -> None:
+    boat = Boat(
+        "plant.faults=[{kind: heading-drift, from_s: 2, until_s: 10, size: -3}]", "plant.sensors.heading.white_deg=0"
+    )
+
+    def off_deg() -> float:
+        return math.degrees(wrap_rad(boat.plant.navigation.psi_rad - boat.plant.truth.psi_rad))
+
+    boat.run(2.0)
+    assert off_deg() == pytest.approx(0.0, abs=0.01)
+    boat.run(4.0)
+    assert off_deg() == pytest.approx(-12.0, abs=0.5)
+    boat.run(3.5)
+    assert off_deg() == pytest.approx(-22.5, abs=0.5)
+    boat.run(1.0)
+    assert off_deg() == pytest.approx(0.0, abs=0.01)
 
 
 @pytest.mark.parametrize(
