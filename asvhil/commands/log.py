@@ -11,13 +11,12 @@ import typer
 
 from asvhil.commands.options import JsonOption
 from asvhil.commands.views import byte_bar, check_writable, say, write_json
-from asvhil.errors import LogError
 
 app = typer.Typer(no_args_is_help=True, help="What a log holds; recover a damaged one; export it for other tools.")
 
 LOST = 3  # exit status: a log was recovered, and something was lost
 
-LogArgument = Annotated[Path, typer.Argument(help="An MCAP log of asvhil.")]
+LogArgument = Annotated[Path, typer.Argument(help="A log of asvhil, the first of its segments, or a run's folder.")]
 
 
 @app.command()
@@ -50,9 +49,11 @@ def recover(
     from rich.console import Console
 
     from asvhil.logs.recover import recover as recover_log
+    from asvhil.logs.segments import first_in
 
     check_writable(json_, "--json ")
     console = Console()
+    log = first_in(log)
     target = output or log.with_name(f"{log.stem}-recovered.mcap")
     with _reading(console, log) as on_bytes:
         result = recover_log(log, target, behind_damage=behind_damage, on_bytes=on_bytes)
@@ -101,10 +102,9 @@ def export(
 @contextmanager
 def _reading(console: Any, log: Path) -> Iterator[Callable[[int], None]]:
     """A bar over the bytes of a log."""
-    try:
-        size = log.stat().st_size
-    except OSError as error:
-        raise LogError(f"{log}: cannot be read ({error.strerror})") from None
+    from asvhil.logs.reader import LogFile
+
+    size = LogFile(log).size
     with byte_bar(console) as bar:
         task = bar.add_task(log.name, total=size)
         yield lambda done: bar.update(task, completed=done)
@@ -113,8 +113,9 @@ def _reading(console: Any, log: Path) -> Iterator[Callable[[int], None]]:
 def _print_info(console: Any, figures: dict[str, Any]) -> None:
     from rich.table import Table
 
+    segments = f" in {figures['segments']} segments" if figures["segments"] > 1 else ""
     whole = "whole" if figures["whole"] else "damaged"
-    say(console, f"{figures['log']}: {figures['bytes'] / 1e6:.1f} MB, {whole}")
+    say(console, f"{figures['log']}: {figures['bytes'] / 1e6:.1f} MB{segments}, {whole}")
     for text in figures["damage"]:
         say(console, f"  {text}")
     if figures["damage"]:

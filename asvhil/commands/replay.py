@@ -13,7 +13,9 @@ from asvhil.errors import ConfigError
 
 
 def replay(
-    log: Annotated[Path | None, typer.Argument(help="An MCAP log of asvhil.")] = None,
+    log: Annotated[
+        Path | None, typer.Argument(help="A log of asvhil, the first of its segments, or a run's folder.")
+    ] = None,
     tlog: Annotated[
         Path | None, typer.Option("--tlog", metavar="FILE", help="A MAVLink telemetry log: codec and estimator only.")
     ] = None,

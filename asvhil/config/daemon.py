@@ -80,7 +80,7 @@ class DaemonConfig(Section):
 
 
 class RecorderConfig(Section):
-    """The log of a run: one MCAP file."""
+    """The log of a run: one MCAP file, or segments of it."""
 
     directory: str = Field(
         default="runs",
@@ -98,3 +98,23 @@ class RecorderConfig(Section):
         default=0.25,
         description="At the latest after this time a chunk is written and synced to disk: what a power cut can cost.",
     )
+    segment_mb: float = Field(
+        default=0.0,
+        ge=0.0,
+        description=(
+            "Size (MB) at which a log's file is ended and the log goes on in another: log.mcap, log-001.mcap, ... Each "
+            "opens by itself; 0: one file. A file is larger by up to a chunk, its index, and what a run's config and "
+            "model take."
+        ),
+    )
+    segment_s: float = Field(
+        default=0.0,
+        ge=0.0,
+        description="The same by time (s); 0: never. Both may be given, the first that is reached counts.",
+    )
+
+    @model_validator(mode="after")
+    def _check_segments(self) -> RecorderConfig:
+        if 0.0 < self.segment_mb < 1.0 or 0.0 < self.segment_s < 10.0:
+            raise ValueError("segment_mb must be 0 or at least 1, segment_s 0 or at least 10")
+        return self

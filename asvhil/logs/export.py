@@ -16,7 +16,8 @@ from asvhil.geo import LocalFrame
 from asvhil.io.mavlink.frames import Parser, decode, dialect, message_id
 from asvhil.logs.encoding import decode_outputs
 from asvhil.logs.new_file import whole_file
-from asvhil.logs.reader import LogChannel, LogFile, Timing, decode_timing
+from asvhil.logs.one_file import LogChannel
+from asvhil.logs.reader import LogFile, Timing, decode_timing
 from asvhil.logs.recorder import OUTPUTS_TOPIC, TIMING_TOPIC
 from asvhil.types import Outputs
 

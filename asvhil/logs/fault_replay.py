@@ -22,7 +22,7 @@ from asvhil.logs.encoding import decode_outputs, encode_outputs, first_differenc
 from asvhil.logs.fault_edits import FaultEdits
 from asvhil.logs.holds import Holds
 from asvhil.logs.reader import LogFile
-from asvhil.logs.replay import config_of, recorded_model
+from asvhil.logs.replay import check_begin, config_of, recorded_model
 from asvhil.types import Note, Outputs, record
 
 _NUMBER = re.compile(r"[0-9]+(\.[0-9]+)?")
@@ -107,6 +107,7 @@ def replay_with_faults(
     The plug-ins of the run must have been loaded (`plugins.load_plugins`).
     """
     log = LogFile(path)
+    check_begin(log)
     config = config_of(log, path)
     edits = FaultEdits(faults, config)
     pulses = RecordedPulses(config.vehicle.pwm)

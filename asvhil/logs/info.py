@@ -72,7 +72,8 @@ def log_info(path: Path, on_bytes: Callable[[int], None] = lambda done: None) ->
     run, config = log.metadata.get("run", {}), log.metadata.get("config", {})
     return {
         "log": str(path),
-        "bytes": path.stat().st_size,
+        "bytes": log.size,
+        "segments": log.segments,
         "whole": not damage,
         "damage": damage,
         "recovered_from": log.metadata.get("recovered", {}).get("from"),

@@ -74,5 +74,7 @@ def open_recorder(config: Config, path: Path, mode: str, *, threaded: bool = Tru
         encodings={**ENCODINGS, **sensors},
         chunk_kib=config.recorder.chunk_kib,
         sync_period_s=config.recorder.sync_period_s,
+        segment_bytes=round(config.recorder.segment_mb * 1e6),
+        segment_s=config.recorder.segment_s,
         threaded=threaded,
     )

@@ -1,46 +1,22 @@
-"""Reads a log that `recorder.py` wrote (the layout is described there), whole or cut off by a crash.
-
-The mcap package parses the records. Which record starts at which byte is followed here, by opcodes and lengths, so that
-the offset of damage is known, and a file without an end is read up to its last intact chunk.
-"""
+"""Reads the log of a run that `recorder.py` wrote (the layout is described there): one file, or all its segments."""
 
 from __future__ import annotations
 
-import contextlib
-import mmap
-import struct
 from collections.abc import Iterator
-from io import BytesIO
 from pathlib import Path
-from typing import BinaryIO, NamedTuple, TypeVar
+from typing import TypeVar
 
 import msgspec
-import zstandard
-from mcap.data_stream import ReadDataStream
-from mcap.exceptions import McapError
-from mcap.opcode import Opcode
-from mcap.records import Channel, Chunk, Header, McapRecord, Message, Metadata, Schema, Statistics
-from mcap.stream_reader import MAGIC_SIZE, StreamReader, get_chunk_data_stream
-from mcap.writer import MCAP0_MAGIC
+from mcap.records import Channel, McapRecord, Message
 
-from asvhil.config.ports import OPERATOR
 from asvhil.errors import LogError
 from asvhil.logs.encoding import decode_record
-from asvhil.logs.recorder import INPUTS_TOPIC, LAYOUT, LAYOUT_RECORD, OUTPUTS_TOPIC, PROFILE, TIMING_TOPIC
-from asvhil.logs.resync import RECORD_HEAD, behind_indexes, chunks_behind
+from asvhil.logs.one_file import LogChannel, OneFile
+from asvhil.logs.recorder import INPUTS_TOPIC, OUTPUTS_TOPIC, TIMING_TOPIC
+from asvhil.logs.segments import first_in, segment_path
 from asvhil.types import Frame, Inputs, record
 
 T = TypeVar("T")
-
-_MESSAGE_HEAD = struct.Struct("<BQHIQQ")  # the same; channel, sequence, log time, publish time
-_KNOWN = frozenset(Opcode)
-COMPRESSIONS = ("zstd", "lz4", "")
-_MESSAGE, _CHANNEL, _SCHEMA = int(Opcode.MESSAGE), int(Opcode.CHANNEL), int(Opcode.SCHEMA)
-_DATA = frozenset({Opcode.CHUNK, Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE})
-_UNKNOWN_SIZE = -1  # of a zstd frame that was written as a stream
-_CHUNK_MAX_BYTES = 256 * 1024 * 1024  # unpacked; a damaged size must not ask for all of the memory
-# What the package raises on damaged bytes. RuntimeError is lz4's, OverflowError that of a length beyond 2^63.
-_DAMAGE = (McapError, struct.error, ValueError, OverflowError, zstandard.ZstdError, RuntimeError, MemoryError)
 
 
 @record
@@ -62,50 +38,62 @@ class _Marker(msgspec.Struct):
     frames: int
 
 
-class LogChannel(NamedTuple):
-    """What a log says of a channel; without frames all but the topic are empty."""
-
-    topic: str
-    port: str
-    direction: str  # "in", "out", or empty where the channel holds no frames
-    peer: str
-    via: str
-
-
 _marker = msgspec.json.Decoder(_Marker)
 _timing = msgspec.json.Decoder(Timing)
 
 
 class LogFile:
-    """A log by its path. LogError, one line, if it is none; iterators raise it where they reach damage.
+    """The log of a run by its path: a file, the first of its segments, or the run's folder. LogError if it is none.
 
-    `truncated`: the file has no end or a damaged tail; all that is intact before it is read. `damage` says in words
-    what is wrong, None for a whole file. Damage with intact chunks behind it ends the iterators with a LogError that
-    names its byte offset, because a replay must not skip a gap.
+    Iterators raise LogError where they reach damage. A later segment, named by its own path, is read alone;
+    `first_tick` is not 1 then.
+
+    `truncated`: the log has no end or a damaged tail; all that is intact before it is read. `damage` says in words
+    what is wrong, None for a whole log. Damage with intact chunks behind it ends the iterators with a LogError that
+    names its byte offset, because a replay must not skip a gap. Offsets count over all files; `size` is that of all.
     """
 
     def __init__(self, path: Path) -> None:
-        self.path = path
-        self.metadata: dict[str, dict[str, str]] = {}
-        self.truncated = False
-        self.damage: str | None = None
-        self._data: list[tuple[int, int]] = []  # (offset, size) of chunks, and of what stands outside of them
-        self._scanned_to = 0  # the first byte that belongs to no intact record
-        self._compression = ""
-        self._gap = False  # the file has its end, but a gap before it
-        try:
-            with path.open("rb") as file:
-                self._scan(file)
-                self._check_compression(file)
-                self._drop_damaged_tail(file)
-        except OSError as error:
-            raise LogError(f"{path}: cannot be read ({error.strerror})") from None
+        self.path = first_in(path)
+        first = OneFile(self.path)
+        self.metadata = first.metadata
+        self.first_tick = int(first.segment.get("first_tick", "1"))
+        self._files = [first]
+        lost = self._find_segments() if first.segment.get("number") == "0" else None
+        last = self._files[-1]
+        # A segment that has no end only because the power went while the next was begun has lost nothing: its last
+        # tick is followed by the first of the next, which `ticks` checks.
+        damages = [file.damage for file in self._files if file.damage is not None and (file.gap or file is last)]
+        self._lost = lost
+        self.truncated = last.truncated or lost is not None
+        self.damage = next(iter(damages), lost)
+        self.size = sum(file.size for file in self._files)
+
+    @property
+    def segments(self) -> int:
+        """How many files there are."""
+        return len(self._files)
+
+    def _find_segments(self) -> str | None:
+        """The segments behind the first, up to one that is not there or not of this run: what is wrong with that."""
+        while True:
+            last = self._files[-1]
+            path = segment_path(self.path, len(self._files))
+            if not path.exists():
+                return f"{path}: is not there, and the run goes on in it" if last.goes_on_in else None
+            try:
+                file = OneFile(path)
+            except LogError as error:
+                return str(error)
+            if file.segment.get("run") != last.segment.get("run"):
+                return f"{path}: is a log of another run" if last.goes_on_in else None
+            self._files.append(file)
 
     def ticks(self) -> Iterator[tuple[Inputs, bytes | None]]:
         """Inputs of each tick with the bytes of its recorded outputs; None where the log ends between the two."""
         frames: list[Frame] = []
         inputs: Inputs | None = None
-        tick = 0
+        tick = self.first_tick - 1
         for channel, message, chunk_at in self.messages():
             if channel.direction == "in":
                 frames.append(_frame(channel, message))
@@ -142,179 +130,45 @@ class LogFile:
             if channel.topic == TIMING_TOPIC:
                 yield self._decode(_timing, message.data, TIMING_TOPIC, chunk_at)
 
+    def messages(self) -> Iterator[tuple[LogChannel, Message, int]]:
+        """All messages in the order of the files, with their channel and the offset of their chunk."""
+        before = 0
+        for file in self._files:
+            for channel, message, offset in file.messages():
+                yield channel, message, before + offset
+            before += file.size
+
     def pieces(self) -> Iterator[tuple[int, list[McapRecord] | LogError]]:
-        """What is left of the data, in the order of the file: byte offset, and schemas, channels and messages there.
+        """What is left of the data, in the order of the files: byte offset, and schemas, channels and messages there.
 
         A chunk whose content is damaged gives its error instead. Behind damage that hides where records start, the next
         intact chunk is searched for; where anything was between, an error with its offset stands for it.
         """
-        try:
-            with self.path.open("rb") as file:
-                for offset, size in self._data:
-                    try:
-                        yield offset, self._contents(file, offset, size)
-                    except LogError as error:
-                        yield offset, error
-                if self.damage is not None:
-                    yield from self._found_again(file)
-        except OSError as error:
-            raise LogError(f"{self.path}: cannot be read ({error.strerror})") from None
-
-    def _found_again(self, file: BinaryIO) -> Iterator[tuple[int, list[McapRecord] | LogError]]:
-        """Chunks behind the last byte that the scan understood."""
-        last_offset, last_size = self._data[-1] if self._data else (self._scanned_to, 0)
-        with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
-            known = first = behind_indexes(data, last_offset + last_size)
-
-            def read(offset: int, size: int) -> list[McapRecord] | None:
-                with contextlib.suppress(LogError):
-                    return self._contents(file, offset, size)
-                return None
-
-            for damaged, offset, end, records in chunks_behind(data, known, self._compression, read):
-                if damaged:
-                    yield offset - damaged, self._error(f"{damaged} bytes are damaged", offset - damaged)
-                yield offset, records
-                known = end
-        if self.truncated or known == first:
-            yield known, LogError(str(self.damage))
-
-    # --- the records of the file ---
-
-    def _scan(self, file: BinaryIO) -> None:
-        """Index the records that hold data and read the metadata; the contents of all others are skipped."""
-        size = file.seek(0, 2)
-        file.seek(0)
-        if file.read(MAGIC_SIZE) != MCAP0_MAGIC:
-            raise LogError(f"{self.path}: not a log: an MCAP file starts with another byte sequence at byte 0")
-        offset = MAGIC_SIZE
-        chunks, chunks_expected = 0, None
-        data_ended = whole = False
-        while offset + RECORD_HEAD.size <= size:
-            opcode, length = RECORD_HEAD.unpack(file.read(RECORD_HEAD.size))
-            end = offset + RECORD_HEAD.size + length
-            if opcode not in _KNOWN or end > size:
-                break
-            if offset == MAGIC_SIZE:
-                self._check_profile(file, offset, end)
-            elif opcode in _DATA and not data_ended:
-                chunks += opcode == Opcode.CHUNK
-                self._data.append((offset, end - offset))
-            elif opcode == Opcode.METADATA and not data_ended:
-                metadata = self._parse(file, offset, end - offset)
-                assert isinstance(metadata, Metadata)
-                self.metadata[metadata.name] = metadata.metadata
-            elif opcode == Opcode.DATA_END:
-                data_ended = True
-            elif opcode == Opcode.STATISTICS:
-                with contextlib.suppress(LogError):  # the data are readable without it
-                    statistics = self._parse(file, offset, end - offset)
-                    assert isinstance(statistics, Statistics)
-                    chunks_expected = statistics.chunk_count
-            elif opcode == Opcode.FOOTER:
-                whole = file.seek(end) == size - MAGIC_SIZE and file.read(MAGIC_SIZE) == MCAP0_MAGIC
-                break
-            offset = file.seek(end)
-        self._scanned_to = offset
-        self._check_metadata(offset)
-        if whole:
-            if chunks_expected not in (None, chunks):
-                self._gap = True
-                self.damage = f"{self.path}: damaged: {chunks} of {chunks_expected} chunks are found"
-            return
-        file.seek(max(0, size - MAGIC_SIZE))
-        if file.read() == MCAP0_MAGIC and not data_ended:
-            self._gap = True
-            self.damage = f"{self.path}: damaged at byte {offset}: no record starts there"
-        else:
-            self.truncated = True
-            self.damage = f"{self.path}: no end: cut off in the record at byte {offset} of {size}"
-
-    def _check_profile(self, file: BinaryIO, offset: int, end: int) -> None:
-        header = self._parse(file, offset, end - offset)
-        profile = header.profile if isinstance(header, Header) else ""
-        if profile != PROFILE:
-            raise LogError(f"{self.path}: not a log of asvhil: an MCAP file of profile {profile!r}, not {PROFILE!r}")
-
-    def _check_metadata(self, end: int) -> None:
-        """LogError unless all metadata of the recorder are in the bytes up to `end`."""
-        if LAYOUT_RECORD not in self.metadata:
-            raise LogError(f"{self.path}: not a log of asvhil, or cut off at byte {end}, in its metadata")
-        about = self.metadata.pop(LAYOUT_RECORD)
-        layout, count = about.get("layout"), about.get("records")
-        if layout != LAYOUT:
-            raise LogError(f"{self.path}: the log's layout is {layout!r}, and this asvhil reads {LAYOUT!r}")
-        if count != str(len(self.metadata)):
-            raise LogError(f"{self.path}: {len(self.metadata)} of {count} metadata records are found")
-
-    def _check_compression(self, file: BinaryIO) -> None:
-        """LogError for an unknown compression of the chunks, which would otherwise all count as damaged."""
-        first: McapRecord | None = None
-        for offset, size in self._data:
-            with contextlib.suppress(LogError):  # reported where the chunk is read
-                first = self._parse(file, offset, size)
-            if isinstance(first, Chunk):
-                break
-        if isinstance(first, Chunk) and first.compression not in COMPRESSIONS:
-            known = ", ".join(name or "none" for name in COMPRESSIONS)
-            raise LogError(f"{self.path}: its compression {first.compression!r} is not supported ({known} are)")
-        self._compression = first.compression if isinstance(first, Chunk) else ""
-
-    def _drop_damaged_tail(self, file: BinaryIO) -> None:
-        """After a power cut the last chunks may have their length but not their content."""
-        while self._data and not self._gap:
-            try:
-                self._contents(file, *self._data[-1])
-            except LogError as error:
-                self.truncated = True
-                self.damage = str(error)
-                self._data.pop()
-            else:
-                return
-
-    def _parse(self, file: BinaryIO, offset: int, size: int) -> McapRecord:
-        """The record in a range of bytes; a chunk is not decompressed."""
-        file.seek(offset)
-        try:
-            return next(StreamReader(BytesIO(file.read(size)), skip_magic=True, emit_chunks=True).records)
-        except _DAMAGE as error:
-            raise LogError(f"{self.path}: the record at byte {offset} is damaged ({error})") from None
-
-    def _contents(self, file: BinaryIO, offset: int, size: int) -> list[McapRecord]:
-        """The schemas, channels and messages of a chunk, checked by its CRC; those outside of chunks as they are."""
-        item = self._parse(file, offset, size)
-        if not isinstance(item, Chunk):
-            return [item]
-        try:
-            if item.uncompressed_size > _CHUNK_MAX_BYTES:
-                raise ValueError(f"a size of {item.uncompressed_size} bytes")
-            # The size in the zstd frame, where it has one, is what gets allocated: it is held against the chunk's own.
-            if item.compression == "zstd":
-                size = zstandard.frame_content_size(item.data)
-                if size not in (_UNKNOWN_SIZE, item.uncompressed_size):
-                    raise ValueError("its two sizes differ")
-            stream, size = get_chunk_data_stream(item, validate_crc=True)
-            return list(_records(stream.read(size)))
-        except _DAMAGE as error:
-            raise self._error(f"damaged ({error})", offset) from None
-
-    def messages(self) -> Iterator[tuple[LogChannel, Message, int]]:
-        """All messages in the order of the file, with their channel and the offset of their chunk."""
-        channels: dict[int, LogChannel] = {}
-        try:
-            with self.path.open("rb") as file:
-                for offset, size in self._data:
-                    for item in self._contents(file, offset, size):
-                        if isinstance(item, Message):
-                            yield channels[item.channel_id], item, offset
-                        elif isinstance(item, Channel):
-                            channels[item.id] = _channel(item)
-        except OSError as error:
-            raise LogError(f"{self.path}: cannot be read ({error.strerror})") from None
-        except KeyError as error:
-            raise self._error(f"a message of the channel {error}, which is not declared", offset) from None
-        if self._gap:
-            raise LogError(str(self.damage))
+        before = 0
+        declared: dict[int, Channel] = {}
+        last_tick = 0
+        for file, later in zip(self._files, [*self._files[1:], None], strict=True):
+            held: tuple[int, LogError] | None = None
+            for offset, piece in file.pieces():
+                if held is not None:
+                    yield held
+                held = None
+                if isinstance(piece, LogError):
+                    held = before + offset, piece
+                    continue
+                for item in piece:
+                    if isinstance(item, Channel):
+                        if _content(declared.setdefault(item.id, item)) != _content(item):
+                            raise LogError(f"{file.path}: numbers its channels otherwise than the segments before it")
+                    elif isinstance(item, Message) and _topic(declared, item) == INPUTS_TOPIC:
+                        last_tick = item.sequence
+                yield before + offset, piece
+            unbroken = later is not None and file.truncated and later.segment.get("first_tick") == str(last_tick + 1)
+            if held is not None and not unbroken:
+                yield held
+            before += file.size
+        if self._lost is not None:
+            yield before, LogError(self._lost)
 
     def _decode(self, decoder: msgspec.json.Decoder[T], data: bytes, topic: str, chunk_at: int) -> T:
         try:
@@ -323,36 +177,20 @@ class LogFile:
             raise self._error(str(error), chunk_at) from None
 
     def _error(self, what: str, chunk_at: int) -> LogError:
-        return LogError(f"{self.path}: chunk at byte {chunk_at}: {what}")
+        for file in self._files[:-1]:
+            if chunk_at < file.size:
+                return file.error(what, chunk_at)
+            chunk_at -= file.size
+        return self._files[-1].error(what, chunk_at)
 
 
-def _records(data: bytes) -> Iterator[McapRecord]:
-    """The records of an unpacked chunk. Messages are cut here: the package takes three times as long."""
-    at, size = 0, len(data)
-    while at < size:
-        opcode, length = RECORD_HEAD.unpack_from(data, at)
-        end = at + RECORD_HEAD.size + length
-        if end > size:
-            raise ValueError("a record is longer than its chunk")
-        if opcode == _MESSAGE:
-            _, _, channel_id, sequence, log_time, publish_time = _MESSAGE_HEAD.unpack_from(data, at)
-            content = data[at + _MESSAGE_HEAD.size : end]
-            yield Message(
-                channel_id=channel_id, data=content, log_time=log_time, publish_time=publish_time, sequence=sequence
-            )
-        elif opcode == _CHANNEL:
-            yield Channel.read(ReadDataStream(BytesIO(data[at + RECORD_HEAD.size : end])))
-        elif opcode == _SCHEMA:
-            yield Schema.read(ReadDataStream(BytesIO(data[at + RECORD_HEAD.size : end])))
-        at = end
+def _topic(channels: dict[int, Channel], message: Message) -> str:
+    channel = channels.get(message.channel_id)
+    return "" if channel is None else channel.topic
 
 
-def _channel(declared: Channel) -> LogChannel:
-    values = declared.metadata
-    port, peer, via = values.get("port", ""), values.get("peer", ""), values.get("via")
-    if via is None and port == OPERATOR:  # of a log older than `via`
-        via, _, peer = peer.rpartition("|")
-    return LogChannel(declared.topic, port, values.get("direction", ""), peer, via or "")
+def _content(channel: Channel) -> tuple[str, str, dict[str, str]]:
+    return channel.topic, channel.message_encoding, channel.metadata
 
 
 def _frame(channel: LogChannel, message: Message) -> Frame:

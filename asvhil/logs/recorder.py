@@ -15,11 +15,16 @@ Layout, version 1 (profile "asvhil"):
   own channels.
 - `/asvhil/timing`: JSON {"t_ns", "step_ns", "overrun"}; a diagnostic, never compared.
 - `/asvhil/fix`, `/asvhil/pose`, `/tf`, `/asvhil/plan`, `/asvhil/log`: for viewers, see `foxglove.py`.
+A log may be split: `log.mcap` goes on in `log-001.mcap`, and so on. Each segment is a whole file, with all metadata
+and the same numbers of channels, and begins with the inputs of a tick. Its metadata record `segment` has a random word
+for the run, its number from 0, and its first tick; one that was ended has a record `continued` at its end, with the
+name of the next.
 Chunks are compressed with zstd and closed every sync period, so a crash loses no more than that period.
 """
 
 from __future__ import annotations
 
+import errno
 import os
 import queue
 import threading
@@ -37,11 +42,14 @@ from asvhil.errors import LogError
 from asvhil.logs.encoding import encode_outputs
 from asvhil.logs.foxglove import LOG_TOPIC, SCHEMAS, TOPIC_SCHEMAS, convert_outputs, log_message
 from asvhil.logs.new_file import sync_folder
+from asvhil.logs.segments import segment_path
 from asvhil.types import Frame, Inputs, Outputs
 
 PROFILE = "asvhil"
 LAYOUT = "1"
 LAYOUT_RECORD = "asvhil"  # the name of the metadata record that closes the others
+SEGMENT_RECORD = "segment"  # of those of a segment, and the one at its end
+CONTINUED_RECORD = "continued"
 INPUTS_TOPIC = "/asvhil/inputs"
 OUTPUTS_TOPIC = "/asvhil/outputs"
 TIMING_TOPIC = "/asvhil/timing"
@@ -66,7 +74,9 @@ class Recorder:
     When the disk fails, `error` is set and recording stops. When more than `queue_bytes` wait for a stalled disk, whole
     ticks are dropped (an Inputs with its Outputs). `dropped` counts the calls that were not written. LogError is
     raised by the constructor alone: the file exists already, or cannot be made.
-    `threaded=False` writes within the calls and syncs at `close` only.
+    `threaded=False` writes within the calls and syncs at `close` only. A file of `segment_bytes`, or of `segment_s` of
+    ticks, is ended and goes on in another, which takes the next tick (0: never). If that cannot be made, it goes on in
+    the present one.
     """
 
     def __init__(
@@ -79,11 +89,14 @@ class Recorder:
         threaded: bool = True,
         encodings: Mapping[str, str] = ENCODINGS,
         queue_bytes: int = 64 * 1024 * 1024,
+        segment_bytes: int = 0,
+        segment_s: float = 0.0,
     ) -> None:
         self.path = path
         self.error: LogError | None = None
         try:
-            self._file = _LogWriter(path, metadata, chunk_kib * 1024, encodings)
+            limits = segment_bytes, round(segment_s * 1e9)
+            self._file = _LogWriter(path, metadata, chunk_kib * 1024, encodings, limits)
         except OSError as error:
             raise LogError(f"{path}: the log cannot be made ({error.strerror})") from None
         self._sync_period_s = sync_period_s
@@ -116,6 +129,8 @@ class Recorder:
             return self._stopped
         if self._gap:
             return "ticks are not recorded: the disk does not keep up"
+        if self._file.stuck:
+            return self._file.stuck
         since_s = self._busy_since_s
         slow = since_s is not None and time.monotonic() - since_s > _SLOW_S
         return f"the disk has not answered for more than {_SLOW_S:g} s" if slow else ""
@@ -221,33 +236,98 @@ class _LogWriter:
     """The file in its layout; raises OSError. Not safe to use after it has raised, but for `close`."""
 
     def __init__(
-        self, path: Path, metadata: dict[str, dict[str, str]], chunk_bytes: int, encodings: Mapping[str, str]
+        self,
+        path: Path,
+        metadata: dict[str, dict[str, str]],
+        chunk_bytes: int,
+        encodings: Mapping[str, str],
+        limits: tuple[int, int],
     ) -> None:
-        self._sink = _Sink(path)
+        """`limits`: bytes and nanoseconds of a segment; 0: none."""
+        self._path, self._metadata, self._chunk_bytes = path, metadata, chunk_bytes
         self._encodings = encodings
+        self._limits = limits
+        self._run = os.urandom(8).hex() if any(limits) else ""
+        self._number = 0
+        self._limit_bytes = 0  # of the file that is written
+        self._since_ns: int | None = None  # the tick from which its time counts
         self._written = False
         self._viewed_ns: int | None = None
         self._frame_channels: dict[tuple[str, str, str, str], int] = {}
+        self.stuck = ""  # why the next segment could not be made
+        if self._run and segment_path(path, 1).exists():
+            raise FileExistsError(errno.EEXIST, f"{segment_path(path, 1).name}, a segment of another run, is there")
+        self._sink, self._mcap = self._make(0, 1)
+        self._declare()
+
+    def _make(self, number: int, first_tick: int) -> tuple[_Sink, Writer]:
+        """A new file with all metadata, synced."""
+        path = segment_path(self._path, number)
+        metadata = dict(self._metadata)
+        if self._run:
+            metadata[SEGMENT_RECORD] = {"run": self._run, "number": str(number), "first_tick": str(first_tick)}
+        sink = _Sink(path)
         try:
             # The writer only writes, tells and flushes, which is all that the sink can do.
-            self._mcap = Writer(
-                cast(IO[Any], self._sink), chunk_size=chunk_bytes, compression=CompressionType.ZSTD, enable_crcs=True
+            mcap = Writer(
+                cast(IO[Any], sink), chunk_size=self._chunk_bytes, compression=CompressionType.ZSTD, enable_crcs=True
             )
-            self._mcap.start(profile=PROFILE, library=f"asvhil {__version__}")
+            mcap.start(profile=PROFILE, library=f"asvhil {__version__}")
             for name, values in metadata.items():
-                self._mcap.add_metadata(name, values)
-            self._mcap.add_metadata(LAYOUT_RECORD, {"layout": LAYOUT, "records": str(len(metadata))})
-            self._sink.sync()
+                mcap.add_metadata(name, values)
+            mcap.add_metadata(LAYOUT_RECORD, {"layout": LAYOUT, "records": str(len(metadata))})
+            sink.sync()
             sync_folder(path.parent)
         except BaseException:
-            self._sink.close()
+            sink.close()
             raise
+        self._limit_bytes = sink.tell() + self._limits[0]
+        return sink, mcap
+
+    def _declare(self) -> None:
+        """Register all channels in a new file, so that they have the same numbers in each."""
         self._inputs = self._register(INPUTS_TOPIC)
         self._outputs = self._register(OUTPUTS_TOPIC)
         self._timing = self._register(TIMING_TOPIC)
         self._views = {topic: self._register(topic, schema) for topic, schema in TOPIC_SCHEMAS.items()}
+        for key in self._frame_channels:
+            self._frame_channels[key] = self._register_frames(key)
+
+    def _go_on_in_another(self, t_ns: int, tick: int) -> None:
+        """End the file before a tick, once the next one is there: nothing is lost, whatever happens on the way."""
+        self.sync()
+        self._since_ns = t_ns
+        try:
+            sink, mcap = self._make(self._number + 1, tick)
+        except OSError as error:
+            self._limit_bytes = self._sink.tell() + self._limits[0]
+            name = segment_path(self._path, self._number + 1).name
+            self.stuck = f"{name} cannot be made ({error.strerror}): the log goes on in the same file"
+            return
+        old_sink, old = self._sink, self._mcap
+        self._sink, self._mcap = sink, mcap
+        self._number += 1
+        self.stuck = ""
+        self._declare()
+        try:
+            old.add_metadata(CONTINUED_RECORD, {"in": segment_path(self._path, self._number).name})
+            old.finish()  # type: ignore[no-untyped-call]
+            old_sink.sync()
+        finally:
+            old_sink.close()
+
+    def _is_full(self, t_ns: int) -> bool:
+        most_bytes, most_ns = self._limits
+        if self._since_ns is None:
+            self._since_ns = t_ns
+            return False
+        return bool(most_bytes and self._sink.tell() >= self._limit_bytes) or bool(
+            most_ns and t_ns - self._since_ns >= most_ns
+        )
 
     def write_inputs(self, inputs: Inputs, tick: int) -> None:
+        if self._run and self._is_full(inputs.t_ns):
+            self._go_on_in_another(inputs.t_ns, tick)
         for frame in inputs.frames:
             self._add_frame(frame, "in")
         self._add(self._inputs, inputs.t_ns, _json({"t_ns": inputs.t_ns, "frames": len(inputs.frames)}), tick)
@@ -294,13 +374,17 @@ class _LogWriter:
         key = (frame.port, direction, frame.peer, frame.via)
         channel = self._frame_channels.get(key)
         if channel is None:
-            channel = self._frame_channels[key] = self._mcap.register_channel(
-                f"/frames/{frame.port}/{direction}",
-                self._encodings.get(frame.port, "octets"),
-                0,
-                {"port": frame.port, "direction": direction, "peer": frame.peer, "via": frame.via},
-            )
+            channel = self._frame_channels[key] = self._register_frames(key)
         self._add(channel, frame.t_ns, frame.data)
+
+    def _register_frames(self, key: tuple[str, str, str, str]) -> int:
+        port, direction, peer, via = key
+        return self._mcap.register_channel(
+            f"/frames/{port}/{direction}",
+            self._encodings.get(port, "octets"),
+            0,
+            {"port": port, "direction": direction, "peer": peer, "via": via},
+        )
 
     def _add(self, channel: int, t_ns: int, data: bytes, sequence: int = 0) -> None:
         self._mcap.add_message(channel, log_time=t_ns, data=data, publish_time=t_ns, sequence=sequence)

@@ -98,7 +98,7 @@ def recover(
     try:
         with whole_file(target) as part:
             counts, span_s, written = _write(log, copy, part)
-            on_bytes(source.stat().st_size)
+            on_bytes(log.size)
             if not counts[INPUTS_TOPIC]:
                 raise LogError(f"{source}: nothing to recover: no tick is intact")
             if _digest(LogFile(part)) != written:

@@ -58,6 +58,14 @@ def config_of(log: LogFile, path: Path, *, known_only: bool = False) -> Config:
     return config_from_json(stored, f"{path} (config record)", known_only=known_only)
 
 
+def check_begin(log: LogFile) -> None:
+    """LogError for a later segment alone: a backseat starts with the first tick of a run."""
+    if log.first_tick != 1:
+        raise LogError(
+            f"{log.path}: begins with tick {log.first_tick}; replay the run by its first segment or its folder"
+        )
+
+
 @contextmanager
 def recorded_model(log: LogFile, path: Path) -> Iterator[Path | None]:
     """The file of the learned model that a log holds, for as long as it is open; None of a log without one.
@@ -83,6 +91,7 @@ def recorded_model(log: LogFile, path: Path) -> Iterator[Path | None]:
 
 def build_recorded(log: LogFile, path: Path) -> Backseat:
     """A fresh backseat like the one that wrote a log, by the log's config and learned model."""
+    check_begin(log)
     config = config_of(log, path)
     with recorded_model(log, path) as file:
         return build_backseat(config, file)

@@ -60,7 +60,7 @@ def test_info_of_damage_says_what_to_do(folder: Path) -> None:
         (("info", "none.mcap"), "none.mcap: cannot be read (No such file or directory)"),
         (("recover", "none.mcap"), "none.mcap: cannot be read (No such file or directory)"),
         (("export", "whole.mcap", "out.doc"), "out.doc: a file that ends in .tlog, .csv, .parquet is expected"),
-        (("info", "."), ".: cannot be read (Is a directory)"),
+        (("info", "."), ".: a folder with several logs: cut.mcap, text.mcap, whole.mcap; name one"),
     ],
 )
 def test_bad_input_is_one_line(folder: Path, arguments: tuple[str, ...], words: str) -> None:

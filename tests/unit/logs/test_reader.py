@@ -218,7 +218,7 @@ def test_a_log_of_another_layout(whole: bytes, tmp_path: Path) -> None:
 def test_missing_files_and_folders(tmp_path: Path) -> None:
     with pytest.raises(LogError, match="No such file"):
         LogFile(tmp_path / "none.mcap")
-    with pytest.raises(LogError, match="cannot be read"):
+    with pytest.raises(LogError, match="a folder with no log"):
         LogFile(tmp_path)
 
 

@@ -1,0 +1,28 @@
+"""The files of one run: `log.mcap`, and where the recorder splits it `log-001.mcap`, `log-002.mcap`, ..."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from asvhil.errors import LogError
+
+_FOLLOWS = re.compile(r"(.+)-([0-9]{3,}|recovered)")
+
+
+def segment_path(first: Path, number: int) -> Path:
+    """The path of a segment by that of the first, whose number is 0."""
+    return first if number == 0 else first.with_name(f"{first.stem}-{number:03d}{first.suffix}")
+
+
+def first_in(path: Path) -> Path:
+    """The log at a path: itself, or the one in a run's folder. LogError where a folder has none, or several."""
+    if not path.is_dir():
+        return path
+    names = {file.stem for file in path.glob("*.mcap")}
+    firsts = sorted(name for name in names if not ((of := _FOLLOWS.fullmatch(name)) and of[1] in names))
+    if len(firsts) != 1:
+        found = ", ".join(f"{name}.mcap" for name in firsts[:5])
+        what = f"several logs: {found}; name one" if firsts else "no log (.mcap)"
+        raise LogError(f"{path}: a folder with {what}")
+    return path / f"{firsts[0]}.mcap"
