@@ -28,6 +28,7 @@ SUPERVISOR = tuple(
         "supervisor",
         "arming_help",
         "auto_engage",
+        "geofence",
         "letting_go",
         "mode_request",
         "motor_sticks",
