@@ -63,12 +63,12 @@ def test_starts_are_the_same_for_the_same_seed():
 
 def test_the_study_counts_what_was_lost_and_is_taken_up_again(tmp_path):
     """Two runs whose motors are too weak to get anywhere are lost, and told one by one."""
-    weak = "vehicle.vessel.thrust_curve=[[-1.0, -1.0], [0.0, 0.0], [1.0, 1.0]]"
+    weak = ("vehicle.vessel.thrust_curve=[[-1.0, -1.0], [0.0, 0.0], [1.0, 1.0]]", "controller.on_other_hull=use")
     store, seen = tmp_path / "approach.jsonl", []
 
     def study(runs: int):
         run = run_into(store, workers=0, tell=lambda now: seen.append((now.done, now.total)))
-        return study_approach(run, runs, 1, overrides=(weak,), duration_s=20.0)
+        return study_approach(run, runs, 1, overrides=weak, duration_s=20.0)
 
     first, _ = study(1)
     figures, outcomes = study(2)

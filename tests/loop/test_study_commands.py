@@ -84,7 +84,8 @@ def test_the_solvers_side_by_side(tmp_path):
 
 def test_the_approach_leaves_figures_and_tracks(tmp_path):
     weak = "vehicle.vessel.thrust_curve=[[-1.0, -1.0], [0.0, 0.0], [1.0, 1.0]]"
-    done = study("approach", "--quick", "--runs", "1", "--set", weak, "-o", ".", "--json", "out.json", cwd=tmp_path)
+    boat = ("--set", weak, "--set", "controller.on_other_hull=use")
+    done = study("approach", "--quick", "--runs", "1", *boat, "-o", ".", "--json", "out.json", cwd=tmp_path)
     assert (done.returncode, done.stderr) == (0, "")
     assert json.loads((tmp_path / "out.json").read_text())["lost"] == 1
     assert (
