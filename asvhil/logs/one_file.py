@@ -27,7 +27,7 @@ from asvhil.errors import LogError
 from asvhil.logs.recorder import CONTINUED_RECORD, LAYOUT, LAYOUT_RECORD, PROFILE, SEGMENT_RECORD
 from asvhil.logs.resync import RECORD_HEAD, behind_indexes, chunks_behind
 
-_MESSAGE_HEAD = struct.Struct("<BQHIQQ")  # the same; channel, sequence, log time, publish time
+_MESSAGE_HEAD = struct.Struct("<BQHIQQ")  # opcode, length; channel, sequence, log time, publish time
 _KNOWN = frozenset(Opcode)
 COMPRESSIONS = ("zstd", "lz4", "")
 _MESSAGE, _CHANNEL, _SCHEMA = int(Opcode.MESSAGE), int(Opcode.CHANNEL), int(Opcode.SCHEMA)

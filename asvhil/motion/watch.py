@@ -30,7 +30,7 @@ class MotionWatch:
         self._found: Explanation | None = None
         self._ended = False
         self._begin_ns: int | None = None
-        self._seen_ns = 0  # when there was enough evidence last
+        self._seen_ns = 0  # when there was enough evidence last, or the boat was too far off
 
     def step(
         self,
@@ -57,9 +57,9 @@ class MotionWatch:
         away = None
         if self._keeps_station and estimate is not None and estimate.valid:
             away = self._distance.step(t_ns, estimate, station, command, self._monitor.current_ned)
-        if fault is not None:
+        if fault is not None or away is not None:
             self._seen_ns = t_ns
-        if (t_ns - self._seen_ns) * 1e-9 > FORGET_S and away is None and not self._ended:
+        if (t_ns - self._seen_ns) * 1e-9 > FORGET_S and not self._ended:
             self._found = None
         if self._found is None:
             self._found = fault or away

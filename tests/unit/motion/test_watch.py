@@ -67,8 +67,8 @@ def test_without_a_station_or_a_valid_estimate_no_distance_counts(station: Stati
 class Suspicion:
     """A boat that stays, or is some metres off, and a monitor that suspects a motor while `suspects`."""
 
-    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        self.watch = MotionWatch(load_config("sitl"))
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, *overrides: str) -> None:
+        self.watch = MotionWatch(load_config("sitl", overrides))
         self.t_ns, self.off_m, self.suspects = 0, 0.0, False
         fault = explain(Reason.MOTOR_DEAD, motor="port")
         monkeypatch.setattr(MotionMonitor, "step", lambda *_, **__: fault if self.suspects else None)
@@ -108,6 +108,19 @@ def test_a_late_suspicion_ends_the_hold_of_a_boat_that_leaves(monkeypatch: pytes
     assert found is not None and found.reason is Reason.MOTOR_DEAD
     boat.suspects = False
     assert boat.run(30.0) is not None, "what has ended a hold stands"
+
+
+def test_a_boat_that_swings_about_the_limit_is_told_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    boat = Suspicion(monkeypatch, "supervisor.motion.on_fault=tell")
+    boat.run(40.0)
+    told = []
+    for boat.off_m in (8.1, 7.9, 8.2, 7.0, 8.1):
+        boat.run(5.0)
+        told.append(boat.watch.notes)
+    assert len(told[0]) == 1 and len(set(told)) == 1
+    boat.off_m = 1.0
+    boat.run(21.0)
+    assert boat.watch.notes == ()
 
 
 def test_an_early_suspicion_ends_the_hold_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
