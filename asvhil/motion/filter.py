@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+
 import casadi as ca
 
 from asvhil.config import VesselConfig
@@ -38,6 +40,7 @@ class BankNoise:
     timing_s: float = 0.15
 
 
+@functools.lru_cache(maxsize=4)
 def prediction(vessel: VesselConfig, noise: BankNoise) -> ca.Function:
     """(x (9), P (9, 9), thrusts (2) in N, compass error (rad), conditions (6)) -> (x, P) one step later."""
     body = RigidBody(vessel)
@@ -104,6 +107,7 @@ def prediction(vessel: VesselConfig, noise: BankNoise) -> ca.Function:
     return ca.Function("predict", [x, p, thrust_n, off_rad, conditions], [after, covariance], {"cse": True})
 
 
+@functools.lru_cache(maxsize=4)
 def correction(vessel: VesselConfig, noise: BankNoise) -> ca.Function:
     """(x (9), P (9, 9), readings (6)) -> (x, P, log likelihood, squared innovations over their variances).
 

@@ -13,6 +13,7 @@ It is a sum of squares, so Gauss-Newton applies. Weights are parameters: a chang
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Sequence
 from typing import Protocol
@@ -27,7 +28,7 @@ from asvhil.dynamics.protocol import Dynamics
 from asvhil.types import record
 
 FULL_TURN = 2.0  # of a motor command, from astern to ahead: a slew limit that allows it within a stage has no effect
-REMEMBERED = 4  # sets of weights
+REMEMBERED = 4  # sets of weights, and of functions
 POSE_AND_VELOCITY = 6  # x, y, psi, u, v, r: the states that carry a cost
 
 
@@ -152,42 +153,56 @@ class StationProblem:
 
     def _build(self, model: Dynamics) -> None:
         n = self.n_state
-        p, inputs = ca.SX.sym("p", self.n_parameters), ca.SX.sym("U", 2 * self.stages)
-        wind, disturbance = p[n : n + 2], p[n + 2 : n + 5]
-        previous, reference, slew = p[n + 5 : n + 7], p[n + 7], p[n + 8]
-        q = p[n + 9 :]
-
-        # One substep and its Jacobian, inlined below: differentiating the whole would take a hundred times as long.
         s, a, h = ca.SX.sym("s", n), ca.SX.sym("a", 2), ca.SX.sym("h")
         w, d = ca.SX.sym("w", 2), ca.SX.sym("d", 3)
         after = advance(model, s, a, w, d, h, 1)
-        jacobian = ca.jacobian(after, ca.vertcat(s, a))
-        substep = ca.Function("substep", [s, a, w, d, h], [after], {"cse": True})
-        tangent = ca.Function("tangent", [s, a, w, d, h], [after, jacobian], {"cse": True})
+        self.substep = ca.Function("substep", [s, a, w, d, h], [after], {"cse": True})
+        steps = tuple(zip(self.steps_s.tolist(), self.substep_counts, strict=True))
+        self.rollout, self.linearised = _unrolled(self.substep.serialize(), steps)
 
-        state = fast_state = p[:n]
-        states, fast_states, blocks = [state], [state], []
-        for k, (step_s, count) in enumerate(zip(self.steps_s, self.substep_counts, strict=True)):
-            a_k = inputs[2 * k : 2 * k + 2]
-            block = ca.horzcat(ca.SX.eye(n), ca.SX(n, 2))
-            for _ in range(count):
-                fast_state = substep(fast_state, a_k, wind, disturbance, step_s / count)
-                state, local = tangent(state, a_k, wind, disturbance, step_s / count)
-                block = local[:, :n] @ block + ca.horzcat(ca.SX(n, n), local[:, n:])
-            states.append(state)
-            fast_states.append(fast_state)
-            blocks.append(ca.vec(ca.densify(block).T))
 
-        def cost_of(trajectory: list[ca.SX]) -> ca.SX:
-            cost = ca.SX(0.0)
-            for k in range(self.stages):
-                error = trajectory[k + 1][:POSE_AND_VELOCITY] - ca.vertcat(0, 0, reference, 0, 0, 0)
-                change = inputs[2 * k : 2 * k + 2] - (inputs[2 * k - 2 : 2 * k] if k else previous)
-                weight = q[POSE_AND_VELOCITY * k : POSE_AND_VELOCITY * (k + 1)]
-                cost += ca.dot(weight, error**2) + slew * ca.sumsqr(change)
-            return cost
+@functools.lru_cache(maxsize=REMEMBERED)
+def _unrolled(serialized: str, steps: tuple[tuple[float, int], ...]) -> tuple[ca.Function, ca.Function]:
+    """`rollout` and `linearised` of a substep, for stages of (length in s, number of substeps).
 
-        self.substep: ca.Function = substep
-        self.rollout = ca.Function("rollout", [p, inputs], [ca.vertcat(*fast_states), cost_of(fast_states)])
-        linearised = [ca.vertcat(*states), ca.vertcat(*blocks), cost_of(states)]
-        self.linearised = ca.Function("linearised", [p, inputs], linearised)
+    Remembered by what they are made of, since backseats of one model are built again and again: in a replay, in each
+    run of a study.
+    """
+    substep = ca.Function.deserialize(serialized)
+    n, stages = substep.size1_out(0), len(steps)
+    p, inputs = ca.SX.sym("p", n + 9 + POSE_AND_VELOCITY * stages), ca.SX.sym("U", 2 * stages)
+    wind, disturbance = p[n : n + 2], p[n + 2 : n + 5]
+    previous, reference, slew = p[n + 5 : n + 7], p[n + 7], p[n + 8]
+    q = p[n + 9 :]
+
+    # One substep and its Jacobian, inlined below: differentiating the whole would take a hundred times as long.
+    arguments = substep.sx_in()
+    after = substep(*arguments)
+    jacobian = ca.jacobian(after, ca.vertcat(*arguments[:2]))
+    tangent = ca.Function("tangent", arguments, [after, jacobian], {"cse": True})
+
+    state = fast_state = p[:n]
+    states, fast_states, blocks = [state], [state], []
+    for k, (step_s, count) in enumerate(steps):
+        a_k = inputs[2 * k : 2 * k + 2]
+        block = ca.horzcat(ca.SX.eye(n), ca.SX(n, 2))
+        for _ in range(count):
+            fast_state = substep(fast_state, a_k, wind, disturbance, step_s / count)
+            state, local = tangent(state, a_k, wind, disturbance, step_s / count)
+            block = local[:, :n] @ block + ca.horzcat(ca.SX(n, n), local[:, n:])
+        states.append(state)
+        fast_states.append(fast_state)
+        blocks.append(ca.vec(ca.densify(block).T))
+
+    def cost_of(trajectory: list[ca.SX]) -> ca.SX:
+        cost = ca.SX(0.0)
+        for k in range(stages):
+            error = trajectory[k + 1][:POSE_AND_VELOCITY] - ca.vertcat(0, 0, reference, 0, 0, 0)
+            change = inputs[2 * k : 2 * k + 2] - (inputs[2 * k - 2 : 2 * k] if k else previous)
+            weight = q[POSE_AND_VELOCITY * k : POSE_AND_VELOCITY * (k + 1)]
+            cost += ca.dot(weight, error**2) + slew * ca.sumsqr(change)
+        return cost
+
+    rollout = ca.Function("rollout", [p, inputs], [ca.vertcat(*fast_states), cost_of(fast_states)])
+    linearised = [ca.vertcat(*states), ca.vertcat(*blocks), cost_of(states)]
+    return rollout, ca.Function("linearised", [p, inputs], linearised)

@@ -14,6 +14,7 @@ from asvhil.controller.solvers.choice import choose_solver
 from asvhil.controller.solvers.problem import StationProblem
 from asvhil.controller.station_mpc import StationMpc
 from asvhil.dynamics.integrate import advance, substeps
+from asvhil.dynamics.rigid_body import SimplifiedDynamics
 from asvhil.types import Control, Station
 from tests.support.mpc_bench import HEAVY, LIGHT, MODEL, ORIGIN, TanhModel, air, estimate, sail
 
@@ -209,6 +210,23 @@ def test_building_is_quick_enough_for_a_daemon():
     problem = StationProblem(MODEL, MpcConfig())
     assert isinstance(problem.linearised, ca.Function)
     assert problem.linearised.n_instructions() < 40_000
+
+
+def test_an_equal_problem_is_not_built_again_and_another_is():
+    """A replay, or the next run of a study, has a model of its own with the same figures."""
+
+    def linearised(mass=1.0, **grid):
+        vessel = load_config("sitl").vehicle.vessel
+        model = SimplifiedDynamics(vessel.model_copy(update={"mass_kg": mass * vessel.mass_kg}))
+        return StationProblem(model, MpcConfig(**grid)).linearised
+
+    first = linearised()
+    assert linearised() is first
+    others = linearised(mass=1.001), linearised(last_step_s=1.1), linearised(stages=12)
+    assert not any(other is first for other in others)
+    p, inputs = np.ones(first.size1_in(0)), np.ones(first.size1_in(1))
+    states = [np.array(function(p, inputs)[0].full()) for function in (first, others[0])]
+    assert not np.allclose(*states, rtol=1e-9)
 
 
 def test_a_slow_output_limits_what_each_stage_can_ask_for():
