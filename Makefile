@@ -6,6 +6,9 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check
 INSTALL := $(PIP) install -qq -c constraints.txt
 STAMPS := $(VENV)/.stamps
 
+# The tests start hundreds of processes, of which none shall compile the package anew.
+unexport PYTHONDONTWRITEBYTECODE
+
 .DEFAULT_GOAL := help
 .PHONY: help sitl test lint unit mutants firmware firmware-sim check-aarch64 clean
 
@@ -64,10 +67,12 @@ firmware-sim: firmware
 	@$(MAKE) -s -C tests/firmware/host
 
 # Without the firmware's tools its tests are skipped, and say so; where CI is set they fail instead.
-# Tests in virtual time share all cores, and give way to those in real time, which run beside them one after the other.
+# Tests in virtual time share all cores, and give way to those in real time, which run beside them, two at a time: they
+# mostly wait. Only the files that have some are read for these.
+REAL_TIME := grep -rl --include='test_*.py' 'mark.real_time' tests
 unit: $(STAMPS)/test $(STAMPS)/peer $(STAMPS)/mavproxy
 	@$(MAKE) -s firmware-sim || test -z "$$CI"
-	@$(BIN)/pytest -q -m real_time > $(VENV)/real-time.txt 2>&1 & beside=$$!; \
+	@$(BIN)/pytest -q -n 2 --dist worksteal -m real_time $$($(REAL_TIME)) > $(VENV)/real-time.txt 2>&1 & beside=$$!; \
 	nice -n 5 $(BIN)/pytest -q -n auto --maxprocesses 4 --dist worksteal -m "not real_time"; ahead=$$?; \
 	echo "beside these, in real time:"; \
 	wait $$beside; late=$$?; cat $(VENV)/real-time.txt; \

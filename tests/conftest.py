@@ -1,6 +1,11 @@
 """Imported before every test: the package keeps NumPy to one thread, which must be said before NumPy is imported."""
 
+import fcntl
+import os
+import tempfile
 from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, settings
@@ -20,3 +25,27 @@ def own_plugins() -> Iterator[None]:
     """The plug-ins of a test are not those of the next."""
     yield
     unload_all()
+
+
+@contextmanager
+def locked(path: Path, how: int) -> Iterator[None]:
+    with path.open("w") as file:
+        fcntl.flock(file, how)
+        yield
+
+
+@pytest.fixture(autouse=True)
+def company(request: pytest.FixtureRequest) -> Iterator[None]:
+    """A test marked `alone` waits until no other in real time runs, in whatever process, and none begins beside it."""
+    if request.node.get_closest_marker("real_time") is None:
+        yield
+        return
+    alone = request.node.get_closest_marker("alone") is not None
+    door, room = (Path(tempfile.gettempdir()) / f"asvhil-tests-{os.getuid()}-{name}" for name in ("door", "room"))
+    with locked(door, fcntl.LOCK_EX):  # whoever waits for the room keeps later ones out of it
+        inside = locked(room, fcntl.LOCK_EX if alone else fcntl.LOCK_SH)
+        inside.__enter__()
+    try:
+        yield
+    finally:
+        inside.__exit__(None, None, None)

@@ -72,6 +72,7 @@ def busy(processes: int) -> Iterator[None]:
             child.wait()
 
 
+@pytest.mark.alone
 def test_with_all_cores_taken_twice_over_the_hold_goes_on_or_ends_in_neutral(tmp_path: Path) -> None:
     with bench(tmp_path) as at, at.plant(), at.daemon() as daemon:
         daemon.wait_for(lambda s: s["phase"] == "hold", 20.0)

@@ -158,7 +158,9 @@ def test_a_goto_of_mavsdk_is_kept_by_the_daemon(tmp_path: Path) -> None:
         assert "not armed" in str(refused_goto(ground, lat_deg, lon_deg))
         ground.ask("arm")
         ground.wait_for(lambda s: s["armed"])
-        ground.ask("goto", lat_deg=lat_deg, lon_deg=lon_deg, heading_deg=to_deg)
+        place = {"lat_deg": lat_deg, "lon_deg": lon_deg, "heading_deg": to_deg}
+        # On a busy computer the streams are slow at first, and a hold is refused for as long.
+        wait_until(lambda: "ok" in ground.call("goto", **place), 20.0, lambda: ground.ask("heard")["texts"][-5:])
         daemon.wait_for(lambda status: status["phase"] == "hold", 10.0)
         # MAVSDK's parameter client on the daemon's parameters, while it holds.
         parameters = ground.ask("parameters")
@@ -203,8 +205,15 @@ def test_a_goto_of_mavsdk_is_kept_by_the_daemon(tmp_path: Path) -> None:
 
 def refused_goto(ground: Mavsdk, lat_deg: float, lon_deg: float) -> list[str]:
     """What the operator is told of a goto before the boat is armed."""
-    assert "error" in ground.call("goto", lat_deg=lat_deg, lon_deg=lon_deg, heading_deg=0.0)
-    return [text for _, text in ground.ask("heard")["texts"]]
+    texts: list[str] = []
+
+    def refused() -> bool:
+        assert "error" in ground.call("goto", lat_deg=lat_deg, lon_deg=lon_deg, heading_deg=0.0)
+        texts[:] = [text for _, text in ground.ask("heard")["texts"]]
+        return "not armed" in str(texts)
+
+    wait_until(refused, 20.0, lambda: texts)  # at first how the motors are wired is still being read
+    return texts
 
 
 def test_mavsdk_as_the_autopilot_is_read_by_the_daemon(tmp_path: Path) -> None:
