@@ -31,6 +31,7 @@ class Relay:
         self.outputs: list[tuple[float, int, int]] = []
         self._splitter = FrameSplitter(datagrams=True)
         self._station = dialect.MAVLink(None, srcSystem=255, srcComponent=190)
+        self._others: dict[tuple[int, int], Any] = {}
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, daemon=True)
         self._thread.start()
@@ -38,6 +39,12 @@ class Relay:
     def tell_autopilot(self, message: Any) -> None:
         """A message of a ground station, which the daemon does not hear."""
         self._autopilot.sendto(message.pack(self._station), self._autopilot_at)
+
+    def tell_daemon(self, message: Any, system: int, component: int) -> None:
+        """A message of somebody else on the autopilot's link."""
+        sender = self._others.setdefault((system, component), dialect.MAVLink(None, system, component))
+        self._daemon.sendto(message.pack(sender), self._daemon_at)
+        sender.seq = (sender.seq + 1) % 256
 
     def wait_for_neutral(self, since_s: float, timeout_s: float) -> float:
         """Seconds from a time to the first report of neutral outputs after which all are neutral."""
