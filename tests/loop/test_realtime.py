@@ -19,6 +19,7 @@ from tests.support.processes import bench, listen
 pytestmark = pytest.mark.real_time
 
 
+@pytest.mark.alone
 def test_hold_by_command_through_noise_and_a_clean_end(tmp_path: Path) -> None:
     noise = random.Random(3)
     with bench(tmp_path, "supervisor.engage=command") as at, at.plant(), at.daemon() as daemon:
