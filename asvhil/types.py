@@ -297,6 +297,19 @@ class Wind:
 
 
 @record
+class WaveMotion:
+    """First-order wave motion that is taken out of the estimate, by a share of 0 to 1 that grows with its size.
+
+    Standard deviations of the boat's velocity along one horizontal axis, and of its yaw rate, about the peak.
+    """
+
+    peak_hz: float
+    velocity_std_mps: float
+    yaw_std_radps: float
+    share: float
+
+
+@record
 class Station:
     """The pose to keep, in the local NED frame."""
 
@@ -402,7 +415,7 @@ class Outputs:
 
     `pwm_us` is (port, starboard), or None when the motors are released. `origin_deg` is the latitude and longitude of
     the local NED frame, once there is one. `model_error` comes with a control, once the monitor's horizon is filled.
-    `autopilot_clock` is None until the autopilot has answered a TIMESYNC.
+    `autopilot_clock` is None until the autopilot has answered a TIMESYNC. `waves` have been taken out of the estimate.
     """
 
     t_ns: int
@@ -417,3 +430,4 @@ class Outputs:
     origin_deg: tuple[float, float] | None = None
     model_error: PredictionError | None = None
     autopilot_clock: TimeOffset | None = None
+    waves: WaveMotion | None = None

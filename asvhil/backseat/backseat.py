@@ -74,6 +74,7 @@ class Backseat:
             origin_deg=None if seen.frame is None else (seen.frame.lat_deg, seen.frame.lon_deg),
             model_error=model_error,
             autopilot_clock=self._autopilot.clock,
+            waves=seen.waves,
         )
 
     def release_to_pilot(self, t_ns: int) -> list[Frame]:
@@ -106,7 +107,13 @@ class Backseat:
     def _situation(self, seen: Perceived) -> Situation:
         """What this tick is decided by."""
         motion = self._motion.step(
-            seen.t_ns, seen.measurements, self._perception.command, seen.usable_wind, seen.estimate, seen.ailing
+            seen.t_ns,
+            seen.measurements,
+            self._perception.command,
+            seen.usable_wind,
+            seen.estimate,
+            seen.ailing,
+            seen.waves,
         )
         self._battery.step(seen.t_ns, seen.status)
         beat_ns, heard_ns = self._autopilot.autopilot_heartbeat_ns, self._autopilot.autopilot_heard_ns

@@ -25,6 +25,7 @@ from asvhil.errors import ModelError, OtherHullError
 from asvhil.estimator.model_watch import ModelWatch
 from asvhil.estimator.monitor import ModelMonitor
 from asvhil.estimator.protocol import StateEstimator
+from asvhil.estimator.wave_filter import WaveFilter
 from asvhil.estimator.wind import WindFilter
 from asvhil.estimator.wind_load import WindFromLoad
 from asvhil.io.sensors.decoder import Decoder
@@ -112,6 +113,14 @@ def build_wind_load(config: Config) -> WindFromLoad | None:
     return WindFromLoad(config.believed_vessel) if disturbance else None
 
 
+def build_wave_filter(config: Config, model: Dynamics) -> WaveFilter | None:
+    """What takes waves out of the estimate; None for an estimator without a model, and where it is off."""
+    waves = config.estimator.waves
+    if waves.mode == "off" or not ESTIMATORS.find(config.estimator.kind).disturbance:
+        return None
+    return WaveFilter(waves, model, config.believed_vessel, 1.0 / config.daemon.tick_hz)
+
+
 def build_cadence(config: Config) -> Cadence:
     """When controls are due: by count where a timer cuts the ticks, by time where arrivals do."""
     daemon = config.daemon
@@ -139,6 +148,7 @@ def build_perception(config: Config, model: Dynamics, link: MavlinkAutopilot) ->
         estimator=build_estimator(config, model),
         wind=build_wind(config.estimator),
         wind_load=build_wind_load(config),
+        waves=build_wave_filter(config, model),
         model_watch=build_model_watch(config, model),
         model=model,
         pwm=config.vehicle.pwm,

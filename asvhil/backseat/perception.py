@@ -9,6 +9,7 @@ from asvhil.estimator import sensor_health
 from asvhil.estimator.ekf import NAMES
 from asvhil.estimator.model_watch import ModelWatch
 from asvhil.estimator.protocol import StateEstimator
+from asvhil.estimator.wave_filter import WaveFilter
 from asvhil.estimator.wind import WindFilter
 from asvhil.estimator.wind_load import WindFromLoad
 from asvhil.geo import LocalFrame
@@ -29,6 +30,7 @@ from asvhil.types import (
     Note,
     PredictionError,
     TrueWind,
+    WaveMotion,
     Wind,
     YawRate,
     record,
@@ -46,8 +48,8 @@ class Perceived:
 
     `statuses` are those of the autopilot that came in this tick, `status` is the last so far. `wind` is the one to
     show, `usable_wind` the one to predict with: of a sensor, and valid. `frame` is the local NED frame. None: not
-    known. `measurements` are those of the boat's motion that came in this tick, `ailing` the kinds of these whose
-    sensor is silent or frozen.
+    known. The `waves` have been taken out of the estimate. `measurements` are those of the boat's motion that came in
+    this tick, `ailing` the kinds of these whose sensor is silent or frozen.
     """
 
     t_ns: int
@@ -57,6 +59,7 @@ class Perceived:
     wind: Wind | None
     usable_wind: Wind | None
     frame: LocalFrame | None
+    waves: WaveMotion | None = None
     measurements: tuple[Measurement, ...] = ()
     ailing: frozenset[type] = frozenset()
 
@@ -76,6 +79,7 @@ class Perception:
         estimator: StateEstimator,
         wind: WindFilter,
         wind_load: WindFromLoad | None,
+        waves: WaveFilter | None,
         model_watch: ModelWatch,
         model: Dynamics,
         pwm: PwmConfig,
@@ -85,6 +89,7 @@ class Perception:
         self._estimator = estimator
         self._wind = wind
         self._wind_load = wind_load
+        self._waves = waves
         self._model_watch = model_watch
         self._model = model
         self._pwm = pwm
@@ -116,6 +121,8 @@ class Perception:
             # Before the estimate, so that the controller gets wind and disturbance of one mind.
             self._set_forcing(usable_wind)
         estimate = self._estimator.estimate(t_ns)
+        if self._waves is not None:
+            estimate = self._waves.step(estimate)
         self._sensor_notes = self._estimator.notes(t_ns)
         if usable_wind is not None:
             self._wind_ns = t_ns
@@ -129,6 +136,7 @@ class Perception:
             wind=wind,
             usable_wind=usable_wind,
             frame=self._estimator.frame,
+            waves=None if self._waves is None else self._waves.waves,
             measurements=tuple(self._measurements),
             ailing=frozenset(
                 WATCHED[note.subject] for note in self._sensor_notes if note.text in DEAD and note.subject in WATCHED
@@ -222,4 +230,6 @@ class Perception:
         self.command = (command_of_pulse(self._pwm, pulses[0]), command_of_pulse(self._pwm, pulses[1]))
         self._model_input = self._model.input_of_command(self.command)
         self._forcing_wind = wind
+        if self._waves is not None:
+            self._waves.set_forcing(self._model_input, wind)
         self._estimator.set_forcing(self._model_input, None if wind is None else (wind.vn_mps, wind.ve_mps))

@@ -20,6 +20,7 @@ from asvhil.config.estimator import (
     FirConfig,
     MonitorConfig,
     TrustConfig,
+    WaveFilterConfig,
     WindFilterConfig,
 )
 from asvhil.config.links import AutopilotLinkConfig, OperatorLinkConfig
@@ -112,6 +113,7 @@ __all__ = [
     "SupervisorConfig",
     "TrustConfig",
     "VesselConfig",
+    "WaveFilterConfig",
     "WavesConfig",
     "WeatherConfig",
     "WindConfig",

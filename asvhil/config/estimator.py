@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from asvhil.config.base import Degrees, NonNegative, Positive, Section
+from asvhil.config.base import Degrees, Fraction, NonNegative, Positive, Section
 from asvhil.config.chosen import Choosing, NamedIn
 from asvhil.config.registry import ESTIMATORS, EstimatorKind
 
@@ -146,6 +146,43 @@ class EkfConfig(Section):
     )
 
 
+class WaveFilterConfig(Section):
+    """The wave filter: takes first-order wave motion out of what the EKF gives to the controller.
+
+    It splits the motion by the vessel model, so in waves the model counts for more: its walks are less than the EKF's.
+    """
+
+    mode: Literal["auto", "on", "off"] = Field(
+        default="auto",
+        description=(
+            "`auto`: by as much as there are waves, and not at all where there are none. `on`: always. `off`: never, "
+            "and the motors work against every wave."
+        ),
+    )
+    least_mps: Positive = Field(
+        default=0.04,
+        description=(
+            "Velocity (rms of surge, sway and yaw together) at the peak from which on `auto` takes waves out, wholly "
+            "from twice this on."
+        ),
+    )
+    damping: Fraction = Field(
+        default=0.2, gt=0.0, description="Relative damping of the wave spectrum that is assumed: less is narrower."
+    )
+    velocity_walk_mps: Positive = Field(
+        default=0.015, description="Random walk of the low-frequency velocity (m/s per sqrt(s)): the model's error."
+    )
+    yaw_rate_walk_radps: Positive = Field(
+        default=0.015, description="Random walk of the low-frequency yaw rate (rad/s per sqrt(s))."
+    )
+    disturbance_walk_mps2: Positive = Field(
+        default=0.002, description="Random walk of the disturbance, beside waves (m/s^2 per sqrt(s))."
+    )
+    disturbance_yaw_walk_radps2: Positive = Field(
+        default=0.001, description="Random walk of the disturbance in yaw, beside waves (rad/s^2 per sqrt(s))."
+    )
+
+
 class FirConfig(Section):
     """The paper's velocity estimate: a FIR filter on the accelerometer, integrated and fused with the GNSS velocity.
 
@@ -243,5 +280,8 @@ class EstimatorConfig(Choosing):
     )
     fir: FirConfig = Field(default=FirConfig(), description="The paper's velocity estimate.")
     trust: TrustConfig = Field(default=TrustConfig(), description="Fault detection of the EKF.")
+    waves: WaveFilterConfig = Field(
+        default=WaveFilterConfig(), description="The wave filter; `fir` and `raw`, which have no model, do without."
+    )
     wind: WindFilterConfig = Field(default=WindFilterConfig(), description="The wind filter.")
     monitor: MonitorConfig = Field(default=MonitorConfig(), description="The monitor of the model.")

@@ -37,6 +37,15 @@ def status_of(outputs: Outputs, links: dict[str, str], start_ns: int, overruns: 
         "wind_mps": math.hypot(wind.vn_mps, wind.ve_mps) if wind else None,
         "wind_origin": wind.origin if wind else None,
         "wind_toward_deg": math.degrees(math.atan2(wind.ve_mps, wind.vn_mps)) % 360.0 if wind else None,
+        "waves": (
+            {
+                "peak_hz": outputs.waves.peak_hz,
+                "velocity_std_mps": outputs.waves.velocity_std_mps,
+                "share": outputs.waves.share,
+            }
+            if outputs.waves
+            else None
+        ),
         "pwm_us": list(outputs.pwm_us) if outputs.pwm_us else None,
         "autopilot_clock_s": outputs.autopilot_clock.offset_ns * 1e-9 if outputs.autopilot_clock else None,
         "round_trip_ms": outputs.autopilot_clock.round_trip_ns * 1e-6 if outputs.autopilot_clock else None,
@@ -66,6 +75,10 @@ def render(status: dict[str, Any], title: str) -> Group:
     wind = f"{_show(status['wind_mps'], 'm/s')} toward {_show(status['wind_toward_deg'], 'deg', 0)}"
     guessed = status.get("wind_origin") == "disturbance"
     table.add_row("true wind", f"{wind} (from the disturbance)" if guessed else wind)
+    waves = status.get("waves")
+    if waves:
+        size = f"{waves['velocity_std_mps']:.2f} m/s rms at {waves['peak_hz']:.2f} Hz"
+        table.add_row("waves", f"{size}, filtered by {100.0 * waves['share']:.0f} %")
     pwm = status["pwm_us"]
     table.add_row("port, starboard", f"{pwm[0]}, {pwm[1]} us" if pwm else "released")
     clock = f"{_show(status['autopilot_clock_s'], 's', 4)}, round trip {_show(status['round_trip_ms'], 'ms', 1)}"

@@ -7,9 +7,10 @@ from asvhil.config.registry import CONTROLLERS
 from asvhil.motion.distance import DistanceWatch
 from asvhil.motion.monitor import MotionMonitor
 from asvhil.supervisor.reasons import Explanation, describe
-from asvhil.types import Estimate, Measurement, Note, Station, Wind
+from asvhil.types import Estimate, Measurement, Note, Station, WaveMotion, Wind
 
 SUBJECT = "motion"
+ROUGH_SHARE = 0.5  # of the waves that the wave filter takes out, from which on it is rough
 FORGET_S = 20.0  # a fault without enough evidence for this long was a chance
 
 
@@ -40,6 +41,7 @@ class MotionWatch:
         wind: Wind | None,
         estimate: Estimate | None,
         ailing: frozenset[type],
+        waves: WaveMotion | None = None,
     ) -> Explanation | None:
         """Why a hold is to end, from what came in this tick and the commands that the motors got before it.
 
@@ -65,9 +67,10 @@ class MotionWatch:
             self._found = fault or away
         if self._begin_ns is None:
             self._begin_ns = t_ns
-        # What is wired wrong shows at once. Later gusts and waves alone may look like a fault, by chance; but a boat
-        # that has one does not stay where it is.
-        begins = fault is not None and (t_ns - self._begin_ns) * 1e-9 <= self._config.sense_s
+        # What is wired wrong shows at once. Later gusts and waves alone may look like a fault, by chance, and in waves
+        # they may from the first; but a boat that has one does not stay where it is.
+        rough = waves is not None and waves.share >= ROUGH_SHARE
+        begins = fault is not None and not rough and (t_ns - self._begin_ns) * 1e-9 <= self._config.sense_s
         confirmed = begins or away is not None or self._distance.farther_m >= self._config.confirm_m
         ends = confirmed and self._keeps_station and self._config.on_fault == "release"
         if ends and self._found is not None:

@@ -8,7 +8,7 @@ from asvhil.config import load_config
 from asvhil.motion.monitor import MotionMonitor
 from asvhil.motion.watch import MotionWatch
 from asvhil.supervisor.reasons import Explanation, Reason, explain
-from asvhil.types import Estimate, Station
+from asvhil.types import Estimate, Station, WaveMotion
 
 STATION = Station(n_m=0.0, e_m=0.0, psi_rad=0.0)
 
@@ -70,6 +70,7 @@ class Suspicion:
     def __init__(self, monkeypatch: pytest.MonkeyPatch, *overrides: str) -> None:
         self.watch = MotionWatch(load_config("sitl", overrides))
         self.t_ns, self.off_m, self.suspects = 0, 0.0, False
+        self.waves: WaveMotion | None = None
         fault = explain(Reason.MOTOR_DEAD, motor="port")
         monkeypatch.setattr(MotionMonitor, "step", lambda *_, **__: fault if self.suspects else None)
 
@@ -81,7 +82,7 @@ class Suspicion:
                 t_ns=self.t_ns, n_m=self.off_m, e_m=0.0, psi_rad=0.0, u_mps=0.0, v_mps=0.0, r_radps=0.0,
                 motor=(), std=(), disturbance=(0.0, 0.0, 0.0), valid=True,
             )  # fmt: skip
-            found = found or self.watch.step(self.t_ns, (), (0.0, 0.0), None, estimate, frozenset())
+            found = found or self.watch.step(self.t_ns, (), (0.0, 0.0), None, estimate, frozenset(), self.waves)
             self.watch.note_station(STATION)
         return found
 
@@ -96,6 +97,19 @@ def test_a_late_suspicion_is_told_and_taken_back_and_ends_nothing_after_that(mon
     assert boat.run(2.0) is None and boat.watch.notes == ()
     boat.off_m = 7.0
     assert boat.run(10.0) is None, "a swing long after it is no proof"
+
+
+@pytest.mark.parametrize(("share", "ends"), [(0.3, True), (0.5, False), (1.0, False)])
+def test_in_waves_an_early_suspicion_ends_a_hold_no_sooner_than_a_late_one(
+    share: float, ends: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    boat = Suspicion(monkeypatch)
+    boat.waves = WaveMotion(peak_hz=0.3, velocity_std_mps=0.15, yaw_std_radps=0.04, share=share)
+    boat.run(5.0)
+    boat.suspects = True
+    assert (boat.run(2.0) is not None) == ends
+    boat.off_m = 6.5
+    assert boat.run(1.0) is not None
 
 
 def test_a_late_suspicion_ends_the_hold_of_a_boat_that_leaves(monkeypatch: pytest.MonkeyPatch) -> None:
