@@ -10,7 +10,7 @@ from asvhil.supervisor.reasons import Explanation, describe
 from asvhil.types import Estimate, Measurement, Note, Station, WaveMotion, Wind
 
 SUBJECT = "motion"
-ROUGH_SHARE = 0.5  # of the waves that the wave filter takes out, from which on it is rough
+ROUGH_SHARE, ROUGH_MPS = 0.5, 0.04  # of the waves that the wave filter takes out, and their size: rough from there on
 FORGET_S = 20.0  # a fault without enough evidence for this long was a chance
 
 
@@ -69,7 +69,7 @@ class MotionWatch:
             self._begin_ns = t_ns
         # What is wired wrong shows at once. Later gusts and waves alone may look like a fault, by chance, and in waves
         # they may from the first; but a boat that has one does not stay where it is.
-        rough = waves is not None and waves.share >= ROUGH_SHARE
+        rough = waves is not None and waves.share >= ROUGH_SHARE and waves.velocity_std_mps >= ROUGH_MPS
         begins = fault is not None and not rough and (t_ns - self._begin_ns) * 1e-9 <= self._config.sense_s
         confirmed = begins or away is not None or self._distance.farther_m >= self._config.confirm_m
         ends = confirmed and self._keeps_station and self._config.on_fault == "release"

@@ -99,12 +99,16 @@ def test_a_late_suspicion_is_told_and_taken_back_and_ends_nothing_after_that(mon
     assert boat.run(10.0) is None, "a swing long after it is no proof"
 
 
-@pytest.mark.parametrize(("share", "ends"), [(0.3, True), (0.5, False), (1.0, False)])
+@pytest.mark.parametrize(
+    ("share", "size_mps", "ends"),
+    [(0.3, 0.15, True), (0.5, 0.15, False), (1.0, 0.15, False), (1.0, 0.02, True)],
+    ids=["seen just now", "half of them", "all of them", "the filter is always on, in calm water"],
+)
 def test_in_waves_an_early_suspicion_ends_a_hold_no_sooner_than_a_late_one(
-    share: float, ends: bool, monkeypatch: pytest.MonkeyPatch
+    share: float, size_mps: float, ends: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     boat = Suspicion(monkeypatch)
-    boat.waves = WaveMotion(peak_hz=0.3, velocity_std_mps=0.15, yaw_std_radps=0.04, share=share)
+    boat.waves = WaveMotion(peak_hz=0.3, velocity_std_mps=size_mps, yaw_std_radps=0.04, share=share)
     boat.run(5.0)
     boat.suspects = True
     assert (boat.run(2.0) is not None) == ends
