@@ -13,6 +13,7 @@ from asvhil.commands.calibrate import calibrate
 from asvhil.commands.check import check
 from asvhil.commands.collect import collect
 from asvhil.commands.evaluate import evaluate
+from asvhil.commands.init import init
 from asvhil.commands.numbers import refuse_odd_numbers
 from asvhil.commands.operate import hold, release
 from asvhil.commands.output import guard_standard_streams
@@ -33,7 +34,7 @@ app = typer.Typer(
 )
 
 for command in (
-    *(run, hold, release, status, check, calibrate),
+    *(init, run, hold, release, status, check, calibrate),
     *(sitl, plant, report, replay),
     *(collect, train, evaluate),
 ):
