@@ -22,7 +22,8 @@ from typing import Any
 from asvhil.config import load_config
 from asvhil.io.mavlink.frames import FrameSplitter, message_id
 from asvhil.logs.replay import replay
-from asvhil.logs.run import read_run, summarise
+from asvhil.logs.run import read_run
+from asvhil.logs.summary import summarise
 from asvhil.sitl import run_lockstep
 from tests.support.processes import bench
 

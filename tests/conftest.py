@@ -3,7 +3,7 @@
 import fcntl
 import os
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -18,6 +18,28 @@ assert asvhil.__version__
 # Neither what an example takes nor how fast examples are drawn may decide a test: a busy machine is slow at both.
 settings.register_profile("any load", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("any load")
+
+
+@pytest.fixture(scope="session")
+def run_logs(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
+    """The log of a run of `tests.support.run_logs` by its name: made once, also where tests run in many processes."""
+    shared = tmp_path_factory.getbasetemp()
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        shared = shared.parent
+
+    def log_of(name: str) -> Path:
+        from tests.support import run_logs as runs
+
+        log = shared / f"{name}.mcap"
+        with locked(shared / f"{name}.lock", fcntl.LOCK_EX):
+            if not log.exists():
+                part = shared / f"{name}-part.mcap"
+                part.unlink(missing_ok=True)
+                getattr(runs, f"record_{name}")(part)
+                part.rename(log)
+        return log
+
+    return log_of
 
 
 @pytest.fixture(autouse=True)

@@ -143,7 +143,8 @@ def byte_bar(console: Any) -> Any:
 
 
 def report_run(log: Path, json_file: Path | None, picture: Path | None, console: Any, wall_s: float | None) -> None:
-    from asvhil.logs.run import read_run, summarise
+    from asvhil.logs.run import read_run
+    from asvhil.logs.summary import summarise
 
     run_log = read_run(log)
     figures = summarise(run_log, wall_s)
@@ -152,14 +153,20 @@ def report_run(log: Path, json_file: Path | None, picture: Path | None, console:
     if picture is not None:
         from asvhil.logs.picture import draw_run
 
-        wind = figures["wind"]
-        title = (
-            f"{run_log.config.vehicle.name}, {figures['controller']}, wind {wind['configured_speed_mps']:g} m/s "
-            f"toward {wind['configured_toward_deg']:g} deg, seed {figures['seed']}"
-        )
-        draw_run(run_log, picture, title)
+        draw_run(run_log, picture, title_of(figures))
         say(console, f"picture {picture}")
     say(console, f"log     {log}")
+
+
+def title_of(figures: dict[str, Any]) -> str:
+    """The title of a run's picture: a simulated run is known by its seed and wind, another one by its date."""
+    parts = [figures["vehicle"], figures["controller"]]
+    if figures["started"] is not None:
+        parts.append(figures["started"])
+    if figures["simulated"]:
+        wind = figures["wind"]["configured"]
+        parts.append(f"wind {wind['speed_mps']:g} m/s toward {wind['toward_deg']:g} deg, seed {figures['seed']}")
+    return ", ".join(parts)
 
 
 def print_summary(console: Any, figures: dict[str, Any]) -> None:
@@ -170,7 +177,7 @@ def print_summary(console: Any, figures: dict[str, Any]) -> None:
     table = Table(title=f"from {figures['settled_from_s']:.0f} s on", title_justify="left")
     for heading in ("", "mean", "std", "max"):
         table.add_column(heading, justify="left" if not heading else "right")
-    for name in ("truth", "measured"):
+    for name in ("truth", "estimated", "measured"):
         part = figures[name]
         if part is None or part["penalty_score"] is None:
             continue
@@ -183,12 +190,17 @@ def print_summary(console: Any, figures: dict[str, Any]) -> None:
         )
         table.add_row(f"heading error, {name} (deg)", f"{heading['mean']:.2f}", f"{heading['std']:.2f}", "")
         table.add_row(f"penalty score, {name}", f"{part['penalty_score']:.2f}", "", "")
-    speed = figures["wind"]["estimated_speed_mps"]
-    if speed is not None:
+    wind = figures["wind"]["estimated"]
+    if wind is not None:
         guessed = figures["wind"]["origin"] == "disturbance"
-        name = "wind, from the disturbance (m/s)" if guessed else "wind, estimated (m/s)"
-        table.add_row(name, f"{speed['mean']:.2f}", f"{speed['std']:.2f}", "")
+        name = "from the disturbance" if guessed else "estimated"
+        table.add_row(f"wind, {name} (m/s)", f"{wind['speed_mps']['mean']:.2f}", f"{wind['speed_mps']['std']:.2f}", "")
+        if wind["toward_deg"]["mean"] is not None:
+            around = wind["toward_deg"]
+            table.add_row(f"wind toward, {name} (deg)", f"{around['mean']:.0f}", f"{around['std']:.0f}", "")
     console.print(table)
+    if len(figures["holds"]) > 1 or figures["failsafes"]:
+        print_spans(console, figures)
     steps = figures["step_ms"]
     phases = ", ".join(f"{phase} {seconds:.1f} s" for phase, seconds in figures["phases"].items())
     timing = f"step p50 {steps['p50']:.2f} ms, p99 {steps['p99']:.2f} ms, max {steps['max']:.1f} ms; " if steps else ""
@@ -203,6 +215,21 @@ def print_summary(console: Any, figures: dict[str, Any]) -> None:
         say(console, f"dropped, {port}: {counts_text(causes)}")
     for subject, text in figures["notes"].items():
         say(console, f"{subject}: {text}")
+
+
+def print_spans(console: Any, figures: dict[str, Any]) -> None:
+    """A line for each hold, fail-safe and release, in the order of their times."""
+    lines: list[tuple[float, str]] = []
+    for hold in figures["holds"]:
+        part = next((hold[name] for name in ("truth", "estimated", "measured") if hold[name] is not None), None)
+        where = "" if part is None or part["penalty_score"] is None else f", {part['distance_m']['mean']:.2f} m off"
+        lines.append((hold["from_s"], f"hold {hold['number']} to {hold['to_s']:.1f} s{where}"))
+    for failsafe in figures["failsafes"]:
+        lines.append((failsafe["from_s"], f"failsafe to {failsafe['to_s']:.1f} s: {failsafe['reason']}"))
+    for release in figures["releases"]:
+        lines.append((release["at_s"], f"released after {release['after']}: {release['reason']}"))
+    for at_s, text in sorted(lines):
+        say(console, f"{at_s:7.1f} s  {text}")
 
 
 def say(console: Any, text: str, end: str = "\n") -> None:

@@ -20,7 +20,7 @@ from asvhil.controller.pwm import PulseLimiter
 from asvhil.errors import LogError
 from asvhil.logs.encoding import decode_outputs, encode_outputs, first_difference
 from asvhil.logs.fault_edits import FaultEdits
-from asvhil.logs.holds import Holds
+from asvhil.logs.holds import PhaseSpans
 from asvhil.logs.reader import LogFile
 from asvhil.logs.replay import check_begin, config_of, recorded_model
 from asvhil.types import Note, Outputs, record
@@ -64,10 +64,10 @@ class Noticed:
 
     `edited`: frames that are not as recorded; `untouched`: ports that the faults should show on, and no edit can.
     `first_difference`: tick from 0, time, and the first field of the outputs that differs; None where none does.
-    `recorded_holds`, `holds`: spans as `Holds` has them. `notes`: (time, subject, text, ok) when first told, of those
-    that the record has not at that time. `estimate_off_m`, `pulses_apart_us`: the largest distance of the estimates,
-    and of the pulses that would have been sent from those that were. `judged_to_s`: from then on this backseat drives
-    and the record does not; None: to the end.
+    `recorded_holds`, `holds`: as `PhaseSpans.holds` has them. `notes`: (time, subject, text, ok) when first told, of
+    those that the record has not at that time. `estimate_off_m`, `pulses_apart_us`: the largest distance of the
+    estimates, and of the pulses that would have been sent from those that were. `judged_to_s`: from then on this
+    backseat drives and the record does not; None: to the end.
     """
 
     ticks: int
@@ -113,7 +113,7 @@ def replay_with_faults(
     pulses = RecordedPulses(config.vehicle.pwm)
     with recorded_model(log, path) as file:
         backseat = build_backseat(config, file, limiter=pulses)
-    recorded_holds, holds, notes = Holds(), Holds(), _NewNotes()
+    recorded_holds, holds, notes = PhaseSpans(), PhaseSpans(), _NewNotes()
     first: tuple[int, float, str] | None = None
     judged_to_s: float | None = None
     start_ns: int | None = None
@@ -147,8 +147,8 @@ def replay_with_faults(
         edited=edits.edited,
         untouched=edits.untouched,
         first_difference=first,
-        recorded_holds=tuple(recorded_holds.spans),
-        holds=tuple(holds.spans),
+        recorded_holds=tuple(recorded_holds.holds),
+        holds=tuple(holds.holds),
         notes=tuple(notes.told),
         estimate_off_m=off_m,
         pulses_apart_us=apart_us,

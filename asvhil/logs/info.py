@@ -13,7 +13,7 @@ from mcap.records import Channel, Message
 
 from asvhil.errors import LogError
 from asvhil.logs.encoding import NOT_VALID, decode_outputs
-from asvhil.logs.holds import Holds
+from asvhil.logs.holds import PhaseSpans
 from asvhil.logs.reader import LogFile, decode_timing
 from asvhil.logs.recorder import INPUTS_TOPIC, OUTPUTS_TOPIC, TIMING_TOPIC
 
@@ -38,7 +38,7 @@ def log_info(path: Path, on_bytes: Callable[[int], None] = lambda done: None) ->
     span_ns: dict[int, tuple[int, int]] = {}
     damage: list[str] = []
     phases: Counter[str] = Counter()
-    holds = Holds()
+    spans = PhaseSpans()
     first_ns: int | None = None
     last_ns = 0
     ticks = dropped = overruns = sequence = 0
@@ -66,7 +66,7 @@ def log_info(path: Path, on_bytes: Callable[[int], None] = lambda done: None) ->
             elif topic == OUTPUTS_TOPIC and first_ns is not None:
                 outputs = decode_outputs(item.data, path)
                 phases[outputs.phase] += 1
-                holds.add(round((outputs.t_ns - first_ns) * 1e-9, 3), outputs.phase, outputs.health.reason)
+                spans.add(round((outputs.t_ns - first_ns) * 1e-9, 3), outputs.phase, outputs.health.reason)
             elif topic == TIMING_TOPIC:
                 overruns += decode_timing(item.data, path).overrun
     run, config = log.metadata.get("run", {}), log.metadata.get("config", {})
@@ -90,7 +90,7 @@ def log_info(path: Path, on_bytes: Callable[[int], None] = lambda done: None) ->
         "ticks_dropped": dropped,
         "overruns": overruns,
         "phases": {phase: count for phase, count in phases.most_common()},
-        "holds": holds.spans,
+        "holds": spans.holds,
         "channels": [
             {
                 "topic": channels[number].topic,

@@ -1,13 +1,29 @@
-"""Station keeping metrics: the paper's errors and penalty score, from series of pose errors."""
+"""Station keeping metrics of series: errors, scores, circular statistics, docking windows, the work of the motors."""
 
 from __future__ import annotations
 
+import math
 from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from asvhil.dynamics.arrays import Array
 from asvhil.types import record
 
 SETTLED_FROM_S = 60.0  # the score is of station keeping, not of the way to the station
+VRX_BASE = 0.75  # per metre: how fast the heading loses its weight with the distance
+
+# A docking window as the paper has it: slow, turning slowly, and in a sector of 15 m and 40 degrees in all about the
+# target heading.
+DOCKING_SPEED_MPS = 0.5
+DOCKING_RATE_RADPS = math.radians(5.0)
+DOCKING_RADIUS_M = 15.0
+DOCKING_SECTOR_DEG = 40.0
+DOCKING_LEAST_S = 10.0  # shorter ones are of no use, and not counted
+GAP_S = 1.0  # samples farther apart are not of one window
+
+REVERSAL_BEYOND = 0.05  # of full command: nearer to neutral a motor stands still
 
 
 @record
@@ -19,26 +35,72 @@ class PoseErrors:
     heading_deg: Array
 
 
+@record
+class MotionTrack:
+    """A boat's motion by one way of knowing it: k samples, and the station and the hold of each.
+
+    t_s since the first tick (k,); pose (k, 3) n, e (m), psi (rad); speed over ground (m/s); yaw rate (rad/s); station
+    (k, 3) as the pose, NaN where there is none; number of the hold, 0 where the controller had not the motors.
+    """
+
+    t_s: Array
+    pose: Array
+    speed_mps: Array
+    yaw_rate_radps: Array
+    station: Array
+    hold: Array
+
+    def of_hold(self, number: int | None = None) -> MotionTrack:
+        """The samples of one hold, of all holds where None."""
+        return self.where(self.hold > 0 if number is None else self.hold == number)
+
+    def where(self, mask: NDArray[np.bool_]) -> MotionTrack:
+        """The samples of a mask (k,)."""
+        return MotionTrack(
+            t_s=self.t_s[mask],
+            pose=self.pose[mask],
+            speed_mps=self.speed_mps[mask],
+            yaw_rate_radps=self.yaw_rate_radps[mask],
+            station=self.station[mask],
+            hold=self.hold[mask],
+        )
+
+    @property
+    def errors(self) -> PoseErrors:
+        """Errors of each sample to its own station; NaN where there is none."""
+        off = self.pose - self.station
+        return PoseErrors(
+            t_s=self.t_s,
+            distance_m=np.hypot(off[:, 0], off[:, 1]),
+            heading_deg=np.degrees((off[:, 2] + math.pi) % math.tau - math.pi),
+        )
+
+
 def settled_from_s(duration_s: float) -> float:
     """Start of the scoring window: 60 s, or half of the run where it is shorter than two minutes."""
     return min(SETTLED_FROM_S, 0.5 * duration_s)
 
 
 def score(errors: PoseErrors, from_s: float) -> dict[str, Any]:
-    """Mean and standard deviation over the window from `from_s` on, and ps = e_d + s_d + |e_h| + s_h (m, deg).
+    """Statistics over the window from `from_s` on, ps = e_d + s_d + |e_h| + s_h (m, deg), and VRX's score.
 
-    `max` is over all samples given, `max_settled` over the window. None where the window holds no sample.
+    `max` is over all samples given, `max_settled` over the window. Heading: `mean` and `std` are the arithmetic ones of
+    the wrapped errors, as in the paper's ps; `abs_mean` is of the magnitude; `circular_mean` and `circular_std` are
+    those of `circular_deg`, which alone mean something where the errors go all round. VRX's score (VRX 2023, task 1) is
+    the mean of d + 0.75^d |dpsi| in m and rad. None where the window holds no sample.
     """
     window = errors.t_s >= from_s
     if not window.any():
         return {
             "distance_m": {"mean": None, "std": None, "max": None, "max_settled": None},
-            "heading_deg": {"mean": None, "std": None},
+            "heading_deg": dict.fromkeys(("mean", "std", "abs_mean", "circular_mean", "circular_std")),
             "penalty_score": None,
+            "vrx_score": None,
         }
     distance, heading = errors.distance_m[window], errors.heading_deg[window]
     e_d, s_d = float(distance.mean()), float(distance.std())
     e_h, s_h = float(heading.mean()), float(heading.std())
+    around = circular_deg(np.radians(heading))
     return {
         "distance_m": {
             "mean": e_d,
@@ -46,6 +108,120 @@ def score(errors: PoseErrors, from_s: float) -> dict[str, Any]:
             "max": float(errors.distance_m.max()),
             "max_settled": float(distance.max()),
         },
-        "heading_deg": {"mean": e_h, "std": s_h},
+        "heading_deg": {
+            "mean": e_h,
+            "std": s_h,
+            "abs_mean": float(np.abs(heading).mean()),
+            "circular_mean": around["mean"],
+            "circular_std": around["std"],
+        },
         "penalty_score": e_d + s_d + abs(e_h) + s_h,
+        "vrx_score": float((distance + VRX_BASE**distance * np.radians(np.abs(heading))).mean()),
     }
+
+
+def circular_deg(angles_rad: Array) -> dict[str, float | None]:
+    """Mean direction and standard deviation sqrt(-2 ln R) of angles, in degrees (Mardia and Jupp 2000, 2.2, 2.3).
+
+    R is the length of the mean of the unit vectors. None of no angles; no mean where they cancel out.
+    """
+    if not len(angles_rad):
+        return {"mean": None, "std": None}
+    c, s = float(np.cos(angles_rad).mean()), float(np.sin(angles_rad).mean())
+    length = min(math.hypot(c, s), 1.0)
+    if length < 1e-12:
+        return {"mean": None, "std": None}
+    return {"mean": math.degrees(math.atan2(s, c)), "std": math.degrees(math.sqrt(-2.0 * math.log(length)))}
+
+
+def wind_figures(wind: Array) -> dict[str, Any] | None:
+    """Speed (m/s) and direction (deg, that it blows toward) of rows (t_s, speed, toward rad); None of no rows."""
+    if not len(wind):
+        return None
+    return {
+        "speed_mps": {"mean": float(wind[:, 1].mean()), "std": float(wind[:, 1].std())},
+        "toward_deg": circular_deg(wind[:, 2]),
+    }
+
+
+def docking_windows(track: MotionTrack) -> list[dict[str, Any]]:
+    """The docking windows (s) of a track, each with the errors in it; at least `DOCKING_LEAST_S` long.
+
+    A window is of one hold and one station, as long as speed, yaw rate, distance and heading error stay in the bounds
+    at the head of this module.
+    """
+    errors = track.errors
+    inside = (
+        (track.hold > 0)
+        & (track.speed_mps < DOCKING_SPEED_MPS)
+        & (np.abs(track.yaw_rate_radps) < DOCKING_RATE_RADPS)
+        & (errors.distance_m < DOCKING_RADIUS_M)
+        & (np.abs(errors.heading_deg) < 0.5 * DOCKING_SECTOR_DEG)
+    )
+    windows = []
+    for first, last in _runs(inside, track):
+        length_s = float(track.t_s[last] - track.t_s[first])
+        if length_s < DOCKING_LEAST_S:
+            continue
+        distance, heading = (part[first : last + 1] for part in (errors.distance_m, errors.heading_deg))
+        windows.append(
+            {
+                "from_s": float(track.t_s[first]),
+                "to_s": float(track.t_s[last]),
+                "length_s": length_s,
+                "distance_m": {"mean": float(distance.mean()), "max": float(distance.max())},
+                "heading_deg": {"mean": float(heading.mean()), "abs_mean": float(np.abs(heading).mean())},
+            }
+        )
+    return windows
+
+
+def docking_figures(track: MotionTrack) -> dict[str, Any]:
+    """The docking windows of a track, the longest one's length, and their share of the time that is held (0 to 1)."""
+    windows = docking_windows(track)
+    total_s = sum(window["length_s"] for window in windows)
+    held_s = sum(
+        float(part[-1] - part[0])
+        for part in (track.t_s[track.hold == number] for number in np.unique(track.hold) if number > 0)
+    )
+    return {
+        "windows": windows,
+        "longest_s": max((window["length_s"] for window in windows), default=0.0),
+        "share": total_s / held_s if held_s else None,
+    }
+
+
+def motor_figures(command: Array) -> dict[str, float | None]:
+    """The work of the motors, of rows (t_s, port, starboard, hold) in [-1, 1], one per solution.
+
+    `energy`: mean squared command, a measure that needs no power curve of a motor. `reversals_per_min` and
+    `change_per_s` (mean |change of command|) are of one motor, the mean of both, and leave out the time between holds.
+    A motor reverses where it goes from beyond 5 % ahead to beyond 5 % astern, or back. None of no rows.
+    """
+    if not len(command):
+        return {"energy": None, "reversals_per_min": None, "change_per_s": None}
+    elapsed_s, change, reversals = 0.0, 0.0, 0
+    for number in np.unique(command[:, 3]):
+        part = command[command[:, 3] == number]
+        elapsed_s += float(part[-1, 0] - part[0, 0])
+        change += float(np.abs(np.diff(part[:, 1:3], axis=0)).sum())
+        for motor in (part[:, 1], part[:, 2]):
+            turning = np.sign(motor[np.abs(motor) > REVERSAL_BEYOND])
+            reversals += int((turning[1:] != turning[:-1]).sum())
+    return {
+        "energy": float((command[:, 1:3] ** 2).mean()),
+        "reversals_per_min": 0.5 * reversals / (elapsed_s / 60.0) if elapsed_s else None,
+        "change_per_s": 0.5 * change / elapsed_s if elapsed_s else None,
+    }
+
+
+def _runs(inside: NDArray[np.bool_], track: MotionTrack) -> list[tuple[int, int]]:
+    """First and last index of each run of samples inside, cut at gaps and where hold or station change."""
+    if not len(inside):
+        return []
+    moved = (track.station[1:] != track.station[:-1]).any(axis=1)
+    cut = (np.diff(track.t_s) > GAP_S) | (track.hold[1:] != track.hold[:-1]) | moved
+    first, last = inside.copy(), inside.copy()
+    first[1:] &= cut | np.logical_not(inside[:-1])
+    last[:-1] &= cut | np.logical_not(inside[1:])
+    return list(zip(np.flatnonzero(first).tolist(), np.flatnonzero(last).tolist(), strict=True))

@@ -38,11 +38,11 @@ def _draw_track(axes: Axes, run: RunLog) -> None:
         axes.plot(plan[:, 2] - station.e_m, plan[:, 1] - station.n_m, color="tab:orange", linewidth=0.8, alpha=0.7)
     if run.plans:
         axes.plot([], [], color="tab:orange", label="predicted path, every 10 s")
-    tracks = (("truth", run.truth, TRUTH_COLOUR), ("estimate", run.measured, ESTIMATE_COLOUR))
+    tracks = (("truth", run.truth, TRUTH_COLOUR), ("estimated", run.estimated, ESTIMATE_COLOUR))
     for name, track, colour in tracks:
-        if track is None or not len(track.rows):
+        if track is None or not len(track.t_s):
             continue
-        east_m, north_m = track.rows[:, 2] - station.e_m, track.rows[:, 1] - station.n_m
+        east_m, north_m = track.pose[:, 1] - station.e_m, track.pose[:, 0] - station.n_m
         axes.plot(east_m, north_m, color=colour, linewidth=0.9, label=name)
         axes.plot(east_m[0], north_m[0], "o", color=colour, markersize=4)
     if run.station is not None:
@@ -70,11 +70,11 @@ def _draw_track(axes: Axes, run: RunLog) -> None:
 
 
 def _draw_errors(distance: Axes, heading: Axes, run: RunLog) -> None:
-    tracks = (("truth", run.truth, TRUTH_COLOUR), ("estimate", run.measured, ESTIMATE_COLOUR))
+    tracks = (("truth", run.truth, TRUTH_COLOUR), ("estimated", run.estimated, ESTIMATE_COLOUR))
     for name, track, colour in tracks:
         if track is None or run.station is None:
             continue
-        errors = track.errors(run.station, run.held_from_s or 0.0)
+        errors = track.of_hold().errors
         distance.plot(errors.t_s, errors.distance_m, color=colour, linewidth=0.9, label=name)
         heading.plot(errors.t_s, errors.heading_deg, color=colour, linewidth=0.9)
     drawn = bool(distance.lines)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TypeVar
 
@@ -89,8 +89,11 @@ class LogFile:
                 return f"{path}: is a log of another run" if last.goes_on_in else None
             self._files.append(file)
 
-    def ticks(self) -> Iterator[tuple[Inputs, bytes | None]]:
-        """Inputs of each tick with the bytes of its recorded outputs; None where the log ends between the two."""
+    def ticks(self, on_timing: Callable[[Timing], None] = lambda timing: None) -> Iterator[tuple[Inputs, bytes | None]]:
+        """Inputs of each tick with the bytes of its recorded outputs; None where the log ends between the two.
+
+        What a step took is recorded after its tick, and told meanwhile.
+        """
         frames: list[Frame] = []
         inputs: Inputs | None = None
         tick = self.first_tick - 1
@@ -115,6 +118,8 @@ class LogFile:
                     raise self._error("an output record comes without its inputs", chunk_at)
                 yield inputs, message.data
                 inputs = None
+            elif channel.topic == TIMING_TOPIC:
+                on_timing(self._decode(_timing, message.data, TIMING_TOPIC, chunk_at))
         if inputs is not None:
             yield inputs, None
 

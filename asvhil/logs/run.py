@@ -1,62 +1,83 @@
-"""One run as arrays, from its log: estimates, commands, and the simulated true state where it was logged."""
+"""One run as arrays, from its log: motion as measured, estimated and, of a simulated boat, true; commands; events."""
 
 from __future__ import annotations
 
+import math
+import re
 from collections import Counter
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
+from asvhil.backseat.build import build_decoder
 from asvhil.config import Config
 from asvhil.config.ports import AUTOPILOT
 from asvhil.dynamics.arrays import Array
-from asvhil.errors import LogError
-from asvhil.geo import LocalFrame, wrap_rad
+from asvhil.errors import ConfigError, LogError
+from asvhil.geo import LocalFrame, body_to_ned
 from asvhil.io.mavlink.frames import Parser, decode, dialect, message_id
+from asvhil.io.sensors.decoder import Decoder
 from asvhil.io.sensors.dropped import dropped_of
 from asvhil.logs.encoding import decode_outputs
-from asvhil.logs.metrics import PoseErrors, score, settled_from_s
-from asvhil.logs.reader import LogFile
+from asvhil.logs.holds import PhaseSpan, PhaseSpans
+from asvhil.logs.metrics import MotionTrack
+from asvhil.logs.plugins import check_decoding
+from asvhil.logs.reader import LogFile, Timing
 from asvhil.logs.replay import config_of
-from asvhil.types import Outputs, Phase, Station, record
+from asvhil.types import Frame, GroundVelocity, Heading, Note, Outputs, Position, Station, YawRate, record
 
-MOVING_PHASES = (Phase.HOLD,)
+READING_NS = 1_000_000_000  # a reading older than this is not the boat's state any more
+_NUMBER = re.compile(r"[0-9]+(\.[0-9]+)?")
 
 
 @record
-class PoseTrack:
-    """Poses over time: rows of (t_s since the first tick, n_m, e_m, psi_rad)."""
+class StageSpan:
+    """Consecutive solutions of one hold in one stage of the station keeping procedure; times (s) of first and last."""
 
-    rows: Array
+    stage: str
+    hold: int
+    from_s: float
+    to_s: float
 
-    def errors(self, station: Station, from_s: float) -> PoseErrors:
-        """Errors to a station of all rows from a time on."""
-        rows = self.rows[self.rows[:, 0] >= from_s]
-        distance = np.hypot(rows[:, 1] - station.n_m, rows[:, 2] - station.e_m)
-        heading = np.degrees([wrap_rad(psi - station.psi_rad) for psi in rows[:, 3]])
-        return PoseErrors(t_s=rows[:, 0], distance_m=distance, heading_deg=np.asarray(heading, dtype=float))
+
+@record
+class NoteEvent:
+    """A note that came, changed in words other than its numbers, or went (empty text)."""
+
+    t_s: float
+    subject: str
+    text: str
+    ok: bool
 
 
 @record
 class RunLog:
-    """The data of a run for its summary and its picture. Times are seconds since the first tick."""
+    """The data of a run for its figures and its pictures. Times are seconds since the first tick.
+
+    `measured` are the readings of the sources in use, calibrated; `estimated` is what the backseat made of them;
+    `truth` comes from a simulator's SIM_STATE. `measured` is None where the sensors need a plug-in that is not loaded.
+    """
 
     config: Config
     metadata: dict[str, dict[str, str]]
+    start_ns: int
     duration_s: float
     ticks: int
-    measured: PoseTrack
-    truth: PoseTrack | None
+    measured: MotionTrack | None
+    estimated: MotionTrack
+    truth: MotionTrack | None
+    spans: tuple[PhaseSpan, ...]
+    stages: tuple[StageSpan, ...]
+    events: tuple[NoteEvent, ...]
     station: Station | None  # the last one held
-    held_from_s: float | None
-    wind: Array  # rows of (t_s, speed m/s, direction the wind blows toward, rad)
+    wind: Array  # rows of (t_s, speed m/s, direction the wind blows toward, rad, number of the hold)
     wind_origin: str | None  # of the last of them: "sensor", or "disturbance" where none has measured it
     pwm: Array  # rows of (t_s, port us, starboard us), NaN where released
-    command: Array  # rows of (t_s, port, starboard) in [-1, 1], one per solution
+    command: Array  # rows of (t_s, port, starboard in [-1, 1], number of the hold), one per solution
     plans: list[tuple[float, Array]]  # (t_s, rows of t, n, e, psi)
+    model_error: Array  # rows of (t_s, u, v, r one step ahead, u, v, r at the horizon, ok)
     phases_s: dict[str, float]
-    step_ms: Array
+    step_ms: Array  # rows of (t_s, ms)
     overruns: int
     counters: dict[str, int]
     sources: dict[str, str]  # the one in use for each quantity at the end, empty where none was heard
@@ -69,148 +90,253 @@ def read_run(path: Path, plan_every_s: float = 10.0) -> RunLog:
     """Read a log into arrays. LogError where the file is no asvhil log or holds no tick."""
     log = LogFile(path)
     config = config_of(log, path, known_only=True)
-    tick_s = 1.0 / config.daemon.tick_hz
-    start_ns: int | None = None
-    last: Outputs | None = None
-    measured: list[tuple[float, ...]] = []
-    wind: list[tuple[float, ...]] = []
-    wind_origin: str | None = None
-    pwm: list[tuple[float, ...]] = []
-    command: list[tuple[float, ...]] = []
-    plans: list[tuple[float, Array]] = []
-    phases: Counter[str] = Counter()
-    used: dict[str, Counter[str]] = {}
-    truth_frames: list[tuple[int, Any]] = []
-    parser = Parser()
-    station: Station | None = None
-    held_from_s: float | None = None
-    ticks = 0
-    for inputs, recorded in log.ticks():
-        start_ns = inputs.t_ns if start_ns is None else start_ns
-        t_s = (inputs.t_ns - start_ns) * 1e-9
+    reading = _Reading(plan_every_s)
+    sensors: _Sensors | None = None
+    timing: list[Timing] = []
+    for inputs, recorded in log.ticks(timing.append):
+        sensors = _Sensors(inputs.t_ns, _decoder(log, path, config)) if sensors is None else sensors
         for frame in inputs.frames:
-            if frame.port == AUTOPILOT:
-                for data in parser.receive(frame.peer, frame.data):
-                    if message_id(data) == dialect.MAVLINK_MSG_ID_SIM_STATE:
-                        truth_frames.append((frame.t_ns, decode(data)))
-        if recorded is None:
-            continue
-        ticks += 1
-        last = outputs = decode_outputs(recorded, path)
-        phases[outputs.phase] += 1
-        for quantity, source in outputs.health.sources:
-            if source or quantity in used:
-                used.setdefault(quantity, Counter())[source] += 1
-        estimate = outputs.estimate
-        if estimate is not None:
-            measured.append((t_s, estimate.n_m, estimate.e_m, estimate.psi_rad))
-        if outputs.wind is not None:
-            vn, ve = outputs.wind.vn_mps, outputs.wind.ve_mps
-            wind.append((t_s, float(np.hypot(vn, ve)), float(np.arctan2(ve, vn))))
-            wind_origin = outputs.wind.origin
-        pulses = outputs.pwm_us or (np.nan, np.nan)
-        pwm.append((t_s, *pulses))
-        if outputs.phase in MOVING_PHASES:
-            station = outputs.station
-            held_from_s = t_s if held_from_s is None else held_from_s
-        if outputs.control is not None:
-            command.append((t_s, *outputs.control.command))
-            if outputs.control.plan and (not plans or t_s - plans[-1][0] >= plan_every_s):
-                plans.append((t_s, np.array(outputs.control.plan)))
-    if last is None or start_ns is None:
+            sensors.read(frame)
+        if recorded is not None:
+            reading.read((inputs.t_ns - sensors.start_ns) * 1e-9, decode_outputs(recorded, path), sensors)
+        sensors.forget()
+    reading.end()
+    last = reading.last
+    if last is None or sensors is None:
         raise LogError(f"{path}: holds no tick with outputs")
-    truth = _truth(truth_frames, start_ns, last.origin_deg)
-    timing = list(log.timing())
+    origin_deg = last.origin_deg
+    local = None if origin_deg is None else LocalFrame(lat_deg=origin_deg[0], lon_deg=origin_deg[1])
+    start_ns = sensors.start_ns
+    tick_s = 1.0 / config.daemon.tick_hz
     return RunLog(
         config=config,
         metadata=log.metadata,
+        start_ns=start_ns,
         duration_s=(last.t_ns - start_ns) * 1e-9,
-        ticks=ticks,
-        measured=PoseTrack(rows=_rows(measured, 4)),
-        truth=truth,
-        station=station,
-        held_from_s=held_from_s,
-        wind=_rows(wind, 3),
-        wind_origin=wind_origin,
-        pwm=_rows(pwm, 3),
-        command=_rows(command, 3),
-        plans=plans,
-        phases_s={phase: round(count * tick_s, 3) for phase, count in sorted(phases.items())},
-        step_ms=np.array([row.step_ns * 1e-6 for row in timing]),
+        ticks=reading.ticks,
+        measured=None if sensors.decoder is None else _placed(reading.measured, local),
+        estimated=_track(reading.estimated),
+        truth=_placed(reading.truth, local) if reading.truth and local is not None else None,
+        spans=reading.spans.all,
+        stages=tuple(reading.stages),
+        events=tuple(reading.events),
+        station=reading.station,
+        wind=_rows(reading.wind, 4),
+        wind_origin=reading.wind_origin,
+        pwm=_rows(reading.pwm, 3),
+        command=_rows(reading.command, 4),
+        plans=reading.plans,
+        model_error=_rows(reading.model_error, 8),
+        phases_s={phase: round(count * tick_s, 3) for phase, count in sorted(reading.phases.items())},
+        step_ms=_rows([((row.t_ns - start_ns) * 1e-9, row.step_ns * 1e-6) for row in timing], 2),
         overruns=sum(row.overrun for row in timing),
         counters=dict(last.health.counters),
         sources=dict(last.health.sources),
-        source_shares={quantity: _shares(counts) for quantity, counts in used.items()},
+        source_shares={quantity: _shares(counts) for quantity, counts in reading.used.items()},
         dropped=dropped_of(last.health.counters),
         notes={note.subject: note.text for note in last.health.notes},
     )
 
 
-def summarise(run: RunLog, wall_s: float | None = None) -> dict[str, Any]:
-    """The figures of a run as a JSON-ready tree; parts that the run has no data for are None."""
-    from_s = settled_from_s(run.duration_s)
-    held_s = run.held_from_s if run.held_from_s is not None else 0.0
-    tracks = {"truth": run.truth, "measured": run.measured}
-    scores = {
-        name: score(track.errors(run.station, held_s), from_s) if track is not None and run.station else None
-        for name, track in tracks.items()
-    }
-    wind = run.wind[run.wind[:, 0] >= from_s] if len(run.wind) else run.wind
-    vector = wind[:, 1] * np.exp(1j * wind[:, 2]) if len(wind) else np.array([])
-    settled_command = run.command[run.command[:, 0] >= from_s] if len(run.command) else run.command
-    steps = run.step_ms
-    return {
-        "controller": run.config.controller.name,
-        "seed": run.config.plant.seed,
-        "config_hash": run.config.content_hash(),
-        "duration_s": run.duration_s,
-        "settled_from_s": from_s,
-        **scores,
-        "wind": {
-            "configured_speed_mps": run.config.plant.weather.wind.speed_mps,
-            "configured_toward_deg": run.config.plant.weather.wind.toward_deg,
-            "estimated_speed_mps": {"mean": float(wind[:, 1].mean()), "std": float(wind[:, 1].std())}
-            if len(wind)
-            else None,
-            "origin": run.wind_origin,
-            "estimated_toward_deg": float(np.degrees(np.angle(vector.mean()))) if len(vector) else None,
-        },
-        # Mean squared command of both motors, as a measure of energy that needs no power curve of a motor.
-        "energy": float((settled_command[:, 1:] ** 2).mean()) if len(settled_command) else None,
-        "ticks": run.ticks,
-        "overruns": run.overruns,
-        "step_ms": {
-            "p50": float(np.percentile(steps, 50)),
-            "p99": float(np.percentile(steps, 99)),
-            "max": float(steps.max()),
-        }
-        if len(steps)
-        else None,
-        "realtime_factor": run.duration_s / wall_s if wall_s else None,
-        "phases": run.phases_s,
-        "counters": run.counters,
-        "sources": run.sources,
-        "source_shares": run.source_shares,
-        "dropped": run.dropped,
-        "notes": run.notes,
-    }
+# t_s, latitude, longitude (degrees) or n, e (m), psi, arm forward, to starboard, speed, yaw rate
+Sample = tuple[float, ...]
+# n, e, psi of the station, NaN where there is none; number of the hold
+Held = tuple[float, float, float, float]
+
+
+class _Sensors:
+    """What the frames of a tick say of the boat's motion: readings of the sources in use, and SIM_STATE.
+
+    A sample comes with each position; heading, speed and yaw rate are the last ones, NaN where there are none.
+    """
+
+    def __init__(self, start_ns: int, decoder: Decoder | None) -> None:
+        self.start_ns = start_ns
+        self.decoder = decoder
+        self.measured: list[Sample] = []
+        self.truth: list[Sample] = []
+        self._parser = Parser()
+        self._psi = self._rate = (start_ns - 2 * READING_NS, math.nan)
+        self._velocity: GroundVelocity | None = None
+
+    def forget(self) -> None:
+        """Begin the next tick."""
+        self.measured.clear()
+        self.truth.clear()
+
+    def read(self, frame: Frame) -> None:
+        """Take in a frame of the backseat's inputs."""
+        if frame.port == AUTOPILOT:
+            for data in self._parser.receive(frame.peer, frame.data):
+                if message_id(data) == dialect.MAVLINK_MSG_ID_SIM_STATE and (m := decode(data)) is not None:
+                    place = m.lat_int * 1e-7, m.lon_int * 1e-7
+                    self.truth.append((self._t_s(frame.t_ns), *place, m.yaw, 0.0, 0.0, math.hypot(m.vn, m.ve), m.zgyro))
+        if self.decoder is None:
+            return
+        fixes: list[Position] = []
+        for m in self.decoder.decode(frame):
+            match m:
+                case Heading():
+                    self._psi = m.t_ns, m.psi_rad
+                case YawRate():
+                    self._rate = m.t_ns, m.r_radps
+                case GroundVelocity():
+                    self._velocity = m
+                case Position():
+                    fixes.append(m)
+                case _:
+                    pass
+        for m in fixes:
+            psi_rad, rate_radps = _at(m.t_ns, self._psi), _at(m.t_ns, self._rate)
+            if not math.isnan(psi_rad):
+                speed_mps = self._speed_mps(m.t_ns, psi_rad, rate_radps)
+                place = m.lat_deg, m.lon_deg
+                self.measured.append((self._t_s(m.t_ns), *place, psi_rad, *m.arm_m, speed_mps, rate_radps))
+
+    def _speed_mps(self, t_ns: int, psi_rad: float, rate_radps: float) -> float:
+        """Speed over ground of the boat's origin."""
+        v = self._velocity
+        if v is None or t_ns - v.t_ns > READING_NS:
+            return math.nan
+        if not any(v.arm_m):
+            return math.hypot(v.vn_mps, v.ve_mps)
+        arm_n, arm_e = body_to_ned(psi_rad, *v.arm_m)
+        return math.hypot(v.vn_mps + rate_radps * arm_e, v.ve_mps - rate_radps * arm_n)
+
+    def _t_s(self, t_ns: int) -> float:
+        return (t_ns - self.start_ns) * 1e-9
+
+
+class _Reading:
+    """Collects the outputs of the ticks, and with them what the sensors said."""
+
+    def __init__(self, plan_every_s: float) -> None:
+        self._plan_every_s = plan_every_s
+        self._noted: dict[str, str] = {}
+        self._stage: tuple[str, int, float, float] | None = None
+        self.ticks = 0
+        self.last: Outputs | None = None
+        self.spans = PhaseSpans()
+        self.station: Station | None = None
+        self.measured: list[tuple[Sample, Held]] = []
+        self.estimated: list[tuple[Sample, Held]] = []
+        self.truth: list[tuple[Sample, Held]] = []
+        self.stages: list[StageSpan] = []
+        self.events: list[NoteEvent] = []
+        self.wind: list[tuple[float, ...]] = []
+        self.wind_origin: str | None = None
+        self.pwm: list[tuple[float, ...]] = []
+        self.command: list[tuple[float, ...]] = []
+        self.plans: list[tuple[float, Array]] = []
+        self.model_error: list[tuple[float, ...]] = []
+        self.phases: Counter[str] = Counter()
+        self.used: dict[str, Counter[str]] = {}
+
+    def read(self, t_s: float, outputs: Outputs, sensors: _Sensors) -> None:
+        """Take in a tick: its samples belong to the station and the hold of its outputs."""
+        self.ticks += 1
+        self.last = outputs
+        self.phases[outputs.phase] += 1
+        self.spans.add(t_s, outputs.phase, outputs.health.reason, outputs.health.code)
+        hold, station = self.spans.hold, outputs.station
+        pose = (math.nan,) * 3 if station is None else (station.n_m, station.e_m, station.psi_rad)
+        held: Held = (pose[0], pose[1], pose[2], float(hold))
+        self.measured += [(sample, held) for sample in sensors.measured]
+        self.truth += [(sample, held) for sample in sensors.truth]
+        if hold:
+            self.station = station
+        if (e := outputs.estimate) is not None:
+            speed_mps = math.hypot(e.u_mps, e.v_mps)
+            self.estimated.append(((t_s, e.n_m, e.e_m, e.psi_rad, 0.0, 0.0, speed_mps, e.r_radps), held))
+        if outputs.wind is not None:
+            vn, ve = outputs.wind.vn_mps, outputs.wind.ve_mps
+            self.wind.append((t_s, math.hypot(vn, ve), math.atan2(ve, vn), hold))
+            self.wind_origin = outputs.wind.origin
+        self.pwm.append((t_s, *(outputs.pwm_us or (math.nan, math.nan))))
+        if outputs.control is not None:
+            self.command.append((t_s, *outputs.control.command, hold))
+            if outputs.control.plan and (not self.plans or t_s - self.plans[-1][0] >= self._plan_every_s):
+                self.plans.append((t_s, np.array(outputs.control.plan)))
+            self._take_stage(t_s, outputs.control.stage, hold)
+        if (error := outputs.model_error) is not None:
+            self.model_error.append((t_s, *error.one_step, *error.horizon, error.ok))
+        for quantity, source in outputs.health.sources:
+            if source or quantity in self.used:
+                self.used.setdefault(quantity, Counter())[source] += 1
+        if outputs.health.notes or self._noted:
+            self._take_notes(t_s, outputs.health.notes)
+
+    def end(self) -> None:
+        """Close what is open."""
+        if self._stage is not None and self._stage[0]:
+            stage, hold, from_s, to_s = self._stage
+            self.stages.append(StageSpan(stage=stage, hold=hold, from_s=from_s, to_s=to_s))
+        self._stage = None
+
+    def _take_stage(self, t_s: float, stage: str, hold: int) -> None:
+        if self._stage is not None and self._stage[:2] == (stage, hold):
+            self._stage = (*self._stage[:3], t_s)
+            return
+        self.end()
+        self._stage = stage, hold, t_s, t_s
+
+    def _take_notes(self, t_s: float, notes: tuple[Note, ...]) -> None:
+        kinds = {note.subject: _NUMBER.sub("#", note.text) for note in notes}
+        if kinds == self._noted:
+            return
+        self.events += [
+            NoteEvent(t_s=t_s, subject=note.subject, text=note.text, ok=note.ok)
+            for note in notes
+            if self._noted.get(note.subject) != kinds[note.subject]
+        ]
+        gone = (subject for subject in self._noted if subject not in kinds)
+        self.events += [NoteEvent(t_s=t_s, subject=subject, text="", ok=True) for subject in gone]
+        self._noted = kinds
+
+
+def _at(t_ns: int, reading: tuple[int, float]) -> float:
+    """The value of a reading (time, value) at a time; NaN where it is too old."""
+    return math.nan if t_ns - reading[0] > READING_NS else reading[1]
+
+
+def _decoder(log: LogFile, path: Path, config: Config) -> Decoder | None:
+    """What decoded the sensors in the run; None where that needs a plug-in that is not loaded."""
+    try:
+        check_decoding(log, path, config)
+        return build_decoder(config)
+    except (LogError, ConfigError):
+        return None
+
+
+def _placed(samples: list[tuple[Sample, Held]], local: LocalFrame | None) -> MotionTrack:
+    """The track of samples in latitude and longitude, at the boat's origin; empty where there is no local frame."""
+    if local is None:
+        return _track([])
+    found: list[tuple[Sample, Held]] = []
+    for (t_s, lat_deg, lon_deg, psi_rad, *arm_m, speed_mps, rate_radps), held in samples:
+        n_m, e_m = local.to_ned(lat_deg, lon_deg)
+        if any(arm_m):
+            arm_n, arm_e = body_to_ned(psi_rad, arm_m[0], arm_m[1])
+            n_m, e_m = n_m - arm_n, e_m - arm_e
+        found.append(((t_s, n_m, e_m, psi_rad, 0.0, 0.0, speed_mps, rate_radps), held))
+    return _track(found)
+
+
+def _track(samples: list[tuple[Sample, Held]]) -> MotionTrack:
+    rows = _rows([(*sample, *held) for sample, held in samples], 12)
+    return MotionTrack(
+        t_s=rows[:, 0],
+        pose=rows[:, 1:4],
+        speed_mps=rows[:, 6],
+        yaw_rate_radps=rows[:, 7],
+        station=rows[:, 8:11],
+        hold=rows[:, 11].astype(int),
+    )
 
 
 def _shares(counts: Counter[str]) -> dict[str, float]:
     """Of their sum, the greatest first."""
     return {name: count / counts.total() for name, count in counts.most_common()}
-
-
-def _truth(frames: list[tuple[int, Any]], start_ns: int, origin_deg: tuple[float, float] | None) -> PoseTrack | None:
-    if not frames or origin_deg is None:
-        return None
-    local = LocalFrame(lat_deg=origin_deg[0], lon_deg=origin_deg[1])
-    rows: list[tuple[float, ...]] = [
-        ((t_ns - start_ns) * 1e-9, *local.to_ned(m.lat_int * 1e-7, m.lon_int * 1e-7), m.yaw)
-        for t_ns, m in frames
-        if m is not None
-    ]
-    return PoseTrack(rows=_rows(rows, 4))
 
 
 def _rows(rows: list[tuple[float, ...]], width: int) -> Array:

@@ -17,7 +17,8 @@ from asvhil.config.ports import AUTOPILOT
 from asvhil.config.registry import REGISTRIES
 from asvhil.logs.encoding import decode_outputs
 from asvhil.logs.reader import LogFile
-from asvhil.logs.run import read_run, summarise
+from asvhil.logs.run import read_run
+from asvhil.logs.summary import summarise
 from asvhil.types import Phase
 from tests.support.paths import ROOT
 

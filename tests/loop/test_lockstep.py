@@ -9,7 +9,8 @@ from rich.console import Console
 from asvhil.commands.views import print_summary
 from asvhil.config import Config, load_config
 from asvhil.logs.encoding import encode_outputs
-from asvhil.logs.run import read_run, summarise
+from asvhil.logs.run import read_run
+from asvhil.logs.summary import summarise
 from asvhil.simplant.lockstep import Lockstep
 from asvhil.sitl import run_lockstep
 from asvhil.types import Phase
@@ -63,7 +64,7 @@ def test_the_summary_of_a_log_has_every_figure(tmp_path: Path) -> None:
     assert figures["controller"] == "nnsem-mpc" and figures["seed"] == 1
     assert figures["config_hash"] == config().content_hash()
     assert figures["settled_from_s"] == 60.0
-    for name in ("truth", "measured"):
+    for name in ("truth", "estimated", "measured"):
         assert figures[name]["distance_m"]["mean"] <= 0.6
         assert figures[name]["distance_m"]["max"] > 13.0  # it came from 14 m off
         assert figures[name]["distance_m"]["max_settled"] < 1.5
@@ -75,7 +76,7 @@ def test_the_summary_of_a_log_has_every_figure(tmp_path: Path) -> None:
     assert figures["phases"][Phase.HOLD] > 120.0
     assert 0.0 < figures["step_ms"]["p50"] <= figures["step_ms"]["p99"] <= figures["step_ms"]["max"]
     assert figures["realtime_factor"] > 1.0
-    assert figures["wind"]["estimated_speed_mps"]["mean"] == pytest.approx(3.0, abs=0.7)
+    assert figures["wind"]["estimated"]["speed_mps"]["mean"] == pytest.approx(3.0, abs=0.7)
     assert 0.0 < figures["energy"] <= 1.0
 
 

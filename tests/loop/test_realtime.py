@@ -12,7 +12,8 @@ import pytest
 from asvhil.config import load_config
 from asvhil.logs.reader import LogFile
 from asvhil.logs.replay import replay
-from asvhil.logs.run import read_run, summarise
+from asvhil.logs.run import read_run
+from asvhil.logs.summary import summarise
 from asvhil.sitl import run_realtime
 from tests.support.processes import bench, listen
 
