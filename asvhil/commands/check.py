@@ -42,6 +42,7 @@ def check(
     from rich.console import Console
 
     from asvhil.config import load_config
+    from asvhil.config.borrowed import borrowed_from
     from asvhil.config.shipped_script import shipped_script
     from asvhil.preflight.checks import checks_of
     from asvhil.preflight.computer import computer_checks
@@ -60,7 +61,7 @@ def check(
     console = Console()
     if not console.is_terminal:
         console = Console(width=PIPE_WIDTH)
-    own = computer_checks(settings)
+    own = computer_checks(settings, borrowed_from(config, set_))
     with stage_bar(console) as bar:
         task = bar.add_task(SAYS["waiting"], total=1.0)
         preflight = Preflight(settings, timeout, lambda survey: _advance(bar, task, survey))

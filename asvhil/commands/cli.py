@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from asvhil import __version__
-from asvhil.commands import log, script, study
+from asvhil.commands import config, log, script, study
 from asvhil.commands.calibrate import calibrate
 from asvhil.commands.check import check
 from asvhil.commands.collect import collect
@@ -39,6 +39,7 @@ for command in (
     *(collect, train, evaluate),
 ):
     app.command()(command)
+app.add_typer(config.app, name="config")
 app.add_typer(log.app, name="log")
 app.add_typer(script.app, name="script")
 app.add_typer(study.app, name="study")

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from asvhil.commands.options import ConfigArgument, JsonOption, SetOption
-from asvhil.commands.views import LiveView, check_writable, progress, say, write_json
+from asvhil.commands.views import LiveView, check_writable, progress, say, tell_borrowed_hull, write_json
 from asvhil.errors import AsvhilError, ConfigError
 
 
@@ -44,6 +44,7 @@ def collect(
     settings = load_config(config, tuple(set_))
     winds = [parse_wind(text) for text in wind]
     if vehicle:
+        tell_borrowed_hull(settings, config, set_)
         view = LiveView(settings, f"asvhil collect: {settings.vehicle.name}, waits for `asvhil hold`")
         with view:
             runs = drive(

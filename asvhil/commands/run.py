@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from asvhil.commands.options import ConfigArgument, SetOption
-from asvhil.commands.views import LiveView
+from asvhil.commands.views import LiveView, tell_borrowed_hull
 
 
 def run(
@@ -31,6 +31,7 @@ def run(
     from asvhil.logs.opening import make_run_folder, open_recorder
 
     settings = load_config(config, (*set_, *(["daemon.guardian=false"] if no_guardian else [])))
+    tell_borrowed_hull(settings, config, set_)
     path = log or make_run_folder(settings, "run") / "log.mcap"
     clock = Clock()
     recorder = open_recorder(settings, path, "live")

@@ -6,10 +6,12 @@ import errno
 import json
 import os
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+import typer
 
 from asvhil.commands.display import Display
 from asvhil.errors import AsvhilError, ConfigError
@@ -238,6 +240,18 @@ def say(console: Any, text: str, end: str = "\n") -> None:
 
 
 # --- files ---------------------------------------------------------------------------------------------------
+
+
+def tell_borrowed_hull(config: Config, name: str, overrides: Sequence[str]) -> None:
+    """One line on stderr where a config of one's own still has a shipped boat's hull."""
+    from asvhil.config.borrowed import borrowed_from
+    from asvhil.dynamics.hull import hull_text
+    from asvhil.preflight.computer import OWN_HULL
+
+    home = borrowed_from(name, overrides)
+    if home:
+        hull = hull_text(config.vehicle.vessel)
+        typer.echo(f"asvhil: warning: {name}: the hull is that of the shipped {home} ({hull}); {OWN_HULL}", err=True)
 
 
 def write_json(path: Path | None, figures: dict[str, Any]) -> None:

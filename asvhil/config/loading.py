@@ -32,13 +32,23 @@ def find_shipped(name: str, folder: str, endings: tuple[str, ...], what: str) ->
     given = Path(name)
     if given.is_file():
         return given
-    package = Path(__file__).resolve().parents[1]
-    for root in (package / "shipped_config", package.parent / "config"):
+    for root in _shipped_roots():
         for ending in ("", *endings):
             candidate = root / folder / f"{name}{ending}"
             if given.name == name and candidate.is_file():
                 return candidate
     raise ConfigError(f"{name}: no such {what}")
+
+
+def _shipped_roots() -> tuple[Path, Path]:
+    """Where shipped configs are: in an installed package, and in a checkout."""
+    package = Path(__file__).resolve().parents[1]
+    return package / "shipped_config", package.parent / "config"
+
+
+def is_shipped(path: Path) -> bool:
+    """Whether a config file is one of this program's own."""
+    return path.resolve().parent in _shipped_roots()
 
 
 def load_config(path: str | Path, overrides: tuple[str, ...] = ()) -> Config:
@@ -47,12 +57,17 @@ def load_config(path: str | Path, overrides: tuple[str, ...] = ()) -> Config:
     The plug-ins that it names are loaded, which runs their code.
     Raises ConfigError with one line that names the file and the key.
     """
+    return load_with_places(path, overrides)[0]
+
+
+def load_with_places(path: str | Path, overrides: tuple[str, ...] = ()) -> tuple[Config, Lines]:
+    """As `load_config`, and where each key that is set is, by its path: "line 7", "line 3 of x.yaml", "--set K=V"."""
     found = find_config(str(path))
     tree, lines = _read_tree(found, ())
     for override in overrides:
         _apply_override(tree, lines, override)
     _load_plugins(tree, str(found), lines)
-    return _validate(tree, str(found), lines)
+    return _validate(tree, str(found), lines), lines
 
 
 def config_from_json(text: str, source: str, *, known_only: bool = False) -> Config:
@@ -105,19 +120,28 @@ def _read_tree(path: Path, seen: tuple[Path, ...]) -> tuple[dict[str, Any], Line
     file = f" of {path.name}" if seen else ""
     lines = {place: f"line {line}{file}" for place, line in found.lines.items()}
     _place_plugins(tree, path.parent)
-    base = tree.pop("base", None)
-    if base is None:
+    base_path = base_of(path, tree)
+    tree.pop("base", None)
+    if base_path is None:
         return tree, lines
-    if not isinstance(base, str):
-        raise ConfigError(f"{path}: key base: the name of a config file is expected, not {base!r}")
-    base_path = path.parent / base
-    if not base_path.is_file():  # a copy of a shipped config, without its base beside it
-        try:
-            base_path = find_config(base)
-        except ConfigError:
-            raise ConfigError(f"{path}: key base: no such file {base} beside it, and none shipped") from None
     below, below_lines = _read_tree(base_path, (*seen, path.resolve()))
     return _merge(below, tree), below_lines | lines
+
+
+def base_of(path: Path, tree: dict[str, Any]) -> Path | None:
+    """The file that the `base:` key of a config names; None without one. ConfigError where there is no such file."""
+    base = tree.get("base")
+    if base is None:
+        return None
+    if not isinstance(base, str):
+        raise ConfigError(f"{path}: key base: the name of a config file is expected, not {base!r}")
+    beside = path.parent / base
+    if beside.is_file():
+        return beside
+    try:  # a copy of a shipped config, without its base beside it
+        return find_config(base)
+    except ConfigError:
+        raise ConfigError(f"{path}: key base: no such file {base} beside it, and none shipped") from None
 
 
 def _merge(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:

@@ -79,55 +79,60 @@ def reference() -> str:
 def _sections(schema: Schema, path: str, definitions: dict[str, Schema]) -> Iterator[tuple[str, str]]:
     """Path of every section below `path` and name of its definition, depth first."""
     for key, field in schema["properties"].items():
-        for name, step in _references(field):
+        for name, step in references(field):
             if "properties" in definitions[name]:
                 place = f"{path}{key}{step}"
                 yield place, name
                 yield from _sections(definitions[name], f"{place}.", definitions)
 
 
-def _references(field: Schema) -> Iterator[tuple[str, str]]:
+def references(field: Schema) -> Iterator[tuple[str, str]]:
     """Names of the definitions that a field refers to, and what their paths add to the key: .N in a list."""
     if "$ref" in field:
         yield field["$ref"].rsplit("/", 1)[1], ""
     for option in (*field.get("allOf", ()), *field.get("anyOf", ())):
-        yield from _references(option)
+        yield from references(option)
     for inner, step in ((field.get("items"), ".N"), (field.get("additionalProperties"), ".NAME")):
         if isinstance(inner, dict):
-            yield from ((name, step) for name, _ in _references(inner))
+            yield from ((name, step) for name, _ in references(inner))
     for inner in field.get("patternProperties", {}).values():
-        yield from ((name, ".NAME") for name, _ in _references(inner))
+        yield from ((name, ".NAME") for name, _ in references(inner))
 
 
 def _table(section: Schema, definitions: dict[str, Schema], links: dict[str, str]) -> str:
     lines = ["| key | values | default | meaning |", "| --- | --- | --- | --- |"]
     for key, field in section["properties"].items():
-        unit = next((unit for suffix, unit in UNITS.items() if key.endswith(f"_{suffix}")), "")
-        values = _values(field, definitions, links) + (f"; {unit}" if unit else "")
-        default = "required" if key in section.get("required", ()) else _default(field, definitions)
+        unit = unit_of(key)
+        values = values_text(field, definitions, links) + (f"; {unit}" if unit else "")
+        default = "required" if key in section.get("required", ()) else default_text(field, definitions)
         cells = (f"`{key}`", values, default, field["description"])
         lines.append(f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in cells)} |")
     return "\n".join(lines) + "\n"
 
 
-def _values(field: Schema, definitions: dict[str, Schema], links: dict[str, str]) -> str:
+def unit_of(key: str) -> str:
+    """The unit that the suffix of a key's name stands for; empty without one."""
+    return next((unit for suffix, unit in UNITS.items() if key.endswith(f"_{suffix}")), "")
+
+
+def values_text(field: Schema, definitions: dict[str, Schema], links: dict[str, str]) -> str:
     """The values of a field in words: type and range, a choice, or a link to the section that describes them."""
-    name = next((name for name, step in _references(field) if not step), None)
-    options = [_values(option, definitions, links) for option in field.get("anyOf", ())]
+    name = next((name for name, step in references(field) if not step), None)
+    options = [values_text(option, definitions, links) for option in field.get("anyOf", ())]
     if options:
         return " or ".join(options)
     if name is not None:
-        return links.get(name) or _values(definitions[name], definitions, links)
+        return links.get(name) or values_text(definitions[name], definitions, links)
     if "enum" in field or "const" in field:
         return ", ".join(f"`{value}`" for value in field.get("enum", (field.get("const"),)))
     if field["type"] == "object":
         inner = field.get("additionalProperties") or next(iter(field["patternProperties"].values()))
-        return f"mapping: name to {_values(inner, definitions, links)}"
+        return f"mapping: name to {values_text(inner, definitions, links)}"
     if field["type"] == "array":
-        parts = [_values(part, definitions, links) for part in field.get("prefixItems", ())]
+        parts = [values_text(part, definitions, links) for part in field.get("prefixItems", ())]
         if parts:
             return f"list of {len(parts)}: {parts[0] if len(set(parts)) == 1 else ', '.join(parts)}"
-        return f"list of: {_values(field['items'], definitions, links)}"
+        return f"list of: {values_text(field['items'], definitions, links)}"
     return f"{WORDS[field['type']]}{_range(field)}"
 
 
@@ -139,11 +144,11 @@ def _range(field: Schema) -> str:
     return f" {limits}" if limits else ""
 
 
-def _default(field: Schema, definitions: dict[str, Schema]) -> str:
+def default_text(field: Schema, definitions: dict[str, Schema]) -> str:
     """The default value; of a section, the keys whose defaults differ here from those in its own table."""
     if "default" not in field:
         return ""
-    name = next((name for name, _ in _references(field)), "")
+    name = next((name for name, _ in references(field)), "")
     own = definitions.get(name, {})
     value = field["default"]
     if isinstance(value, dict):

@@ -29,3 +29,10 @@ def differences(trained: Mapping[str, float], vessel: VesselConfig) -> str:
         for name, unit in UNITS.items()
         if name in trained and not 1.0 / SAME <= trained[name] / own[name] <= SAME
     )
+
+
+def hull_text(vessel: VesselConfig) -> str:
+    """What an owner knows a boat by, such as "38 kg, arm 0.42 m, motors of 28.5 N ahead, 17.1 N astern"."""
+    ahead_n, astern_n = vessel.thrust_curve[-1][1], -vessel.thrust_curve[0][1]
+    motors = f"motors of {ahead_n:g} N ahead, {astern_n:g} N astern"
+    return f"{vessel.mass_kg:g} kg, arm {vessel.motor_arm_m:g} m, {motors}"

@@ -7,17 +7,39 @@ from pathlib import Path
 
 from asvhil.backseat.build import build_model, model_file, model_replaced
 from asvhil.config import Config
+from asvhil.dynamics.hull import hull_text
 from asvhil.dynamics.weights import read_model
 from asvhil.errors import AsvhilError
 from asvhil.preflight.table import Check, Result
 
 LOG_MB_PER_HOUR = 150.0  # twice what a run with the default streams leaves
+OWN_HULL = "`asvhil init` writes a config of your own boat; if this is yours, give its own vehicle.vessel.mass_kg"
 FAIL_HOURS, WARN_HOURS = 1.0, 8.0
 
 
-def computer_checks(config: Config) -> list[Check]:
-    """Of this computer."""
-    return [_model(config), _log_space(config)]
+def computer_checks(config: Config, borrowed: str = "") -> list[Check]:
+    """Of this computer. `borrowed`: the shipped file that the hull is from (`config.borrowed`)."""
+    return [*boat_checks(config, borrowed), _log_space(config)]
+
+
+def boat_checks(config: Config, borrowed: str = "") -> list[Check]:
+    """Whose hull and whose model are in use."""
+    return [_model(config), _hull(config, borrowed)]
+
+
+def _hull(config: Config, borrowed: str) -> Check:
+    """The hull in figures that its owner knows; a warning where it is a shipped boat's in somebody else's config."""
+    found = f"{config.vehicle.name}: {hull_text(config.vehicle.vessel)}"
+    if not borrowed:
+        return Check(section="computer", item="hull", result=Result.PASS, found=found)
+    return Check(
+        section="computer",
+        item="hull",
+        result=Result.WARN,
+        found=f"{found}: that of the shipped {borrowed}",
+        wanted="that of your boat",
+        todo=OWN_HULL,
+    )
 
 
 def _model(config: Config) -> Check:
