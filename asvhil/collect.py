@@ -28,6 +28,7 @@ ENGAGE_S = 60.0  # simulated: within this time the boat is armed and engaged, or
 START_S = 12.0  # what a simulated boat takes to boot and engage, in real time
 SETTLE_S = 0.5  # the motors are ours a little longer than the programme lasts
 STATUS_HZ = 2.0
+TRAINING_SEED = 1000  # added to plant.seed: tests use small ones, and no gust of a test is to be trained on
 
 
 @record
@@ -47,14 +48,15 @@ def with_manoeuvres(
 ) -> Config:
     """The config of one condition: manoeuvres for a time, its weather, and a note of both for the log.
 
-    The seeds of programme, weather and sensors depend on the number of the run, so that no two are alike.
+    The seeds of programme, weather and sensors depend on the number of the run, so that no two are alike. Those of
+    weather and sensors are `TRAINING_SEED` above the config's.
     """
     tree = config.model_dump(mode="json")
     manoeuvres, weather = tree["controller"]["manoeuvres"], tree["plant"]["weather"]["wind"]
     tree["controller"]["name"] = "manoeuvres"
     manoeuvres["duration_s"] = duration_s
     manoeuvres["seed"] += run
-    tree["plant"]["seed"] += run
+    tree["plant"]["seed"] += TRAINING_SEED + run
     if wind is not None:
         weather |= wind_keys(wind, config)
     manoeuvres["note"] = note or manoeuvres["note"]

@@ -20,7 +20,10 @@ ZIGZAG_REVERSE_S = 6.0  # or after this time, where the boat does not turn so fa
 LATE_S = 1.0  # a longer time between two steps is a pause, and the programme waits
 OUT_FACTOR = 2.0  # of the geofence's radius: beyond it the programme is given up
 
-MANUAL_S, ZIGZAG_S, STEPS_S, CIRCLE_S = 18.0, 14.0, 20.0, 10.0
+MANUAL_S, ZIGZAG_S, STEPS_S, CIRCLE_S, DRIFT_S = 18.0, 14.0, 20.0, 10.0, 30.0
+DRIFTS = 3  # a cycle
+DRIFT_TURN_S = (0.5, 7.0)  # the turn before a drift, so that the wind comes from another side each time
+DRIFT_TURN = 0.4
 AHEAD = (0.35, 0.6, 0.9)  # levels of the straight runs; each is drawn 0.1 about its value
 ASTERN = (-0.4, -0.7, -0.95)
 CIRCLES = ((0.9, 0.3), (0.6, -0.3), (-0.8, -0.2))  # (outer, inner) motor, both ways round
@@ -34,7 +37,7 @@ STEP_HOLD_S = (0.4, 4.0)
 class Block:
     """One manoeuvre. `pieces` are rows of (duration_s, port, starboard) in turn; blocks without them use feedback."""
 
-    kind: str  # straight, circle, steps, zigzag, manual
+    kind: str  # straight, circle, steps, drift, zigzag, manual
     duration_s: float
     pieces: tuple[tuple[float, float, float], ...] = ()
     surge: float = 0.0
@@ -42,7 +45,10 @@ class Block:
 
 
 def programme(duration_s: float, rng: np.random.Generator) -> tuple[Block, ...]:
-    """Blocks for at least a duration: cycles of some 310 s with all manoeuvres, in random order and levels."""
+    """Blocks for at least a duration: cycles of some 420 s, manoeuvres in random order and levels, then drifts.
+
+    The drifts come last so that a short record, as for the calibration of the compass, has all the turns.
+    """
     blocks: list[Block] = []
     while sum(block.duration_s for block in blocks) < duration_s:
         cycle = [_straight(rng, ahead, astern) for ahead, astern in zip(AHEAD, ASTERN, strict=True)]
@@ -50,6 +56,7 @@ def programme(duration_s: float, rng: np.random.Generator) -> tuple[Block, ...]:
         cycle += [_zigzag(rng, surge, turn) for surge, turn in ZIGZAGS]
         cycle += [_steps(rng) for _ in range(3)]
         cycle = [cycle[i] for i in rng.permutation(len(cycle))]
+        cycle += [_drift(rng) for _ in range(DRIFTS)]
         for at in range(len(cycle), 0, -3):  # the human operator keeps the station after every third block
             cycle.insert(at, Block(kind="manual", duration_s=MANUAL_S))
         blocks += cycle
@@ -196,6 +203,13 @@ def _circle(rng: np.random.Generator, pair: tuple[float, float], way: int) -> Bl
     outer, inner = (_near(rng, level) for level in pair)
     port, starboard = (outer, inner) if way > 0 else (inner, outer)
     return _block("circle", [(CIRCLE_S, port, starboard)])
+
+
+def _drift(rng: np.random.Generator) -> Block:
+    """A turn on the spot either way, then the motors off: the boat comes to rest, and lies in the wind."""
+    turn_s, side = float(rng.uniform(*DRIFT_TURN_S)), float(rng.choice((-1.0, 1.0)))
+    level = side * DRIFT_TURN
+    return _block("drift", [(turn_s, level, -level), (DRIFT_S - turn_s, 0.0, 0.0)])
 
 
 def _zigzag(rng: np.random.Generator, surge: float, turn: float) -> Block:

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from asvhil.collect import TRAINING_SEED
 from asvhil.config import Config, load_config
 from asvhil.config.mean_wind import parse_wind, wind_keys
 from asvhil.errors import LogError
@@ -103,6 +104,7 @@ def _check(path: Path, settings: Config, duration_s: float, wind: str) -> None:
     wanted = settings.model_dump(mode="json")
     wanted["plant"]["weather"]["wind"] |= wind_keys(parse_wind(wind), settings)
     wanted["controller"]["manoeuvres"]["duration_s"] = duration_s
+    wanted["plant"]["seed"] += TRAINING_SEED
     found = config_of(LogFile(path), path, known_only=True).model_dump(mode="json")
     for tree in (wanted, found):
         tree["controller"]["manoeuvres"].pop("note")

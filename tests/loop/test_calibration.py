@@ -25,7 +25,7 @@ TURNED_DEG = -15.0
 def turns(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("turns") / "turns.mcap"
     config = load_config("sitl-bream", (f"plant.sensors.anemometer.misalignment_deg={TURNED_DEG}",))
-    (run,) = collect(config, "lockstep", 240.0, [parse_wind("3@90")], path, "")
+    (run,) = collect(config, "lockstep", 300.0, [parse_wind("3@90")], path, "")
     assert run.complete
     return path
 

@@ -18,7 +18,7 @@ CONFIG = load_config("sitl", ("controller.name=sd-mpc",))
 MODEL = build_model(CONFIG)
 STATION = Station(n_m=5.0, e_m=-5.0, psi_rad=0.0)
 MPC = StationMpc(MODEL, CONFIG.controller.mpc, 0.2)
-KINDS = {"straight", "circle", "zigzag", "steps", "manual"}
+KINDS = {"straight", "circle", "zigzag", "steps", "drift", "manual"}
 
 
 def at(t_s: float, distance_m: float = 0.0, psi_rad: float = 0.0, **speed: float) -> Estimate:
@@ -55,8 +55,26 @@ def test_a_cycle_has_every_manoeuvre_and_a_share_of_manual_station_keeping() -> 
     blocks = programme(1.0, np.random.default_rng(1))
     spent = {kind: sum(b.duration_s for b in blocks if b.kind == kind) for kind in KINDS}
     assert {b.kind for b in blocks} == KINDS
-    assert 290.0 < sum(spent.values()) < 330.0
-    assert min(spent.values()) >= 40.0 and spent["manual"] == pytest.approx(90.0)
+    assert 400.0 < sum(spent.values()) < 440.0
+    assert min(spent.values()) >= 40.0 and spent["manual"] == pytest.approx(108.0)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_each_cycle_has_all_turns_before_its_drifts(seed: int) -> None:
+    kinds = [b.kind for b in programme(1.0, np.random.default_rng(seed))]
+    first = kinds.index("drift")
+    assert kinds[first:] == ["drift"] * 3 + ["manual"]
+    assert kinds[:first].count("circle") == 6 and kinds[:first].count("zigzag") == 3
+
+
+def test_in_a_drift_the_motors_are_off_after_a_turn_that_is_another_one_each_time() -> None:
+    drifts = [block for block in programme(900.0, np.random.default_rng(1)) if block.kind == "drift"]
+    assert len(drifts) >= 6
+    for block in drifts:
+        (_, port, starboard), (off_s, *off) = block.pieces
+        assert port == -starboard != 0.0 and off == [0.0, 0.0] and off_s >= 20.0
+    turns = {block.pieces[0][0] * math.copysign(1.0, block.pieces[0][1]) for block in drifts}
+    assert len(turns) == len(drifts) and min(turns) < -1.0 and max(turns) > 1.0
 
 
 def test_the_programme_lasts_as_long_as_asked_and_its_order_comes_from_the_seed() -> None:
