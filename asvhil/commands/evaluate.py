@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from asvhil.commands.options import ColumnsOption, JsonOption, PluginOption, RecordedPluginsOption
-from asvhil.commands.views import check_picture, check_writable, write_json
+from asvhil.commands.views import check_picture, check_writable, say, write_json
+
+if TYPE_CHECKING:
+    from rich.table import Table
 
 
 def evaluate(
@@ -25,7 +28,7 @@ def evaluate(
     allow_recorded_plugins: RecordedPluginsOption = False,
     json_: JsonOption = None,
 ) -> None:
-    """Roll models out in open loop over data and score u, v, r."""
+    """Roll models out in open loop over data and score u, v, r; and check them at rest, in still air and in wind."""
     from rich.console import Console
     from rich.table import Table
 
@@ -49,3 +52,25 @@ def evaluate(
             if row["windows"]:
                 table.add_row(name, windows, *(f"{row[f'mae_{axis}']:.4f}" for axis in "uvr"), str(row["windows"]))
     console.print(table)
+    for name, check in figures["at_rest"].items():
+        console.print(_at_rest_table(name, check))
+        say(console, check["verdict"])
+
+
+def _at_rest_table(name: str, check: dict[str, Any]) -> Table:
+    """Rates of a boat at rest with its motors off: a row a wind, the reference in brackets where there is one."""
+    from rich.table import Table
+
+    table = Table(title=f"{name}: rates at rest, motors off (of the simulated boat in brackets)", title_justify="left")
+    for heading in ("wind from", "m/s", "u' (m/s2)", "v' (m/s2)", "r' (rad/s2)", "error / bound"):
+        table.add_column(heading, justify="left" if heading == "wind from" else "right")
+    still = {"from": "", "speed_mps": 0.0, "rates": check["still_air"], "reference": None, "error": None}
+    for row in [still, *check["winds"]]:
+        true = row["reference"]
+        cells = [
+            f"{rate:.4f}" + ("" if true is None else f" ({true[axis]:.4f})") for axis, rate in enumerate(row["rates"])
+        ]
+        table.add_row(
+            row["from"], f"{row['speed_mps']:g}", *cells, "" if row["error"] is None else f"{row['error']:.2f}"
+        )
+    return table

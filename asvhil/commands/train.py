@@ -82,6 +82,7 @@ def train(
     if figures["missing_rows"] or figures["outliers"]:
         words += f"; left out: {figures['missing_rows']} rows with a missing value, {figures['outliers']} jumps"
     say(console, words)
+    say(console, figures["at_rest"]["verdict"])
 
 
 def _need_torch() -> None:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
 from asvhil.dynamics.arrays import Array
 from asvhil.dynamics.fitted_sd import PARAMETERS, FittedSd
@@ -20,6 +21,8 @@ LOWER = np.array([1e-4, 1e-4, 0.2, 0.0, *[0.0] * 9])
 UPPER = np.array([10.0, 10.0, 20.0, 10.0, *[20.0] * 6, 0.5, 0.5, 0.5])
 START = np.array([0.3, 0.2, 1.5, 0.2, 0.2, 0.2, 0.3, 0.3, 0.5, 0.5, 1e-3, 1e-3, 1e-3])
 TOLERANCE = 1e-7
+DRIFT_S, LEAD_S, DRIFTS = 20.0, 1.6, 100  # spans with the motors off, after motors have stopped; how many it takes
+WIND = tuple(PARAMETERS.index(name) for name in ("wind_surge", "wind_sway", "wind_yaw"))
 SD_ITERATIONS = 60  # at most; a dozen usually do
 
 
@@ -32,16 +35,49 @@ def fit_sd(
 ) -> tuple[Array, list[float]]:
     """Parameters (13) that minimise the squared error of `window`-step simulations in scaled velocities, and the costs.
 
+    The wind's parameters are those of a fit to spans with the motors off alone, where the data have enough of them
+    (`DRIFTS`): among manoeuvres they make up for the thrust, which is linear here and not in truth. Such a span is
+    `DRIFT_S` long, so that the noise of its first velocity, which looks like drag, counts for little.
+
     ModelError where the data are not suitable.
     """
     check(dataset)
     scaling = scaling_of(dataset, symmetric=True)
+    held = _drift_parameters(dataset, scaling, iterations, progress)
     windows = Windows(dataset.segments, scaling, window, 0)
-    half = scaling.half
-    starts = windows.starts[:: max(1, len(windows.starts) // LARGEST_SET)]
+    return _fit(windows, windows.starts, scaling.half, dataset.dt_s, held, iterations, progress)
+
+
+def _drift_parameters(
+    dataset: Dataset, scaling: Scaling, iterations: int, progress: Callable[[int, float], None] | None
+) -> dict[int, float]:
+    """The wind's parameters by their place, from spans with the motors off; none where there are too few."""
+    steps, lead = round(DRIFT_S / dataset.dt_s), round(LEAD_S / dataset.dt_s)
+    if all(len(part.t_s) <= steps + lead for part in dataset.segments):
+        return {}
+    windows = Windows(dataset.segments, scaling, steps, lead)
+    starts = windows.starts[windows.off]
+    if len(starts) < DRIFTS:
+        return {}
+    parameters, _ = _fit(windows, starts, scaling.half, dataset.dt_s, {}, iterations, progress)
+    return {place: float(parameters[place]) for place in WIND}
+
+
+def _fit(
+    windows: Windows,
+    starts: NDArray[np.int64],
+    half: Array,
+    dt_s: float,
+    held: Mapping[int, float],
+    iterations: int,
+    progress: Callable[[int, float], None] | None,
+) -> tuple[Array, list[float]]:
+    """Bounded Levenberg-Marquardt over windows from these rows; parameters that are held keep their values."""
+    window = windows.steps
+    starts = starts[:: max(1, len(starts) // LARGEST_SET)]
     rows = starts[:, None] + np.arange(window + 1)[None, :]
     nu, command, wind = (part[rows] for part in (windows.nu, windows.command, windows.wind))
-    residuals = _residuals(half, window, dataset.dt_s).map(len(starts))
+    residuals = _residuals(half, window, dt_s).map(len(starts))
     columns = [part.reshape(len(starts), -1).T for part in (nu, command * half[3:5], wind * half[5:])]
 
     def evaluate(parameters: Array) -> tuple[Array, Array]:
@@ -49,12 +85,14 @@ def fit_sd(
         return np.asarray(error).T.ravel(), np.asarray(jacobian).T.reshape(-1, len(PARAMETERS))
 
     parameters, damping = START.copy(), 1e-2
+    parameters[list(held)] = list(held.values())
+    fixed = np.isin(np.arange(len(PARAMETERS)), list(held))
     error, jacobian = evaluate(parameters)
     costs = [float(error @ error) / error.size]
     for iteration in range(iterations):
         normal, slope = jacobian.T @ jacobian, jacobian.T @ error
-        # A parameter held by its bound takes no part in the step.
-        free = ~(((parameters <= LOWER) & (slope > 0.0)) | ((parameters >= UPPER) & (slope < 0.0)))
+        # A parameter that is held, or stopped by its bound, takes no part in the step.
+        free = ~(fixed | ((parameters <= LOWER) & (slope > 0.0)) | ((parameters >= UPPER) & (slope < 0.0)))
         scale = np.diag(np.maximum(np.diag(normal), 1e-9 * np.diag(normal).max()))
         step = np.zeros(len(parameters))
         part = np.ix_(free, free)

@@ -7,12 +7,14 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from asvhil.config import VesselConfig
 from asvhil.dynamics.hull import differences, hull_of
 from asvhil.dynamics.protocol import Dynamics
 from asvhil.dynamics.weights import TrainedModel, read_model, save_model
 from asvhil.errors import ConfigError, ModelError
 from asvhil.logs.reader import LogFile
 from asvhil.logs.replay import config_of
+from asvhil.train.at_rest import AtRest, at_rest
 from asvhil.train.choice import best_of
 from asvhil.train.dataset import (
     Dataset,
@@ -22,6 +24,7 @@ from asvhil.train.dataset import (
     truth_from_log,
 )
 from asvhil.train.evaluate import Case, evaluate, predict, windows_of
+from asvhil.train.log_series import read_log_series
 from asvhil.train.options import FitOptions, chosen_options
 from asvhil.train.progress import TrainingProgress
 from asvhil.types import record
@@ -84,6 +87,16 @@ def origin_of(paths: Sequence[Path]) -> DataOrigin:
     return DataOrigin(vehicle=vehicle.name, config_hash=first.content_hash(), hull=hull_of(vehicle.vessel))
 
 
+def simulated_vessel(paths: Sequence[Path]) -> VesselConfig | None:
+    """The vessel whose equations the logs obey; None for CSV files and for logs of a real boat.
+
+    A log of the simulated boat holds its truth. The vessel of a real boat's config is a guess, and no reference.
+    """
+    if is_csv(paths) or not len(read_log_series(paths[0]).truth.t_s):
+        return None
+    return config_of(LogFile(paths[0]), paths[0], known_only=True).vehicle.vessel
+
+
 def train_command(
     kind: str,
     data: Sequence[Path],
@@ -139,6 +152,7 @@ def train_command(
     )
     wall_s = time.perf_counter() - start_s
     model = models[0] if tries == 1 else best_of(models)
+    check = at_rest(model.dynamics(), model.scaling.half[5:], simulated_vessel(data))
     save_model(output, model)
     from asvhil.train.pictures import draw_curve
 
@@ -157,6 +171,7 @@ def train_command(
         "data_hash": dataset.source_hash,
         "seed": model.seed,
         "wall_s": round(wall_s, 2),
+        "at_rest": {**check.figures(), "verdict": check.verdict()},
         **{name: value for name, value in model.figures.items() if name != "curve"},
     }
 
@@ -184,10 +199,13 @@ def evaluate_command(
     for path, model in loaded.items():
         _check(path, model, dt_s, vehicle)
     cases = test_cases(data, columns, dt_s, truth=truth)
+    vessel = simulated_vessel(data)
     dynamics: dict[str, Dynamics] = {}
+    checks: dict[str, AtRest] = {}
     for path, model in loaded.items():
         name = model.kind if model.kind not in dynamics else f"{model.kind} {path.name}"
         dynamics[name] = model.dynamics()
+        checks[name] = at_rest(dynamics[name], model.scaling.half[5:], vessel)
     rows = evaluate(dynamics, cases, dt_s, horizon_s, every_s)
     if figure is not None:
         from asvhil.train.pictures import draw_identification
@@ -204,6 +222,7 @@ def evaluate_command(
         "data": [str(path) for path in data],
         "models": [str(path) for path in models],
         "rows": rows,
+        "at_rest": {name: {**check.figures(), "verdict": check.verdict()} for name, check in checks.items()},
     }
 
 

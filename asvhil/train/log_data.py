@@ -33,6 +33,8 @@ from asvhil.train.series import (
 Source = Literal["smoothed", "measured", "estimate", "truth"]
 
 WIND_GAP_S = 5.0
+OFF = 0.02  # commands below it are motors that are off
+OFF_HALF_WIDTH_S = 6.0  # of smoothing the velocity while nothing drives the boat
 WIND_HALF_WIDTHS_S = (12.0, 1.0)  # direction, speed
 WIND_TIME_CONSTANTS_S = (4.0, 0.5)  # the same, causal
 
@@ -102,7 +104,7 @@ def _segment(raw: LogSeries, t_s: Array, dt_s: float, source: Source) -> Segment
     if source == "smoothed":
         psi = smooth(raw.heading, t_s, YAW_HALF_WIDTH_S)[:, 0]
         rate = smooth(raw.yaw_rate, t_s, YAW_HALF_WIDTH_S)
-        nu = np.column_stack([smooth(body, t_s, VELOCITY_HALF_WIDTH_S), rate])
+        nu = np.column_stack([smooth_velocity(body, raw.command, t_s), rate])
     elif source == "measured":
         nu = np.column_stack([interpolate(body, t_s), interpolate(raw.yaw_rate, t_s)])
     else:
@@ -115,6 +117,22 @@ def _segment(raw: LogSeries, t_s: Array, dt_s: float, source: Source) -> Segment
         wind=rotate(-psi, _true_wind(raw, t_s, ahead=source == "smoothed")),
         psi=psi,
     )
+
+
+def smooth_velocity(body: Series, command: Series, t_s: Array) -> Array:
+    """(T, 2) smoothed u, v; over a longer time where the motors are off all that time, as a boat that drifts is slow.
+
+    Noise in the velocity that a window starts from looks like drag, as the error fades; and where drag and wind
+    balance, too much drag means too much wind load.
+    """
+    near = smooth(body, t_s, VELOCITY_HALF_WIDTH_S)
+    on = np.abs(command.values).max(axis=1) > OFF
+    driven = np.concatenate([[0], np.cumsum(on)])
+    first = np.searchsorted(command.t_s, t_s - OFF_HALF_WIDTH_S)
+    last = np.searchsorted(command.t_s, t_s + OFF_HALF_WIDTH_S, side="right")
+    off = np.flatnonzero(driven[last] == driven[first])
+    near[off] = smooth(body, t_s[off], OFF_HALF_WIDTH_S)
+    return near
 
 
 def _true_wind(raw: LogSeries, t_s: Array, *, ahead: bool) -> Array:

@@ -67,6 +67,19 @@ def initial_network(rngs: list[np.random.Generator], inputs: int, hidden: int, o
     }
 
 
+def without_bias(parameters: dict[str, Tensor]) -> dict[str, Tensor]:
+    """The parameters of `initial_network` that are left where the output bias follows from them (`still_bias`)."""
+    return {name: value for name, value in parameters.items() if name != "b2"}
+
+
+def still_bias(b1: Tensor, w2: Tensor) -> Tensor:
+    """The output bias (N, 1, outputs) with which the output is zero where all scaled inputs are.
+
+    Scaled about zero, that is a boat at rest in still air with its motors off.
+    """
+    return -torch.tanh(b1) @ w2
+
+
 def exported_network(parameters: dict[str, Tensor], number: int) -> dict[str, Array]:
     """(w1 (hidden, inputs), b1, w2 (outputs, hidden), b2) of one model."""
     with torch.no_grad():
@@ -93,20 +106,28 @@ def with_twins(half: dict[str, Tensor]) -> dict[str, Tensor]:
 class NnsemTrainee:
     """The paper's network: 7-12-3, tanh, forward Euler.
 
-    With `paired` each neuron has a mirror image, port for starboard, and only half of them are trained.
+    With `paired` each neuron has a mirror image, port for starboard, and only half of them are trained. With `still`
+    a boat at rest in still air stays there, whatever the weights.
     """
 
     history = 0
 
-    def __init__(self, rngs: list[np.random.Generator], hidden: int, dt_s: float, paired: bool = False) -> None:
-        self._dt_s, self._paired = dt_s, paired
-        self.parameters = initial_network(rngs, N_INPUT, hidden // 2 if paired else hidden, N_STATE)
+    def __init__(
+        self, rngs: list[np.random.Generator], hidden: int, dt_s: float, paired: bool = False, still: bool = False
+    ) -> None:
+        self._dt_s, self._paired, self._still = dt_s, paired, still
+        network = initial_network(rngs, N_INPUT, hidden // 2 if paired else hidden, N_STATE)
+        self.parameters = without_bias(network) if still else network
 
     def _weights(self) -> dict[str, Tensor]:
-        return with_twins(self.parameters) if self._paired else self.parameters
+        weights = dict(self.parameters)
+        if self._still:
+            weights["b2"] = still_bias(weights["b1"], weights["w2"]) * (2.0 if self._paired else 1.0)
+        return with_twins(weights) if self._paired else weights
 
     def predict(self, batch: Batch) -> Tensor:
-        w1, b1, w2, b2 = (self._weights()[name] for name in ("w1", "b1", "w2", "b2"))
+        weights = self._weights()
+        w1, b1, w2, b2 = (weights[name] for name in ("w1", "b1", "w2", "b2"))
         p = _affine(torch.cat([batch.command, batch.wind], -1), w1[:, N_STATE:], b1)
         q = (self._dt_s * b2)[:, None].expand(batch.target.shape)
         return euler_rollout(batch.x0, p, q, w1[:, :N_STATE], self._dt_s * w2, None)
@@ -116,7 +137,8 @@ class NnsemTrainee:
 
         Of states (N, B, 3), commands and winds (N, B, 2).
         """
-        w1, b1, w2, _ = (self._weights()[name] for name in ("w1", "b1", "w2", "b2"))
+        weights = self._weights()
+        w1, b1, w2 = (weights[name] for name in ("w1", "b1", "w2"))
         bend = 1.0 - torch.tanh(torch.cat([x0, command, wind], -1) @ w1 + b1).square()
         by_motor = w1[:, N_STATE : N_STATE + 2, None, :] * w2[:, :, ::2].mT[:, None]  # (N, motor, rate, hidden)
         slope = torch.einsum("nbh,nmrh->nbrm", bend, by_motor) * COMMAND_SIGNS
@@ -130,7 +152,8 @@ class LagNetTrainee:
     """Thrust map, motor lag, network and skip terms; `members` networks in a row share one map and one lag.
 
     The map starts curved, or nearly linear if it is frozen. With `skip` (16, 3) the skip terms
-    start there rather than at zero, and the map with little curvature.
+    start there rather than at zero, and the map with little curvature. With `still` a boat at rest in still air
+    stays there, whatever the weights.
     """
 
     def __init__(
@@ -142,13 +165,16 @@ class LagNetTrainee:
         members: int,
         straight: bool = False,
         skip: Array | None = None,
+        still: bool = False,
     ) -> None:
         slope = STRAIGHT if straight else BENT if skip is None else LEAN
         start = np.zeros((N_SKIP, N_STATE)) if skip is None else skip
         groups = len(rngs) // members
         self.history, self._dt_s, self._members = history, dt_s, members
         heads = rngs[::members]
-        self.parameters = initial_network(rngs, N_INPUT, hidden, N_STATE)
+        self._still = still
+        network = initial_network(rngs, N_INPUT, hidden, N_STATE)
+        self.parameters = without_bias(network) if still else network
         self.parameters |= {
             "skip": parameter(np.stack([start] * len(rngs))),
             "map_gain": parameter(np.zeros((groups, 1, MAP_UNITS))),
@@ -167,10 +193,14 @@ class LagNetTrainee:
         p = _affine(driven, w1[:, N_STATE:], value["b1"])
         w_u, w_v = batch.wind[..., :1], batch.wind[..., 1:]
         terms = torch.cat([driven, batch.wind * batch.wind.abs(), w_u * w_v], -1)
-        q = _affine(terms, self._dt_s * skip[:, N_SKIP_STATE:], self._dt_s * value["b2"])
+        q = _affine(terms, self._dt_s * skip[:, N_SKIP_STATE:], self._dt_s * self._bias())
         return euler_rollout(
             batch.x0, p, q, w1[:, :N_STATE], self._dt_s * value["w2"], self._dt_s * skip[:, :N_SKIP_STATE]
         )
+
+    def _bias(self) -> Tensor:
+        value = self.parameters
+        return still_bias(value["b1"], value["w2"]) if self._still else value["b2"]
 
     def lag_factor(self) -> Tensor:
         """dt / lag (groups, 1, 1): the share of the difference to its demand that a motor covers in one Euler step."""
@@ -212,7 +242,8 @@ class LagNetTrainee:
     def export(self, number: int) -> dict[str, Array]:
         """Group `number`; the mean of its members is one network with all their hidden units side by side."""
         first = number * self._members
-        parts = [exported_network(self.parameters, first + i) for i in range(self._members)]
+        network = {**self.parameters, "b2": self._bias()}
+        parts = [exported_network(network, first + i) for i in range(self._members)]
         with torch.no_grad():
             value = self.parameters
             softplus = torch.nn.functional.softplus

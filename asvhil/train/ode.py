@@ -10,7 +10,7 @@ from torchdiffeq import odeint_adjoint
 from asvhil.dynamics.arrays import Array
 from asvhil.dynamics.fitted_sd import FittedSd
 from asvhil.dynamics.nnsem import Scaling, TanhNetwork
-from asvhil.train.models import N_INPUT, Batch, exported_network, initial_network
+from asvhil.train.models import N_INPUT, Batch, exported_network, initial_network, still_bias, without_bias
 from asvhil.train.rollout import N_STATE
 
 IDENTITY_SLOPE = 0.3  # of the coupling's first units, which start as the sum of prior and network
@@ -31,13 +31,16 @@ class _Field(torch.nn.Module):
 
 
 class NodeTrainee:
-    """The network of NNSEM under the explicit midpoint rule, as at run time, trained by the adjoint method."""
+    """The network of NNSEM under the explicit midpoint rule, as at run time, trained by the adjoint method.
+
+    With `still` a boat at rest in still air stays there, whatever the weights.
+    """
 
     history = 0
 
-    def __init__(self, rngs: list[np.random.Generator], hidden: int, dt_s: float) -> None:
-        self._dt_s = dt_s
-        self.parameters = initial_network(rngs, N_INPUT, hidden, N_STATE)
+    def __init__(self, rngs: list[np.random.Generator], hidden: int, dt_s: float, still: bool = False) -> None:
+        self._dt_s, self._still = dt_s, still
+        self.parameters = self._trained(initial_network(rngs, N_INPUT, hidden, N_STATE))
 
     def rate(self, x: Tensor, held: Tensor) -> Tensor:
         """Scaled nu_dot times dt, of scaled velocities (N, B, 3) under scaled commands and winds (N, B, 4)."""
@@ -57,10 +60,19 @@ class NodeTrainee:
         return states[1:].transpose(0, 1)
 
     def export(self, number: int) -> dict[str, Array]:
-        return exported_network(self.parameters, number)
+        return exported_network(self._weights(""), number)
+
+    def _trained(self, network: dict[str, Tensor]) -> dict[str, Tensor]:
+        return without_bias(network) if self._still else network
+
+    def _weights(self, prefix: str) -> dict[str, Tensor]:
+        """w1, b1, w2, b2 of the network whose parameters' names begin with a prefix."""
+        weights = {name: self.parameters[prefix + name] for name in ("w1", "b1", "w2")}
+        bias = still_bias(weights["b1"], weights["w2"]) if self._still else self.parameters[f"{prefix}b2"]
+        return weights | {"b2": bias}
 
     def _network(self, prefix: str) -> TanhNetwork:
-        w1, b1, w2, b2 = (self.parameters[prefix + name] for name in ("w1", "b1", "w2", "b2"))
+        w1, b1, w2, b2 = self._weights(prefix).values()
         return TanhNetwork(w1.mT, b1, w2.mT, b2)
 
 
@@ -75,8 +87,9 @@ class KnodeTrainee(NodeTrainee):
         scaling: Scaling,
         prior: Array,
         prior_scale: Array,
+        still: bool = False,
     ) -> None:
-        super().__init__(rngs, hidden, dt_s)
+        super().__init__(rngs, hidden, dt_s, still)
         self._prior = prior
         self._prior_scale = prior_scale
         self._model = FittedSd(prior.tolist(), dt_s)
@@ -85,7 +98,7 @@ class KnodeTrainee(NodeTrainee):
         coupling = initial_network(rngs, 2 * N_STATE, hidden, N_STATE)
         with torch.no_grad():
             self._start_as_sum(coupling, prior_scale / scaling.half[:3])
-        self.parameters |= {f"g_{name}": value for name, value in coupling.items()}
+        self.parameters |= {f"g_{name}": value for name, value in self._trained(coupling).items()}
 
     def rate(self, x: Tensor, held: Tensor) -> Tensor:
         z = torch.cat([x, held], -1)
@@ -95,10 +108,9 @@ class KnodeTrainee(NodeTrainee):
         return rate
 
     def export(self, number: int) -> dict[str, Array]:
-        coupling = {name: self.parameters[f"g_{name}"] for name in ("w1", "b1", "w2", "b2")}
         return (
-            exported_network(self.parameters, number)
-            | {f"g_{name}": value for name, value in exported_network(coupling, number).items()}
+            super().export(number)
+            | {f"g_{name}": value for name, value in exported_network(self._weights("g_"), number).items()}
             | {"prior": self._prior, "prior_scale": self._prior_scale}
         )
 

@@ -75,6 +75,23 @@ class FitOptions:
             high=1.0,
         ),
     ] = 0.0
+    resting_share: Annotated[
+        float,
+        TrainOption(
+            help="At least this share of each batch is drawn from windows with the motors off throughout: a boat that"
+            " comes to rest, or lies in the wind.",
+            low=0.0,
+            high=1.0,
+        ),
+    ] = 0.0
+    still: Annotated[
+        bool,
+        TrainOption(
+            help="A boat at rest in still air with its motors off stays at rest: the output bias follows from the"
+            " other weights.",
+            off=False,
+        ),
+    ] = False
     members: Annotated[
         int,
         TrainOption(help="Networks that are averaged in one model.", low=1, high=20, kinds=("lagnet",), off=1),
@@ -149,7 +166,7 @@ CHOICES = _choices()
 def chosen_options(kind: str, dt_s: float, **chosen: Any) -> FitOptions:
     """The options of a kind, with those of `chosen` that are not None in their place, by name of the option.
 
-    A rate alone is held to the end. With mirrored data and with paired neurons the scaling is about zero.
+    A rate alone is held to the end. With mirrored data, with paired neurons and with `still` the scaling is about zero.
     Without a validation share nothing is held back, and the weights are those of the last iteration. ModelError for an
     unknown kind; ConfigError for an option that does not apply to the kind; TypeError for an unknown name.
     """
@@ -169,11 +186,13 @@ def chosen_options(kind: str, dt_s: float, **chosen: Any) -> FitOptions:
         raise TypeError(f"unknown options: {', '.join(chosen)}")
     if "rate" in changes:
         changes.setdefault("last_rate", changes["rate"])
-    if changes.get("mirror") or changes.get("paired"):
+    if changes.get("mirror") or changes.get("paired") or changes.get("still"):
         changes["symmetric"] = True
     options = dataclasses.replace(OPTIONS[kind], **changes)
     if options.paired and options.hidden % 2:
         raise ConfigError(f"train: --paired needs an even --width, not {options.hidden}")
+    if options.moving_share + options.resting_share > 1.0:
+        raise ConfigError("train: --moving-share and --resting-share are more than the whole batch together")
     return options
 
 

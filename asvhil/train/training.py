@@ -131,7 +131,7 @@ class Training:
         for seed in self._seeds:
             for member in range(options.members):
                 rng = np.random.default_rng([seed, member, self._iteration])
-                drawn.append(self.windows.draw(rng, count, options.batch, options.moving_share))
+                drawn.append(self.windows.draw(rng, count, options.batch, options.moving_share, options.resting_share))
         picks = np.stack(drawn, axis=1)
         total = 0.0
         for i in range(count):
@@ -231,19 +231,22 @@ def _trainee(
     rngs = [np.random.default_rng([seed, member]) for seed in seeds for member in range(options.members)]
     if kind == "lagnet":
         skip = skip_of_sd(fit_sd(train, window=options.window)[0], scaling) if options.from_sd else None
-        return LagNetTrainee(rngs, options.hidden, train.dt_s, history, options.members, "map" in options.frozen, skip)
+        return LagNetTrainee(
+            rngs, options.hidden, train.dt_s, history, options.members, "map" in options.frozen, skip, options.still
+        )
     if options.members != 1:
         raise ModelError(f"only lagnet averages networks, not {kind}")
     if kind == "nnsem":
-        return NnsemTrainee(rngs, options.hidden, train.dt_s, options.paired)
+        return NnsemTrainee(rngs, options.hidden, train.dt_s, options.paired, options.still)
     from asvhil.train.ode import KnodeTrainee, NodeTrainee  # torchdiffeq is not needed by the others
 
     if kind == "node":
-        return NodeTrainee(rngs, options.hidden, train.dt_s)
+        return NodeTrainee(rngs, options.hidden, train.dt_s, options.still)
     prior, _ = fit_sd(train, window=options.window)
     rates = FittedSd(prior.tolist(), train.dt_s)
     each = [rates.derivative(part.nu, part.command, part.wind) for part in train.segments]
-    return KnodeTrainee(rngs, options.hidden, train.dt_s, scaling, prior, np.concatenate(each).std(axis=0) + 1e-9)
+    spread = np.concatenate(each).std(axis=0) + 1e-9
+    return KnodeTrainee(rngs, options.hidden, train.dt_s, scaling, prior, spread, options.still)
 
 
 def rollout_loss(error: torch.Tensor, robust: float) -> torch.Tensor:

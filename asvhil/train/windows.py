@@ -12,6 +12,7 @@ from asvhil.train.records import Dataset, Segment, ranges
 
 SHORTEST_S = 60.0  # less data cannot train a model
 MOVING_MPS = 0.2  # mean speed of a window in motion
+OFF = 0.02  # commands below it are motors that are off
 STILL_MPS, STILL_RADPS = 0.1, 0.02  # ranges of u and r below these are a boat at rest
 MIRROR_NU = np.array([1.0, -1.0, -1.0])
 MIRROR_WIND = np.array([1.0, -1.0])
@@ -79,27 +80,37 @@ class Windows:
             [(part.command - scaling.centre[3:5]) / scaling.half[3:5] for part in segments]
         )
         self.wind: Array = np.concatenate([(part.wind - scaling.centre[5:]) / scaling.half[5:] for part in segments])
-        starts, moving, offset = [], [], 0
+        starts, moving, off, offset = [], [], [], 0
         for part in segments:
             count = len(part.t_s)
             rows = np.arange(history, max(history, count - steps))
             starts.append(offset + rows)
             travelled = np.concatenate([[0.0], np.cumsum(np.hypot(part.nu[:, 0], part.nu[:, 1]))])
             moving.append(travelled[rows + steps + 1] - travelled[rows] > MOVING_MPS * (steps + 1))
+            driven = np.concatenate([[0], np.cumsum(np.abs(part.command).max(axis=1) > OFF)])
+            off.append(driven[rows + steps] == driven[rows - history])
             offset += count
         self.starts: NDArray[np.int64] = np.concatenate(starts)
         self._moving: NDArray[np.int64] = np.flatnonzero(np.concatenate(moving))
+        self.off: NDArray[np.int64] = np.flatnonzero(np.concatenate(off))
         self.steps, self.history = steps, history
         if not len(self.starts):
             raise ModelError(f"the training data have no stretch of {steps + history + 1} samples without a gap")
 
-    def draw(self, rng: np.random.Generator, count: int, batch: int, moving_share: float) -> NDArray[np.int64]:
+    def draw(
+        self, rng: np.random.Generator, count: int, batch: int, moving_share: float, resting_share: float = 0.0
+    ) -> NDArray[np.int64]:
         """Numbers of windows (count, batch), drawn uniformly; a share of each batch only from windows in motion.
 
-        In a record in which the boat is at rest for most of the time, a uniform draw would train for little else.
+        In a record in which the boat is at rest for most of the time, a uniform draw would train for little else. In
+        one that is all manoeuvres it would hardly train for the boat that lies in the wind with its motors off, as at
+        a station: so another share is drawn from such windows alone.
         """
         picks = rng.integers(len(self.starts), size=(count, batch))
         chosen = round(moving_share * batch)
         if chosen and len(self._moving):
             picks[:, :chosen] = rng.choice(self._moving, size=(count, chosen))
+        chosen = min(round(resting_share * batch), batch)
+        if chosen and len(self.off):
+            picks[:, batch - chosen :] = rng.choice(self.off, size=(count, chosen))
         return picks

@@ -91,6 +91,7 @@ def test_train_and_evaluate_leave_figures_and_pictures(run: Run, folder: Path) -
     )
     assert (done.returncode, done.stderr) == (0, "")
     assert "models/net.npz: nnsem for boat, 90 s of data" in done.stdout
+    assert "at rest: still air " in done.stdout
     figures = json.loads((folder / "t.json").read_text())
     assert {name: figures[name] for name in ("kind", "vehicle", "model", "picture", "data", "seed")} == {
         "kind": "nnsem", "vehicle": "boat", "model": "models/net.npz", "picture": "models/net.curve.png",
@@ -118,6 +119,9 @@ def test_train_and_evaluate_leave_figures_and_pictures(run: Run, folder: Path) -
         assert {f"{kind}_{axis}" for kind in ("mae", "std") for axis in "uvr"} < row["all"].keys()
     assert scores["rows"]["sd"]["all"]["mae_u"] < scores["rows"]["hold the initial value"]["all"]["mae_u"]
     assert f"{scores['rows']['sd']['all']['mae_u']:.4f}" in words
+    assert list(scores["at_rest"]) == ["nnsem", "sd"]
+    assert {row["reference"] for row in scores["at_rest"]["sd"]["winds"]} == {None}  # nobody knows a real boat's rates
+    assert words.count("at rest: still air ") == 2
 
 
 def test_an_interrupted_training_resumes_to_the_same_bits(run: Run, folder: Path) -> None:

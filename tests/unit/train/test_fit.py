@@ -1,16 +1,20 @@
 """Training: the rollout and its gradient, what is learned, reproducibility, resumption, and unsuitable data."""
 
 import dataclasses
+import math
 from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
 
+from asvhil.config import load_config
 from asvhil.dynamics.arrays import namespace_of
+from asvhil.dynamics.fitted_sd import FittedSd
 from asvhil.dynamics.lagnet import skip_terms
+from asvhil.dynamics.rigid_body import SimplifiedDynamics
 from asvhil.errors import ModelError
-from asvhil.train.choice import thrust_dip
+from asvhil.train.at_rest import at_rest, rates_at_rest, thrust_dip
 from asvhil.train.evaluate import HOLD, Case, evaluate
 from asvhil.train.fit import fit, fit_many
 from asvhil.train.fit_sd import fit_sd, skip_of_sd
@@ -19,9 +23,10 @@ from asvhil.train.ode import KnodeTrainee, NodeTrainee
 from asvhil.train.openloop import open_loop
 from asvhil.train.options import OPTIONS, chosen_options
 from asvhil.train.progress import TrainingProgress
+from asvhil.train.records import Segment
 from asvhil.train.rollout import euler_rollout
 from asvhil.train.training import Training, rollout_loss
-from asvhil.train.windows import mirrored, scaling_of
+from asvhil.train.windows import Windows, mirrored, scaling_of
 from tests.support.fit_data import DATA
 from tests.support.model_data import drive
 
@@ -134,7 +139,37 @@ def test_a_price_on_wrong_slopes_takes_the_dip_out_of_the_thrust() -> None:
         fit("nnsem", DATA, options=chosen_options("nnsem", 0.2, paired=True, iterations=1500, rate=5e-3, monotone=m))
         for m in (None, 1.0)
     )
-    assert thrust_dip(plain) > 1e-3 and thrust_dip(priced) < 0.1 * thrust_dip(plain)
+    plain_dip, priced_dip = (thrust_dip(model.dynamics(), model.scaling.half[5:]) for model in (plain, priced))
+    assert plain_dip > 1e-3 and priced_dip < 0.1 * plain_dip
+
+
+@pytest.mark.parametrize(
+    ("kind", "chosen"),
+    [("nnsem", {}), ("nnsem", {"paired": True}), ("lagnet", {"members": 2}), ("node", {}), ("knode", {})],
+)
+def test_a_still_boat_stays_at_rest_in_still_air_and_moves_otherwise(kind: str, chosen: dict[str, bool | int]) -> None:
+    iterations = 20 if "node" in kind else 200
+    plain, still = (
+        fit(kind, DATA, options=chosen_options(kind, 0.2, iterations=iterations, mirror=True, still=still, **chosen))
+        for still in (False, True)
+    )
+    calm, windy = np.zeros(2), np.array([5.0, 5.0])
+    assert np.abs(rates_at_rest(plain.dynamics(), calm)).max() > 1e-6
+    assert np.abs(rates_at_rest(still.dynamics(), calm)).max() < 1e-12
+    assert np.abs(rates_at_rest(still.dynamics(), windy)).max() > 1e-4
+    assert {name: value.shape for name, value in still.weights.items()} == {
+        name: value.shape for name, value in plain.weights.items()
+    }
+
+
+def test_a_share_of_each_batch_has_the_motors_off() -> None:
+    on, off = DATA.segments[0], dataclasses.replace(DATA.segments[1], command=0.0 * DATA.segments[1].command)
+    windows = Windows((on, off), scaling_of(DATA, symmetric=True), 20, 10)
+    rows = len(on.t_s)
+    picks = windows.draw(np.random.default_rng(1), 50, 64, 0.0, 0.25)
+    assert (windows.starts[picks[:, 48:]] >= rows).all()
+    assert (windows.starts[picks[:, :48]] < rows).any()
+    assert (picks != windows.draw(np.random.default_rng(1), 50, 64, 0.0)).any()
 
 
 def test_skip_terms_from_sd_are_its_rates_in_still_air() -> None:
@@ -330,3 +365,30 @@ def test_trainees_start_differently_by_seed_and_alike_by_kind() -> None:
     for name, value in nnsem.parameters.items():
         assert (value == node.parameters[name]).all() and (value == knode.parameters[name]).all()
     assert (nnsem.parameters["w1"][0] != nnsem.parameters["w1"][1]).all()
+
+
+def drifting(wind_mps: float, heading_rad: float) -> Segment:
+    """The true boat from rest with its motors off for 30 s, in a wind toward north."""
+    boat, psi, nu, rows = SimplifiedDynamics(load_config("sitl").vehicle.vessel), heading_rad, np.zeros(5), []
+    for k in range(1501):
+        wind = wind_mps * np.array([math.cos(psi), -math.sin(psi)])
+        if k % 10 == 0:
+            rows.append((0.02 * k, *nu[:3], *wind, psi))
+        nu, psi = nu + 0.02 * boat.derivative(nu, np.zeros(2), wind), psi + 0.02 * nu[2]
+    t_s, u, v, r, wind_u, wind_v, psi_rad = np.array(rows).T
+    return Segment(
+        t_s=t_s,
+        nu=np.column_stack([u, v, r]),
+        command=np.zeros((len(t_s), 2)),
+        wind=np.column_stack([wind_u, wind_v]),
+        psi=psi_rad,
+    )
+
+
+def test_sd_takes_its_wind_loads_from_the_spans_with_the_motors_off() -> None:
+    drifts = tuple(drifting(speed, heading) for speed in (4.0, 9.0) for heading in (0.4, 1.3, 2.2, -1.8))
+    data = dataclasses.replace(DATA, segments=(*DATA.segments, *drifts))
+    vessel = load_config("sitl").vehicle.vessel
+    checks = [at_rest(FittedSd(fit_sd(part)[0].tolist(), 0.2), np.array([9.0, 9.0]), vessel) for part in (DATA, data)]
+    assert not checks[0].right  # among manoeuvres they make up for the thrust
+    assert checks[1].right and checks[1].worst.error < 0.8

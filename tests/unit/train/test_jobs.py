@@ -17,12 +17,14 @@ torch = pytest.importorskip("torch")
 from asvhil.collect import collect  # noqa: E402
 from asvhil.config import load_config  # noqa: E402
 from asvhil.config.mean_wind import parse_wind  # noqa: E402
+from asvhil.dynamics.nnsem import Scaling  # noqa: E402
 from asvhil.dynamics.weights import TrainedModel, load_model, read_model, save_model  # noqa: E402
 from asvhil.errors import ConfigError, LogError, ModelError  # noqa: E402
 from asvhil.study.model_jobs import jobs  # noqa: E402
 from asvhil.study.models import markdown, mpc_tick_ms, study_models  # noqa: E402
 from asvhil.study.page import MARKER  # noqa: E402
-from asvhil.train.choice import TOLERANCE_MPS2, best_of, thrust_dip  # noqa: E402
+from asvhil.train.at_rest import thrust_dip  # noqa: E402
+from asvhil.train.choice import TOLERANCE_MPS2, best_of, check_at_rest  # noqa: E402
 from asvhil.train.jobs import evaluate_command, is_csv, train_command  # noqa: E402
 from asvhil.train.options import chosen_options  # noqa: E402
 from asvhil.train.progress import TrainingProgress  # noqa: E402
@@ -50,6 +52,8 @@ def trained(log: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     assert figures["vehicle"] == "wamv16" and figures["iterations_run"] == 600
     assert [state.iteration for state in seen] == [500, 600]
     assert Path(figures["picture"]).stat().st_size > 1000
+    assert {row["from"] for row in figures["at_rest"]["winds"]} >= {"bow", "stern", "port", "starboard"}
+    assert figures["at_rest"]["verdict"].startswith("at rest: still air ")
     json.dumps(figures)
     return output
 
@@ -82,6 +86,9 @@ def test_evaluate_gives_a_row_for_each_model_and_for_holding(log: Path, trained:
     assert rows["sd"]["all"]["windows"] == 10
     assert rows["sd"]["all"]["mae_u"] < rows["hold the initial value"]["all"]["mae_u"]
     assert figure.read_bytes()[:4] == b"\x89PNG"
+    first = result["at_rest"]["sd"]["winds"][0]
+    assert first["reference"] == pytest.approx([-0.001786, 0.0, 0.0], abs=1e-6)  # 1 m/s of wind on the bow
+    assert result["at_rest"]["sd"]["still_air"] == [0.0, 0.0, 0.0]
     json.dumps(result)
     measured = evaluate_command([sd], [log], horizon_s=20.0, every_s=5.0)["rows"]["sd"]["all"]
     assert measured["mae_v"] > rows["sd"]["all"]["mae_v"]  # the noise of the measurement comes on top
@@ -185,14 +192,33 @@ def net(seed: int, validation: float, surge: tuple[float, float]) -> TrainedMode
     return dataclasses.replace(model, weights=weights, figures={"best_validation": validation})
 
 
+def about_zero(model: TrainedModel) -> TrainedModel:
+    return dataclasses.replace(model, scaling=Scaling(centre=np.zeros(7), half=model.scaling.half))
+
+
+def dip(model: TrainedModel) -> float:
+    return thrust_dip(model.dynamics(), model.scaling.half[5:])
+
+
 def test_a_model_whose_thrust_falls_as_the_command_rises_comes_last() -> None:
     rising, better, dipped = net(1, 0.04, (1.0, 0.1)), net(2, 0.035, (1.0, 0.1)), net(3, 0.03, (1.0, -0.3))
-    assert thrust_dip(rising) == 0.0 < 0.01 < thrust_dip(dipped)
+    assert dip(rising) == 0.0 < 0.01 < dip(dipped)
     best = best_of([rising, better, dipped])
     assert best.seed == 2 and best.weights is better.weights
     assert best.figures["validation_of_seeds"] == {"1": 0.04, "2": 0.035, "3": 0.03}
     assert best_of([dipped, net(4, 0.05, (1.0, -0.3))]).seed == 3
 
 
-def test_the_shipped_nnsems_thrust_rises_with_the_command() -> None:
-    assert thrust_dip(read_model(MODELS / "wamv16-nnsem.npz")) <= TOLERANCE_MPS2
+def test_a_model_that_moves_a_boat_at_rest_comes_after_all_that_let_it_lie() -> None:
+    still, better = (about_zero(net(seed, error, (1.0, 0.1))) for seed, error in ((1, 0.04), (2, 0.03)))
+    moving = dataclasses.replace(better, weights={**better.weights, "b2": np.array([0.1, 0.0, 0.0])})
+    assert best_of([still, better]).seed == 2
+    assert check_at_rest(still).stays and not check_at_rest(moving).stays
+    best = best_of([still, moving])
+    assert best.seed == 1 and best.figures["right_at_rest"] == {"1": True, "2": False}
+    assert best_of([moving, net(3, 0.02, (1.0, -0.3))]).seed == 2  # a dip is worse
+
+
+@pytest.mark.parametrize("kind", ["nnsem", "lagnet"])
+def test_the_thrust_of_a_shipped_network_rises_with_the_command(kind: str) -> None:
+    assert dip(read_model(MODELS / f"wamv16-{kind}.npz")) <= TOLERANCE_MPS2

@@ -16,8 +16,9 @@ from asvhil.logs.recorder import Recorder
 from asvhil.logs.replay import replay
 from asvhil.sitl import run_lockstep
 from asvhil.train.dataset import Segment, dataset_from_logs, truth_from_log
+from asvhil.train.log_data import smooth_velocity
 from asvhil.train.log_series import read_log_series
-from asvhil.train.series import interpolate, rotate
+from asvhil.train.series import VELOCITY_HALF_WIDTH_S, Series, interpolate, rotate, smooth
 from asvhil.types import (
     ApparentWind,
     Frame,
@@ -154,3 +155,15 @@ def test_a_velocity_is_put_to_the_origin_of_the_boat_and_to_its_own_time(log: Pa
     antenna, origin = rotate(-psi, moved.values), rotate(-psi, here.velocity.values)
     assert np.abs(antenna - origin - np.stack([0.5 * r, 1.5 * r], axis=-1)).max() < 1e-9
     assert np.abs(antenna - origin).max() > 0.1
+
+
+def test_a_drifting_boats_velocity_is_smoothed_over_a_longer_time() -> None:
+    t_s = np.arange(0.0, 60.0, 0.1)
+    noise = 0.1 * np.random.default_rng(1).normal(size=(len(t_s), 2))
+    command = Series(t_s=t_s, values=np.where((t_s > 20.0) & (t_s < 50.0), 0.0, 0.5)[:, None] * np.ones(2))
+    smoothed = smooth_velocity(Series(t_s=t_s, values=noise), command, t_s)
+    near = smooth(Series(t_s=t_s, values=noise), t_s, VELOCITY_HALF_WIDTH_S)
+    off = (t_s > 26.5) & (t_s < 43.5)
+    assert smoothed[off].std() < 0.6 * near[off].std()
+    driven = (t_s < 25.5) | (t_s > 44.5)  # or not long enough without the motors
+    np.testing.assert_array_equal(smoothed[driven], near[driven])
