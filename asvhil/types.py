@@ -178,7 +178,7 @@ class FrontseatStatus:
     not. `keeps_override`: no receiver takes the place of an override that has ended, and its last value stands.
     `rc_ns` and `outputs_ns` are when the values came; 0: never. `arming_fault`: why it would not arm, by the
     autopilot's own words; empty where it would, or is armed, or nothing is known. `battery_percent`: of the charge;
-    None where the autopilot does not tell.
+    `fix` (GPS_FIX_TYPE) and `satellites`: of the autopilot's first receiver; None where the autopilot does not tell.
     """
 
     t_ns: int
@@ -199,6 +199,8 @@ class FrontseatStatus:
     arming_fault: str = ""
     battery_v: float | None = None
     battery_percent: float | None = None
+    fix: int | None = None
+    satellites: int | None = None
 
     @property
     def has_transmitter(self) -> bool:
@@ -238,6 +240,13 @@ class MoveCommand:
 @record
 class ReleaseCommand:
     """The operator, or the shell at shutdown, asks to let go of the motors."""
+
+    t_ns: int
+
+
+@record
+class NeutralCommand:
+    """The operator asks for neutral at once: the station is let go, and the motors stay ours, at rest."""
 
     t_ns: int
 
@@ -338,7 +347,7 @@ class Phase(enum.StrEnum):
     """Where the station keeping procedure is. Only HOLD moves the motors."""
 
     STANDBY = "standby"  # not asked to hold
-    PREPARE = "prepare"  # neutral sticks on the way to a hold, while mode or arming are asked or waited for
+    PREPARE = "prepare"  # neutral: on the way to a hold, while mode or arming are waited for, or stopped by an operator
     HOLD = "hold"  # the controller has the motors
     FAILSAFE = "failsafe"  # asked to hold, but an input is stale or the solver fails: neutral, then released
 

@@ -30,6 +30,7 @@ from asvhil.supervisor.situation import StationSticks
 from asvhil.types import Frame, Heading, Measurement, Note, Radio, TimeOffset, YawRate
 
 COMMAND_ACK = dialect.MAVLINK_MSG_ID_COMMAND_ACK
+GPS_RAW_INT = dialect.MAVLINK_MSG_ID_GPS_RAW_INT
 SILENCE_NS = 3_000_000_000  # after which nobody knows what has become of the vehicle
 OLD_MODE_NS = 2_000_000_000
 # What a hold waits for: pose, and the pilot's sticks. The rest is told, and does without.
@@ -126,6 +127,8 @@ class AutopilotListener:
                     self.impossible += 1
                     continue
                 self._new_clock = self._one.take(t_ns, frame.peer, message)
+                if msg_id == GPS_RAW_INT:
+                    self._vehicle.on_fix(message)
                 found += [(message.msgname, measurement) for measurement in handler(t_ns, message) or ()]
             self._on_sign_of_life(t_ns)
         return found

@@ -15,6 +15,7 @@ from asvhil.io.mavlink.frames import dialect
 from asvhil.types import FrontseatStatus, Radio
 
 NO_VOLTAGE = 0xFFFF  # mV in SYS_STATUS, as 0 of a monitor that is not set up
+UNKNOWN_SATELLITES = 255
 BOOTING = (dialect.MAV_STATE_BOOT, dialect.MAV_STATE_CALIBRATING)
 CHANNELS_OF = attrgetter(*(f"chan{i}_raw" for i in range(1, 19)))  # of RC_CHANNELS
 OUTPUTS_OF = attrgetter(*(f"servo{i}_raw" for i in range(1, 17)))  # of SERVO_OUTPUT_RAW
@@ -45,6 +46,7 @@ class VehicleStatus:
         self._rc_ns = self._outputs_ns = 0
         self._battery_v: float | None = None
         self._battery_percent: float | None = None
+        self._fix: tuple[int | None, int | None] = (None, None)
 
     def restart(self) -> None:
         """The autopilot has rebooted."""
@@ -82,6 +84,8 @@ class VehicleStatus:
             arming_fault="" if self.armed else self.arming_fault,
             battery_v=self._battery_v,
             battery_percent=self._battery_percent,
+            fix=self._fix[0],
+            satellites=self._fix[1],
         )
         return (status,)
 
@@ -119,6 +123,11 @@ class VehicleStatus:
         self.transmitter.on_sys_status(t_ns, m.onboard_control_sensors_present, health)
         self.arming_checks.on_sys_status(m.onboard_control_sensors_enabled, health)
         return self.status(t_ns)
+
+    def on_fix(self, m: Any) -> None:
+        """Take in quality and satellites of GPS_RAW_INT; the next status tells them."""
+        known = m.satellites_visible != UNKNOWN_SATELLITES
+        self._fix = (int(m.fix_type), int(m.satellites_visible) if known else None)
 
     def on_text(self, t_ns: int, m: Any) -> Sequence[FrontseatStatus]:
         """STATUSTEXT."""

@@ -9,6 +9,7 @@ from asvhil.backseat.perception import Perceived, Perception
 from asvhil.config.ports import OPERATOR
 from asvhil.geo import LocalFrame
 from asvhil.motion.watch import MotionWatch
+from asvhil.operator.operations import Readings
 from asvhil.supervisor.battery_watch import BatteryWatch
 from asvhil.supervisor.reasons import describe
 from asvhil.supervisor.situation import Situation, StationSticks
@@ -60,7 +61,9 @@ class Backseat:
         notes = (*outside, *self._motion.notes, *self._battery.notes, *self._command.notes)
         frames += self._autopilot.data_to_send(t_ns)
         frames += self._perception.data_to_send(t_ns)
-        frames += self._command.data_to_send(situation, decision, control, self._perception.switches(t_ns), notes)
+        switches, sources = self._perception.switches(t_ns), self._perception.sources(t_ns)
+        readings = Readings(wind=seen.wind, pulses_us=self._actuation.pulses_us, sources=sources)
+        frames += self._command.data_to_send(situation, decision, control, switches, notes, readings)
         return Outputs(
             t_ns=t_ns,
             phase=decision.phase,
@@ -70,7 +73,7 @@ class Backseat:
             station=decision.station,
             control=control,
             pwm_us=self._actuation.pulses_us,
-            health=self._health(decision, seen, notes),
+            health=self._health(decision, seen, notes, sources),
             origin_deg=None if seen.frame is None else (seen.frame.lat_deg, seen.frame.lon_deg),
             model_error=model_error,
             autopilot_clock=self._autopilot.clock,
@@ -136,7 +139,9 @@ class Backseat:
             station_sticks=self._station_sticks,
         )
 
-    def _health(self, decision: Decision, seen: Perceived, notes: tuple[Note, ...]) -> Health:
+    def _health(
+        self, decision: Decision, seen: Perceived, notes: tuple[Note, ...], sources: tuple[tuple[str, str], ...]
+    ) -> Health:
         solved_ok = self._actuation.control_ok
         return Health(
             reason=describe(decision.why),
@@ -151,6 +156,6 @@ class Backseat:
                 *self._perception.counters(),
                 *self._command.counters(),
             ),
-            sources=self._perception.sources(seen.t_ns),
+            sources=sources,
             notes=notes,
         )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from asvhil.io.sensors.sources import Switch
-from asvhil.operator.operations import Operations
+from asvhil.operator.operations import Operations, Readings
 from asvhil.supervisor.situation import Situation
 from asvhil.supervisor.supervisor import Decision, Supervisor
 from asvhil.types import Control, Frame, Note
@@ -35,9 +35,10 @@ class Command:
         control: Control | None,
         switches: Iterable[Switch],
         notes: tuple[Note, ...],
+        readings: Readings,
     ) -> list[Frame]:
         """Answers, texts on what has changed, and the reports that are due."""
-        return self._operations.data_to_send(situation, decision, control, switches, notes)
+        return self._operations.data_to_send(situation, decision, control, switches, notes, readings)
 
     @property
     def notes(self) -> tuple[Note, ...]:

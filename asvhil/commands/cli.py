@@ -15,7 +15,7 @@ from asvhil.commands.collect import collect
 from asvhil.commands.evaluate import evaluate
 from asvhil.commands.init import init
 from asvhil.commands.numbers import refuse_odd_numbers
-from asvhil.commands.operate import hold, release
+from asvhil.commands.operate import hold, neutral, release
 from asvhil.commands.output import guard_standard_streams
 from asvhil.commands.plant import plant
 from asvhil.commands.replay import replay
@@ -34,7 +34,7 @@ app = typer.Typer(
 )
 
 for command in (
-    *(init, run, hold, release, status, check, calibrate),
+    *(init, run, hold, neutral, release, status, check, calibrate),
     *(sitl, plant, report, replay),
     *(collect, train, evaluate),
 ):

@@ -1,4 +1,4 @@
-"""`asvhil hold` and `asvhil release`: an operator's requests to the running daemon."""
+"""`asvhil hold`, `asvhil neutral` and `asvhil release`: an operator's requests to the running daemon."""
 
 from __future__ import annotations
 
@@ -61,6 +61,20 @@ def release(
     data = encode_release(settings.links.autopilot)
     _ask(settings, data, dialect.MAV_CMD_NAV_GUIDED_ENABLE)
     typer.echo("released")
+
+
+def neutral(
+    config: DaemonOption = "field",
+    set_: SetOption = [],  # noqa: B006
+) -> None:
+    """Ask the running daemon for neutral at once; the motors stay its own, at rest, until a hold or a release."""
+    from asvhil.config import load_config
+    from asvhil.io.mavlink.frames import dialect
+    from asvhil.operator.encoding import encode_neutral
+
+    settings = load_config(config, tuple(set_))
+    _ask(settings, encode_neutral(settings.links.autopilot), dialect.MAV_CMD_COMPONENT_ARM_DISARM)
+    typer.echo("neutral: the boat drifts")
 
 
 def _what_is_held(config: Config) -> str:

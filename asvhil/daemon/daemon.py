@@ -227,6 +227,7 @@ class Daemon:
         if outputs.control is not None:
             self._report_solve_time(outputs.t_ns, step_ns)
         states = self._states(outputs)
+        self._note_links(states)
         self._log_changes(outputs, states)
         self._log_router(outputs.t_ns)
         if outputs.t_ns - self._looked_ns >= COMPUTER_NS and (self._looking is None or self._looking.done()):
@@ -286,6 +287,12 @@ class Daemon:
             counted = self._link_states.bytes_text(port) if "bad bytes" in state else ""
             found[port] = "; ".join(part for part in (state, counted, self.router.remarks(port)) if part)
         return found
+
+    def _note_links(self, states: dict[str, str]) -> None:
+        """Tell operators of the links, without what changes often. One to ground stations may be down for long."""
+        told = {port: state.partition(";")[0] for port, state in states.items()}
+        well = all(state == "up" or port.startswith(GROUND) for port, state in told.items())
+        self._notes.state("links", ", ".join(f"{port} {state}" for port, state in told.items()), ok=well)
 
     def _log_router(self, t_ns: int) -> None:
         """Log the router's remarks, and save its signing timestamps when that is due."""

@@ -18,18 +18,26 @@ class OwnNotes:
         self._watches = dict(watches)
         self._told: dict[str, str] = {}
         self._events: dict[str, str] = {}
+        self._states: dict[str, tuple[str, bool]] = {}
+        self._states_told: dict[str, tuple[str, bool]] = {}
 
     def note(self, subject: str, text: str) -> None:
         """What has happened, and stands until it is noted anew."""
         self._events[subject] = text
 
+    def state(self, subject: str, text: str, *, ok: bool) -> None:
+        """How something is, whether well or not, until it is told anew."""
+        self._states[subject] = text, ok
+
     def take_frames(self, t_ns: int) -> list[Frame]:
         """The frames that tell what has changed since the last call."""
         now = self._events | {subject: tell() for subject, tell in self._watches.items()}
-        frames = []
+        news = []
         for subject, text in now.items():
             if text != self._told.get(subject, ""):
-                data = self._sender.encode(Note(subject=subject, text=text, ok=False))
-                frames.append(Frame(t_ns=t_ns, port=OPERATOR, data=data))
-        self._told = now
-        return frames
+                news.append(Note(subject=subject, text=text, ok=False))
+        for subject, (text, ok) in self._states.items():
+            if self._states_told.get(subject) != (text, ok):
+                news.append(Note(subject=subject, text=text, ok=ok))
+        self._told, self._states_told = now, dict(self._states)
+        return [Frame(t_ns=t_ns, port=OPERATOR, data=self._sender.encode(note)) for note in news]

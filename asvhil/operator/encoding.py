@@ -7,9 +7,14 @@ from typing import Any
 
 from asvhil.config import AutopilotLinkConfig
 from asvhil.io.mavlink.frames import dialect
-from asvhil.operator.goto import HERE
+from asvhil.operator.goto import HERE, IGNORE_XY, IGNORE_YAW
 
 SOLVE_TIME = "solve_ms"
+# Type mask of a station: position and yaw are meant, nothing else.
+STATION_ONLY = sum(
+    getattr(dialect, f"POSITION_TARGET_TYPEMASK_{name}_IGNORE")
+    for name in ("Z", "VX", "VY", "VZ", "AX", "AY", "AZ", "YAW_RATE")
+)
 
 
 def encode_hold(
@@ -48,6 +53,36 @@ def encode_release(config: AutopilotLinkConfig) -> bytes:
     """The frame that asks the daemon to let go of the motors."""
     message = dialect.MAVLink_command_long_message(
         config.system_id, config.component_id, dialect.MAV_CMD_NAV_GUIDED_ENABLE, 0, 0, 0, 0, 0, 0, 0, 0
+    )
+    return _pack_as_ground_station(message)
+
+
+def encode_neutral(config: AutopilotLinkConfig) -> bytes:
+    """The frame that asks the daemon for neutral at once."""
+    message = dialect.MAVLink_command_long_message(
+        config.system_id, config.component_id, dialect.MAV_CMD_COMPONENT_ARM_DISARM, 0, 0, 0, 0, 0, 0, 0, 0
+    )
+    return _pack_as_ground_station(message)
+
+
+def encode_move(
+    config: AutopilotLinkConfig, place_m: tuple[float, float] | None = None, psi_rad: float | None = None
+) -> bytes:
+    """The frame that moves the station that is held: north and east in the local frame (m), heading; None: as it is."""
+    n_m, e_m = place_m or (0.0, 0.0)
+    mask = STATION_ONLY | (IGNORE_XY if place_m is None else 0) | (IGNORE_YAW if psi_rad is None else 0)
+    rest = (0.0,) * 7  # z, velocity, acceleration
+    message = dialect.MAVLink_set_position_target_local_ned_message(
+        0,
+        config.system_id,
+        config.component_id,
+        dialect.MAV_FRAME_LOCAL_NED,
+        mask,
+        n_m,
+        e_m,
+        *rest,
+        psi_rad or 0.0,
+        0.0,
     )
     return _pack_as_ground_station(message)
 

@@ -7,11 +7,13 @@ from typing import Any
 
 from asvhil.io.mavlink.frames import decode, dialect, message_id
 from asvhil.supervisor.reasons import Explanation, Reason, explain
-from asvhil.types import HoldCommand, MoveCommand, ReleaseCommand, record
+from asvhil.types import HoldCommand, MoveCommand, NeutralCommand, ReleaseCommand, record
 
 HERE = 2**31 - 1  # INT32_MAX: "no value" of a COMMAND_INT coordinate
 REPOSITION, LOITER = dialect.MAV_CMD_DO_REPOSITION, dialect.MAV_CMD_NAV_LOITER_UNLIM
 GUIDED = dialect.MAV_CMD_NAV_GUIDED_ENABLE
+ARMING = dialect.MAV_CMD_COMPONENT_ARM_DISARM
+LOCAL_SETPOINT = dialect.MAVLINK_MSG_ID_SET_POSITION_TARGET_LOCAL_NED
 SETPOINT = dialect.MAVLINK_MSG_ID_SET_POSITION_TARGET_GLOBAL_INT
 COMMANDS = (dialect.MAVLINK_MSG_ID_COMMAND_INT, dialect.MAVLINK_MSG_ID_COMMAND_LONG)
 # Latitude and longitude, whatever the height is above: a boat has none.
@@ -47,7 +49,7 @@ class Refusal:
     result: int = DENIED
 
 
-Meaning = HoldCommand | MoveCommand | ReleaseCommand | Refusal
+Meaning = HoldCommand | MoveCommand | NeutralCommand | ReleaseCommand | Refusal
 
 
 def is_goto(data: bytes) -> bool:
@@ -65,6 +67,8 @@ def meaning_of_command(t_ns: int, m: Any) -> Meaning | None:
         if m.param1 == 0.0:
             return ReleaseCommand(t_ns=t_ns)
         return HoldCommand(t_ns=t_ns) if m.param1 == 1.0 else Refusal(why=explain(Reason.GUIDED_ENABLE_VALUE))
+    if m.command == ARMING and m.param1 == 0.0:  # a component that is disarmed moves nothing
+        return NeutralCommand(t_ns=t_ns)
     if m.command not in (REPOSITION, LOITER):
         return None
     whole = m.get_type() == "COMMAND_INT"
@@ -96,15 +100,41 @@ def meaning_of_setpoint(t_ns: int, m: Any, *, streaming: bool) -> HoldCommand | 
         return Refusal(why=explain(Reason.FRAME_NOT_GLOBAL, frame=m.coordinate_frame))
     if m.type_mask & IGNORE_XY:
         return Refusal(why=explain(Reason.SETPOINT_WITHOUT_POSITION))
-    for bit, field in RATES:
-        value = getattr(m, field)
-        if not m.type_mask & bit and value != 0.0 and not math.isnan(value):
-            return Refusal(why=explain(Reason.SETPOINT_WITH_RATE, field=field))
+    rate = _refusal_of_rates(m)
+    if rate is not None:
+        return rate
     yaw_rad = math.nan if m.type_mask & IGNORE_YAW else m.yaw
     hold = _hold(t_ns, (m.lat_int * 1e-7, m.lon_int * 1e-7), yaw_rad)
     if isinstance(hold, Refusal) or not streaming:
         return hold
     return MoveCommand(t_ns=t_ns, lat_deg=hold.lat_deg, lon_deg=hold.lon_deg, psi_rad=hold.psi_rad)
+
+
+def meaning_of_local_setpoint(t_ns: int, m: Any) -> MoveCommand | Refusal:
+    """The request of a SET_POSITION_TARGET_LOCAL_NED: it moves a station that is held, and never takes one."""
+    if m.coordinate_frame != dialect.MAV_FRAME_LOCAL_NED:
+        return Refusal(why=explain(Reason.FRAME_NOT_LOCAL, frame=m.coordinate_frame))
+    no_place, no_yaw = m.type_mask & IGNORE_XY, m.type_mask & IGNORE_YAW or math.isnan(m.yaw)
+    if no_place and (no_yaw or no_place != IGNORE_XY):
+        return Refusal(why=explain(Reason.SETPOINT_WITHOUT_POSITION))
+    rate = _refusal_of_rates(m)
+    if rate is not None:
+        return rate
+    if not no_place and not (math.isfinite(m.x) and math.isfinite(m.y)):
+        return Refusal(why=explain(Reason.PLACE_IMPOSSIBLE))
+    if not no_yaw and not abs(m.yaw) <= YAW_MAX_RAD:
+        return Refusal(why=explain(Reason.HEADING_IMPOSSIBLE))
+    n_m, e_m = (None, None) if no_place else (m.x, m.y)
+    return MoveCommand(t_ns=t_ns, n_m=n_m, e_m=e_m, psi_rad=None if no_yaw else m.yaw)
+
+
+def _refusal_of_rates(m: Any) -> Refusal | None:
+    """Why a set-point asks for more than a station: one that moves."""
+    for bit, field in RATES:
+        value = getattr(m, field)
+        if not m.type_mask & bit and value != 0.0 and not math.isnan(value):
+            return Refusal(why=explain(Reason.SETPOINT_WITH_RATE, field=field))
+    return None
 
 
 def _hold(

@@ -10,12 +10,13 @@ from asvhil.geo import wrap_rad
 from asvhil.io.sensors.sources import Switch
 from asvhil.operator.reports import NOTICE, WARNING, OperatorReport
 from asvhil.operator.session import OperatorRequest, OperatorSession
+from asvhil.operator.state_arrays import BoatState
 from asvhil.operator.station_parameters import STATION_PARAMETERS, move_of_change, station_value
 from asvhil.operator.tunables import Tunables
 from asvhil.supervisor.reasons import Explanation, Reason, describe
 from asvhil.supervisor.situation import Situation
 from asvhil.supervisor.supervisor import Decision, Request
-from asvhil.types import Control, Frame, Note, ParameterChange, Phase, record
+from asvhil.types import Control, Frame, Note, ParameterChange, Phase, Wind, record
 
 # Whoever ended the hold so has the motors, or nobody wants them to turn.
 ENDED_BY_PEOPLE = {
@@ -31,6 +32,18 @@ class _Unanswered:
     request: OperatorRequest
     asked: bool
     refusal: Explanation | None = None
+
+
+@record
+class Readings:
+    """What is told to displays beside the situation: the wind, both pulses if they are ours, sources by quantity."""
+
+    wind: Wind | None = None
+    pulses_us: tuple[int, int] | None = None
+    sources: tuple[tuple[str, str], ...] = ()
+
+
+NO_READINGS = Readings()
 
 
 class Operations:
@@ -80,6 +93,7 @@ class Operations:
         control: Control | None,
         switches: Iterable[Switch],
         notes: tuple[Note, ...],
+        readings: Readings = NO_READINGS,
     ) -> list[Frame]:
         """The answers of this tick, texts on what has changed, and the reports that are due."""
         t_ns = situation.t_ns
@@ -102,7 +116,7 @@ class Operations:
                 return self._tunables.value(name)
             return station_value(name, decision.station, situation.frame)
 
-        return self._session.data_to_send(t_ns, self._report(situation, decision), value_of)
+        return self._session.data_to_send(t_ns, self._report(situation, decision, readings), value_of)
 
     @property
     def shell_notes(self) -> tuple[Note, ...]:
@@ -124,7 +138,7 @@ class Operations:
             return self._tunables.set(command.name, command.value)
         return move_of_change(command)
 
-    def _report(self, situation: Situation, decision: Decision) -> OperatorReport:
+    def _report(self, situation: Situation, decision: Decision, readings: Readings) -> OperatorReport:
         station, estimate, frame = decision.station, situation.estimate, situation.frame
         known: dict[str, Any] = {"phase": decision.phase, "solve_ms": self._session.solve_ms}
         known |= {"why": decision.why, "notes": self._notes, "computer": self._session.computer}
@@ -137,7 +151,26 @@ class Operations:
                 "heading_error_rad": wrap_rad(estimate.psi_rad - station.psi_rad),
                 "station": (*frame.to_geodetic(station.n_m, station.e_m), station.psi_rad),
             }
+        known |= {"boat": self._boat(situation, decision, readings)}
         return OperatorReport(**known)
+
+    def _boat(self, situation: Situation, decision: Decision, readings: Readings) -> BoatState:
+        status, frame = situation.status, situation.frame
+        known: dict[str, Any] = {}
+        if status is not None:
+            known = {"armed": status.armed, "fix": status.fix, "satellites": status.satellites}
+            known |= {"battery_v": status.battery_v, "battery_percent": status.battery_percent, "mode": status.mode}
+        return BoatState(
+            estimate=situation.estimate,
+            station=decision.station,
+            wind=readings.wind,
+            control=self._control,
+            pulses_us=readings.pulses_us,
+            sources=readings.sources,
+            solve_ms=self._session.solve_ms,
+            origin_deg=None if frame is None else (frame.lat_deg, frame.lon_deg),
+            **known,
+        )
 
     def _watch_for_drift(self, situation: Situation, decision: Decision) -> None:
         """Whether a failure has ended the hold, and the pilot has neither disarmed nor chosen a mode since."""

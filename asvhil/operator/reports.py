@@ -9,11 +9,13 @@ from typing import Any
 
 from asvhil import __version__
 from asvhil.io.mavlink.frames import dialect
+from asvhil.operator.encoding import STATION_ONLY
 from asvhil.operator.goto import DENIED
+from asvhil.operator.state_arrays import BoatState, state_arrays
 from asvhil.supervisor.reasons import Explanation, describe
 from asvhil.types import Note, Phase, record
 
-NOTICE, WARNING = dialect.MAV_SEVERITY_NOTICE, dialect.MAV_SEVERITY_WARNING
+INFO, NOTICE, WARNING = dialect.MAV_SEVERITY_INFO, dialect.MAV_SEVERITY_NOTICE, dialect.MAV_SEVERITY_WARNING
 ACCEPTED = int(dialect.MAV_RESULT_ACCEPTED)
 HEARTBEAT_ID = dialect.MAVLINK_MSG_ID_HEARTBEAT
 VERSION_ID = dialect.MAVLINK_MSG_ID_AUTOPILOT_VERSION
@@ -22,6 +24,7 @@ VALUES_ID = dialect.MAVLINK_MSG_ID_NAMED_VALUE_FLOAT
 TARGET_ID = dialect.MAVLINK_MSG_ID_POSITION_TARGET_GLOBAL_INT
 TEXT_ID = dialect.MAVLINK_MSG_ID_STATUSTEXT
 COMPUTER_ID = dialect.MAVLINK_MSG_ID_ONBOARD_COMPUTER_STATUS
+ARRAYS_ID = dialect.MAVLINK_MSG_ID_DEBUG_FLOAT_ARRAY  # on request alone
 FASTEST_US = 100_000.0  # the slowest daemon has a tick for no more
 SLOWEST_US = 2e9  # MESSAGE_INTERVAL tells no more
 CAPABILITIES = (
@@ -37,11 +40,6 @@ STATES = {
     Phase.HOLD: dialect.MAV_STATE_ACTIVE,
     Phase.FAILSAFE: dialect.MAV_STATE_CRITICAL,
 }
-# Of POSITION_TARGET_GLOBAL_INT: position and yaw are meant, nothing else.
-STATION_MASK = sum(
-    getattr(dialect, f"POSITION_TARGET_TYPEMASK_{name}_IGNORE")
-    for name in ("Z", "VX", "VY", "VZ", "AX", "AY", "AZ", "YAW_RATE")
-)
 
 
 @record
@@ -50,7 +48,7 @@ class OperatorReport:
 
     What is not known is NaN; `station` is (latitude, longitude in degrees, heading in rad), None where none is held.
     `adrift`: a failure has ended the hold, and nobody has taken the motors since. `why` tells the phase's reason,
-    `notes` what is wrong; `computer` is the latest ONBOARD_COMPUTER_STATUS.
+    `notes` what is wrong; `computer` is the latest ONBOARD_COMPUTER_STATUS. `boat` is for displays.
     """
 
     phase: Phase = Phase.STANDBY
@@ -64,10 +62,12 @@ class OperatorReport:
     why: Explanation | None = None
     notes: tuple[Note, ...] = ()
     computer: Any = None
+    boat: BoatState = BoatState()
 
     def texts(self) -> list[tuple[int, str]]:
-        """The phase and its reason, then the notes: (severity, text)."""
+        """The phase and its reason, mode and sources, then the notes: (severity, text)."""
         said = [] if self.why is None else [(NOTICE, f"{self.phase}: {describe(self.why)}")]
+        said += [(INFO, f"{subject}: {text}") for subject, text in self.boat.words()]
         return said + [(NOTICE if note.ok else WARNING, f"{note.subject}: {note.text}") for note in self.notes]
 
 
@@ -93,7 +93,7 @@ class Reports:
                 return ACCEPTED, INTERVAL_ID
             case dialect.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES:
                 return ACCEPTED, VERSION_ID
-            case dialect.MAV_CMD_REQUEST_MESSAGE if msg_id in (*self._interval_us, VERSION_ID, TEXT_ID):
+            case dialect.MAV_CMD_REQUEST_MESSAGE if msg_id in (*self._interval_us, VERSION_ID, TEXT_ID, ARRAYS_ID):
                 return ACCEPTED, msg_id
             case dialect.MAV_CMD_REQUEST_MESSAGE | dialect.MAV_CMD_GET_MESSAGE_INTERVAL:
                 return DENIED, None
@@ -137,6 +137,8 @@ class Reports:
             return [dialect.MAVLink_named_value_float_message(t_ms, *row) for row in _rows(report)]
         if msg_id == COMPUTER_ID:
             return [] if report.computer is None else [_anew(report.computer)]
+        if msg_id == ARRAYS_ID:
+            return state_arrays(t_ms * 1000, report.boat)
         return [] if report.station is None else [_target(t_ms, report.station)]
 
     @staticmethod
@@ -185,7 +187,7 @@ def _target(t_ms: int, station: tuple[float, float, float]) -> Any:
     return dialect.MAVLink_position_target_global_int_message(
         t_ms,
         dialect.MAV_FRAME_GLOBAL_INT,
-        STATION_MASK,
+        STATION_ONLY,
         round(lat_deg * 1e7),
         round(lon_deg * 1e7),
         0.0,

@@ -13,7 +13,16 @@ from asvhil.io.mavlink.frames import Parser, decode, dialect, message_id, source
 from asvhil.io.mavlink.parameter_server import ParameterServer
 from asvhil.io.mavlink.timesync import TimeSync
 from asvhil.operator.encoding import SOLVE_TIME
-from asvhil.operator.goto import COMMANDS, SETPOINT, Refusal, is_goto, meaning_of_command, meaning_of_setpoint
+from asvhil.operator.goto import (
+    COMMANDS,
+    LOCAL_SETPOINT,
+    SETPOINT,
+    Refusal,
+    is_goto,
+    meaning_of_command,
+    meaning_of_local_setpoint,
+    meaning_of_setpoint,
+)
 from asvhil.operator.repeats import Heard, RepeatedSettings, Repeats
 from asvhil.operator.replies import Replies
 from asvhil.operator.reports import ACCEPTED, TEXT_ID, OperatorReport, Reports
@@ -26,10 +35,13 @@ from asvhil.types import (
     Frame,
     HoldCommand,
     MoveCommand,
+    NeutralCommand,
     ParameterChange,
     ReleaseCommand,
     record,
 )
+
+Command = HoldCommand | MoveCommand | NeutralCommand | ReleaseCommand | ParameterChange
 
 LISTENING_NS = 15_000_000_000  # reports are for ground stations that are there: these send heartbeats
 UNSUPPORTED = int(dialect.MAV_RESULT_UNSUPPORTED)
@@ -45,7 +57,7 @@ class OperatorRequest:
     `heard` keeps the answer for a repetition of the command.
     """
 
-    command: HoldCommand | MoveCommand | ReleaseCommand | ParameterChange
+    command: Command
     mav_cmd: int | None
     address: Address
     system_id: int
@@ -58,7 +70,8 @@ class OperatorSession:
     """Understands what is addressed to our system and component, and with `claim_goto` the autopilot's gotos too.
 
     Holds: MAV_CMD_DO_REPOSITION, MAV_CMD_NAV_LOITER_UNLIM, SET_POSITION_TARGET_GLOBAL_INT, MAV_CMD_NAV_GUIDED_ENABLE
-    with 1; releases: the last with 0. What is sent to all components of the system is answered only where we do it.
+    with 1; releases: the last with 0. Moves: SET_POSITION_TARGET_LOCAL_NED; neutral: MAV_CMD_COMPONENT_ARM_DISARM with
+    0, where it is sent to us alone. What is sent to all components of the system is answered only where we do it.
     A request that comes again is answered as before, and not done again.
     """
 
@@ -94,7 +107,7 @@ class OperatorSession:
             msg_id = message_id(data)
             if msg_id == dialect.MAVLINK_MSG_ID_TIMESYNC:
                 self._on_timesync(frame, data)
-            elif msg_id == SETPOINT or msg_id in COMMANDS or msg_id in parameter_server.MESSAGES:
+            elif msg_id in (SETPOINT, LOCAL_SETPOINT) or msg_id in COMMANDS or msg_id in parameter_server.MESSAGES:
                 request = self._on_request(frame, data, msg_id)
                 if request is not None:
                     found.append(request)
@@ -195,7 +208,7 @@ class OperatorSession:
                 return None
             return None if change is None else self._request(frame, data, change, None, self._us)
         answer_as = self._autopilot if claimed else self._us
-        if msg_id == SETPOINT:
+        if msg_id in (SETPOINT, LOCAL_SETPOINT):
             return self._on_setpoint(frame, data, message, answer_as) if claimed or to_us else None
         return self._on_command(frame, data, message, answer_as, alone=claimed or to_us)
 
@@ -205,7 +218,10 @@ class OperatorSession:
         streaming, overtaken = self._setpoint_streams.take(frame, data)
         if overtaken:
             return None
-        meaning = meaning_of_setpoint(frame.t_ns, message, streaming=streaming)
+        if message_id(data) == LOCAL_SETPOINT:
+            meaning: HoldCommand | MoveCommand | Refusal = meaning_of_local_setpoint(frame.t_ns, message)
+        else:
+            meaning = meaning_of_setpoint(frame.t_ns, message, streaming=streaming)
         if isinstance(meaning, Refusal):
             self._replies.send_refusal(frame.t_ns, meaning.why, frame.address, seldom=True)
             return None
@@ -215,14 +231,14 @@ class OperatorSession:
         self, frame: Frame, data: bytes, message: Any, answer_as: tuple[int, int], *, alone: bool
     ) -> OperatorRequest | None:
         meaning = meaning_of_command(frame.t_ns, message)
-        if isinstance(meaning, ReleaseCommand) or (isinstance(meaning, HoldCommand) and alone):
-            return self._on_hold_or_release(frame, data, meaning, message.command, answer_as)
+        if isinstance(meaning, ReleaseCommand) or (isinstance(meaning, HoldCommand | NeutralCommand) and alone):
+            return self._on_repeatable(frame, data, meaning, message.command, answer_as)
         asker = self._request(frame, data, ReleaseCommand(t_ns=frame.t_ns), message.command, answer_as)
         asked: int | None = None
         if isinstance(meaning, Refusal):
             result = meaning.result
         elif meaning is not None:
-            result = UNSUPPORTED  # a goto to all of the system is the autopilot's
+            result = UNSUPPORTED  # a goto to all of the system, or its disarming, is the autopilot's
         else:
             result, asked = self._reports.command(message)
         if not alone and result != ACCEPTED:
@@ -234,11 +250,11 @@ class OperatorSession:
             self._asked.append((frame.address, asked))
         return None
 
-    def _on_hold_or_release(
+    def _on_repeatable(
         self,
         frame: Frame,
         data: bytes,
-        meaning: HoldCommand | ReleaseCommand,
+        meaning: HoldCommand | NeutralCommand | ReleaseCommand,
         mav_cmd: int,
         answer_as: tuple[int, int],
     ) -> OperatorRequest | None:
@@ -261,7 +277,7 @@ class OperatorSession:
     def _request(
         frame: Frame,
         data: bytes,
-        command: HoldCommand | MoveCommand | ReleaseCommand | ParameterChange,
+        command: Command,
         mav_cmd: int | None,
         answer_as: tuple[int, int],
     ) -> OperatorRequest:

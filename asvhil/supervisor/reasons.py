@@ -24,6 +24,7 @@ class Reason(enum.StrEnum):
     SENDING_NEUTRAL = "sending-neutral"
     HOLDING = "holding"
     RELEASED = "released"
+    STOPPED = "stopped"
     # What the pilot did
     DISARMED = "disarmed"
     MODE_CHANGED = "mode-changed"
@@ -49,6 +50,7 @@ class Reason(enum.StrEnum):
     WRONG_MODE = "wrong-mode"
     NO_ESTIMATE = "no-estimate"
     STREAM_SLOW = "stream-slow"
+    NOTHING_TO_STOP = "nothing-to-stop"
     PILOT_FIRST = "pilot-first"
     NO_STATION_HELD = "no-station-held"
     STATION_TOO_FAR = "station-too-far"
@@ -85,6 +87,7 @@ class Reason(enum.StrEnum):
     GUIDED_ENABLE_VALUE = "guided-enable-value"
     COMMAND_INT_ONLY = "command-int-only"
     FRAME_NOT_GLOBAL = "frame-not-global"
+    FRAME_NOT_LOCAL = "frame-not-local"
     SETPOINT_WITHOUT_POSITION = "setpoint-without-position"
     SETPOINT_WITH_RATE = "setpoint-with-rate"
     PLACE_IMPOSSIBLE = "place-impossible"
@@ -136,6 +139,10 @@ WORDS: Mapping[Reason, Words] = {
     ),
     Reason.HOLDING: Words(text="holding", remedy="Nothing: the station is kept."),
     Reason.RELEASED: Words(text="released by the operator", remedy="Nothing. To hold again, send a hold command."),
+    Reason.STOPPED: Words(
+        text="neutral, by the operator: the boat drifts",
+        remedy="Hold or release: neutral is sent until then, or until the pilot takes the boat.",
+    ),
     Reason.DISARMED: Words(text="disarmed", remedy="Arm the vehicle and send a hold command, if you want to go on."),
     Reason.MODE_CHANGED: Words(text="mode changed to {mode}", remedy=_PILOT),
     Reason.STICK_MOVED: Words(
@@ -217,6 +224,10 @@ WORDS: Mapping[Reason, Words] = {
         text="too slow: {message}, less than a third of {wanted} Hz",
         remedy="It is asked for again: send the hold command in some seconds. If that does not help, a hold is granted "
         "after 15 s, and the note stays: look at the link's rate and losses (`asvhil check`).",
+    ),
+    Reason.NOTHING_TO_STOP: Words(
+        text="the motors are not ours: nothing to stop",
+        remedy="Whoever has them stops them: the pilot by the sticks, or by disarming.",
     ),
     Reason.PILOT_FIRST: Words(
         text="the pilot has just taken over", remedy="Send the hold command again, if the pilot wants you to."
@@ -348,6 +359,10 @@ WORDS: Mapping[Reason, Words] = {
     ),
     Reason.FRAME_NOT_GLOBAL: Words(
         text="frame {frame} is not latitude and longitude", remedy="Send the position in a global MAV_FRAME."
+    ),
+    Reason.FRAME_NOT_LOCAL: Words(
+        text="frame {frame} is not MAV_FRAME_LOCAL_NED",
+        remedy="A local set-point is in metres north and east of the first position heard.",
     ),
     Reason.SETPOINT_WITHOUT_POSITION: Words(
         text="a set-point without a position", remedy="Clear the bits of x and y in the type mask."

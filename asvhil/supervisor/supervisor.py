@@ -13,7 +13,17 @@ from asvhil.supervisor.pilot_watch import PilotWatch
 from asvhil.supervisor.reasons import Explanation, Reason, explain
 from asvhil.supervisor.situation import Situation
 from asvhil.supervisor.stations import station_of_config, station_of_hold, station_of_move, too_far
-from asvhil.types import FrontseatStatus, HoldCommand, MoveCommand, Phase, Radio, ReleaseCommand, Station, record
+from asvhil.types import (
+    FrontseatStatus,
+    HoldCommand,
+    MoveCommand,
+    NeutralCommand,
+    Phase,
+    Radio,
+    ReleaseCommand,
+    Station,
+    record,
+)
 
 RELEASE_REPEATS = 3  # datagrams get lost
 NEUTRAL_ALONE = 2  # ticks of neutral before a release, where the last override stands: it must be neutral by then
@@ -22,7 +32,7 @@ PILOT_FIRST_NS = 1_000_000_000  # a hold command that comes so soon was sent bef
 THEIRS = (Reason.TRANSMITTER_HEARD, Reason.MODE_CHANGED, Reason.OVERRIDE_NOT_FOLLOWED, Reason.STICK_MOVED)
 NAMED_LATER_NS = 10_000_000_000  # after a hold has ended for what another vehicle said, until that is known for another
 
-Request = HoldCommand | MoveCommand | ReleaseCommand
+Request = HoldCommand | MoveCommand | NeutralCommand | ReleaseCommand
 
 
 @record
@@ -76,6 +86,7 @@ class Supervisor:
         self._mode = ModeRequest(config.control_mode, config.take_mode_timeout_s)
         self._next_station: Station | None = None  # to be held once the control mode stands
         self._arming_help = ArmingHelp(config, self._pilot, overrides_sticks=overrides_sticks)
+        self._stopped = False  # by the operator: neutral is sent, and no station is held
         self._pilot_ns: int | None = None  # when the pilot took the boat last
         self._ended_ns: int | None = None  # when the last hold ended unasked, while that is the reason to stand by
 
@@ -137,6 +148,8 @@ class Supervisor:
                 return self._hold(request, situation)
             case MoveCommand():
                 return self._move(request, situation)
+            case NeutralCommand():
+                return self._stop(situation)
             case ReleaseCommand():  # always granted
                 self._auto_pending = False
                 if self._phase is not Phase.STANDBY:
@@ -178,6 +191,22 @@ class Supervisor:
         if refusal is None:
             self._station = station
         return refusal
+
+    def _stop(self, situation: Situation) -> Explanation | None:
+        """Neutral in the place of all that was going on. Returns None, or why not: what others have is not taken."""
+        self._go_on(situation)
+        self._auto_pending = False
+        if self._phase is Phase.STANDBY:
+            return explain(Reason.NOTHING_TO_STOP)
+        if self._phase is Phase.PREPARE and not self._stopped and situation.status is not None:
+            self._pilot.begin(situation.t_ns, situation.status)
+        self._phase, self._why = Phase.PREPARE, explain(Reason.STOPPED)
+        self._stopped = True
+        self._failing_since_ns = None
+        self._next_station = None
+        self._arming_help.end()
+        self._mode.forget()  # what was going on before the hold shall not go on by itself either
+        return None
 
     def _why_not(self, situation: Situation, fault: Explanation | None) -> Explanation | None:
         """Why a hold cannot begin; `fault`: of the motors, where it counts."""
@@ -249,6 +278,8 @@ class Supervisor:
             self._await_mode(situation)
         if self._arming_help.active:
             self._await_arming(situation)
+        if self._stopped:
+            self._watch_stopped(situation)
         if self._phase in (Phase.HOLD, Phase.FAILSAFE):
             self._watch(situation)
 
@@ -291,6 +322,7 @@ class Supervisor:
         """Ask for the control mode, with neutral sticks, before the motors are driven."""
         self._phase, self._why = Phase.PREPARE, explain(Reason.TAKING_MODE, mode=self._config.control_mode)
         self._next_station = station
+        self._stopped = False
         self._arming_help.end()
         self._auto_pending = False
         self._mode.take(t_ns, status.mode)
@@ -324,31 +356,44 @@ class Supervisor:
             assert self._next_station is not None
             self._engage(situation.t_ns, self._next_station, status)
 
-    def _watch(self, situation: Situation) -> None:
-        """Go on holding while the pilot leaves the motors to us and nothing fails."""
+    def _watch_stopped(self, situation: Situation) -> None:
+        """Go on sending neutral while the pilot leaves the motors to us and the autopilot is heard."""
+        if self._is_ended(situation):
+            return
+        lost = self._unheard(situation)
+        if lost is not None:
+            self._let_go(lost, neutral_first=True)
+
+    def _is_ended(self, situation: Situation) -> bool:
+        """Whether the pilot has taken the boat, or something that does not pass has given it back."""
         t_ns, status = situation.t_ns, situation.status
         act = self._pilot.act(status, situation.station_sticks)
         if act is None and status is not None and self._is_transmitter_lost(status):
             self._let_go(explain(Reason.TRANSMITTER_LOST), neutral_first=True)
-            return
+            return True
         if act is not None:
             self._pilot_ns = t_ns
             # Where the station's messages and ours set the same channels, ours would stand until its next one.
             self._let_go(act, neutral_first=act.reason is Reason.STATION_STICK)
-            return
+            return True
         ends = situation.stranger or self._lost_station(situation) or situation.fault or situation.motion
         ends = ends or self._left_fence(situation)
         if ends is not None:
             if ends.reason is Reason.SCRIPT_LET_GO:  # by the pilot's act, which it sees first
                 self._pilot_ns = t_ns
             self._let_go(ends, neutral_first=True)
-            return
+            return True
         taken = self._pilot.sticks_taken(t_ns, status)
         if taken is not None:
             self._pilot_ns = t_ns
             unverified = situation.unverified
             ignored = unverified is not None and taken.reason is Reason.OVERRIDE_NOT_FOLLOWED
             self._let_go(unverified if ignored and unverified is not None else taken, neutral_first=ignored)
+        return taken is not None
+
+    def _watch(self, situation: Situation) -> None:
+        """Go on holding while the pilot leaves the motors to us and nothing fails."""
+        if self._is_ended(situation):
             return
         failure = self._failing(situation)
         if failure is None:
@@ -357,8 +402,8 @@ class Supervisor:
             self._failing_since_ns = None
             return
         if self._failing_since_ns is None:
-            self._failing_since_ns = t_ns
-        if (t_ns - self._failing_since_ns) * 1e-9 >= self._config.failsafe_neutral_s:
+            self._failing_since_ns = situation.t_ns
+        if (situation.t_ns - self._failing_since_ns) * 1e-9 >= self._config.failsafe_neutral_s:
             self._let_go(failure, neutral_first=True)
             return
         self._phase, self._why = Phase.FAILSAFE, failure
@@ -379,12 +424,19 @@ class Supervisor:
             self._why = situation.stranger
         self._ended_ns = None
 
-    def _failing(self, situation: Situation) -> Explanation | None:
-        """What is missing to steer by."""
+    def _unheard(self, situation: Situation) -> Explanation | None:
+        """What the autopilot no longer tells, without which nobody knows whether the motors are still ours."""
         if not self._link_ok(situation):
             return explain(Reason.HEARTBEAT_LOST)
         if not self._mode_known(situation, self._config.mode_timeout_s):
             return explain(Reason.MODE_UNKNOWN)
+        return None
+
+    def _failing(self, situation: Situation) -> Explanation | None:
+        """What is missing to steer by."""
+        unheard = self._unheard(situation)
+        if unheard is not None:
+            return unheard
         if situation.estimate is None or not situation.estimate.valid:
             return explain(Reason.ESTIMATE_STALE)
         if self._control_failed:
@@ -394,6 +446,7 @@ class Supervisor:
     def _engage(self, t_ns: int, station: Station, status: FrontseatStatus) -> None:
         self._phase, self._why = Phase.HOLD, explain(Reason.HOLDING)
         self._station = station
+        self._stopped = False
         self._next_station = None
         self._arming_help.end()
         self._mode.taken()
@@ -411,6 +464,7 @@ class Supervisor:
         """
         self._phase, self._why = Phase.STANDBY, why
         self._auto_pending = False
+        self._stopped = False
         self._next_station = None
         self._arming_help.end()
         if give_back_ns is None:

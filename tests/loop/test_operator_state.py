@@ -6,7 +6,8 @@ import pytest
 
 from asvhil.config import load_config
 from asvhil.io.mavlink.frames import dialect
-from asvhil.operator.encoding import encode_presence, encode_question, encode_release
+from asvhil.operator.encoding import encode_neutral, encode_presence, encode_question, encode_release
+from asvhil.operator.state_arrays import read_state
 from asvhil.types import Frame, Phase
 from tests.support.loop import STATION_DEG, GroundStationLoop
 
@@ -92,6 +93,32 @@ def test_an_operator_who_asks_gets_the_phase_its_reason_and_the_notes() -> None:
     loop.say(encode_question(loop.config.links.autopilot, dialect.MAVLINK_MSG_ID_STATUSTEXT))
     outputs: Any = loop.step()
     assert loop.results[-1] == dialect.MAV_RESULT_ACCEPTED
-    assert loop.texts == [f"hold: {outputs.health.reason}"] + [
-        f"{note.subject}: {note.text}" for note in outputs.health.notes
+    sources = ", ".join(f"{quantity} {name}" for quantity, name in outputs.health.sources)
+    assert loop.texts == [
+        *(f"hold: {outputs.health.reason}", "mode: MANUAL, armed", f"sources: {sources}"),
+        *(f"{note.subject}: {note.text}" for note in outputs.health.notes),
     ]
+
+
+def test_neutral_goes_to_the_motors_in_the_tick_that_takes_the_command_and_stays_until_a_word() -> None:
+    loop = StateLoop()
+    loop.wait(3.0)
+    assert any(pulse != (1500, 1500) for sent in loop.overrides_us[-40:] for pulse in sent)
+    loop.say(encode_neutral(loop.config.links.autopilot))
+    outputs = loop.step()
+    assert (outputs.phase, outputs.pwm_us) == (Phase.PREPARE, (1500, 1500))
+    assert loop.results[-1] == dialect.MAV_RESULT_ACCEPTED
+    loop.wait(5.0)
+    assert all(sent == [(1500, 1500)] for sent in loop.overrides_us[-101:])
+    assert loop.state() == STANDBY and "prepare: neutral, by the operator: the boat drifts" in loop.texts
+    # A display that asks gets it in numbers, and nobody else does.
+    loop.heard.clear()
+    loop.say(encode_question(loop.config.links.autopilot, dialect.MAVLINK_MSG_ID_DEBUG_FLOAT_ARRAY))
+    estimate: Any = loop.step().estimate
+    (message,) = [m for m in loop.heard if m.get_type() == "DEBUG_FLOAT_ARRAY"]
+    told = read_state(message)
+    assert told["port_us"] == told["starboard_us"] == 1500 and told["station_n_m"] is None and told["armed"] == 1.0
+    assert told["heading_deg"] is not None and told["n_m"] == pytest.approx(estimate.n_m, abs=1e-3)
+    assert told["fix"] == 3.0 and (told["satellites"] or 0) > 3
+    loop.ask_to_hold()
+    assert loop.wait(1.0).phase is Phase.HOLD

@@ -1,0 +1,125 @@
+"""The state of boat and backseat in numbers, for a display: two DEBUG_FLOAT_ARRAYs, sent to whoever asks for them.
+
+Pure functions, for both ends of the link. docs/mavlink.md lists the fields.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from typing import Any
+
+from asvhil.geo import wrap_rad
+from asvhil.io.mavlink.frames import dialect
+from asvhil.types import Control, Estimate, Station, Wind, record
+
+STATE_ID, PLAN_ID = 1, 2  # DEBUG_FLOAT_ARRAY.array_id
+CELLS = 58
+# In their order in the array; what is not known is NaN. Metres are in the local NED frame, `origin_*` is where it is:
+# the sum of two floats, as one tells degrees to half a metre only. `wind_*` is the velocity of the air over ground.
+STATE_FIELDS = (
+    *("n_m", "e_m", "heading_deg", "u_mps", "v_mps", "r_degps", "position_std_m", "heading_std_deg", "estimate_ok"),
+    *("station_n_m", "station_e_m", "station_heading_deg", "distance_m", "heading_error_deg"),
+    *("wind_n_mps", "wind_e_mps", "wind_std_mps", "wind_ok"),
+    *("port", "starboard", "port_us", "starboard_us"),
+    *("solve_ms", "solve_iterations", "solve_ok"),
+    *("armed", "battery_v", "battery_percent", "fix", "satellites"),
+    *("origin_lat_deg", "origin_lat_rest_deg", "origin_lon_deg", "origin_lon_rest_deg"),
+)
+PLAN_ROW = 3  # north and east (m), heading (degrees)
+PLAN_ROWS = CELLS // PLAN_ROW
+
+
+@record
+class BoatState:
+    """What a display shows of one tick, as far as it is known. `pulses_us`: of both motors; None while not ours.
+
+    `sources` is as in `Health`.
+    """
+
+    estimate: Estimate | None = None
+    station: Station | None = None
+    wind: Wind | None = None
+    control: Control | None = None
+    pulses_us: tuple[int, int] | None = None
+    solve_ms: float = math.nan
+    mode: str = ""
+    armed: bool | None = None
+    battery_v: float | None = None
+    battery_percent: float | None = None
+    fix: int | None = None
+    satellites: int | None = None
+    origin_deg: tuple[float, float] | None = None
+    sources: tuple[tuple[str, str], ...] = ()
+
+    def words(self) -> list[tuple[str, str]]:
+        """(subject, text): the autopilot's mode, and the source of each quantity."""
+        mode = f"{self.mode}, {'armed' if self.armed else 'not armed'}" if self.mode else "not known"
+        sources = ", ".join(f"{quantity} {name or 'not heard'}" for quantity, name in self.sources)
+        return [("mode", mode), *([("sources", sources)] if sources else [])]
+
+
+def state_arrays(t_us: int, state: BoatState) -> list[Any]:
+    """The messages: the state, and the predicted path where there is one."""
+    values = _values(state)
+    found = [_array(t_us, b"state", STATE_ID, [values.get(name, math.nan) for name in STATE_FIELDS])]
+    plan = state.control.plan if state.control is not None else ()
+    if plan:
+        rows = (plan[round(i * (len(plan) - 1) / (PLAN_ROWS - 1))] for i in range(PLAN_ROWS))
+        if len(plan) <= PLAN_ROWS:
+            rows = (row for row in plan)
+        found.append(
+            _array(t_us, b"plan", PLAN_ID, [x for _, n, e, psi in rows for x in (n, e, math.degrees(psi) % 360.0)])
+        )
+    return found
+
+
+def read_state(message: Any) -> dict[str, float | None]:
+    """The fields of a state array by name; None: not known."""
+    return {name: _known(value) for name, value in zip(STATE_FIELDS, message.data, strict=False)}
+
+
+def read_plan(message: Any) -> list[tuple[float, float, float]]:
+    """The rows of a plan array: north and east (m), heading (degrees)."""
+    rows = [tuple(message.data[i : i + PLAN_ROW]) for i in range(0, PLAN_ROWS * PLAN_ROW, PLAN_ROW)]
+    return [(row[0], row[1], row[2]) for row in rows if all(map(math.isfinite, row))]
+
+
+def _values(state: BoatState) -> dict[str, float]:
+    """What is known, by field."""
+    known: dict[str, float | None] = {"solve_ms": state.solve_ms}
+    estimate, station, wind, control = state.estimate, state.station, state.wind, state.control
+    if estimate is not None:
+        known |= {"n_m": estimate.n_m, "e_m": estimate.e_m, "heading_deg": math.degrees(estimate.psi_rad) % 360.0}
+        known |= {"u_mps": estimate.u_mps, "v_mps": estimate.v_mps, "r_degps": math.degrees(estimate.r_radps)}
+        known |= {"position_std_m": math.hypot(*estimate.std[:2]), "heading_std_deg": math.degrees(estimate.std[2])}
+        known |= {"estimate_ok": float(estimate.valid)}
+    if station is not None:
+        known |= {"station_n_m": station.n_m, "station_e_m": station.e_m}
+        known |= {"station_heading_deg": math.degrees(station.psi_rad) % 360.0}
+    if station is not None and estimate is not None:
+        known |= {"distance_m": math.hypot(estimate.n_m - station.n_m, estimate.e_m - station.e_m)}
+        known |= {"heading_error_deg": math.degrees(wrap_rad(estimate.psi_rad - station.psi_rad))}
+    if wind is not None:
+        known |= {"wind_n_mps": wind.vn_mps, "wind_e_mps": wind.ve_mps, "wind_std_mps": wind.std_mps}
+        known |= {"wind_ok": float(wind.valid)}
+    if control is not None:
+        known |= {"port": control.command[0], "starboard": control.command[1]}
+        known |= {"solve_iterations": float(control.iterations), "solve_ok": float(control.ok)}
+    if state.pulses_us is not None:
+        known |= {"port_us": float(state.pulses_us[0]), "starboard_us": float(state.pulses_us[1])}
+    known |= {"armed": state.armed, "battery_v": state.battery_v, "battery_percent": state.battery_percent}
+    known |= {"fix": state.fix, "satellites": state.satellites}
+    for axis, degrees in zip(("lat", "lon"), state.origin_deg or (), strict=False):
+        near = struct.unpack("<f", struct.pack("<f", degrees))[0]
+        known |= {f"origin_{axis}_deg": near, f"origin_{axis}_rest_deg": degrees - near}
+    return {name: float(value) for name, value in known.items() if value is not None}
+
+
+def _array(t_us: int, name: bytes, array_id: int, values: list[float]) -> Any:
+    data = [*values, *[math.nan] * (CELLS - len(values))]
+    return dialect.MAVLink_debug_float_array_message(t_us, name, array_id, data)
+
+
+def _known(value: float) -> float | None:
+    return value if math.isfinite(value) else None
