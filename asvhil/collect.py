@@ -13,13 +13,13 @@ from typing import Any, Literal
 from asvhil.config import Config, config_from_json
 from asvhil.config.mean_wind import WindSector, wind_keys
 from asvhil.daemon.daemon import Daemon
-from asvhil.daemon.status import status_of
+from asvhil.daemon.status import StatusTeller
 from asvhil.errors import AsvhilError, ConfigError
 from asvhil.links.clock import Clock
 from asvhil.logs.opening import make_run_folder, open_recorder
 from asvhil.simplant.lockstep import Lockstep
 from asvhil.sitl import run_realtime
-from asvhil.types import Outputs, Phase, record
+from asvhil.types import FrontseatStatus, Outputs, Phase, record
 
 Mode = Literal["lockstep", "realtime", "vehicle"]
 Status = dict[str, Any]
@@ -132,20 +132,24 @@ class _Watch:
         self._on_status = on_status
         self._every = max(1, round(config.daemon.tick_hz / STATUS_HZ))
         self._ticks = 0
+        self._teller = StatusTeller(config)
         self._start_ns: int | None = None
         self._held_from_s: float | None = None
         self.held_s = 0.0
         self.over = False  # the programme is at its end, or the motors were given back before it
         self._reason = "never engaged"
 
-    def see(self, outputs: Outputs, links: dict[str, str] | None = None) -> None:
-        """One tick of a backseat in this process."""
+    def see(
+        self, outputs: Outputs, links: dict[str, str] | None = None, vehicle: FrontseatStatus | None = None
+    ) -> None:
+        """One tick of a backseat in this process; `vehicle`: what its autopilot says of itself."""
+        self._teller.see(outputs)
         self._start_ns = outputs.t_ns if self._start_ns is None else self._start_ns
         t_s = (outputs.t_ns - self._start_ns) * 1e-9
         self._note_phase(t_s, outputs.phase, outputs.health.reason)
         self._ticks += 1
         if self._ticks % self._every == 0:
-            self._tell(status_of(outputs, links or {}, self._start_ns, 0))
+            self._tell(self._teller.status(outputs, links or {}, 0, vehicle))
 
     def see_status(self, status: Status) -> None:
         """One status line of a daemon in another process."""
@@ -211,7 +215,7 @@ def _vehicle(config: Config, log: Path, watch: _Watch, watches: Mapping[str, Cal
         daemon: Daemon
 
         def see(outputs: Outputs, links: dict[str, str]) -> None:
-            watch.see(outputs, links)
+            watch.see(outputs, links, daemon.vehicle)
             if watch.over:
                 daemon.stop()
 

@@ -14,7 +14,7 @@ from asvhil.supervisor.battery_watch import BatteryWatch
 from asvhil.supervisor.reasons import describe
 from asvhil.supervisor.situation import Situation, StationSticks
 from asvhil.supervisor.supervisor import Decision
-from asvhil.types import Frame, Health, Inputs, Note, Outputs
+from asvhil.types import Frame, FrontseatStatus, Health, Inputs, Note, Outputs
 
 
 class Backseat:
@@ -42,6 +42,11 @@ class Backseat:
     def frame(self) -> LocalFrame | None:
         """The local NED frame, once the first position is known."""
         return self._perception.frame
+
+    @property
+    def vehicle(self) -> FrontseatStatus | None:
+        """What the autopilot has last said of itself; for those who look on."""
+        return self._perception.status
 
     def step(self, inputs: Inputs) -> Outputs:
         """Everything that one tick does. Never raises on the content of the frames."""

@@ -108,6 +108,11 @@ class Perception:
         """The local NED frame, once the first position is known."""
         return self._estimator.frame
 
+    @property
+    def status(self) -> FrontseatStatus | None:
+        """The autopilot's status, the last so far."""
+        return self._status
+
     def step(self, inputs: Inputs) -> Perceived:
         """Take in the frames of a tick; those of other ports than the autopilot's and the sensors' are ignored."""
         t_ns = inputs.t_ns

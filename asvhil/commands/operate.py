@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import re
+import sys
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -13,6 +15,10 @@ from asvhil.errors import AsvhilError, LinkError
 
 if TYPE_CHECKING:
     from asvhil.config import Config
+
+# The words of Reason.STATION_UNCONFIRMED
+FAR = re.compile(r"station is ([0-9]+) m away, [0-9]+ m at most without a word")
+MOVES_M = 20.0  # what a drifting boat may move while somebody reads the question
 
 DaemonOption = Annotated[str, typer.Option("--config", help="The daemon's config: where its operator link is.")]
 
@@ -44,7 +50,12 @@ def hold(
     lat_deg, lon_deg = (None, None) if at is None else lat_lon("--at", at)
     psi_rad = None if heading is None else math.radians(heading)
     data = encode_hold(settings.links.autopilot, lat_deg, lon_deg, psi_rad, within)
-    _ask(settings, data, dialect.MAV_CMD_DO_REPOSITION)
+    try:
+        _ask(settings, data, dialect.MAV_CMD_DO_REPOSITION)
+    except AsvhilError as error:
+        meant_m = _meant_all_the_same(error)
+        data = encode_hold(settings.links.autopilot, lat_deg, lon_deg, psi_rad, meant_m)
+        _ask(settings, data, dialect.MAV_CMD_DO_REPOSITION)
     typer.echo(_what_is_held(settings))
 
 
@@ -75,6 +86,19 @@ def neutral(
     settings = load_config(config, tuple(set_))
     _ask(settings, encode_neutral(settings.links.autopilot), dialect.MAV_CMD_COMPONENT_ARM_DISARM)
     typer.echo("neutral: the boat drifts")
+
+
+def _meant_all_the_same(refused: AsvhilError) -> float:
+    """How far off (m) a station may be that was refused as too far, if a person at the terminal means it.
+
+    Raises the refusal for anything else, and where nobody is there, or means it.
+    """
+    far = FAR.search(str(refused))
+    if far is None or not sys.stdin.isatty():
+        raise refused
+    if not typer.confirm(f"The station is {far[1]} m from the boat. Is that meant?"):
+        raise refused
+    return float(far[1]) + MOVES_M
 
 
 def _what_is_held(config: Config) -> str:

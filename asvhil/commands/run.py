@@ -42,7 +42,7 @@ def run(
                 settings,
                 recorder,
                 clock,
-                on_tick=lambda outputs, links: view.show(outputs, links, daemon.overruns),
+                on_tick=lambda outputs, links: view.show(outputs, links, daemon.overruns, daemon.vehicle),
                 watches={"display": lambda: view.trouble},
             )
             asyncio.run(daemon.run(duration))

@@ -81,6 +81,9 @@ def _rows(look: dict[str, Any]) -> list[tuple[str, str]]:
     if station is not None:
         place = f"{station['lat_deg']:.7f}, {station['lon_deg']:.7f}, heading {station['heading_deg']:.1f} deg"
         rows.append(("station", place))
+    equipment = _equipment(look.get("boat") or {})
+    if equipment:
+        rows.append(("receiver and battery", equipment))
     computer = look.get("computer")
     if computer is not None:
         known = (
@@ -92,6 +95,14 @@ def _rows(look: dict[str, Any]) -> list[tuple[str, str]]:
         told = [f"{what} {value} {unit}" for what, value, unit in known if value is not None]
         rows.append(("computer", ", ".join(told)))
     return rows + list(look["notes"].items())
+
+
+def _equipment(boat: dict[str, float | None]) -> str:
+    """Fix, satellites and battery in words; empty where nothing is known."""
+    from asvhil.autopilot.vehicle_text import equipment_text
+
+    fix, satellites = (None if boat.get(name) is None else round(boat[name] or 0.0) for name in ("fix", "satellites"))
+    return equipment_text(fix, satellites, boat.get("battery_v"), boat.get("battery_percent"))
 
 
 def _table(name: str, look: dict[str, Any]) -> Table:

@@ -33,6 +33,8 @@ class LiveView:
         from rich.console import Console
         from rich.live import Live
 
+        from asvhil.daemon.status import StatusTeller
+
         self._title = title
         self._as_json = as_json
         self._console = Console()
@@ -42,9 +44,11 @@ class LiveView:
         self._display = Display(keep=LINES_KEPT if self._live is None else 1)
         self._every_ticks = max(1, round(config.daemon.tick_hz / 2.0))
         self._ticks = 0
-        self._start_ns: int | None = None
+        self._teller = StatusTeller(config)
         self._said = ("", -1)
         self._noted: dict[str, str] = {}
+        self._told_ns = 0
+        self._station: dict[str, Any] | None = None
 
     @property
     def trouble(self) -> str:
@@ -63,14 +67,12 @@ class LiveView:
             self._display.put(self._live.stop)
         self._display.close()
 
-    def show(self, outputs: Any, links: dict[str, str], overruns: int) -> None:
-        """One tick of a daemon in this process."""
-        from asvhil.daemon.status import status_of
-
-        self._start_ns = outputs.t_ns if self._start_ns is None else self._start_ns
+    def show(self, outputs: Any, links: dict[str, str], overruns: int, vehicle: Any = None) -> None:
+        """One tick of a daemon in this process; `vehicle`: what its autopilot says of itself."""
+        self._teller.see(outputs)
         self._ticks += 1
         if self._ticks % self._every_ticks == 0:
-            self.show_status(status_of(outputs, links, self._start_ns, overruns))
+            self.show_status(self._teller.status(outputs, links, overruns, vehicle))
 
     def show_status(self, status: dict[str, Any]) -> None:
         """One status, of this process or read from another."""
@@ -87,12 +89,27 @@ class LiveView:
         else:
             for subject, text in self._news(status).items():
                 say(self._console, f"{subject}: {text}")
+            for text in self._late_events(status):
+                say(self._console, text)
             key = (str(status["phase"]), int(status["t_s"] // 10))
             if key != self._said:
                 self._said = key
                 distance = status["distance_m"]
                 where = "" if distance is None else f", {distance:.2f} m, {status['heading_error_deg']:.1f} deg off"
                 say(self._console, f"{status['t_s']:6.1f} s  {status['phase']}: {status['reason']}{where}")
+
+    def _late_events(self, status: dict[str, Any]) -> list[str]:
+        """Stations that were given and requests that were refused since the last status; the rest is told otherwise."""
+        from asvhil.daemon.status import event_text, station_text
+
+        events = [event for event in status.get("events", ()) if event["t_ns"] > self._told_ns]
+        self._told_ns = max([self._told_ns, *(event["t_ns"] for event in events)])
+        found = [event_text(event) for event in events if event["text"].startswith("refused: ")]
+        station = status.get("station")
+        if station is not None and station != self._station:
+            found.append(f"station: {station_text(station)}")
+        self._station = station
+        return found
 
     def _news(self, status: dict[str, Any]) -> dict[str, str]:
         """Lines for notes, links and sources that have changed; for a link that is up only if it was not before.
@@ -106,7 +123,8 @@ class LiveView:
         sources = {"sources": sources_text(status["sources"])}
         said = self._noted
         heard = sources if any(status["sources"].values()) or "sources" in said else {}
-        self._noted = links | heard | dropped | status["notes"]
+        vehicle = {"autopilot": status["vehicle"].partition(", battery")[0]} if status.get("vehicle") else {}
+        self._noted = links | heard | vehicle | dropped | status["notes"]
         return {
             subject: text
             for subject, text in self._noted.items()

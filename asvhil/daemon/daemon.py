@@ -34,7 +34,7 @@ from asvhil.links.reconnecting import ReconnectingLink
 from asvhil.links.router import MavlinkRouter, save_states
 from asvhil.logs.recorder import Recorder
 from asvhil.operator.encoding import FINAL_TICKS, encode_release, encode_solve_time
-from asvhil.types import Frame, Inputs, Outputs
+from asvhil.types import Frame, FrontseatStatus, Inputs, Outputs
 
 RELEASES, RELEASE_S = 3, 0.05
 SWITCH_S = 0.0005
@@ -96,6 +96,11 @@ class Daemon:
         self.overruns = 0
         self._slowest_ns = 0
         self._solve_reported_ns = 0
+
+    @property
+    def vehicle(self) -> FrontseatStatus | None:
+        """What the autopilot has last said of itself."""
+        return self._backseat.vehicle
 
     def stop(self) -> None:
         """Request the end of `run`, with a release of the motors. May be called from a signal handler of the loop."""

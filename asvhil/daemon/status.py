@@ -3,18 +3,48 @@
 from __future__ import annotations
 
 import math
+from datetime import datetime
 from typing import Any
 
 from rich.console import Group
 from rich.table import Table
 from rich.text import Text
 
+from asvhil.autopilot.vehicle_text import vehicle_text
+from asvhil.backseat.build import model_file
+from asvhil.config import Config
+from asvhil.config.registry import CONTROLLERS
+from asvhil.daemon.story import Story
 from asvhil.geo import wrap_rad
 from asvhil.io.sensors.dropped import dropped_of
 from asvhil.supervisor.reasons import remedy
-from asvhil.types import Outputs
+from asvhil.types import FrontseatStatus, Outputs
 
 COLOURS = {"hold": "green", "standby": "yellow", "prepare": "cyan", "failsafe": "red"}
+
+
+class StatusTeller:
+    """Follows a run tick by tick and tells how it is: the present tick, what went before, and the boat's own words."""
+
+    def __init__(self, config: Config) -> None:
+        kind = CONTROLLERS.find(config.controller.name).model
+        file = model_file(config)
+        of_boat = "physics of" if not kind or file is None else f"{file.name}, {kind} of"
+        self._model = f"{config.controller.name}: {of_boat} {config.vehicle.name}"
+        self._story = Story()
+        self._start_ns: int | None = None
+
+    def see(self, outputs: Outputs) -> None:
+        """One tick."""
+        self._start_ns = outputs.t_ns if self._start_ns is None else self._start_ns
+        self._story.see(outputs)
+
+    def status(
+        self, outputs: Outputs, links: dict[str, str], overruns: int, vehicle: FrontseatStatus | None
+    ) -> dict[str, Any]:
+        """The status in JSON types. The tick must have been seen."""
+        status = status_of(outputs, links, self._start_ns or outputs.t_ns, overruns)
+        return {**status, "vehicle": vehicle_text(vehicle), "model": self._model, **self._story.told(outputs)}
 
 
 def status_of(outputs: Outputs, links: dict[str, str], start_ns: int, overruns: int) -> dict[str, Any]:
@@ -68,6 +98,11 @@ def render(status: dict[str, Any], title: str) -> Group:
     table.add_row("what to do", status["remedy"])
     if "held_s" in status:
         table.add_row("collected", f"{status['held_s']:.0f} of {status['duration_s']:.0f} s")
+    if status.get("vehicle"):
+        table.add_row("autopilot", status["vehicle"])
+    station = status.get("station")
+    if station is not None:
+        table.add_row("station", station_text(station))
     table.add_row(
         "to the station", f"{_show(status['distance_m'], 'm')}, {_show(status['heading_error_deg'], 'deg', 1)}"
     )
@@ -89,8 +124,24 @@ def render(status: dict[str, Any], title: str) -> Group:
     for subject, text in status["notes"].items():
         table.add_row(subject, text)
     table.add_row("links", ", ".join(f"{port} {state}" for port, state in status["links"].items()))
+    if status.get("model"):
+        table.add_row("model", status["model"])
     table.add_row("overruns", str(status["overruns"]))
+    for number, event in enumerate(status.get("events", ())):
+        table.add_row("" if number else "events", event_text(event))
     return Group(table)
+
+
+def station_text(station: dict[str, float | None]) -> str:
+    """Place and heading of a station, and how far off the boat was when it was given."""
+    place = f"{station['lat_deg']:.7f}, {station['lon_deg']:.7f}, heading {station['heading_deg']:.1f} deg"
+    from_m = station.get("from_m")
+    return place if from_m is None else f"{place}; {from_m:.1f} m away at the start"
+
+
+def event_text(event: dict[str, Any]) -> str:
+    """The time of day of this computer, and what happened."""
+    return f"{datetime.fromtimestamp(event['t_ns'] * 1e-9):%H:%M:%S} {event['text']}"
 
 
 def sources_text(sources: dict[str, str]) -> str:

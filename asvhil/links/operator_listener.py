@@ -20,6 +20,7 @@ from asvhil.links.link import why
 from asvhil.links.operator_client import KINDS, RESEND_S, called, with_key
 from asvhil.operator.encoding import encode_presence, encode_question
 from asvhil.operator.reports import PHASES
+from asvhil.operator.state_arrays import STATE_ID, read_state
 from asvhil.types import Frame
 
 STATES = {
@@ -33,6 +34,7 @@ QUESTIONS = (
     dialect.MAVLINK_MSG_ID_NAMED_VALUE_FLOAT,
     dialect.MAVLINK_MSG_ID_POSITION_TARGET_GLOBAL_INT,
     dialect.MAVLINK_MSG_ID_ONBOARD_COMPUTER_STATUS,
+    dialect.MAVLINK_MSG_ID_DEBUG_FLOAT_ARRAY,
     dialect.MAVLINK_MSG_ID_STATUSTEXT,  # the last: once its answer is there, all are
 )
 AFTER_S = 0.15  # the rest of a burst
@@ -95,6 +97,8 @@ class OperatorListener:
                         "lon_deg": message.lon_int * 1e-7,
                         "heading_deg": math.degrees(message.yaw) % 360.0,
                     }
+                case "DEBUG_FLOAT_ARRAY" if message.array_id == STATE_ID:
+                    look["boat"] = read_state(message)
                 case "ONBOARD_COMPUTER_STATUS":
                     look["computer"] = _computer(message)
                 case "STATUSTEXT":

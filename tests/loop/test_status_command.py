@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.support.command_line import call, refused
 from tests.support.ports import free_port
 from tests.support.processes import bench, sets
 
@@ -31,6 +32,19 @@ def test_a_daemon_tells_how_it_is(tmp_path: Path) -> None:
         assert 0 <= computer["load_percent"] <= 100 and computer["ram_free_mib"] > 0 and computer["disk_free_mib"] > 0
         lines = dict(line.split(": ", 1) for line in status(*at.sets).stdout.splitlines())
         assert lines["phase"] == "hold: holding" and "MiB" in lines["computer"] and " m, " in lines["to the station"]
+        assert lines["mode"] == "MANUAL, armed" and lines["receiver and battery"].startswith("3D fix")
+        far = ("hold", "--at", "40.4264,-86.9212", "--config", "sitl", *at.sets)  # 300 m north
+        refused(call(*far, cwd=tmp_path), "m away, 100 m at most without a word")
+        refused_by_hand = call(*far, cwd=tmp_path, typed="n\n")
+        assert refused_by_hand.status == 2 and "Is that meant?" in refused_by_hand.out
+        meant = call(*far, cwd=tmp_path, typed="y\n")
+        assert meant.status == 0 and "holding 40.4264" in meant.out, meant
+        own = daemon.wait_for(lambda s: s["station"] is not None and s["station"]["from_m"] > 100.0, 5.0)
+        assert (
+            own["vehicle"].startswith("armed, MANUAL")
+            and own["model"] == "nnsem-mpc: wamv16-nnsem.npz, nnsem of wamv16"
+        )
+        assert [event["text"][:20] for event in own["events"]][-2:] == ["refused: station is "] * 2
         with subprocess.Popen(
             [sys.executable, "-m", "asvhil", "status", "--config", "sitl", "--watch", "--json", *at.sets],
             stdout=subprocess.PIPE,

@@ -1,0 +1,92 @@
+"""What an operator wants to see beside the present tick: how far off a station was at first, and what has happened."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from typing import Any
+
+from asvhil.config.ports import OPERATOR
+from asvhil.geo import LocalFrame
+from asvhil.io.mavlink.frames import decode, dialect, message_id
+from asvhil.io.mavlink.texts import TextReader
+from asvhil.types import Outputs, Station
+
+KEPT = 8
+ASKED = (
+    dialect.MAV_CMD_DO_REPOSITION,
+    dialect.MAV_CMD_NAV_GUIDED_ENABLE,
+    dialect.MAV_CMD_DO_SET_MODE,
+    dialect.MAV_CMD_COMPONENT_ARM_DISARM,
+)
+OF_ANSWERS = (dialect.MAVLINK_MSG_ID_COMMAND_ACK, dialect.MAVLINK_MSG_ID_STATUSTEXT)
+LINKS = "links"  # the note on all links, which the terminal shows apart
+MOVED_M, TURNED_RAD = 0.05, 1e-3  # less is rounding
+
+
+class Story:
+    """Follows the outputs of a run, tick by tick, and keeps its last events."""
+
+    def __init__(self) -> None:
+        self._events: deque[dict[str, Any]] = deque(maxlen=KEPT)
+        self._phase = ""
+        self._noted: set[str] = set()
+        self._station: Station | None = None
+        self._from_m: float | None = None
+
+    def see(self, outputs: Outputs) -> None:
+        """One tick."""
+        phase = outputs.phase.value
+        if phase != self._phase:
+            self._phase = phase
+            self._add(outputs.t_ns, f"{phase}: {outputs.health.reason}")
+        wrong = {note.subject: note.text for note in outputs.health.notes if not note.ok and note.subject != LINKS}
+        for subject in wrong.keys() - self._noted:
+            self._add(outputs.t_ns, f"{subject}: {wrong[subject]}")
+        self._noted = set(wrong)
+        for text in self._refusals(outputs):
+            self._add(outputs.t_ns, f"refused: {text}")
+        self._note_station(outputs)
+
+    def told(self, outputs: Outputs) -> dict[str, Any]:
+        """The part of a status that this is, in JSON types. `station` is None while none is held."""
+        return {"station": self._place(outputs), "events": list(self._events)}
+
+    def _add(self, t_ns: int, text: str) -> None:
+        self._events.append({"t_ns": t_ns, "text": text})
+
+    def _note_station(self, outputs: Outputs) -> None:
+        station, before = outputs.station, self._station
+        self._station = station
+        moved = station is not None and (
+            before is None
+            or math.hypot(station.n_m - before.n_m, station.e_m - before.e_m) > MOVED_M
+            or abs(station.psi_rad - before.psi_rad) > TURNED_RAD
+        )
+        if station is None or outputs.estimate is None:
+            self._from_m = None
+        elif moved:
+            self._from_m = math.hypot(outputs.estimate.n_m - station.n_m, outputs.estimate.e_m - station.e_m)
+
+    def _place(self, outputs: Outputs) -> dict[str, float | None] | None:
+        station, origin = outputs.station, outputs.origin_deg
+        if station is None or origin is None:
+            return None
+        lat_deg, lon_deg = LocalFrame(lat_deg=origin[0], lon_deg=origin[1]).to_geodetic(station.n_m, station.e_m)
+        heading_deg = math.degrees(station.psi_rad) % 360.0
+        return {"lat_deg": lat_deg, "lon_deg": lon_deg, "heading_deg": heading_deg, "from_m": self._from_m}
+
+    def _refusals(self, outputs: Outputs) -> list[str]:
+        """Why commands of operators were refused in this tick: the text that was sent before the acknowledgement."""
+        if not any(frame.port == OPERATOR and message_id(frame.data) in OF_ANSWERS[:1] for frame in outputs.frames):
+            return []
+        found, said, reader = [], "", TextReader()
+        for frame in outputs.frames:
+            message = decode(frame.data) if frame.port == OPERATOR and message_id(frame.data) in OF_ANSWERS else None
+            if message is None:
+                continue
+            if message.get_type() == "STATUSTEXT":
+                said = reader.receive(message) or said
+            elif message.command in ASKED and message.result != dialect.MAV_RESULT_ACCEPTED:
+                found.append(said or f"MAV_RESULT {message.result}")
+        return found
