@@ -24,11 +24,12 @@ from asvhil.commands.run import run
 from asvhil.commands.sitl import sitl
 from asvhil.commands.status import status
 from asvhil.commands.train import train
+from asvhil.commands.typer_parts import HELP, ClickException, one_line, show_flags_plainly
 from asvhil.errors import AsvhilError
 
 app = typer.Typer(
     no_args_is_help=True,
-    add_completion=False,
+    context_settings=HELP,
     pretty_exceptions_enable=False,
     help="Station keeping of small autonomous surface vehicles over MAVLink.",
 )
@@ -44,6 +45,7 @@ app.add_typer(log.app, name="log")
 app.add_typer(script.app, name="script")
 app.add_typer(study.app, name="study")
 refuse_odd_numbers(app)
+show_flags_plainly(app)
 
 
 def _version(value: bool) -> None:
@@ -78,11 +80,14 @@ def main() -> None:
 def _run() -> tuple[str, int]:
     """What to say of an error, if there is anything, and the status."""
     try:
-        app(standalone_mode=True)
+        return "", app(standalone_mode=False, prog_name="asvhil") or 0
     except AsvhilError as error:
         return str(error), 2
+    except ClickException as error:  # a wrong word on the command line
+        return one_line(error), 2
+    except typer.Abort:  # a question that was not answered
+        return "interrupted at a question: nothing was done", 130
     except KeyboardInterrupt:
         return "", 130
     except SystemExit as ended:
         return "", ended.code if isinstance(ended.code, int) else 1 if ended.code else 0
-    return "", 0

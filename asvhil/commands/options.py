@@ -7,7 +7,11 @@ from typing import Annotated
 
 import typer
 
-ConfigArgument = Annotated[str, typer.Argument(help="A YAML config file, or the name of a shipped one.")]
+from asvhil.commands.typer_parts import config_names
+
+ConfigArgument = Annotated[
+    str, typer.Argument(help="A YAML config file, or the name of a shipped one.", autocompletion=config_names)
+]
 SetOption = Annotated[list[str], typer.Option("--set", metavar="KEY=VALUE", help="Override a config key; repeatable.")]
 PluginOption = Annotated[
     list[Path], typer.Option("--plugin", metavar="FILE", help="A plug-in that the run was made with; repeatable.")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import json
 import os
 from pathlib import Path
@@ -21,7 +22,12 @@ KNOWN_ONLY = {**STORED, "known_only": True}
 
 def find_config(name: str) -> Path:
     """The path of a config file: as given, or a shipped one by its name. Raises ConfigError where there is neither."""
-    return find_shipped(name, "", (".yaml",), "config file (give a path, or the name of a shipped one such as sitl)")
+    try:
+        return find_shipped(name, "", (".yaml",), "config file")
+    except ConfigError as error:
+        near = difflib.get_close_matches(name, shipped_names(), n=1)
+        meant = f"did you mean {near[0]}?" if near else f"shipped ones are {', '.join(shipped_names())}"
+        raise ConfigError(f"{error}; {meant}") from None
 
 
 def find_shipped(name: str, folder: str, endings: tuple[str, ...], what: str) -> Path:
@@ -44,6 +50,11 @@ def _shipped_roots() -> tuple[Path, Path]:
     """Where shipped configs are: in an installed package, and in a checkout."""
     package = Path(__file__).resolve().parents[1]
     return package / "shipped_config", package.parent / "config"
+
+
+def shipped_names() -> list[str]:
+    """The names of the shipped configs."""
+    return sorted({path.stem for root in _shipped_roots() for path in root.glob("*.yaml")})
 
 
 def is_shipped(path: Path) -> bool:

@@ -6,8 +6,6 @@ import subprocess
 import sys
 from pathlib import Path
 
-import pytest
-
 
 def asvhil(*arguments: str, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
@@ -21,32 +19,11 @@ def asvhil(*arguments: str, cwd: Path | None = None) -> subprocess.CompletedProc
     )
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (["run", "nowhere.yaml"], "nowhere.yaml: no such config file"),
-        (["run", "sitl", "--set", "plant.sead=1"], "did you mean seed?"),
-        (["run", "sitl", "--set", "links.operator.endpoint=udp:1"], "links.operator.endpoint"),
-        (["sitl", "--wind", "fast"], "SPEED@DEG is expected"),
-        (["sitl", "--wind", "nan@0"], "SPEED@DEG is expected"),
-        (["sitl", "--controller", "pid"], "key controller.name"),
-        (["sitl", "--controller", "nnsem-mpc", "--set", "controller.model=nowhere.npz"], "nowhere.npz: no such model"),
-        (["sitl", "field", "--lockstep"], "supervisor.engage: sitl needs auto"),
-        (["hold", "--at", "here"], "LAT,LON in degrees is expected"),
-        (["hold", "--at", "91,0"], "LAT,LON in degrees is expected"),
-        (["hold", "--set", "links.operator.endpoint=udpin:127.0.0.1:9"], "no answer; is `asvhil run` up"),
-        (["replay"], "give either an MCAP log or --tlog FILE"),
-        (["replay", "nowhere.mcap"], "nowhere.mcap: cannot be read"),
-        (["replay", "--tlog", "nowhere.tlog"], "nowhere.tlog: cannot be read"),
-        (["report", "nowhere.mcap"], "nowhere.mcap: cannot be read"),
-        (["check", "sitl", "--fix"], "check: --fix needs a terminal to confirm; use --yes"),
-        (["run", "sitl", "--log", "no/such/folder/log.mcap", "--duration", "1"], "log.mcap"),
-    ],
-)
-def test_bad_input_is_one_line(arguments: list[str], words: str, tmp_path: Path) -> None:
-    done = asvhil(*arguments, cwd=tmp_path)
+def test_bad_input_is_one_line_of_the_program_too(tmp_path: Path) -> None:
+    """As it is installed; `test_mistakes.py` has the mistakes."""
+    done = asvhil("run", "nowhere.yaml", cwd=tmp_path)
     assert done.returncode == 2
-    assert words in done.stderr and done.stderr.count("\n") == 1 and "Traceback" not in done.stderr
+    assert "nowhere.yaml: no such config file" in done.stderr and done.stderr.count("\n") == 1
 
 
 def test_usage_errors_and_help() -> None:
