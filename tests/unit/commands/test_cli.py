@@ -37,7 +37,7 @@ def test_lockstep_leaves_a_log_a_picture_and_figures_and_replays(tmp_path: Path)
     done = asvhil("sitl", "--lockstep", "--duration", "20", "--wind", "3@90", "--json", "out.json", cwd=tmp_path)
     assert (done.returncode, done.stderr) == (0, "")
     figures = json.loads((tmp_path / "out.json").read_text())
-    assert figures["wind"]["configured_toward_deg"] == 90.0
+    assert figures["wind"]["configured"]["toward_deg"] == 90.0
     assert math.isfinite(figures["truth"]["penalty_score"])
     (log,) = tmp_path.glob("runs/*-lockstep/log.mcap")
     assert (log.parent / "log.png").read_bytes().startswith(b"\x89PNG")
@@ -54,7 +54,7 @@ def test_the_wind_turns_with_the_stations_heading(tmp_path: Path) -> None:
     arguments = ["--lockstep", "--duration", "2", "--wind", "3@90", "--set", "supervisor.station.heading_deg=100"]
     asvhil("sitl", *arguments, "--no-picture", "--json", "out.json", cwd=tmp_path)
     figures = json.loads((tmp_path / "out.json").read_text())
-    assert figures["wind"]["configured_toward_deg"] == 190.0
+    assert figures["wind"]["configured"]["toward_deg"] == 190.0
 
 
 def test_a_collected_log_without_a_note_ends_its_line_with_the_seconds(tmp_path: Path) -> None:
