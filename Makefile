@@ -66,12 +66,13 @@ firmware-sim: firmware
 	@$(MAKE) -s -C tests/firmware/harness
 	@$(MAKE) -s -C tests/firmware/host
 
-# Without the firmware's tools its tests are skipped, and say so; where CI is set they fail instead.
+# Without the tools of the firmware and of the page their tests are skipped, and say so; where CI is set they fail.
 # Tests in virtual time share all cores, and give way to those in real time, which run beside them, two at a time: they
 # mostly wait. Only the files that have some are read for these.
 REAL_TIME := grep -rl --include='test_*.py' 'mark.real_time' tests
 unit: $(STAMPS)/test $(STAMPS)/peer $(STAMPS)/mavproxy
 	@$(MAKE) -s firmware-sim || test -z "$$CI"
+	@tests/page/install-tools.sh || test -z "$$CI"
 	@$(BIN)/pytest -q -n 2 --dist worksteal -m real_time $$($(REAL_TIME)) > $(VENV)/real-time.txt 2>&1 & beside=$$!; \
 	nice -n 5 $(BIN)/pytest -q -n auto --maxprocesses 4 --dist worksteal -m "not real_time"; ahead=$$?; \
 	echo "beside these, in real time:"; \
@@ -100,5 +101,5 @@ check-aarch64: $(STAMPS)/base
 	@ls $(VENV)/aarch64
 
 clean:
-	rm -rf firmware/arduino_anemometer/build tests/firmware/build
+	rm -rf firmware/arduino_anemometer/build tests/firmware/build tests/page/node_modules
 	rm -rf $(VENV) .venv-mpc .venv-mavproxy .pytest_cache .mypy_cache .ruff_cache .hypothesis

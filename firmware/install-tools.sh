@@ -1,32 +1,3 @@
 #!/bin/sh
 # Install the Debian packages that build the firmware and run it without a board, where this user may.
-set -u
-packages="gcc-avr avr-libc arduino-core-avr libsimavr-dev libelf-dev g++"
-if ! command -v dpkg-query >/dev/null; then
-    echo "firmware: no Debian here; install what these packages hold yourself: $packages" >&2
-    exit 1
-fi
-missing=""
-for package in $packages; do
-    case "$(dpkg-query -W -f '${Status}' "$package" 2>/dev/null)" in
-        *"ok installed") ;;
-        *) missing="$missing $package" ;;
-    esac
-done
-[ -z "$missing" ] && exit 0
-if [ "$(id -u)" = 0 ]; then
-    root=""
-elif sudo -n true 2>/dev/null; then
-    root="sudo -n"
-else
-    echo "firmware: not installed here:$missing (as root: apt-get install --no-install-recommends$missing)" >&2
-    exit 1
-fi
-echo "firmware: installing$missing ..."
-get="$root env DEBIAN_FRONTEND=noninteractive apt-get -qq -o DPkg::Lock::Timeout=120"
-# shellcheck disable=SC2086
-if ! $get install --no-install-recommends $missing >/dev/null 2>&1; then
-    # The lists of packages of a fresh machine are empty, or too old.
-    $get update >/dev/null && $get install --no-install-recommends $missing >/dev/null ||
-        { echo "firmware: apt-get could not install$missing" >&2; exit 1; }
-fi
+exec "$(dirname "$0")/install-debian.sh" firmware gcc-avr avr-libc arduino-core-avr libsimavr-dev libelf-dev g++

@@ -12,6 +12,7 @@ from asvhil.commands import config, log, script, study
 from asvhil.commands.calibrate import calibrate
 from asvhil.commands.check import check
 from asvhil.commands.collect import collect
+from asvhil.commands.dashboard import dashboard
 from asvhil.commands.evaluate import evaluate
 from asvhil.commands.init import init
 from asvhil.commands.numbers import refuse_odd_numbers
@@ -35,7 +36,7 @@ app = typer.Typer(
 )
 
 for command in (
-    *(init, run, hold, neutral, release, status, check, calibrate),
+    *(init, run, hold, neutral, release, status, dashboard, check, calibrate),
     *(sitl, plant, report, replay),
     *(collect, train, evaluate),
 ):

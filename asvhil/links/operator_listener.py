@@ -100,7 +100,7 @@ class OperatorListener:
                 case "DEBUG_FLOAT_ARRAY" if message.array_id == STATE_ID:
                     look["boat"] = read_state(message)
                 case "ONBOARD_COMPUTER_STATUS":
-                    look["computer"] = _computer(message)
+                    look["computer"] = computer_status(message)
                 case "STATUSTEXT":
                     _take_text(look, texts.receive(message))
         if look["phase"] is None or look["reason"] is None:
@@ -143,7 +143,7 @@ def _take_text(look: Look, text: str | None) -> None:
         look["notes"][subject] = rest
 
 
-def _computer(m: Any) -> Look:
+def computer_status(m: Any) -> Look:
     """ONBOARD_COMPUTER_STATUS in JSON types, without what it does not tell."""
     unknown = 2**32 - 1
     cores = [load for load in m.cpu_cores if load <= 100]

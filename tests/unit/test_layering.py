@@ -39,6 +39,7 @@ SHELL = [
     "preflight",
     "train",
     "study",
+    "dashboard",
     "commands",
     "__main__",
 ]

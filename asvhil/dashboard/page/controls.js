@@ -1,0 +1,107 @@
+// What changes something on the boat: with a token, and after a second word.
+
+const AGAIN_MS = 3000;
+const $ = (id) => document.getElementById(id);
+
+export class Controls {
+  constructor() {
+    this.facts = null;
+    this.live = null;
+    this.token = this.take();
+    this.neutralUntil = 0;
+    $("token-form").addEventListener("submit", (event) => {
+      event.preventDefault();
+      this.token = $("token").value.trim();
+      sessionStorage.setItem("token", this.token);
+      $("token").value = "";
+      this.show();
+    });
+    $("neutral").addEventListener("click", () => this.neutral());
+    $("hold").addEventListener("click", () => this.confirm("Hold the boat where it is now? The motors start.", { action: "hold" }));
+    $("release").addEventListener("click", () => this.confirm("Release the motors to the pilot? The boat drifts, or obeys the sticks.", { action: "release" }));
+    $("heading-form").addEventListener("submit", (event) => {
+      event.preventDefault();
+      const heading = Number($("heading-wish").value);
+      this.confirm(`Turn the station to a heading of ${heading}°?`, { action: "heading", heading_deg: heading });
+    });
+    $("confirm-no").addEventListener("click", () => $("confirm").close());
+    $("confirm-yes").addEventListener("click", () => { $("confirm").close(); this.send(this.asked); });
+  }
+
+  // The token of the address stays out of the history, and of what is shown or shared.
+  take() {
+    const found = /(?:^#|&)token=([^&]+)/.exec(location.hash);
+    if (found) {
+      sessionStorage.setItem("token", decodeURIComponent(found[1]));
+      history.replaceState(null, "", location.pathname + location.search);
+    }
+    return sessionStorage.getItem("token") ?? "";
+  }
+
+  get open() { return Boolean(this.facts?.controllable && this.token); }
+
+  show() {
+    for (const id of ["neutral", "hold", "release", "heading"]) $(id).disabled = !this.open;
+    $("token-form").hidden = this.open || !this.facts?.controllable;
+    $("locked").textContent = !this.facts ? "" : !this.facts.controllable ? "This page only shows: it was started without controls." :
+      this.open ? "" : "The token stands on the terminal of asvhil dashboard.";
+  }
+
+  pick(n, e) {
+    if (!this.open) return this.say("Locked: the station is moved with the token.", false);
+    const boat = this.live?.boat;
+    if (!boat || boat.station_n_m === null) return this.say("No station is held: hold first, then move it.", false);
+    const away = Math.hypot(n - boat.n_m, e - boat.e_m);
+    const far = this.facts.farthest_m;
+    const warn = away > far ? ` That is beyond the ${far} m of the config, and will be refused.` : "";
+    this.confirm(`Move the station ${away.toFixed(1)} m off the boat?${warn}`, { action: "move", n_m: n, e_m: e });
+  }
+
+  // An emergency has no time for a dialog: pressed twice.
+  neutral() {
+    if (Date.now() < this.neutralUntil) {
+      this.settle();
+      return this.send({ action: "neutral" });
+    }
+    this.neutralUntil = Date.now() + AGAIN_MS;
+    $("neutral").textContent = "Press again: neutral";
+    setTimeout(() => this.settle(), AGAIN_MS);
+  }
+
+  settle() {
+    this.neutralUntil = 0;
+    $("neutral").textContent = "Neutral now";
+  }
+
+  confirm(text, body) {
+    this.asked = body;
+    $("confirm-text").textContent = text;
+    $("confirm").showModal();
+    $("confirm-no").focus();
+  }
+
+  async send(body) {
+    this.say(`${body.action}: asked …`, true);
+    try {
+      const answer = await fetch("control", {
+        method: "POST",
+        headers: { "Content-Type": "application/json", Authorization: `Bearer ${this.token}` },
+        body: JSON.stringify(body),
+      });
+      const said = await answer.json();
+      if (answer.status === 403) {
+        this.token = "";
+        sessionStorage.removeItem("token");
+        this.show();
+      }
+      this.say(`${body.action}: ${said.words ?? said.error}`, answer.ok);
+    } catch {
+      this.say(`${body.action}: the dashboard does not answer`, false);
+    }
+  }
+
+  say(text, ok) {
+    $("answer").textContent = text;
+    $("answer").classList.toggle("wrong", !ok);
+  }
+}

@@ -1,0 +1,190 @@
+"""What is known of a running daemon by its operator link: messages in, JSON for the page out. Sans-IO."""
+
+from __future__ import annotations
+
+import re
+from collections import deque
+from typing import Any
+
+from asvhil.geo import LocalFrame
+from asvhil.io.mavlink.frames import dialect
+from asvhil.io.mavlink.texts import TextReader
+from asvhil.links.operator_listener import STATES, computer_status
+from asvhil.operator.reports import PHASES
+from asvhil.operator.state_arrays import PLAN_ID, STATE_ID, read_plan, read_state
+
+STALE_S = 0.6  # since the last answer: three questions in vain, and shown well within a second
+NOTE_S = 4.0  # a note that is no longer among the answers is gone
+HISTORY_S = 1.0
+HISTORY_ROWS = 900
+EVENTS = 200
+WORDS = ("mode", "sources")
+HISTORY_FIELDS = ("n_m", "e_m", "distance_m", "heading_error_deg", "port", "starboard")
+Json = dict[str, Any]
+
+
+class BoatPicture:
+    """`t_s` is the time of day throughout; `receive` takes decoded messages of the daemon's component."""
+
+    def __init__(self, fence_deg: tuple[tuple[float, float], ...] = ()) -> None:
+        """`fence_deg`: corners of the geofence, as in the config."""
+        self._fence_deg = fence_deg
+        self._texts = TextReader()
+        self._heard_s: float | None = None
+        self._trouble = "no answer yet"
+        self._phase: str | None = None
+        self._state: str | None = None
+        self._reason = ""
+        self._boat: dict[str, float | None] = {}
+        self._plan: list[tuple[float, float, float]] = []
+        self._plan_s = 0.0
+        self._station_deg: Json | None = None
+        self._computer: Json | None = None
+        self._words: dict[str, str] = {}
+        self._notes: dict[str, tuple[str, bool, float]] = {}  # subject: text, ok, when it was heard last
+        self._events: deque[Json] = deque(maxlen=EVENTS)
+        self._event_number = 0
+        self._history: deque[list[float | None]] = deque(maxlen=HISTORY_ROWS)
+        self._was_stale = True
+
+    # --- in ------------------------------------------------------------------------------------------------
+
+    def receive(self, t_s: float, message: Any) -> None:
+        """Take in a message."""
+        match message.get_type():
+            case "DEBUG_FLOAT_ARRAY" if message.array_id == STATE_ID:
+                self._on_state(t_s, message)
+            case "DEBUG_FLOAT_ARRAY" if message.array_id == PLAN_ID:
+                self._plan, self._plan_s = read_plan(message), t_s
+            case "HEARTBEAT" if message.custom_mode < len(PHASES):
+                self._phase = PHASES[message.custom_mode].value
+                state = STATES.get(message.system_status, str(message.system_status))
+                if state == "emergency" and self._state != state:
+                    self._tell(t_s, "emergency: a failure has ended the hold, and nobody has the motors", ok=False)
+                self._state = state
+            case "POSITION_TARGET_GLOBAL_INT":
+                self._station_deg = {"lat": message.lat_int * 1e-7, "lon": message.lon_int * 1e-7}
+            case "ONBOARD_COMPUTER_STATUS":
+                self._computer = computer_status(message)
+            case "STATUSTEXT":
+                text = self._texts.receive(message)
+                if text is not None:
+                    self._on_text(t_s, text, ok=message.severity >= dialect.MAV_SEVERITY_NOTICE)
+
+    def is_note(self, text: str) -> bool:
+        """Whether a text is about a note that stands."""
+        return text.partition(": ")[0] in self._notes
+
+    def note_trouble(self, text: str) -> None:
+        """Why the daemon is not heard, as far as the link tells."""
+        self._trouble = text
+
+    def tell(self, t_s: float, text: str, *, ok: bool) -> None:
+        """An event of the page's own, such as a control that somebody has used."""
+        self._tell(t_s, text, ok=ok)
+
+    def _on_state(self, t_s: float, message: Any) -> None:
+        self._heard_s = t_s
+        self._boat = read_state(message)
+        if self._was_stale:
+            self._tell(t_s, "the daemon answers", ok=True)
+            self._was_stale = False
+        if t_s - self._plan_s > STALE_S:
+            self._plan = []
+        if self._boat.get("station_n_m") is None:
+            self._station_deg = None
+        if not self._history or t_s - (self._history[-1][0] or 0.0) >= HISTORY_S:
+            self._history.append([round(t_s, 2), *(_short(self._boat[name]) for name in HISTORY_FIELDS)])
+
+    def _on_text(self, t_s: float, text: str, *, ok: bool) -> None:
+        """SUBJECT: TEXT, as an answer or because something has changed; or a text without a subject."""
+        subject, separator, rest = text.partition(": ")
+        if separator and subject in [phase.value for phase in PHASES]:
+            if (self._phase, self._reason) != (subject, rest):
+                self._tell(t_s, text, ok=subject != "failsafe")
+            self._phase, self._reason = subject, rest
+        elif separator and subject in WORDS:
+            if subject == "mode" and self._words.get(subject) not in (None, rest):
+                self._tell(t_s, f"the autopilot's {text}", ok=True)
+            self._words[subject] = rest
+        elif separator and rest == "recovered":
+            self._notes.pop(subject, None)
+            self._tell(t_s, text, ok=True)
+        elif separator:
+            before = self._notes.get(subject)
+            self._notes[subject] = rest, ok, t_s
+            if not ok and (before is None or before[1] or _shape(before[0]) != _shape(rest)):
+                self._tell(t_s, text, ok=False)
+        else:
+            self._tell(t_s, text, ok=ok)
+
+    def _tell(self, t_s: float, text: str, *, ok: bool) -> None:
+        self._event_number += 1
+        self._events.append({"id": self._event_number, "t": round(t_s, 2), "text": text, "ok": ok})
+
+    # --- out -----------------------------------------------------------------------------------------------
+
+    @property
+    def station_m(self) -> tuple[float, float, float] | None:
+        """North, east (m) and heading (degrees) of the station that is held."""
+        n, e, heading = (self._boat.get(f"station_{name}") for name in ("n_m", "e_m", "heading_deg"))
+        return None if n is None or e is None or heading is None else (n, e, heading)
+
+    def is_stale(self, t_s: float) -> bool:
+        """Whether what is shown is older than it may be."""
+        return self._heard_s is None or t_s - self._heard_s > STALE_S
+
+    def live(self, t_s: float, after_event: int = 0) -> Json:
+        """How it is now, with the events after a number."""
+        stale = self.is_stale(t_s)
+        if stale and not self._was_stale:
+            self._tell(t_s, "the daemon does not answer", ok=False)
+            self._was_stale = True
+        self._notes = {subject: note for subject, note in self._notes.items() if stale or t_s - note[2] < NOTE_S}
+        age_s = None if self._heard_s is None else round(t_s - self._heard_s, 2)
+        return {
+            "kind": "live",
+            "t": round(t_s, 2),
+            "age_s": age_s,
+            "stale": stale,
+            "trouble": self._trouble if stale else "",
+            "phase": self._phase,
+            "state": self._state,
+            "reason": self._reason,
+            **{name: self._words.get(name, "") for name in WORDS},
+            "boat": {name: _short(value) for name, value in self._boat.items()},
+            "plan": [[_short(value) for value in row] for row in self._plan],
+            "station_deg": self._station_deg,
+            "fence_m": self._fence_m(),
+            "computer": self._computer,
+            "notes": [{"subject": s, "text": text, "ok": ok} for s, (text, ok, _) in self._notes.items()],
+            "events": [event for event in self._events if event["id"] > after_event],
+        }
+
+    def _fence_m(self) -> list[list[float]]:
+        """Corners in the local frame; none until it is known where that is."""
+        parts = [self._boat.get(f"origin_{name}_deg") for name in ("lat", "lat_rest", "lon", "lon_rest")]
+        lat, lat_rest, lon, lon_rest = parts
+        if not self._fence_deg or lat is None or lat_rest is None or lon is None or lon_rest is None:
+            return []
+        frame = LocalFrame(lat_deg=lat + lat_rest, lon_deg=lon + lon_rest)
+        return [[round(x, 2) for x in frame.to_ned(*corner)] for corner in self._fence_deg]
+
+    @property
+    def last_event(self) -> int:
+        """The number of the newest event."""
+        return self._event_number
+
+    def history(self) -> Json:
+        """What a page that has just been opened has missed."""
+        return {"kind": "history", "fields": ["t", *HISTORY_FIELDS], "rows": list(self._history)}
+
+
+def _short(value: float | None) -> float | None:
+    """Seven digits are what a float of the link has."""
+    return None if value is None else float(f"{value:.7g}")
+
+
+def _shape(text: str) -> str:
+    """A text without its numbers, which may change in each answer."""
+    return re.sub(r"[\d.]+", "#", text)

@@ -1,0 +1,158 @@
+"""HTTP and WebSocket of the page. The WebSocket only tells; a control is a POST with the token."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+from collections.abc import Awaitable, Callable
+from pathlib import Path
+from typing import Any
+
+from aiohttp import WSMsgType, web
+
+from asvhil import __version__
+from asvhil.config import Config
+from asvhil.dashboard.access import PageAccess
+from asvhil.dashboard.boat_facts import boat_facts
+from asvhil.dashboard.controls import read_control
+from asvhil.dashboard.daemon_client import PERIOD_S, DaemonClient
+from asvhil.dashboard.picture import BoatPicture
+
+PAGE = Path(__file__).parent / "page"
+KINDS = {".html": "text/html", ".css": "text/css", ".js": "text/javascript", ".svg": "image/svg+xml"}
+MOST_PAGES = 100
+MOST_BYTES = 4096  # of a control
+HEADERS = {
+    # Nothing from elsewhere is loaded, and nothing is sent elsewhere.
+    "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; "
+    "connect-src 'self'; base-uri 'none'; form-action 'none'",
+    "X-Content-Type-Options": "nosniff",
+    "Referrer-Policy": "no-referrer",
+    "Cache-Control": "no-cache",
+}
+Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
+
+
+class PageServer:
+    """The application for one daemon. `clock` tells the time of day in seconds."""
+
+    def __init__(
+        self, config: Config, picture: BoatPicture, client: DaemonClient, access: PageAccess, clock: Callable[[], float]
+    ) -> None:
+        self._config = config
+        self._picture = picture
+        self._client = client
+        self._access = access
+        self._clock = clock
+        self._pages: dict[web.WebSocketResponse, asyncio.Task[None] | None] = {}
+        self._facts = json.dumps({**boat_facts(config), "controllable": access.controllable})
+
+    def application(self) -> web.Application:
+        """All that the server answers to."""
+        app = web.Application(middlewares=[self._guard], client_max_size=MOST_BYTES)
+        app.router.add_get("/", self._file)
+        app.router.add_get("/live", self._live)
+        app.router.add_get("/register_service", self._service)
+        app.router.add_post("/control", self._control)
+        app.router.add_get("/{name}", self._file)
+        app.cleanup_ctx.append(self._beside)
+        return app
+
+    async def _beside(self, app: web.Application) -> Any:
+        """The conversation with the daemon and the telling of the pages, for as long as the server runs."""
+        tasks = [asyncio.create_task(self._client.run()), asyncio.create_task(self._tell_on())]
+        yield
+        for page in list(self._pages):
+            await page.close()
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+
+    @web.middleware
+    async def _guard(self, request: web.Request, handler: Handler) -> web.StreamResponse:
+        refusal = self._access.refusal(request.headers.get("Host"), request.headers.get("Origin"))
+        answer = _refused(refusal) if refusal else await handler(request)
+        if not answer.prepared:
+            answer.headers.update(HEADERS)
+        return answer
+
+    async def _file(self, request: web.Request) -> web.StreamResponse:
+        name = request.match_info.get("name", "index.html")
+        path = PAGE / name
+        if "/" in name or "\\" in name or path.suffix not in KINDS or not path.is_file():
+            return web.json_response({"error": "there is no such page"}, status=404)
+        return web.Response(body=path.read_bytes(), content_type=KINDS[path.suffix], charset="utf-8")
+
+    async def _service(self, request: web.Request) -> web.StreamResponse:
+        """What BlueOS asks of each web server, to put it into its menu."""
+        return web.json_response(
+            {
+                "name": "asvhil",
+                "description": "Station keeping: the boat, the station, and what the program does.",
+                "icon": "mdi-crosshairs-gps",
+                "company": "asvhil",
+                "version": __version__,
+                "webpage": "",
+                "api": "",
+                "works_in_relative_paths": True,
+            }
+        )
+
+    async def _control(self, request: web.Request) -> web.StreamResponse:
+        if not self._access.may_control(request.headers.get("Authorization")):
+            return _refused("the token is missing or wrong" if self._access.controllable else "controls are off")
+        try:
+            control = read_control(json.loads(await request.read()))
+        except (ValueError, RecursionError) as error:
+            text = "no JSON" if isinstance(error, json.JSONDecodeError | UnicodeDecodeError) else str(error)
+            return web.json_response({"error": text}, status=400)
+        granted, words = await self._client.ask(control)
+        said = "" if granted else f": {words}"
+        told = f"{control.describe()}, asked for by {request.remote}"
+        self._picture.tell(self._clock(), f"{told}{said}", ok=granted)
+        return web.json_response({"granted": granted, "words": words}, status=200 if granted else 409)
+
+    # --- the pages -----------------------------------------------------------------------------------------
+
+    async def _live(self, request: web.Request) -> web.StreamResponse:
+        if len(self._pages) >= MOST_PAGES:
+            return web.json_response({"error": "too many pages are open"}, status=503)
+        page = web.WebSocketResponse(heartbeat=10.0, max_msg_size=MOST_BYTES, compress=False)
+        await page.prepare(request)
+        await page.send_str(self._facts)
+        await page.send_str(json.dumps(self._picture.history()))
+        await page.send_str(json.dumps(self._picture.live(self._clock())))
+        self._pages[page] = None
+        try:
+            async for message in page:
+                if message.type in (WSMsgType.TEXT, WSMsgType.BINARY):
+                    await page.send_str('{"kind": "refused", "status": 403, "error": "controls are POSTs to control"}')
+        finally:
+            sending = self._pages.pop(page, None)
+            if sending is not None:
+                sending.cancel()
+        return page
+
+    async def _tell_on(self) -> None:
+        """The same text to every page; one that does not read it misses what comes meanwhile."""
+        told = 0
+        while True:
+            if self._pages:
+                text = json.dumps(self._picture.live(self._clock(), told))
+                for page, sending in list(self._pages.items()):
+                    if sending is None or sending.done():
+                        self._pages[page] = asyncio.create_task(_send(page, text))
+            else:
+                self._picture.live(self._clock())  # notes that it has fallen silent
+            told = self._picture.last_event
+            await asyncio.sleep(PERIOD_S)
+
+
+async def _send(page: web.WebSocketResponse, text: str) -> None:
+    with contextlib.suppress(ConnectionError, RuntimeError):
+        await page.send_str(text)
+
+
+def _refused(why: str) -> web.Response:
+    return web.json_response({"error": why}, status=403)

@@ -1,0 +1,56 @@
+"""Controls of the page: JSON to a request, and a request to what the daemon understands."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import pytest
+
+from asvhil.dashboard.controls import encode_control, read_control
+from asvhil.types import Frame, HoldCommand, MoveCommand, NeutralCommand, ReleaseCommand
+from tests.support.operator_bench import CONFIG, Bench
+
+
+def asked(body: Any) -> Any:
+    """What the daemon takes a control for."""
+    data = encode_control(read_control(body), CONFIG)
+    (request,) = Bench().link.receive(Frame(t_ns=1, port="operator", data=data, peer="page:1"))
+    return request.command
+
+
+def test_each_control_is_what_it_says() -> None:
+    hold = asked({"action": "hold"})
+    assert isinstance(hold, HoldCommand) and (hold.lat_deg, hold.psi_rad) == (None, None)
+    assert isinstance(asked({"action": "neutral"}), NeutralCommand)
+    assert isinstance(asked({"action": "release"}), ReleaseCommand)
+    move = asked({"action": "move", "n_m": 12.5, "e_m": -3})
+    assert isinstance(move, MoveCommand) and (move.n_m, move.e_m, move.psi_rad) == (12.5, -3.0, None)
+    turn = asked({"action": "heading", "heading_deg": 270})
+    assert isinstance(turn, MoveCommand) and (turn.n_m, turn.psi_rad) == (None, pytest.approx(1.5 * math.pi))
+    assert read_control({"action": "heading", "heading_deg": 360}).heading_deg == 0.0
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        *(None, [], "hold", 3, {}, {"action": None}, {"action": "sail"}, {"action": ["hold"]}),
+        *({"action": "hold", "n_m": 1.0}, {"action": "move"}, {"action": "move", "n_m": 1.0}),
+        *({"action": "move", "n_m": "1", "e_m": 0}, {"action": "move", "n_m": True, "e_m": 0}),
+        *({"action": "move", "n_m": math.nan, "e_m": 0}, {"action": "move", "n_m": 6000, "e_m": 0}),
+        *({"action": "heading", "heading_deg": -1}, {"action": "heading", "heading_deg": 361}),
+        *({"action": "heading", "heading_deg": math.inf}, {"action": "heading", "heading_deg": 1, "x": 2}),
+    ],
+)
+def test_nonsense_is_refused_in_words(body: Any) -> None:
+    with pytest.raises(ValueError, match=r"must be|takes no|JSON object|more than"):
+        read_control(body)
+
+
+def test_a_move_is_shown_by_the_station_that_it_asked_for() -> None:
+    move = read_control({"action": "move", "n_m": 10.0, "e_m": 5.0})
+    assert move.is_shown_by((10.0, 5.001, 33.0)) and not move.is_shown_by((10.0, 5.1, 33.0))
+    turn = read_control({"action": "heading", "heading_deg": 0.0})
+    assert turn.is_shown_by((1.0, 2.0, 359.97)) and not turn.is_shown_by((1.0, 2.0, 2.0))
+    assert not move.is_shown_by(None)
+    assert move.describe() == "move to 10.0 m north, 5.0 m east" and turn.describe() == "heading 0 deg"

@@ -1,0 +1,182 @@
+"""What the page is told of a daemon: messages in, JSON out, on a clock of the test's own."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from itertools import pairwise
+from typing import Any
+
+import pytest
+
+from asvhil.config import load_config
+from asvhil.dashboard.boat_facts import boat_facts
+from asvhil.dashboard.picture import HISTORY_ROWS, NOTE_S, STALE_S, BoatPicture
+from asvhil.io.mavlink.frames import decode, dialect
+from asvhil.io.mavlink.texts import Texts
+from asvhil.operator.state_arrays import BoatState, state_arrays
+from asvhil.types import Control, Station
+from tests.support.supervisor_bench import ESTIMATE
+
+DAEMON = dialect.MAVLink(None, srcSystem=1, srcComponent=191)
+PLAN = ((0.0, 1.0, 2.0, 0.5), (0.2, 1.5, 2.0, 0.5))
+HELD = BoatState(
+    estimate=ESTIMATE,
+    station=Station(n_m=4.0, e_m=-2.0, psi_rad=0.5),
+    control=Control(command=(0.1, 0.2), ok=True, iterations=3, cost=0.0, plan=PLAN),
+    pulses_us=(1550, 1600),
+    armed=True,
+    origin_deg=(40.0, -86.0),
+)
+WARNING, NOTICE, INFO = 4, 5, 6
+
+
+class PictureBench:
+    def __init__(self, **options: Any) -> None:
+        self.picture = BoatPicture(**options)
+        self.t_s = 1000.0
+        self._texts = Texts()
+
+    def hear(self, *messages: Any, after_s: float = 0.2) -> None:
+        self.t_s += after_s
+        for message in messages:
+            self.picture.receive(self.t_s, decode(bytes(message.pack(DAEMON))))
+
+    def say(self, text: str, severity: int = NOTICE, after_s: float = 0.2) -> None:
+        self.hear(*self._texts.messages(severity, text), after_s=after_s)
+
+    def live(self) -> dict[str, Any]:
+        """As the page gets it: through JSON, which knows no NaN."""
+        return dict(json.loads(json.dumps(self.picture.live(self.t_s), allow_nan=False)))
+
+    def events(self) -> list[str]:
+        return [event["text"] for event in self.live()["events"]]
+
+
+def heartbeat(phase: int, state: int) -> Any:
+    return dialect.MAVLink_heartbeat_message(18, 8, 0, phase, state, 3)
+
+
+def test_before_anything_is_heard_it_says_so() -> None:
+    live = PictureBench().live()
+    assert live["stale"] is True and live["age_s"] is None and live["trouble"] == "no answer yet"
+    assert live["boat"] == {} and live["plan"] == [] and live["phase"] is None
+
+
+def test_state_plan_and_phase_are_those_of_the_messages() -> None:
+    bench = PictureBench()
+    bench.hear(*state_arrays(0, HELD), heartbeat(2, 4))
+    live = bench.live()
+    assert (live["stale"], live["age_s"], live["phase"], live["state"]) == (False, 0.0, "hold", "active")
+    assert (
+        live["boat"]["distance_m"] == 5.0 and live["boat"]["port_us"] == 1550.0 and live["boat"]["wind_n_mps"] is None
+    )
+    assert live["plan"] == [[1.0, 2.0, 28.64789], [1.5, 2.0, 28.64789]]
+    assert bench.picture.station_m == pytest.approx((4.0, -2.0, 28.64789), abs=1e-4)
+
+
+def test_a_daemon_that_falls_silent_is_old_at_once_and_told_once() -> None:
+    bench = PictureBench()
+    bench.hear(*state_arrays(0, HELD))
+    bench.t_s += STALE_S - 0.01
+    assert not bench.live()["stale"]
+    bench.t_s += 0.02
+    bench.picture.note_trouble("udpin: nobody is there")
+    assert bench.live()["stale"] and bench.live()["trouble"] == "udpin: nobody is there"
+    bench.t_s += 5.0
+    assert bench.live()["age_s"] == pytest.approx(STALE_S + 5.01, abs=0.011)
+    assert bench.events() == ["the daemon answers", "the daemon does not answer"]
+    bench.hear(*state_arrays(0, HELD))
+    assert bench.events()[-1] == "the daemon answers" and not bench.live()["stale"]
+
+
+def test_a_plan_that_is_no_longer_told_and_a_station_that_is_let_go_are_gone() -> None:
+    bench = PictureBench()
+    bench.hear(*state_arrays(0, HELD))
+    for _ in range(6):
+        bench.hear(*state_arrays(0, replace(HELD, station=None, control=None, pulses_us=None)))
+    live = bench.live()
+    assert live["plan"] == [] and live["boat"]["station_n_m"] is None and live["station_deg"] is None
+    assert bench.picture.station_m is None
+
+
+def test_words_are_phase_mode_notes_and_events() -> None:
+    bench = PictureBench()
+    bench.hear(*state_arrays(0, HELD))
+    for _ in range(3):  # answers, once a second
+        bench.say("standby: waiting for a hold command")
+        bench.say("mode: MANUAL, armed", INFO)
+        bench.say("sources: position autopilot.GPS_RAW_INT, wind not heard, and some more that makes it long", INFO)
+        bench.say("outputs: follow the commands")
+        bench.say("gyro: silent", WARNING)
+    bench.say("hold: holding")
+    bench.say("vehicle is not armed", WARNING)
+    bench.hear(*state_arrays(0, HELD))
+    live = bench.live()
+    assert (live["phase"], live["reason"], live["mode"]) == ("hold", "holding", "MANUAL, armed")
+    assert live["sources"].endswith("makes it long")
+    assert live["notes"] == [
+        {"subject": "outputs", "text": "follow the commands", "ok": True},
+        {"subject": "gyro", "text": "silent", "ok": False},
+    ]
+    told = ["the daemon answers", "standby: waiting for a hold command", "gyro: silent", "hold: holding"]
+    assert bench.events() == [*told, "vehicle is not armed"], "each once, however often it is answered"
+    assert bench.picture.is_note("gyro: silent") and not bench.picture.is_note("vehicle is not armed")
+    bench.say("gyro: recovered")
+    assert [note["subject"] for note in bench.live()["notes"]] == ["outputs"]
+
+
+def test_a_note_that_is_answered_no_more_is_gone_and_one_with_other_numbers_is_no_news() -> None:
+    bench = PictureBench()
+    for metres in (1.5, 2.5, 13.25):
+        bench.hear(*state_arrays(0, HELD))
+        bench.say(f"gnss position: jumped by {metres} m", WARNING)
+    assert bench.events().count("gnss position: jumped by 1.5 m") == 1 and len(bench.events()) == 2
+    for _ in range(round(NOTE_S / 0.2) + 1):
+        bench.hear(*state_arrays(0, HELD))
+    assert bench.live()["notes"] == []
+
+
+def test_an_emergency_is_an_event() -> None:
+    bench = PictureBench()
+    bench.hear(*state_arrays(0, HELD), heartbeat(2, 4))
+    bench.hear(heartbeat(0, 6))
+    bench.hear(heartbeat(0, 6))
+    assert [text for text in bench.events() if text.startswith("emergency")] == [bench.events()[-1]]
+
+
+def test_history_has_a_row_a_second_and_an_end() -> None:
+    bench = PictureBench()
+    for _ in range(5 * 10):
+        bench.hear(*state_arrays(0, HELD))
+    rows = bench.picture.history()["rows"]
+    assert 9 <= len(rows) <= 11 and all(b[0] - a[0] >= 1.0 for a, b in pairwise(rows))
+    for _ in range(HISTORY_ROWS + 50):
+        bench.hear(*state_arrays(0, HELD), after_s=1.0)
+    assert len(bench.picture.history()["rows"]) == HISTORY_ROWS
+
+
+def test_events_after_a_number_alone_are_told() -> None:
+    bench = PictureBench()
+    bench.say("hold: holding")
+    number = bench.picture.last_event
+    bench.picture.tell(bench.t_s, "neutral, asked for by 10.0.0.7", ok=True)
+    assert [event["text"] for event in bench.picture.live(bench.t_s, number)["events"]] == [
+        "neutral, asked for by 10.0.0.7"
+    ]
+
+
+def test_the_fence_is_in_metres_once_it_is_known_where_these_begin() -> None:
+    bench = PictureBench(fence_deg=((40.0, -86.0), (40.001, -86.0), (40.0, -86.001)))
+    assert bench.live()["fence_m"] == []
+    bench.hear(*state_arrays(0, HELD))
+    (origin, north, west) = bench.live()["fence_m"]
+    assert origin == pytest.approx([0.0, 0.0], abs=0.01) and north == pytest.approx([111.0, 0.0], abs=0.1)
+    assert west[1] == pytest.approx(-85.4, abs=0.1)
+
+
+def test_the_boats_facts_are_those_of_its_config() -> None:
+    facts = boat_facts(load_config("sitl", ("controller.procedure.enabled=true",)))
+    assert (facts["name"], facts["controller"], facts["pulses_us"]) == ("wamv16", "nnsem-mpc", [1100, 1500, 1900])
+    assert [name for name, _ in facts["radii"]] == ["near", "far", "hand-over", "approach again"]
+    assert json.loads(json.dumps(facts))["thrust"][0][0] < 0.0 < facts["length_m"]
