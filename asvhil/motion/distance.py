@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections import deque
 
-from asvhil.config import MotionConfig, VesselConfig
+from asvhil.config import MotionConfig, ProcedureConfig, VesselConfig
 from asvhil.geo import ned_to_body
 from asvhil.supervisor.reasons import Explanation, Reason, explain
 from asvhil.types import Estimate, Station
@@ -19,11 +19,12 @@ BRAKING = 0.5  # of the thrust of both motors astern, of which a boat is taken t
 class DistanceWatch:
     """From the begin of a hold, or a move of its station, on: how near the boat has been, and what the motors did.
 
-    `farther_m`: how much farther off the boat is now than it has been.
+    `approach`: the station keeping procedure's settings, None where there is none. `farther_m`: how much farther off
+    the boat is now than it has been.
     """
 
-    def __init__(self, config: MotionConfig, vessel: VesselConfig) -> None:
-        self._config = config
+    def __init__(self, config: MotionConfig, vessel: VesselConfig, approach: ProcedureConfig | None = None) -> None:
+        self._config, self._approach = config, approach
         mass_kg = vessel.mass_kg + vessel.added_mass_surge_kg
         self._braking_mps2 = BRAKING * 2.0 * abs(vessel.thrust_curve[0][1]) / mass_kg
         self._least_m = self._allowed_m = self.farther_m = 0.0
@@ -67,4 +68,7 @@ class DistanceWatch:
         self._station = station
         self._least_m = distance_m
         self._allowed_m = max(self._config.farther_m, self._config.farther_share * distance_m, stopping_m)
+        if self._approach is not None and distance_m > self._approach.r_s_m:
+            # A path that begins with the station astern goes once round, on the far side of it at worst.
+            self._allowed_m = max(self._allowed_m, 2.0 * self._approach.turn_radius_m)
         self._past.clear()

@@ -26,7 +26,8 @@ class MotionWatch:
         vessel = config.believed_vessel
         self._keeps_station = CONTROLLERS.find(config.controller.name).keeps_station
         self._monitor = MotionMonitor(self._config, config.estimator.ekf, vessel)
-        self._distance = DistanceWatch(self._config, vessel)
+        procedure = config.controller.procedure
+        self._distance = DistanceWatch(self._config, vessel, procedure if procedure.enabled else None)
         self._station: Station | None = None
         self._found: Explanation | None = None
         self._ended = False

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from asvhil.config import MotionConfig, load_config
+from asvhil.config import MotionConfig, ProcedureConfig, load_config
 from asvhil.motion.distance import DistanceWatch
 from asvhil.supervisor.reasons import Explanation, Reason
 from asvhil.types import Estimate, Station
@@ -89,3 +89,13 @@ def test_a_new_hold_at_the_same_station_begins_anew(begin: bool) -> None:
     if begin:
         path.watch.begin()
     assert (path.to(10.0) is None) is begin
+
+
+def test_the_procedure_has_room_for_a_turn_with_the_station_astern() -> None:
+    procedure = ProcedureConfig(enabled=True, r_s_m=15.0, turn_radius_m=8.0)
+    for start_m, room_m in ((24.0, 16.0), (14.0, 8.0)):  # within r_s there is no approach, and no room for it
+        path = Path(start_m)
+        path.watch = DistanceWatch(MotionConfig(), VESSEL, procedure)
+        assert path.to(start_m + room_m - 0.2) is None
+        found = path.to(start_m + room_m + 0.3)
+        assert found is not None and found.reason is Reason.DRIFTED_OFF
