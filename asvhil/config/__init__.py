@@ -24,7 +24,14 @@ from asvhil.config.estimator import (
     WindFilterConfig,
 )
 from asvhil.config.links import AutopilotLinkConfig, OperatorLinkConfig
-from asvhil.config.loading import config_from_json, find_config, find_shipped, load_config, override_value
+from asvhil.config.loading import (
+    config_from_json,
+    find_config,
+    find_shipped,
+    load_config,
+    overridden,
+    override_value,
+)
 from asvhil.config.motion import MotionConfig
 from asvhil.config.plant import FrontseatConfig, HilConfig, PlantConfig, Px4HilConfig
 from asvhil.config.plant_faults import OF_ONE_DEVICE, FaultConfig, GlitchConfig, GlitchesConfig
@@ -37,7 +44,7 @@ from asvhil.config.plant_sensors import (
     NmeaDeviceConfig,
     SensorsConfig,
 )
-from asvhil.config.plant_weather import CurrentConfig, WavesConfig, WeatherConfig, WindConfig
+from asvhil.config.plant_weather import CurrentConfig, WavesConfig, WeatherConfig, WindConfig, WindSpreadConfig
 from asvhil.config.registry import (
     AutopilotKind,
     ControllerKind,
@@ -118,9 +125,11 @@ __all__ = [
     "WeatherConfig",
     "WindConfig",
     "WindFilterConfig",
+    "WindSpreadConfig",
     "config_from_json",
     "find_config",
     "find_shipped",
     "load_config",
+    "overridden",
     "override_value",
 ]

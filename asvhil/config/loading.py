@@ -95,6 +95,15 @@ def config_from_json(text: str, source: str, *, known_only: bool = False) -> Con
     return _validate(_known(tree), source, {}, KNOWN_ONLY) if known_only else _validate(tree, source, {}, STORED)
 
 
+def overridden(config: Config, overrides: tuple[str, ...], option: str = "--set") -> Config:
+    """A config with other values in some keys, given as KEY=VALUE. ConfigError names the option and the key."""
+    tree = json.loads(config.canonical_json())
+    lines: Lines = {}
+    for override in overrides:
+        _apply_override(tree, lines, override, option)
+    return _validate(tree, option, lines, STORED)
+
+
 def _known(tree: Any) -> Any:
     """A stored config without its unknown keys."""
     while True:  # the keys of a section may be told only after those above it
@@ -165,16 +174,16 @@ def _merge(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
     return merged
 
 
-def override_value(override: str) -> tuple[str, Any]:
-    """KEY=VALUE as the key and the value, which is YAML. ConfigError where it is something else."""
+def override_value(override: str, option: str = "--set") -> tuple[str, Any]:
+    """KEY=VALUE as the key and the value, which is YAML. ConfigError, with the option's name, for something else."""
     key, sign, text = (part.strip() for part in override.partition("="))
     if not sign or not all(key.split(".")):
-        raise ConfigError(f"--set {override}: KEY=VALUE is expected, such as plant.seed=2")
-    return key, parse_yaml(text, f"--set {override}").tree
+        raise ConfigError(f"{option} {override}: KEY=VALUE is expected, such as plant.seed=2")
+    return key, parse_yaml(text, f"{option} {override}").tree
 
 
-def _apply_override(tree: dict[str, Any], lines: dict[Path_, str], override: str) -> None:
-    key, value = override_value(override)
+def _apply_override(tree: dict[str, Any], lines: dict[Path_, str], override: str, option: str = "--set") -> None:
+    key, value = override_value(override, option)
     *parents, leaf = key.split(".")
     node = tree
     for name in parents:
@@ -182,13 +191,13 @@ def _apply_override(tree: dict[str, Any], lines: dict[Path_, str], override: str
         if child is None:
             child = node[name] = {}
         if not isinstance(child, dict):
-            raise ConfigError(f"--set {override}: {name} is a value, not a section")
+            raise ConfigError(f"{option} {override}: {name} is a value, not a section")
         node = child
     node[leaf] = value
     path = tuple(key.split("."))
     for place in [place for place in lines if place[: len(path)] == path]:
         del lines[place]
-    lines[path] = f"--set {override}"
+    lines[path] = f"{option} {override}"
 
 
 def _place_plugins(tree: dict[str, Any], folder: Path) -> None:

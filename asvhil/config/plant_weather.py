@@ -7,6 +7,16 @@ from pydantic import Field
 from asvhil.config.base import Degrees, Fraction, NonNegative, Positive, Section
 
 
+class WindSpreadConfig(Section):
+    """A wind given by the spread of its speed and of its direction, as field records give it: light airs wander.
+
+    The speed is lognormal, the direction normal; each follows an Ornstein-Uhlenbeck process with `gust_time_s`.
+    """
+
+    speed_mps: NonNegative = Field(default=0.0, description="Standard deviation of the speed.")
+    toward_deg: NonNegative = Field(default=0.0, description="Circular standard deviation of the direction.")
+
+
 class WindConfig(Section):
     """Mean true wind and its gusts: two-component Ornstein-Uhlenbeck, fractions of the mean speed."""
 
@@ -21,6 +31,9 @@ class WindConfig(Section):
         default=0.075, description="Standard deviation of the gusts across the wind, over the mean speed."
     )
     gust_time_s: Positive = Field(default=15.0, description="Correlation time of the gusts.")
+    spread: WindSpreadConfig | None = Field(
+        default=None, description="Spread of speed and direction, in the place of gusts along and across; null: these."
+    )
 
 
 class CurrentConfig(Section):

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
 
-from asvhil.config import CurrentConfig, WeatherConfig, WindConfig
+from asvhil.config import CurrentConfig, WeatherConfig, WindConfig, WindSpreadConfig
+from asvhil.logs.metrics import wind_figures
 from asvhil.simplant.boat.noise import NormalSource, OrnsteinUhlenbeck
 from asvhil.simplant.boat.weather import Weather
 
 
-def weather(seed: int = 1, step_s: float = 0.1, **wind: float) -> Weather:
+def weather(seed: int = 1, step_s: float = 0.1, **wind: Any) -> Weather:
     config = WeatherConfig(wind=WindConfig(**wind), current=CurrentConfig(speed_mps=0.5, toward_deg=90.0))
     return Weather(config, step_s, np.random.SeedSequence(seed))
 
@@ -56,6 +58,25 @@ def test_mean_wind_blows_toward_its_direction_and_gusts_along_it_keep_that_direc
 def test_a_wind_without_gusts_is_constant() -> None:
     seen = winds(weather(speed_mps=3.0, toward_deg=180.0, gust_along=0.0, gust_across=0.0), 10)
     assert np.allclose(seen, [-3.0, 0.0])
+
+
+def test_a_wind_given_by_its_spread_has_that_of_speed_and_direction() -> None:
+    """The speed's spread may exceed its mean, as in a calm with squalls, and it never blows backwards."""
+    spread = WindSpreadConfig(speed_mps=1.07, toward_deg=36.62)
+    seen = winds(weather(speed_mps=0.88, toward_deg=95.0, gust_time_s=1.0, spread=spread), 400_000)
+    speed = np.hypot(*seen.T)
+    found = wind_figures(np.column_stack([speed, speed, np.arctan2(seen[:, 1], seen[:, 0])]))
+    assert found is not None and speed.min() > 0.0
+    assert found["speed_mps"] == {"mean": pytest.approx(0.88, rel=0.03), "std": pytest.approx(1.07, rel=0.1)}
+    assert found["toward_deg"] == {"mean": pytest.approx(95.0, abs=1.0), "std": pytest.approx(36.62, abs=0.8)}
+
+
+def test_another_mean_wind_keeps_its_spread() -> None:
+    air = weather(speed_mps=2.0, spread=WindSpreadConfig(toward_deg=10.0))
+    assert np.hypot(*winds(air, 5).T) == pytest.approx([2.0] * 5)
+    air.set_wind(4.0, 180.0)
+    turned = winds(air, 2000)
+    assert np.hypot(*turned.T) == pytest.approx([4.0] * 2000) and turned[:, 0].max() < 0.0
 
 
 def test_the_current_flows_toward_its_direction() -> None:
