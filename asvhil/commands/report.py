@@ -1,26 +1,102 @@
-"""`asvhil report`: a log summarised and drawn."""
+"""`asvhil report`: a log summarised, drawn, and compared with another."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from asvhil.commands.options import JsonOption
-from asvhil.commands.views import check_picture, check_writable, report_run
+from asvhil.commands.views import (
+    check_picture,
+    check_writable,
+    print_summary,
+    progress,
+    report_run,
+    say,
+    title_of,
+    write_json,
+    writing,
+)
+from asvhil.errors import ConfigError
 
 
 def report(
-    log: Annotated[Path, typer.Argument(help="An MCAP log of asvhil.")],
+    log: Annotated[Path, typer.Argument(help="A log of asvhil, the first of its segments, or a run's folder.")],
+    compare: Annotated[
+        Path | None, typer.Option(metavar="LOG", help="Another log, whose figures are set beside these.")
+    ] = None,
+    html: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Write one self-contained page, and its figures as PNGs beside it."),
+    ] = None,
     json_: JsonOption = None,
     picture: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Draw the run into this file: PNG, SVG or PDF.")
     ] = None,
 ) -> None:
-    """Summarise a log: errors to the station, wind, timing; and draw it."""
+    """Summarise a log: errors to the station, docking windows, wind, timing; draw it, and compare it."""
     from rich.console import Console
 
     check_writable(json_, "--json ")
     check_picture(picture)
-    report_run(log, json_, picture, Console(), None)
+    if html is not None and html.suffix.lower() not in (".html", ".htm"):
+        raise ConfigError(f"--html {html}: a file that ends in .html is expected")
+    check_writable(html, "--html ")
+    console = Console()
+    if compare is None and html is None:
+        report_run(log, json_, picture, console, None)
+        return
+    logs = [log] if compare is None else [log, compare]
+    _report_page(logs, html, json_, picture, console)
+
+
+def _report_page(logs: list[Path], html: Path | None, json_: Path | None, picture: Path | None, console: Any) -> None:
+    from asvhil.logs.picture import draw_run
+    from asvhil.logs.report import Reported, comparison_rows, report_page
+    from asvhil.logs.run import read_run
+    from asvhil.logs.summary import summarise
+
+    names = [log.name if len({other.name for other in logs}) == len(logs) else str(log) for log in logs]
+    reported = []
+    with progress(console) as bar:
+        task = bar.add_task("report: reading", total=len(logs) + (html is not None))
+        for log, name in zip(logs, names, strict=True):
+            run = read_run(log)
+            figures = summarise(run)
+            reported.append(Reported(name=name, title=title_of(figures), run=run, figures=figures))
+            bar.advance(task)
+        if html is not None:
+            bar.update(task, description="report: drawing")
+            page = report_page(*reported)
+            with writing(html, "--html "):
+                html.write_text(page.html, encoding="utf-8")
+            for name, png in page.pictures:
+                with writing(file := html.with_name(f"{html.stem}-{name}.png")):
+                    file.write_bytes(png)
+    if picture is not None:
+        draw_run(reported[0].run, picture, reported[0].title)
+    first, *others = reported
+    write_json(json_, dict(first.figures) | ({"compared": dict(others[0].figures)} if others else {}))
+    if others:
+        _print_comparison(console, comparison_rows(first, others[0]))
+    else:
+        print_summary(console, dict(first.figures))
+    if picture is not None:
+        say(console, f"picture {picture}")
+    if html is not None:
+        say(console, f"page    {html}")
+    for log in logs:
+        say(console, f"log     {log}")
+
+
+def _print_comparison(console: Any, rows: list[list[str]]) -> None:
+    from rich.table import Table
+
+    table = Table()
+    for number, heading in enumerate(rows[0]):
+        table.add_column(heading, justify="right" if number else "left")
+    for row in rows[1:]:
+        table.add_row(*row)
+    console.print(table)

@@ -24,9 +24,10 @@ from asvhil.logs.metrics import MotionTrack
 from asvhil.logs.plugins import check_decoding
 from asvhil.logs.reader import LogFile, Timing
 from asvhil.logs.replay import config_of
-from asvhil.types import Frame, GroundVelocity, Heading, Note, Outputs, Position, Station, YawRate, record
+from asvhil.types import Frame, GroundVelocity, Heading, Inputs, Note, Outputs, Position, Station, YawRate, record
 
 READING_NS = 1_000_000_000  # a reading older than this is not the boat's state any more
+MAGIC, WHOLE_LEAST = 0xFD, 12  # the first byte of a frame of MAVLink 2, and its length without payload
 _NUMBER = re.compile(r"[0-9]+(\.[0-9]+)?")
 
 
@@ -90,52 +91,81 @@ def read_run(path: Path, plan_every_s: float = 10.0) -> RunLog:
     """Read a log into arrays. LogError where the file is no asvhil log or holds no tick."""
     log = LogFile(path)
     config = config_of(log, path, known_only=True)
-    reading = _Reading(plan_every_s)
-    sensors: _Sensors | None = None
-    timing: list[Timing] = []
-    for inputs, recorded in log.ticks(timing.append):
-        sensors = _Sensors(inputs.t_ns, _decoder(log, path, config)) if sensors is None else sensors
+    reader = RunReader(config, _decoder(log, path, config), plan_every_s)
+    for inputs, recorded in log.ticks(reader.timing.append):
+        reader.tick(inputs, None if recorded is None else decode_outputs(recorded, path))
+    if not reader.ticks:
+        raise LogError(f"{path}: holds no tick with outputs")
+    return reader.run(log.metadata)
+
+
+class RunReader:
+    """Makes a `RunLog` of the ticks of a run: those of its log, or as they happen.
+
+    `decoder` decodes the sensors as the backseat did; without one there is nothing measured. `timing` is to be filled
+    by the caller, where it is known.
+    """
+
+    def __init__(self, config: Config, decoder: Decoder | None, plan_every_s: float = 10.0) -> None:
+        self._config, self._decoder = config, decoder
+        self._reading = _Reading(plan_every_s)
+        self._sensors: _Sensors | None = None
+        self.timing: list[Timing] = []
+
+    @property
+    def ticks(self) -> int:
+        """How many ticks with outputs there were."""
+        return self._reading.ticks
+
+    def tick(self, inputs: Inputs, outputs: Outputs | None) -> None:
+        """Take in the next tick; None where the log ends before its outputs."""
+        if self._sensors is None:
+            self._sensors = _Sensors(inputs.t_ns, self._decoder)
+        sensors = self._sensors
         for frame in inputs.frames:
             sensors.read(frame)
-        if recorded is not None:
-            reading.read((inputs.t_ns - sensors.start_ns) * 1e-9, decode_outputs(recorded, path), sensors)
+        if outputs is not None:
+            self._reading.read((inputs.t_ns - sensors.start_ns) * 1e-9, outputs, sensors)
         sensors.forget()
-    reading.end()
-    last = reading.last
-    if last is None or sensors is None:
-        raise LogError(f"{path}: holds no tick with outputs")
-    origin_deg = last.origin_deg
-    local = None if origin_deg is None else LocalFrame(lat_deg=origin_deg[0], lon_deg=origin_deg[1])
-    start_ns = sensors.start_ns
-    tick_s = 1.0 / config.daemon.tick_hz
-    return RunLog(
-        config=config,
-        metadata=log.metadata,
-        start_ns=start_ns,
-        duration_s=(last.t_ns - start_ns) * 1e-9,
-        ticks=reading.ticks,
-        measured=None if sensors.decoder is None else _placed(reading.measured, local),
-        estimated=_track(reading.estimated),
-        truth=_placed(reading.truth, local) if reading.truth and local is not None else None,
-        spans=reading.spans.all,
-        stages=tuple(reading.stages),
-        events=tuple(reading.events),
-        station=reading.station,
-        wind=_rows(reading.wind, 4),
-        wind_origin=reading.wind_origin,
-        pwm=_rows(reading.pwm, 3),
-        command=_rows(reading.command, 4),
-        plans=reading.plans,
-        model_error=_rows(reading.model_error, 8),
-        phases_s={phase: round(count * tick_s, 3) for phase, count in sorted(reading.phases.items())},
-        step_ms=_rows([((row.t_ns - start_ns) * 1e-9, row.step_ns * 1e-6) for row in timing], 2),
-        overruns=sum(row.overrun for row in timing),
-        counters=dict(last.health.counters),
-        sources=dict(last.health.sources),
-        source_shares={quantity: _shares(counts) for quantity, counts in reading.used.items()},
-        dropped=dropped_of(last.health.counters),
-        notes={note.subject: note.text for note in last.health.notes},
-    )
+
+    def run(self, metadata: dict[str, dict[str, str]]) -> RunLog:
+        """What was read, with the log's metadata. ValueError of no tick."""
+        reading, sensors = self._reading, self._sensors
+        last = reading.last
+        if last is None or sensors is None:
+            raise ValueError("no tick with outputs")
+        reading.end()
+        start_ns, origin_deg = sensors.start_ns, last.origin_deg
+        local = None if origin_deg is None else LocalFrame(lat_deg=origin_deg[0], lon_deg=origin_deg[1])
+        tick_s = 1.0 / self._config.daemon.tick_hz
+        return RunLog(
+            config=self._config,
+            metadata=metadata,
+            start_ns=start_ns,
+            duration_s=(last.t_ns - start_ns) * 1e-9,
+            ticks=reading.ticks,
+            measured=None if sensors.decoder is None else _placed(reading.measured, local),
+            estimated=_track(reading.estimated),
+            truth=_placed(reading.truth, local) if reading.truth and local is not None else None,
+            spans=reading.spans.all,
+            stages=tuple(reading.stages),
+            events=tuple(reading.events),
+            station=reading.station,
+            wind=_rows(reading.wind, 4),
+            wind_origin=reading.wind_origin,
+            pwm=_rows(reading.pwm, 3),
+            command=_rows(reading.command, 4),
+            plans=reading.plans,
+            model_error=_rows(reading.model_error, 8),
+            phases_s={phase: round(count * tick_s, 3) for phase, count in sorted(reading.phases.items())},
+            step_ms=_rows([((row.t_ns - start_ns) * 1e-9, row.step_ns * 1e-6) for row in self.timing], 2),
+            overruns=sum(row.overrun for row in self.timing),
+            counters=dict(last.health.counters),
+            sources=dict(last.health.sources),
+            source_shares={quantity: _shares(counts) for quantity, counts in reading.used.items()},
+            dropped=dropped_of(last.health.counters),
+            notes={note.subject: note.text for note in last.health.notes},
+        )
 
 
 # t_s, latitude, longitude (degrees) or n, e (m), psi, arm forward, to starboard, speed, yaw rate
@@ -166,7 +196,7 @@ class _Sensors:
 
     def read(self, frame: Frame) -> None:
         """Take in a frame of the backseat's inputs."""
-        if frame.port == AUTOPILOT:
+        if frame.port == AUTOPILOT and not _is_another(frame.data):
             for data in self._parser.receive(frame.peer, frame.data):
                 if message_id(data) == dialect.MAVLINK_MSG_ID_SIM_STATE and (m := decode(data)) is not None:
                     place = m.lat_int * 1e-7, m.lon_int * 1e-7
@@ -292,6 +322,12 @@ class _Reading:
         gone = (subject for subject in self._noted if subject not in kinds)
         self.events += [NoteEvent(t_s=t_s, subject=subject, text="", ok=True) for subject in gone]
         self._noted = kinds
+
+
+def _is_another(data: bytes) -> bool:
+    """Whether these bytes are one whole frame of MAVLink 2 without signature, and not SIM_STATE: most are."""
+    whole = len(data) >= WHOLE_LEAST and data[0] == MAGIC and len(data) == data[1] + WHOLE_LEAST
+    return whole and message_id(data) != dialect.MAVLINK_MSG_ID_SIM_STATE
 
 
 def _at(t_ns: int, reading: tuple[int, float]) -> float:
