@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from asvhil.commands.options import FaultOption, JsonOption, PluginOption, RecordedPluginsOption, SetOption
-from asvhil.commands.views import progress, say, write_json
+from asvhil.commands.views import check_picture, check_writable, progress, say, write_json
 from asvhil.errors import ConfigError
 
 
@@ -24,11 +24,19 @@ def replay(
     plugin: PluginOption = [],  # noqa: B006
     allow_recorded_plugins: RecordedPluginsOption = False,
     fault: FaultOption = [],  # noqa: B006
+    what_if: Annotated[
+        list[str],
+        typer.Option("--what-if", metavar="KEY=VALUE", help="Another controller or estimator; repeatable."),
+    ] = [],  # noqa: B006
+    picture: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="With --what-if: draw the differences (PNG, SVG or PDF).")
+    ] = None,
     json_: JsonOption = None,
 ) -> None:
     """Run a log through the backseat and compare every tick byte by byte; exit 1 where one differs.
 
     With --fault, times from the log's first tick: what the backseat would have noticed and done; nothing is compared.
+    With --what-if: what another controller or estimator would have computed. Open loop, the boat moves as recorded.
     """
     from rich.console import Console
 
@@ -36,13 +44,21 @@ def replay(
     if (log is None) == (tlog is None):
         raise ConfigError("replay: give either an MCAP log or --tlog FILE")
     if tlog is not None:
-        if fault:
-            raise ConfigError("replay: --fault goes with an MCAP log of asvhil, not with --tlog")
+        if fault or what_if:
+            option = "--fault" if fault else "--what-if"
+            raise ConfigError(f"replay: {option} goes with an MCAP log of asvhil, not with --tlog")
         _replay_tlog(console, tlog, config, tuple(set_), json_)
         return
     assert log is not None
     if set_:
-        raise ConfigError("replay: --set goes with --tlog only; an MCAP log is replayed with the config it holds")
+        words = "an MCAP log is replayed with the config it holds; --what-if has another controller or estimator"
+        raise ConfigError(f"replay: --set goes with --tlog only; {words}")
+    if fault and what_if:
+        raise ConfigError("replay: --fault and --what-if are two questions; ask one at a time")
+    if picture is not None and not what_if:
+        raise ConfigError("replay: --picture goes with --what-if")
+    check_picture(picture)
+    check_writable(json_, "--json ")
     from asvhil.logs.plugins import load_plugins
     from asvhil.logs.replay import replay as replay_log
 
@@ -50,6 +66,9 @@ def replay(
 
     if fault:
         _replay_faults(console, log, fault, json_)
+        return
+    if what_if:
+        _replay_what_if(console, log, what_if, json_, picture)
         return
     with progress(console, spinner=True) as bar:
         task = bar.add_task("replay", total=None)
@@ -128,6 +147,49 @@ def _replay_faults(console: Any, log: Path, texts: list[str], json_file: Path | 
     if first is not None:
         off_m, apart_us = found.estimate_off_m, found.pulses_apart_us
         say(console, f"at most {off_m:.2f} m between the estimates, {apart_us} us between the commands")
+
+
+def _replay_what_if(
+    console: Any, log: Path, overrides: list[str], json_file: Path | None, picture: Path | None
+) -> None:
+    from asvhil.logs.what_if import draw_what_if, replay_what_if, what_if_figures
+
+    with progress(console, spinner=True) as bar:
+        task = bar.add_task("replay", total=None)
+        found = replay_what_if(
+            log, overrides, lambda ticks: bar.update(task, completed=ticks) if ticks % 50 == 0 else None
+        )
+    figures = what_if_figures(found)
+    write_json(json_file, figures)
+    say(console, f"{log}: {figures['ticks']} ticks with {', '.join(overrides)}; open loop, the boat moves as recorded")
+    apart, commands = figures["estimates_apart"], figures["commands_apart"]
+    if apart["position_m"] is not None:
+        position, heading = apart["position_m"], apart["heading_deg"]
+        say(
+            console,
+            f"estimates apart: {position['mean']:.3f} m, at most {position['max']:.3f} m; heading "
+            f"{heading['mean']:.2f} deg, at most {heading['max']:.2f} deg",
+        )
+    if commands is not None:
+        say(console, f"commands apart: {commands['mean']:.3f} of full command, at most {commands['max']:.3f}")
+    for name, label in (("recorded", "recorded"), ("what_if", "what if")):
+        motors, truth = figures["motors"][name], figures["against_truth"][name]
+        if motors["energy"] is not None:
+            turned = motors["reversals_per_min"]
+            words = "" if turned is None else f", {turned:.1f} reversals per minute"
+            say(console, f"{label}: energy {motors['energy']:.4f}{words}")
+        if truth is not None:
+            words = f"{truth['position_m']:.3f} m, heading {truth['heading_deg']:.2f} deg (rms)"
+            say(console, f"{label}: estimate against the truth {words}")
+        for hold in figures["holds"][name]:
+            ended = f"ended by {hold['ended']}" if hold["ended"] else "to the end"
+            say(console, f"{label}: hold from {hold['from_s']:.2f} to {hold['to_s']:.2f} s, {ended}")
+    if figures["judged_to_s"] is not None:
+        at_s = figures["judged_to_s"]
+        say(console, f"not judged from {at_s:.2f} s on: the hold goes on there, and the recorded one has ended")
+    if picture is not None:
+        draw_what_if(found, picture)
+        say(console, f"picture {picture}")
 
 
 def _replay_tlog(console: Any, tlog: Path, config: str, overrides: tuple[str, ...], json_file: Path | None) -> None:

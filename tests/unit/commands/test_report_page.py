@@ -75,7 +75,7 @@ def test_the_page_has_holds_failsafe_releases_and_their_reasons(page: Path) -> N
 @pytest.fixture
 def browser() -> None:
     if chromium() is None:
-        words = "chromium is not installed (`make browser` installs it as root)"
+        words = "chromium is not installed (tests/page/install-tools.sh)"
         if must_run():
             pytest.fail(words)
         pytest.skip(words)
