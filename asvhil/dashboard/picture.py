@@ -161,6 +161,13 @@ class BoatPicture:
             "events": [event for event in self._events if event["id"] > after_event],
         }
 
+    def values(self, t_s: float) -> list[str]:
+        """What is known in numbers, and the phase, as `name=value`; nothing of it is old."""
+        if self.is_stale(t_s):
+            return []
+        known = [f"asvhil-{name}={_short(value)}" for name, value in self._boat.items() if value is not None]
+        return [f"asvhil-phase={self._phase}", *known]
+
     def _fence_m(self) -> list[list[float]]:
         """Corners in the local frame; none until it is known where that is."""
         parts = [self._boat.get(f"origin_{name}_deg") for name in ("lat", "lat_rest", "lon", "lon_rest")]

@@ -34,6 +34,14 @@ HEADERS = {
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
 
+class OpenPage:
+    """A page's number of the last event that it was told, and what is being sent to it."""
+
+    def __init__(self, told: int) -> None:
+        self.told = told
+        self.sending: asyncio.Task[None] | None = None
+
+
 class PageServer:
     """The application for one daemon. `clock` tells the time of day in seconds."""
 
@@ -45,7 +53,8 @@ class PageServer:
         self._client = client
         self._access = access
         self._clock = clock
-        self._pages: dict[web.WebSocketResponse, asyncio.Task[None] | None] = {}
+        self._pages: dict[web.WebSocketResponse, OpenPage] = {}
+        self._streams = 0  # of values
         self._facts = json.dumps({**boat_facts(config), "controllable": access.controllable})
 
     def application(self) -> web.Application:
@@ -53,6 +62,7 @@ class PageServer:
         app = web.Application(middlewares=[self._guard], client_max_size=MOST_BYTES)
         app.router.add_get("/", self._file)
         app.router.add_get("/live", self._live)
+        app.router.add_get("/values", self._values)
         app.router.add_get("/register_service", self._service)
         app.router.add_post("/control", self._control)
         app.router.add_get("/{name}", self._file)
@@ -122,31 +132,58 @@ class PageServer:
         await page.prepare(request)
         await page.send_str(self._facts)
         await page.send_str(json.dumps(self._picture.history()))
-        await page.send_str(json.dumps(self._picture.live(self._clock())))
-        self._pages[page] = None
+        first = json.dumps(self._picture.live(self._clock()))
+        told = self._picture.last_event
+        await page.send_str(first)
+        self._pages[page] = OpenPage(told)
         try:
             async for message in page:
                 if message.type in (WSMsgType.TEXT, WSMsgType.BINARY):
                     await page.send_str('{"kind": "refused", "status": 403, "error": "controls are POSTs to control"}')
         finally:
-            sending = self._pages.pop(page, None)
-            if sending is not None:
-                sending.cancel()
+            opened = self._pages.pop(page, None)
+            if opened is not None and opened.sending is not None:
+                opened.sending.cancel()
         return page
 
     async def _tell_on(self) -> None:
-        """The same text to every page; one that does not read it misses what comes meanwhile."""
-        told = 0
+        """The same text to every page, but to one that has not taken the last; that one gets missed events later."""
         while True:
-            if self._pages:
-                text = json.dumps(self._picture.live(self._clock(), told))
-                for page, sending in list(self._pages.items()):
-                    if sending is None or sending.done():
-                        self._pages[page] = asyncio.create_task(_send(page, text))
-            else:
-                self._picture.live(self._clock())  # notes that it has fallen silent
-            told = self._picture.last_event
+            now_s = self._clock()
+            self._picture.live(now_s)  # notes that the daemon has fallen silent, whether a page is open or not
+            texts: dict[int, str] = {}
+            for page, opened in list(self._pages.items()):
+                if opened.sending is not None and not opened.sending.done():
+                    continue
+                if opened.told not in texts:
+                    texts[opened.told] = json.dumps(self._picture.live(now_s, opened.told))
+                opened.sending = asyncio.create_task(_send(page, texts[opened.told]))
+                opened.told = self._picture.last_event
             await asyncio.sleep(PERIOD_S)
+
+    async def _values(self, request: web.Request) -> web.StreamResponse:
+        """The numbers alone as `name=value`, as Cockpit's generic WebSocket takes them; old ones are not told."""
+        if self._streams >= MOST_PAGES:
+            return web.json_response({"error": "too many streams are open"}, status=503)
+        stream = web.WebSocketResponse(heartbeat=10.0, max_msg_size=MOST_BYTES, compress=False)
+        await stream.prepare(request)
+        self._streams += 1
+        reading = asyncio.create_task(_read_to_the_end(stream))
+        try:
+            while not reading.done():
+                for line in self._picture.values(self._clock()):
+                    await _send(stream, line)
+                await asyncio.wait((reading,), timeout=1.0)
+        finally:
+            self._streams -= 1
+            reading.cancel()
+        return stream
+
+
+async def _read_to_the_end(stream: web.WebSocketResponse) -> None:
+    """What it says is of no interest; that it is gone, is."""
+    async for _ in stream:
+        pass
 
 
 async def _send(page: web.WebSocketResponse, text: str) -> None:

@@ -5,6 +5,7 @@ Pure functions, for both ends of the link. docs/mavlink.md lists the fields.
 
 from __future__ import annotations
 
+import itertools
 import math
 import struct
 from typing import Any
@@ -81,8 +82,8 @@ def read_state(message: Any) -> dict[str, float | None]:
 
 def read_plan(message: Any) -> list[tuple[float, float, float]]:
     """The rows of a plan array: north and east (m), heading (degrees)."""
-    rows = [tuple(message.data[i : i + PLAN_ROW]) for i in range(0, PLAN_ROWS * PLAN_ROW, PLAN_ROW)]
-    return [(row[0], row[1], row[2]) for row in rows if all(map(math.isfinite, row))]
+    rows = (message.data[i : i + PLAN_ROW] for i in range(0, PLAN_ROWS * PLAN_ROW, PLAN_ROW))
+    return [(n, e, heading) for n, e, heading in itertools.takewhile(lambda row: all(map(math.isfinite, row)), rows)]
 
 
 def _values(state: BoatState) -> dict[str, float]:
@@ -117,7 +118,8 @@ def _values(state: BoatState) -> dict[str, float]:
 
 
 def _array(t_us: int, name: bytes, array_id: int, values: list[float]) -> Any:
-    data = [*values, *[math.nan] * (CELLS - len(values))]
+    ended = [*values, math.nan][:CELLS]
+    data = [*ended, *[0.0] * (CELLS - len(ended))]  # MAVLink 2 leaves out zeros at the end
     return dialect.MAVLink_debug_float_array_message(t_us, name, array_id, data)
 
 

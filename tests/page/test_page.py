@@ -131,8 +131,8 @@ def test_an_operator_sees_the_boat_moves_the_station_stops_the_motors_and_notice
         assert box is not None
         page.mouse.click(box["x"] + 0.5 * box["width"], box["y"] + 0.25 * box["height"])
         asks = page.inner_text("#confirm-text")
-        metres = float(asks.split()[3])
-        assert asks.startswith("Move the station ") and 3.0 < metres < 30.0
+        metres = float(asks.split()[4])
+        assert asks.startswith("Move the station to ") and 3.0 < metres < 30.0
         keep_picture(page, "confirm")
         page.click("#confirm-no")
         page.wait_for_timeout(700)
@@ -141,6 +141,15 @@ def test_an_operator_sees_the_boat_moves_the_station_stops_the_motors_and_notice
         page.click("#confirm-yes")
         wait_for_text(lambda: page.inner_text("#answer"), "move: granted".__eq__, 8.0)
         wait_for_value(told["distance"], lambda metres: metres > 3.0, 5.0)
+        # By keys as well.
+        page.focus("#map")
+        page.keyboard.press("ArrowUp")
+        page.keyboard.press("ArrowRight")
+        assert "m off the boat" in page.inner_text("#map-cursor") and page.locator(".cursor").count() == 1
+        page.keyboard.press("Enter")
+        assert page.inner_text("#confirm-text").startswith("Move the station to ")
+        page.keyboard.press("Escape")
+        assert page.is_hidden("#confirm") and page.locator(".cursor").count() == 0
         page.fill("#heading-wish", "40")
         page.click("#heading")
         page.click("#confirm-yes")

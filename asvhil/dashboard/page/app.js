@@ -187,6 +187,10 @@ $("theme").addEventListener("click", () => {
 $("nearer").addEventListener("click", () => map.zoom(0.5));
 $("farther").addEventListener("click", () => map.zoom(2));
 $("fit").addEventListener("click", () => map.fit());
+$("confirm").addEventListener("close", () => {
+  map.drop();
+  $("map-cursor").textContent = "";
+});
 theme(localStorage.getItem("theme") ?? (matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light"));
 controls.show();
 connect();

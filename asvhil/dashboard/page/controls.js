@@ -47,14 +47,18 @@ export class Controls {
       this.open ? "" : "The token stands on the terminal of asvhil dashboard.";
   }
 
+  // Whether there is anything to confirm.
   pick(n, e) {
-    if (!this.open) return this.say("Locked: the station is moved with the token.", false);
     const boat = this.live?.boat;
-    if (!boat || boat.station_n_m === null) return this.say("No station is held: hold first, then move it.", false);
+    if (!this.open || !boat || boat.station_n_m === null) {
+      this.say(this.open ? "No station is held: hold first, then move it." : "Locked: the station is moved with the token.", false);
+      return false;
+    }
     const away = Math.hypot(n - boat.n_m, e - boat.e_m);
     const far = this.facts.farthest_m;
     const warn = away > far ? ` That is beyond the ${far} m of the config, and will be refused.` : "";
-    this.confirm(`Move the station ${away.toFixed(1)} m off the boat?${warn}`, { action: "move", n_m: n, e_m: e });
+    this.confirm(`Move the station to ${away.toFixed(1)} m from the boat?${warn}`, { action: "move", n_m: n, e_m: e });
+    return true;
   }
 
   // An emergency has no time for a dialog: pressed twice.

@@ -21,11 +21,18 @@ export class BoatMap {
     this.last = null;
     picture.addEventListener("click", (event) => {
       const place = this.place(event);
-      if (place) this.onPick(...place);
+      if (place) this.pick(place);
     });
     box.addEventListener("keydown", (event) => this.key(event));
-    box.addEventListener("blur", () => { this.cursor = null; this.redraw(); });
   }
+
+  // The cross shows what is asked for, until that is decided.
+  pick(place) {
+    this.cursor = this.onPick(...place) ? place : null;
+    this.redraw();
+  }
+
+  drop() { this.cursor = null; this.redraw(); }
 
   get width() { return this.span ?? this.fitted; }
 
@@ -48,7 +55,7 @@ export class BoatMap {
     if (event.key === "Escape") this.cursor = null;
     else if (event.key === "+") this.zoom(0.5);
     else if (event.key === "-") this.zoom(2);
-    else if (event.key === "Enter" && this.cursor) this.onPick(...this.cursor);
+    else if (event.key === "Enter" && this.cursor) this.pick(this.cursor);
     else if (move && this.last) {
       const step = this.step() / (event.shiftKey ? 1 : 5);
       const from = this.cursor ?? this.anchor();

@@ -166,6 +166,18 @@ def test_events_after_a_number_alone_are_told() -> None:
     ]
 
 
+def test_values_by_name_are_those_that_are_known_and_fresh() -> None:
+    bench = PictureBench()
+    assert bench.picture.values(bench.t_s) == []
+    bench.hear(*state_arrays(0, HELD), heartbeat(2, 4))
+    values = dict(line.split("=") for line in bench.picture.values(bench.t_s))
+    assert (values["asvhil-phase"], values["asvhil-distance_m"]) == (
+        "hold",
+        "5.0",
+    ) and "asvhil-wind_n_mps" not in values
+    assert bench.picture.values(bench.t_s + STALE_S + 0.1) == []
+
+
 def test_the_fence_is_in_metres_once_it_is_known_where_these_begin() -> None:
     bench = PictureBench(fence_deg=((40.0, -86.0), (40.001, -86.0), (40.0, -86.001)))
     assert bench.live()["fence_m"] == []

@@ -117,6 +117,17 @@ async def test_the_page_is_whole_and_takes_nothing_from_elsewhere(session: Clien
             assert answer.status == 404, odd
 
 
+async def test_values_are_told_to_pages_of_its_own_and_none_while_nothing_is_known(
+    session: ClientSession, served: TestServer
+) -> None:
+    async with session.ws_connect(served.make_url("/values")) as values:
+        with pytest.raises(TimeoutError):
+            await values.receive(timeout=0.5)
+    with pytest.raises(WSServerHandshakeError) as refused:
+        await session.ws_connect(served.make_url("/values"), headers={"Origin": "http://evil.example"})
+    assert refused.value.status == 403
+
+
 async def test_blueos_finds_it(session: ClientSession, served: TestServer) -> None:
     async with session.get(served.make_url("/register_service")) as answer:
         told = await answer.json()
