@@ -36,31 +36,47 @@ def fit_sd(
     """Parameters (13) that minimise the squared error of `window`-step simulations in scaled velocities, and the costs.
 
     The wind's parameters are those of a fit to spans with the motors off alone, where the data have enough of them
-    (`DRIFTS`): among manoeuvres they make up for the thrust, which is linear here and not in truth. Such a span is
-    `DRIFT_S` long, so that the noise of its first velocity, which looks like drag, counts for little.
+    (`DRIFTS`): among manoeuvres they make up for the thrust, which is linear here and not in truth.
 
     ModelError where the data are not suitable.
     """
     check(dataset)
     scaling = scaling_of(dataset, symmetric=True)
-    held = _drift_parameters(dataset, scaling, iterations, progress)
+    loads = drift_loads(dataset, iterations, progress)
+    held = {} if loads is None else dict(zip(WIND, loads.tolist(), strict=True))
     windows = Windows(dataset.segments, scaling, window, 0)
-    return _fit(windows, windows.starts, scaling.half, dataset.dt_s, held, iterations, progress)
+    return _fit(windows, windows.starts, scaling.half, dataset.dt_s, held, False, iterations, progress)
 
 
-def _drift_parameters(
-    dataset: Dataset, scaling: Scaling, iterations: int, progress: Callable[[int, float], None] | None
-) -> dict[int, float]:
-    """The wind's parameters by their place, from spans with the motors off; none where there are too few."""
+def drift_loads(
+    dataset: Dataset, iterations: int = SD_ITERATIONS, progress: Callable[[int, float], None] | None = None
+) -> Array | None:
+    """SD's wind parameters (3) from spans with the motors off, `DRIFT_S` long; None where there are too few.
+
+    The first velocity of each span is fitted as well. Taken as measured, its noise would look like drag, and for a
+    boat that drifts, more drag is as much more wind load.
+    """
+    scaling = scaling_of(dataset, symmetric=True)
     steps, lead = round(DRIFT_S / dataset.dt_s), round(LEAD_S / dataset.dt_s)
     if all(len(part.t_s) <= steps + lead for part in dataset.segments):
-        return {}
+        return None
     windows = Windows(dataset.segments, scaling, steps, lead)
     starts = windows.starts[windows.off]
     if len(starts) < DRIFTS:
-        return {}
-    parameters, _ = _fit(windows, starts, scaling.half, dataset.dt_s, {}, iterations, progress)
-    return {place: float(parameters[place]) for place in WIND}
+        return None
+    parameters, _ = _fit(windows, starts, scaling.half, dataset.dt_s, {}, True, iterations, progress)
+    loads: Array = parameters[list(WIND)]
+    return loads
+
+
+def load_rates(loads: Array, wind: Array) -> Array:
+    """SD's (u_dot, v_dot, r_dot) (..., 3) of a boat at rest with its motors off, in winds (..., 2; m/s)."""
+    parameters = np.zeros(len(PARAMETERS))
+    parameters[PARAMETERS.index("mass_ratio")] = 1.0
+    parameters[list(WIND)] = loads
+    still = np.zeros((*wind.shape[:-1], 3))
+    rates: Array = FittedSd(parameters.tolist(), 1.0).derivative(still, np.zeros_like(wind), wind)
+    return rates
 
 
 def _fit(
@@ -69,10 +85,14 @@ def _fit(
     half: Array,
     dt_s: float,
     held: Mapping[int, float],
+    free_starts: bool,
     iterations: int,
     progress: Callable[[int, float], None] | None,
 ) -> tuple[Array, list[float]]:
-    """Bounded Levenberg-Marquardt over windows from these rows; parameters that are held keep their values."""
+    """Bounded Levenberg-Marquardt over windows from these rows; parameters that are held keep their values.
+
+    With `free_starts` the first velocity of each window is unknown as well, and its measurement one of the errors.
+    """
     window = windows.steps
     starts = starts[:: max(1, len(starts) // LARGEST_SET)]
     rows = starts[:, None] + np.arange(window + 1)[None, :]
@@ -80,17 +100,37 @@ def _fit(
     residuals = _residuals(half, window, dt_s).map(len(starts))
     columns = [part.reshape(len(starts), -1).T for part in (nu, command * half[3:5], wind * half[5:])]
 
-    def evaluate(parameters: Array) -> tuple[Array, Array]:
-        error, jacobian = residuals(np.tile(parameters[:, None], len(starts)), *columns)
-        return np.asarray(error).T.ravel(), np.asarray(jacobian).T.reshape(-1, len(PARAMETERS))
+    def evaluate(parameters: Array, shift: Array) -> tuple[Array, Array]:
+        """Errors (W, 3 window) from starts that are moved by shift (W, 3), and their Jacobians (W, 3 window, 16)."""
+        moved = columns[0].copy()
+        moved[:3] += shift.T
+        error, jacobian = residuals(np.tile(parameters[:, None], len(starts)), moved, *columns[1:])
+        return np.asarray(error).T, np.asarray(jacobian).T.reshape(len(starts), 3 * window, -1)
+
+    def cost_of(error: Array, shift: Array) -> float:
+        return float((error * error).sum() + (shift * shift).sum()) / error.size
 
     parameters, damping = START.copy(), 1e-2
     parameters[list(held)] = list(held.values())
     fixed = np.isin(np.arange(len(PARAMETERS)), list(held))
-    error, jacobian = evaluate(parameters)
-    costs = [float(error @ error) / error.size]
+    shift = np.zeros((len(starts), 3))
+    error, jacobian = evaluate(parameters, shift)
+    costs = [cost_of(error, shift)]
     for iteration in range(iterations):
-        normal, slope = jacobian.T @ jacobian, jacobian.T @ error
+        by_parameters, by_start = jacobian[..., : len(PARAMETERS)], jacobian[..., len(PARAMETERS) :]
+        flat = by_parameters.reshape(-1, len(PARAMETERS))
+        normal: Array = flat.T @ flat
+        slope: Array = flat.T @ error.ravel()
+        follow: Array = np.zeros((len(starts), 3, len(PARAMETERS)))
+        settle: Array = np.zeros((len(starts), 3))
+        if free_starts:  # the best starts for any parameters are eliminated from the normal equations
+            mixed = by_start.mT @ by_parameters
+            pull = (by_start.mT @ error[..., None])[..., 0] + shift
+            own = by_start.mT @ by_start + np.eye(3)
+            follow = np.asarray(np.linalg.solve(own, mixed), dtype=np.float64)
+            settle = np.asarray(np.linalg.solve(own, pull[..., None]), dtype=np.float64)[..., 0]
+            normal = normal - (mixed.mT @ follow).sum(0)
+            slope = slope - (mixed.mT @ settle[..., None]).sum(0)[:, 0]
         # A parameter that is held, or stopped by its bound, takes no part in the step.
         free = ~(fixed | ((parameters <= LOWER) & (slope > 0.0)) | ((parameters >= UPPER) & (slope < 0.0)))
         scale = np.diag(np.maximum(np.diag(normal), 1e-9 * np.diag(normal).max()))
@@ -98,11 +138,13 @@ def _fit(
         part = np.ix_(free, free)
         step[free] = -np.linalg.solve(normal[part] + damping * scale[part], slope[free])
         trial = np.clip(parameters + step, LOWER, UPPER)
-        trial_error, trial_jacobian = evaluate(trial)
-        cost = float(trial_error @ trial_error) / error.size
+        trial_shift = shift - settle - follow @ (trial - parameters)
+        trial_error, trial_jacobian = evaluate(trial, trial_shift)
+        cost = cost_of(trial_error, trial_shift)
         if np.isfinite(cost) and cost < costs[-1]:
             done = costs[-1] - cost < TOLERANCE * costs[-1]
-            parameters, error, jacobian, damping = trial, trial_error, trial_jacobian, 0.3 * damping
+            parameters, shift, error, jacobian = trial, trial_shift, trial_error, trial_jacobian
+            damping *= 0.3
             costs.append(cost)
         else:
             done, damping = damping > 1e8, 10.0 * damping
@@ -152,7 +194,10 @@ def skip_of_sd(parameters: Array, scaling: Scaling) -> Array:
 
 
 def _residuals(half: Array, window: int, dt_s: float) -> ca.Function:
-    """(parameters, nu, commands, winds of one window) to its errors (3 window) and their Jacobian, row by row."""
+    """(parameters, nu, commands, winds of one window) to its errors (3 window) and their Jacobian, row by row.
+
+    The Jacobian's columns are those of the parameters, then of the first velocity.
+    """
     p = ca.SX.sym("p", len(PARAMETERS))
     nu, command = ca.SX.sym("nu", 3 * (window + 1)), ca.SX.sym("a", 2 * (window + 1))
     wind = ca.SX.sym("w", 2 * (window + 1))
@@ -161,10 +206,11 @@ def _residuals(half: Array, window: int, dt_s: float) -> ca.Function:
     y, a, w = ca.SX.sym("y", 3), ca.SX.sym("c", 2), ca.SX.sym("air", 2)
     after = integrate(lambda x: model.derivative(x, a, w), y * scale, dt_s, 1, model.euler) / scale
     tangent = ca.Function("tangent", [y, p, a, w], [after, ca.jacobian(after, y), ca.jacobian(after, p)], {"cse": True})
-    x, sensitivity, errors, blocks = nu[:3], ca.SX(3, len(PARAMETERS)), [], []
+    start = ca.horzcat(ca.SX(3, len(PARAMETERS)), ca.SX.eye(3))
+    x, sensitivity, errors, blocks = nu[:3], start, [], []
     for k in range(window):
         x, dx, dp = tangent(x, p, command[2 * k : 2 * k + 2], wind[2 * k : 2 * k + 2])
-        sensitivity = dx @ sensitivity + dp
+        sensitivity = dx @ sensitivity + ca.horzcat(dp, ca.SX(3, 3))
         errors.append(x - nu[3 * k + 3 : 3 * k + 6])
         blocks.append(ca.vec(ca.densify(sensitivity).T))
     return ca.Function("residuals", [p, nu, command, wind], [ca.vertcat(*errors), ca.vertcat(*blocks)], {"cse": True})

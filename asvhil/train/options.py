@@ -84,6 +84,15 @@ class FitOptions:
             high=1.0,
         ),
     ] = 0.0
+    rest_weight: Annotated[
+        float,
+        TrainOption(
+            help="Weight in the loss of the rates at rest, in winds of all trained speeds and directions, beside the"
+            " wind load of SD fitted to the data's drifts.",
+            low=0.0,
+            high=100.0,
+        ),
+    ] = 0.0
     still: Annotated[
         bool,
         TrainOption(

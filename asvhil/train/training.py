@@ -18,8 +18,9 @@ from asvhil.dynamics.fitted_sd import FittedSd
 from asvhil.dynamics.nnsem import Scaling
 from asvhil.dynamics.weights import TrainedModel
 from asvhil.errors import ModelError
+from asvhil.train.at_rest import LEAST, SHARE
 from asvhil.train.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
-from asvhil.train.fit_sd import fit_sd, skip_of_sd
+from asvhil.train.fit_sd import DRIFT_S, drift_loads, fit_sd, load_rates, skip_of_sd
 from asvhil.train.models import Batch, LagNetTrainee, NnsemTrainee, Trainee
 from asvhil.train.openloop import measured, open_loop, spaced_starts
 from asvhil.train.options import FitOptions
@@ -29,6 +30,7 @@ from asvhil.train.windows import Windows, mirrored, scaling_of
 
 VALIDATION_S = 15.0
 VALIDATION_EVERY_S = 2.5
+REST_STREAM = 7  # sets the random winds of the penalty at rest apart from the random windows
 
 
 class Training:
@@ -62,6 +64,7 @@ class Training:
             if not any(name.startswith(part) for part in options.frozen)
         }
         self._anchors = _anchors(self._learned) if options.weight_decay > 0.0 else {}
+        self._loads = _loads(train) if options.rest_weight > 0.0 else None
         self._optimizer = torch.optim.Adam(self._learned.values(), lr=options.rate, fused=True)
         self._iteration = 0
         self._curve: list[list[float]] = []  # rows of (iteration, training loss, validation), means over the seeds
@@ -151,6 +154,7 @@ class Training:
             loss = rollout_loss(error, options.robust).sum()
             self._optimizer.zero_grad()
             cost = loss + options.weight_decay * self._distance() + self._wrong_slopes(batch, self._iteration + i)
+            cost = cost + self._rest_error(self._iteration + i)
             cost.backward()  # type: ignore[no-untyped-call]
             self._optimizer.step()
             total += loss.item()
@@ -163,6 +167,35 @@ class Training:
         level = np.random.default_rng(iteration).uniform(-1.0, 1.0, (*batch.x0.shape[:2], 2))
         command = torch.from_numpy(level)
         return self._options.monotone * self.trainee.wrong_slopes(batch.x0, command, batch.wind[:, 0])
+
+    def _rest_error(self, iteration: int) -> torch.Tensor | float:
+        """Penalty of rates at rest that are not SD's wind load: their mean square, over the bound of the check.
+
+        The rates are those of one step with the motors off, in winds that are drawn anew for each iteration.
+        """
+        if self._loads is None:
+            return 0.0
+        options, centre, half = self._options, self.scaling.centre, self.scaling.half
+        rng = np.random.default_rng([iteration, REST_STREAM])
+        toward, reach = rng.uniform(-np.pi, np.pi, options.batch), rng.uniform(0.0, 1.0, options.batch)
+        wind = half[5:] * reach[:, None] * np.column_stack([np.cos(toward), np.sin(toward)])
+        true = load_rates(self._loads, wind)
+        weight = half[:3] / self._dt_s / np.maximum(SHARE * np.abs(true), LEAST)
+        models = len(self._seeds) * options.members
+        still, off = -centre[:3] / half[:3], -centre[3:5] / half[3:5]
+
+        def alike(rows: Array) -> torch.Tensor:
+            return torch.from_numpy(rows).expand(models, *rows.shape)
+
+        x0 = alike(np.tile(still, (options.batch, 1)))
+        batch = Batch(
+            x0=x0,
+            command=alike(np.tile(off, (self.windows.history + 1, options.batch, 1))),
+            wind=alike(((wind - centre[5:]) / half[5:])[None]),
+            target=alike((still + true * self._dt_s / half[:3])[None]),
+        )
+        error = (self.trainee.predict(batch) - batch.target) * torch.from_numpy(weight)
+        return options.rest_weight * error.square().mean((1, 2, 3)).sum()
 
     def _distance(self) -> torch.Tensor:
         """Regularisation: the sum of squared distances of the weights from their anchors."""
@@ -247,6 +280,17 @@ def _trainee(
     each = [rates.derivative(part.nu, part.command, part.wind) for part in train.segments]
     spread = np.concatenate(each).std(axis=0) + 1e-9
     return KnodeTrainee(rngs, options.hidden, train.dt_s, scaling, prior, spread, options.still)
+
+
+def _loads(train: Dataset) -> Array:
+    """SD's wind parameters by the drifts of the data; ModelError where there are too few."""
+    loads = drift_loads(train)
+    if loads is None:
+        raise ModelError(
+            f"train: --rest-weight needs spans of {DRIFT_S:.0f} s and more with the motors off, as `asvhil collect`"
+            " drives them"
+        )
+    return loads
 
 
 def rollout_loss(error: torch.Tensor, robust: float) -> torch.Tensor:
