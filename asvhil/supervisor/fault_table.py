@@ -129,7 +129,7 @@ SECTIONS: dict[str, tuple[FaultRow, ...]] = {
         _row(
             "heading slowly wrong, by 2 degrees a second",
             "motion against the commands",
-            *(NEUTRAL, 80.0, (Reason.HEADING_OFF, *_CARRIED, *_STALE)),
+            *(NEUTRAL, 90.0, (Reason.HEADING_OFF, *_CARRIED, *_STALE)),
             told="note `motion` once it is 45° off",
         ),
         _row("GNSS and heading lost", _SILENT, NEUTRAL, 4.0, _STALE),
@@ -226,7 +226,7 @@ SECTIONS: dict[str, tuple[FaultRow, ...]] = {
             *(NEUTRAL, 12.0, (Reason.BATTERY_LOW,)),
         ),
         _row("emergency stop of the motors", _READBACK, NEUTRAL, 3.0, _STOPPED),
-        _row("an output loses its function", _READBACK, NEUTRAL, 5.0, _WIRING),
+        _row("an output loses its function", _READBACK, NEUTRAL, 6.0, _WIRING),
         _row("outputs swapped", _READBACK, NEUTRAL, 4.0, _WIRING),
         _row("an output reversed", _READBACK, NEUTRAL, 4.0, _WIRING),
         _row("sticks mixed as steering and throttle", _READBACK, NEUTRAL, 4.0, _WIRING),

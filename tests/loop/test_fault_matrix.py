@@ -1,6 +1,6 @@
 """The fault matrix: what breaks, on the approach, settled, and across the wind, and what is promised for it.
 
-Each run is recorded and replayed through the fault, bit by bit.
+Each run is recorded, and one of each fault's three is replayed through the fault, bit by bit.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ def whole_controller() -> Iterator[None]:
 
 @pytest.mark.parametrize("phase", PHASES)
 @pytest.mark.parametrize("fault", ROWS, ids=[fault.name for fault in ROWS])
-def test_a_fault_has_its_reaction_and_its_log_replays(fault: Fault, phase: str, tmp_path: Path) -> None:
+def test_a_fault_has_its_reaction(fault: Fault, phase: str, tmp_path: Path) -> None:
     keys, from_s = PHASES[phase]
     promise = fault.promise
     log = tmp_path / "log.mcap"
@@ -68,6 +68,7 @@ def test_a_fault_has_its_reaction_and_its_log_replays(fault: Fault, phase: str, 
         if promise.reaction is Reaction.NEUTRAL and fault.motors_stop:
             assert loop.motors_stand_still, loop.plant.truth.outputs_us
     assert farthest_m - before_m <= fault.farther_m, (before_m, farthest_m)
-    result = replay(log)
-    assert result.mismatch is None, result.mismatch
-    assert result.compared == result.ticks > 200
+    if ROWS.index(fault) % len(PHASES) == list(PHASES).index(phase):
+        result = replay(log)
+        assert result.mismatch is None, result.mismatch
+        assert result.compared == result.ticks > 200
