@@ -331,7 +331,8 @@ class Station:
 class Control:
     """One solution. `command` is (port, starboard) in [-1, 1], the paper's PWM signal.
 
-    `plan` is the predicted path as rows (t_s ahead, n_m, e_m, psi_rad); empty where a controller predicts nothing.
+    `plan` is the predicted path as rows (t_s ahead, n_m, e_m, psi_rad), and `inputs` the model's inputs (port,
+    starboard) on the way from each row to the next; empty where a controller predicts nothing, or plans none.
     `stage` is where the station keeping procedure is; empty for a controller that has no stages.
     """
 
@@ -341,6 +342,7 @@ class Control:
     cost: float
     plan: tuple[tuple[float, float, float, float], ...] = ()
     stage: str = ""
+    inputs: tuple[tuple[float, float], ...] = ()
 
 
 class Phase(enum.StrEnum):

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from asvhil.commands.options import FaultOption, JsonOption, PluginOption, RecordedPluginsOption, SetOption
 from asvhil.commands.views import check_picture, check_writable, progress, say, write_json
 from asvhil.errors import ConfigError
+
+if TYPE_CHECKING:
+    from asvhil.logs.following import Difference
+    from asvhil.logs.replay import ReplayResult
 
 
 def replay(
@@ -34,6 +39,9 @@ def replay(
     json_: JsonOption = None,
 ) -> None:
     """Run a log through the backseat and compare every tick byte by byte; exit 1 where one differs.
+
+    From a tick that differs on, the recorded solutions are handed on, and all ticks are compared with a tolerance of
+    1e-6. Exit 0 if they agree so and the log is of a machine whose arithmetic is another.
 
     With --fault, times from the log's first tick: what the backseat would have noticed and done; nothing is compared.
     With --what-if: what another controller or estimator would have computed. Open loop, the boat moves as recorded.
@@ -73,27 +81,73 @@ def replay(
     with progress(console, spinner=True) as bar:
         task = bar.add_task("replay", total=None)
         result = replay_log(log, lambda ticks: bar.update(task, completed=ticks) if ticks % 50 == 0 else None)
-    figures = {
+    write_json(json_, _figures(result))
+    speed = f"{result.span_s:.1f} s in {result.wall_s:.2f} s, {result.span_s / result.wall_s:.0f} times real time"
+    tail = ", the log's end is cut off" if result.truncated else ""
+    if result.mismatch is None:
+        say(console, f"{log}: {result.compared} ticks bit-exact ({speed}){tail}")
+        return
+    _say_differences(console, log, result, f"{speed}{tail}")
+    if not result.same_within_tolerance:
+        raise typer.Exit(1)
+
+
+def _figures(result: ReplayResult) -> dict[str, Any]:
+    """The figures of a replay, for --json."""
+    from asvhil.logs.following import TOLERANCE
+
+    mismatch, followed = result.mismatch, result.followed
+    return {
         "ticks": result.ticks,
         "compared": result.compared,
-        "exact": result.mismatch is None,
+        "exact": mismatch is None,
         "mismatch": None
-        if result.mismatch is None
-        else {"tick": result.mismatch.tick, "t_ns": result.mismatch.t_ns, "field": result.mismatch.field},
+        if mismatch is None
+        else {"tick": mismatch.tick, "t_ns": mismatch.t_ns, "field": mismatch.field},
+        "followed": None
+        if followed is None
+        else {
+            "differing": followed.differing,
+            "tolerance": TOLERANCE,
+            "beyond": None if followed.beyond is None else _difference(followed.beyond),
+            "largest": None if followed.largest is None else _difference(followed.largest),
+        },
+        "other_machine": list(result.other_machine),
         "truncated": result.truncated,
         "span_s": result.span_s,
         "wall_s": result.wall_s,
         "realtime_factor": result.span_s / result.wall_s if result.wall_s else None,
     }
-    write_json(json_, figures)
-    speed = f"{result.span_s:.1f} s in {result.wall_s:.2f} s, {result.span_s / result.wall_s:.0f} times real time"
-    if result.mismatch is not None:
-        m = result.mismatch
-        changed = f" (plug-ins: {', '.join(result.changed_packages)})" if result.changed_packages else ""
-        say(console, f"{log}: tick {m.tick} at {m.t_ns} ns differs: {m.field}{changed}")
-        raise typer.Exit(1)
-    tail = ", the log's end is cut off" if result.truncated else ""
-    say(console, f"{log}: {result.compared} ticks bit-exact ({speed}){tail}")
+
+
+def _difference(one: Difference) -> dict[str, Any]:
+    size = one.size if math.isfinite(one.size) else None
+    return {"tick": one.tick, "t_ns": one.t_ns, "field": one.field, "size": size}
+
+
+def _say_differences(console: Any, log: Path, result: ReplayResult, tail: str) -> None:
+    """What differs, by tick and field, and what of the machine or of the plug-ins does."""
+    from asvhil.logs.following import TOLERANCE
+
+    mismatch, followed = result.mismatch, result.followed
+    assert mismatch is not None and followed is not None
+    changed = f" (plug-ins: {', '.join(result.changed_packages)})" if result.changed_packages else ""
+    if followed.beyond is None:
+        largest = followed.largest
+        most = "" if largest is None else f", at most {largest.size:.1e} (tick {largest.tick}, {largest.field})"
+        elsewhere = " on a machine of other arithmetic" if result.other_arithmetic else ""
+        say(
+            console,
+            f"{log}: not bit-exact, but the same within {TOLERANCE:g}{elsewhere}: {followed.differing} of "
+            f"{followed.compared} ticks differ{most}, with the recorded solutions handed on{changed} ({tail})",
+        )
+    else:
+        one, count = followed.beyond, f"{followed.differing} of {followed.compared} ticks differ"
+        say(console, f"{log}: tick {one.tick} at {one.t_ns} ns differs: {one.field}{changed}; {count} ({tail})")
+    if mismatch.tick != (followed.beyond or mismatch).tick:
+        say(console, f"the first difference of all is in tick {mismatch.tick}: {mismatch.field}")
+    for line in result.other_machine:
+        say(console, line)
 
 
 def _replay_faults(console: Any, log: Path, texts: list[str], json_file: Path | None) -> None:

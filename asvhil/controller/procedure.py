@@ -56,6 +56,7 @@ class Procedure:
     ) -> None:
         self.config, self.keeper = config, keeper
         self._favour_position = favour_position if config.r_h_rule else None
+        self._keeper_follow: Callable[[Control], None] | None = getattr(keeper, "follow", None)
         self._keeper_retune: Callable[[ControllerConfig], None] | None = getattr(keeper, "retune", None)
         self._ilos, self._helm = Ilos(config), Helm(config, vessel)
         self.reset()
@@ -66,6 +67,11 @@ class Procedure:
         self._ilos.retune(config.procedure)
         if self._keeper_retune is not None:
             self._keeper_retune(config)
+
+    def follow(self, control: Control) -> None:
+        """Go on from another solution of the last step, as a replay does that cannot be exact."""
+        if self._keeper_follow is not None and self.stage not in APPROACHING:
+            self._keeper_follow(control)
 
     def reset(self) -> None:
         """Forget stage and path, as after a time without control."""

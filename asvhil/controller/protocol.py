@@ -13,7 +13,8 @@ class Controller(Protocol):
     The supervisor owns the station in use; `new_station` is called when it is another one.
 
     It may also have `retune(config: ControllerConfig)`, to take settings that operators change, and
-    `favour_position(on: bool)`, to keep the position at any heading while the procedure's `r_h` rule requires it.
+    `favour_position(on: bool)`, to keep the position at any heading while the procedure's `r_h` rule requires it; and
+    `follow(control: Control)`, to go on from another solution of the last step than its own.
     """
 
     def step(self, estimate: Estimate, wind: Wind | None, station: Station) -> Control:

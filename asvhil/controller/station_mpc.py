@@ -13,6 +13,7 @@ from asvhil.controller.solvers.choice import choose_solver
 from asvhil.controller.solvers.problem import Solution, Solver, StationProblem
 from asvhil.controller.solvers.sqp import Sqp
 from asvhil.dynamics.arrays import Array
+from asvhil.dynamics.ordered import product
 from asvhil.dynamics.protocol import Dynamics
 from asvhil.geo import body_to_ned, ned_to_body, wrap_rad
 from asvhil.types import Control, Estimate, Station, Wind
@@ -68,6 +69,14 @@ class StationMpc:
     def retune(self, config: ControllerConfig) -> None:
         """Other weights, radii and trim from the next step on; the problem and its solver stay as they were built."""
         self.config = self.config.model_copy(update={name: getattr(config.mpc, name) for name in TUNED})
+
+    def follow(self, control: Control) -> None:
+        """Go on from another solution of the last step, as a replay does that cannot be exact."""
+        if not control.ok:
+            self._give_up(0)
+        elif control.inputs:
+            self._plan = np.array(control.inputs)
+            self._input = control.inputs[0]
 
     def step(self, estimate: Estimate, wind: Wind | None, station: Station) -> Control:
         """One control tick. Neutral and not ok where an input is not finite or the solver fails.
@@ -167,7 +176,7 @@ class StationMpc:
         A single start can stay in a local minimum that leaves a sideways offset. Also gives the number of QPs solved.
         """
         lost = self._plan is None
-        start = np.zeros((self._problem.stages, 2)) if self._plan is None else self._shift @ self._plan
+        start = np.zeros((self._problem.stages, 2)) if self._plan is None else product(self._shift, self._plan)
         best = self._solver.solve(parameters, start, self.config.iterations)
         iterations = best.iterations
         self._ticks += 1
@@ -194,6 +203,7 @@ class StationMpc:
             iterations=iterations,
             cost=solution.cost,
             plan=tuple(rows),
+            inputs=tuple((port, starboard) for port, starboard in solution.inputs.tolist()),
         )
 
     def _give_up(self, iterations: int) -> Control:

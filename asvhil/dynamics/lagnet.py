@@ -8,12 +8,14 @@ band.
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
 
 from asvhil.dynamics.arrays import Array, namespace_of
 from asvhil.dynamics.nnsem import TanhNetwork
+from asvhil.dynamics.ordered import product
 
 MAP_POINTS = 4001
 # Each skip term is the product of these components of z; of a component with itself, x |x|.
@@ -32,7 +34,8 @@ class ThrustMap:
 
     def __init__(self, gain: Array, slope: Array, centre: Array) -> None:
         self._command = np.linspace(-1.0, 1.0, MAP_POINTS)
-        g = np.tanh(slope * (self._command[:, None] - centre)) @ gain
+        bent = np.vectorize(math.tanh)(slope * (self._command[:, None] - centre))
+        g = product(bent, gain)
         middle = g[MAP_POINTS // 2]
         self._thrust: Array = (g - middle) / (g[-1] - middle)
         self.astern = float(self._thrust[0])

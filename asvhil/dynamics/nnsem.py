@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from asvhil.dynamics.arrays import Array, namespace_of
+from asvhil.dynamics.ordered import product
 from asvhil.types import record
 
 
@@ -30,7 +31,7 @@ class TanhNetwork:
         """
         folded = w1 / scaling.half
         half_nu = scaling.half[:3]
-        return cls(folded, b1 - folded @ scaling.centre, half_nu[:, None] * w2, half_nu * b2)
+        return cls(folded, b1 - product(folded, scaling.centre), half_nu[:, None] * w2, half_nu * b2)
 
     def __call__(self, z: Any) -> Any:
         xp = namespace_of(z)

@@ -15,6 +15,7 @@ import math
 import numpy as np
 
 from asvhil.dynamics.arrays import Array
+from asvhil.dynamics.ordered import product, solve, total
 
 ORDER = 4
 POSITION, VELOCITY = 2, 3  # the states that are the output
@@ -38,22 +39,22 @@ def stationary_covariance(a: Array) -> Array:
     """P (4, 4) of A P + P A' + b b' = 0."""
     b = np.eye(ORDER)[:, 1:2]
     lyapunov = np.kron(a, np.eye(ORDER)) + np.kron(np.eye(ORDER), a)
-    p = np.linalg.solve(lyapunov, -(b @ b.T).ravel()).reshape(ORDER, ORDER)
+    p = solve(lyapunov, -(b * b.T).ravel()).reshape(ORDER, ORDER)
     return np.asarray(0.5 * (p + p.T), dtype=np.float64)
 
 
 def transition(a: Array, phase: float) -> Array:
     """exp(A phase) (4, 4): its Taylor series, scaled and squared."""
     matrix = a * phase
-    halvings = max(0, math.ceil(math.log2(max(float(np.linalg.norm(matrix)), 1e-300)) + 1.0))
+    halvings = max(0, math.ceil(math.log2(max(math.hypot(*matrix.ravel().tolist()), 1e-300)) + 1.0))
     scaled = matrix / 2.0**halvings
-    total = term = np.eye(len(matrix))
+    power = term = np.eye(len(matrix))
     for k in range(1, 20):
-        term = term @ scaled / k
-        total = total + term
+        term = product(term, scaled) / k
+        power = power + term
     for _ in range(halvings):
-        total = total @ total
-    return total
+        power = product(power, power)
+    return power
 
 
 def noise_factor(a: Array, phase: float) -> Array:
@@ -64,18 +65,38 @@ def noise_factor(a: Array, phase: float) -> Array:
     """
     doublings = max(0, math.ceil(math.log2(phase / PANEL_RAD)))
     panel = phase / 2.0**doublings
-    nodes, weights = np.polynomial.legendre.leggauss(NODES)
     columns = [
         math.sqrt(0.5 * panel * weight) * transition(a, 0.5 * panel * (1.0 + node))[:, 1]
-        for node, weight in zip(nodes.tolist(), weights.tolist(), strict=True)
+        for node, weight in (_gauss_legendre(i) for i in range(NODES))
     ]
     factor = _lower(np.array(columns).T)
     for k in range(doublings):  # Q(2 s) = Q(s) + exp(A s) Q(s) exp(A' s)
-        factor = _lower(np.hstack([transition(a, panel * 2.0**k) @ factor, factor]))
+        factor = _lower(np.hstack([product(transition(a, panel * 2.0**k), factor), factor]))
     return factor
+
+
+def _gauss_legendre(i: int) -> tuple[float, float]:
+    """Node i of the quadrature over [-1, 1] and its weight, by Newton's method on the Legendre polynomial."""
+    node = -math.cos(math.pi * (i + 0.75) / (NODES + 0.5))
+    slope = 1.0
+    for _ in range(6):
+        last, value = 1.0, node
+        for k in range(2, NODES + 1):
+            last, value = value, ((2 * k - 1) * node * value - (k - 1) * last) / k
+        slope = NODES * (node * value - last) / (node * node - 1.0)
+        node -= value / slope
+    return node, 2.0 / ((1.0 - node * node) * slope * slope)
 
 
 def _lower(columns: Array) -> Array:
     """The lower triangular L, its diagonal positive, with L L' = columns columns'."""
-    upper = np.linalg.qr(columns.T, mode="r")
-    return np.asarray((upper * np.sign(np.diag(upper))[:, None]).T, dtype=np.float64)
+    rows = columns.copy()
+    count = len(rows)
+    lower = np.zeros((count, count))
+    for i in range(count):  # Gram-Schmidt, one row after the other (the modified form, which keeps its accuracy)
+        lower[i, i] = math.sqrt(total((rows[i] * rows[i]).tolist()))
+        rows[i] /= lower[i, i]
+        for k in range(i + 1, count):
+            lower[k, i] = total((rows[k] * rows[i]).tolist())
+            rows[k] -= lower[k, i] * rows[i]
+    return lower

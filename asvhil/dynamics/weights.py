@@ -21,6 +21,7 @@ from asvhil.dynamics.knode import Knode
 from asvhil.dynamics.lagnet import LagNet, ThrustMap
 from asvhil.dynamics.nnsem import Nnsem, Scaling, TanhNetwork
 from asvhil.dynamics.node import Node
+from asvhil.dynamics.ordered import product
 from asvhil.dynamics.protocol import Dynamics
 from asvhil.errors import ModelError, OtherHullError
 from asvhil.types import record
@@ -258,7 +259,7 @@ def _build_node(model: TrainedModel) -> Dynamics:
 def _build_knode(model: TrainedModel) -> Dynamics:
     w, half = model.weights, model.scaling.half
     w1 = w["w1"] / half
-    inner = TanhNetwork(w1, w["b1"] - w1 @ model.scaling.centre, w["w2"], w["b2"])
+    inner = TanhNetwork(w1, w["b1"] - product(w1, model.scaling.centre), w["w2"], w["b2"])
     g_w1 = w["g_w1"].copy()
     g_w1[:, :3] /= w["prior_scale"]
     outer = TanhNetwork(g_w1, w["g_b1"], half[:3, None] * w["g_w2"], half[:3] * w["g_b2"])

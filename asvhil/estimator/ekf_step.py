@@ -8,9 +8,11 @@ from typing import Any
 import numpy as np
 
 from asvhil.config import EstimatorConfig
+from asvhil.dynamics import ordered
 from asvhil.dynamics.arrays import Array
 from asvhil.dynamics.protocol import Dynamics
 from asvhil.estimator import fault_recovery, measurement_model, sensor_health, validity
+from asvhil.estimator.covariance import Correction
 from asvhil.estimator.measurement_model import Corrected, Group, Reading
 from asvhil.estimator.prediction import MAX_STEP_S, MotionModel
 from asvhil.estimator.sensor_health import Track
@@ -78,9 +80,11 @@ class Filter:
         }
         together = [(kind,) for kind in variances] + list(measurement_model.PAIRS)
         self._noise: dict[tuple[type, ...], Array] = {
-            kinds: np.diag([variance for kind in kinds for variance in variances[kind]]) for kinds in together
+            kinds: np.array([variance for kind in kinds for variance in variances[kind]]) for kinds in together
         }
-        self._eye: Array = np.eye(SIZE)
+        self._corrections = {rows: Correction(rows) for rows in (1, 2, 4)}
+        self._all_used, self._unbiased = np.ones(SIZE), np.ones(SIZE)
+        self._unbiased[DEVIATION] = self._unbiased[B_N : B_E + 1] = 0.0
         self._frame = LocalFrame(lat_deg=0.0, lon_deg=0.0)
 
     def start(
@@ -144,15 +148,14 @@ class Filter:
             remaining_s -= dt_s
             self._fill_buffers(state)
             motion.residual[:] = state.residual
+            motion.covariance[:] = state.p.reshape(-1)
+            np.multiply(noise_rate, dt_s, out=motion.variance)
+            if gain:
+                motion.variance[U : V + 1] -= gain * self._model_density * dt_s
             motion.predict(dt_s, gain)
             state.x = motion.after[:SIZE].copy()
             state.motor = motion.after[SIZE:].copy()
-            p = motion.jacobian @ state.p @ motion.jacobian.T
-            p.reshape(-1)[:: SIZE + 1] += noise_rate * dt_s
-            if gain:
-                p[U, U] -= gain * self._model_density * dt_s
-                p[V, V] -= gain * self._model_density * dt_s
-            state.p = p
+            state.p = motion.covariance_after.reshape(SIZE, SIZE).copy()
 
     def _gain(self, interval_s: float) -> float:
         """Gain of the accelerometer's residual: k = q_m / (q_m + q_a), see `prediction.py`."""
@@ -227,9 +230,9 @@ class Filter:
         variance = self._model_density / interval_s + self._accel_density
         before = state.x
         group = Group("acceleration", slice(0, 2), (m.ax_mps2, m.ay_mps2), (float(expected[0]), float(expected[1])))
-        noise = np.array([[variance, 0.0], [0.0, variance]])
+        noise = np.array([variance, variance])
         if self._gate_and_correct(state, m.t_ns, Reading([group], innovation, h), noise):
-            state.residual = innovation - h @ (state.x - before)
+            state.residual = innovation - ordered.product(h, state.x - before)
         else:
             state.interval_s = 0.0
 
@@ -240,9 +243,8 @@ class Filter:
         groups, innovation, h = reading
         if not groups:
             return False
-        ph = state.p @ h.T
-        s = h @ ph + noise
-        variances, offs = s.tolist(), innovation.tolist()
+        correction = self._innovation_covariance(state, h, noise)
+        variances, offs = correction.s.tolist(), innovation.tolist()
         used = []
         for group in groups:
             name, rows, value, expected = group
@@ -258,23 +260,31 @@ class Filter:
                 used.append(group)
                 continue
             off = offs[rows.start], offs[rows.stop - 1]
-            slack = self._gate * math.sqrt(2.0 * noise[rows.start, rows.start])
+            slack = self._gate * math.sqrt(2.0 * noise[rows.start])
             steady = fault_recovery.consistency_offset(state, t_ns, name, off)
             state.tracks[name] = track = sensor_health.reject(track, t_ns, steady, off, slack)
             if fault_recovery.requires_reset(state, t_ns, name, math.hypot(*off) - slack, self._return_ns):
                 self._reset(state, name, math.hypot(*off))
-                ph = state.p @ h.T
-                s = h @ ph + noise
-                variances = s.tolist()
+                variances = self._innovation_covariance(state, h, noise).s.tolist()
                 state.tracks[name] = sensor_health.accept(track, t_ns)
                 used.append(group)
         if not used:
             return False
-        if len(used) == 1:
+        if len(used) < len(groups):
             rows = used[0][1]
-            ph, s, innovation, h, noise = ph[:, rows], s[rows, rows], innovation[rows], h[rows], noise[rows, rows]
-        self._correct(state, ph, s, innovation, h, noise)
+            innovation = innovation[rows]
+            correction = self._innovation_covariance(state, h[rows], noise[rows])
+        self._correct(state, correction, innovation)
         return True
+
+    def _innovation_covariance(self, state: FilterState, h: Array, noise: Array) -> Correction:
+        """The correction by rows of readings, with the covariance of their innovation."""
+        correction = self._corrections[len(noise)]
+        correction.p[:] = state.p.reshape(-1)
+        correction.h[:] = h
+        correction.noise[:] = noise
+        correction.evaluate_innovation()
+        return correction
 
     def _reset(self, state: FilterState, name: str, off: float) -> None:
         """Reset the states of a rejected sensor to its reading.
@@ -292,19 +302,17 @@ class Filter:
         state.p = state.p.copy()
         state.p[[B_N, B_E], [B_N, B_E]] += std_m**2
 
-    def _correct(self, state: FilterState, ph: Array, s: Array, innovation: Array, h: Array, noise: Array) -> None:
-        """Joseph-form update, which keeps the covariance symmetric and positive."""
-        gain = np.linalg.solve(s, ph.T).T
-        if not state.follows_bias:  # a fused velocity holds the heading's own error
-            gain[DEVIATION] = 0.0
-            gain[B_N : B_E + 1] = 0.0
-        x = state.x + gain @ innovation
+    def _correct(self, state: FilterState, correction: Correction, innovation: Array) -> None:
+        """State and covariance after a correction; the covariance stays symmetric."""
+        correction.innovation[:] = innovation
+        # A fused velocity holds the heading's own error.
+        correction.used[:] = self._all_used if state.follows_bias else self._unbiased
+        correction.evaluate()
+        x = state.x + correction.change
         x[PSI] = wrap_rad(x[PSI])
         self._clip(x)
-        keep = self._eye - gain @ h
-        p = keep @ state.p @ keep.T + gain @ noise @ gain.T
         state.x = x
-        state.p = 0.5 * (p + p.T)
+        state.p = correction.after.reshape(SIZE, SIZE).copy()
 
     def _clip(self, x: Array) -> None:
         part = x[D_N : B_E + 1]

@@ -111,8 +111,8 @@ def _heading(x: Array, m: Heading, rows: slice, innovation: Array, h: Array) -> 
     """Heading with the residual deviation of the compass."""
     psi = float(x[PSI])
     _, s1, c1, s2, c2 = row = deviation_row(psi)
-    _, b, c, d, e = x[DEVIATION].tolist()
-    off = wrap_rad(m.psi_rad - (psi + float(x[DEVIATION] @ row)))
+    a, b, c, d, e = x[DEVIATION].tolist()
+    off = wrap_rad(m.psi_rad - (psi + (a + b * s1 + c * c1 + d * s2 + e * c2)))
     h[0, PSI] = 1.0 + b * c1 - c * s1 + 2.0 * (d * c2 - e * s2)
     h[0, DEVIATION] = row
     innovation[0] = off

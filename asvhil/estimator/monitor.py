@@ -11,6 +11,7 @@ import numpy as np
 from asvhil.config import MonitorConfig
 from asvhil.dynamics.buffers import bind
 from asvhil.dynamics.integrate import advance, substeps
+from asvhil.dynamics.ordered import total
 from asvhil.dynamics.protocol import Dynamics
 from asvhil.types import Estimate, PredictionError, Wind
 
@@ -98,5 +99,5 @@ class _Window:
         """Add an error: the root mean squares."""
         for squares, value in zip(self._squares, error, strict=True):
             squares.append(value * value)
-        u, v, r = (math.sqrt(sum(squares) / len(squares)) for squares in self._squares)
+        u, v, r = (math.sqrt(total(squares) / len(squares)) for squares in self._squares)
         return u, v, r

@@ -16,6 +16,7 @@ import numpy as np
 from asvhil.dynamics.arrays import Array
 from asvhil.dynamics.buffers import bind
 from asvhil.dynamics.integrate import motion_derivative
+from asvhil.dynamics.ordered import symmetric
 from asvhil.dynamics.protocol import Dynamics
 from asvhil.estimator.states import A_X, A_Y, B_E, B_N, D_N, D_R, MOVING, SIZE, R, U, V
 
@@ -25,10 +26,11 @@ MAX_STEP_S = 0.1
 class MotionModel:
     """Three functions, each with its buffers: fill those of the arguments, call it, and read the others.
 
-    `predict` is one midpoint step: `after` and its `jacobian`. `evaluate_specific_force` is the reading expected of
-    the inertial sensor: `force` and its `force_jacobian`. `evaluate_acceleration` is (u, v, r) dot by the model and the
-    disturbance: `acceleration`. Arguments are `state` (SIZE + motors), `input` (2), `wind` (2, NED) and `arm` (2, m,
-    body axes: where the inertial sensor is), and of a step `residual` (2, m/s^2) as well.
+    `predict` is one midpoint step: `after`, and `covariance_after` (SIZE * SIZE). `evaluate_specific_force` is the
+    reading expected of the inertial sensor: `force` and its `force_jacobian`. `evaluate_acceleration` is (u, v, r) dot
+    by the model and the disturbance: `acceleration`. Arguments are `state` (SIZE + motors), `input` (2), `wind` (2,
+    NED) and `arm` (2, m, body axes: where the inertial sensor is), and of a step also `residual` (2, m/s^2),
+    `covariance` (SIZE * SIZE) and `variance` (SIZE, what the step adds to its diagonal).
     """
 
     def __init__(self, model: Dynamics, bias_time_s: float) -> None:
@@ -37,8 +39,9 @@ class MotionModel:
         self.input, self.wind, self.arm, self.residual = np.zeros(2), np.zeros(2), np.zeros(2), np.zeros(2)
         self._gain, self._dt = np.zeros(1), np.zeros(1)
         self.force = np.zeros(2)
-        step_columns, force_columns = np.zeros(SIZE * SIZE), np.zeros(2 * SIZE)
-        self.jacobian: Array = step_columns.reshape(SIZE, SIZE, order="F")
+        self.covariance, self.variance = np.zeros(SIZE * SIZE), np.zeros(SIZE)
+        self.covariance_after = np.zeros(SIZE * SIZE)
+        force_columns = np.zeros(2 * SIZE)
         self.force_jacobian: Array = force_columns.reshape(2, SIZE, order="F")
 
         s, a, wind, arm, e = (ca.SX.sym(name, n) for name, n in (("s", size), ("a", 2), ("w", 2), ("l", 2), ("e", 2)))
@@ -66,9 +69,11 @@ class MotionModel:
         slope = ca.jacobian(ca.vertcat(free[:U], fused, free[R:SIZE]), x[:SIZE])
         a_middle = ca.substitute(slope, ca.vertcat(x, z_given), ca.vertcat(middle, z))
         jacobian = ca.SX.eye(SIZE) + dt * a_middle
-        step = ca.Function("ekf_step", names, [after, ca.densify(jacobian)], {"cse": True})
+        p, added = ca.SX.sym("p", SIZE, SIZE), ca.SX.sym("q", SIZE)
+        covariance = symmetric(jacobian @ symmetric(p) @ jacobian.T + ca.diag(added))
+        step = ca.Function("ekf_step", [*names, p, added], [after, covariance], {"cse": True})
         arrays = [self.state, self.input, self.wind, self.arm, self.residual, self._gain, self._dt]
-        self._step = bind(step, arrays, [self.after, step_columns])
+        self._step = bind(step, [*arrays, self.covariance, self.variance], [self.after, self.covariance_after])
 
         force_jacobian = ca.densify(ca.jacobian(specific_force(s), s[:SIZE]))
         force = ca.Function("ekf_specific_force", [s, a, wind, arm], [specific_force(s), force_jacobian], {"cse": True})
@@ -78,7 +83,7 @@ class MotionModel:
         self.evaluate_acceleration = bind(accelerate, arrays[:3], [self.acceleration])
 
     def predict(self, dt_s: float, gain: float) -> None:
-        """`after` and `jacobian` of a step of dt_s with the residual fed back by the gain."""
+        """The state and the covariance after a step of dt_s, with the residual fed back by the gain."""
         self._dt[0] = dt_s
         self._gain[0] = gain
         self._step()

@@ -14,6 +14,7 @@ import numpy as np
 
 from asvhil.dynamics import shaping
 from asvhil.dynamics.arrays import Array
+from asvhil.dynamics.ordered import product, solve
 
 STATES = 3 + shaping.ORDER
 WAVE_POSITION, WAVE_VELOCITY = 3 + shaping.POSITION, 3 + shaping.VELOCITY
@@ -58,22 +59,24 @@ def gain(
     q = np.zeros((STATES, STATES))
     q[0, 0] = 1e-6 * step_s  # keeps the position's variance above zero
     q[1, 1], q[2, 2] = velocity_walk**2 * step_s, disturbance_walk**2 * step_s
-    q[3:, 3:] = factor @ factor.T
+    q[3:, 3:] = product(factor, factor.T)
     h, r = measurement(peak_radps), np.diag(np.square(measured_std))
     p = _riccati(transition(peak_radps, damping, step_s), h, q, r)
-    k: Array = np.linalg.solve(h @ p @ h.T + r, h @ p).T
+    hp = product(h, p)
+    k: Array = solve(product(hp, h.T) + r, hp).T
     k.flags.writeable = False
     return k
 
 
 def _riccati(f: Array, h: Array, q: Array, r: Array) -> Array:
     """P of P = F (P - P H' (H P H' + R)^-1 H P) F' + Q."""
-    a, g, p = f.T, h.T @ np.linalg.solve(r, h), q
+    a, g, p = f.T, product(h.T, solve(r, h)), q
     for _ in range(DOUBLINGS):
-        w = np.linalg.solve(np.eye(len(p)) + g @ p, np.hstack([a, g]))
+        w = solve(np.eye(len(p)) + product(g, p), np.hstack([a, g]))
         w_a, w_g = w[:, : len(p)], w[:, len(p) :]
-        step = a.T @ p @ w_a
-        a, g, p = a @ w_a, g + a @ w_g @ a.T, p + 0.5 * (step + step.T)
+        step = product(product(a.T, p), w_a)
+        g = g + product(product(a, w_g), a.T)
+        a, p = product(a, w_a), p + 0.5 * (step + step.T)
         g = 0.5 * (g + g.T)
         if np.abs(step).max() <= 1e-13 * np.abs(p).max():
             break

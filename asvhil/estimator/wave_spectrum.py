@@ -7,13 +7,14 @@ the same frequency is taken off. They cannot push sideways, so sway tells most.
 
 from __future__ import annotations
 
+import cmath
 import math
 
 import numpy as np
 
 from asvhil.dynamics.arrays import Array
 
-FREQUENCIES_HZ: Array = np.geomspace(0.12, 1.2, 14)  # slower than that is station keeping itself
+FREQUENCIES_HZ: Array = np.array([0.12 * 10.0 ** (k / 13.0) for k in range(14)])  # slower is station keeping itself
 DAMPING = 0.15  # of the resonators: their neighbours are 19 % apart
 MEAN_S = 30.0  # time constant of the mean power
 MODEL_ERROR = 0.3  # share of what the motors do that may be left over
@@ -28,7 +29,7 @@ class WaveSpectrum:
 
     def __init__(self, step_s: float, arm_m: float) -> None:
         omega = math.tau * FREQUENCIES_HZ
-        pole = np.exp((1j - DAMPING) * omega * step_s)
+        pole = np.array([cmath.exp((1j - DAMPING) * each * step_s) for each in omega.tolist()])
         self._pole = pole[:, None]
         self._unit = (1.0 - np.abs(pole))[:, None]
         self._slowness = MODEL_ERROR / omega[:, None]

@@ -12,6 +12,7 @@ import casadi as ca
 import numpy as np
 
 from asvhil.config import VesselConfig
+from asvhil.dynamics import ordered
 from asvhil.dynamics.buffers import bind
 from asvhil.dynamics.rigid_body import SimplifiedDynamics
 from asvhil.geo import ned_to_body
@@ -51,8 +52,9 @@ class WindFromLoad:
         self._psi[0] = estimate.psi_rad
         self._run()
         missing = np.array([*ned_to_body(estimate.psi_rad, d_n, d_e), d_r]) - self._load
-        step = np.linalg.solve(self._slope.T @ self._slope + DAMPING * np.eye(2), self._slope.T @ missing)
-        length = float(np.hypot(*step))
+        slope = self._slope.T
+        step = ordered.solve(ordered.product(slope, slope.T) + DAMPING * np.eye(2), ordered.product(slope, missing))
+        length = math.hypot(*step.tolist())
         if math.isfinite(length):
             self._wind += step * min(1.0, LONGEST_STEP_MPS / max(length, 1e-12))
         vn, ve = self._wind.tolist()

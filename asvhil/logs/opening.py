@@ -14,6 +14,7 @@ from asvhil.backseat.build import build_model, model_file
 from asvhil.config import Config
 from asvhil.config.registry import SENSORS
 from asvhil.errors import AsvhilError
+from asvhil.logs.machine import machine
 from asvhil.logs.plugins import plugin_records
 from asvhil.logs.recorder import ENCODINGS, Recorder
 
@@ -56,7 +57,7 @@ def log_metadata(config: Config, mode: str) -> dict[str, dict[str, str]]:
         "versions": {
             "asvhil": __version__,
             "python": platform.python_version(),
-            "machine": platform.machine(),
+            **machine(),
             **versions,
         },
         "run": {"mode": mode, "seed": str(config.plant.seed), "vehicle": config.vehicle.name},

@@ -15,6 +15,8 @@ from asvhil.backseat.build import build_backseat
 from asvhil.config import Config, config_from_json
 from asvhil.errors import LogError
 from asvhil.logs.encoding import encode_outputs, first_difference
+from asvhil.logs.following import Followed, follow
+from asvhil.logs.machine import differences
 from asvhil.logs.plugins import changed_packages, check_plugins
 from asvhil.logs.reader import LogFile
 from asvhil.types import record
@@ -33,7 +35,8 @@ class Mismatch:
 class ReplayResult:
     """The result of a replay. `span_s` is recorded time, `wall_s` what the replay took.
 
-    `changed_packages` are plug-ins of the run that are installed in another version now.
+    `changed_packages` are plug-ins of the run that are installed in another version now. Where a tick differs,
+    `followed` compares all ticks with a tolerance, and `other_machine` has what differs between the machines.
     """
 
     ticks: int
@@ -43,6 +46,18 @@ class ReplayResult:
     span_s: float
     wall_s: float
     changed_packages: tuple[str, ...]
+    followed: Followed | None
+    other_machine: tuple[str, ...]
+
+    @property
+    def same_within_tolerance(self) -> bool:
+        """Whether the record is confirmed, though not to the byte, on a machine whose arithmetic is another."""
+        return self.other_arithmetic and self.followed is not None and self.followed.beyond is None
+
+    @property
+    def other_arithmetic(self) -> bool:
+        """Whether the log is of a machine whose results may differ in their last bits."""
+        return any(line.startswith("arithmetic:") for line in self.other_machine)
 
 
 def config_of(log: LogFile, path: Path, *, known_only: bool = False) -> Config:
@@ -98,7 +113,7 @@ def build_recorded(log: LogFile, path: Path) -> Backseat:
 
 
 def replay(path: Path, on_tick: Callable[[int], None] | None = None) -> ReplayResult:
-    """Step a fresh backseat through a log up to its end or the first tick that differs.
+    """Step a fresh backseat through a log, and compare. From a tick that differs on, the record is followed.
 
     The plug-ins of the run must have been loaded (`plugins.load_plugins`).
     """
@@ -108,7 +123,7 @@ def replay(path: Path, on_tick: Callable[[int], None] | None = None) -> ReplayRe
     first_ns = last_ns = None
     mismatch = None
     start_s = time.perf_counter()
-    for inputs, recorded in log.ticks():
+    for tick, (inputs, recorded) in enumerate(log.ticks()):
         first_ns = inputs.t_ns if first_ns is None else first_ns
         last_ns = inputs.t_ns
         replayed = encode_outputs(backseat.step(inputs))
@@ -116,13 +131,18 @@ def replay(path: Path, on_tick: Callable[[int], None] | None = None) -> ReplayRe
             compared += 1
             if replayed != recorded:
                 field = first_difference(recorded, replayed) or "the encoding alone"
-                mismatch = Mismatch(tick=ticks, t_ns=inputs.t_ns, field=field)
+                mismatch = Mismatch(tick=tick, t_ns=inputs.t_ns, field=field)
                 break
-        ticks += 1
+        ticks = tick + 1
         if on_tick is not None:
             on_tick(ticks)
     if compared == 0:
         raise LogError(f"{path}: holds no tick with outputs to compare")
+    followed = None
+    if mismatch is not None:
+        with recorded_model(log, path) as file:
+            followed = follow(log, config_of(log, path), file, on_tick or (lambda ticks: None))
+        ticks, compared, last_ns = followed.ticks, followed.compared, followed.last_ns
     span_s = 0.0 if first_ns is None or last_ns is None else (last_ns - first_ns) * 1e-9
     return ReplayResult(
         ticks=ticks,
@@ -132,4 +152,6 @@ def replay(path: Path, on_tick: Callable[[int], None] | None = None) -> ReplayRe
         span_s=span_s,
         wall_s=time.perf_counter() - start_s,
         changed_packages=tuple(changed_packages(log)),
+        followed=followed,
+        other_machine=tuple(differences(log.metadata.get("versions", {}))),
     )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from asvhil.dynamics.arrays import Array
@@ -37,9 +39,10 @@ class Evidence:
         count = len(self._weights)
         sound, faulty = log[:count], log[count:]
         top = float(sound.max())
-        parts = self._weights * np.exp(sound - top)
+        # By the C library: NumPy has an exponential for each kind of processor, of other last bits.
+        parts = self._weights * [math.exp(each - top) for each in sound.tolist()]
         total = float(parts.sum())
-        mixture = top + float(np.log(total))
+        mixture = top + math.log(total)
         self._weights = (1.0 - LEAK) * parts / total + LEAK / count
         ratios = faulty - mixture
         self.sums = np.maximum(0.0, self.sums + ratios.clip(-MOST, MOST))

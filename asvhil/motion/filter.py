@@ -7,6 +7,7 @@ import functools
 import casadi as ca
 
 from asvhil.config import VesselConfig
+from asvhil.dynamics.ordered import symmetric
 from asvhil.dynamics.rigid_body import RigidBody
 from asvhil.types import record
 
@@ -103,7 +104,7 @@ def prediction(vessel: VesselConfig, noise: BankNoise) -> ca.Function:
     q[DN, DN] = q[DE, DE] = noise.disturbance_mps2**2 * (1.0 - forget_d**2)
     q[DR, DR] = noise.disturbance_yaw_radps2**2 * (1.0 - forget_d**2)
     q[G, G] = noise.gain_std**2 * (1.0 - forget_g**2)
-    covariance = _symmetric(f @ _symmetric(p) @ f.T + q)
+    covariance = symmetric(f @ symmetric(p) @ f.T + q)
     return ca.Function("predict", [x, p, thrust_n, off_rad, conditions], [after, covariance], {"cse": True})
 
 
@@ -121,7 +122,7 @@ def correction(vessel: VesselConfig, noise: BankNoise) -> ca.Function:
     moved, vn, ve, turned, yaw_rate, transit_n = ca.vertsplit(readings)
     velocity_variance = noise.velocity_std_mps**2 + (noise.timing_s * transit_n / m_u) ** 2
     yaw_variance = noise.yaw_rate_std_radps**2 + (noise.timing_s * transit_n * vessel.motor_arm_m / m_r) ** 2
-    after, covariance = x, _symmetric(p)
+    after, covariance = x, symmetric(p)
     log = nis = ca.SX(0.0)
     for row, reading, there, variance in (
         (VN, vn, moved, velocity_variance),
@@ -135,11 +136,6 @@ def correction(vessel: VesselConfig, noise: BankNoise) -> ca.Function:
         nis += square
         gain = there * covariance[:, row] / s
         after = after + gain * off
-        covariance = _symmetric(covariance - gain @ covariance[row, :])
+        covariance = symmetric(covariance - gain @ covariance[row, :])
     after[G] = ca.fmin(ca.fmax(after[G], GAINS[0]), GAINS[1])
     return ca.Function("correct", [x, p, readings], [after, covariance, log, nis], {"cse": True})
-
-
-def _symmetric(p: ca.SX) -> ca.SX:
-    """The matrix by its lower triangle: the upper one is then never evaluated."""
-    return ca.densify(ca.tril2symm(ca.tril(p)))

@@ -23,6 +23,7 @@ import numpy as np
 
 from asvhil.config import MpcConfig, MpcWeights
 from asvhil.dynamics.arrays import Array
+from asvhil.dynamics.buffers import bind
 from asvhil.dynamics.integrate import advance, motion_derivative, substeps
 from asvhil.dynamics.protocol import Dynamics
 from asvhil.types import record
@@ -54,8 +55,9 @@ class Solver(Protocol):
 class StationProblem:
     """The problem above as CasADi functions of parameters p and inputs U = (a_0, a_1, ...).
 
-    `rollout(p, U)` gives (states, cost); `linearised(p, U)` gives (states, sensitivities, cost), where the states are
-    s_0 .. s_N in a row and the sensitivities are the row-major blocks [dF/ds | dF/da] of each stage.
+    `rollout(p, U)` gives (states, cost); `linearised(p, U)` gives (states, sensitivities, cost, half of the cost's
+    gradient), where the states are s_0 .. s_N in a row and the sensitivities are the row-major blocks [dF/ds | dF/da]
+    of each stage.
     """
 
     def __init__(self, model: Dynamics, config: MpcConfig, command_rate_per_s: float = math.inf) -> None:
@@ -103,16 +105,20 @@ class StationProblem:
         delay_s: float,
     ) -> tuple[float, ...]:
         """The state (n_state) after delay_s under the input applied now: the initial state of the plan."""
-        at, count = np.array(state), substeps(delay_s, self.model.max_step_s)
-        after = advance(self.model, at, np.array(applied), np.array(wind), np.array(disturbance), delay_s, count)
-        return tuple(np.asarray(after).tolist())
+        count = substeps(delay_s, self.model.max_step_s)
+        self._after[:] = state
+        self._applied[:], self._wind[:], self._disturbance[:] = applied, wind, disturbance
+        self._step_s[0] = delay_s / count
+        for _ in range(count):
+            self._state[:] = self._after
+            self._advance()
+        return tuple(self._after.tolist())
 
     def side_acceleration(self, wind: tuple[float, float], disturbance: tuple[float, float, float]) -> float:
         """v_dot (m/s^2) of the boat at rest at the station, its motors neutral, wind and disturbance as in `pack`."""
-        rest, neutral = np.zeros(self.n_state), self.model.input_of_command((0.0, 0.0))
-        wind_, disturbance_ = np.array(wind), np.array(disturbance)
-        s_dot = motion_derivative(self.model, rest, np.array(neutral), wind_, disturbance_)
-        return float(s_dot[4])
+        self._wind[:], self._disturbance[:] = wind, disturbance
+        self._evaluate_side()
+        return float(self._side[0])
 
     def bounds(self, parameters: Array) -> tuple[Array, Array]:
         """Lower and upper bounds of the inputs, (stages, 2) each, from the input applied last.
@@ -160,6 +166,14 @@ class StationProblem:
         steps = tuple(zip(self.steps_s.tolist(), self.substep_counts, strict=True))
         self.rollout, self.linearised = _unrolled(self.substep.serialize(), steps)
 
+        self._state, self._after, self._applied = np.zeros(n), np.zeros(n), np.zeros(2)
+        self._wind, self._disturbance, self._step_s, self._side = np.zeros(2), np.zeros(3), np.zeros(1), np.zeros(1)
+        arguments = [self._state, self._applied, self._wind, self._disturbance, self._step_s]
+        self._advance = bind(self.substep, arguments, [self._after])
+        rest, neutral = ca.SX.zeros(n), ca.SX(ca.DM(model.input_of_command((0.0, 0.0))))
+        side = ca.Function("side_acceleration", [w, d], [motion_derivative(model, rest, neutral, w, d)[4]])
+        self._evaluate_side = bind(side, [self._wind, self._disturbance], [self._side])
+
 
 @functools.lru_cache(maxsize=REMEMBERED)
 def _unrolled(serialized: str, steps: tuple[tuple[float, int], ...]) -> tuple[ca.Function, ca.Function]:
@@ -192,17 +206,33 @@ def _unrolled(serialized: str, steps: tuple[tuple[float, int], ...]) -> tuple[ca
             block = local[:, :n] @ block + ca.horzcat(ca.SX(n, n), local[:, n:])
         states.append(state)
         fast_states.append(fast_state)
-        blocks.append(ca.vec(ca.densify(block).T))
+        blocks.append(block)
+
+    def error_of(trajectory: list[ca.SX], k: int) -> ca.SX:
+        return trajectory[k + 1][:POSE_AND_VELOCITY] - ca.vertcat(0, 0, reference, 0, 0, 0)
+
+    def change_of(k: int) -> ca.SX:
+        return inputs[2 * k : 2 * k + 2] - (inputs[2 * k - 2 : 2 * k] if k else previous)
+
+    def weight_of(k: int) -> ca.SX:
+        return q[POSE_AND_VELOCITY * k : POSE_AND_VELOCITY * (k + 1)]
 
     def cost_of(trajectory: list[ca.SX]) -> ca.SX:
         cost = ca.SX(0.0)
         for k in range(stages):
-            error = trajectory[k + 1][:POSE_AND_VELOCITY] - ca.vertcat(0, 0, reference, 0, 0, 0)
-            change = inputs[2 * k : 2 * k + 2] - (inputs[2 * k - 2 : 2 * k] if k else previous)
-            weight = q[POSE_AND_VELOCITY * k : POSE_AND_VELOCITY * (k + 1)]
-            cost += ca.dot(weight, error**2) + slew * ca.sumsqr(change)
+            cost += ca.dot(weight_of(k), error_of(trajectory, k) ** 2) + slew * ca.sumsqr(change_of(k))
         return cost
 
+    # Half of the gradient, by the adjoint states from the last stage to the first.
+    adjoint, slopes = ca.SX(n, 1), []
+    for k in range(stages - 1, -1, -1):
+        adjoint = adjoint + ca.vertcat(weight_of(k) * error_of(states, k), ca.SX(n - POSE_AND_VELOCITY, 1))
+        of_input = blocks[k][:, n:].T @ adjoint + slew * change_of(k)
+        slopes.append(of_input - slew * change_of(k + 1) if k + 1 < stages else of_input)
+        adjoint = blocks[k][:, :n].T @ adjoint
+    gradient = ca.densify(ca.vertcat(*reversed(slopes)))
+
     rollout = ca.Function("rollout", [p, inputs], [ca.vertcat(*fast_states), cost_of(fast_states)])
-    linearised = [ca.vertcat(*states), ca.vertcat(*blocks), cost_of(states)]
+    rows = ca.vertcat(*(ca.vec(ca.densify(block).T) for block in blocks))
+    linearised = [ca.vertcat(*states), rows, cost_of(states), gradient]
     return rollout, ca.Function("linearised", [p, inputs], linearised)

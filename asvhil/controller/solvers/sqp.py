@@ -10,6 +10,7 @@ import numpy as np
 
 from asvhil.controller.solvers.outcome import bounded, failure
 from asvhil.controller.solvers.problem import POSE_AND_VELOCITY, Solution, StationProblem
+from asvhil.dynamics import ordered
 from asvhil.dynamics.arrays import Array, is_finite
 from asvhil.dynamics.buffers import bind
 
@@ -21,12 +22,18 @@ USUAL = 3  # steps that suffice for a plan warm-started in each tick; more are t
 COARSE = 1e-3  # the tolerance of further steps
 DAMPING = 1e-9  # of the Hessian's mean diagonal: keeps it definite if an input has no weight
 QP_SOLVED = 1  # daqp's exit flag for an optimal solution
+# Of full thrust: what a step of the inputs is rounded to, a hundredth of a pulse's resolution, and how near to the
+# middle between two such values the answer of another machine may lie beyond it.
+GRID, DOUBT = 2.0**-16, 2.0**-28
 
 
 class Sqp:
     """Improves a start on the true cost of a `StationProblem`; works in buffers of its own, so one per thread.
 
-    Equal calls give bit-identical results: nothing is carried from one call to the next.
+    Equal calls give bit-identical results: nothing is carried from one call to the next. They do so on every machine:
+    costs, gradients and states come from CasADi, whose operations have one order. The QP's matrix and its solution come
+    from BLAS and daqp, whose last bits depend on the processor, so the inputs after a step are rounded; where the
+    rounding itself could depend on these bits, the QP is solved again in one order of operations.
     """
 
     def __init__(self, problem: StationProblem) -> None:
@@ -35,8 +42,9 @@ class Sqp:
         self._p, self._u = np.zeros(problem.n_parameters), np.zeros(width)
         self._x, self._cost = np.zeros((stages + 1) * n), np.zeros(1)
         self._x_tangent, self._blocks = np.zeros((stages + 1) * n), np.zeros(stages * n * (n + 2))
+        self._gradient = np.zeros(width)  # half of the cost's
         self._roll = bind(problem.rollout, [self._p, self._u], [self._x, self._cost])
-        tangent = [self._x_tangent, self._blocks, self._cost]
+        tangent = [self._x_tangent, self._blocks, self._cost, self._gradient]
         self._linearise = bind(problem.linearised, [self._p, self._u], tangent)
         # Row block k holds d s_k / d U over d a_k / d U, so that one product with [dF/ds | dF/da] gives d s_k+1 / d U.
         self._gains = np.zeros((stages + 1, n + 2, width))
@@ -64,13 +72,9 @@ class Sqp:
         self._lower, self._upper = lower.ravel(), upper.ravel()
         u = bounded(np.asarray(start, dtype=float).ravel(), self._lower, self._upper)
         self._p[:] = parameters
-        weights, reference, previous, slew = problem.unpack_cost(self._p)
+        weights, _, _, slew = problem.unpack_cost(self._p)
         root = np.sqrt(weights)
-        target = np.zeros(POSE_AND_VELOCITY)
-        target[2] = reference
         smoothing = slew * self._smoothing
-        pull = np.zeros(u.size)
-        pull[:2] = slew * previous
 
         self._u[:] = u
         self._linearise()
@@ -83,7 +87,7 @@ class Sqp:
             if solved:
                 self._u[:] = u
                 self._linearise()
-            step, slope = self._step(u, root, target, smoothing, pull)
+            step, slope = self._step(u, root, smoothing)
             if step is None:
                 status = "the QP failed"
                 break
@@ -112,26 +116,40 @@ class Sqp:
         self._roll()
         return float(self._cost[0])
 
-    def _step(self, u: Array, root: Array, target: Array, smoothing: Array, pull: Array) -> tuple[Array | None, float]:
+    def _step(self, u: Array, root: Array, smoothing: Array) -> tuple[Array | None, float]:
         """The step of a QP within the bounds and the cost's slope along it, where u was linearised; None: it failed."""
-        problem = self._problem
         for block, gains, next_gains in self._chain:
             np.dot(block, gains, out=next_gains)
-        states = self._x_tangent.reshape(-1, problem.n_state)[1:, :POSE_AND_VELOCITY]
-        residual = (root * (states - target)).ravel()
-        jacobian = (root[:, :, None] * self._weighted_gains).reshape(-1, u.size)
-        hessian = jacobian.T @ jacobian + smoothing
-        gradient = residual @ jacobian + smoothing @ u - pull
-        diagonal = hessian.ravel()[:: u.size + 1]
-        diagonal += DAMPING * (np.add.reduce(diagonal) / u.size) + 1e-12
-        if not (is_finite(hessian) and is_finite(gradient)):
+        jacobian = self._jacobian(root)
+        hessian = _damped(jacobian.T @ jacobian + smoothing)
+        if not (is_finite(hessian) and is_finite(self._gradient)):
             return None, 0.0
-        step, _, flag, _ = daqp.solve(
-            hessian, gradient, self._no_rows, self._upper - u, self._lower - u, self._inequality
-        )
+        lower, upper = self._lower - u, self._upper - u
+        step, _, flag, answer = daqp.solve(hessian, self._gradient, self._no_rows, upper, lower, self._inequality)
         if flag != QP_SOLVED or not is_finite(step):
             return None, 0.0
-        return step, 2.0 * float(gradient @ step)
+        after, in_doubt = _rounded(u + step)
+        if in_doubt:
+            after, _ = _rounded(u + self._in_order(root, smoothing, lower, upper, answer["lam"]))
+        step = bounded(after, self._lower, self._upper) - u
+        return step, 2.0 * float(np.add.reduce(self._gradient * step))
+
+    def _jacobian(self, root: Array) -> Array:
+        """Of the weighted states after each stage, all in one column, by the inputs (6 * stages, 2 * stages)."""
+        weighted: Array = root[:, :, None] * self._weighted_gains
+        return weighted.reshape(-1, weighted.shape[-1])
+
+    def _in_order(self, root: Array, smoothing: Array, lower: Array, upper: Array, multipliers: Array) -> Array:
+        """The step of the QP in one order of operations, with the bounds active that have a multiplier."""
+        for block, gains, next_gains in self._chain:
+            next_gains[:] = ordered.product(block, gains)
+        jacobian = self._jacobian(root)
+        hessian = _damped(ordered.product(jacobian.T, jacobian) + smoothing)
+        step: Array = np.where(multipliers > 0.0, upper, np.where(multipliers < 0.0, lower, 0.0))
+        free = multipliers == 0.0
+        pull = self._gradient + ordered.product(hessian, step)
+        step[free] = ordered.solve(hessian[np.ix_(free, free)], -pull[free])
+        return step
 
     def _search(self, u: Array, step: Array, slope: float, cost: float) -> tuple[Array, float] | None:
         """The first of ever shorter steps that lowers the true cost enough, and its cost.
@@ -150,6 +168,22 @@ class Sqp:
             share = -0.5 * slope * length / bend if bend < np.inf else 0.0  # False for NaN too
             length *= min(max(share, least), most)
         return None
+
+
+def _damped(hessian: Array) -> Array:
+    """A Hessian that is definite even if an input has no weight; changed in place."""
+    diagonal = hessian.reshape(-1)[:: len(hessian) + 1]
+    diagonal += DAMPING * (np.add.reduce(diagonal) / len(hessian)) + 1e-12
+    return hessian
+
+
+def _rounded(inputs: Array) -> tuple[Array, bool]:
+    """The inputs on the grid, and whether any is so near to the middle between two of its points that it may be the
+    other one elsewhere.
+    """
+    scaled = inputs / GRID
+    nearest = np.rint(scaled)
+    return nearest * GRID, bool(np.abs(scaled - nearest).max() > 0.5 - DOUBT / GRID)
 
 
 def build(problem: StationProblem, caps: Sequence[int]) -> Sqp:

@@ -274,7 +274,7 @@ class ParameterClient:
         self.changes += 1
 
     def _known(self, group: tuple[str, ...]) -> bool:
-        return any(name in self._values for name in group)
+        return not self._values.keys().isdisjoint(group)  # looked up for each parameter in each tick
 
     def _is_absent(self, group: tuple[str, ...]) -> bool:
         return self._absent.issuperset(group)

@@ -69,7 +69,7 @@ def test_rollout_and_linearised_agree_with_plain_integration(model):
         last = inputs[k]
     expected_cost += q.terminal_position_s * offset2 + heading_and_velocity
     assert cost[0] == pytest.approx(expected_cost, rel=1e-12)
-    same_states, _, same_cost = (np.array(part).ravel() for part in problem.linearised(p, inputs.ravel()))
+    same_states, _, same_cost, _ = (np.array(part).ravel() for part in problem.linearised(p, inputs.ravel()))
     assert same_states == pytest.approx(states, abs=1e-10)
     assert same_cost[0] == pytest.approx(cost[0], rel=1e-12)
 
@@ -82,7 +82,7 @@ def test_sensitivities_match_finite_differences(model):
     s = np.array([-5.0, 2.0, 0.4, 0.5, -0.1, 0.1, *[0.2] * model.n_motor])
     p = problem.pack(s, (2.0, -3.0), (0.02, -0.03, 0.01), 0.0, (0.0, 0.0), config.near)
     u = np.full(10, 0.3)
-    states, blocks, _ = (np.array(part).ravel() for part in problem.linearised(p, u))
+    states, blocks, _, _ = (np.array(part).ravel() for part in problem.linearised(p, u))
     blocks = blocks.reshape(5, n, n + 2)
     for k in (0, 4):
         count = substeps(problem.steps_s[k], model.max_step_s)

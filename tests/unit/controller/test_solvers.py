@@ -242,7 +242,7 @@ def test_an_end_that_is_no_solution_is_a_failure():
 
 def test_autograd_gives_the_sensitivities_of_casadi_stage_by_stage_and_batched():
     p, u = pack(STATES["abeam"]), np.random.default_rng(4).uniform(-0.3, 1.0, size=(20, 2))
-    _, blocks, _ = PROBLEM.linearised(p, u.ravel())
+    _, blocks, _, _ = PROBLEM.linearised(p, u.ravel())
     expected = np.array(blocks).reshape(20, 8, 10)
     for batched in (False, True):
         solver, seen = TorchLqr(PROBLEM, batched), []

@@ -174,6 +174,58 @@ def test_equal_calls_agree_to_the_bit_whatever_was_solved_between():
         assert (first.cost, first.iterations, first.status) == (other.cost, other.iterations, other.status)
 
 
+def other_machine(monkeypatch, off: float):
+    """QPs are answered with an error of up to `off`, as by another BLAS or another daqp."""
+    rng = np.random.default_rng(1)
+
+    def solve(hessian, *rest):
+        step, value, flag, answer = daqp.solve(hessian, *rest)
+        return step + rng.uniform(-off, off, step.size), value, flag, answer
+
+    monkeypatch.setattr(sqp_module, "daqp", Spy(solve))
+
+
+def plans() -> list:
+    rng = np.random.default_rng(2)
+    found = []
+    for weights in (CONFIG.far, CONFIG.near):
+        for state in STATES.values():
+            p = pack(state, weights)
+            found += [SOLVER.solve(p, rng.uniform(-0.5, 0.9, (20, 2)), 12) for _ in range(8)]
+    return found
+
+
+def test_last_bits_of_blas_and_daqp_change_no_bit_of_a_plan(monkeypatch):
+    here = plans()
+    other_machine(monkeypatch, 0.5 * sqp_module.DOUBT)
+    for mine, theirs in zip(here, plans(), strict=True):
+        assert np.array_equal(mine.inputs, theirs.inputs) and np.array_equal(mine.states, theirs.states)
+        assert (mine.cost, mine.iterations, mine.status) == (theirs.cost, theirs.iterations, theirs.status)
+
+
+def test_without_the_second_solution_they_would(monkeypatch):
+    here = plans()
+    other_machine(monkeypatch, 0.5 * sqp_module.DOUBT)
+    monkeypatch.setattr(sqp_module, "DOUBT", 0.0)
+    assert any(not np.array_equal(mine.inputs, theirs.inputs) for mine, theirs in zip(here, plans(), strict=True))
+
+
+def test_the_solution_in_order_is_that_of_daqp(monkeypatch):
+    off = []
+
+    def spy(hessian, gradient, rows, upper, lower, sense):
+        found = daqp.solve(hessian, gradient, rows, upper, lower, sense)
+        weights, _, _, slew = PROBLEM.unpack_cost(SOLVER._p)
+        exact = SOLVER._in_order(np.sqrt(weights), slew * SOLVER._smoothing, lower, upper, found[3]["lam"])
+        off.append(np.abs(found[0] - exact).max())
+        return found
+
+    monkeypatch.setattr(sqp_module, "daqp", Spy(spy))
+    plans()
+    assert len(off) > 100
+    assert max(off) < 0.1 * sqp_module.DOUBT
+
+
 def test_a_converged_plan_is_left_alone():
     p = pack(STATES["on station"], CONFIG.near)
     found = SOLVER.solve(p, starts()[0], 60)
