@@ -84,7 +84,7 @@ def test_tables_have_a_row_for_each_tick(log: Path, tmp_path: Path) -> None:
         truth = read_run(log).truth
         assert truth is not None
         last = rows[-1]
-        assert (last["truth_n_m"], last["truth_e_m"]) == pytest.approx(truth.rows[-1][1:3])
+        assert (last["truth_n_m"], last["truth_e_m"]) == pytest.approx(truth.pose[-1, :2])
     both = [table(tmp_path / f"run{ending}") for ending in (".csv", ".parquet")]
     assert [{k: v or None for k, v in row.items()} for row in both[0]] == [
         {k: v or None for k, v in row.items()} for row in both[1]
