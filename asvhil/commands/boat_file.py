@@ -192,7 +192,8 @@ def _weight_lines(vessel: VesselConfig) -> str:
     else:
         words = "So strong motors on so light a hull shuttle with the default weights; `slew` calms them."
         near = ", slew: 20"
-    return f"    # {words}\n    near: {{heading: 120{near}}}\n    lasting_offset_m: [0.10, 0.25]"
+    lag = "    unmodelled_lag_s: 0.13     # two thirds of the motor lag: for learned models, which have no motor states"
+    return f"    # {words}\n    near: {{heading: 120{near}}}\n    lasting_offset_m: [0.10, 0.25]\n{lag}"
 
 
 def _estimator_lines(boat: OwnBoat) -> str:

@@ -15,6 +15,7 @@ from asvhil.commands.collect import collect
 from asvhil.commands.dashboard import dashboard
 from asvhil.commands.evaluate import evaluate
 from asvhil.commands.init import init
+from asvhil.commands.learn import learn
 from asvhil.commands.numbers import refuse_odd_numbers
 from asvhil.commands.operate import hold, neutral, release
 from asvhil.commands.output import guard_standard_streams
@@ -38,7 +39,7 @@ app = typer.Typer(
 for command in (
     *(init, run, hold, neutral, release, status, dashboard, check, calibrate),
     *(sitl, plant, report, replay),
-    *(collect, train, evaluate),
+    *(learn, collect, train, evaluate),
 ):
     app.command()(command)
 app.add_typer(config.app, name="config")

@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from asvhil.commands.options import ConfigArgument, JsonOption, SetOption
 from asvhil.commands.views import LiveView, check_writable, progress, say, tell_borrowed_hull, write_json
 from asvhil.errors import AsvhilError, ConfigError
+
+if TYPE_CHECKING:
+    from asvhil.collect import Collected, Mode
+    from asvhil.config import Config
+    from asvhil.config.mean_wind import WindSector
 
 
 def collect(
@@ -31,8 +37,6 @@ def collect(
     """Drive the predefined manoeuvres and log them: the data that models are trained from."""
     from rich.console import Console
 
-    from asvhil.collect import Mode
-    from asvhil.collect import collect as drive
     from asvhil.config import load_config
     from asvhil.config.mean_wind import parse_wind
 
@@ -45,9 +49,27 @@ def collect(
     winds = [parse_wind(text) for text in wind]
     if vehicle:
         tell_borrowed_hull(settings, config, set_)
+    runs = drive_with_display(settings, mode, duration, winds, output, note, console)
+    write_json(json_, {"runs": [{**dataclasses.asdict(run), "log": str(run.log)} for run in runs]})
+    refuse_incomplete(runs, console)
+
+
+def drive_with_display(
+    settings: Config,
+    mode: Mode,
+    duration: float,
+    winds: Sequence[WindSector],
+    output: Path | None,
+    note: str,
+    console: Any,
+) -> list[Collected]:
+    """`collect.collect`, shown as it goes: a real boat in the live table, a simulated one as a bar for each run."""
+    from asvhil.collect import collect as drive
+
+    if mode == "vehicle":
         view = LiveView(settings, f"asvhil collect: {settings.vehicle.name}, waits for `asvhil hold`")
         with view:
-            runs = drive(
+            return drive(
                 settings,
                 mode,
                 duration,
@@ -57,18 +79,20 @@ def collect(
                 on_status=lambda run, status: view.show_status(status),
                 watches={"display": lambda: view.trouble},
             )
-    else:
-        with progress(console) as bar:
-            tasks: dict[int, Any] = {}
+    with progress(console) as bar:
+        tasks: dict[int, Any] = {}
 
-            def start(run: int, log: Path, words: str) -> None:
-                tasks[run] = bar.add_task(words or log.name, total=duration)
+        def start(run: int, log: Path, words: str) -> None:
+            tasks[run] = bar.add_task(words or log.name, total=duration)
 
-            def show(run: int, status: dict[str, Any]) -> None:
-                bar.update(tasks[run], completed=round(status["held_s"], 1))
+        def show(run: int, status: dict[str, Any]) -> None:
+            bar.update(tasks[run], completed=round(status["held_s"], 1))
 
-            runs = drive(settings, mode, duration, winds, output, note, on_status=show, on_start=start)
-    write_json(json_, {"runs": [{**dataclasses.asdict(run), "log": str(run.log)} for run in runs]})
+        return drive(settings, mode, duration, winds, output, note, on_status=show, on_start=start)
+
+
+def refuse_incomplete(runs: Sequence[Collected], console: Any) -> None:
+    """Tell each run; AsvhilError where the last one has not come to its end."""
     for run in runs:
         note = f", {run.note}" if run.note else ""
         say(console, f"{run.log}: {run.held_s:.0f} s{note}" if run.complete else f"{run.log}: {run.reason}")

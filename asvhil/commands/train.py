@@ -12,7 +12,7 @@ import typer
 from asvhil.commands.options import ColumnsOption, JsonOption, PluginOption, RecordedPluginsOption
 from asvhil.commands.signatures import option, parameters_of, with_parameters
 from asvhil.commands.views import progress, say, write_json
-from asvhil.errors import AsvhilError
+from asvhil.errors import AsvhilError, ConfigError
 from asvhil.train.options import CHOICES, NETWORKS, OPTIONS, FitOptions, chosen_options
 
 if TYPE_CHECKING:
@@ -34,6 +34,7 @@ def train(
     smoothing: Annotated[bool, typer.Option(help="Smooth the training data over time.")] = True,
     dt: Annotated[float, typer.Option(min=0.02, max=2.0, help="Step of the model in seconds.")] = 0.2,
     resume: Annotated[bool, typer.Option("--resume", help="Go on with an interrupted training.")] = False,
+    force: Annotated[bool, typer.Option("--force", help="Overwrite a model file that is there.")] = False,
     plugin: PluginOption = [],  # noqa: B006 - typer copies its defaults
     allow_recorded_plugins: RecordedPluginsOption = False,
     json_: JsonOption = None,
@@ -42,41 +43,27 @@ def train(
     """Train a vessel model on logs. Writes the model file and a picture of its loss."""
     from rich.console import Console
 
-    _need_torch()
+    need_torch()
     from asvhil.logs.plugins import load_plugins
-    from asvhil.train.jobs import checkpoint_of, train_command
 
     load_plugins(data if columns is None else (), plugin, allow_recorded=allow_recorded_plugins)
+    if output.exists() and not force:
+        raise ConfigError(f"train: {output} is there already: another name, or --force to overwrite it")
     console = Console()
-    options = chosen_options(kind, dt, **chosen)
-    try:
-        with progress(console) as bar:
-            task = bar.add_task(kind, total=options.iterations)
-
-            def show(state: TrainingProgress) -> None:
-                words = f"{kind}, best validation error {state.validation:.4f}"
-                bar.update(task, completed=state.iteration, total=state.iterations, description=words)
-
-            figures = train_command(
-                kind,
-                data,
-                output,
-                columns=columns,
-                vehicle=vehicle,
-                seed=seed,
-                options=options,
-                dt_s=dt,
-                smoothed=smoothing,
-                tries=tries,
-                resume=resume,
-                progress=show,
-            )
-    except KeyboardInterrupt:
-        if checkpoint_of(output).exists():
-            typer.echo(
-                f"asvhil: interrupted; the same command with --resume goes on from {checkpoint_of(output)}", err=True
-            )
-        raise
+    figures = train_with_bar(
+        console,
+        kind,
+        data,
+        output,
+        columns=columns,
+        vehicle=vehicle,
+        seed=seed,
+        options=chosen_options(kind, dt, **chosen),
+        dt_s=dt,
+        smoothed=smoothing,
+        tries=tries,
+        resume=resume,
+    )
     write_json(json_, figures)
     words = f"{output}: {kind} for {figures['vehicle']}, {figures['data_s']:.0f} s of data, {figures['wall_s']:.1f} s"
     if figures["missing_rows"] or figures["outliers"]:
@@ -85,7 +72,29 @@ def train(
     say(console, figures["at_rest"]["verdict"])
 
 
-def _need_torch() -> None:
+def train_with_bar(console: Any, kind: str, data: list[Path], output: Path, **settings: Any) -> dict[str, Any]:
+    """`train.jobs.train_command` with a bar; where it is interrupted, how to go on is told."""
+    from asvhil.train.jobs import checkpoint_of, train_command
+
+    options = settings.setdefault("options", chosen_options(kind, settings.get("dt_s", 0.2)))
+    try:
+        with progress(console) as bar:
+            task = bar.add_task(kind, total=options.iterations)
+
+            def show(state: TrainingProgress) -> None:
+                words = f"{kind}, best validation error {state.validation:.4f}"
+                bar.update(task, completed=state.iteration, total=state.iterations, description=words)
+
+            return train_command(kind, data, output, **settings, progress=show)
+    except KeyboardInterrupt:
+        if checkpoint_of(output).exists():
+            typer.echo(
+                f"asvhil: interrupted; the same command with --resume goes on from {checkpoint_of(output)}", err=True
+            )
+        raise
+
+
+def need_torch() -> None:
     """One clear line where the training extra is not installed."""
     from importlib.util import find_spec
 

@@ -164,8 +164,8 @@ class ControllerConfig(Choosing):
     model: str | None = Field(
         default=None,
         description=(
-            "File of a learned model: a path, or the name of a shipped one; where absent, the one shipped for this "
-            "vehicle (VEHICLE-KIND.npz)."
+            "File of a learned model: a path, also from the folder of the config, or the name of a shipped one; where "
+            "absent, the one shipped for this vehicle (VEHICLE-KIND.npz)."
         ),
     )
     on_other_hull: Literal["refuse", "physics", "use"] = Field(

@@ -140,6 +140,7 @@ def _read_tree(path: Path, seen: tuple[Path, ...]) -> tuple[dict[str, Any], Line
     file = f" of {path.name}" if seen else ""
     lines = {place: f"line {line}{file}" for place, line in found.lines.items()}
     _place_plugins(tree, path.parent)
+    _place_model(tree, path.parent)
     base_path = base_of(path, tree)
     tree.pop("base", None)
     if base_path is None:
@@ -211,6 +212,14 @@ def _place_plugins(tree: dict[str, Any], folder: Path) -> None:
             else one
             for one in files
         ]
+
+
+def _place_model(tree: dict[str, Any], folder: Path) -> None:
+    """The path of a model file that is beside the config and not in the working directory, so that it is found."""
+    section = tree.get("controller")
+    model = section.get("model") if isinstance(section, dict) else None
+    if isinstance(model, str) and not Path(model).is_file() and (folder / model).is_file():
+        tree["controller"] = {**section, "model": str(folder / model)}  # type: ignore[dict-item]
 
 
 def _load_plugins(tree: dict[str, Any], source: str, lines: Lines) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 from asvhil.config import VesselConfig
@@ -27,6 +28,7 @@ from asvhil.train.evaluate import Case, evaluate, predict, windows_of
 from asvhil.train.log_series import read_log_series
 from asvhil.train.options import FitOptions, chosen_options
 from asvhil.train.progress import TrainingProgress
+from asvhil.train.records import source_hash
 from asvhil.types import record
 
 DT_S = 0.2
@@ -130,6 +132,7 @@ def train_command(
         origin = origin_of(data)
         if vehicle is not None and vehicle != origin.vehicle:
             raise ConfigError(f"train: the logs come from vehicle {origin.vehicle!r}, not from {vehicle!r}")
+    refuse_twice(data)
     dataset = training_data(data, columns, dt_s, smoothed=smoothed)
     checkpoint = checkpoint_of(output)
     if not resume:
@@ -185,8 +188,11 @@ def evaluate_command(
     every_s: float = 10.0,
     truth: bool = False,
     figure: Path | None = None,
+    beside: Mapping[str, Dynamics] = MappingProxyType({}),
 ) -> dict[str, Any]:
     """Open-loop errors of model files on logs or CSV files; with a figure, the first window in motion is drawn.
+
+    `beside`: models by name that have no file, such as the physics of a config, to be scored and drawn as well.
 
     Raises ConfigError, LogError or ModelError in one line: among others where a model has another step than the
     first one, or belongs to another vehicle than the logs.
@@ -206,6 +212,7 @@ def evaluate_command(
         name = model.kind if model.kind not in dynamics else f"{model.kind} {path.name}"
         dynamics[name] = model.dynamics()
         checks[name] = at_rest(dynamics[name], model.scaling.half[5:], vessel)
+    dynamics |= beside
     rows = evaluate(dynamics, cases, dt_s, horizon_s, every_s)
     if figure is not None:
         from asvhil.train.pictures import draw_identification
@@ -224,6 +231,19 @@ def evaluate_command(
         "rows": rows,
         "at_rest": {name: {**check.figures(), "verdict": check.verdict()} for name, check in checks.items()},
     }
+
+
+def refuse_twice(paths: Sequence[Path]) -> None:
+    """ConfigError where two of the files have the same content, which would count twice. LogError as `source_hash`."""
+    seen: dict[str, Path] = {}
+    sizes = [path.stat().st_size for path in paths if path.is_file()]
+    for path in paths:
+        if path.is_file() and sizes.count(path.stat().st_size) < 2:
+            continue
+        content = source_hash([path])
+        if content in seen:
+            raise ConfigError(f"data: {seen[content]} and {path} are the same record: give it once")
+        seen[content] = path
 
 
 def checkpoint_of(output: Path) -> Path:

@@ -168,7 +168,7 @@ def test_options_reach_the_training(run: Run, folder: Path) -> None:
 
 def test_options_of_rates_and_shapes_reach_the_training(run: Run, folder: Path) -> None:
     order = ("--iterations", "20", "--rate", "0.004", "--weight-decay", "1e-5", "--json", "opt.json")
-    assert run("train", "nnsem", "run.csv", *OF_CSV, "-o", "opt.npz", "--paired", *order)[0] == 0
+    assert run("train", "nnsem", "run.csv", *OF_CSV, "-o", "opt.npz", "--force", "--paired", *order)[0] == 0
     options = json.loads((folder / "opt.json").read_text())["options"]
     assert (options["paired"], options["symmetric"], options["mirror"]) == (True, True, False)
     assert (options["rate"], options["last_rate"], options["weight_decay"]) == (0.004, 0.004, 1e-5)
@@ -180,6 +180,7 @@ def test_options_of_rates_and_shapes_reach_the_training(run: Run, folder: Path) 
             *OF_CSV,
             "-o",
             "opt.npz",
+            "--force",
             "--from-sd",
             "--last-rate",
             "0",
@@ -192,6 +193,19 @@ def test_options_of_rates_and_shapes_reach_the_training(run: Run, folder: Path) 
     options = json.loads((folder / "opt.json").read_text())["options"]
     assert options["robust"] == 0.05 == read_model(folder / "opt.npz").figures["options"]["robust"]
     assert (options["from_sd"], options["symmetric"], options["rate"], options["last_rate"]) == (True, True, 0.004, 0.0)
+
+
+def test_a_model_is_not_overwritten_and_a_record_counts_once(run: Run, folder: Path) -> None:
+    (folder / "kept.npz").write_bytes(b"hours of work")
+    order = ("train", "sd", "run.csv", *OF_CSV, "-o", "kept.npz")
+    refused(run(*order), "kept.npz is there already: another name, or --force to overwrite it")
+    assert (folder / "kept.npz").read_bytes() == b"hours of work"
+    assert run(*order, "--force")[0] == 0 and read_model(folder / "kept.npz").kind == "sd"
+    (folder / "copy.csv").write_bytes((folder / "run.csv").read_bytes())
+    for twice in ("run.csv", "copy.csv"):
+        words = f"run.csv and {twice} are the same record: give it once"
+        refused(run("train", "sd", "run.csv", twice, *OF_CSV, "-o", "twice.npz"), words)
+    assert not (folder / "twice.npz").exists()
 
 
 def test_of_several_tries_the_best_on_validation_is_kept(run: Run, folder: Path) -> None:

@@ -1,0 +1,323 @@
+"""`asvhil learn`: from manoeuvres to a model with a verdict, as one command with stops to confirm."""
+
+from __future__ import annotations
+
+import dataclasses
+import sys
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from asvhil.commands.collect import drive_with_display, refuse_incomplete
+from asvhil.commands.options import ConfigArgument, JsonOption, SetOption
+from asvhil.commands.train import train_with_bar
+from asvhil.commands.views import check_writable, progress, say, tell_borrowed_hull, write_json, writing
+from asvhil.errors import AsvhilError, ConfigError
+
+if TYPE_CHECKING:
+    from asvhil.config import Config
+    from asvhil.train.verdict import ModelVerdict
+
+STOPPED = "stopped; logs that were made are kept: `asvhil learn CONFIG --data LOG --test LOG` goes on with them"
+TEST_SEED = 500  # added for the drive that is tested on, so that it is another one
+TEST_SHARE = 0.4  # of the time of one drive
+WINDS = ("2@0", "4@120", "5@-60", "3@90")
+TEST_WIND = "4@45"
+HOLD_S = 90.0
+HOLD_WIND = "4@60"
+AS_GOOD = 1.2  # times the physics' penalty score
+KINDS = {"nnsem": "nnsem-mpc", "lagnet": "lagnet-mpc"}
+OPTIONS: dict[str, dict[str, Any]] = {
+    "nnsem": {"paired": True, "still": True, "rate": 0.005, "last_rate": 3e-5, "iterations": 10000},
+    "lagnet": {},
+}
+TRIES = {"nnsem": 2, "lagnet": 1}
+PHYSICS = "physics as configured"
+
+
+@dataclasses.dataclass(frozen=True)
+class _Files:
+    """What `learn` leaves."""
+
+    folder: Path
+    data: Path
+    test: Path
+    model: Path
+    fitted: Path
+    picture: Path
+
+    def there(self) -> list[Path]:
+        """Those that are there already."""
+        return sorted(self.folder.iterdir()) if self.folder.is_dir() else []
+
+
+def learn(
+    config: ConfigArgument,
+    set_: SetOption = [],  # noqa: B006 - typer copies its defaults
+    data: Annotated[
+        list[Path], typer.Option("--data", help="A log that is there already, instead of driving; repeatable.")
+    ] = [],  # noqa: B006
+    test: Annotated[list[Path], typer.Option("--test", help="A log to test on, with --data; repeatable.")] = [],  # noqa: B006
+    duration: Annotated[
+        float | None, typer.Option(min=80.0, help="Seconds of manoeuvres in each drive; 600, simulated 300 by default.")
+    ] = None,
+    wind: Annotated[
+        list[str], typer.Option(metavar="SPEED@DEG", help="Mean wind of a drive of the simulated boat; repeatable.")
+    ] = [],  # noqa: B006
+    kind: Annotated[str, typer.Option(help="nnsem or lagnet.")] = "nnsem",
+    iterations: Annotated[int | None, typer.Option(min=50, help="Steps of the training.")] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the training.")] = 1,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", metavar="DIR", help="Folder; NAME-learned beside the config.")
+    ] = None,
+    yes: Annotated[bool, typer.Option("--yes", help="Do not stop to ask.")] = False,
+    force: Annotated[bool, typer.Option("--force", help="Overwrite what is in the folder.")] = False,
+    json_: JsonOption = None,
+) -> None:
+    """Drive, train, test and judge a model of your boat, and say what to put into its config.
+
+    A config with `supervisor.engage: auto` is of a simulated boat, which drives in virtual time; with `command` it is
+    the real one, which waits for `asvhil hold`.
+    """
+    from rich.console import Console
+
+    from asvhil.config import find_config, load_config
+
+    if kind not in KINDS:
+        raise ConfigError(f"learn: --kind {kind}: {' or '.join(KINDS)} is expected")
+    if bool(data) != bool(test):
+        raise ConfigError("learn: --data and --test go together: a model is not tested on what it was trained on")
+    _need_terminal(yes)
+    check_writable(json_, "--json ")
+    settings = load_config(config, tuple(set_))
+    tell_borrowed_hull(settings, config, set_)
+    name = settings.vehicle.name
+    files = _files(output or find_config(config).parent / f"{name}-learned", name, kind)
+    if files.there() and not force:
+        raise ConfigError(f"learn: {files.folder} is not empty: another folder by -o, or --force to overwrite it")
+    console = Console()
+    steps = _Steps(console, yes)
+    if not data:
+        drive_s = duration or (300.0 if settings.supervisor.engage == "auto" else 600.0)
+        data, test = _drive(settings, files, drive_s, wind, steps, force)
+    figures = _train(kind, [*data], files, iterations, seed, steps, test)
+    verdict, scores = _judge(settings, kind, files, test, steps)
+    held = _hold(settings, kind, files, steps) if settings.supervisor.engage == "auto" else {}
+    _advise(console, settings, kind, files, find_config(config), verdict, held)
+    write_json(
+        json_,
+        {
+            "vehicle": name,
+            "data": [str(path) for path in data],
+            "test": [str(path) for path in test],
+            "training": figures,
+            "rows": scores["rows"],
+            "at_rest": scores["at_rest"][kind],
+            "good": verdict.good,
+            "faults": list(verdict.faults),
+            "hold": held,
+            "picture": str(files.picture),
+        },
+    )
+    if not verdict.good:
+        raise typer.Exit(1)
+
+
+class _Steps:
+    """Numbers the steps, and stops before each where somebody is to confirm."""
+
+    def __init__(self, console: Any, yes: bool) -> None:
+        self.console = console
+        self._yes = yes
+        self._number = 0
+
+    def begin(self, words: str) -> None:
+        """Tell the next step, and ask whether to go on."""
+        self._number += 1
+        say(self.console, f"{self._number}. {words}")
+        if not self._yes and not typer.confirm("   Go on?", default=True):
+            raise AsvhilError(STOPPED)
+
+
+def _need_terminal(yes: bool) -> None:
+    from asvhil.commands.train import need_torch
+
+    need_torch()
+    if not yes and not sys.stdin.isatty():
+        raise ConfigError("learn: it stops to ask, and there is no terminal: use --yes")
+
+
+def _files(folder: Path, name: str, kind: str) -> _Files:
+    return _Files(
+        folder=folder,
+        data=folder / "drive.mcap",
+        test=folder / "test.mcap",
+        model=folder / f"{name}-{kind}.npz",
+        fitted=folder / f"{name}-sd.npz",
+        picture=folder / "fit.png",
+    )
+
+
+def _drive(
+    settings: Config, files: _Files, duration: float, winds: Sequence[str], steps: _Steps, force: bool
+) -> tuple[list[Path], list[Path]]:
+    """The logs to train on, and those to test on."""
+    from asvhil.config.mean_wind import parse_wind
+
+    simulated = settings.supervisor.engage == "auto"
+    if winds and not simulated:
+        raise ConfigError("--wind: nobody makes the wind for a real vehicle; go out in more than one")
+    radius_m = settings.controller.manoeuvres.geofence_radius_m
+    where = "simulated" if simulated else f"the real boat, full throttle within {radius_m:g} m of where it is held"
+    sectors = [parse_wind(text) for text in winds or WINDS] if simulated else []
+    drives = f"{len(sectors)} drives" if len(sectors) > 1 else "a drive"
+    steps.begin(f"{drives} of {duration:.0f} s of manoeuvres ({where})")
+    with writing(files.folder):
+        files.folder.mkdir(parents=True, exist_ok=True)
+        if force:  # a log is never overwritten, so the old ones go first
+            for old in (*files.folder.glob("drive*.mcap"), *files.folder.glob("test*.mcap")):
+                old.unlink()
+    mode: Any = "lockstep" if simulated else "vehicle"
+    runs = drive_with_display(settings, mode, duration, sectors, files.data, "", steps.console)
+    refuse_incomplete(runs, steps.console)
+    test_s = max(60.0, TEST_SHARE * duration)
+    steps.begin(f"a drive of {test_s:.0f} s to test on, which the model never sees in training")
+    tested = drive_with_display(
+        _other(settings), mode, test_s, [parse_wind(TEST_WIND)] if simulated else [], files.test, "", steps.console
+    )
+    refuse_incomplete(tested, steps.console)
+    return [run.log for run in runs], [run.log for run in tested]
+
+
+def _other(settings: Config) -> Config:
+    """The same boat, with other manoeuvres, weather and noise."""
+    import json
+
+    from asvhil.config import config_from_json
+
+    tree = settings.model_dump(mode="json")
+    tree["controller"]["manoeuvres"]["seed"] += TEST_SEED
+    tree["plant"]["seed"] += TEST_SEED
+    return config_from_json(json.dumps(tree), "learn")
+
+
+def _train(
+    kind: str, data: list[Path], files: _Files, iterations: int | None, seed: int, steps: _Steps, test: Sequence[Path]
+) -> dict[str, Any]:
+    """Both models, and the figures of the network's training."""
+    from asvhil.train.jobs import refuse_twice
+    from asvhil.train.options import chosen_options
+
+    refuse_twice([*data, *test])
+    steps.begin(f"training of {kind} on {len(data)} logs, and the physics fitted to the same")
+    with writing(files.folder):
+        files.folder.mkdir(parents=True, exist_ok=True)
+    chosen = {**OPTIONS[kind], **({} if iterations is None else {"iterations": iterations})}
+    figures = train_with_bar(
+        steps.console,
+        kind,
+        data,
+        files.model,
+        options=chosen_options(kind, 0.2, **chosen),
+        seed=seed,
+        tries=TRIES[kind],
+    )
+    train_with_bar(steps.console, "sd", data, files.fitted)
+    say(steps.console, f"   {files.model}: {figures['data_s']:.0f} s of data, {figures['wall_s']:.0f} s of training")
+    return figures
+
+
+def _judge(
+    settings: Config, kind: str, files: _Files, test: Sequence[Path], steps: _Steps
+) -> tuple[ModelVerdict, dict[str, Any]]:
+    """The verdict, and the scores that it comes from."""
+    from asvhil.dynamics.rigid_body import SimplifiedDynamics
+    from asvhil.dynamics.weights import read_model
+    from asvhil.train.at_rest import at_rest
+    from asvhil.train.jobs import evaluate_command, simulated_vessel
+    from asvhil.train.verdict import EVERY_S, HORIZON_S, judge
+
+    console = steps.console
+    steps.begin("the test")
+    with console.status("rolling out"):
+        scores = evaluate_command(
+            [files.model, files.fitted],
+            test,
+            horizon_s=HORIZON_S,
+            every_s=EVERY_S,
+            figure=files.picture,
+            beside={PHYSICS: SimplifiedDynamics(settings.believed_vessel)},
+        )
+        model = read_model(files.model)
+        check = at_rest(model.dynamics(), model.scaling.half[5:], simulated_vessel(test))
+    for name, parts in scores["rows"].items():
+        row = parts["moving"]
+        if row["windows"]:
+            errors = ", ".join(f"{axis} {row[f'mae_{axis}']:.3f}" for axis in "uvr")
+            say(console, f"   {name}: {errors} (m/s, m/s, rad/s; {row['windows']} stretches of {HORIZON_S:g} s)")
+    say(console, f"   {check.verdict()}")
+    say(console, f"   picture {files.picture}")
+    return judge(kind, scores["rows"], check), scores
+
+
+def _hold(settings: Config, kind: str, files: _Files, steps: _Steps) -> dict[str, float]:
+    """Penalty scores of the simulated boat that holds a station by the physics as configured, and by the new model."""
+    import json
+
+    from asvhil.config import config_from_json
+    from asvhil.config.mean_wind import parse_wind, wind_keys
+    from asvhil.logs.run import read_run
+    from asvhil.logs.summary import summarise
+    from asvhil.sitl import run_lockstep
+
+    steps.begin(f"{HOLD_S:.0f} s of station keeping of the simulated boat, by the physics and by the model")
+    scores: dict[str, float] = {}
+    with tempfile.TemporaryDirectory() as folder, progress(steps.console) as bar:
+        for name, model in (("sd-mpc", None), (KINDS[kind], str(files.model))):
+            tree = settings.model_dump(mode="json")
+            tree["controller"] |= {"name": name, "model": model}
+            tree["plant"]["weather"]["wind"] |= wind_keys(parse_wind(HOLD_WIND), settings)
+            log = Path(folder) / f"{name}.mcap"
+            task = bar.add_task(name, total=round(HOLD_S * settings.daemon.tick_hz))
+            config = config_from_json(json.dumps(tree), "learn")
+            run_lockstep(config, log, HOLD_S, lambda _, task=task: bar.advance(task))  # type: ignore[misc]
+            part = summarise(read_run(log), None)["truth"]
+            scores[name] = (
+                round(float(part["penalty_score"]), 2) if part and part["penalty_score"] is not None else -1.0
+            )
+    for name, score in scores.items():
+        say(steps.console, f"   {name}: penalty score {score:.2f}")
+    return scores
+
+
+def _advise(
+    console: Any,
+    settings: Config,
+    kind: str,
+    files: _Files,
+    config: Path,
+    verdict: ModelVerdict,
+    held: dict[str, float],
+) -> None:
+    """The verdict in words, and the lines to put into the config."""
+    for words in verdict.passed:
+        say(console, f"   right: {words}")
+    for words in verdict.faults:
+        say(console, f"   WRONG: {words}")
+    if held and held[KINDS[kind]] > AS_GOOD * held["sd-mpc"]:
+        times = held[KINDS[kind]] / held["sd-mpc"]
+        say(console, f"   note: its penalty score is {times:.1f} times that of the physics of this config")
+    try:
+        path = files.model.relative_to(config.parent)
+    except ValueError:
+        path = files.model.resolve()
+    if verdict.good:
+        if settings.supervisor.engage == "auto":
+            say(console, "This was the simulated boat: a rehearsal. Of your real boat this model knows nothing.")
+        say(console, f"Good enough to hold with. Into {config}:")
+        say(console, f"controller:\n  name: {KINDS[kind]}\n  model: {path}")
+        return
+    say(console, "Not good enough to hold with: stay with sd-mpc, and drive more, in other winds, on quieter water.")

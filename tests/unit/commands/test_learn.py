@@ -1,0 +1,91 @@
+"""`asvhil learn`: the afternoon as one command, on a short rehearsal, and what it refuses."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from asvhil.commands import learn as learn_module
+from asvhil.config import load_config
+from asvhil.dynamics.weights import read_model
+from tests.support.command_line import call, refused
+
+pytest.importorskip("torch")
+CAT = ("--port", "udpin:0.0.0.0:14550", "--length", "1.6", "--beam", "1", "--mass", "38", "--top-speed", "2")
+SHORT = ("--duration", "80", "--wind", "3@90", "--iterations", "60")
+
+
+@pytest.fixture(scope="module")
+def learned(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a boat, and what a rehearsal of a minute has left."""
+    folder = tmp_path_factory.mktemp("learned")
+    assert call("init", "cat.yaml", *CAT, "--motors-apart", "0.84", cwd=folder).status == 0
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(learn_module, "HOLD_S", 10.0)
+        said = call("learn", "cat-sim.yaml", *SHORT, "--json", "f.json", cwd=folder, typed="y\n" * 5)
+    (folder / "said.txt").write_text(said.out)
+    assert said.status in (0, 1) and said.err == "", said
+    assert (said.status == 0) == json.loads((folder / "f.json").read_text())["good"]
+    return folder
+
+
+def test_all_steps_leave_their_files_and_a_verdict(learned: Path) -> None:
+    made = {path.name for path in (learned / "cat-learned").iterdir()}
+    assert made >= {"drive.mcap", "test.mcap", "cat-nnsem.npz", "cat-sd.npz", "fit.png"}
+    figures = json.loads((learned / "f.json").read_text())
+    assert list(figures["rows"]) == ["nnsem", "sd", "physics as configured", "hold the initial value"]
+    assert set(figures["hold"]) == {"sd-mpc", "nnsem-mpc"}
+    said = (learned / "said.txt").read_text()
+    assert [line[:2] for line in said.splitlines() if line[:2] in ("1.", "2.", "3.", "4.", "5.")] == [
+        "1.", "2.", "3.", "4.", "5.",
+    ]  # fmt: skip
+    assert "at rest in still air the boat stays where it is" in said  # trained so
+    assert ("Not good enough" in said) == (not figures["good"])
+
+
+def test_the_lines_that_it_advises_are_taken(learned: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (learned / "own.yaml").write_text(
+        "base: cat-sim.yaml\ncontroller:\n  name: nnsem-mpc\n  model: cat-learned/cat-nnsem.npz\n"
+    )
+    monkeypatch.chdir(learned.parent)  # the path counts from the config
+    config = load_config(learned / "own.yaml")
+    assert config.controller.model is not None and read_model(config.controller.model).vehicle == "cat"
+    said = call("config", "check", str(learned / "own.yaml"), cwd=learned.parent)
+    assert said.status == 0 and "model: pass: cat-nnsem.npz, nnsem of cat" in said.out
+
+
+def test_nothing_is_overwritten_and_no_log_counts_twice(learned: Path) -> None:
+    before = {path: path.read_bytes() for path in (learned / "cat-learned").iterdir()}
+    refused(
+        call("learn", "cat-sim.yaml", "--yes", cwd=learned),
+        "cat-learned is not empty: another folder by -o, or --force",
+    )
+    drive, test = "cat-learned/drive.mcap", "cat-learned/test.mcap"
+    logs = ("--data", drive, "--data", test, "--test", test)
+    refused(
+        call("learn", "cat-sim.yaml", "--yes", "-o", "other", *logs, cwd=learned), "are the same record: give it once"
+    )
+    assert {path: path.read_bytes() for path in before} == before and not (learned / "other").exists()
+
+
+def test_a_no_ends_it_and_says_how_to_go_on(learned: Path) -> None:
+    said = call("learn", "cat-sim.yaml", "-o", "third", cwd=learned, typed="n\n")
+    assert said.status == 2 and "`asvhil learn CONFIG --data LOG --test LOG` goes on" in said.err
+    assert not (learned / "third").exists()
+
+
+@pytest.mark.parametrize(
+    ("order", "words"),
+    [
+        (("cat-sim.yaml",), "it stops to ask, and there is no terminal: use --yes"),
+        (("cat-sim.yaml", "--yes", "--kind", "node"), "--kind node: nnsem or lagnet is expected"),
+        (("cat-sim.yaml", "--yes", "--data", "a.mcap"), "--data and --test go together"),
+        (("cat-sim.yaml", "--yes", "-o", "new", "--data", "a.mcap", "--test", "b.mcap"), "a.mcap: cannot be read"),
+        (("cat-sim.yaml", "--yes", "-o", "new", "--wind", "fast"), "SPEED@DEG is expected"),
+        (("cat.yaml", "--yes", "-o", "new", "--wind", "3@0"), "nobody makes the wind for a real vehicle"),
+        (("dog.yaml", "--yes"), "dog.yaml: no such config file"),
+    ],
+)
+def test_mistakes_are_one_line_before_anything_is_done(learned: Path, order: tuple[str, ...], words: str) -> None:
+    refused(call("learn", *order, cwd=learned), words)
+    assert not (learned / "new").exists()
