@@ -10,7 +10,7 @@ STAMPS := $(VENV)/.stamps
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help sitl test lint unit mutants firmware firmware-sim check-aarch64 clean
+.PHONY: help sitl test lint unit mutants firmware firmware-sim check-aarch64 check-lowest clean
 
 help:
 	@echo "make sitl   keep a station for 60 s with the simulated boat"
@@ -19,31 +19,41 @@ help:
 	@echo "make firmware  build the anemometer's firmware for Arduino Uno and Nano"
 	@echo "make firmware-sim  the same, and a simulated Arduino to run it on"
 	@echo "make check-aarch64  download the daemon's packages as wheels for 64-bit ARM"
+	@echo "make check-lowest  run with the lowest versions of the packages that pyproject.toml allows"
 	@echo "make clean  remove the virtual environment and caches"
 
-# The daemon's own packages, and the Lua interpreter of the simulated autopilot: no torch.
+# What the environment is made with. TORCH_INDEX: the address of an index that has CPU builds of torch; without it an
+# x86-64 machine gets the default build, which brings 4 GB of CUDA.
+TORCH_INDEX ?=
+TOO_OLD = import sys; v = sys.version_info; sys.exit(v < (3, 11) and \
+	f"asvhil needs Python 3.11 or newer, and $(PYTHON) is {v.major}.{v.minor}: make PYTHON=python3.11 $(MAKECMDGOALS)")
+NO_VENV = $(PYTHON) cannot make an environment: install python3-venv (Debian: apt install python3-venv), then make again
+
+# The daemon's own packages, and the Lua interpreter of the simulated autopilot: no torch. An environment that an earlier
+# make could not finish, or that is of another Python, is made anew.
 $(STAMPS)/base: pyproject.toml constraints.txt
 	@echo "setting up $(VENV) ..."
-	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
+	@$(PYTHON) -c '$(TOO_OLD)'
+	@$(PYTHON) -c 'import ensurepip, venv' 2> /dev/null || { echo "$(NO_VENV)" >&2; exit 1; }
+	@test -f $@ && $(BIN)/python -c '$(TOO_OLD)' || $(PYTHON) -m venv --clear $(VENV)
 	@$(INSTALL) -e '.[sim]'
 	@mkdir -p $(STAMPS) && touch $@
 
 $(STAMPS)/test: $(STAMPS)/base
 	@echo "adding what the tests need ..."
-	@$(INSTALL) -e '.[train,dev]'
+	@$(INSTALL) $(if $(TORCH_INDEX),--extra-index-url $(TORCH_INDEX)) -e '.[train,dev]'
 	@touch $@
 
-# The package that the paper's first solver came from pins an old NumPy: a peer in an environment of its own.
-$(STAMPS)/peer: $(STAMPS)/base constraints-peer.txt
+# The package that the paper's first solver came from asks for an old NumPy, which it does not need.
+$(STAMPS)/peer: $(STAMPS)/test constraints-peer.txt
 	@echo "adding the peer of the torch solver ..."
-	@test -x .venv-mpc/bin/python || $(PYTHON) -m venv .venv-mpc
-	@.venv-mpc/bin/python -m pip --disable-pip-version-check install -qq -r constraints-peer.txt
+	@$(PIP) install -qq --no-deps -r constraints-peer.txt
 	@touch $@
 
 # MAVProxy wants a desktop's worth of packages; headless it needs none of them.
 $(STAMPS)/mavproxy: $(STAMPS)/base constraints-mavproxy.txt
 	@echo "adding MAVProxy as a peer ..."
-	@test -x .venv-mavproxy/bin/python || $(PYTHON) -m venv .venv-mavproxy
+	@$(PYTHON) -m venv --clear .venv-mavproxy
 	@.venv-mavproxy/bin/python -m pip --disable-pip-version-check install -qq --no-deps -r constraints-mavproxy.txt
 	@touch $@
 
@@ -91,6 +101,17 @@ SECONDS_EACH ?= 300
 mutants: $(STAMPS)/mutants
 	@$(BIN)/python -m bench.mutants --least 0.9 --sample $(SAMPLE) --seed $(SEED) --seconds $(SECONDS_EACH)
 
+# The lowest versions that pyproject.toml allows: the loop runs with them, and its log replays with the pinned ones.
+check-lowest: $(STAMPS)/base
+	@rm -rf .venv-lowest
+	@$(PYTHON) -m venv .venv-lowest
+	@$(BIN)/python -c "$(LOWEST)" > .venv-lowest/lowest.txt
+	@.venv-lowest/bin/python -m pip --disable-pip-version-check install -qq -c .venv-lowest/lowest.txt -e .
+	@.venv-lowest/bin/asvhil sitl --lockstep --duration 60 --wind 6@90 --log .venv-lowest/log.mcap --no-picture
+	@$(BIN)/asvhil replay .venv-lowest/log.mcap
+LOWEST = import tomllib; \
+	print(*(d.replace('>=', '==') for d in tomllib.load(open('pyproject.toml', 'rb'))['project']['dependencies']), sep='\n')
+
 # Every package of the daemon must come as a ready wheel for a Jetson or a Raspberry Pi (64 bit) too.
 check-aarch64: $(STAMPS)/base
 	@rm -rf $(VENV)/aarch64
@@ -102,4 +123,4 @@ check-aarch64: $(STAMPS)/base
 
 clean:
 	rm -rf firmware/arduino_anemometer/build tests/firmware/build tests/page/node_modules
-	rm -rf $(VENV) .venv-mpc .venv-mavproxy .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) .venv-lowest .venv-mavproxy .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -51,7 +51,7 @@ def intervals_ms(elf: Path) -> list[float]:
 
 def size_percent(elf: Path) -> tuple[float, float]:
     """Flash and RAM, of what the part has."""
-    command = ["avr-size", "-C", "--mcu=atmega328p", str(elf)]
+    command = ["avr-size", "--format=avr", "--mcu=atmega328p", str(elf)]
     words = subprocess.run(command, capture_output=True, text=True, check=True).stdout
     flash, ram = (float(re.findall(rf"{part}:.*\((\d+\.\d+)% Full\)", words)[0]) for part in ("Program", "Data"))
     return flash, ram

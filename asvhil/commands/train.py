@@ -99,7 +99,7 @@ def need_torch() -> None:
     from importlib.util import find_spec
 
     if find_spec("torch") is None:
-        raise AsvhilError("training needs torch: install the extra, as in pip install 'asvhil[train]'")
+        raise AsvhilError("training needs torch: install the extra, as in pip install '.[train]'")
 
 
 def _kind_options() -> Iterator[inspect.Parameter]:

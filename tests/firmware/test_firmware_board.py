@@ -133,7 +133,7 @@ def test_a_reset_is_due_to_the_watchdog(tmp_path: Path) -> None:
 
 def test_size(elf: Path) -> None:
     words = subprocess.run(
-        ["avr-size", "-C", "--mcu=atmega328p", str(elf)], capture_output=True, text=True, check=True
+        ["avr-size", "--format=avr", "--mcu=atmega328p", str(elf)], capture_output=True, text=True, check=True
     ).stdout
     flash, ram = (float(re.findall(rf"{part}:.*\((\d+\.\d+)% Full\)", words)[0]) for part in ("Program", "Data"))
     assert 5.0 < flash < 60.0 and 5.0 < ram < 50.0

@@ -38,7 +38,7 @@ try:
 except ImportError:
     if os.environ.get("CI"):
         raise
-    pytest.skip("needs mavsdk: pip install 'asvhil[dev]'", allow_module_level=True)
+    pytest.skip("needs mavsdk: pip install '.[dev]'", allow_module_level=True)
 
 
 class Mavsdk(PeerProcess):

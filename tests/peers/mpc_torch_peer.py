@@ -1,6 +1,6 @@
 """Problems solved by the PyPI package `mpc` (mpc.torch, Amos et al. 2018), to hold torch_lqr against.
 
-Run in an environment of its own, because the package wants an old NumPy:
+The package asks for an old NumPy, and does not need it (constraints-peer.txt):
 
     python mpc_torch_peer.py problems.npz
 

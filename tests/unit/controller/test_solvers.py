@@ -1,10 +1,9 @@
 """All solvers on one problem statement: the same optimum, bounds, failures, and bits; and the choice among them."""
 
 import json
-import os
 import subprocess
 import sys
-from pathlib import Path
+from importlib.util import find_spec
 
 import casadi as ca
 import numpy as np
@@ -25,7 +24,6 @@ from asvhil.errors import ConfigError
 from asvhil.types import Estimate, Station
 from tests.support.paths import ROOT
 
-PEER_PYTHON = Path(os.environ.get("ASVHIL_PEER_PYTHON", ROOT / ".venv-mpc" / "bin" / "python"))
 # Weights under which the optimum is one valley: here solvers are compared, not starts.
 CONFIG = MpcConfig(last_step_s=0.2, near=MpcWeights(heading=200.0, sideways=0.7))
 MODEL = SimplifiedDynamics(load_config("sitl").vehicle.vessel)
@@ -269,7 +267,7 @@ def test_the_box_qp_finds_the_corner_the_edge_and_the_inside():
     assert x == pytest.approx([1.0, -1.0]) and free.tolist() == [False, False]
 
 
-@pytest.mark.skipif(not PEER_PYTHON.exists(), reason="no environment with the package mpc: make test sets it up")
+@pytest.mark.skipif(find_spec("mpc") is None, reason="the package mpc is not installed: make test does it")
 def test_it_takes_the_steps_of_the_package_mpc(tmp_path):
     config = load_config("sitl", ("controller.mpc.last_step_s=0.2",))
     cases = [pack(state, w) for state in list(STATES.values())[1:] for w in (CONFIG.far, CONFIG.near)]
@@ -283,7 +281,7 @@ def test_it_takes_the_steps_of_the_package_mpc(tmp_path):
         lqr_iterations=2,
     )
     script = ROOT / "tests" / "peers" / "mpc_torch_peer.py"
-    done = subprocess.run([PEER_PYTHON, script, file], capture_output=True, text=True, check=False)
+    done = subprocess.run([sys.executable, script, file], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     peer = json.loads(done.stdout.splitlines()[-1])
     ours = [TorchLqr(PROBLEM, batched=True).solve(p, level(0.2), 2) for p in cases]
