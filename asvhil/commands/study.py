@@ -6,12 +6,25 @@ import typer
 
 from asvhil.commands.study_bound import bound
 from asvhil.commands.study_models import models
-from asvhil.commands.study_runs import approach, estimator, learned_loop, robustness, safety, six_tests
+from asvhil.commands.study_runs import approach, estimator, field_tests, learned_loop, robustness, safety, six_tests
 from asvhil.commands.study_soak import soak
 from asvhil.commands.study_solvers import solvers
 from asvhil.commands.study_tune import tune
 
 app = typer.Typer(no_args_is_help=True, help="Studies behind the tables under docs/results.")
 
-for command in (models, bound, six_tests, solvers, approach, robustness, learned_loop, estimator, safety, soak, tune):
+for command in (
+    models,
+    bound,
+    six_tests,
+    solvers,
+    approach,
+    robustness,
+    learned_loop,
+    estimator,
+    safety,
+    field_tests,
+    soak,
+    tune,
+):
     app.command()(command)

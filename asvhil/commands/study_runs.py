@@ -258,3 +258,41 @@ def safety(
         )
 
     return Study(title="safety", stem=stem_of("safety", quick), figures=figures, text=markdown)
+
+
+@study_command
+def field_tests(
+    output: OutOption = RUNS,
+    seeds: SeedsOption = 10,
+    test: Annotated[list[str], typer.Option(help="One test by its name in the table; repeatable.")] = [],  # noqa: B006
+    workers: WorkersOption = None,
+    quick: QuickOption = False,
+    set_: SetOption = [],  # noqa: B006
+) -> Study:
+    """The paper's field tests in simulation: BREAM's five and the WAM-V's four, with docking windows."""
+    from asvhil.study.field_tests import DURATION_S, QUICK_S, TESTS, study_field_tests
+    from asvhil.study.field_tests_report import draw_field_tests, markdown
+    from asvhil.study.rows import checked
+    from asvhil.study.runner import run_into
+
+    names = checked(test, TESTS, "--test")
+    traces: dict[str, Any] = {}  # for the picture alone
+
+    def figures(tell: Tell) -> dict[str, Any]:
+        found = study_field_tests(
+            run_into(output / "field-tests.jsonl", workers=workers, tell=tell),
+            names=names,
+            seeds=range(1, 2 if quick else seeds + 1),
+            duration_s=QUICK_S if quick else DURATION_S,
+            overrides=tuple(set_),
+        )
+        traces.update({name: part.pop("trace") for name, part in found["tests"].items()})
+        return found
+
+    return Study(
+        title="field tests",
+        stem=stem_of("field-tests", quick),
+        figures=figures,
+        text=markdown,
+        draw=lambda found, path: draw_field_tests(found, traces, path),
+    )

@@ -94,6 +94,18 @@ def test_the_approach_leaves_figures_and_tracks(tmp_path):
     )
 
 
+def test_a_field_test_leaves_tables_beside_the_papers_and_the_way(tmp_path):
+    done = study("field-tests", "--quick", "--test", "wamv 2", "-o", ".", "--json", "out.json", cwd=tmp_path)
+    assert (done.returncode, done.stderr) == (0, "")
+    test = json.loads((tmp_path / "out.json").read_text())["tests"]["wamv 2"]
+    assert test["never_there"] == test["let_go"] == 0 and test["handover_s"]["mean"] < 60.0
+    distances = [test["ways"][way]["distance_m"]["mean"]["mean"] for way in ("truth", "estimated", "measured")]
+    assert all(0.0 < distance_m < 6.0 for distance_m in distances) and len(set(distances)) == 3
+    text = (tmp_path / "field-tests-quick.md").read_text()
+    assert "### WAM-V" in text and "BREAM" not in text and "| 3.21 ± 2.16 |" in text
+    assert (tmp_path / "field-tests-quick.png").read_bytes().startswith(b"\x89PNG")
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
@@ -105,6 +117,8 @@ def test_the_approach_leaves_figures_and_tracks(tmp_path):
         (["six-tests", "-o", "taken"], "-o taken: cannot be made"),
         (["robustness", "--row", "9"], "--row 9: unknown"),
         (["learned-loop", "--set", "plant.sead=1"], "did you mean seed?"),
+        (["field-tests", "--test", "wamv 5"], "--test wamv 5: unknown (known: bream 1"),
+        (["field-tests", "--set", "plant.seed=1"], "key plant.seed is set by the study itself"),
         (["approach", "--set", "plant.sead=1"], "did you mean seed?"),
         (["solvers", "--solver", "simplex"], "--solver simplex: unknown (known: sqp"),
         (["solvers", "--set", "controller.name=loiter"], "key controller.name: loiter has no solver"),
