@@ -10,7 +10,7 @@ STAMPS := $(VENV)/.stamps
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help sitl test lint unit mutants firmware firmware-sim check-aarch64 check-lowest clean
+.PHONY: help sitl test lint unit mutants firmware firmware-sim wheelhouse check-lowest clean
 
 help:
 	@echo "make sitl   keep a station for 60 s with the simulated boat"
@@ -18,7 +18,7 @@ help:
 	@echo "make mutants  change what guards the motors, one thing at a time, and count which changes its tests notice"
 	@echo "make firmware  build the anemometer's firmware for Arduino Uno and Nano"
 	@echo "make firmware-sim  the same, and a simulated Arduino to run it on"
-	@echo "make check-aarch64  download the daemon's packages as wheels for 64-bit ARM"
+	@echo "make wheelhouse  a folder that installs the daemon without a network (MACHINE=aarch64 FOR=3.11)"
 	@echo "make check-lowest  run with the lowest versions of the packages that pyproject.toml allows"
 	@echo "make clean  remove the virtual environment and caches"
 
@@ -59,6 +59,7 @@ $(STAMPS)/mavproxy: $(STAMPS)/base constraints-mavproxy.txt
 
 sitl: $(STAMPS)/base
 	@$(BIN)/asvhil sitl
+	@command -v asvhil > /dev/null || echo "next: . $(BIN)/activate   puts the command asvhil on the PATH of this terminal"
 
 test: lint unit
 
@@ -112,14 +113,12 @@ check-lowest: $(STAMPS)/base
 LOWEST = import tomllib; \
 	print(*(d.replace('>=', '==') for d in tomllib.load(open('pyproject.toml', 'rb'))['project']['dependencies']), sep='\n')
 
-# Every package of the daemon must come as a ready wheel for a Jetson or a Raspberry Pi (64 bit) too.
-check-aarch64: $(STAMPS)/base
-	@rm -rf $(VENV)/aarch64
-	@$(BIN)/python -c "import tomllib; print(*tomllib.load(open('pyproject.toml', 'rb'))['project']['dependencies'], sep='\n')" > $(VENV)/runtime.txt
-	@$(PIP) download -qq -c constraints.txt -r $(VENV)/runtime.txt -d $(VENV)/aarch64 --only-binary :all: \
-		--python-version 3.11 --implementation cp --abi cp311 --abi abi3 --abi none \
-		--platform manylinux_2_28_aarch64 --platform manylinux_2_17_aarch64 --platform manylinux2014_aarch64
-	@ls $(VENV)/aarch64
+# For a computer without a network: a folder of wheels, from which pip installs the daemon (docs/installation.md). It
+# fails where a package has no ready wheel. MACHINE: aarch64 (Raspberry Pi, Jetson) or x86_64; FOR: its Python.
+MACHINE ?= aarch64
+FOR ?= 3.11
+wheelhouse: $(STAMPS)/base
+	@$(BIN)/python .ci/wheelhouse.py dist/wheelhouse-$(MACHINE)-$(FOR) $(MACHINE) $(FOR)
 
 clean:
 	rm -rf firmware/arduino_anemometer/build tests/firmware/build tests/page/node_modules
