@@ -61,7 +61,12 @@ sitl: $(STAMPS)/base
 	@$(BIN)/asvhil sitl
 	@command -v asvhil > /dev/null || echo "next: . $(BIN)/activate   puts the command asvhil on the PATH of this terminal"
 
-test: lint unit
+# Lint and types take one core for a minute: beside the tests, and told after them.
+test: $(STAMPS)/test
+	@$(MAKE) -s lint > $(VENV)/lint.txt 2>&1 & beside=$$!; \
+	$(MAKE) -s unit; tests=$$?; \
+	wait $$beside; lint=$$?; echo "lint and types:"; cat $(VENV)/lint.txt; \
+	test $$tests -eq 0 -a $$lint -eq 0
 
 lint: $(STAMPS)/test
 	@$(BIN)/ruff check .

@@ -2,8 +2,8 @@
 
     python .ci/wheelhouse.py FOLDER MACHINE PYTHON_VERSION      (aarch64 3.11)
 
-It holds the package's own wheel, those of its dependencies in the pinned versions, and requirements.txt with the SHA-256 of
-each, by which pip refuses any other file.
+It holds the package's own wheel, those of its dependencies in the pinned versions, and requirements.txt with the
+SHA-256 of each, by which pip refuses any other file.
 """
 
 import hashlib
