@@ -32,6 +32,7 @@ SUPERVISOR = tuple(
         "letting_go",
         "mode_request",
         "motor_sticks",
+        "neutral",
         "pilot_first",
         "stations",
         "watched_sticks",
