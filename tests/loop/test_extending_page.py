@@ -91,8 +91,8 @@ def test_the_controller_brings_the_boat_to_the_station(done: Callable[[str], Exa
 
 def test_the_sensor_measures_the_wind(done: Callable[[str], Example]) -> None:
     summary = summarise(read_run(done("A sensor").log))
-    assert summary["wind"]["estimated_speed_mps"]["mean"] == pytest.approx(5.0, abs=0.5)
-    assert summary["wind"]["estimated_toward_deg"] == pytest.approx(90.0, abs=10.0)
+    assert summary["wind"]["estimated"]["speed_mps"]["mean"] == pytest.approx(5.0, abs=0.5)
+    assert summary["wind"]["estimated"]["toward_deg"]["mean"] == pytest.approx(90.0, abs=10.0)
     assert summary["counters"]["mast.lines"] > 100 and summary["counters"]["mast.bad"] == 0
 
 
