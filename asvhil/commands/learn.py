@@ -31,7 +31,7 @@ HOLD_WIND = "4@60"
 AS_GOOD = 1.2  # times the physics' penalty score
 KINDS = {"nnsem": "nnsem-mpc", "lagnet": "lagnet-mpc"}
 OPTIONS: dict[str, dict[str, Any]] = {
-    "nnsem": {"paired": True, "still": True, "rate": 0.005, "last_rate": 3e-5, "iterations": 10000},
+    "nnsem": {"paired": True, "still": True, "rate": 0.005, "last_rate": 3e-5},
     "lagnet": {},
 }
 TRIES = {"nnsem": 2, "lagnet": 1}
@@ -61,9 +61,7 @@ def learn(
         list[Path], typer.Option("--data", help="A log that is there already, instead of driving; repeatable.")
     ] = [],  # noqa: B006
     test: Annotated[list[Path], typer.Option("--test", help="A log to test on, with --data; repeatable.")] = [],  # noqa: B006
-    duration: Annotated[
-        float | None, typer.Option(min=80.0, help="Seconds of manoeuvres in each drive; 600, simulated 300 by default.")
-    ] = None,
+    duration: Annotated[float, typer.Option(min=80.0, help="Seconds of manoeuvres in each drive.")] = 600.0,
     wind: Annotated[
         list[str], typer.Option(metavar="SPEED@DEG", help="Mean wind of a drive of the simulated boat; repeatable.")
     ] = [],  # noqa: B006
@@ -101,8 +99,7 @@ def learn(
     console = Console()
     steps = _Steps(console, yes)
     if not data:
-        drive_s = duration or (300.0 if settings.supervisor.engage == "auto" else 600.0)
-        data, test = _drive(settings, files, drive_s, wind, steps, force)
+        data, test = _drive(settings, files, duration, wind, steps, force)
     figures = _train(kind, [*data], files, iterations, seed, steps, test)
     verdict, scores = _judge(settings, kind, files, test, steps)
     held = _hold(settings, kind, files, steps) if settings.supervisor.engage == "auto" else {}
