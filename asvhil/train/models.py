@@ -22,6 +22,7 @@ INPUT_IN_MIRROR = [0, 1, 2, 4, 3, 5, 6]
 MIRROR_INPUT = np.concatenate([MIRROR_NU, [1.0, 1.0], MIRROR_WIND])
 # Whether surge rate and yaw rate's rate rise (1) or fall as port and starboard commands rise.
 COMMAND_SIGNS = torch.tensor([[1.0, 1.0], [1.0, -1.0]], dtype=torch.float64)
+BLIND_TO_COMMANDS = torch.tensor([1.0, 1.0, 1.0, 0.0, 0.0, 1.0, 1.0], dtype=torch.float64)
 MAP_UNITS = 8
 STRAIGHT, LEAN, BENT = -4.0, -1.0, 2.0  # of the slope before softplus: nearly linear, little curved, curved
 MAP_CELLS = 400  # of the table that the map is read from in training
@@ -107,23 +108,40 @@ class NnsemTrainee:
     """The paper's network: 7-12-3, tanh, forward Euler.
 
     With `paired` each neuron has a mirror image, port for starboard, and only half of them are trained. With `still`
-    a boat at rest in still air stays there, whatever the weights.
+    a boat at rest in still air stays there, whatever the weights. With a `base`, the scaled (w1, b1, w2) of another
+    network, its neurons are kept as they are, and the trained ones do not see the commands.
     """
 
     history = 0
 
     def __init__(
-        self, rngs: list[np.random.Generator], hidden: int, dt_s: float, paired: bool = False, still: bool = False
+        self,
+        rngs: list[np.random.Generator],
+        hidden: int,
+        dt_s: float,
+        paired: bool = False,
+        still: bool = False,
+        base: tuple[Array, Array, Array] | None = None,
     ) -> None:
         self._dt_s, self._paired, self._still = dt_s, paired, still
+        self._base = None if base is None else [torch.tensor(part).expand(len(rngs), *part.shape) for part in base]
         network = initial_network(rngs, N_INPUT, hidden // 2 if paired else hidden, N_STATE)
         self.parameters = without_bias(network) if still else network
 
     def _weights(self) -> dict[str, Tensor]:
         weights = dict(self.parameters)
+        if self._base is not None:
+            weights["w1"] = weights["w1"] * BLIND_TO_COMMANDS[:, None]
         if self._still:
-            weights["b2"] = still_bias(weights["b1"], weights["w2"]) * (2.0 if self._paired else 1.0)
-        return with_twins(weights) if self._paired else weights
+            weights["b2"] = torch.zeros((len(weights["w1"]), 1, N_STATE), dtype=torch.float64)
+        if self._paired:
+            weights = with_twins(weights)
+        if self._base is not None:
+            for name, kept, axis in zip(("w1", "b1", "w2"), self._base, (2, 2, 1), strict=True):
+                weights[name] = torch.cat([kept, weights[name]], axis)
+        if self._still:
+            weights["b2"] = still_bias(weights["b1"], weights["w2"])
+        return weights
 
     def predict(self, batch: Batch) -> Tensor:
         weights = self._weights()

@@ -101,6 +101,16 @@ class FitOptions:
             off=False,
         ),
     ] = False
+    grow: Annotated[
+        str,
+        TrainOption(
+            help="A model file to whose neurons, kept as they are, --width new ones are added that do not see the motor"
+            " commands: other drag and wind loads, the same response to the motors. With --still.",
+            kinds=("nnsem",),
+            off="",
+            default="none",
+        ),
+    ] = ""
     members: Annotated[
         int,
         TrainOption(help="Networks that are averaged in one model.", low=1, high=20, kinds=("lagnet",), off=1),
@@ -200,6 +210,8 @@ def chosen_options(kind: str, dt_s: float, **chosen: Any) -> FitOptions:
     options = dataclasses.replace(OPTIONS[kind], **changes)
     if options.paired and options.hidden % 2:
         raise ConfigError(f"train: --paired needs an even --width, not {options.hidden}")
+    if options.grow and not options.still:
+        raise ConfigError("train: --grow needs --still")
     if options.moving_share + options.resting_share > 1.0:
         raise ConfigError("train: --moving-share and --resting-share are more than the whole batch together")
     return options

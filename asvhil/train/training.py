@@ -16,7 +16,7 @@ import torch
 from asvhil.dynamics.arrays import Array
 from asvhil.dynamics.fitted_sd import FittedSd
 from asvhil.dynamics.nnsem import Scaling
-from asvhil.dynamics.weights import TrainedModel
+from asvhil.dynamics.weights import TrainedModel, read_model
 from asvhil.errors import ModelError
 from asvhil.train.at_rest import LEAST, SHARE
 from asvhil.train.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
@@ -270,7 +270,8 @@ def _trainee(
     if options.members != 1:
         raise ModelError(f"only lagnet averages networks, not {kind}")
     if kind == "nnsem":
-        return NnsemTrainee(rngs, options.hidden, train.dt_s, options.paired, options.still)
+        base = _kept(options.grow, scaling) if options.grow else None
+        return NnsemTrainee(rngs, options.hidden, train.dt_s, options.paired, options.still, base)
     from asvhil.train.ode import KnodeTrainee, NodeTrainee  # torchdiffeq is not needed by the others
 
     if kind == "node":
@@ -280,6 +281,17 @@ def _trainee(
     each = [rates.derivative(part.nu, part.command, part.wind) for part in train.segments]
     spread = np.concatenate(each).std(axis=0) + 1e-9
     return KnodeTrainee(rngs, options.hidden, train.dt_s, scaling, prior, spread, options.still)
+
+
+def _kept(file: str, scaling: Scaling) -> tuple[Array, Array, Array]:
+    """(w1 (7, H), b1 (1, H), w2 (H, 3)) of the network of a file, for inputs and rates of another scaling."""
+    model = read_model(file)
+    if model.kind != "nnsem":
+        raise ModelError(f"{file}: --grow takes a model of kind nnsem, not {model.kind}")
+    w, own = model.weights, model.scaling
+    w1 = w["w1"] * scaling.half / own.half
+    b1 = w["b1"] + (w["w1"] / own.half) @ (scaling.centre - own.centre)
+    return w1.T.copy(), b1[None], (w["w2"] * (own.half[:3] / scaling.half[:3])[:, None]).T.copy()
 
 
 def _loads(train: Dataset) -> Array:

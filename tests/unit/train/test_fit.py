@@ -13,7 +13,8 @@ from asvhil.dynamics.arrays import namespace_of
 from asvhil.dynamics.fitted_sd import FittedSd
 from asvhil.dynamics.lagnet import skip_terms
 from asvhil.dynamics.rigid_body import SimplifiedDynamics
-from asvhil.errors import ModelError
+from asvhil.dynamics.weights import save_model
+from asvhil.errors import ConfigError, ModelError
 from asvhil.train.at_rest import at_rest, rates_at_rest, thrust_dip
 from asvhil.train.evaluate import HOLD, Case, evaluate
 from asvhil.train.fit import fit, fit_many
@@ -29,6 +30,7 @@ from asvhil.train.training import Training, rollout_loss
 from asvhil.train.windows import Windows, mirrored, scaling_of
 from tests.support.fit_data import DATA
 from tests.support.model_data import drive
+from tests.support.paths import ROOT
 
 
 def plain_rollout(x0, p, q, wx, wh, ws):
@@ -416,6 +418,38 @@ def test_a_weight_on_the_rates_at_rest_teaches_the_wind_loads_of_the_drifts(kind
         trained = fit(kind, WITH_DRIFTS, options=chosen_options(kind, 0.2, rest_weight=weight, **chosen))
         worst.append(at_rest(trained.dynamics(), WIND_REACH, VESSEL).worst.error)
     assert worst[1] < 0.4 * worst[0], worst
+
+
+@pytest.mark.parametrize("paired", [False, True])
+def test_a_grown_network_answers_the_motors_as_before_and_the_wind_anew(paired: bool, tmp_path: Path) -> None:
+    base = fit("nnsem", DATA, options=chosen_options("nnsem", 0.2, iterations=300))  # with a scaling of its own
+    save_model(tmp_path / "base.npz", base)
+    grown = fit(
+        "nnsem", WITH_DRIFTS, options=chosen_options(
+            "nnsem", 0.2, iterations=500, width=6, paired=paired, still=True, rest_weight=1.0, rate=0.01,
+            grow=str(tmp_path / "base.npz"),
+        ),
+    )  # fmt: skip
+    assert grown.weights["w1"].shape == (18, 7)
+    old, new = base.dynamics(), grown.dynamics()
+    for x, wind in (([0.0, 0.0, 0.0], [0.0, 0.0]), ([0.8, -0.2, 0.1], [-3.0, 2.0])):
+
+        def by_motors(model, x=x, wind=wind):
+            at = [model.derivative(np.array(x), np.array(a), np.array(wind)) for a in ([0.7, -0.4], [0.0, 0.1])]
+            return at[0] - at[1]
+
+        np.testing.assert_allclose(by_motors(new), by_motors(old), rtol=1e-9)
+    checks = [at_rest(model, WIND_REACH, VESSEL) for model in (old, new)]
+    assert checks[1].worst.error < 0.5 * checks[0].worst.error
+    assert max(map(abs, checks[1].still)) < 1e-12
+
+
+def test_what_cannot_be_grown_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="--grow needs --still"):
+        chosen_options("nnsem", 0.2, grow="x.npz")
+    sd = ROOT / "config" / "models" / "wamv16-sd.npz"
+    with pytest.raises(ModelError, match="--grow takes a model of kind nnsem, not sd"):
+        fit("nnsem", DATA, options=chosen_options("nnsem", 0.2, grow=str(sd), still=True))
 
 
 def test_data_without_drifts_teach_no_rates_at_rest() -> None:

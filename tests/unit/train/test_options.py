@@ -27,6 +27,7 @@ def test_every_choice_reaches_its_field() -> None:
         "nnsem": {
             "iterations": 7, "horizon": 2.0, "batch": 8, "rate": 0.01, "last_rate": 0.001, "width": 6, "mirror": True,
             "paired": True, "moving_share": 0.5, "resting_share": 0.25, "rest_weight": 0.6, "still": True,
+            "grow": "x.npz",
             "weight_decay": 0.1, "monotone": 0.2, "robust": 0.3,
             "validation_share": 0.4,
         },
@@ -35,7 +36,7 @@ def test_every_choice_reaches_its_field() -> None:
     assert {name for part in chosen.values() for name in part} == {choice.name for choice in CHOICES.values()}
     assert chosen_options("nnsem", 0.2, **chosen["nnsem"]) == FitOptions(
         iterations=7, window=10, batch=8, rate=0.01, last_rate=0.001, hidden=6, mirror=True, symmetric=True,
-        paired=True, moving_share=0.5, resting_share=0.25, rest_weight=0.6, still=True,
+        paired=True, moving_share=0.5, resting_share=0.25, rest_weight=0.6, still=True, grow="x.npz",
         weight_decay=0.1, monotone=0.2, robust=0.3, validation_fraction=0.4,
     )  # fmt: skip
     assert chosen_options("lagnet", 0.2, **chosen["lagnet"]) == dataclasses.replace(LAGNET, members=2, from_sd=True)
