@@ -25,8 +25,8 @@ CASES: dict[str, tuple[str, ...]] = {
     "WAM-V, SD-MPC": ("sitl", "controller.name=sd-mpc"),
     "WAM-V in waves": (
         "sitl",
-        "plant.weather.waves.velocity_std_mps=0.1",
-        "plant.weather.waves.yaw_rate_std_radps=0.03",
+        "plant.weather.waves.orbital_std_mps=0.1",
+        "plant.weather.waves.yaw_std_radps=0.03",
     ),
     "BREAM": ("sitl-bream",),
     "VN-300": ("sitl-vn300",),

@@ -29,21 +29,24 @@ class WaveSpectrum:
 
     def __init__(self, step_s: float, arm_m: float) -> None:
         omega = math.tau * FREQUENCIES_HZ
-        pole = np.array([cmath.exp((1j - DAMPING) * each * step_s) for each in omega.tolist()])
-        self._pole = pole[:, None]
-        self._unit = (1.0 - np.abs(pole))[:, None]
+        poles = [cmath.exp((1j - DAMPING) * each * step_s) for each in omega.tolist()]
+        self._pole = np.array([[pole.real] for pole in poles]), np.array([[pole.imag] for pole in poles])
+        self._unit = np.array([[1.0 - abs(pole)] for pole in poles])
         self._slowness = MODEL_ERROR / omega[:, None]
         self._forget = step_s / MEAN_S
         self._arm = np.array([1.0, 1.0, arm_m])
-        self._z: Array = np.zeros((len(omega), 6), dtype=complex)
+        self._z: tuple[Array, Array] = np.zeros((len(omega), 6)), np.zeros((len(omega), 6))
         self._power: Array = np.zeros((len(omega), 3))
         self._total: Array = np.zeros(len(omega))
         self.peak = int(np.argmin(np.abs(FREQUENCIES_HZ - 0.3)))
 
     def step(self, left_over: Array, pushed: Array) -> None:
         """A sample: velocities left over (3; m/s, m/s, rad/s) and accelerations by model and motors (3), body axes."""
-        self._z = self._pole * self._z + self._unit * np.concatenate([left_over, pushed])
-        power = 2.0 * (self._z.real**2 + self._z.imag**2)  # of a sine: its mean square
+        # By real and imaginary parts: NumPy fuses the operations of a complex product on some processors.
+        (a, b), (x, y) = self._pole, self._z
+        x, y = a * x - b * y + self._unit * np.concatenate([left_over, pushed]), a * y + b * x
+        self._z = x, y
+        power = 2.0 * (x * x + y * y)  # of a sine: its mean square
         excess = power[:, :3] - self._slowness**2 * power[:, 3:]
         self._power += self._forget * (excess - self._power)
         total = (np.maximum(self._power, 0.0) * self._arm**2).sum(axis=1)

@@ -21,12 +21,23 @@ from tests.replay.test_replay import rewrite
 
 # Kernels that OpenBLAS has for other processors of the same kind.
 KERNELS = {"x86_64": ("Nehalem", "Haswell"), "aarch64": ("ARMV8", "CORTEXA57")}
+PLAIN_LOOPS = {"NPY_DISABLE_CPU_FEATURES": "X86_V3 X86_V4"}  # of NumPy, for the oldest processors that it has
+WAVES = ("plant.weather.waves.orbital_std_mps=0.1", "plant.weather.waves.yaw_std_radps=0.03")
 WITHOUT_FMA = {"GLIBC_TUNABLES": "glibc.cpu.hwcaps=-FMA,-AVX2,-FMA_Usable,-AVX2_Usable"}
 WIND = ("plant.weather.wind.speed_mps=6", "plant.weather.wind.toward_deg=90", "plant.seed=3")
 BLAS = """
 import hashlib, numpy
 a = numpy.random.default_rng(0).normal(size=(120, 40))
 print(hashlib.sha256((a.T @ a).tobytes()).hexdigest())
+"""
+
+
+RECORD = """
+import sys
+from pathlib import Path
+from asvhil.config import load_config
+from asvhil.sitl import run_lockstep
+run_lockstep(load_config('sitl', tuple(sys.argv[2:])), Path(sys.argv[1]), 25.0)
 """
 
 
@@ -63,15 +74,17 @@ def test_a_log_of_another_blas_replays_to_the_byte(tmp_path: Path) -> None:
     here = hashlib.sha256((a.T @ a).tobytes()).hexdigest()
     kernel = next((one for one in KERNELS[platform.machine()] if python(BLAS, OPENBLAS_CORETYPE=one) != here), None)
     assert kernel is not None, "no other kernel gives other bits, so this test would show nothing"
-    code = (
-        "import sys\nfrom pathlib import Path\nfrom asvhil.config import load_config\n"
-        "from asvhil.sitl import run_lockstep\n"
-        "run_lockstep(load_config('sitl', tuple(sys.argv[2:])), Path(sys.argv[1]), 25.0)"
-    )
-    python(code, str(tmp_path / "log.mcap"), *WIND, OPENBLAS_CORETYPE=kernel)
+    python(RECORD, str(tmp_path / "log.mcap"), *WIND, OPENBLAS_CORETYPE=kernel)
     result = replay(tmp_path / "log.mcap")
     assert result.mismatch is None and result.compared == 503
     assert result.other_machine == ()
+
+
+@pytest.mark.skipif(platform.machine() != "x86_64", reason="the features that are switched off are those of x86-64")
+def test_a_log_of_plain_loops_in_waves_replays_to_the_byte(tmp_path: Path) -> None:
+    python(RECORD, str(tmp_path / "log.mcap"), *WIND, *WAVES, **PLAIN_LOOPS)
+    result = replay(tmp_path / "log.mcap")
+    assert result.mismatch is None and result.compared == 503
 
 
 def test_a_processor_without_fma_follows_the_record(log: Path, without_fma: dict[str, str], tmp_path: Path) -> None:
