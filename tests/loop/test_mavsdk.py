@@ -179,7 +179,7 @@ def test_a_goto_of_mavsdk_is_kept_by_the_daemon(tmp_path: Path) -> None:
         assert ground.ask("command_long", target=191, command=512, params=[148.0]) == 0
         here = {"target": 191, "command": 192, "params": [-1.0, 0.0, 0.0, math.nan], "x": 404237000, "y": -869212000}
         assert ground.ask("command_int", frame=1, **here) == dialect.MAV_RESULT_DENIED
-        assert ground.ask("command_long", target=191, command=400, params=[0.0]) == dialect.MAV_RESULT_UNSUPPORTED
+        assert ground.ask("command_long", target=191, command=31999, params=[]) == dialect.MAV_RESULT_UNSUPPORTED
         assert ground.ask("command_long", target=191, command=92, params=[0.0]) == 0
         state = ground.wait_for(lambda s: s["mode"] == "OFFBOARD", 5.0)  # GUIDED, which goto had asked for, is back
         assert state["armed"] and time.monotonic() - kept_until < 20.0

@@ -182,6 +182,7 @@ def test_an_operator_sees_the_boat_moves_the_station_stops_the_motors_and_notice
             "new MutationObserver(() => { window.flagged = Date.now() })"
             ".observe(document.getElementById('stale'), {attributes: true})"
         )
+        page.wait_for_timeout(1_500)  # a killed daemon takes up to half a second of its log along
         assert page.is_hidden("#stale")
         killed_ms = time.time() * 1000.0
         daemon.end(signal.SIGKILL)
