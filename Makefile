@@ -63,7 +63,7 @@ sitl: $(STAMPS)/base
 
 # Lint and types take one core for a minute: beside the tests, and told after them.
 test: $(STAMPS)/test
-	@$(MAKE) -s lint > $(VENV)/lint.txt 2>&1 & beside=$$!; \
+	@nice -n 5 $(MAKE) -s lint > $(VENV)/lint.txt 2>&1 & beside=$$!; \
 	$(MAKE) -s unit; tests=$$?; \
 	wait $$beside; lint=$$?; echo "lint and types:"; cat $(VENV)/lint.txt; \
 	test $$tests -eq 0 -a $$lint -eq 0
