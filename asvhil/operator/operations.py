@@ -151,7 +151,8 @@ class Operations:
                 "heading_error_rad": wrap_rad(estimate.psi_rad - station.psi_rad),
                 "station": (*frame.to_geodetic(station.n_m, station.e_m), station.psi_rad),
             }
-        known |= {"boat": self._boat(situation, decision, readings)}
+        if self._session.is_asked:  # only displays have a use for it
+            known |= {"boat": self._boat(situation, decision, readings)}
         return OperatorReport(**known)
 
     def _boat(self, situation: Situation, decision: Decision, readings: Readings) -> BoatState:

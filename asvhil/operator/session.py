@@ -159,6 +159,11 @@ class OperatorSession:
                 self._replies.send(t_ns, message, EVERYONE)
         return self._replies.take()
 
+    @property
+    def is_asked(self) -> bool:
+        """Whether anybody has asked for a message since the last `data_to_send`."""
+        return bool(self._asked)
+
     def counters(self) -> tuple[tuple[str, int], ...]:
         """Cumulative counts of what came in and what was dropped."""
         frames, bad_crc, _, garbage_bytes = self._parser.totals()
