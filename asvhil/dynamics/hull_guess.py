@@ -37,10 +37,8 @@ CURVE = 1.5  # thrust over command: between 2 of a bare propeller and 1 of a con
 COMMANDS = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0)
 MOTOR_LAG_S = 0.2  # [A]
 WINDAGE_M = 0.35  # height of what stands above the water [A]
-WIND_COEFFICIENT, WIND_MOMENT = (
-    0.8,
-    0.1,
-)  # coefficients of the side's and front's area, and of side area times length [F]
+WIND_COEFFICIENT = 0.8  # of the front's and the side's area [F]
+WIND_MOMENT = 0.1  # of the side's area times the length [F]
 
 RANGES = {
     "length": (0.3, 12.0, "m"),

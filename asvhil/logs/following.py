@@ -117,8 +117,9 @@ def follow(log: LogFile, config: Config, model_file: Path | None, on_tick: Calla
 
 def _differences(recorded: Outputs, own: Outputs) -> Iterator[tuple[str, float]]:
     """The fields that differ, with the two values, and by how much."""
-    left, right = (msgspec.json.decode(encode_outputs(_acting(outputs))) for outputs in (recorded, own))
-    yield from _walk("", left, right)
+    left, right = (encode_outputs(_acting(outputs)) for outputs in (recorded, own))
+    if left != right:
+        yield from _walk("", msgspec.json.decode(left), msgspec.json.decode(right))
 
 
 def _acting(outputs: Outputs) -> Outputs:

@@ -130,7 +130,10 @@ class Sqp:
             return None, 0.0
         after, in_doubt = _rounded(u + step)
         if in_doubt:
-            after, _ = _rounded(u + self._in_order(root, smoothing, lower, upper, answer["lam"]))
+            try:
+                after, _ = _rounded(u + self._in_order(root, smoothing, lower, upper, answer["lam"]))
+            except np.linalg.LinAlgError:
+                return None, 0.0
         step = bounded(after, self._lower, self._upper) - u
         return step, 2.0 * float(np.add.reduce(self._gradient * step))
 
