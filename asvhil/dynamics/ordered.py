@@ -16,6 +16,10 @@ import numpy as np
 from asvhil.dynamics.arrays import Array
 
 
+class SingularMatrix(ArithmeticError):
+    """A pivot is zero or not finite: there is no solution to give."""
+
+
 def symmetric(p: ca.SX) -> ca.SX:
     """A symmetric matrix by its lower triangle: the upper one is then never evaluated."""
     return ca.densify(ca.tril2symm(ca.tril(p)))
@@ -35,7 +39,7 @@ def product(a: Array, b: Array) -> Array:
 def solve(a: Array, b: Array) -> Array:
     """X (n, m) of A X = B, or x (n) of a vector, by elimination with partial pivoting.
 
-    Raises numpy.linalg.LinAlgError where a pivot is zero or not finite.
+    Raises SingularMatrix where a pivot is zero or not finite.
     """
     if b.ndim == 1:
         return solve(a, b[:, None])[:, 0]
@@ -46,7 +50,7 @@ def solve(a: Array, b: Array) -> Array:
         if pivot != k:
             rows[[k, pivot]] = rows[[pivot, k]]
         if not 0.0 < abs(rows[k, k]) < np.inf:
-            raise np.linalg.LinAlgError("the matrix is singular or not finite")
+            raise SingularMatrix("the matrix is singular or not finite")
         factors = rows[k + 1 :, k : k + 1] / rows[k, k]
         rows[k + 1 :, k:] -= factors * rows[k : k + 1, k:]
     x = rows[:, count:]

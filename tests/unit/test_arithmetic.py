@@ -34,7 +34,6 @@ ALLOWED = {
     "controller/solvers/torch_lqr.py": {"linalg"},
     "dynamics/arrays.py": {"tanh"},
     "dynamics/integrate.py": {"cos", "sin"},
-    "dynamics/ordered.py": {"linalg"},  # its error
 }
 FILES = sorted(file for room in CORE for file in (ROOT / room).rglob("*.py"))
 

@@ -132,7 +132,7 @@ class Sqp:
         if in_doubt:
             try:
                 after, _ = _rounded(u + self._in_order(root, smoothing, lower, upper, answer["lam"]))
-            except np.linalg.LinAlgError:
+            except ordered.SingularMatrix:
                 return None, 0.0
         step = bounded(after, self._lower, self._upper) - u
         return step, 2.0 * float(np.add.reduce(self._gradient * step))
