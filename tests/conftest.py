@@ -12,8 +12,14 @@ from hypothesis import HealthCheck, settings
 
 import asvhil
 from asvhil.config.plugins import unload_all
+from asvhil.dynamics.buffers import evaluate_with
+from asvhil.machine_code.compiler import SWITCH, use_compiler
 
 assert asvhil.__version__
+
+# What commands compile is not the user's: one folder for all processes, and the next run finds it.
+os.environ.setdefault(SWITCH, f"{tempfile.gettempdir()}/asvhil-tests-{os.getuid()}-machine-code")
+LOOPS = {"hil", "loop", "page", "replay"}  # folders of tests that run long enough for machine code to pay
 
 # Neither what an example takes nor how fast examples are drawn may decide a test: a busy machine is slow at both.
 settings.register_profile("any load", deadline=None, suppress_health_check=[HealthCheck.too_slow])
@@ -47,6 +53,15 @@ def own_plugins() -> Iterator[None]:
     """The plug-ins of a test are not those of the next."""
     yield
     unload_all()
+
+
+@pytest.fixture(autouse=True)
+def machine_code(request: pytest.FixtureRequest) -> None:
+    """Loops are run as commands run them; units under test are not compiled, since most are evaluated a few times."""
+    if LOOPS & set(request.path.parts):
+        use_compiler()
+    else:
+        evaluate_with(None)
 
 
 @contextmanager

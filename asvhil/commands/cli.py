@@ -28,6 +28,7 @@ from asvhil.commands.status import status
 from asvhil.commands.train import train
 from asvhil.commands.typer_parts import HELP, ClickException, one_line, show_flags_plainly
 from asvhil.errors import AsvhilError
+from asvhil.machine_code.compiler import tell_on_terminal, use_compiler
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -71,6 +72,7 @@ def main() -> None:
     Output that could not be written is an error too, but not where the reader of a pipe has left: it had enough.
     """
     output, _ = guard_standard_streams()
+    use_compiler(tell_on_terminal)
     error, status = _run()
     if output.failure and not output.reader_left:
         error, status = error or f"standard output: {output.failure}", status or 2

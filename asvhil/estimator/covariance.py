@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 
 from asvhil.dynamics.arrays import Array
-from asvhil.dynamics.buffers import bind
+from asvhil.dynamics.buffers import bind, fastest
 from asvhil.dynamics.ordered import symmetric
 from asvhil.estimator.states import SIZE
 
@@ -58,7 +58,7 @@ def _functions(rows: int) -> tuple[ca.Function, ca.Function]:
     half = ph - 0.5 * (gain @ s)
     after = symmetric(before - gain @ half.T - half @ gain.T)
     correct = ca.Function("ekf_correct", [p, ph, s, innovation, used], [gain @ innovation, after], {"cse": True})
-    return innovation_of, correct
+    return fastest(innovation_of), fastest(correct)
 
 
 def _times_inverse(ph: Any, s: Any) -> Any:

@@ -14,7 +14,7 @@ import casadi as ca
 import numpy as np
 
 from asvhil.dynamics.arrays import Array
-from asvhil.dynamics.buffers import bind
+from asvhil.dynamics.buffers import bind, fastest
 from asvhil.dynamics.integrate import motion_derivative
 from asvhil.dynamics.ordered import symmetric
 from asvhil.dynamics.protocol import Dynamics
@@ -73,11 +73,11 @@ class MotionModel:
         covariance = symmetric(jacobian @ symmetric(p) @ jacobian.T + ca.diag(added))
         step = ca.Function("ekf_step", [*names, p, added], [after, covariance], {"cse": True})
         arrays = [self.state, self.input, self.wind, self.arm, self.residual, self._gain, self._dt]
-        self._step = bind(step, [*arrays, self.covariance, self.variance], [self.after, self.covariance_after])
+        self._step = bind(fastest(step), [*arrays, self.covariance, self.variance], [self.after, self.covariance_after])
 
         force_jacobian = ca.densify(ca.jacobian(specific_force(s), s[:SIZE]))
         force = ca.Function("ekf_specific_force", [s, a, wind, arm], [specific_force(s), force_jacobian], {"cse": True})
-        self.evaluate_specific_force = bind(force, arrays[:4], [self.force, force_columns])
+        self.evaluate_specific_force = bind(fastest(force), arrays[:4], [self.force, force_columns])
         self.acceleration = np.zeros(3)
         accelerate = ca.Function("ekf_acceleration", [s, a, wind], [rate_of_model(s)[U : R + 1]], {"cse": True})
         self.evaluate_acceleration = bind(accelerate, arrays[:3], [self.acceleration])

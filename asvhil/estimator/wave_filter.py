@@ -15,7 +15,7 @@ import casadi as ca
 import numpy as np
 
 from asvhil.config import VesselConfig, WaveFilterConfig
-from asvhil.dynamics.buffers import bind
+from asvhil.dynamics.buffers import bind, fastest
 from asvhil.dynamics.protocol import Dynamics
 from asvhil.estimator import wave_gain
 from asvhil.estimator.wave_gain import STATES, WAVE_POSITION, WAVE_VELOCITY
@@ -89,7 +89,7 @@ class WaveFilter:
         )
         arguments = [self._x, self._measured, self._motor, self._input, self._wind, self._f, self._h]
         self._run = bind(
-            function, [*arguments, self._k_place, self._k_yaw], [self._after, self._left_over, self._pushed]
+            fastest(function), [*arguments, self._k_place, self._k_yaw], [self._after, self._left_over, self._pushed]
         )
 
     def set_forcing(self, model_input: tuple[float, float], wind: Wind | None) -> None:

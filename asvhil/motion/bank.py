@@ -16,7 +16,7 @@ import numpy as np
 
 from asvhil.config import VesselConfig
 from asvhil.dynamics.arrays import Array
-from asvhil.dynamics.buffers import bind
+from asvhil.dynamics.buffers import bind, fastest
 from asvhil.motion.filter import CE, CN, CONDITIONS, READINGS, SIZE, VE, VN, BankNoise, G, R, correction, prediction
 from asvhil.motion.hypotheses import Hypothesis
 
@@ -49,12 +49,12 @@ class Bank:
         off_rad = np.array([h.off_rad for h in hypotheses])
         state, after = [self.x.ravel(), self.p.ravel()], [self._after_x.ravel(), self._after_p.ravel()]
         self._predict = bind(
-            prediction(vessel, noise).map("predict", "serial", count, [4], []),
+            fastest(prediction(vessel, noise).map("predict", "serial", count, [4], [])),
             [*state, self.thrust_n.ravel(), off_rad, self._conditions],
             after,
         )
         self._correct = bind(
-            correction(vessel, noise).map("correct", "serial", count, [2], []),
+            fastest(correction(vessel, noise).map("correct", "serial", count, [2], [])),
             [*state, self._readings],
             [*after, self._log, self._nis],
         )

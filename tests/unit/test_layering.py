@@ -30,6 +30,7 @@ CORE = [
 ]
 CORE += ["operator", "backseat"]
 SHELL = [
+    "machine_code",
     "links",
     "logs",
     "simplant",

@@ -23,7 +23,7 @@ import numpy as np
 
 from asvhil.config import MpcConfig, MpcWeights
 from asvhil.dynamics.arrays import Array
-from asvhil.dynamics.buffers import bind
+from asvhil.dynamics.buffers import bind, fastest
 from asvhil.dynamics.integrate import advance, motion_derivative, substeps
 from asvhil.dynamics.protocol import Dynamics
 from asvhil.types import record
@@ -69,12 +69,13 @@ class StationProblem:
         self.steps_s: Array = np.linspace(config.first_step_s, config.last_step_s, config.stages)
         self.times_s: Array = np.concatenate([[0.0], np.cumsum(self.steps_s)])
         self.substep_counts = [substeps(float(step_s), model.max_step_s) for step_s in self.steps_s]
+        self._substeps_s = self.steps_s / self.substep_counts
         self.lower, self.upper = float(model.input_lower), float(model.input_upper)
         shape = (config.stages, 2)
         self._limits = np.full(shape, self.lower), np.full(shape, self.upper)
         reach = command_rate_per_s * self.times_s[1:]  # of the motor command, by the end of each stage
         self._reach: Array | None = None if reach[0] >= FULL_TURN else reach
-        self.n_parameters = self.n_state + 9 + POSE_AND_VELOCITY * self.stages
+        self.n_parameters = _parameters(self.n_state, self.stages)
         self._weights_of: list[tuple[MpcWeights, Array]] = []
         self._build(model)
 
@@ -94,7 +95,7 @@ class StationProblem:
         if len(state) != self.n_state:
             raise ValueError(f"the state has {len(state)} entries, the model needs {self.n_state}")
         head = np.array([*state, *wind, *disturbance, *previous_input, heading_reference_rad, weights.slew])
-        return np.concatenate([head, self._state_weights(weights)])
+        return np.concatenate([head, self._state_weights(weights), self._substeps_s])
 
     def ahead(
         self,
@@ -139,7 +140,7 @@ class StationProblem:
     def unpack_cost(self, parameters: Array) -> tuple[Array, float, Array, float]:
         """State weights (stages, 6), heading reference (rad), previous input (2) and slew weight of the parameters."""
         i = self.n_state + 5
-        weights = parameters[i + 4 :].reshape(self.stages, POSE_AND_VELOCITY)
+        weights = parameters[i + 4 : -self.stages].reshape(self.stages, POSE_AND_VELOCITY)
         return weights, float(parameters[i + 2]), parameters[i : i + 2], float(parameters[i + 3])
 
     def _state_weights(self, weights: MpcWeights) -> Array:
@@ -163,8 +164,7 @@ class StationProblem:
         w, d = ca.SX.sym("w", 2), ca.SX.sym("d", 3)
         after = advance(model, s, a, w, d, h, 1)
         self.substep = ca.Function("substep", [s, a, w, d, h], [after], {"cse": True})
-        steps = tuple(zip(self.steps_s.tolist(), self.substep_counts, strict=True))
-        self.rollout, self.linearised = _unrolled(self.substep.serialize(), steps)
+        self.rollout, self.linearised = _over_the_horizon(self.substep.serialize(), tuple(self.substep_counts))
 
         self._state, self._after, self._applied = np.zeros(n), np.zeros(n), np.zeros(2)
         self._wind, self._disturbance, self._step_s, self._side = np.zeros(2), np.zeros(3), np.zeros(1), np.zeros(1)
@@ -175,64 +175,101 @@ class StationProblem:
         self._evaluate_side = bind(side, [self._wind, self._disturbance], [self._side])
 
 
+def _parameters(n_state: int, stages: int) -> int:
+    """How many there are: state, wind, disturbance, previous input, reference and slew weight; of each stage the
+    weights of its state and the length of its substeps.
+    """
+    return n_state + 9 + (POSE_AND_VELOCITY + 1) * stages
+
+
 @functools.lru_cache(maxsize=REMEMBERED)
-def _unrolled(serialized: str, steps: tuple[tuple[float, int], ...]) -> tuple[ca.Function, ca.Function]:
-    """`rollout` and `linearised` of a substep, for stages of (length in s, number of substeps).
+def _over_the_horizon(serialized: str, counts: tuple[int, ...]) -> tuple[ca.Function, ca.Function]:
+    """`rollout` and `linearised` of a substep, for stages of so many substeps.
 
     Remembered by what they are made of, since backseats of one model are built again and again: in a replay, in each
-    run of a study.
+    run of a study. They call the functions of a substep and of a stage, so that machine code stays small.
     """
     substep = ca.Function.deserialize(serialized)
-    n, stages = substep.size1_out(0), len(steps)
-    p, inputs = ca.SX.sym("p", n + 9 + POSE_AND_VELOCITY * stages), ca.SX.sym("U", 2 * stages)
+    first, further = _tangents(substep)
+    stage_cost, stage_adjoint = _stage(substep.size1_out(0))
+    n, stages = substep.size1_out(0), len(counts)
+    p, inputs = ca.MX.sym("p", _parameters(n, stages)), ca.MX.sym("U", 2 * stages)
     wind, disturbance = p[n : n + 2], p[n + 2 : n + 5]
     previous, reference, slew = p[n + 5 : n + 7], p[n + 7], p[n + 8]
-    q = p[n + 9 :]
+    q, lengths = p[n + 9 : -stages], p[-stages:]
+    weights = [q[POSE_AND_VELOCITY * k : POSE_AND_VELOCITY * (k + 1)] for k in range(stages)]
+    a = [previous, *(inputs[2 * k : 2 * k + 2] for k in range(stages))]
 
-    # One substep and its Jacobian, inlined below: differentiating the whole would take a hundred times as long.
-    arguments = substep.sx_in()
-    after = substep(*arguments)
-    jacobian = ca.jacobian(after, ca.vertcat(*arguments[:2]))
-    tangent = ca.Function("tangent", arguments, [after, jacobian], {"cse": True})
-
-    state = fast_state = p[:n]
-    states, fast_states, blocks = [state], [state], []
-    for k, (step_s, count) in enumerate(steps):
-        a_k = inputs[2 * k : 2 * k + 2]
-        block = ca.horzcat(ca.SX.eye(n), ca.SX(n, 2))
+    state = tangent_state = p[:n]
+    states, tangent_states, blocks = [state], [state], []
+    for k, count in enumerate(counts):
+        held = a[k + 1], wind, disturbance, lengths[k]
         for _ in range(count):
-            fast_state = substep(fast_state, a_k, wind, disturbance, step_s / count)
-            state, local = tangent(state, a_k, wind, disturbance, step_s / count)
-            block = local[:, :n] @ block + ca.horzcat(ca.SX(n, n), local[:, n:])
+            state = substep(state, *held)
+        tangent_state, block = first(tangent_state, *held)
+        for _ in range(count - 1):
+            tangent_state, block = further(tangent_state, block, *held)
         states.append(state)
-        fast_states.append(fast_state)
+        tangent_states.append(tangent_state)
         blocks.append(block)
 
-    def error_of(trajectory: list[ca.SX], k: int) -> ca.SX:
-        return trajectory[k + 1][:POSE_AND_VELOCITY] - ca.vertcat(0, 0, reference, 0, 0, 0)
-
-    def change_of(k: int) -> ca.SX:
-        return inputs[2 * k : 2 * k + 2] - (inputs[2 * k - 2 : 2 * k] if k else previous)
-
-    def weight_of(k: int) -> ca.SX:
-        return q[POSE_AND_VELOCITY * k : POSE_AND_VELOCITY * (k + 1)]
-
-    def cost_of(trajectory: list[ca.SX]) -> ca.SX:
-        cost = ca.SX(0.0)
+    def cost_of(trajectory: list[ca.MX]) -> ca.MX:
+        cost = ca.MX(0.0)
         for k in range(stages):
-            cost += ca.dot(weight_of(k), error_of(trajectory, k) ** 2) + slew * ca.sumsqr(change_of(k))
+            cost = stage_cost(cost, trajectory[k + 1], weights[k], reference, a[k], a[k + 1], slew)
         return cost
 
-    # Half of the gradient, by the adjoint states from the last stage to the first.
-    adjoint, slopes = ca.SX(n, 1), []
+    adjoint, change, slopes = ca.MX.zeros(n), ca.MX.zeros(2), []
     for k in range(stages - 1, -1, -1):
-        adjoint = adjoint + ca.vertcat(weight_of(k) * error_of(states, k), ca.SX(n - POSE_AND_VELOCITY, 1))
-        of_input = blocks[k][:, n:].T @ adjoint + slew * change_of(k)
-        slopes.append(of_input - slew * change_of(k + 1) if k + 1 < stages else of_input)
-        adjoint = blocks[k][:, :n].T @ adjoint
-    gradient = ca.densify(ca.vertcat(*reversed(slopes)))
+        of_stage = tangent_states[k + 1], blocks[k], weights[k], reference, a[k], a[k + 1], slew
+        slope, adjoint, change = stage_adjoint(adjoint, change, *of_stage)
+        slopes.append(slope)
+    gradient = ca.vertcat(*reversed(slopes))
 
-    rollout = ca.Function("rollout", [p, inputs], [ca.vertcat(*fast_states), cost_of(fast_states)])
-    rows = ca.vertcat(*(ca.vec(ca.densify(block).T) for block in blocks))
-    linearised = [ca.vertcat(*states), rows, cost_of(states), gradient]
-    return rollout, ca.Function("linearised", [p, inputs], linearised)
+    rollout = ca.Function("rollout", [p, inputs], [ca.vertcat(*states), cost_of(states)])
+    rows = ca.vertcat(*(ca.vec(block.T) for block in blocks))
+    linearised = [ca.vertcat(*tangent_states), rows, cost_of(tangent_states), gradient]
+    return fastest(rollout), fastest(ca.Function("linearised", [p, inputs], linearised))
+
+
+def _tangents(substep: ca.Function) -> tuple[ca.Function, ca.Function]:
+    """The state after a substep and the block [d/ds | d/da] of it: of a stage's first substep, and of one after others.
+
+    The second takes the block of those before it. Differentiating all substeps at once would take a hundred times as
+    long.
+    """
+    state, *held = substep.sx_in()
+    n = state.size1()
+    after = substep(state, *held)
+    jacobian = ca.jacobian(after, ca.vertcat(state, held[0]))
+    block = ca.SX.sym("block", n, n + 2)
+    chained = jacobian[:, :n] @ block + ca.horzcat(ca.SX(n, n), jacobian[:, n:])
+    first = ca.Function("first_tangent", [state, *held], [after, ca.densify(jacobian)], {"cse": True})
+    further = ca.Function("further_tangent", [state, block, *held], [after, ca.densify(chained)], {"cse": True})
+    return first, further
+
+
+def _stage(n: int) -> tuple[ca.Function, ca.Function]:
+    """The cost up to a stage, and half of its gradient by the stage's input: by the adjoint, from the last stage back.
+
+    The second gives the adjoint of the stage before, and the price of the change of input into this one, too.
+    """
+    s, q, reference, slew = ca.SX.sym("s", n), ca.SX.sym("q", POSE_AND_VELOCITY), ca.SX.sym("r"), ca.SX.sym("slew")
+    a_before, a, cost_before = ca.SX.sym("a0", 2), ca.SX.sym("a", 2), ca.SX.sym("cost")
+    error = s[:POSE_AND_VELOCITY] - ca.vertcat(0, 0, reference, 0, 0, 0)
+    cost = cost_before + (ca.dot(q, error**2) + slew * ca.sumsqr(a - a_before))
+    arguments = [s, q, reference, a_before, a, slew]
+    cost_of = ca.Function("stage_cost", [cost_before, *arguments], [cost])
+
+    adjoint_after, change_after = ca.SX.sym("adjoint", n), ca.SX.sym("change", 2)
+    block = ca.SX.sym("block", n, n + 2)
+    adjoint = adjoint_after + ca.vertcat(q * error, ca.SX(n - POSE_AND_VELOCITY, 1))
+    change = slew * (a - a_before)
+    slope = block[:, n:].T @ adjoint + change - change_after
+    adjoint_of = ca.Function(
+        "stage_adjoint",
+        [adjoint_after, change_after, s, block, *arguments[1:]],
+        [slope, ca.densify(block[:, :n].T @ adjoint), change],
+        {"cse": True},
+    )
+    return cost_of, adjoint_of
