@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Any, TextIO
 
 from asvhil.errors import AsvhilError
+from asvhil.machine_code.compiler import use_compiler
 from asvhil.types import record
 
 WATCH_S = 0.3
@@ -239,7 +240,7 @@ def _timed(function: Function, arguments: tuple[Any, ...]) -> tuple[Result, floa
 
 
 def _obey(stop: Any) -> None:
-    """In a worker process: end at once when stopped, or when the study's process has ended in any way."""
+    """In a worker process, before its first job: end when stopped, or when the study's process has ended in any way."""
     parent = multiprocessing.parent_process()
 
     def watch() -> None:
@@ -250,3 +251,4 @@ def _obey(stop: Any) -> None:
     # Ctrl-C reaches every process of the terminal; only the study itself reports it.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=watch, daemon=True).start()
+    use_compiler()

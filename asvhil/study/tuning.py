@@ -17,6 +17,7 @@ import numpy as np
 from asvhil.config import Config, load_config
 from asvhil.config.registry import CONTROLLERS
 from asvhil.errors import AsvhilError, ConfigError
+from asvhil.machine_code.compiler import use_compiler
 from asvhil.study.trials.trial import NO_SLOW_ERROR, run_trial
 from asvhil.types import record
 
@@ -219,7 +220,7 @@ def _mapper(workers: int) -> Iterator[Callable[[Callable[[TuningRun], float], Se
     if workers == 0:
         yield map
         return
-    with ProcessPoolExecutor(workers, multiprocessing.get_context("spawn")) as pool:
+    with ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), use_compiler) as pool:
         yield pool.map
 
 
