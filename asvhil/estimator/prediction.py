@@ -8,6 +8,7 @@ Optimal State Estimation, 2006, section 7.1). Between samples e is held, so that
 
 from __future__ import annotations
 
+import functools
 from typing import Any
 
 import casadi as ca
@@ -21,6 +22,7 @@ from asvhil.dynamics.protocol import Dynamics
 from asvhil.estimator.states import A_X, A_Y, B_E, B_N, D_N, D_R, MOVING, SIZE, R, U, V
 
 MAX_STEP_S = 0.1
+REMEMBERED = 8  # sets of functions
 
 
 class MotionModel:
@@ -44,42 +46,13 @@ class MotionModel:
         force_columns = np.zeros(2 * SIZE)
         self.force_jacobian: Array = force_columns.reshape(2, SIZE, order="F")
 
-        s, a, wind, arm, e = (ca.SX.sym(name, n) for name, n in (("s", size), ("a", 2), ("w", 2), ("l", 2), ("e", 2)))
-        gain, dt = ca.SX.sym("k"), ca.SX.sym("dt")
-        names = [s, a, wind, arm, e, gain, dt]
-
-        def rate_of_model(x: Any) -> Any:
-            return _model_rate(model, bias_time_s, x, a, wind)
-
-        def specific_force(x: Any) -> Any:
-            return _specific_force(rate_of_model(x), x, arm)
-
-        def rate(x: Any) -> Any:
-            """The derivative with the residual held."""
-            free = rate_of_model(x)
-            return ca.vertcat(free[:U], free[U : V + 1] + gain * e, free[R:])
-
-        middle = s + 0.5 * dt * rate(s)
-        after = s + dt * rate(middle)
-        # In the covariance z is given, not e, so the part of the model that the accelerometer replaces has no effect.
-        z = specific_force(middle) + e
-        x, z_given = ca.SX.sym("x", size), ca.SX.sym("z", 2)
-        free = rate_of_model(x)
-        fused = free[U : V + 1] + gain * (z_given - _specific_force(free, x, arm))
-        slope = ca.jacobian(ca.vertcat(free[:U], fused, free[R:SIZE]), x[:SIZE])
-        a_middle = ca.substitute(slope, ca.vertcat(x, z_given), ca.vertcat(middle, z))
-        jacobian = ca.SX.eye(SIZE) + dt * a_middle
-        p, added = ca.SX.sym("p", SIZE, SIZE), ca.SX.sym("q", SIZE)
-        covariance = symmetric(jacobian @ symmetric(p) @ jacobian.T + ca.diag(added))
-        step = ca.Function("ekf_step", [*names, p, added], [after, covariance], {"cse": True})
+        x, a, wind = ca.SX.sym("x", size), ca.SX.sym("a", 2), ca.SX.sym("w", 2)
+        rate = ca.Function("rate", [x, a, wind], [_model_rate(model, bias_time_s, x, a, wind)])
+        step, force, accelerate = _functions(rate.serialize())
         arrays = [self.state, self.input, self.wind, self.arm, self.residual, self._gain, self._dt]
-        self._step = bind(fastest(step), [*arrays, self.covariance, self.variance], [self.after, self.covariance_after])
-
-        force_jacobian = ca.densify(ca.jacobian(specific_force(s), s[:SIZE]))
-        force = ca.Function("ekf_specific_force", [s, a, wind, arm], [specific_force(s), force_jacobian], {"cse": True})
-        self.evaluate_specific_force = bind(fastest(force), arrays[:4], [self.force, force_columns])
+        self._step = bind(step, [*arrays, self.covariance, self.variance], [self.after, self.covariance_after])
+        self.evaluate_specific_force = bind(force, arrays[:4], [self.force, force_columns])
         self.acceleration = np.zeros(3)
-        accelerate = ca.Function("ekf_acceleration", [s, a, wind], [rate_of_model(s)[U : R + 1]], {"cse": True})
         self.evaluate_acceleration = bind(accelerate, arrays[:3], [self.acceleration])
 
     def predict(self, dt_s: float, gain: float) -> None:
@@ -87,6 +60,49 @@ class MotionModel:
         self._dt[0] = dt_s
         self._gain[0] = gain
         self._step()
+
+
+@functools.lru_cache(maxsize=REMEMBERED)
+def _functions(serialized: str) -> tuple[ca.Function, ca.Function, ca.Function]:
+    """The step, the specific force and the acceleration by a model's rate (x, a, wind) -> x_dot.
+
+    Remembered by the rate, since backseats of one model are built again and again: in a replay, in each run of a study.
+    """
+    rate_of = ca.Function.deserialize(serialized)
+    size = rate_of.size1_in(0)
+    s, a, wind, arm, e = (ca.SX.sym(name, n) for name, n in (("s", size), ("a", 2), ("w", 2), ("l", 2), ("e", 2)))
+    gain, dt = ca.SX.sym("k"), ca.SX.sym("dt")
+
+    def rate_of_model(x: Any) -> Any:
+        return rate_of(x, a, wind)
+
+    def specific_force(x: Any) -> Any:
+        return _specific_force(rate_of_model(x), x, arm)
+
+    def rate(x: Any) -> Any:
+        """The derivative with the residual held."""
+        free = rate_of_model(x)
+        return ca.vertcat(free[:U], free[U : V + 1] + gain * e, free[R:])
+
+    middle = s + 0.5 * dt * rate(s)
+    after = s + dt * rate(middle)
+    # In the covariance z is given, not e, so the part of the model that the accelerometer replaces has no effect.
+    z = specific_force(middle) + e
+    x, z_given = ca.SX.sym("x", size), ca.SX.sym("z", 2)
+    free = rate_of_model(x)
+    fused = free[U : V + 1] + gain * (z_given - _specific_force(free, x, arm))
+    slope = ca.jacobian(ca.vertcat(free[:U], fused, free[R:SIZE]), x[:SIZE])
+    a_middle = ca.substitute(slope, ca.vertcat(x, z_given), ca.vertcat(middle, z))
+    jacobian = ca.SX.eye(SIZE) + dt * a_middle
+    p, added = ca.SX.sym("p", SIZE, SIZE), ca.SX.sym("q", SIZE)
+    covariance = symmetric(jacobian @ symmetric(p) @ jacobian.T + ca.diag(added))
+    arguments = [s, a, wind, arm, e, gain, dt, p, added]
+    step = ca.Function("ekf_step", arguments, [after, covariance], {"cse": True})
+
+    force_jacobian = ca.densify(ca.jacobian(specific_force(s), s[:SIZE]))
+    force = ca.Function("ekf_specific_force", [s, a, wind, arm], [specific_force(s), force_jacobian], {"cse": True})
+    accelerate = ca.Function("ekf_acceleration", [s, a, wind], [rate_of_model(s)[U : R + 1]], {"cse": True})
+    return fastest(step), fastest(force), accelerate
 
 
 def _model_rate(model: Dynamics, bias_time_s: float, s: Any, a: Any, wind: Any) -> Any:
