@@ -28,7 +28,8 @@ from asvhil.commands.status import status
 from asvhil.commands.train import train
 from asvhil.commands.typer_parts import HELP, ClickException, one_line, show_flags_plainly
 from asvhil.errors import AsvhilError
-from asvhil.machine_code.compiler import tell_on_terminal, use_compiler
+
+RUN_A_BACKSEAT = {"run", "sitl", "replay", "study", "learn", "collect"}
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -59,11 +60,15 @@ def _version(value: bool) -> None:
 
 @app.callback()
 def _main(
+    context: typer.Context,
     version: Annotated[
         bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version and exit.")
     ] = False,
 ) -> None:
-    pass
+    if context.invoked_subcommand in RUN_A_BACKSEAT:
+        from asvhil.machine_code.compiler import tell_on_terminal, use_compiler
+
+        use_compiler(tell_on_terminal)
 
 
 def main() -> None:
@@ -72,7 +77,6 @@ def main() -> None:
     Output that could not be written is an error too, but not where the reader of a pipe has left: it had enough.
     """
     output, _ = guard_standard_streams()
-    use_compiler(tell_on_terminal)
     error, status = _run()
     if output.failure and not output.reader_left:
         error, status = error or f"standard output: {output.failure}", status or 2

@@ -14,8 +14,8 @@ CONFIG = ("controller.name=sd-mpc",)
 
 def test_holds_come_back_after_each_fault() -> None:
     seconds = []
-    run = run_soak(load_config("sitl", CONFIG), 0.34, 3, seconds.append)
-    assert len(run["faults"]) == 3 and seconds[-1] == 1224
+    run = run_soak(load_config("sitl", CONFIG), 0.25, 3, seconds.append)
+    assert len(run["faults"]) == 2 and seconds[-1] == 900
     assert judge(run)["met"] and judge(run)["lost"] == []
     assert run["held_share"] > 0.9
     assert "Lost for good: 0" in markdown({"run": run, "verdict": judge(run)})
