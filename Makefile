@@ -10,7 +10,7 @@ STAMPS := $(VENV)/.stamps
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help sitl test lint unit mutants firmware firmware-sim wheelhouse check-lowest clean
+.PHONY: help sitl test lint unit mutants firmware firmware-sim wheelhouse check-lowest docs clean
 
 help:
 	@echo "make sitl   keep a station for 60 s with the simulated boat"
@@ -20,6 +20,7 @@ help:
 	@echo "make firmware-sim  the same, and a simulated Arduino to run it on"
 	@echo "make wheelhouse  a folder that installs the daemon without a network (MACHINE=aarch64 FOR=3.11)"
 	@echo "make check-lowest  run with the lowest versions of the packages that pyproject.toml allows"
+	@echo "make docs   the documentation as a site: build/site/index.html"
 	@echo "make clean  remove the virtual environment and caches"
 
 # What the environment is made with. TORCH_INDEX: the address of an index that has CPU builds of torch; without it an
@@ -106,6 +107,10 @@ SEED ?= 1
 SECONDS_EACH ?= 300
 mutants: $(STAMPS)/mutants
 	@$(BIN)/python -m bench.mutants --least 0.9 --sample $(SAMPLE) --seed $(SEED) --seconds $(SECONDS_EACH)
+
+# The documentation as a site: build/site/index.html.
+docs: $(STAMPS)/test
+	@$(BIN)/zensical build --clean
 
 # The lowest versions that pyproject.toml allows: the loop runs with them, and its log replays with the pinned ones.
 check-lowest: $(STAMPS)/base
