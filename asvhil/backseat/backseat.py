@@ -142,6 +142,7 @@ class Backseat:
             sent=self._actuation.sent,
             station_age_s=None if station_ns is None else (seen.t_ns - station_ns) * 1e-9,
             station_sticks=self._station_sticks,
+            bow_rad=seen.bow_rad,
         )
 
     def _health(

@@ -26,6 +26,7 @@ from asvhil.estimator.model_watch import ModelWatch
 from asvhil.estimator.monitor import ModelMonitor
 from asvhil.estimator.protocol import StateEstimator
 from asvhil.estimator.wave_filter import WaveFilter
+from asvhil.estimator.weather import WeatherHeading
 from asvhil.estimator.wind import WindFilter
 from asvhil.estimator.wind_load import WindFromLoad
 from asvhil.io.sensors.decoder import Decoder
@@ -121,6 +122,12 @@ def build_wave_filter(config: Config, model: Dynamics) -> WaveFilter | None:
     return WaveFilter(waves, model, config.believed_vessel, 1.0 / config.daemon.tick_hz)
 
 
+def build_weather(config: Config, model: Dynamics) -> WeatherHeading | None:
+    """What finds the heading that the weather wants; None where the station's heading is fixed."""
+    heading = config.supervisor.heading
+    return None if heading.policy == "fixed" else WeatherHeading(model, heading.time_constant_s)
+
+
 def build_cadence(config: Config) -> Cadence:
     """When controls are due: by count where a timer cuts the ticks, by time where arrivals do."""
     daemon = config.daemon
@@ -150,6 +157,7 @@ def build_perception(config: Config, model: Dynamics, link: MavlinkAutopilot) ->
         wind_load=build_wind_load(config),
         waves=build_wave_filter(config, model),
         model_watch=build_model_watch(config, model),
+        weather=build_weather(config, model),
         model=model,
         pwm=config.vehicle.pwm,
     )

@@ -10,6 +10,7 @@ from asvhil.estimator.ekf import NAMES
 from asvhil.estimator.model_watch import ModelWatch
 from asvhil.estimator.protocol import StateEstimator
 from asvhil.estimator.wave_filter import WaveFilter
+from asvhil.estimator.weather import WeatherHeading
 from asvhil.estimator.wind import WindFilter
 from asvhil.estimator.wind_load import WindFromLoad
 from asvhil.geo import LocalFrame
@@ -49,7 +50,8 @@ class Perceived:
     `statuses` are those of the autopilot that came in this tick, `status` is the last so far. `wind` is the one to
     show, `usable_wind` the one to predict with: of a sensor, and valid. `frame` is the local NED frame. None: not
     known. The `waves` have been taken out of the estimate. `measurements` are those of the boat's motion that came in
-    this tick, `ailing` the kinds of these whose sensor is silent or frozen.
+    this tick, `ailing` the kinds of these whose sensor is silent or frozen. `bow_rad`: the heading with the weather's
+    mean force on the bow, where the station's follows it.
     """
 
     t_ns: int
@@ -62,6 +64,7 @@ class Perceived:
     waves: WaveMotion | None = None
     measurements: tuple[Measurement, ...] = ()
     ailing: frozenset[type] = frozenset()
+    bow_rad: float | None = None
 
 
 class Perception:
@@ -81,6 +84,7 @@ class Perception:
         wind_load: WindFromLoad | None,
         waves: WaveFilter | None,
         model_watch: ModelWatch,
+        weather: WeatherHeading | None,
         model: Dynamics,
         pwm: PwmConfig,
     ) -> None:
@@ -91,6 +95,7 @@ class Perception:
         self._wind_load = wind_load
         self._waves = waves
         self._model_watch = model_watch
+        self._weather = weather
         self._model = model
         self._pwm = pwm
         self._status: FrontseatStatus | None = None
@@ -142,6 +147,7 @@ class Perception:
             usable_wind=usable_wind,
             frame=self._estimator.frame,
             waves=None if self._waves is None else self._waves.waves,
+            bow_rad=None if self._weather is None else self._weather.step(t_ns, estimate, usable_wind),
             measurements=tuple(self._measurements),
             ailing=frozenset(
                 WATCHED[note.subject] for note in self._sensor_notes if note.text in DEAD and note.subject in WATCHED

@@ -23,6 +23,7 @@ from asvhil.config.estimator import (
     WaveFilterConfig,
     WindFilterConfig,
 )
+from asvhil.config.heading import HeadingConfig
 from asvhil.config.links import AutopilotLinkConfig, OperatorLinkConfig
 from asvhil.config.loading import (
     config_from_json,
@@ -84,6 +85,7 @@ __all__ = [
     "GlitchConfig",
     "GlitchesConfig",
     "GnssSensorConfig",
+    "HeadingConfig",
     "HeadingSensorConfig",
     "HilConfig",
     "InsDeviceConfig",

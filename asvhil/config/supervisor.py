@@ -8,6 +8,7 @@ from pydantic import Field, field_validator
 
 from asvhil.config.base import Degrees, Latitude, Longitude, NonNegative, Positive, Section
 from asvhil.config.battery import BatteryConfig
+from asvhil.config.heading import HeadingConfig
 from asvhil.config.motion import MotionConfig
 from asvhil.types import Cause
 
@@ -152,6 +153,9 @@ class SupervisorConfig(Section):
         description="After a failure (link, estimate, solver) the motors are neutral for this long, then released.",
     )
     readback: ReadbackConfig = Field(default=ReadbackConfig(), description="Checking that the motor outputs follow.")
+    heading: HeadingConfig = Field(
+        default=HeadingConfig(), description="Whether the heading of a station is fixed or follows the weather."
+    )
     motion: MotionConfig = Field(default=MotionConfig(), description="Watching that the boat moves as it is told to.")
     battery: BatteryConfig = Field(default=BatteryConfig(), description="Watching the battery.")
 

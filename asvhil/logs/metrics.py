@@ -21,6 +21,7 @@ DOCKING_RATE_RADPS = math.radians(5.0)
 DOCKING_RADIUS_M = 15.0
 DOCKING_SECTOR_DEG = 40.0
 DOCKING_LEAST_S = 10.0  # shorter ones are of no use, and not counted
+TURNED_RAD = math.radians(1.0)  # of a station between two samples: more is another one
 GAP_S = 1.0  # samples farther apart are not of one window
 
 REVERSAL_BEYOND = 0.05  # of full command: nearer to neutral a motor stands still
@@ -219,7 +220,9 @@ def _runs(inside: NDArray[np.bool_], track: MotionTrack) -> list[tuple[int, int]
     """First and last index of each run of samples inside, cut at gaps and where hold or station change."""
     if not len(inside):
         return []
-    moved = (track.station[1:] != track.station[:-1]).any(axis=1)
+    step = np.diff(track.station, axis=0)
+    # One that turns a little from sample to sample follows the weather, and is the same.
+    moved = (step[:, :2] != 0.0).any(axis=1) | (np.abs(np.sin(0.5 * step[:, 2])) > 0.5 * TURNED_RAD)
     cut = (np.diff(track.t_s) > GAP_S) | (track.hold[1:] != track.hold[:-1]) | moved
     first, last = inside.copy(), inside.copy()
     first[1:] &= cut | np.logical_not(inside[:-1])

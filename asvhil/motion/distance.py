@@ -6,13 +6,14 @@ import math
 from collections import deque
 
 from asvhil.config import MotionConfig, ProcedureConfig, VesselConfig
-from asvhil.geo import ned_to_body
+from asvhil.geo import ned_to_body, wrap_rad
 from asvhil.supervisor.reasons import Explanation, Reason, explain
 from asvhil.types import Estimate, Station
 
 SATURATED = 0.95  # of a motor's full command
 SHARE = 0.7  # of the time, at the least, for the motors to be at their limit
 LOOK_BACK_NS = 10_000_000_000
+TURNED_RAD = math.radians(1.0)  # more than a station turns in a tick by itself
 BRAKING = 0.5  # of the thrust of both motors astern, of which a boat is taken to stop with
 
 
@@ -46,8 +47,9 @@ class DistanceWatch:
     ) -> Explanation | None:
         """Why the boat is to be let go; `command` is what the motors got since the last tick."""
         distance_m = math.hypot(estimate.n_m - station.n_m, estimate.e_m - station.e_m)
-        if station != self._station:
+        if self._station is None or _is_another(station, self._station):
             self._start(distance_m, estimate, station, current_ned)
+        self._station = station
         self._least_m = min(self._least_m, distance_m)
         saturated = max(abs(part) for part in command) >= SATURATED
         self._past.append((t_ns, saturated))
@@ -65,10 +67,15 @@ class DistanceWatch:
         u_c, v_c = ned_to_body(estimate.psi_rad, *current_ned)
         way_mps = math.hypot(estimate.u_mps - u_c, estimate.v_mps - v_c)
         stopping_m = 0.5 * way_mps**2 / self._braking_mps2
-        self._station = station
         self._least_m = distance_m
         self._allowed_m = max(self._config.farther_m, self._config.farther_share * distance_m, stopping_m)
         if self._approach is not None and distance_m > self._approach.r_s_m:
             # A path that begins with the station astern goes once round, on the far side of it at worst.
             self._allowed_m = max(self._allowed_m, 2.0 * self._approach.turn_radius_m)
         self._past.clear()
+
+
+def _is_another(station: Station, before: Station) -> bool:
+    """Whether a station has been moved, or given another heading, and has not just turned a little with the weather."""
+    moved = (station.n_m, station.e_m) != (before.n_m, before.e_m)
+    return moved or abs(wrap_rad(station.psi_rad - before.psi_rad)) > TURNED_RAD

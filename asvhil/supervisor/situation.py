@@ -42,7 +42,8 @@ class Situation:
     does not move as it is told to. `control_ok`: whether the solution of the last tick can be used; None where there
     was none. `sent`: what the last tick sent to the motors.
     `station_age_s`: since anything was heard of the pilot's ground station; None: never. `station_sticks`: what was
-    heard, since the last tick, of sticks of ground stations that the autopilot obeys.
+    heard, since the last tick, of sticks of ground stations that the autopilot obeys. `bow_rad`: the heading with the
+    mean force of the weather on the bow.
     """
 
     t_ns: int
@@ -60,3 +61,4 @@ class Situation:
     sent: MotorPulses | None = None
     station_age_s: float | None = None
     station_sticks: tuple[StationSticks, ...] = ()
+    bow_rad: float | None = None

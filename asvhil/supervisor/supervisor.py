@@ -8,6 +8,7 @@ from asvhil.config import SupervisorConfig
 from asvhil.geo import LocalFrame
 from asvhil.supervisor.arming_help import ArmingHelp
 from asvhil.supervisor.geofence import Geofence
+from asvhil.supervisor.heading_policy import HeadingPolicy
 from asvhil.supervisor.mode_request import ModeRequest
 from asvhil.supervisor.pilot_watch import PilotWatch
 from asvhil.supervisor.reasons import Explanation, Reason, explain
@@ -43,7 +44,8 @@ class Decision:
     neutral pulses where both are set. With none of them say nothing. `prepare` asks for mode and arming (simulation
     only), `ask_mode` for a mode alone.
     `answers`: for each request in turn None where it is granted, or why not; `begun`: a hold was granted.
-    `station` is None while none is held; `station_changed`: it is not as in the last tick.
+    `station` is None while none is held; `station_changed`: it is another one than in the last tick, and not the same
+    that has turned with the weather.
     `control_ok`: the latest solution, but for that of this tick, could be used. `link_ok`: the autopilot is heard.
     """
 
@@ -75,6 +77,7 @@ class Supervisor:
         self._phase = Phase.STANDBY
         self._why = explain(Reason.WAITING_FOR_HOLD)
         self._station: Station | None = None
+        self._heading = HeadingPolicy(config.heading)
         self._fence = Geofence(config.geofence)
         self._most_m = config.max_distance_m  # by the last hold command: how far off a station may be
         self._auto_pending = config.engage == "auto"
@@ -103,6 +106,8 @@ class Supervisor:
             self._prepare(situation)
         self._go_on(situation)
         self._name_the_end(situation, was_held=was_held)
+        station_changed = self._held != station_before
+        self._turn(situation, station_changed)
         releasing = self._phase is Phase.STANDBY and self._release_left > 0
         neutral_alone = self._release_left > RELEASE_REPEATS
         self._release_left -= releasing
@@ -112,7 +117,7 @@ class Supervisor:
             phase=self._phase,
             why=self._why,
             station=self._held,
-            station_changed=self._held != station_before,
+            station_changed=station_changed,
             answers=answers,
             begun=any(isinstance(r, HoldCommand) and a is None for r, a in zip(requests, answers, strict=True)),
             drive=self._phase is Phase.HOLD,
@@ -128,6 +133,14 @@ class Supervisor:
     def _held(self) -> Station | None:
         """The station that is held."""
         return self._station if self._phase in (Phase.HOLD, Phase.FAILSAFE) else None
+
+    def _turn(self, situation: Situation, station_changed: bool) -> None:
+        """Turn the station that is held as its heading policy says."""
+        if self._held is None or self._station is None:
+            return
+        if station_changed:
+            self._heading.begin()
+        self._station = self._heading.turned(situation.t_ns, self._station, situation.bow_rad)
 
     def _link_ok(self, situation: Situation) -> bool:
         """Whether the autopilot was heard lately."""

@@ -1,0 +1,80 @@
+"""The heading that the weather wants: the one at which its mean force on the boat acts along the boat, from ahead."""
+
+from __future__ import annotations
+
+import math
+
+import casadi as ca
+import numpy as np
+
+from asvhil.dynamics.buffers import bind
+from asvhil.dynamics.integrate import motion_derivative
+from asvhil.dynamics.protocol import Dynamics
+from asvhil.geo import body_to_ned, ned_to_body, wrap_rad
+from asvhil.types import Estimate, Wind
+
+HEADINGS = 36  # at which the force is evaluated; in between it is interpolated
+EVERY_NS = 1_000_000_000
+GAP_NS = 5_000_000_000  # without an estimate for so long the average begins anew
+LEAST_MPS2 = 0.004  # of the mean acceleration: in less weather no heading is better than another
+
+
+class WeatherHeading:
+    """Averages wind and disturbance, and finds where the boat, at rest with its motors neutral, is pushed astern alone.
+
+    The force is the model's acceleration at rest in the mean wind, and the disturbance to the side: current, waves, and
+    what the model does not know of the wind. Ahead the disturbance has the errors of the thrust as well, which come and
+    go; to the side no motor pushes. So what the current does ahead is left out, until the boat has turned to it.
+    """
+
+    def __init__(self, model: Dynamics, time_constant_s: float) -> None:
+        self._time_constant_s = time_constant_s
+        wind, disturbance = ca.SX.sym("w", 2), ca.SX.sym("d", 3)
+        neutral = ca.SX(ca.DM(model.input_of_command((0.0, 0.0))))
+        rows = []
+        for k in range(HEADINGS):
+            at_rest = ca.vertcat(0.0, 0.0, 2.0 * math.pi * k / HEADINGS, ca.SX.zeros(3 + model.n_motor))
+            rows.append(motion_derivative(model, at_rest, neutral, wind, disturbance)[3:5])
+        self._wind, self._disturbance, self._force = np.zeros(2), np.zeros(3), np.zeros(2 * HEADINGS)
+        function = ca.Function("weather", [wind, disturbance], [ca.vertcat(*rows)], {"cse": True})
+        self._evaluate = bind(function, [self._wind, self._disturbance], [self._force])
+        self._t_ns: int | None = None
+        self._since_ns = 0
+        self._bow_rad: float | None = None
+
+    def step(self, t_ns: int, estimate: Estimate | None, wind: Wind | None) -> float | None:
+        """The heading (rad) with the weather on the bow; None where it is not known, or there is no weather."""
+        if estimate is None or not estimate.valid:
+            return self._bow_rad if self._t_ns is not None and t_ns - self._t_ns < GAP_NS else None
+        if self._t_ns is None or t_ns - self._t_ns >= GAP_NS:
+            self._t_ns = self._since_ns = t_ns
+            self._wind[:] = self._disturbance[:] = 0.0
+        elapsed_s = (t_ns - self._t_ns) * 1e-9
+        if t_ns > self._since_ns and elapsed_s < EVERY_NS * 1e-9:
+            return self._bow_rad
+        # A mean of all there is at first, then a low-pass filter.
+        known_s = (t_ns - self._since_ns) * 1e-9 + EVERY_NS * 1e-9
+        gain = min(max(elapsed_s, EVERY_NS * 1e-9) / min(known_s, self._time_constant_s), 1.0)
+        self._t_ns = t_ns
+        air = (0.0, 0.0) if wind is None else (wind.vn_mps, wind.ve_mps)
+        self._wind += gain * (np.array(air) - self._wind)
+        _, sway = ned_to_body(estimate.psi_rad, *estimate.disturbance[:2])
+        side = body_to_ned(estimate.psi_rad, 0.0, sway)
+        self._disturbance[:2] += gain * (np.array(side) - self._disturbance[:2])
+        self._evaluate()
+        self._bow_rad = self._bow()
+        return self._bow_rad
+
+    def _bow(self) -> float | None:
+        """Where the sideways force changes its sign and the other one is astern; of several, where it is strongest."""
+        ahead, abeam = self._force[0::2].tolist(), self._force[1::2].tolist()
+        best: tuple[float, float] | None = None
+        for k in range(HEADINGS):
+            after = (k + 1) % HEADINGS
+            if abeam[k] * abeam[after] > 0.0 or abeam[k] == abeam[after]:
+                continue
+            share = abeam[k] / (abeam[k] - abeam[after])
+            force = ahead[k] + share * (ahead[after] - ahead[k])
+            if force < -LEAST_MPS2 and (best is None or force < best[0]):
+                best = force, wrap_rad(2.0 * math.pi * (k + share) / HEADINGS)
+        return None if best is None else best[1]

@@ -1,0 +1,50 @@
+"""The heading of a station that follows the weather: with a dead band, so that it neither hunts nor turns in a gust."""
+
+from __future__ import annotations
+
+import math
+
+from asvhil.config import HeadingConfig
+from asvhil.geo import wrap_rad
+from asvhil.types import Station, changed
+
+SETTLES = 1.5  # time constants of the weather in which a new hold follows what becomes known of it
+THERE_RAD = math.radians(0.5)  # a turn ends this near to the weather's heading
+
+
+class HeadingPolicy:
+    """`begin` with each hold or change of its station; then `turned` gives the station in each tick."""
+
+    def __init__(self, config: HeadingConfig) -> None:
+        self._config = config
+        self._first = True
+        self._turning = False
+        self._settled_ns = 0
+        self._astern = config.policy == "stern"
+        self._t_ns = 0
+
+    def begin(self) -> None:
+        """A hold begins, or its station is another one: the first turn is made at once."""
+        self._first = True
+
+    def turned(self, t_ns: int, station: Station, bow_rad: float | None) -> Station:
+        """The station with the heading of this tick; `bow_rad`: the one with the weather on the bow, where known."""
+        elapsed_s, self._t_ns = (t_ns - self._t_ns) * 1e-9, t_ns
+        if self._config.policy == "fixed" or bow_rad is None:
+            return station
+        if self._first and self._config.policy == "either":
+            self._astern = math.cos(bow_rad - station.psi_rad) < 0.0
+        wanted_rad = bow_rad + (math.pi if self._astern else 0.0)
+        off_rad = wrap_rad(wanted_rad - station.psi_rad)
+        if self._first:
+            self._first, self._turning = False, True
+            self._settled_ns = t_ns + round(SETTLES * self._config.time_constant_s * 1e9)
+            return changed(station, psi_rad=wrap_rad(wanted_rad))
+        if abs(off_rad) > math.radians(self._config.deadband_deg):
+            self._turning = True
+        if not self._turning:
+            return station
+        most_rad = math.radians(self._config.turn_deg_per_min) / 60.0 * elapsed_s
+        self._turning = abs(off_rad) > max(THERE_RAD, most_rad) or t_ns < self._settled_ns
+        turn_rad = min(max(off_rad, -most_rad), most_rad)
+        return changed(station, psi_rad=wrap_rad(station.psi_rad + turn_rad))

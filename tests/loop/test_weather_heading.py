@@ -1,0 +1,49 @@
+"""A station whose heading follows the weather: the boat lies still where it would swing, and the log replays."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+
+from asvhil.config import load_config
+from asvhil.geo import wrap_rad
+from asvhil.logs.opening import open_recorder
+from asvhil.logs.replay import replay
+from asvhil.simplant.lockstep import Lockstep
+from asvhil.types import Phase
+
+KEYS = (
+    *("plant.weather.wind.speed_mps=6", "plant.weather.wind.toward_deg=90", "plant.seed=41"),
+    *("plant.sensors.gnss.slow_bias_m=0", "estimator.ekf.position_bias_std_m=0"),
+)
+
+
+def kept(policy: str, log: Path | None = None) -> tuple[float, float, float]:
+    """From 60 s on: mean true distance (m), mean squared command; and the station's heading at the end (deg)."""
+    config = load_config("sitl", (*KEYS, f"supervisor.heading.policy={policy}"))
+    recorder = None if log is None else open_recorder(config, log, "lockstep", threaded=False)
+    loop = Lockstep(config, recorder)
+    distances, commands = [], []
+    for tick in range(120 * 20):
+        _, outputs = loop.tick()
+        if tick > 60 * 20:
+            assert outputs.phase is Phase.HOLD and outputs.station is not None, outputs.health.reason
+            distances.append(math.hypot(loop.plant.truth.n_m, loop.plant.truth.e_m))
+            if outputs.control is not None:
+                commands.append(outputs.control.command)
+    if recorder is not None:
+        recorder.close()
+    assert outputs.station is not None
+    return float(np.mean(distances)), float(np.mean(np.square(commands))), math.degrees(outputs.station.psi_rad)
+
+
+def test_with_the_bow_to_the_weather_the_boat_lies_still(tmp_path: Path) -> None:
+    fixed, bow = kept("fixed"), kept("bow", tmp_path / "log.mcap")
+    assert fixed[2] == 0.0
+    assert abs(math.degrees(wrap_rad(math.radians(bow[2] + 90.0)))) < 20.0
+    assert bow[0] < 0.5 < fixed[0]
+    assert bow[1] < 0.3 * fixed[1]
+    result = replay(tmp_path / "log.mcap")
+    assert result.mismatch is None and result.compared == result.ticks == 2400

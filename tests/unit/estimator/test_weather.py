@@ -1,0 +1,102 @@
+"""The heading that the weather wants, of the WAM-V's physics: from the wind, from what is left over, and from none."""
+
+import math
+
+import pytest
+
+from asvhil.config import load_config
+from asvhil.dynamics.rigid_body import SimplifiedDynamics
+from asvhil.estimator.weather import GAP_NS, LEAST_MPS2, WeatherHeading
+from asvhil.geo import body_to_ned, wrap_rad
+from asvhil.types import Estimate, Wind
+
+MODEL = SimplifiedDynamics(load_config("sitl").believed_vessel)
+S = 1_000_000_000
+
+
+class Sea:
+    """What is fed to the finder in each tick, and the heading (deg) that it gives."""
+
+    def __init__(self, time_constant_s: float = 60.0) -> None:
+        self.finder, self.t_ns = WeatherHeading(MODEL, time_constant_s), 1_700_000_000 * S
+
+    def wait(
+        self, seconds: float, wind: tuple[float, float] | None, *, psi_deg: float = 0.0, sway_mps2: float = 0.0
+    ) -> float | None:
+        """`wind`: speed (m/s) and the direction that it blows toward (deg); `sway_mps2` is left over to the side."""
+        found, psi_rad = None, math.radians(psi_deg)
+        for _ in range(round(seconds * 20)):
+            self.t_ns += S // 20
+            found = self.finder.step(self.t_ns, self.estimate(psi_rad, sway_mps2), self.wind(wind))
+        return None if found is None else math.degrees(found)
+
+    def estimate(self, psi_rad: float, sway_mps2: float = 0.0, *, valid: bool = True) -> Estimate:
+        d_n, d_e = body_to_ned(psi_rad, 0.0, sway_mps2)
+        return Estimate(
+            t_ns=self.t_ns, n_m=0.0, e_m=0.0, psi_rad=psi_rad, u_mps=0.0, v_mps=0.0, r_radps=0.0,
+            motor=(0.0, 0.0), std=(0.0,) * 6, disturbance=(d_n, d_e, 0.0), valid=valid,
+        )  # fmt: skip
+
+    def wind(self, at: tuple[float, float] | None) -> Wind | None:
+        if at is None:
+            return None
+        speed_mps, toward_rad = at[0], math.radians(at[1])
+        vn, ve = speed_mps * math.cos(toward_rad), speed_mps * math.sin(toward_rad)
+        return Wind(t_ns=self.t_ns, vn_mps=vn, ve_mps=ve, std_mps=0.0, valid=True)
+
+
+@pytest.mark.parametrize("toward_deg", [-173.0, -90.0, 0.0, 41.0, 180.0])
+def test_in_wind_alone_the_bow_is_where_it_comes_from(toward_deg: float) -> None:
+    found = Sea().wait(5.0, (4.0, toward_deg))
+    assert found is not None
+    assert abs(math.degrees(wrap_rad(math.radians(found - toward_deg - 180.0)))) < 1.5
+
+
+def test_what_pushes_to_the_side_turns_it_until_nothing_does() -> None:
+    """A current to the east, while the wind comes from the north: the boat turns towards it as far as it helps."""
+    sea = Sea(10.0)
+    psi_deg = 0.0
+    force = 0.02
+    for _ in range(60):  # the boat follows, and its disturbance to the side with it
+        found = sea.wait(5.0, (4.0, 180.0), psi_deg=psi_deg, sway_mps2=force * math.cos(math.radians(psi_deg)))
+        assert found is not None
+        psi_deg += 0.3 * (found - psi_deg)
+    assert -60.0 < psi_deg < -10.0
+    assert abs(found - psi_deg) < 0.5  # there nothing is left to the side
+
+
+def test_with_no_wind_and_nothing_left_over_no_heading_is_better() -> None:
+    assert Sea().wait(5.0, (0.0, 0.0)) is None
+    assert Sea().wait(5.0, None, sway_mps2=0.5 * LEAST_MPS2) is None
+    found = Sea().wait(5.0, None, sway_mps2=0.05)  # pushed to the east
+    assert found == pytest.approx(-90.0, abs=1.0)
+
+
+def test_it_is_averaged_over_the_time_constant() -> None:
+    sea = Sea(60.0)
+    sea.wait(300.0, (4.0, 180.0))
+    after_10_s = sea.wait(10.0, (4.0, 90.0))
+    after_5_min = sea.wait(290.0, (4.0, 90.0))
+    assert after_10_s is not None and after_5_min is not None
+    assert -20.0 < after_10_s < -3.0
+    assert after_5_min == pytest.approx(-90.0, abs=5.0)
+
+
+def test_at_first_all_that_there_is_counts_alike() -> None:
+    sea = Sea(1000.0)
+    sea.wait(10.0, (4.0, 135.0))
+    found = sea.wait(10.0, (4.0, -135.0))
+    assert found == pytest.approx(0.0, abs=6.0)
+
+
+def test_without_an_estimate_it_is_kept_for_a_while_and_then_begins_anew() -> None:
+    sea = Sea(1000.0)
+    before = sea.wait(60.0, (4.0, 90.0))
+    t_ns = sea.t_ns
+    assert sea.finder.step(t_ns + S, None, None) is not None
+    assert sea.finder.step(t_ns + 2 * S, sea.estimate(0.0, valid=False), None) is not None
+    assert sea.finder.step(t_ns + GAP_NS, None, None) is None
+    sea.t_ns += 2 * GAP_NS
+    found = sea.wait(5.0, (4.0, 180.0))
+    assert before == pytest.approx(-90.0, abs=1.0)
+    assert found == pytest.approx(0.0, abs=1.0)

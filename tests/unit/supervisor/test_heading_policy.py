@@ -1,0 +1,86 @@
+"""The heading of a station that follows the weather: at once when a hold begins, then slowly, not for every gust."""
+
+import math
+
+import pytest
+
+from asvhil.config import HeadingConfig
+from asvhil.geo import wrap_rad
+from asvhil.supervisor.heading_policy import HeadingPolicy
+from asvhil.types import Station
+
+TICK_NS = 50_000_000
+
+
+class Held:
+    """A station that a policy turns, tick by tick."""
+
+    def __init__(self, psi_deg: float = 0.0, **keys: object) -> None:
+        config = HeadingConfig.model_validate({"policy": "bow", "time_constant_s": 1.0, **keys})
+        self.policy, self.t_ns = HeadingPolicy(config), 1_000_000_000_000
+        self.station = Station(n_m=3.0, e_m=-4.0, psi_rad=math.radians(psi_deg))
+        self.policy.begin()
+
+    def wait(self, seconds: float, bow_deg: float | None) -> float:
+        """The heading (deg) after a time with the weather's heading there."""
+        bow_rad = None if bow_deg is None else math.radians(bow_deg)
+        for _ in range(max(1, round(seconds * 1e9 / TICK_NS))):
+            self.t_ns += TICK_NS
+            self.station = self.policy.turned(self.t_ns, self.station, bow_rad)
+        assert (self.station.n_m, self.station.e_m) == (3.0, -4.0)
+        return math.degrees(self.station.psi_rad)
+
+
+def test_a_fixed_heading_stays() -> None:
+    assert Held(20.0, policy="fixed").wait(60.0, 90.0) == pytest.approx(20.0)
+
+
+@pytest.mark.parametrize(("policy", "expected"), [("bow", 130.0), ("stern", -50.0)])
+def test_a_hold_begins_with_the_heading_of_the_weather(policy: str, expected: float) -> None:
+    assert Held(0.0, policy=policy).wait(0.0, 130.0) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize(("asked", "expected"), [(10.0, -30.0), (130.0, 150.0), (-119.0, -30.0), (-121.0, 150.0)])
+def test_either_takes_the_nearer_one_and_keeps_to_it(asked: float, expected: float) -> None:
+    held = Held(asked, policy="either")
+    assert held.wait(0.0, -30.0) == pytest.approx(expected)
+    veered = held.wait(1200.0, -150.0)  # now the other one would be nearer to what was asked for
+    assert veered == pytest.approx(wrapped(expected - 120.0), abs=1.0)
+
+
+def wrapped(degrees: float) -> float:
+    return math.degrees(wrap_rad(math.radians(degrees)))
+
+
+def test_within_the_dead_band_nothing_turns() -> None:
+    held = Held()
+    held.wait(30.0, 40.0)
+    for gust_deg in (49.0, 31.0, 45.0, 40.0):
+        assert held.wait(60.0, gust_deg) == pytest.approx(40.0, abs=0.6)
+
+
+def test_beyond_it_the_heading_follows_no_faster_than_it_may_and_all_the_way() -> None:
+    held = Held(turn_deg_per_min=20.0)
+    held.wait(30.0, 0.0)
+    assert held.wait(60.0, 90.0) == pytest.approx(20.0, abs=0.1)
+    assert held.wait(240.0, 90.0) == pytest.approx(90.0, abs=0.6)
+
+
+def test_it_turns_the_short_way_across_south() -> None:
+    held = Held(170.0)
+    held.wait(30.0, 170.0)
+    assert held.wait(30.0, -160.0) == pytest.approx(-175.0, abs=0.1)
+
+
+def test_without_weather_the_heading_stays_and_is_taken_up_later() -> None:
+    held = Held(25.0)
+    assert held.wait(60.0, None) == pytest.approx(25.0)
+    assert held.wait(0.0, 100.0) == pytest.approx(100.0)  # the first that is known
+    assert held.wait(60.0, None) == pytest.approx(100.0)
+
+
+def test_a_moved_station_takes_the_heading_of_the_weather_at_once() -> None:
+    held = Held()
+    held.wait(60.0, 0.0)
+    held.policy.begin()
+    assert held.wait(0.0, 60.0) == pytest.approx(60.0)
