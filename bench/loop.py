@@ -24,6 +24,7 @@ from asvhil.io.mavlink.frames import FrameSplitter, message_id
 from asvhil.logs.replay import replay
 from asvhil.logs.run import read_run
 from asvhil.logs.summary import summarise
+from asvhil.machine_code.compiler import use_compiler
 from asvhil.sitl import run_lockstep
 from tests.support.processes import bench
 
@@ -35,6 +36,7 @@ def lockstep_and_replay(folder: Path) -> dict[str, Any]:
     """A 360 s run in lockstep on one core, and its replay."""
     os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
     log = folder / "log.mcap"
+    use_compiler()  # as commands do
     config = load_config("sitl", ("plant.sensors.gnss.slow_bias_m=0",))
     cpu_s = time.process_time()
     wall_s = run_lockstep(config, log, SPAN_S)

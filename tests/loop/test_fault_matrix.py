@@ -1,6 +1,6 @@
 """The fault matrix: what breaks, on the approach, settled, and across the wind, and what is promised for it.
 
-Each run is recorded, and one of each fault's three is replayed through the fault, bit by bit.
+One of each fault's three runs is recorded, and replayed through the fault, bit by bit.
 """
 
 from __future__ import annotations
@@ -34,7 +34,8 @@ def test_a_fault_has_its_reaction(fault: Fault, phase: str, tmp_path: Path) -> N
     promise = fault.promise
     log = tmp_path / "log.mcap"
     settings = settings_of(fault, keys, from_s)
-    recorder = open_recorder(settings, log, "lockstep", threaded=False)
+    is_replayed = ROWS.index(fault) % len(PHASES) == list(PHASES).index(phase)
+    recorder = open_recorder(settings, log, "lockstep", threaded=False) if is_replayed else None
     loop = FaultLoop(fault, settings, recorder)
     outputs = loop.wait(from_s)
     assert outputs.phase is Phase.HOLD, outputs.health.reason
@@ -57,8 +58,6 @@ def test_a_fault_has_its_reaction(fault: Fault, phase: str, tmp_path: Path) -> N
         else:
             assert outputs.phase is not Phase.HOLD, "nobody has asked for a hold since"
             assert outputs.pwm_us in (None, (1500, 1500))
-    recorder.close()
-    assert recorder.error is None
     if promise.reaction is Reaction.KEEP:
         assert ended_s is None, f"ended after {ended_s} s: {code}"
     else:
@@ -68,7 +67,9 @@ def test_a_fault_has_its_reaction(fault: Fault, phase: str, tmp_path: Path) -> N
         if promise.reaction is Reaction.NEUTRAL and fault.motors_stop:
             assert loop.motors_stand_still, loop.plant.truth.outputs_us
     assert farthest_m - before_m <= fault.farther_m, (before_m, farthest_m)
-    if ROWS.index(fault) % len(PHASES) == list(PHASES).index(phase):
+    if recorder is not None:
+        recorder.close()
+        assert recorder.error is None
         result = replay(log)
         assert result.mismatch is None, result.mismatch
         assert result.compared == result.ticks > 200
