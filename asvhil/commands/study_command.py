@@ -28,6 +28,12 @@ ModelsOption = Annotated[
     Path | None, typer.Option(help="Folder of model files KIND.npz; the shipped ones for kinds that it lacks.")
 ]
 WorkersOption = Annotated[int | None, typer.Option(min=1, help="Processes; as many as cores by default.")]
+SchedulerOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="ADDRESS", help="A Dask scheduler, as tcp://HOST:8786; its workers run in place of processes."
+    ),
+]
 QuickOption = Annotated[bool, typer.Option("--quick", help="A short run of every part, to see that it works.")]
 
 Figures = dict[str, Any]

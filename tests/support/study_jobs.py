@@ -21,6 +21,12 @@ def fail_at_three(number: int, folder: str) -> dict[str, float]:
     return square(number, folder)
 
 
+def die_at_three(number: int, folder: str) -> dict[str, float]:
+    if number == 3:
+        os._exit(9)
+    return square(number, folder)
+
+
 def linger(number: int, folder: str) -> dict[str, float]:
     """The first two are quick, the others last far longer than any test."""
     result = square(number, folder)

@@ -12,10 +12,10 @@ from pathlib import Path
 import pytest
 
 from asvhil.errors import AsvhilError
-from asvhil.study import runner
+from asvhil.study import code_version, executors, runner
 from asvhil.study.runner import Job, run_jobs
 from tests.support.paths import ROOT
-from tests.support.study_jobs import fail_at_three, jobs, square
+from tests.support.study_jobs import die_at_three, fail_at_three, jobs, square
 from tests.support.waiting import wait_until
 
 
@@ -113,9 +113,36 @@ def test_an_error_in_a_job_comes_through_and_what_was_done_stays(tmp_path):
     assert ran(tmp_path).count(1) == ran(tmp_path).count(2) == 1
 
 
+def test_an_isolated_error_is_stored_with_its_job_and_run_again_when_asked(tmp_path):
+    store = tmp_path / "store.jsonl"
+    finished = run_jobs(fail_at_three, jobs(tmp_path, 4), store, workers=0, isolate=True)
+    assert finished.errors == {"square 3": "ValueError: three"} and finished.results[2] == {}
+    assert [bool(result) for result in finished.results] == [True, True, False, True]
+    # Taken up again it is what it was; a study that isolates nothing, and one that tries again, run it.
+    assert run_jobs(square, jobs(tmp_path, 4), store, workers=0, isolate=True).errors == finished.errors
+    assert ran(tmp_path) == [1, 2, 4]
+    with pytest.raises(ValueError, match="three"):
+        run_jobs(fail_at_three, jobs(tmp_path, 4), store, workers=0)
+    again = run_jobs(square, jobs(tmp_path, 4), store, workers=0, isolate=True, retry=True)
+    assert not again.errors and squares(again) == [1.0, 4.0, 9.0, 16.0] and ran(tmp_path) == [1, 2, 4, 3]
+
+
+def test_a_job_that_ends_its_process_fails_alone(tmp_path):
+    finished = run_jobs(die_at_three, jobs(tmp_path, 7), tmp_path / "store.jsonl", workers=1, isolate=True)
+    assert list(finished.errors) == ["square 3"] and "its process died" in finished.errors["square 3"]
+    assert [result.get("square") for result in finished.results] == [1.0, 4.0, None, 16.0, 25.0, 36.0, 49.0]
+    assert finished.processes == 1 and finished.runs_now == 7
+
+
+def test_how_long_a_process_waited_for_its_next_run_is_known_but_for_its_first(tmp_path):
+    assert run_jobs(square, jobs(tmp_path, 1), tmp_path / "one.jsonl", workers=0).idle_s is None
+    idle_s = run_jobs(square, jobs(tmp_path, 4), tmp_path / "four.jsonl", workers=0).idle_s
+    assert idle_s is not None and 0.0 <= idle_s < 1.0
+
+
 def test_the_time_to_go_is_known_once_every_group_has_a_run(tmp_path, monkeypatch):
     ticks = iter(range(100))
-    monkeypatch.setattr(runner.time, "perf_counter", lambda: float(next(ticks)))  # every run takes 1 s
+    monkeypatch.setattr(executors.time, "perf_counter", lambda: float(next(ticks)))  # every run takes 1 s
     mixed = [*jobs(tmp_path, 3, "quick"), *[Job(key="slow 4", group="slow", arguments=(4, str(tmp_path)))]]
     seen = []
     finished = run_jobs(square, mixed, tmp_path / "store.jsonl", workers=0, tell=seen.append)
@@ -130,21 +157,22 @@ def test_the_time_to_go_is_known_once_every_group_has_a_run(tmp_path, monkeypatc
 def test_runs_of_other_code_are_counted(tmp_path, monkeypatch):
     store = tmp_path / "store.jsonl"
     assert run_jobs(square, jobs(tmp_path, 2), store, workers=0).outdated == 0
-    monkeypatch.setattr(runner, "code_version", lambda: "another")
+    for module in (runner, executors):
+        monkeypatch.setattr(module, "code_version", lambda: "another")
     assert run_jobs(square, jobs(tmp_path, 3), store, workers=0).outdated == 2
 
 
 def test_the_version_of_the_code_follows_the_sources_that_decide(tmp_path, monkeypatch):
-    assert all((runner.PACKAGE / name).exists() for name in runner.DECISIVE)
+    assert all((code_version.PACKAGE / name).exists() for name in code_version.DECISIVE)
     (tmp_path / "a.py").write_text("x = 1\n")
     (tmp_path / "b.py").write_text("y = 1\n")
-    monkeypatch.setattr(runner, "PACKAGE", tmp_path)
-    monkeypatch.setattr(runner, "DECISIVE", ("a.py",))
-    first = runner.code_version.__wrapped__()
+    monkeypatch.setattr(code_version, "PACKAGE", tmp_path)
+    monkeypatch.setattr(code_version, "DECISIVE", ("a.py",))
+    first = code_version.code_version.__wrapped__()
     (tmp_path / "b.py").write_text("y = 2\n")
-    assert runner.code_version.__wrapped__() == first
+    assert code_version.code_version.__wrapped__() == first
     (tmp_path / "a.py").write_text("x = 2\n")
-    assert runner.code_version.__wrapped__() != first
+    assert code_version.code_version.__wrapped__() != first
 
 
 # Loaded by a run in lockstep, without a say in how it comes out.
@@ -167,9 +195,9 @@ for name, module in list(sys.modules.items()):
 
 def test_all_that_a_run_in_lockstep_loads_is_in_the_version_of_the_code_or_excepted():
     done = subprocess.run([sys.executable, "-c", LOADED], capture_output=True, text=True, check=True)
-    loaded = {str(Path(line).relative_to(runner.PACKAGE)) for line in done.stdout.splitlines()}
+    loaded = {str(Path(line).relative_to(code_version.PACKAGE)) for line in done.stdout.splitlines()}
     assert {"backseat/backseat.py", "simplant/plant.py", "study/trials/trial.py", "controller/loiter.py"} <= loaded
-    covered = {name for name in loaded for part in runner.DECISIVE if Path(name).is_relative_to(part)}
+    covered = {name for name in loaded for part in code_version.DECISIVE if Path(name).is_relative_to(part)}
     assert loaded - covered == NOT_DECISIVE
 
 
