@@ -10,6 +10,7 @@ import typer
 from asvhil import __version__
 from asvhil.commands import config, log, script, study
 from asvhil.commands.calibrate import calibrate
+from asvhil.commands.campaign import campaign
 from asvhil.commands.check import check
 from asvhil.commands.collect import collect
 from asvhil.commands.dashboard import dashboard
@@ -29,7 +30,7 @@ from asvhil.commands.train import train
 from asvhil.commands.typer_parts import HELP, ClickException, one_line, show_flags_plainly
 from asvhil.errors import AsvhilError
 
-RUN_A_BACKSEAT = {"run", "sitl", "replay", "study", "learn", "collect"}
+RUN_A_BACKSEAT = {"run", "sitl", "replay", "study", "learn", "collect", "campaign"}
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -42,6 +43,7 @@ for command in (
     *(init, run, hold, neutral, release, status, dashboard, check, calibrate),
     *(sitl, plant, report, replay),
     *(learn, collect, train, evaluate),
+    *(campaign,),
 ):
     app.command()(command)
 app.add_typer(config.app, name="config")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, get_origin
 
 from pydantic import ValidationError
 
@@ -100,10 +100,15 @@ def _meant(kind: str, value: Any) -> str:
 
 def _suggest(section: Any, loc: tuple[int | str, ...]) -> str:
     """ ", did you mean KEY?" with the nearest key of the same section; empty where none is near."""
+    named = False  # whether the next part is a name in a mapping, and no key of a section
     for part in loc[:-1]:
+        if named:
+            named = False
+            continue
         field = getattr(section, "model_fields", {}).get(str(part))
         kind = section.registry.at_key(str(part)) if field is None and hasattr(section, "registry") else None
         section = field.annotation if field else kind.section if kind else None
+        named = get_origin(section) is dict
         options = getattr(section, "__args__", ())
         section = next((option for option in options if hasattr(option, "model_fields")), section)
     kinds = getattr(section, "registry", ())

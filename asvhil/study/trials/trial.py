@@ -5,6 +5,8 @@ from __future__ import annotations
 import functools
 import hashlib
 import math
+import os
+import tempfile
 import time
 from pathlib import Path
 from typing import Any
@@ -16,6 +18,8 @@ from asvhil.config import Config, load_config
 from asvhil.errors import ConfigError
 from asvhil.geo import LocalFrame, wrap_rad
 from asvhil.logs.metrics import PoseErrors, score
+from asvhil.logs.opening import open_recorder
+from asvhil.logs.recorder import Recorder
 from asvhil.simplant.lockstep import Lockstep
 from asvhil.types import Phase
 
@@ -41,16 +45,16 @@ NO_NOISE = (
 )
 
 
-def run_trial(config: Config, from_s: float, to_s: float) -> dict[str, Any]:
+def run_trial(config: Config, from_s: float, to_s: float, recorder: Recorder | None = None) -> dict[str, Any]:
     """Scores over [from_s, to_s] since the first tick, against truth and as measured (`metrics.score`), and energy.
 
     Energy is the mean squared thrust of one motor (N^2). `held` is the share of the window in which the controller had
-    the motors. Raises ConfigError where the config has no station to keep.
+    the motors. With a recorder it is written to a log. Raises ConfigError where the config has no station to keep.
     """
     at = config.supervisor.station
     if at is None:
         raise ConfigError("key supervisor.station: a study needs a station to keep")
-    loop = Lockstep(config)
+    loop = Lockstep(config, recorder)
     origin = LocalFrame(lat_deg=config.plant.origin_lat_deg, lon_deg=config.plant.origin_lon_deg)
     n_m, e_m = origin.to_ned(at.lat_deg, at.lon_deg)
     psi_rad = math.radians(at.heading_deg)
@@ -97,6 +101,22 @@ def run_key(config: Config) -> str:
 def run_named_trial(base: str, overrides: tuple[str, ...], window_s: tuple[float, float]) -> dict[str, Any]:
     """`run_trial` by the name of a config and its overrides, for other processes."""
     return run_trial(load_config(base, overrides), *window_s)
+
+
+def run_logged_trial(base: str, overrides: tuple[str, ...], window_s: tuple[float, float], log: str) -> dict[str, Any]:
+    """The same run with a log, which is at its path once it is whole."""
+    config, path = load_config(base, overrides), Path(log)
+    with tempfile.TemporaryDirectory(dir=path.parent, prefix=".part-") as folder:
+        recorder = open_recorder(config, Path(folder) / path.name, "lockstep", threaded=False)
+        try:
+            result = run_trial(config, *window_s, recorder)
+        finally:
+            recorder.close()
+        if recorder.error is not None:
+            raise recorder.error
+        for part in sorted(Path(folder).iterdir(), reverse=True):  # later segments first, so that the first tells all
+            os.replace(part, path.parent / part.name)
+    return result
 
 
 @functools.cache

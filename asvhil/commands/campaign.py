@@ -1,0 +1,68 @@
+"""`asvhil campaign`: a design over config keys, run on all cores or a cluster, as a table with a summary."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from asvhil.commands.study_command import RUNS, OutOption, SchedulerOption, Study, WorkersOption, study_command
+from asvhil.errors import AsvhilError
+
+if TYPE_CHECKING:
+    from asvhil.study.campaigns.table import Row
+    from asvhil.study.runner import Tell
+
+
+@study_command
+def campaign(
+    spec: Annotated[
+        Path, typer.Argument(metavar="SPEC", help="YAML file of the campaign, or the name of a shipped one.")
+    ],
+    output: OutOption = RUNS,
+    workers: WorkersOption = None,
+    scheduler: SchedulerOption = None,
+    retry: Annotated[bool, typer.Option("--retry", help="Run those again that failed.")] = False,
+) -> Study:
+    """Many seeded runs over winds, boats, sensors, faults, controllers or any key: Parquet, summary, worst cases.
+
+    docs/campaigns.md describes the file. The same command resumes one that was interrupted.
+    """
+    from asvhil.study.campaigns.campaign import run_campaign
+    from asvhil.study.campaigns.design import check
+    from asvhil.study.campaigns.report import draw, markdown
+    from asvhil.study.campaigns.spec import read_spec, runs_of
+    from asvhil.study.campaigns.table import check_parts
+    from asvhil.study.runner import run_into
+
+    settings, path, lines = read_spec(spec)
+    check_parts()
+    check(settings, path, lines)
+    stem = path.stem
+    rows: list[Row] = []
+
+    def figures(tell: Tell) -> dict[str, Any]:
+        run = run_into(
+            output / f"{stem}.jsonl", workers=workers, tell=tell, scheduler=scheduler, isolate=True, retry=retry
+        )
+        with tempfile.TemporaryDirectory() as folder:  # what is stored of the logs is the logs
+            again = run_into(Path(folder) / "logs.jsonl", workers=workers)
+            found, rows[:] = run_campaign(settings, run, again, output, stem)
+        return found
+
+    def failure(found: dict[str, Any]) -> Exception | None:
+        if found["failed"] < found["runs"]:
+            return None
+        return AsvhilError(f"{path}: every run failed: {found['failures'][0]['error']}")
+
+    return Study(
+        title="campaign",
+        stem=stem,
+        figures=figures,
+        text=markdown,
+        draw=lambda found, picture: draw(found, rows, picture),
+        notes=(f"{path}: {runs_of(settings)} runs",),
+        failure=failure,
+    )

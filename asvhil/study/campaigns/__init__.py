@@ -1,0 +1,1 @@
+"""Campaigns: a design over config keys, its runs, their table, and what it says."""

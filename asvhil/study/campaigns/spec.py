@@ -1,0 +1,200 @@
+"""A campaign as its YAML file describes it, checked. Every mistake is one line that names the file and the key."""
+
+from __future__ import annotations
+
+import difflib
+import math
+from pathlib import Path
+from typing import Any, Literal
+
+from pydantic import Field, ValidationError, field_validator, model_validator
+
+from asvhil.config.base import Section
+from asvhil.config.loading import find_shipped
+from asvhil.config.told import Lines, told
+from asvhil.config.yaml_text import read_yaml
+from asvhil.errors import ConfigError
+from asvhil.study.campaigns.shorthands import SHORTHANDS
+
+OWN = {"plant.seed": "`seed` and `repeats` set it"}
+ScoreName = Literal["ps", "vrx_score", "distance_mean_m", "distance_max_m", "heading_abs_deg", "energy_n2"]
+CONFIG = "config"  # a parameter of this name chooses the config
+
+
+class ParameterSpec(Section):
+    """What one parameter can be: values, or a range."""
+
+    values: list[Any] | dict[str, Any] | None = Field(
+        default=None, description="A list of values; or named sets of config keys, as NAME: {KEY: VALUE, ...}."
+    )
+    low: float | None = Field(default=None, description="Lower end of a range.")
+    high: float | None = Field(default=None, description="Upper end of a range.")
+    steps: int | None = Field(default=None, ge=2, description="Values of a range in a grid, both ends among them.")
+    scale: Literal["linear", "log"] = Field(default="linear", description="Scale on which a range is even.")
+    factor: bool = Field(default=False, description="Whether the values multiply that of the config.")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _list_is_values(cls, data: Any) -> Any:
+        return {"values": data} if isinstance(data, list) else data
+
+    @model_validator(mode="after")
+    def _check(self) -> ParameterSpec:
+        ends = (self.low, self.high)
+        if self.values is not None and ends != (None, None):
+            raise ValueError("either values or low and high are expected, not both")
+        if self.values is None:
+            if self.low is None or self.high is None:
+                raise ValueError("values, or low and high, are expected")
+            if not self.low < self.high:
+                raise ValueError("low < high must hold")
+            if self.scale == "log" and self.low <= 0.0:
+                raise ValueError("a range on a log scale begins above 0")
+        elif not self.values:
+            raise ValueError("at least one value is expected")
+        if self.factor and isinstance(self.values, dict):
+            raise ValueError("sets of keys have no factor")
+        if self.factor and any(isinstance(one, bool) or not isinstance(one, int | float) for one in self.values or ()):
+            raise ValueError("factors are numbers")
+        if isinstance(self.values, dict) and not all(isinstance(one, dict) for one in self.values.values()):
+            raise ValueError("each set is a section of config keys, NAME: {KEY: VALUE, ...}")
+        if isinstance(self.values, list) and len({str(one) for one in self.values}) < len(self.values):
+            raise ValueError("a value is there twice")
+        return self
+
+    @property
+    def labels(self) -> list[Any] | None:
+        """The values, or the names of the sets; None of a range."""
+        return None if self.values is None else list(self.values)
+
+    @property
+    def is_number(self) -> bool:
+        """Whether all values are numbers, so that they have an order."""
+        return isinstance(self.values, list | None) and all(
+            isinstance(one, int | float) and not isinstance(one, bool) for one in self.values or ()
+        )
+
+    def at(self, share: float) -> Any:
+        """The value, or the name of the set, at a share in [0, 1) of the range; numbers to 6 digits."""
+        labels = self.labels
+        if labels is not None:
+            return labels[min(int(share * len(labels)), len(labels) - 1)]
+        low, high = self.low or 0.0, self.high or 0.0
+        value = low * (high / low) ** share if self.scale == "log" else low + (high - low) * share
+        return float(f"{value:.6g}")
+
+    def levels(self) -> list[Any]:
+        """The values of a grid, in order."""
+        labels = self.labels
+        if labels is not None:
+            return labels
+        steps = self.steps or 2
+        return [self.at(i / (steps - 1)) for i in range(steps)]
+
+    def ends(self) -> list[Any]:
+        """Values that show whether all can be: each, or both ends of the range."""
+        labels = self.labels
+        return [self.at(0.0), self.at(1.0)] if labels is None else labels
+
+
+class DesignSpec(Section):
+    """How the points of a campaign lie."""
+
+    kind: Literal["grid", "lhs", "sobol"] = Field(
+        description="grid: all combinations; lhs: Latin hypercube; sobol: scrambled Sobol sequence."
+    )
+    points: int | None = Field(default=None, ge=1, le=10_000_000, description="Points of lhs and sobol.")
+    seed: int = Field(default=1, ge=0, description="Seed of the points.")
+
+    @model_validator(mode="after")
+    def _check(self) -> DesignSpec:
+        if self.kind == "grid" and self.points is not None:
+            raise ValueError("points are for lhs and sobol: a grid has all combinations of the values")
+        if self.kind != "grid" and self.points is None:
+            raise ValueError(f"{self.kind} needs points, the number of them")
+        return self
+
+
+class CampaignSpec(Section):
+    """A campaign: points of a design, each with every variant, each of these with several seeds."""
+
+    config: str = Field(default="sitl", description="The config, a file or the name of a shipped one.")
+    design: DesignSpec = Field(description="How the points lie.")
+    parameters: dict[str, ParameterSpec] = Field(description="What varies: config keys, or short names.")
+    variants: dict[str, dict[str, Any]] = Field(
+        default={}, description="Config keys by name, compared with each other at the same points and seeds."
+    )
+    set: dict[str, Any] = Field(default={}, description="Config keys of all runs.")
+    window_s: tuple[float, float] = Field(
+        default=(60.0, 180.0), description="Begin and end of the time that is scored; the run ends with it."
+    )
+    seed: int = Field(default=1, ge=0, description="plant.seed of the first point's first run; the others count on.")
+    repeats: int = Field(default=1, ge=1, description="Runs with seeds of their own at each point.")
+    score: ScoreName = Field(default="ps", description="The column that the summary is about; less is better.")
+    worst: int = Field(default=3, ge=0, description="Worst runs that are run again, with a log.")
+
+    @field_validator("parameters")
+    @classmethod
+    def _some(cls, value: dict[str, ParameterSpec]) -> dict[str, ParameterSpec]:
+        if not value:
+            raise ValueError("at least one parameter is expected")
+        return value
+
+    @model_validator(mode="after")
+    def _check(self) -> CampaignSpec:
+        if not 0.0 <= self.window_s[0] < self.window_s[1]:
+            raise ValueError("window_s needs two rising times")
+        return self
+
+
+def read_spec(path: Path) -> tuple[CampaignSpec, Path, Lines]:
+    """A campaign's file, or one shipped in config/campaigns by its name: its content, path, and the place of each key.
+
+    ConfigError, one line, where it is wrong.
+    """
+    found = find_shipped(str(path), "campaigns", (".yaml",), "campaign file")
+    text = read_yaml(found)
+    if not isinstance(text.tree, dict):
+        raise ConfigError(f"{found}: a mapping of keys is expected at the top level")
+    lines: Lines = {place: f"line {line}" for place, line in text.lines.items()}
+    try:
+        spec = CampaignSpec.model_validate(text.tree)
+    except ValidationError as error:
+        raise told(error, str(found), lines, CampaignSpec) from None
+    for name, parameter in spec.parameters.items():
+        fault = _fault_of(name, parameter, spec.design.kind)
+        if fault:
+            line = lines.get(("parameters", name))
+            raise ConfigError(f"{found}: key parameters.{name}: {fault}{f' ({line})' if line else ''}")
+    return spec, found, lines
+
+
+def _fault_of(name: str, parameter: ParameterSpec, design: str) -> str:
+    """What cannot be of a parameter, beside its values."""
+    if name in OWN:
+        return f"not a parameter: {OWN[name]}"
+    is_set = isinstance(parameter.values, dict)
+    if name != CONFIG and not is_set and "." not in name and name not in SHORTHANDS:
+        near = difflib.get_close_matches(name, [*SHORTHANDS, CONFIG], n=1)
+        meant = f"did you mean {near[0]}?" if near else f"short names are {', '.join([*SHORTHANDS, CONFIG])}"
+        return (
+            f"neither a config key with its sections, such as plant.weather.wind.speed_mps, nor a short name; {meant}"
+        )
+    if is_set and ("." in name or name in SHORTHANDS or name == CONFIG):
+        return "named sets of config keys need a name of their own"
+    if parameter.values is None and name in (CONFIG, "controller", "fault"):
+        return "a list of values is expected"
+    if design == "grid" and parameter.values is None and parameter.steps is None:
+        return "a range in a grid needs steps"
+    if design != "grid" and parameter.steps is not None:
+        return f"steps are for grids; {design} draws from the whole range"
+    return ""
+
+
+def runs_of(spec: CampaignSpec) -> int:
+    """The number of runs."""
+    if spec.design.points is not None:
+        points = spec.design.points
+    else:
+        points = math.prod(len(parameter.levels()) for parameter in spec.parameters.values())
+    return points * max(1, len(spec.variants)) * spec.repeats

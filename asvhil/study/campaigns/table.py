@@ -1,0 +1,88 @@
+"""The table of a campaign: one row for each run, in the order of the design, and its Parquet file."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from asvhil.errors import AsvhilError
+from asvhil.study.campaigns.design import PlannedRun
+from asvhil.study.campaigns.spec import CampaignSpec
+
+Row = dict[str, Any]
+
+# Figures of a run against the truth, by the path in the result of `run_trial`. Times are left out: two campaigns of one
+# file have the same table.
+FIGURES: dict[str, tuple[str, ...]] = {
+    "ps": ("truth", "penalty_score"),
+    "vrx_score": ("truth", "vrx_score"),
+    "distance_mean_m": ("truth", "distance_m", "mean"),
+    "distance_std_m": ("truth", "distance_m", "std"),
+    "distance_max_m": ("truth", "distance_m", "max_settled"),
+    "heading_mean_deg": ("truth", "heading_deg", "mean"),
+    "heading_std_deg": ("truth", "heading_deg", "std"),
+    "heading_abs_deg": ("truth", "heading_deg", "abs_mean"),
+    "ps_measured": ("measured", "penalty_score"),
+    "energy_n2": ("energy_n2",),
+    "held": ("held",),
+}
+
+
+def row_of(run: PlannedRun, result: Mapping[str, Any], error: str) -> Row:
+    """One run: its place, the values of the parameters, the figures (None of a run that failed), and its error."""
+    figures: dict[str, Any] = {}
+    for name, path in FIGURES.items():
+        value: Any = result
+        for part in path:
+            value = None if value is None else value.get(part)
+        figures[name] = value
+    return {
+        "run": run.number,
+        "point": run.point,
+        "variant": run.variant,
+        "repeat": run.repeat,
+        "seed": run.seed,
+        **run.values,
+        **figures,
+        "error": error,
+    }
+
+
+def write_parquet(spec: CampaignSpec, rows: Sequence[Row], path: Path) -> None:
+    """Write the table, all at once or not at all; the campaign's file is in its metadata, as JSON under `campaign`.
+
+    Columns: those of `row_of`; a parameter is float64 where all its values are numbers, else text. AsvhilError without
+    pyarrow.
+    """
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    types: dict[str, Any] = dict.fromkeys(("run", "point", "repeat", "seed"), pa.int64())
+    types |= {name: pa.float64() if p.is_number else pa.string() for name, p in spec.parameters.items()}
+    types |= dict.fromkeys(FIGURES, pa.float64())
+    fields = [pa.field(name, types.get(name, pa.string())) for name in rows[0]]
+    columns = [
+        pa.array([_cell(row[field.name], field.type == pa.string()) for row in rows], field.type) for field in fields
+    ]
+    table = pa.Table.from_arrays(columns, schema=pa.schema(fields, {"campaign": spec.canonical_json()}))
+    beside = path.with_name(f".{path.name}.tmp")
+    try:
+        pq.write_table(table, beside, compression="zstd")
+        os.replace(beside, path)
+    finally:
+        beside.unlink(missing_ok=True)
+
+
+def _cell(value: Any, as_text: bool) -> Any:
+    return str(value) if as_text and value is not None else value
+
+
+def check_parts() -> None:
+    """AsvhilError where a package that campaigns need is not installed."""
+    for module, what in (("pyarrow", "pyarrow"), ("scipy", "SciPy")):
+        try:
+            __import__(module)
+        except ImportError:
+            raise AsvhilError(f"a campaign needs {what}: install asvhil[campaign]") from None
