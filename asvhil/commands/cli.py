@@ -27,10 +27,11 @@ from asvhil.commands.run import run
 from asvhil.commands.sitl import sitl
 from asvhil.commands.status import status
 from asvhil.commands.train import train
+from asvhil.commands.tune import tune
 from asvhil.commands.typer_parts import HELP, ClickException, one_line, show_flags_plainly
 from asvhil.errors import AsvhilError
 
-RUN_A_BACKSEAT = {"run", "sitl", "replay", "study", "learn", "collect", "campaign"}
+RUN_A_BACKSEAT = {"run", "sitl", "replay", "study", "learn", "collect", "campaign", "tune"}
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -43,7 +44,7 @@ for command in (
     *(init, run, hold, neutral, release, status, dashboard, check, calibrate),
     *(sitl, plant, report, replay),
     *(learn, collect, train, evaluate),
-    *(campaign,),
+    *(campaign, tune),
 ):
     app.command()(command)
 app.add_typer(config.app, name="config")

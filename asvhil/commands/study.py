@@ -9,7 +9,6 @@ from asvhil.commands.study_models import models
 from asvhil.commands.study_runs import approach, estimator, field_tests, learned_loop, robustness, safety, six_tests
 from asvhil.commands.study_soak import soak
 from asvhil.commands.study_solvers import solvers
-from asvhil.commands.study_tune import tune
 
 app = typer.Typer(no_args_is_help=True, help="Studies behind the tables under docs/results.")
 
@@ -25,6 +24,5 @@ for command in (
     safety,
     field_tests,
     soak,
-    tune,
 ):
     app.command()(command)

@@ -210,7 +210,7 @@ class SteeringConfig(Section):
     """Heading reference of a classical controller, for a boat whose fixed motors make no side force.
 
     Far off, bow or stern points at the station; near, the heading turns off the station's by an angle (the lean) at
-    which surge force removes an offset abeam. Shipped values: `asvhil study tune`.
+    which surge force removes an offset abeam. Shipped values: `asvhil tune`.
     """
 
     error_max_m: Positive = Field(
@@ -233,7 +233,7 @@ Widths3 = tuple[Positive, Positive, Positive]
 class BacksteppingConfig(Section):
     """P-D backstepping after Sarda et al. (2016): diagonals (along, across, heading) of its gain matrices.
 
-    Shipped gains: `asvhil study tune`.
+    Shipped gains: `asvhil tune`.
     """
 
     lambda_per_s: Gains3 = Field(
@@ -257,7 +257,7 @@ class BacksteppingConfig(Section):
 class SlidingModeConfig(Section):
     """Sliding mode with an integral surface and a boundary layer: diagonals (along, across, heading) of its matrices.
 
-    Shipped gains: `asvhil study tune`.
+    Shipped gains: `asvhil tune`.
     """
 
     lambda_per_s: Gains3 = Field(default=(0.514, 0.514, 0.5171), description="Lambda, the surface's bandwidth.")
@@ -286,7 +286,7 @@ class SlidingModeConfig(Section):
 class LoiterConfig(Section):
     """What ArduRover's LOITER mode does, as a baseline; each key corresponds to a parameter of the autopilot.
 
-    Shipped gains: `asvhil study tune`. Speeds are in m/s and throttle and steering in [-1, 1].
+    Shipped gains: `asvhil tune`. Speeds are in m/s and throttle and steering in [-1, 1].
     """
 
     radius_m: Positive = Field(default=1.258, description="LOIT_RADIUS: within it the boat drifts.")

@@ -77,7 +77,7 @@ class OperatorParameter:
 
 @record
 class SearchRange:
-    """A setting that `asvhil study tune` searches, from start / factor to start * factor on a logarithmic scale.
+    """A setting that `asvhil tune` searches, from start / factor to start * factor on a logarithmic scale.
 
     `key` is its place in the controller's own section, with `[i]` or `[i,j]` for parts of a tuple.
     """

@@ -1,99 +1,47 @@
-"""Tunes a controller in lockstep: a seeded search with the same budget for each, on winds that are not in the tests."""
+"""Tunes a controller in lockstep: CMA-ES over its gains or weights, judged on winds and seeds that it did not see."""
 
 from __future__ import annotations
 
 import json
 import math
-import multiprocessing
 import os
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from asvhil.config import Config, load_config
-from asvhil.config.registry import CONTROLLERS
+from asvhil.config import load_config
 from asvhil.errors import AsvhilError, ConfigError
-from asvhil.machine_code.compiler import use_compiler
-from asvhil.study.trials.trial import NO_SLOW_ERROR, run_trial
+from asvhil.study.rows import trial_job
+from asvhil.study.runner import Run
+from asvhil.study.search_spaces import Parameter, overrides_of, spaces
+from asvhil.study.statistics import mean_ci95
+from asvhil.study.trials.trial import NO_SLOW_ERROR, run_named_trial
 from asvhil.types import record
 
-WINDS = ((4.0, 10.0), (5.0, 170.0), (4.0, 30.0), (5.0, 60.0), (4.0, 105.0))  # m/s, blowing toward degrees
-PLANT_SEED = 101
 FROM_S, TO_S = 60.0, 180.0
-BATCH = 4  # candidates drawn from the same best: constant, so that the result does not depend on the workers
-WIDE_SHARE = 0.25  # of the budget: draws all over the ranges; the rest steps off the best so far
-FIRST_STEP, LAST_STEP = 0.25, 0.08  # standard deviation of such a step, in shares of the range
-MOVE_SHARE = 0.4  # of the coordinates, in one step
+FIRST_STEP = 0.2  # standard deviation of the first generation, in shares of the range
+NEVER = math.inf  # the score of a candidate with a run that failed
 
 
 @record
-class Parameter:
-    """One number to tune: its place (a config key, with `[i]` or `[i,j]` for parts of a tuple), start, and range.
+class WindSet:
+    """Winds (m/s, blowing toward degrees from north) and seeds of the simulated boat; each wind with each seed."""
 
-    It is searched on a logarithmic scale between start / factor and start * factor.
-    """
+    winds: tuple[tuple[float, float], ...]
+    seeds: tuple[int, ...]
 
-    key: str
-    start: float
-    factor: float = 4.0
-
-    def value(self, share: float) -> float:
-        """The value at a share of the range in [0, 1], to 4 digits; the start is at a half."""
-        return float(f"{self.start * self.factor ** (2.0 * share - 1.0):.4g}")
-
-    def share(self, value: float) -> float:
-        return 0.5 + 0.5 * math.log(value / self.start) / math.log(self.factor)
+    @property
+    def cases(self) -> list[tuple[tuple[float, float], int]]:
+        return [(wind, seed) for wind in self.winds for seed in self.seeds]
 
 
-def spaces() -> dict[str, tuple[Parameter, ...]]:
-    """The search space of each controller that has one, by `controller.name`."""
-    return {
-        kind.name: tuple(
-            Parameter(key=f"controller.{kind.settings_key}.{part.key}", start=part.start, factor=part.factor)
-            for part in kind.search
-        )
-        for kind in CONTROLLERS
-        if kind.search
-    }
-
-
-def overrides_of(name: str, values: Mapping[str, float]) -> tuple[str, ...]:
-    """The `KEY=VALUE` overrides of a config that set a controller and its tuned values."""
-    plain: dict[str, Any] = {}
-    for key, value in values.items():
-        base, bracket, index = key.partition("[")
-        if bracket:
-            for part in index.rstrip("]").split(","):
-                plain.setdefault(base, {})[int(part)] = value
-        else:
-            plain[key] = value
-    return (
-        f"controller.name={name}",
-        *(
-            f"{key}={[value[i] for i in sorted(value)] if isinstance(value, dict) else value}"
-            for key, value in plain.items()
-        ),
-    )
-
-
-def settled_score(config: Config, from_s: float = FROM_S, to_s: float = TO_S) -> dict[str, Any]:
-    """`metrics.score` of the truth in one lockstep run, over [from_s, to_s] since its first tick."""
-    truth: dict[str, Any] = run_trial(config, from_s, to_s)["truth"]
-    return truth
-
-
-TuningRun = tuple[str, tuple[str, ...], tuple[float, float], tuple[float, float]]
-
-
-def evaluate(run: TuningRun) -> float:
-    """ps of one run: (config, overrides, wind as m/s and degrees toward, scoring window)."""
-    base, overrides, (speed_mps, toward_deg), window = run
-    wind = (f"plant.weather.wind.speed_mps={speed_mps}", f"plant.weather.wind.toward_deg={toward_deg}")
-    return float(settled_score(load_config(base, (*overrides, *wind)), *window)["penalty_score"])
+WINDS = ((4.0, 10.0), (5.0, 170.0), (4.0, 30.0), (5.0, 60.0), (4.0, 105.0))
+PLANT_SEED = 101
+TRAINING = WindSet(winds=WINDS, seeds=(PLANT_SEED,))
+# Neither winds of the search nor of the six tests.
+HELD_OUT = WindSet(winds=((3.5, 135.0), (5.5, 20.0), (4.5, 80.0), (5.5, -150.0), (3.5, -60.0)), seeds=(201, 202))
 
 
 def typical(scores: Sequence[float]) -> float:
@@ -105,127 +53,193 @@ def tune(
     name: str,
     budget: int,
     seed: int,
-    progress: Callable[[int, float], None] | None = None,
+    run: Run,
+    path: Path,
+    progress: Callable[[int, float], None] = lambda done, best: None,
     *,
-    path: Path | None = None,
-    workers: int = 2,
-    winds: tuple[tuple[float, float], ...] = WINDS,
+    training: WindSet = TRAINING,
+    held_out: WindSet = HELD_OUT,
     window_s: tuple[float, float] = (FROM_S, TO_S),
     base: str = "sitl",
-    score: Callable[[TuningRun], float] = evaluate,
 ) -> dict[str, Any]:
-    """Search the values of `spaces()[name]` with the lowest typical ps over the winds; `budget` counts candidates.
+    """Search the values of `spaces(config)[name]` with the lowest typical ps over the training winds.
 
-    With a path every batch is saved there, and a search there with the same settings is resumed.
-    `progress` is called after each batch with the candidates that are done and the lowest typical ps so far. `score`
-    gives the ps of one run, in any process.
-    The result depends on neither workers (0: none but this process) nor interruptions. KeyError where the controller
-    has no space, ConfigError for a wrong budget, seed or number of workers, AsvhilError where the file at the path is
-    of another search: it is not changed.
+    `budget` counts candidates: the start, then generations of CMA-ES (Hansen 2016) on the logarithmic scale of the
+    ranges. `run` runs the jobs, isolated (`run_into(..., isolate=True)`). Each generation is written to `path`; a
+    search there with the same settings is continued, to the same bits on the same machine. The best and the controller
+    as the config has it are then run on both sets of winds (`tuned`, `config`). `progress` is called after each
+    generation, stored ones too, with the candidates that are done and the lowest typical ps.
+
+    KeyError where the controller has no space, ConfigError for a wrong budget or seed, AsvhilError where the file at
+    the path is of another search, which is not changed, or where the package cmaes is not installed.
     """
-    space = spaces()[name]
-    for option, value, least in (("--budget", budget, 1), ("--seed", seed, 0), ("--workers", workers, 0)):
+    config = load_config(base)
+    space = spaces(config)[name]
+    for option, value, least in (("--budget", budget, 1), ("--seed", seed, 0)):
         if value < least:
             raise ConfigError(f"{option} {value}: at least {least} is expected")
-    result: dict[str, Any] = {
+    found: dict[str, Any] = {
         "controller": name,
-        "command": f"asvhil study tune {name} --budget {budget} --seed {seed}",
+        "command": f"asvhil tune {name} --budget {budget} --seed {seed}",
         "settings": {
+            "search": "cma-es",
             "budget": budget,
             "seed": seed,
-            "plant_seed": PLANT_SEED,
-            "winds_mps_toward_deg": [list(wind) for wind in winds],
+            "training": _as_json(training),
+            "held_out": _as_json(held_out),
             "window_s": list(window_s),
             "base": base,
+            "config": config.content_hash(),
             "fixed": list(NO_SLOW_ERROR),
             "ranges": {p.key: [p.value(0.0), p.value(1.0)] for p in space},
         },
-        "evaluations": [],
+        "generations": [],
         "best": None,
     }
-    done: list[dict[str, Any]] = result["evaluations"]
-    if path is not None and path.exists():
-        done += _stored(path, result)
-    with _mapper(workers) as map_:
-        while len(done) < budget:
-            batch = candidates(space, budget, seed, done)
-            runs = [
-                (base, (*NO_SLOW_ERROR, f"plant.seed={PLANT_SEED}", *overrides_of(name, values)), wind, window_s)
-                for values in batch
-                for wind in winds
-            ]
-            scores = [round(ps, 4) for ps in map_(score, runs)]
-            for i, values in enumerate(batch):
-                own = scores[i * len(winds) : (i + 1) * len(winds)]
-                done.append({"values": values, "ps": own, "typical_ps": round(typical(own), 4)})
-            result["best"] = min(done, key=_typical_ps)
-            if path is not None:
-                _save(path, result)
-            if progress is not None:
-                progress(len(done), _typical_ps(result["best"]))
-    result["best"] = min(done, key=_typical_ps)
-    return result
+    if path.exists():
+        found["generations"] = _stored(path, found)
+
+    def scored(candidates: Sequence[Mapping[str, float]], cases: WindSet) -> list[list[float | None]]:
+        jobs = [
+            trial_job(name, base, (*_case_overrides(wind, plant_seed), *overrides_of(name, values)), window_s)
+            for values in candidates
+            for wind, plant_seed in cases.cases
+        ]
+        results = iter(run(run_named_trial, jobs).results)
+        return [[_score(next(results)) for _ in cases.cases] for _ in candidates]
+
+    search = _Search(space, seed)
+    generations: list[list[dict[str, Any]]] = found["generations"]
+    for number in range(_generations(budget, search.population)):
+        shares = search.ask(number)
+        if number == len(generations):
+            values = [{p.key: p.value(share) for p, share in zip(space, row, strict=True)} for row in shares]
+            generations.append(
+                [
+                    {"shares": row, "values": one, "ps": ps, "typical_ps": _typical(ps)}
+                    for row, one, ps in zip(shares, values, scored(values, training), strict=True)
+                ]
+            )
+            found["best"] = _best(generations)
+            _save(path, found)
+        progress(sum(map(len, generations[: number + 1])), _typical_ps(_best(generations[: number + 1])))
+        search.tell(number, generations[number])
+    best = found["best"] = _best(generations)
+    both = [{}, best["values"]]  # the config as it is, and tuned
+    for which, own, others in zip(("config", "tuned"), scored(both, training), scored(both, held_out), strict=True):
+        found[which] = _figures(own, others)
+    _save(path, found)
+    return found
 
 
-def candidates(
-    space: tuple[Parameter, ...], budget: int, seed: int, done: list[dict[str, Any]]
-) -> list[dict[str, float]]:
-    """The next batch, from the seed and what has been evaluated: the start, random draws, then steps from the best."""
-    rng = np.random.default_rng((seed, len(done)))
-    batch = []
-    for index in range(len(done), min(len(done) + BATCH, budget)):
-        if index == 0:
-            shares = np.full(len(space), 0.5)
-        elif index < WIDE_SHARE * budget:
-            shares = rng.uniform(0.0, 1.0, len(space))
-        else:
-            best = min(done, key=_typical_ps)["values"] if done else {}
-            shares = np.array([p.share(best.get(p.key, p.start)) for p in space])
-            moved = rng.random(len(space)) < MOVE_SHARE
-            moved[rng.integers(len(space))] = True
-            step = FIRST_STEP * (LAST_STEP / FIRST_STEP) ** (index / budget)
-            shares = np.clip(shares + moved * rng.normal(0.0, step, len(space)), 0.0, 1.0)
-        batch.append({p.key: p.value(float(share)) for p, share in zip(space, shares, strict=True)})
-    return batch
+class _Search:
+    """CMA-ES by asking and telling: its state follows from the seed and from what it was told."""
+
+    def __init__(self, space: Sequence[Parameter], seed: int) -> None:
+        try:
+            from cmaes import CMA
+        except ImportError:
+            raise AsvhilError("tuning needs cmaes: install asvhil[campaign]") from None
+        d = len(space)
+        bounds = np.tile([0.0, 1.0], (d, 1))
+        self._d = d
+        self._cma = CMA(mean=np.full(d, 0.5), sigma=FIRST_STEP, bounds=bounds, seed=seed)
+        self.population: int = self._cma.population_size
+
+    def ask(self, number: int) -> list[list[float]]:
+        """The candidates of a generation, each of shares in [0, 1]: of the first one the start, alone."""
+        if number == 0:
+            return [[0.5] * self._d]
+        return [self._cma.ask().tolist() for _ in range(self.population)]
+
+    def tell(self, number: int, generation: Sequence[Mapping[str, Any]]) -> None:
+        if number:
+            self._cma.tell([(np.array(one["shares"]), _typical_ps(one)) for one in generation])
 
 
-def _stored(path: Path, result: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """The stored evaluations of a search. AsvhilError where the file is damaged or of other settings."""
+def _generations(budget: int, population: int) -> int:
+    """The start, and as many whole generations as the budget has; at least one where it has more than the start."""
+    return 1 + (0 if budget == 1 else max(1, (budget - 1) // population))
+
+
+def candidates_of(budget: int, d: int) -> int:
+    """The candidates that a search over d numbers has with a budget: CMA-ES has whole generations only."""
+    population = 4 + math.floor(3.0 * math.log(d))
+    return 1 + (_generations(budget, population) - 1) * population
+
+
+def _case_overrides(wind: tuple[float, float], seed: int) -> tuple[str, ...]:
+    return (
+        *NO_SLOW_ERROR,
+        f"plant.seed={seed}",
+        f"plant.weather.wind.speed_mps={wind[0]}",
+        f"plant.weather.wind.toward_deg={wind[1]}",
+    )
+
+
+def _score(result: Mapping[str, Any]) -> float | None:
+    """ps of a run to 4 digits after the point; None of one that failed."""
+    ps = result["truth"]["penalty_score"] if result else None
+    return None if ps is None else round(ps, 4)
+
+
+def _typical(scores: Sequence[float | None]) -> float | None:
+    known = [score for score in scores if score is not None]
+    return round(typical(known), 4) if len(known) == len(scores) else None
+
+
+def _typical_ps(candidate: Mapping[str, Any]) -> float:
+    value = candidate["typical_ps"]
+    return NEVER if value is None else float(value)
+
+
+def _best(generations: Sequence[Sequence[dict[str, Any]]]) -> dict[str, Any]:
+    return min((one for generation in generations for one in generation), key=_typical_ps)
+
+
+def _figures(training: Sequence[float | None], held_out: Sequence[float | None]) -> dict[str, Any]:
+    """Typical ps and the mean with its interval on both sets."""
+    found = {}
+    for name, scores in (("training", training), ("held_out", held_out)):
+        known = [score for score in scores if score is not None]
+        mean = mean_ci95(known) if known and len(known) == len(scores) else {"mean": None, "ci95": None}
+        found[name] = {"typical_ps": _typical(scores), "ps": list(scores), **mean}
+    return found
+
+
+def _as_json(cases: WindSet) -> dict[str, Any]:
+    return {"winds_mps_toward_deg": [list(wind) for wind in cases.winds], "seeds": list(cases.seeds)}
+
+
+def _stored(path: Path, found: Mapping[str, Any]) -> list[list[dict[str, Any]]]:
+    """The stored generations of a search. AsvhilError where the file is damaged or of other settings."""
     try:
         stored = json.loads(path.read_text(encoding="utf-8"))
         had = {"controller": stored["controller"], **stored["settings"]}
-        done = [
-            {"values": dict(row["values"]), "ps": list(row["ps"]), "typical_ps": float(row["typical_ps"])}
-            for row in stored["evaluations"]
-        ]
+        asked = {"controller": found["controller"], **found["settings"]}
+        for key in [*asked, *had]:
+            if had.get(key) != asked.get(key):
+                words = f"its search had {key} {json.dumps(had.get(key))}, this one has {json.dumps(asked.get(key))}"
+                raise AsvhilError(f"{path}: {words}; move it away to begin anew")
+        return [[_candidate(one) for one in generation] for generation in stored["generations"]]
     except OSError as error:
         raise AsvhilError(f"{path}: cannot be read ({error.strerror})") from None
     except (ValueError, KeyError, TypeError):
         raise AsvhilError(f"{path}: not a whole record of a search; move it away to begin anew") from None
-    asked = {"controller": result["controller"], **result["settings"]}
-    for key in [*asked, *had]:
-        if had.get(key) != asked.get(key):
-            words = f"its search had {key} {json.dumps(had.get(key))}, and this one has {json.dumps(asked.get(key))}"
-            raise AsvhilError(f"{path}: {words}; move it away to begin anew")
-    return done
 
 
-def _typical_ps(evaluation: dict[str, Any]) -> float:
-    return float(evaluation["typical_ps"])
+def _candidate(row: Mapping[str, Any]) -> dict[str, Any]:
+    typical_ps = row["typical_ps"]
+    return {
+        "shares": [float(share) for share in row["shares"]],
+        "values": dict(row["values"]),
+        "ps": list(row["ps"]),
+        "typical_ps": None if typical_ps is None else float(typical_ps),
+    }
 
 
-@contextmanager
-def _mapper(workers: int) -> Iterator[Callable[[Callable[[TuningRun], float], Sequence[TuningRun]], Iterable[float]]]:
-    """`map` over processes, in the order of the runs; in this process where there are no workers."""
-    if workers == 0:
-        yield map
-        return
-    with ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), use_compiler) as pool:
-        yield pool.map
-
-
-def _save(path: Path, result: dict[str, Any]) -> None:
+def _save(path: Path, found: Mapping[str, Any]) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     beside = path.with_suffix(".part")
-    beside.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
+    beside.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
     os.replace(beside, path)

@@ -12,8 +12,8 @@ from asvhil.config.registry import CONTROLLERS
 from asvhil.errors import ConfigError
 from asvhil.operator.tunables import Tunables
 from asvhil.simplant.lockstep import Lockstep
+from asvhil.study.search_spaces import spaces
 from asvhil.study.six_tests import available, labelled
-from asvhil.study.tuning import spaces
 from tests.support.plugins import PUSHER, write_pusher
 
 
@@ -164,7 +164,7 @@ def test_studies_take_it_from_the_table(tmp_path: Path) -> None:
     assert labelled()["Pusher"].name == "the-pusher"
     found, left_out = available(["Pusher"], None, str(boat), ())
     assert found == {"Pusher": ("controller.name=the-pusher",)} and not left_out
-    assert [parameter.key for parameter in spaces()["the-pusher"]] == ["controller.the_pusher.level"]
+    assert [parameter.key for parameter in spaces(load_config(boat))["the-pusher"]] == ["controller.the_pusher.level"]
 
 
 def test_a_tick_looks_nothing_up_and_opens_no_file(tmp_path: Path) -> None:
