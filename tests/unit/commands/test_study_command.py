@@ -108,7 +108,7 @@ def test_every_study_has_the_same_options_for_the_same_things() -> None:
     found = {command.callback.__name__: inspect.signature(command.callback) for command in app.registered_commands}
     assert list(found) == [
         *("models", "bound", "six_tests", "solvers", "approach"),
-        *("robustness", "learned_loop", "estimator", "safety", "field_tests", "soak", "tune"),
+        *("robustness", "learned_loop", "estimator", "safety", "field_tests", "soak"),
     ]
     for signature in found.values():
         assert {"output", "json_"} <= set(signature.parameters)

@@ -46,7 +46,6 @@ def idle(monkeypatch):
         ("learned-loop", "learned-loop"),
         ("estimator", "estimator"),
         ("models", "models"),
-        ("tune", "loiter"),
     ],
 )
 def test_what_cannot_be_written_is_said_before_anything_runs(study, stem, tmp_path, monkeypatch, capsys):
