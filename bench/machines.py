@@ -2,8 +2,10 @@
 
     python -m bench.machines [--seconds 180] [--json FILE]
 
-Records a log of each config under one kernel of OpenBLAS, and replays it under others, with the plain loops of NumPy,
-and with the functions of the C library for a processor without fused multiply-add. There the record is followed.
+Records a log of each config under one kernel of OpenBLAS and in CasADi's hands, and replays it in machine code, where
+there is a compiler, under other kernels, under the one that OpenBLAS chooses, and with the plain loops of NumPy; under
+the chosen one without machine code; and with the functions of the C library for a processor without fused multiply-add.
+There the record is followed.
 """
 
 from __future__ import annotations
@@ -17,6 +19,8 @@ import sys
 import tempfile
 from pathlib import Path
 from typing import Any
+
+from asvhil.machine_code.compiler import SWITCH
 
 WIND = ("plant.weather.wind.speed_mps=6", "plant.weather.wind.toward_deg=90", "plant.seed=7")
 CASES: dict[str, tuple[str, ...]] = {
@@ -33,15 +37,17 @@ CASES: dict[str, tuple[str, ...]] = {
     "PX4": ("sitl-px4",),
 }
 KERNEL = "OPENBLAS_CORETYPE"
+CHOSEN: dict[str, dict[str, str]] = {"the chosen one": {}, "the chosen one, no machine code": {SWITCH: "off"}}
 OTHERS: dict[str, dict[str, dict[str, str]]] = {
     "x86_64": {
         "Haswell": {KERNEL: "Haswell"},
         "Sandybridge": {KERNEL: "Sandybridge"},
         "Zen": {KERNEL: "Zen"},
+        **CHOSEN,
         "NumPy's plain loops": {"NPY_DISABLE_CPU_FEATURES": "X86_V3 X86_V4"},
         "no fused multiply-add": {"GLIBC_TUNABLES": "glibc.cpu.hwcaps=-FMA,-AVX2,-FMA_Usable,-AVX2_Usable"},
     },
-    "aarch64": {"CORTEXA57": {KERNEL: "CORTEXA57"}, "NEOVERSEN1": {KERNEL: "NEOVERSEN1"}},
+    "aarch64": {"CORTEXA57": {KERNEL: "CORTEXA57"}, "NEOVERSEN1": {KERNEL: "NEOVERSEN1"}, **CHOSEN},
 }
 RECORDED = {"x86_64": {KERNEL: "Nehalem"}, "aarch64": {KERNEL: "ARMV8"}}
 RECORD = """
@@ -55,7 +61,8 @@ run_lockstep(load_config(sys.argv[2], tuple(sys.argv[3:])), Path(sys.argv[1]), {
 
 def run(code: list[str], environment: dict[str, str]) -> int:
     """The exit code of Python in an environment."""
-    done = subprocess.run([sys.executable, *code], env={**os.environ, **environment}, capture_output=True, text=True)
+    outer = {name: value for name, value in os.environ.items() if name not in (KERNEL, SWITCH)}
+    done = subprocess.run([sys.executable, *code], env={**outer, **environment}, capture_output=True, text=True)
     if done.returncode not in (0, 1):
         raise SystemExit(done.stderr)
     return done.returncode
@@ -92,10 +99,9 @@ def main() -> None:
             if run(["-c", code, str(log), config, *WIND, *sets], RECORDED[kind]):
                 raise SystemExit(f"{name}: no log was made")
             figures["logs"][name] = {other: replayed(log, value) for other, value in OTHERS[kind].items()}
-    text = json.dumps(figures, indent=2)
-    print(text)
-    if arguments.json:
-        arguments.json.write_text(text + "\n")
+        if arguments.json:  # after each log: it takes half an hour
+            arguments.json.write_text(json.dumps(figures, indent=2) + "\n")
+    print(json.dumps(figures, indent=2))
 
 
 if __name__ == "__main__":
