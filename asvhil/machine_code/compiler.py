@@ -26,7 +26,8 @@ from asvhil.dynamics import buffers
 from asvhil.dynamics.arrays import Array
 
 SWITCH = "ASVHIL_MACHINE_CODE"  # "off" leaves all to CasADi; else the folder of what was compiled
-# Without -ffp-contract=off products are fused with sums on aarch64, and without -fno-builtin constants are folded.
+# -ffp-contract=off: GCC fuses products with sums on aarch64 from -O2 on, other compilers may at any level. Without
+# -fno-builtin constants are folded.
 FLAGS = ("-O1", "-shared", "-fPIC", "-ffp-contract=off", "-fno-builtin")
 LONGEST_S = 120.0
 # Of the arguments on which both are compared: as small as those of an estimate that is settled, and larger ones.

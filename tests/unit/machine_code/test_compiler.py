@@ -1,6 +1,7 @@
 """Machine code gives the bits of CasADi's own evaluation, and is left out wherever anything about it is in doubt."""
 
 import os
+import platform
 import shutil
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -17,6 +18,7 @@ from asvhil.dynamics import buffers
 from asvhil.estimator import covariance
 from asvhil.estimator.covariance import Correction
 from asvhil.estimator.prediction import MotionModel
+from asvhil.machine_code import compiler
 from asvhil.machine_code.compiler import SWITCH, Compiler, use_compiler
 from asvhil.motion.monitor import MotionMonitor
 
@@ -162,6 +164,36 @@ def test_a_compiler_that_makes_other_numbers_is_found_out(tmp_path: Path, wrong:
     command = script(tmp_path / "wrong-cc", f'exec cc {wrong} "$@"')
     (tmp_path / "made").mkdir()
     assert Compiler(command, tmp_path / "made")(wavy()) is None
+
+
+def sums_of_products() -> ca.Function:
+    a, b = ca.SX.sym("a", 6, 6), ca.SX.sym("b", 6)
+    return ca.Function("sums_of_products", [a, b], [a @ b + b])
+
+
+@pytest.fixture
+def fusing(tmp_path: Path) -> str:
+    """A compiler that fuses products with sums where it may, as GCC does on aarch64 from -O2 on."""
+    if platform.machine() == "x86_64" and "fma" not in Path("/proc/cpuinfo").read_text().split():
+        pytest.skip("this processor has no fused multiply-add")
+    (tmp_path / "made").mkdir()
+    fma = "-mfma" if platform.machine() == "x86_64" else ""
+    return script(tmp_path / "fusing-cc", f'exec cc {fma} -fexpensive-optimizations "$@"')
+
+
+def test_products_are_not_fused_with_sums(tmp_path: Path, fusing: str) -> None:
+    compiled = Compiler(fusing, tmp_path / "made")(sums_of_products())
+    assert compiled is not None
+    assert_same_bits(sums_of_products(), compiled)
+
+
+def test_a_compiler_that_fuses_in_spite_of_that_is_found_out(
+    tmp_path: Path, fusing: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    flags = tuple(flag.replace("-ffp-contract=off", "-ffp-contract=fast") for flag in compiler.FLAGS)
+    monkeypatch.setattr(compiler, "FLAGS", flags)
+    assert Compiler(fusing, tmp_path / "made")(sums_of_products()) is None
+    assert len(list((tmp_path / "made").glob("*.so"))) == 1
 
 
 def test_the_oldest_libraries_go(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
