@@ -32,5 +32,7 @@ class HeadingConfig(Section):
         description="The station's heading stays where it is until the weather's is off by more than this.",
     )
     turn_deg_per_min: Positive = Field(
-        default=30.0, le=600.0, description="How fast the station's heading follows the weather's then."
+        default=30.0,
+        le=600.0,
+        description="How fast the station's heading follows then; three times as fast when a hold begins.",
     )

@@ -8,7 +8,8 @@ from asvhil.config import HeadingConfig
 from asvhil.geo import wrap_rad
 from asvhil.types import Station, changed
 
-SETTLES = 1.5  # time constants of the weather in which a new hold follows what becomes known of it
+SETTLES = 1.5  # time constants of the weather in which a new hold follows what becomes known of it,
+SETTLES_FASTER = 3.0  # and how many times as fast as later
 THERE_RAD = math.radians(0.5)  # a turn ends this near to the weather's heading
 
 
@@ -44,7 +45,9 @@ class HeadingPolicy:
             self._turning = True
         if not self._turning:
             return station
-        most_rad = math.radians(self._config.turn_deg_per_min) / 60.0 * elapsed_s
-        self._turning = abs(off_rad) > max(THERE_RAD, most_rad) or t_ns < self._settled_ns
+        settling = t_ns < self._settled_ns
+        faster = SETTLES_FASTER if settling else 1.0
+        most_rad = faster * math.radians(self._config.turn_deg_per_min) / 60.0 * elapsed_s
+        self._turning = settling or abs(off_rad) > max(THERE_RAD, most_rad)
         turn_rad = min(max(off_rad, -most_rad), most_rad)
         return changed(station, psi_rad=wrap_rad(station.psi_rad + turn_rad))
