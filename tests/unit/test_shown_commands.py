@@ -1,4 +1,4 @@
-"""What the pages show is taken: every line with `asvhil` parses, and every block of YAML is a config."""
+"""What the pages show is taken: every line with `asvhil` parses, and every block of YAML is a config or a campaign."""
 
 from __future__ import annotations
 
@@ -11,6 +11,8 @@ from typer.main import get_command
 
 from asvhil.commands.cli import app
 from asvhil.config import load_config
+from asvhil.study.campaigns.design import check
+from asvhil.study.campaigns.spec import read_spec
 from asvhil.train.columns import load_columns
 from tests.support.paths import ROOT
 
@@ -56,7 +58,21 @@ def test_a_shown_command_is_taken(line: str) -> None:
 BLOCKS = {page.name: YAML.findall(page.read_text()) for page in PAGES if page.name not in GENERATED | RUN_ELSEWHERE}
 
 
-@pytest.mark.parametrize("page", [page for page, blocks in BLOCKS.items() if blocks])
+def take_campaign(block: str, folder: Path) -> None:
+    """A campaign, or parameters of one."""
+    text = block if "design:" in block else f"config: sitl\ndesign: {{kind: sobol, points: 8}}\nparameters:\n{block}"
+    (folder / "shown.yaml").write_text(text)
+    check(*read_spec(folder / "shown.yaml"))
+
+
+def test_the_campaigns_that_a_page_shows_are_some(tmp_path: Path) -> None:
+    blocks = YAML.findall((ROOT / "docs" / "campaigns.md").read_text())
+    assert len(blocks) >= 2
+    for block in blocks:
+        take_campaign(block, tmp_path)
+
+
+@pytest.mark.parametrize("page", [page for page, blocks in BLOCKS.items() if blocks and page != "campaigns.md"])
 def test_what_a_page_shows_is_a_config(page: str, tmp_path: Path) -> None:
     """The blocks of a page follow one another: each adds to those before it."""
     base = "field.yaml"
