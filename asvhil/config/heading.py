@@ -33,6 +33,6 @@ class HeadingConfig(Section):
     )
     turn_deg_per_min: Positive = Field(
         default=30.0,
-        le=600.0,
+        le=60.0,
         description="How fast the station's heading follows then; three times as fast when a hold begins.",
     )

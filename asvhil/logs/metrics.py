@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asvhil.dynamics.arrays import Array
+from asvhil.supervisor.heading_policy import LEAST_CHANGE_RAD
 from asvhil.types import record
 
 SETTLED_FROM_S = 60.0  # the score is of station keeping, not of the way to the station
@@ -21,7 +22,6 @@ DOCKING_RATE_RADPS = math.radians(5.0)
 DOCKING_RADIUS_M = 15.0
 DOCKING_SECTOR_DEG = 40.0
 DOCKING_LEAST_S = 10.0  # shorter ones are of no use, and not counted
-TURNED_RAD = math.radians(1.0)  # of a station between two samples: more is another one
 GAP_S = 1.0  # samples farther apart are not of one window
 
 REVERSAL_BEYOND = 0.05  # of full command: nearer to neutral a motor stands still
@@ -222,7 +222,7 @@ def _runs(inside: NDArray[np.bool_], track: MotionTrack) -> list[tuple[int, int]
         return []
     step = np.diff(track.station, axis=0)
     # One that turns a little from sample to sample follows the weather, and is the same.
-    moved = (step[:, :2] != 0.0).any(axis=1) | (np.abs(np.sin(0.5 * step[:, 2])) > 0.5 * TURNED_RAD)
+    moved = (step[:, :2] != 0.0).any(axis=1) | (np.abs(np.sin(0.5 * step[:, 2])) > 0.5 * LEAST_CHANGE_RAD)
     cut = (np.diff(track.t_s) > GAP_S) | (track.hold[1:] != track.hold[:-1]) | moved
     first, last = inside.copy(), inside.copy()
     first[1:] &= cut | np.logical_not(inside[:-1])

@@ -58,7 +58,7 @@ class Compiler:
     def __init__(self, command: str, folder: Path, tell: Callable[[str], None] = lambda _: None) -> None:
         self._command, self._folder, self._tell = command, folder, tell
         self._told = False
-        self._same_bits: dict[str, bool] = {}
+        self._made: dict[str, ca.Function | None] = {}  # by source, failures too: they are not tried again
 
     def __call__(self, function: ca.Function) -> ca.Function | None:
         """The function in machine code, compiled now or earlier."""
@@ -66,7 +66,11 @@ class Compiler:
         generator.add(function)
         source = generator.dump()
         key = hashlib.sha256("\0".join((source, self._command, *FLAGS)).encode()).hexdigest()[:32]
-        library = self._folder / f"{function.name()}-{key}.so"
+        if key not in self._made:
+            self._made[key] = self._make(function, source, self._folder / f"{function.name()}-{key}.so")
+        return self._made[key]
+
+    def _make(self, function: ca.Function, source: str, library: Path) -> ca.Function | None:
         if not library.exists() and not self._compile(source, library):
             return None
         try:
@@ -75,9 +79,7 @@ class Compiler:
         except (OSError, RuntimeError):  # taken away meanwhile, half a file, or one of another processor
             library.unlink(missing_ok=True)
             return None
-        if key not in self._same_bits:
-            self._same_bits[key] = _equal(function, compiled)
-        return compiled if self._same_bits[key] else None
+        return compiled if _equal(function, compiled) else None
 
     def _compile(self, source: str, library: Path) -> bool:
         if not self._told:

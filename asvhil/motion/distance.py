@@ -7,13 +7,13 @@ from collections import deque
 
 from asvhil.config import MotionConfig, ProcedureConfig, VesselConfig
 from asvhil.geo import ned_to_body, wrap_rad
+from asvhil.supervisor.heading_policy import LEAST_CHANGE_RAD
 from asvhil.supervisor.reasons import Explanation, Reason, explain
 from asvhil.types import Estimate, Station
 
 SATURATED = 0.95  # of a motor's full command
 SHARE = 0.7  # of the time, at the least, for the motors to be at their limit
 LOOK_BACK_NS = 10_000_000_000
-TURNED_RAD = math.radians(1.0)  # more than a station turns in a tick by itself
 BRAKING = 0.5  # of the thrust of both motors astern, of which a boat is taken to stop with
 
 
@@ -78,4 +78,4 @@ class DistanceWatch:
 def _is_another(station: Station, before: Station) -> bool:
     """Whether a station has been moved, or given another heading, and has not just turned a little with the weather."""
     moved = (station.n_m, station.e_m) != (before.n_m, before.e_m)
-    return moved or abs(wrap_rad(station.psi_rad - before.psi_rad)) > TURNED_RAD
+    return moved or abs(wrap_rad(station.psi_rad - before.psi_rad)) > LEAST_CHANGE_RAD

@@ -8,6 +8,7 @@ from asvhil.config import HeadingConfig
 from asvhil.geo import wrap_rad
 from asvhil.types import Station, changed
 
+LEAST_CHANGE_RAD = math.radians(1.0)  # of a station's heading from one sample to the next: less is a turn, as here
 SETTLES = 1.5  # time constants of the weather in which a new hold follows what becomes known of it,
 SETTLES_FASTER = 3.0  # and how many times as fast as later
 THERE_RAD = math.radians(0.5)  # a turn ends this near to the weather's heading

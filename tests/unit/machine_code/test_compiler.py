@@ -159,6 +159,12 @@ def test_a_compiler_that_fails_leaves_all_to_casadi(tmp_path: Path, text: str) -
     assert list((tmp_path / "made").iterdir()) == []
 
 
+def test_a_compiler_that_fails_is_not_asked_again_for_the_same(tmp_path: Path) -> None:
+    compiler = Compiler(script(tmp_path / "bad-cc", f"echo asked >> {tmp_path}/asked; exit 1"), tmp_path)
+    assert [compiler(wavy()) for _ in range(3)] == [None] * 3
+    assert (tmp_path / "asked").read_text() == "asked\n"
+
+
 @pytest.mark.parametrize("wrong", ["-Dtanh=sin", "-Dexp=expm1"])
 def test_a_compiler_that_makes_other_numbers_is_found_out(tmp_path: Path, wrong: str) -> None:
     command = script(tmp_path / "wrong-cc", f'exec cc {wrong} "$@"')

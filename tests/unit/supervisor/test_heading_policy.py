@@ -6,7 +6,7 @@ import pytest
 
 from asvhil.config import HeadingConfig
 from asvhil.geo import wrap_rad
-from asvhil.supervisor.heading_policy import HeadingPolicy
+from asvhil.supervisor.heading_policy import LEAST_CHANGE_RAD, HeadingPolicy
 from asvhil.types import Station
 
 TICK_NS = 50_000_000
@@ -84,3 +84,12 @@ def test_a_moved_station_takes_the_heading_of_the_weather_at_once() -> None:
     held.wait(60.0, 0.0)
     held.policy.begin()
     assert held.wait(0.0, 60.0) == pytest.approx(60.0)
+
+
+def test_at_its_fastest_it_is_still_the_same_station() -> None:
+    """What tells another station from one that turns looks at steps of a tick, and of the samples of a log."""
+    held = Held(turn_deg_per_min=60.0, time_constant_s=100.0)
+    held.wait(0.0, 0.0)
+    before = held.station.psi_rad
+    held.wait(0.2, 90.0)
+    assert 0.0 < held.station.psi_rad - before < LEAST_CHANGE_RAD
