@@ -65,4 +65,5 @@ def campaign(
         draw=lambda found, picture: draw(found, rows, picture),
         notes=(f"{path}: {runs_of(settings)} runs",),
         failure=failure,
+        made_of=None,
     )

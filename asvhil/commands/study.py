@@ -6,6 +6,7 @@ import typer
 
 from asvhil.commands.study_bound import bound
 from asvhil.commands.study_models import models
+from asvhil.commands.study_pages import pages
 from asvhil.commands.study_runs import approach, estimator, field_tests, learned_loop, robustness, safety, six_tests
 from asvhil.commands.study_soak import soak
 from asvhil.commands.study_solvers import solvers
@@ -24,5 +25,6 @@ for command in (
     safety,
     field_tests,
     soak,
+    pages,
 ):
     app.command()(command)

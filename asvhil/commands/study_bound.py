@@ -32,9 +32,11 @@ def bound(
 ) -> Study:
     """The physical bound of the penalty score in a steady wind, by periodic optimal control."""
     from asvhil.config import load_config
+    from asvhil.config.loading import config_files
     from asvhil.config.mean_wind import parse_wind
     from asvhil.dynamics.rigid_body import SimplifiedDynamics
     from asvhil.study import bound as study
+    from asvhil.study.made_of import made_of
     from asvhil.study.runner import StudyProgress
 
     settings = load_config(config, tuple(set_))
@@ -55,4 +57,11 @@ def bound(
             winds[str(sector)] = study.figures(orbit)
         return study.bounds_tree(settings, winds)
 
-    return Study(title="bound", stem="bound", figures=figures, text=study.markdown, resumes=False)
+    return Study(
+        title="bound",
+        stem="bound",
+        figures=figures,
+        text=study.markdown,
+        resumes=False,
+        made_of=made_of(("study/bound.py",), config_files(config)),
+    )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -16,7 +16,7 @@ from asvhil.commands.views import say
 from asvhil.types import record
 
 if TYPE_CHECKING:
-    from asvhil.study.runner import Tell
+    from asvhil.study.runner import StudyProgress, Tell
 
 RUNS = Path("runs/study")
 
@@ -45,13 +45,15 @@ class Study:
 
     `stem` is the name of its files in the output folder: figures (json), `text` (md), and a picture (png) if there is
     one to `draw`. `notes` are printed before it begins. `resumes`: the same command continues an interrupted study.
-    `failure` gives the error, if any, that the command ends with after everything is written.
+    `failure` gives the error, if any, that the command ends with after everything is written. `made_of`: the digests of
+    the code and files that decide the figures (`asvhil.study.made_of`), for the page to say.
     """
 
     title: str
     stem: str
     figures: Callable[[Tell], Figures]
     text: Callable[[Figures], str]
+    made_of: Mapping[str, str] | None  # None where what it leaves is no page of this project's results
     draw: Callable[[Figures, Path], None] | None = None
     notes: tuple[str, ...] = ()
     resumes: bool = True
@@ -65,15 +67,25 @@ def study_command(prepare: Callable[..., Study]) -> Callable[..., None]:
     def command(json_: Path | None, **options: Any) -> None:
         from rich.console import Console
 
+        from asvhil.study.made_of import mark_of
+
         console = Console()
         study, output = prepare(**options), options["output"]
         for note in study.notes:
             say(console, note)
         check_output(output, study.stem, json_)
+        outdated = 0
         with watching(console, study.title, resumes=study.resumes) as tell:
-            figures = study.figures(tell)
+
+            def counted(progress: StudyProgress) -> None:
+                nonlocal outdated
+                outdated += progress.outdated
+                tell(progress)
+
+            figures = study.figures(counted)
+        mark = "" if study.made_of is None else mark_of(study.made_of, outdated)
         draw = None if study.draw is None else functools.partial(study.draw, figures)
-        finish(console, output, study.stem, figures, study.text, json_, draw)
+        finish(console, output, study.stem, figures, study.text, json_, draw, mark)
         failure = study.failure(figures)
         if failure is not None:
             raise failure

@@ -26,6 +26,7 @@ def models(
     """The paper's model table: open-loop errors and MPC time of SD, NNSEM, NODE, KNODE and LagNet; rows in waves."""
     from rich.console import Console
 
+    from asvhil.study.made_of import made_of, mark_of, run_files
     from asvhil.study.model_jobs import chosen_jobs, jobs
     from asvhil.study.model_logs import collect_logs
     from asvhil.study.models import markdown, study_models
@@ -34,6 +35,9 @@ def models(
     check_output(output, "models", json_)
     known = jobs(ode_iterations)
     rough = any(job.waves for job in chosen_jobs(known, only))
+    # Logs and models that are there already are used again, and do not say which code they are of.
+    older = [*(output / "logs").glob("*.mcap"), *(output / "models").glob("*.npz")]
+    mark = mark_of(made_of(("study/models.py", "study/model_logs.py"), run_files("sitl")), len(older))
     console = Console()
     with watching(console, "models") as tell:
 
@@ -43,7 +47,9 @@ def models(
         calm = collect_logs(output / "logs", _drive, tell=show)
         waves = collect_logs(output / "logs", _drive, tell=show, waves=True) if rough else None
         with writing(output, "-o "):
-            figures = study_models(calm.train, calm.test, output, known=known, only=only, waves=waves, tell=show)
+            figures = study_models(
+                calm.train, calm.test, output, known=known, only=only, waves=waves, tell=show, mark=mark
+            )
     write_json(json_, figures)
     say(console, markdown(figures["rows"]))
 

@@ -21,7 +21,7 @@ from asvhil.commands.study_command import (
     WorkersOption,
     study_command,
 )
-from asvhil.commands.study_views import bounds_at_hand, stem_of
+from asvhil.commands.study_views import BOUNDS, bounds_at_hand, stem_of
 from asvhil.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -50,6 +50,7 @@ def six_tests(
     """All controllers over the paper's six tests, their mirrors and diagonals."""
     from asvhil.config import load_config
     from asvhil.config.registry import CONTROLLERS
+    from asvhil.study.made_of import made_of, run_files
     from asvhil.study.rows import FROM_S, QUICK_S, ROWS, TO_S, checked
     from asvhil.study.runner import run_into
     from asvhil.study.six_tests import available, labelled, study_six_tests
@@ -84,6 +85,10 @@ def six_tests(
         text=report,
         draw=draw_bars,
         notes=(*left_out, *filter(None, [note])),
+        made_of=made_of(
+            ("study/six_tests.py", "study/six_tests_report.py"),
+            [*run_files(config, *chosen.values()), *([bounds or BOUNDS] if limits else [])],
+        ),
     )
 
 
@@ -99,6 +104,7 @@ def approach(
     """Approach from 60 m off, at any heading, in 6 m/s of wind: random starts."""
     from asvhil.study.approach import markdown, study_approach
     from asvhil.study.approach_figure import draw_tracks
+    from asvhil.study.made_of import made_of, run_files
     from asvhil.study.runner import run_into
     from asvhil.study.trials.approach import DURATION_S
 
@@ -120,6 +126,7 @@ def approach(
         figures=figures,
         text=markdown,
         draw=lambda _, path: draw_tracks(outcomes, path),
+        made_of=made_of(("study/approach.py",), run_files("sitl", tuple(set_))),
     )
 
 
@@ -135,6 +142,7 @@ def robustness(
     set_: SetOption = [],  # noqa: B006
 ) -> Study:
     """Cost of no wind sensor, of a crude model with a turned vane, and of a current."""
+    from asvhil.study.made_of import made_of, run_files
     from asvhil.study.robustness import markdown, study_robustness
     from asvhil.study.rows import FROM_S, QUICK_S, ROWS, TO_S, checked
     from asvhil.study.runner import run_into
@@ -154,7 +162,13 @@ def robustness(
             overrides=tuple(set_),
         )
 
-    return Study(title="robustness", stem=stem_of("robustness", quick), figures=figures, text=markdown)
+    return Study(
+        title="robustness",
+        stem=stem_of("robustness", quick),
+        figures=figures,
+        text=markdown,
+        made_of=made_of(("study/robustness.py",), run_files(config, (*set_, *controller))),
+    )
 
 
 @study_command
@@ -170,6 +184,7 @@ def learned_loop(
 ) -> Study:
     """Learned models in closed loop against SD-MPC with the true parameters, and with parameters 30 % off."""
     from asvhil.study.learned_loop import LEARNED, markdown, study_learned_loop
+    from asvhil.study.made_of import made_of, run_files
     from asvhil.study.rows import FROM_S, QUICK_S, TO_S
     from asvhil.study.runner import run_into
     from asvhil.study.six_tests import controller_overrides
@@ -188,7 +203,13 @@ def learned_loop(
             overrides=overrides,
         )
 
-    return Study(title="learned models", stem=stem_of("learned-loop", quick), figures=figures, text=markdown)
+    return Study(
+        title="learned models",
+        stem=stem_of("learned-loop", quick),
+        figures=figures,
+        text=markdown,
+        made_of=made_of(("study/learned_loop.py",), run_files(config, *learned.values())),
+    )
 
 
 @study_command
@@ -203,6 +224,7 @@ def estimator(
     """The EKF beside the paper's FIR fusion and raw readings: errors, abrupt faults, station keeping in glitches."""
     from asvhil.study.estimators import FULL, QUICK, SETS, study_estimators
     from asvhil.study.estimators_report import draw_estimators, report
+    from asvhil.study.made_of import made_of, run_files
     from asvhil.study.rows import checked
     from asvhil.study.runner import run_into
 
@@ -222,6 +244,10 @@ def estimator(
         figures=figures,
         text=report,
         draw=lambda found, path: draw_estimators(found | traces, path),
+        made_of=made_of(
+            ("study/estimators.py", "study/estimators_report.py"),
+            [file for name in sets for file in run_files(SETS[name], tuple(set_))],
+        ),
     )
 
 
@@ -239,10 +265,11 @@ def safety(
     set_: SetOption = [],  # noqa: B006
 ) -> Study:
     """Boats that would run away (motors, compass, current): when a hold ends; and false alarms on healthy ones."""
+    from asvhil.study.made_of import made_of, run_files
     from asvhil.study.rows import checked
     from asvhil.study.runner import run_into
     from asvhil.study.safety import markdown, study_safety
-    from asvhil.study.safety_cases import FAULTS, WINDS
+    from asvhil.study.safety_cases import CONFIGS, FAULTS, WINDS
 
     part = checked([holds], WINDS, "--holds")[0]
     faults = checked(fault, FAULTS, "--fault")
@@ -257,7 +284,13 @@ def safety(
             overrides=tuple(set_),
         )
 
-    return Study(title="safety", stem=stem_of("safety", quick), figures=figures, text=markdown)
+    return Study(
+        title="safety",
+        stem=stem_of("safety", quick),
+        figures=figures,
+        text=markdown,
+        made_of=made_of(("study/safety.py",), [file for name in CONFIGS for file in run_files(name, tuple(set_))]),
+    )
 
 
 @study_command
@@ -270,8 +303,9 @@ def field_tests(
     set_: SetOption = [],  # noqa: B006
 ) -> Study:
     """The paper's field tests in simulation: BREAM's five and the WAM-V's four, with docking windows."""
-    from asvhil.study.field_tests import DURATION_S, QUICK_S, TESTS, study_field_tests
+    from asvhil.study.field_tests import BASES, DURATION_S, QUICK_S, TESTS, study_field_tests
     from asvhil.study.field_tests_report import draw_field_tests, markdown
+    from asvhil.study.made_of import made_of, run_files
     from asvhil.study.rows import checked
     from asvhil.study.runner import run_into
 
@@ -295,4 +329,8 @@ def field_tests(
         figures=figures,
         text=markdown,
         draw=lambda found, path: draw_field_tests(found, traces, path),
+        made_of=made_of(
+            ("study/field_tests.py", "study/field_tests_report.py"),
+            [file for name in BASES.values() for file in run_files(name, tuple(set_))],
+        ),
     )

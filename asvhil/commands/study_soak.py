@@ -26,6 +26,7 @@ def soak(
     """Hours of station keeping in lockstep with a fault every five minutes: what comes back, memory, time of a tick."""
     from asvhil.config import load_config
     from asvhil.study import soak as study
+    from asvhil.study.made_of import made_of, run_files
     from asvhil.study.runner import StudyProgress
     from asvhil.study.trials.soak import run_soak
 
@@ -43,4 +44,11 @@ def soak(
         run = run_soak(settings, hours, seed, on_second)
         return {"run": run, "verdict": study.judge(run)}
 
-    return Study(title="soak", stem="soak", figures=figures, text=study.markdown, resumes=False)
+    return Study(
+        title="soak",
+        stem="soak",
+        figures=figures,
+        text=study.markdown,
+        resumes=False,
+        made_of=made_of(("study/soak.py",), run_files(config, tuple(set_))),
+    )

@@ -33,6 +33,7 @@ def solvers(
     from asvhil.backseat.build import build_model, model_file
     from asvhil.config import load_config
     from asvhil.config.registry import CONTROLLERS
+    from asvhil.study.made_of import made_of, run_files
     from asvhil.study.rows import checked
     from asvhil.study.runner import StudyProgress
     from asvhil.study.solver_report import draw_solvers, solver_table
@@ -74,6 +75,7 @@ def solvers(
         draw=draw_solvers,
         resumes=False,
         failure=failure,
+        made_of=made_of(("study/solvers.py", "study/solver_report.py"), run_files(config, tuple(set_))),
     )
 
 

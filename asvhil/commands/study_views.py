@@ -75,8 +75,12 @@ def finish(
     text_of: Callable[[dict[str, Any]], str],
     json_: Path | None,
     draw: Callable[[Path], None] | None = None,
+    mark: str = "",
 ) -> None:
-    """Write figures as JSON and Markdown to the folder, print the Markdown, then `draw` the picture."""
+    """Write figures as JSON and Markdown to the folder, print the Markdown, then `draw` the picture.
+
+    `mark` says in the page what it was made of (`made_of.mark_of`).
+    """
     text = text_of(figures)
     if output is not None:
         folder(output)
@@ -85,7 +89,7 @@ def finish(
             file.write_text(json.dumps(figures, indent=1) + "\n", encoding="utf-8")
         page = output / f"{stem}.md"
         with writing(page):
-            write_page(page, text)
+            write_page(page, text, mark)
     write_json(json_, figures)
     say(console, text)
     if output is not None and draw is not None:  # last, so that a failure of the picture loses nothing else

@@ -105,6 +105,7 @@ def tune(
         figures=figures,
         text=markdown,
         draw=draw,
+        made_of=None,
     )
 
 

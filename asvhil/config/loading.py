@@ -62,6 +62,17 @@ def is_shipped(path: Path) -> bool:
     return path.resolve().parent in _shipped_roots()
 
 
+def config_files(name: str) -> list[Path]:
+    """The file of a config, and those below it by their `base:` keys. Raises ConfigError where one is missing."""
+    files: list[Path] = []
+    path: Path | None = find_config(name)
+    while path is not None and path not in files:
+        files.append(path)
+        tree = read_yaml(path).tree
+        path = base_of(path, tree) if isinstance(tree, dict) else None
+    return files
+
+
 def load_config(path: str | Path, overrides: tuple[str, ...] = ()) -> Config:
     """Read a YAML config, merge it over the file its `base:` key names, apply `KEY=VALUE` overrides, validate.
 

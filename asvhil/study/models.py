@@ -87,12 +87,13 @@ def study_models(
     waves: Logs | None = None,
     tick_ms: Callable[[Dynamics], float] = mpc_tick_ms,
     tell: Tell | None = None,
+    mark: str = "",
 ) -> dict[str, Any]:
     """Train jobs on every data set and score them against the true state; writes models.json, .md and .png.
 
     `only` names some of the `known` jobs, none of them all. Jobs in waves need the logs that `waves` holds, and are
-    left out without. `tick_ms` is the time of a model's control tick. Raises ConfigError for an unknown name,
-    LogError or ModelError where the logs, or a model in the folder, are not suitable.
+    left out without. `tick_ms` is the time of a model's control tick, `mark` what the page was made of. Raises
+    ConfigError for an unknown name, LogError or ModelError where the logs, or a model in the folder, are not suitable.
     """
     chosen = [job for job in chosen_jobs(known, only) if waves is not None or not job.waves]
     seas = {False: _sea(train, test)}
@@ -112,7 +113,7 @@ def study_models(
         result["waves"] = {**_extent(seas[True]), **wave_figures()}
     out.mkdir(parents=True, exist_ok=True)
     (out / "models.json").write_text(json.dumps(result, indent=1, sort_keys=True) + "\n")
-    write_page(out / "models.md", markdown(table))
+    write_page(out / "models.md", markdown(table), mark)
     calm = {name: models[0] for name, (sea, models) in rows.items() if sea is seas[False]}
     _draw(calm, seas[False], out / "models.png")
     return result

@@ -21,9 +21,12 @@ def head_of(page: Path) -> bytes:
     raise AsvhilError(f"{page}: would be overwritten; add the line {MARKER} below what is to stay, or move the page")
 
 
-def write_page(page: Path, text: str) -> None:
-    """Replace the text below the marker, atomically; the bytes above it are kept."""
-    content = head_of(page) + f"{MARKER}\n\n{text}".encode()
+def write_page(page: Path, text: str, mark: str = "") -> None:
+    """Replace the text below the marker, atomically, by the mark of what it was made of and the text.
+
+    The bytes above the marker are kept.
+    """
+    content = head_of(page) + f"{MARKER}\n\n{mark}{text}".encode()
     target = page.resolve()
     draft = target.with_name(f".{target.name}.tmp")
     try:

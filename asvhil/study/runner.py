@@ -32,7 +32,7 @@ class StudyProgress:
     """Progress of a study. `remaining_s` is None until a run of every group is done.
 
     `note` is a remark on the store, given once at the start. `part` names the part of the study that is counted, if it
-    is not the whole.
+    is not the whole. `outdated`: how many stored runs, made by other code, are taken as they are; given once too.
     """
 
     done: int
@@ -41,6 +41,7 @@ class StudyProgress:
     total_s: float | None = None  # of the whole study on these processes, runs that were stored already included
     note: str = ""
     part: str = ""
+    outdated: int = 0
 
 
 @record
@@ -106,7 +107,9 @@ def run_jobs(
         client = stack.enter_context(connected(scheduler)) if scheduler is not None and missing else None
         processes = threads_of(client) if client else 1 if workers == 0 else workers or os.cpu_count() or 1
         tally = _Tally(jobs, kept.runs, {job.key for job in missing}, processes)
-        tell(dataclasses.replace(tally.progress(), note=kept.note))
+        taken = [kept.runs[key] for key in {job.key for job in jobs} - {job.key for job in missing}]
+        outdated = sum(run.code != code_version() for run in taken)
+        tell(dataclasses.replace(tally.progress(), note=kept.note, outdated=outdated))
         begin_s = time.monotonic()
         outcomes: Outcomes
         if client is not None:
@@ -123,14 +126,13 @@ def run_jobs(
                 tally.add(job, kept.add(job.key, run))
                 tell(tally.progress())
         elapsed_s = time.monotonic() - begin_s
-    version = code_version()
     lines = {job.key: kept.runs[job.key] for job in jobs}
     waited = [line.idle_s for line in lines.values() if line.idle_s is not None]
     return Finished(
         results=[lines[job.key].result for job in jobs],
         group_s=dict(tally.spent),
         processes=processes,
-        outdated=sum(line.code != version for line in lines.values()),
+        outdated=outdated,
         errors={key: line.error for key, line in lines.items() if line.error},
         idle_s=sum(waited) / len(waited) if waited else None,
         elapsed_s=elapsed_s,

@@ -15,6 +15,7 @@ from asvhil.types import record
 Keys = tuple[str, ...]
 
 BOATS = {"WAM-V": "sitl", "BREAM": "sitl-bream"}
+CONFIGS = (*BOATS.values(), "sitl-blueboat")  # of all holds
 ENGAGED_S = 4.2  # after power-on the simulated boat is armed and engaged; a current has carried it until then
 CURRENT_MPS = 2.5
 # The monitor's limits were chosen by the holds of `tuning`, and by earlier ones: 2 m/s toward 180, 5 toward 45 and 6
@@ -196,6 +197,6 @@ def healthy(part: str, hold_s: float = 120.0) -> Iterator[HoldCase]:
         for seed in SEEDS[part]:
             keys = (*wind_keys(speed_mps, toward_deg, seed), *start_keys(8.0, 50.0 * seed + toward_deg))
             for group, more in (("as it is", ()), ("no wind sensor", NO_SENSOR), ("chop", CHOP)):
-                yield HoldCase(group=group, boat="BlueBoat", base="sitl-blueboat", keys=(*more, *keys), hold_s=hold_s)
+                yield HoldCase(group=group, boat="BlueBoat", base=CONFIGS[-1], keys=(*more, *keys), hold_s=hold_s)
             far = ("controller.procedure.enabled=true", *keys, *start_keys(60.0, 50.0 * seed + toward_deg))
             yield HoldCase(group="approach from 60 m", boat="WAM-V", base="sitl", keys=far, hold_s=hold_s)

@@ -38,6 +38,7 @@ def study_of(**changes: Any) -> Study:
         return {"height_m": 2.0}
 
     given = {"title": "tides", "stem": "tides", "figures": figures, "text": lambda found: f"| {found['height_m']} |\n"}
+    given |= {"made_of": None}
     return Study(**(given | changes))
 
 
@@ -54,6 +55,25 @@ def test_options_are_those_of_the_study_and_json(tmp_path: Path, monkeypatch: py
     shown = CliRunner().invoke(app, ["--help"]).output
     assert "How high the water is." in shown and "--height" in shown and "--json" in shown
     assert CliRunner().invoke(app, ["--height", "-1"]).exit_code == 2
+
+
+def test_a_page_says_what_it_was_made_of_and_how_many_runs_were_made_before(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+
+    def resumed(tell: Tell) -> dict[str, Any]:
+        tell(StudyProgress(done=2, total=3, outdated=2))
+        tell(StudyProgress(done=3, total=3))
+        return {"height_m": 2.0}
+
+    page = Path("out/tides.md")
+    for figures, others in ((resumed, 2), (study_of().figures, 0)):
+        done = CliRunner().invoke(command_of(study_of(figures=figures, made_of={"config": "abc"}), []), [])
+        assert (
+            done.exit_code == 0 and f'made of {{"runs_of_other_code": {others}, "parts": {{"config"' in page.read_text()
+        )
+        assert ("2 of its runs may be of other code" in page.read_text()) == bool(others)
 
 
 def test_nothing_begins_where_its_files_cannot_be_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -108,7 +128,8 @@ def test_every_study_has_the_same_options_for_the_same_things() -> None:
     found = {command.callback.__name__: inspect.signature(command.callback) for command in app.registered_commands}
     assert list(found) == [
         *("models", "bound", "six_tests", "solvers", "approach"),
-        *("robustness", "learned_loop", "estimator", "safety", "field_tests", "soak"),
+        *("robustness", "learned_loop", "estimator", "safety", "field_tests", "soak", "pages"),
     ]
+    del found["pages"]  # no study, but about what they left
     for signature in found.values():
         assert {"output", "json_"} <= set(signature.parameters)

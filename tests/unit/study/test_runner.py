@@ -13,6 +13,7 @@ import pytest
 
 from asvhil.errors import AsvhilError
 from asvhil.study import code_version, executors, runner
+from asvhil.study.made_of import run_files
 from asvhil.study.runner import Job, run_jobs
 from tests.support.paths import ROOT
 from tests.support.study_jobs import die_at_three, fail_at_three, jobs, square
@@ -183,6 +184,10 @@ NOT_DECISIVE = {
 }
 LOADED = """
 import sys
+def note(event, arguments):
+    if event == "open" and "/config/" in str(arguments[0]) and str(arguments[0]).endswith((".yaml", ".npz")):
+        print("file", arguments[0])
+sys.addaudithook(note)
 from asvhil.config import load_config
 from asvhil.study.trials import abrupt, approach, estimation, trial
 for keys in ((), ("controller.name=loiter", "controller.procedure.enabled=true")):
@@ -195,7 +200,10 @@ for name, module in list(sys.modules.items()):
 
 def test_all_that_a_run_in_lockstep_loads_is_in_the_version_of_the_code_or_excepted():
     done = subprocess.run([sys.executable, "-c", LOADED], capture_output=True, text=True, check=True)
-    loaded = {str(Path(line).relative_to(code_version.PACKAGE)) for line in done.stdout.splitlines()}
+    lines = done.stdout.splitlines()
+    read = {Path(line.removeprefix("file ")).resolve() for line in lines if line.startswith("file ")}
+    assert len(read) == 3 and read == {file.resolve() for file in run_files("sitl")}
+    loaded = {str(Path(line).relative_to(code_version.PACKAGE)) for line in lines if not line.startswith("file ")}
     assert {"backseat/backseat.py", "simplant/plant.py", "study/trials/trial.py", "controller/loiter.py"} <= loaded
     covered = {name for name in loaded for part in code_version.DECISIVE if Path(name).is_relative_to(part)}
     assert loaded - covered == NOT_DECISIVE
