@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from asvhil.config import Config
 from asvhil.config.registry import CONTROLLERS
+from asvhil.motion.carried import CarriedWatch
 from asvhil.motion.distance import DistanceWatch
 from asvhil.motion.monitor import MotionMonitor
 from asvhil.supervisor.reasons import Explanation, describe
-from asvhil.types import Estimate, Measurement, Note, Station, WaveMotion, Wind
+from asvhil.types import Estimate, GroundVelocity, Measurement, Note, Station, WaveMotion, Wind
 
 SUBJECT = "motion"
 ROUGH_SHARE, ROUGH_MPS = 0.5, 0.04  # of the waves that the wave filter takes out, and their size: rough from there on
@@ -28,6 +29,8 @@ class MotionWatch:
         self._monitor = MotionMonitor(self._config, config.estimator.ekf, vessel)
         procedure = config.controller.procedure
         self._distance = DistanceWatch(self._config, vessel, procedure if procedure.enabled else None)
+        self._carried = CarriedWatch()
+        self._velocity: GroundVelocity | None = None
         self._station: Station | None = None
         self._found: Explanation | None = None
         self._ended = False
@@ -52,6 +55,8 @@ class MotionWatch:
             return None
         for measurement in measurements:
             self._monitor.on_measurement(measurement)
+            if isinstance(measurement, GroundVelocity):
+                self._velocity = measurement
         wind_ned = None if wind is None else (wind.vn_mps, wind.ve_mps)
         station = self._station
         fault = self._monitor.step(t_ns, command, wind_ned, ailing, holding=station is not None)
@@ -59,7 +64,9 @@ class MotionWatch:
             return None
         away = None
         if self._keeps_station and estimate is not None and estimate.valid:
-            away = self._distance.step(t_ns, estimate, station, command, self._monitor.current_ned)
+            velocity = None if GroundVelocity in ailing else self._velocity
+            place = self._carried.step(t_ns, velocity, estimate)
+            away = self._distance.step(t_ns, place, station, command, self._monitor.current_ned)
         if fault is not None or away is not None:
             self._seen_ns = t_ns
         if (t_ns - self._seen_ns) * 1e-9 > FORGET_S and not self._ended:
@@ -83,6 +90,7 @@ class MotionWatch:
         if station is not None and self._station is None:
             self._monitor.begin()
             self._distance.begin()
+            self._carried.begin()
             self._found, self._ended, self._begin_ns = None, False, None
         self._station = station
 

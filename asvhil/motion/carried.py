@@ -1,0 +1,45 @@
+"""How far the boat has been carried while the estimate stayed behind, by the velocity of the receiver."""
+
+from __future__ import annotations
+
+import math
+
+from asvhil.types import Estimate, GroundVelocity, changed
+
+FORGET_S = 20.0  # an error of 0.05 m/s in the velocity then comes to 1 m
+LEAST_M = 2.0  # less is noise, waves, and the antenna's turns about the boat
+OLD_NS = 1_000_000_000
+
+
+class CarriedWatch:
+    """`step` in each tick of a hold: the estimate, at the place where the receiver's velocity has brought it.
+
+    In a current far beyond what the model knows, an estimator may take the receiver's positions for wrong, and follow
+    its model, which has the boat near the station. A position that jumps is not borne out by the velocity. The distance
+    between velocity, integrated, and estimate is forgotten with a time constant.
+    """
+
+    def __init__(self) -> None:
+        self._before: tuple[int, float, float] | None = None  # time, and place by the estimate
+        self._off_n_m = self._off_e_m = 0.0
+
+    def begin(self) -> None:
+        """A hold begins: the estimate is where the boat is."""
+        self._before = None
+        self._off_n_m = self._off_e_m = 0.0
+
+    def step(self, t_ns: int, velocity: GroundVelocity | None, estimate: Estimate) -> Estimate:
+        """The corrected estimate; `velocity`: the receiver's latest, None where it is silent or frozen."""
+        if self._before is not None:
+            before_ns, n_m, e_m = self._before
+            dt_s = (t_ns - before_ns) * 1e-9
+            keep = math.exp(-dt_s / FORGET_S)
+            self._off_n_m *= keep
+            self._off_e_m *= keep
+            if velocity is not None and t_ns - velocity.t_ns <= OLD_NS:
+                self._off_n_m += velocity.vn_mps * dt_s - (estimate.n_m - n_m)
+                self._off_e_m += velocity.ve_mps * dt_s - (estimate.e_m - e_m)
+        self._before = t_ns, estimate.n_m, estimate.e_m
+        if math.hypot(self._off_n_m, self._off_e_m) < LEAST_M:
+            return estimate
+        return changed(estimate, n_m=estimate.n_m + self._off_n_m, e_m=estimate.e_m + self._off_e_m)
