@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Protocol
 
 import numpy as np
 
-from asvhil.config import Config
+from asvhil.config import Config, FaultConfig
 from asvhil.config.fault_spans import Faults, Present
 from asvhil.config.ports import ANEMOMETER, AUTOPILOT, GNSS, INS
 from asvhil.config.registry import SENSORS
@@ -115,7 +116,8 @@ class Plant:
         )
 
         self._autopilot: AttachedAutopilot = autopilot or self.frontseat
-        self._faults = Faults(all_faults(plant), t_ns)
+        self._start_ns, self._all_faults = t_ns, all_faults(plant)
+        self._faults = Faults(self._all_faults, t_ns)
         # The boat has each sensor for which either end of its line is configured.
         self._devices: list[SimulatedVn300 | SimulatedNmea] = []
         if config.links.ins is not None or plant.links.ins is not None:
@@ -149,6 +151,11 @@ class Plant:
     def faults(self) -> Present:
         """The faults that are present."""
         return self._faults.at(self._t_ns)
+
+    def break_in(self, faults: Iterable[FaultConfig]) -> None:
+        """Add faults to those of the config; their times count from power-on, as there."""
+        self._all_faults = (*self._all_faults, *faults)
+        self._faults = Faults(self._all_faults, self._start_ns)
 
     def moor(self, on: bool) -> None:
         """Hold the boat in place while time and weather go on, or release it, at rest in the water as at the start.

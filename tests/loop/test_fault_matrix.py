@@ -1,50 +1,79 @@
 """The fault matrix: what breaks, on the approach, settled, and across the wind, and what is promised for it.
 
-One of each fault's three runs is recorded, and replayed through the fault, bit by bit.
+One of each fault's three runs is replayed through the fault, bit by bit. A boat is brought to where a fault begins
+once, with a log; each fault is broken in on a copy of it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
-from asvhil.controller.station_mpc import StationMpc
+from asvhil.config import load_config
 from asvhil.logs.opening import open_recorder
+from asvhil.logs.recorder import Recorder
 from asvhil.logs.replay import replay
 from asvhil.supervisor.fault_table import Reaction
 from asvhil.types import Phase
-from tests.support.fault_matrix import PHASES, ROWS, Fault, FaultLoop, settings_of
+from tests.support.copies import on_a_copy, with_a_file_of_its_own
+from tests.support.fault_matrix import PHASES, ROWS, Fault, FaultLoop
 
 AT_ONCE_S = 0.05
+Ready = Callable[[Fault, str], tuple[FaultLoop, Recorder, Path]]
 
 
-@pytest.fixture(autouse=True)
-def whole_controller() -> Iterator[None]:
-    step = StationMpc.step
-    yield
-    StationMpc.step = step  # type: ignore[method-assign]
+@pytest.fixture(scope="module")
+def ready(tmp_path_factory: pytest.TempPathFactory) -> Ready:
+    """The loop in which a fault begins, its recorder and its log: made once of those that are alike."""
+    made: dict[object, tuple[FaultLoop, Recorder, Path]] = {}
+
+    def loop_for(fault: Fault, phase: str) -> tuple[FaultLoop, Recorder, Path]:
+        keys, from_s = PHASES[phase]
+        key = fault.config, fault.keys, fault.setup, phase
+        if key not in made:
+            settings = load_config(fault.config, (*keys, *fault.keys))
+            log = tmp_path_factory.mktemp("ready") / "log.mcap"
+            recorder = open_recorder(settings, log, "lockstep", threaded=False)
+            loop = FaultLoop(settings, recorder)
+            if fault.setup is not None:
+                fault.setup(loop)
+            outputs = loop.wait(from_s)
+            assert outputs.phase is Phase.HOLD, outputs.health.reason
+            made[key] = loop, recorder, log
+        return made[key]
+
+    return loop_for
 
 
 @pytest.mark.parametrize("phase", PHASES)
 @pytest.mark.parametrize("fault", ROWS, ids=[fault.name for fault in ROWS])
-def test_a_fault_has_its_reaction(fault: Fault, phase: str, tmp_path: Path) -> None:
-    keys, from_s = PHASES[phase]
-    promise = fault.promise
-    log = tmp_path / "log.mcap"
-    settings = settings_of(fault, keys, from_s)
+def test_a_fault_has_its_reaction(ready: Ready, fault: Fault, phase: str, tmp_path: Path) -> None:
+    loop, recorder, log = ready(fault, phase)
     is_replayed = ROWS.index(fault) % len(PHASES) == list(PHASES).index(phase)
-    recorder = open_recorder(settings, log, "lockstep", threaded=False) if is_replayed else None
-    loop = FaultLoop(fault, settings, recorder)
-    outputs = loop.wait(from_s)
-    assert outputs.phase is Phase.HOLD, outputs.health.reason
-    before_m = loop.off_m
-    if fault.act is not None:
-        fault.act(loop)
+
+    def body() -> None:
+        own = tmp_path / "log.mcap"
+        with_a_file_of_its_own(log, own)
+        react(fault, loop)
+        recorder.close()
+        assert recorder.error is None
+        if is_replayed:
+            result = replay(own)
+            assert result.mismatch is None, result.mismatch
+            assert result.compared == result.ticks == loop.ticks > 200
+
+    on_a_copy(body)
+
+
+def react(fault: Fault, loop: FaultLoop) -> None:
+    """Break the fault in, and see what becomes of it."""
+    promise = fault.promise
+    before_m = farthest_m = loop.off_m
+    loop.begin(fault)
     ended_s: float | None = None
     code = ""
-    farthest_m = before_m
     period_s = loop.period_ns * 1e-9
     for tick in range(1, round(fault.watch_s / period_s) + 1):
         if fault.mend is not None and fault.lasts_s is not None and tick == round(fault.lasts_s / period_s):
@@ -67,9 +96,3 @@ def test_a_fault_has_its_reaction(fault: Fault, phase: str, tmp_path: Path) -> N
         if promise.reaction is Reaction.NEUTRAL and fault.motors_stop:
             assert loop.motors_stand_still, loop.plant.truth.outputs_us
     assert farthest_m - before_m <= fault.farther_m, (before_m, farthest_m)
-    if recorder is not None:
-        recorder.close()
-        assert recorder.error is None
-        result = replay(log)
-        assert result.mismatch is None, result.mismatch
-        assert result.compared == result.ticks > 200

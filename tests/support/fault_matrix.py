@@ -19,6 +19,7 @@ from asvhil.controller.station_mpc import StationMpc
 from asvhil.io.mavlink.frames import dialect
 from asvhil.logs.recorder import Recorder
 from asvhil.operator.encoding import encode_hold, encode_release
+from asvhil.simplant.lockstep import EPOCH_NS
 from asvhil.supervisor.fault_table import ROWS as TABLE
 from asvhil.supervisor.fault_table import FaultRow
 from asvhil.types import Frame
@@ -34,9 +35,9 @@ Way = Callable[[Frame], Iterable[Frame]]
 class Fault:
     """A row of the table of faults by its name, and how it is broken in.
 
-    `plant` are faults of the config, by kind and its further keys; `act` breaks what a config cannot, after `setup` at
-    the start. `lasts_s` is the time after which `mend` undoes it; None: it stays. `farther_m` bounds how much farther
-    off the station the boat gets while the hold goes on.
+    `plant` are faults of the simulated boat, by kind and its further keys; `act` breaks what these cannot, after
+    `setup` at the start. `lasts_s` is the time after which `mend` undoes it; None: it stays. `farther_m` bounds how
+    much farther off the station the boat gets while the hold goes on.
     """
 
     name: str
@@ -57,25 +58,26 @@ class Fault:
         return TABLE[self.name]
 
 
-def settings_of(fault: Fault, keys: Iterable[str], from_s: float) -> Config:
-    """The config of a run in which the fault begins at a time."""
-    until = "" if fault.lasts_s is None else f", until_s: {from_s + fault.lasts_s}"
-    faults = ", ".join(f"{{{part}, from_s: {from_s}{until}}}" for part in fault.plant)
-    return load_config(fault.config, (*keys, *fault.keys, *((f"plant.faults=[{faults}]",) if faults else ())))
-
-
 class FaultLoop(GroundStationLoop):
     """Lockstep whose links are ways: what the boat sends and what it is sent may be lost, late, or other bytes."""
 
-    def __init__(self, fault: Fault, settings: Config, recorder: Recorder | None = None) -> None:
+    def __init__(self, settings: Config, recorder: Recorder | None = None) -> None:
         super().__init__(settings, recorder)
         self.from_plant: Way = lambda frame: (frame,)
         self.to_plant: Way = lambda frame: (frame,)
         self.talk: Callable[[FaultLoop], Iterable[Frame]] = lambda loop: ()
-        self.chance = random.Random(fault.name)
+        self.chance = random.Random()
         self._late: deque[tuple[int, Frame]] = deque()
-        if fault.setup is not None:
-            fault.setup(self)
+
+    def begin(self, fault: Fault) -> None:
+        """Break a fault in now."""
+        self.chance.seed(fault.name)
+        from_s = (self.t_ns - EPOCH_NS) / S
+        until = "" if fault.lasts_s is None else f", until_s: {from_s + fault.lasts_s}"
+        parts = ", ".join(f"{{{part}, from_s: {from_s}{until}}}" for part in fault.plant)
+        self.plant.break_in(load_config(fault.config, (f"plant.faults=[{parts}]",)).plant.faults)
+        if fault.act is not None:
+            fault.act(self)
 
     def receive(self) -> tuple[Frame, ...]:
         found: list[Frame] = []
