@@ -8,7 +8,7 @@ from asvhil.study.rows import row_overrides
 from asvhil.study.trials.abrupt import run_abrupt
 from asvhil.types import Phase
 
-START_S = 40.0
+START_S = 25.0
 
 
 def abrupt(base: str, kind: str, duration_s: float, *overrides: str) -> dict[str, object]:

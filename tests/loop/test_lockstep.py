@@ -30,20 +30,20 @@ def test_along_the_wind_the_station_is_kept_within_decimetres(wind: tuple[float,
             f"supervisor.station.heading_deg={heading_deg}",
         )
     )
-    distance_m, heading_mean_deg, _ = settled(loop, 150.0, 60.0)
+    distance_m, heading_mean_deg, _ = settled(loop, 100.0, 50.0)
     assert distance_m <= 0.6 and abs(heading_mean_deg) <= 1.0
 
 
 def test_across_the_wind_the_boat_swings_and_stays() -> None:
     loop = Lockstep(config("plant.weather.wind.speed_mps=6", "plant.weather.wind.toward_deg=90"))
-    distance_m, heading_mean_deg, heading_std_deg = settled(loop, 180.0, 60.0)
+    distance_m, heading_mean_deg, heading_std_deg = settled(loop, 120.0, 60.0)
     # No boat with two fixed motors can hold still here; the limit cycle swings by about 10 degrees.
     assert distance_m < 3.0 and abs(heading_mean_deg) < 3.0 and 5.0 < heading_std_deg < 16.0
 
 
 def test_without_an_anemometer_the_station_is_kept_too() -> None:
     loop = Lockstep(config("plant.sensors.anemometer.rate_hz=0.001"))
-    distance_m, heading_mean_deg, _ = settled(loop, 150.0, 60.0)
+    distance_m, heading_mean_deg, _ = settled(loop, 100.0, 50.0)
     assert distance_m <= 0.8 and abs(heading_mean_deg) <= 2.0
 
 
@@ -58,12 +58,12 @@ def test_same_seed_same_bytes_another_seed_others() -> None:
 
 
 def test_the_summary_of_a_log_has_every_figure(tmp_path: Path) -> None:
-    wall_s = run_lockstep(config(), tmp_path / "log.mcap", 130.0)
+    wall_s = run_lockstep(config(), tmp_path / "log.mcap", 75.0)
     run = read_run(tmp_path / "log.mcap")
     figures = summarise(run, wall_s)
     assert figures["controller"] == "nnsem-mpc" and figures["seed"] == 1
     assert figures["config_hash"] == config().content_hash()
-    assert figures["settled_from_s"] == 60.0
+    assert figures["settled_from_s"] == pytest.approx(37.5, abs=0.1)
     for name in ("truth", "estimated", "measured"):
         assert figures[name]["distance_m"]["mean"] <= 0.6
         assert figures[name]["distance_m"]["max"] > 13.0  # it came from 14 m off
@@ -72,8 +72,8 @@ def test_the_summary_of_a_log_has_every_figure(tmp_path: Path) -> None:
         assert figures[name]["penalty_score"] == pytest.approx(
             parts[0]["mean"] + parts[0]["std"] + abs(parts[1]["mean"]) + parts[1]["std"]
         )
-    assert figures["ticks"] == 130 * 20 + 3 and figures["overruns"] == 0
-    assert figures["phases"][Phase.HOLD] > 120.0
+    assert figures["ticks"] == 75 * 20 + 3 and figures["overruns"] == 0
+    assert figures["phases"][Phase.HOLD] > 65.0
     assert 0.0 < figures["step_ms"]["p50"] <= figures["step_ms"]["p99"] <= figures["step_ms"]["max"]
     assert figures["realtime_factor"] > 1.0
     assert figures["wind"]["estimated"]["speed_mps"]["mean"] == pytest.approx(3.0, abs=0.7)

@@ -14,8 +14,8 @@ CONFIG = ("controller.name=sd-mpc",)
 
 def test_holds_come_back_after_each_fault() -> None:
     seconds = []
-    run = run_soak(load_config("sitl", CONFIG), 0.25, 3, seconds.append)
-    assert len(run["faults"]) == 2 and seconds[-1] == 900
+    run = run_soak(load_config("sitl", CONFIG), 0.17, 3, seconds.append)
+    assert len(run["faults"]) == 1 and seconds[-1] == 612
     assert judge(run)["met"] and judge(run)["lost"] == []
     assert run["held_share"] > 0.9
     assert "Lost for good: 0" in markdown({"run": run, "verdict": judge(run)})

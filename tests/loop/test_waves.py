@@ -24,7 +24,7 @@ def test_the_wave_filter_more_than_halves_the_penalty_score() -> None:
     scores = {}
     for mode in ("off", "auto"):
         keys = (*row_overrides("1", 31), *SEA, f"estimator.waves.mode={mode}")
-        scores[mode] = run_trial(load_config("sitl", keys), 60.0, 150.0)["truth"]["penalty_score"]
+        scores[mode] = run_trial(load_config("sitl", keys), 60.0, 120.0)["truth"]["penalty_score"]
     assert scores["auto"] < 2.5
     assert scores["auto"] < 0.55 * scores["off"]
 
