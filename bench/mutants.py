@@ -38,6 +38,7 @@ SUPERVISOR = tuple(
         "watched_sticks",
     )
 )
+MOTION = tuple(f"tests/unit/motion/test_{theme}.py" for theme in ("watch", "carried", "distance", "evidence"))
 MODULES = {
     "asvhil/estimator/wind.py": ("tests/unit/estimator/test_wind.py",),
     "asvhil/estimator/sensor_health.py": ("tests/unit/estimator/test_sensor_health.py",),
@@ -51,9 +52,19 @@ MODULES = {
         "tests/unit/autopilot/test_ground_stations.py",
         "tests/unit/autopilot/test_station_sticks.py",
     ),
+    "asvhil/backseat/actuation.py": ("tests/unit/backseat/test_actuation.py",),
     "asvhil/controller/pwm.py": ("tests/unit/controller/test_pwm.py",),
     "asvhil/io/mavlink/signing.py": ("tests/unit/io/mavlink/test_signing.py",),
+    "asvhil/links/guardian_process.py": ("tests/unit/links/test_guardian_process.py",),
+    "asvhil/motion/carried.py": MOTION,
+    "asvhil/motion/distance.py": MOTION,
+    "asvhil/motion/evidence.py": MOTION,
+    "asvhil/motion/monitor.py": ("tests/unit/motion/test_monitor.py",),
+    "asvhil/motion/watch.py": MOTION,
     "asvhil/supervisor/arming_help.py": SUPERVISOR,
+    "asvhil/supervisor/battery_watch.py": ("tests/unit/supervisor/test_battery_watch.py",),
+    "asvhil/supervisor/geofence.py": ("tests/unit/supervisor/test_geofence.py",),
+    "asvhil/supervisor/heading_policy.py": ("tests/unit/supervisor/test_heading_policy.py",),
     "asvhil/supervisor/mode_request.py": SUPERVISOR,
     "asvhil/supervisor/pilot_watch.py": SUPERVISOR,
     "asvhil/supervisor/stations.py": SUPERVISOR,
