@@ -32,6 +32,16 @@ class MotionConfig(Section):
             "likelihoods since it began. Lower: sooner; higher: fewer false alarms where hull or waves differ much."
         ),
     )
+    early_evidence: float = Field(
+        default=4.5,
+        ge=1.0,
+        le=100.0,
+        description="As evidence, for what is told as likely in the first sense_s of a hold, and ends none.",
+    )
+    early_lasts_s: NonNegative = Field(
+        default=5.0,
+        description="What is likely is told once one fault has had that evidence, and the lead, for this long.",
+    )
     lead: NonNegative = Field(
         default=3.0, description="A fault must be so much likelier than the next one, or be waited for for lead_s."
     )

@@ -26,6 +26,60 @@ ROUGH_GAIN = 0.05  # of a step, on how rough the water is
 VELOCITY_NOISE, YAW_NOISE = 1.3, 2.0
 
 
+class Verdict:
+    """The fault with the most evidence, once it is enough and leads the others, or has been enough for long."""
+
+    def __init__(self, config: MotionConfig) -> None:
+        self._config = config
+        self._since_ns: int | None = None
+
+    def reset(self) -> None:
+        """Nothing is known."""
+        self._since_ns = None
+
+    def step(self, t_ns: int, evidence: Evidence) -> Explanation | None:
+        """Judge what has been found until now."""
+        if float(evidence.sums.max()) < self._config.evidence:
+            self.reset()
+            return None
+        best, lead = _leader(evidence)
+        if self._since_ns is None:
+            self._since_ns = t_ns
+        waited_s = (t_ns - self._since_ns) * 1e-9
+        return FAULTY[best].fault if lead >= self._config.lead or waited_s >= self._config.lead_s else None
+
+
+class Suspicion:
+    """The same fault with some evidence and ahead of the others for seconds: what comes by chance comes and goes."""
+
+    def __init__(self, config: MotionConfig) -> None:
+        self._config = config
+        self._best: int | None = None
+        self._since_ns = 0
+        self.fault: Explanation | None = None
+
+    def reset(self) -> None:
+        """Nothing is known."""
+        self._best = self.fault = None
+
+    def step(self, t_ns: int, evidence: Evidence) -> None:
+        """Judge what has been found until now: `fault`, None while it is not enough."""
+        best, lead = _leader(evidence)
+        if evidence.sums[best] < self._config.early_evidence or lead < self._config.lead:
+            self.reset()
+            return
+        if best != self._best:
+            self._best, self._since_ns = best, t_ns
+        lasted = (t_ns - self._since_ns) * 1e-9 >= self._config.early_lasts_s
+        self.fault = FAULTY[best].fault if lasted else None
+
+
+def _leader(evidence: Evidence) -> tuple[int, float]:
+    """The fault that explains most, and by how much it leads the next one."""
+    order = np.argsort(evidence.names)
+    return int(order[-1]), float(evidence.names[order[-1]]) - float(evidence.names[order[-2]])
+
+
 class MotionMonitor:
     """Evidence on motors and compass from velocity, yaw rate and heading under the commands that were sent.
 
@@ -47,7 +101,7 @@ class MotionMonitor:
         self._fresh: set[type] = set()
         self._t_ns: int | None = None  # of the last step; None before the first
         self._lagged_ns = 0
-        self._suspected_ns: int | None = None
+        self._verdict, self._suspicion = Verdict(config), Suspicion(config)
         self._roughness = 1.0
         self._last_rad = self._turned_rad = self._jump_rad = 0.0  # heading of the last step, the turn since, a jump
 
@@ -67,8 +121,14 @@ class MotionMonitor:
     def begin(self) -> None:
         """A hold begins: forget all evidence. What is known of motion and current stays."""
         self._evidence.reset()
-        self._suspected_ns = None
+        self._verdict.reset()
+        self._suspicion.reset()
         self._bank.restart(np.ones(len(SOUND) + len(FAULTY), dtype=bool), 0)
+
+    @property
+    def likely(self) -> Explanation | None:
+        """What may be wrong, by less evidence than `step` asks for: to be told, and not to end a hold by."""
+        return self._suspicion.fault
 
     @property
     def current_ned(self) -> tuple[float, float]:
@@ -91,6 +151,7 @@ class MotionMonitor:
         """
         velocity, heading = self._velocity, self._heading
         if velocity is None or heading is None or t_ns - heading.t_ns > OLD_NS:
+            self._suspicion.reset()
             return None
         if self._t_ns is None or (t_ns - self._t_ns) * 1e-9 > GAP_S:
             rate = 0.0 if self._yaw_rate is None else self._yaw_rate.r_radps
@@ -110,7 +171,8 @@ class MotionMonitor:
         self._follow(heading.psi_rad, dt_s)
         self._bank.predict(dt_s, heading.psi_rad, wind_ned)
         self._weigh(ailing, holding)
-        return self._verdict(t_ns)
+        self._suspicion.step(t_ns, self._evidence)
+        return self._verdict.step(t_ns, self._evidence)
 
     def _follow(self, heading_rad: float, dt_s: float) -> None:
         """How far the compass has jumped: its turns less those of the gyro, which drift and are forgotten."""
@@ -137,18 +199,3 @@ class MotionMonitor:
         if none.any():
             which = np.concatenate([np.zeros(len(SOUND), dtype=bool), none])
             self._bank.restart(which, self._evidence.best_sound)
-
-    def _verdict(self, t_ns: int) -> Explanation | None:
-        """The fault with the most evidence, once it is enough and leads the others, or has been enough for long."""
-        sums, names = self._evidence.sums, self._evidence.names
-        if float(sums.max()) < self._config.evidence:
-            self._suspected_ns = None
-            return None
-        order = np.argsort(names)
-        best, second = float(names[order[-1]]), float(names[order[-2]])
-        if self._suspected_ns is None:
-            self._suspected_ns = t_ns
-        certain = best - second >= self._config.lead
-        if not certain and (t_ns - self._suspected_ns) * 1e-9 < self._config.lead_s:
-            return None
-        return FAULTY[int(order[-1])].fault

@@ -33,6 +33,7 @@ class MotionWatch:
         self._velocity: GroundVelocity | None = None
         self._station: Station | None = None
         self._found: Explanation | None = None
+        self._is_sure = False  # or is it told alone
         self._ended = False
         self._begin_ns: int | None = None
         self._seen_ns = 0  # when there was enough evidence last, or the boat was too far off
@@ -67,23 +68,31 @@ class MotionWatch:
             velocity = None if GroundVelocity in ailing else self._velocity
             place = self._carried.step(t_ns, velocity, estimate)
             away = self._distance.step(t_ns, place, station, command, self._monitor.current_ned)
-        if fault is not None or away is not None:
-            self._seen_ns = t_ns
-        if (t_ns - self._seen_ns) * 1e-9 > FORGET_S and not self._ended:
-            self._found = None
-        if self._found is None:
-            self._found = fault or away
         if self._begin_ns is None:
             self._begin_ns = t_ns
         # What is wired wrong shows at once. Later gusts and waves alone may look like a fault, by chance, and in waves
         # they may from the first; but a boat that has one does not stay where it is.
         rough = waves is not None and waves.share >= ROUGH_SHARE and waves.velocity_std_mps >= ROUGH_MPS
-        begins = fault is not None and not rough and (t_ns - self._begin_ns) * 1e-9 <= self._config.sense_s
-        confirmed = begins or away is not None or self._distance.farther_m >= self._config.confirm_m
+        early = not rough and (t_ns - self._begin_ns) * 1e-9 <= self._config.sense_s
+        likely = self._monitor.likely if early else None
+        self._note(t_ns, fault or away, likely)
+        confirmed = (fault is not None and early) or away is not None
+        confirmed = confirmed or (self._is_sure and self._distance.farther_m >= self._config.confirm_m)
         ends = confirmed and self._keeps_station and self._config.on_fault == "release"
         if ends and self._found is not None:
             self._ended = True
         return self._found if self._ended else None
+
+    def _note(self, t_ns: int, sure: Explanation | None, likely: Explanation | None) -> None:
+        """Keep what was found first; what is sure takes the place of what is likely. No evidence for long: a chance."""
+        if sure is not None or likely is not None:
+            self._seen_ns = t_ns
+        if (t_ns - self._seen_ns) * 1e-9 > FORGET_S and not self._ended:
+            self._found, self._is_sure = None, False
+        if sure is not None and not self._is_sure:
+            self._found, self._is_sure = sure, True
+        elif self._found is None:
+            self._found = likely
 
     def note_station(self, station: Station | None) -> None:
         """The station that is held from now on, None where none is."""
@@ -91,7 +100,7 @@ class MotionWatch:
             self._monitor.begin()
             self._distance.begin()
             self._carried.begin()
-            self._found, self._ended, self._begin_ns = None, False, None
+            self._found, self._is_sure, self._ended, self._begin_ns = None, False, False, None
         self._station = station
 
     @property

@@ -6,12 +6,15 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from asvhil.config import load_config
+from asvhil.motion.hypotheses import FAULTY
 from asvhil.study.runner import Job, Run
 from asvhil.study.safety_cases import FAULTS, SEEDS, WINDS, HoldCase, MotionFault, healthy, runaways
 from asvhil.study.statistics import other_code
 from asvhil.study.trials.safety import run_hold
 from asvhil.study.trials.trial import run_key
+from asvhil.supervisor.reasons import describe
 
+CODES = {describe(h.fault): str(h.fault.reason) for h in FAULTY if h.fault is not None}  # by its text
 THRUST_S, FARTHER_M = 15.0, 10.0  # asked for: ended, or told, within this thrust and before it is so much farther off
 
 
@@ -51,11 +54,19 @@ def study_safety(
 
 
 def judge(fault: MotionFault, result: Mapping[str, Any]) -> dict[str, Any]:
-    """A hold with its verdicts: `met`, as asked for, and `named`, by the code of the fault."""
-    ended = result["ended_s"] is not None
-    told = fault.only_told and bool(result["told"])
-    met = (ended or told) and result["thrust_s"] <= THRUST_S and result["farther_m"] < FARTHER_M
-    return {**result, "met": met, "named": result["reason"] in fault.codes}
+    """A hold with its verdicts: `met`, as asked for, and `named`, by the code of the fault.
+
+    `found`: the thrust (s) until it ended, or was told by name where that is enough, and how much farther off the boat
+    got until then (m); None where neither came.
+    """
+    told = [at for text, at in result["told"].items() if CODES.get(text) in fault.codes]
+    found = None
+    if result["ended_s"] is not None:
+        found = {"thrust_s": result["thrust_s"], "farther_m": result["farther_m"]}
+    if fault.only_told and told and (found is None or told[0]["thrust_s"] < found["thrust_s"]):
+        found = {"thrust_s": told[0]["thrust_s"], "farther_m": told[0]["farther_m"]}
+    met = found is not None and found["thrust_s"] <= THRUST_S and found["farther_m"] < FARTHER_M
+    return {**result, "found": found, "met": met, "named": result["reason"] in fault.codes or bool(told)}
 
 
 def false_alarms(runs: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
@@ -77,9 +88,10 @@ def markdown(study: Mapping[str, Any]) -> str:
     seeds = ", ".join(map(str, study["seeds"]))
     head = (
         f"Holds `{study['part']}`{share}: {winds}; seeds {seeds}; from 5 m off and from the station. "
-        f"Met: ended, or told where that is enough, within {asked['thrust_s']:g} s of thrust and before the "
-        f"boat was {asked['farther_m']:g} m farther off than at the begin. Named: by the right cause. Thrust and "
-        "farther off: median and worst of the holds that ended; of the others how far off they got in a minute."
+        f"Met: ended, or told by name where that is enough (one motor dead, 45°), within {asked['thrust_s']:g} s of "
+        f"thrust and before the boat was {asked['farther_m']:g} m farther off than at the begin. Named: by the right "
+        "cause. Thrust and farther off until then: median and worst; of holds that were neither, how far off "
+        "they got in a minute."
     )
     lines = [
         "| fault | boat | holds | ended | met | named | thrust, s | farther off, m |",
@@ -106,14 +118,14 @@ def markdown(study: Mapping[str, Any]) -> str:
 
 
 def _row(runs: Sequence[Mapping[str, Any]]) -> str:
-    ended = [run for run in runs if run["ended_s"] is not None]
+    ended = sum(run["ended_s"] is not None for run in runs)
+    found = [run["found"] for run in runs if run["found"] is not None]
     met, named = (sum(run[key] for run in runs) for key in ("met", "named"))
-    figures = f"{len(runs)} | {len(ended)} | {met if met == len(runs) else f'**{met}**'} | {named}"
-    thrust = _middle_and_worst([run["thrust_s"] for run in ended])
-    left = [run["farther_m"] for run in runs if run["ended_s"] is None]
-    farther = _middle_and_worst([run["farther_m"] for run in ended])
+    figures = f"{len(runs)} | {ended} | {met if met == len(runs) else f'**{met}**'} | {named}"
+    thrust, farther = (_middle_and_worst([each[key] for each in found]) for key in ("thrust_s", "farther_m"))
+    left = [run["farther_m"] for run in runs if run["found"] is None]
     if left:
-        farther = f"{farther}; not ended: {_middle_and_worst(left)}"
+        farther = f"{farther}; not found: {_middle_and_worst(left)}"
     return f"{figures} | {thrust} | {farther}"
 
 

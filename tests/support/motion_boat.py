@@ -45,6 +45,7 @@ class MotionBoat:
         self.faults, self.compass_rad = frozenset(faults), math.radians(compass_deg)
         self.ailing: frozenset[type] = frozenset()
         self.frozen = False
+        self.blind = False  # without a compass
         self.found_s = 0.0
         self._noise = np.random.default_rng(seed)
         self._t_ns = 0
@@ -82,5 +83,6 @@ class MotionBoat:
         if tick % 2 == 0:
             psi = self.vessel.psi_rad + self.compass_rad + math.radians(ekf.heading_std_deg) * noise.standard_normal()
             rate = self.vessel.r_radps + ekf.yaw_rate_std_radps * noise.standard_normal()
-            self.monitor.on_measurement(Heading(t_ns=self._t_ns, psi_rad=psi))
+            if not self.blind:
+                self.monitor.on_measurement(Heading(t_ns=self._t_ns, psi_rad=psi))
             self.monitor.on_measurement(YawRate(t_ns=self._t_ns, r_radps=rate))

@@ -21,7 +21,7 @@ def run_hold(base: str, overrides: tuple[str, ...], hold_s: float) -> dict[str, 
 
     `ended_s` counts from the begin of the hold and is None where it did not end; `thrust_s` is the time until then
     with thrust. `farther_m`: how much farther off than at the begin the boat got. `told` are the notes on the motion
-    that came up, with the seconds since the begin, by subject and text.
+    that came up, by their text, with the seconds since the begin, the thrust and how far off it had got by then.
     """
     config = load_config(base, overrides)
     at = config.supervisor.station
@@ -34,7 +34,7 @@ def run_hold(base: str, overrides: tuple[str, ...], hold_s: float) -> dict[str, 
     thrust = 0
     begin_m = farthest_m = 0.0
     failsafe = False
-    told: dict[str, float] = {}
+    told: dict[str, dict[str, float]] = {}
     reason = text = ""
     for tick in range(round((60.0 + hold_s) * hz)):
         _, outputs = loop.tick()
@@ -51,7 +51,9 @@ def run_hold(base: str, overrides: tuple[str, ...], hold_s: float) -> dict[str, 
             thrust += any(abs(thrust_n) > THRUST * curve.ahead_n for thrust_n in told_n)
             for note in outputs.health.notes:
                 if note.subject == "motion" and not note.ok:
-                    told.setdefault(note.text, (tick - begun) / hz)
+                    since_s, thrust_s = (tick - begun) / hz, thrust / hz
+                    found = {"since_s": since_s, "thrust_s": thrust_s, "farther_m": farthest_m - begin_m}
+                    told.setdefault(note.text, found)
             if outputs.phase is Phase.STANDBY:
                 ended, reason, text = tick, outputs.health.code, outputs.health.reason
         since = tick - (begun if ended is None else ended)

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import pytest
 
+from asvhil.config import MotionConfig
+from asvhil.motion.evidence import Evidence
 from asvhil.motion.hypotheses import FAULTY, SOUND
+from asvhil.motion.monitor import Suspicion, Verdict
 from asvhil.supervisor.reasons import Reason, describe
 from asvhil.types import GroundVelocity, Heading
 from tests.support.motion_boat import MotionBoat
@@ -50,6 +53,76 @@ def test_a_boat_in_a_current_is_sound() -> None:
     boat = MotionBoat(current=(0.8, -0.5))
     assert boat.run(120.0) is None
     assert boat.monitor.current_ned == pytest.approx((0.8, -0.5), abs=0.3)
+
+
+def judged(judge: Verdict | Suspicion, *steps: tuple[list[float], list[float]]) -> list[str]:
+    """The codes of what is found, after each step of 0.2 s with these sums and names."""
+    evidence, found = Evidence(1, len(FAULTY)), []
+    for number, (sums, names) in enumerate(steps):
+        evidence.sums[: len(sums)], evidence.names[: len(names)] = sums, names
+        fault = judge.step(1_000_000_000 + number * 200_000_000, evidence)
+        fault = judge.fault if isinstance(judge, Suspicion) else fault
+        found.append("" if fault is None else str(fault.reason))
+    return found
+
+
+NOTHING: tuple[list[float], list[float]] = ([0.0, 0.0], [0.0, 0.0])
+
+
+def test_a_verdict_needs_enough_evidence_and_a_lead_or_patience() -> None:
+    def verdict() -> Verdict:
+        return Verdict(MotionConfig(evidence=10.0, lead=3.0, lead_s=0.4))
+
+    clear, close = ([10.0, 4.0], [10.0, 7.0]), ([10.0, 10.0], [10.0, 12.9])
+    assert judged(verdict(), clear) == ["motors-reversed"]
+    assert judged(verdict(), ([9.9], [50.0])) == [""]
+    assert judged(verdict(), close, close, close) == ["", "", "motor-reversed"]
+    assert judged(verdict(), close, close, NOTHING, close, close) == [""] * 5, "it waits anew"
+    assert judged(verdict(), clear, ([9.9], [9.9])) == ["motors-reversed", ""]
+
+
+def test_a_suspicion_needs_some_evidence_and_a_lead_of_one_fault_for_long() -> None:
+    def suspicion() -> Suspicion:
+        return Suspicion(MotionConfig(early_evidence=5.0, lead=3.0, early_lasts_s=0.4))
+
+    one, other = ([5.0, 1.0], [5.0, 2.0]), ([1.0, 5.0], [2.0, 5.0])
+    assert judged(suspicion(), one, one, one, one) == ["", "", "motors-reversed", "motors-reversed"]
+    assert judged(suspicion(), one, one, other, other, other) == ["", "", "", "", "motor-reversed"]
+    for weak in (([4.9, 0.0], [9.0, 0.0]), ([5.0, 5.0], [5.0, 2.1])):
+        assert judged(suspicion(), weak, weak, weak, weak) == [""] * 4
+        assert judged(suspicion(), one, one, weak, one, one) == [""] * 5
+    gone = suspicion()
+    assert judged(gone, one, one, one, NOTHING) == ["", "", "motors-reversed", ""]
+    assert judged(gone, one, one)[-1] == ""
+
+
+def lying(t_s: float) -> tuple[float, float]:
+    """As in a wind across the boat: a turn, and then the one motor full astern and the other gently, nearly still."""
+    return (0.9, -1.0) if t_s < 1.0 else (-1.0, -1.0) if t_s < 2.0 else (-1.0, -0.3)
+
+
+@pytest.mark.parametrize("motor", ["port", "starboard"])
+def test_a_dead_motor_that_hardly_moves_the_boat_is_likely_though_not_sure(motor: str) -> None:
+    boat = MotionBoat(faults=(f"{motor}-motor",))
+    found = boat.run(15.0, lying)
+    likely = boat.monitor.likely
+    assert found is None and likely is not None and likely.reason is Reason.MOTOR_DEAD
+    assert ("motor", motor) in likely.detail
+    boat.monitor.begin()
+    assert boat.monitor.likely is None
+
+
+def test_nothing_is_likely_on_a_sound_boat_or_without_a_heading() -> None:
+    boat = MotionBoat(faults=("port-motor",))
+    boat.run(15.0, lying)
+    assert boat.monitor.likely is not None
+    boat.blind = True
+    boat.run(1.5)
+    assert boat.monitor.likely is None
+    sound = MotionBoat()
+    for _ in range(60):
+        sound.run(0.5)
+        assert sound.monitor.likely is None
 
 
 def test_a_fault_that_comes_late_is_found_as_soon() -> None:

@@ -7,7 +7,7 @@ import pytest
 from asvhil.config import load_config
 from asvhil.motion.monitor import MotionMonitor
 from asvhil.motion.watch import MotionWatch
-from asvhil.supervisor.reasons import Explanation, Reason, explain
+from asvhil.supervisor.reasons import Explanation, Reason, describe, explain
 from asvhil.types import Estimate, Station, WaveMotion
 
 STATION = Station(n_m=0.0, e_m=0.0, psi_rad=0.0)
@@ -71,8 +71,10 @@ class Suspicion:
         self.watch = MotionWatch(load_config("sitl", overrides))
         self.t_ns, self.off_m, self.suspects = 0, 0.0, False
         self.waves: WaveMotion | None = None
+        self.likely: Explanation | None = None
         fault = explain(Reason.MOTOR_DEAD, motor="port")
         monkeypatch.setattr(MotionMonitor, "step", lambda *_, **__: fault if self.suspects else None)
+        monkeypatch.setattr(MotionMonitor, "likely", property(lambda _: self.likely))
 
     def run(self, seconds: float) -> Explanation | None:
         found = None
@@ -85,6 +87,55 @@ class Suspicion:
             found = found or self.watch.step(self.t_ns, (), (0.0, 0.0), None, estimate, frozenset(), self.waves)
             self.watch.note_station(STATION)
         return found
+
+
+LIKELY = explain(Reason.NO_THRUST)
+
+
+def test_what_is_likely_is_told_and_ends_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    boat = Suspicion(monkeypatch)
+    boat.run(10.0)
+    boat.likely = LIKELY
+    assert boat.run(0.1) is None and boat.watch.notes[0].text == describe(LIKELY)
+    boat.off_m = 7.5
+    assert boat.run(5.0) is None
+    boat.likely = None
+    boat.run(19.9)
+    assert len(boat.watch.notes) == 1
+    boat.run(0.2)
+    assert boat.watch.notes == ()
+
+
+def test_what_is_sure_takes_the_place_of_what_is_likely(monkeypatch: pytest.MonkeyPatch) -> None:
+    boat = Suspicion(monkeypatch, "supervisor.motion.on_fault=tell")
+    boat.likely = LIKELY
+    boat.run(10.0)
+    boat.suspects = True
+    boat.run(0.1)
+    assert "port motor gave no thrust" in boat.watch.notes[0].text
+    boat.suspects = False
+    boat.run(15.0)
+    assert "port motor gave no thrust" in boat.watch.notes[0].text, "and keeps it"
+
+
+def test_a_boat_that_leaves_with_something_likely_is_let_go_for_the_distance(monkeypatch: pytest.MonkeyPatch) -> None:
+    boat = Suspicion(monkeypatch)
+    boat.likely = LIKELY
+    boat.run(5.0)
+    boat.off_m = 8.1
+    found = boat.run(0.1)
+    assert found is not None and found.reason is Reason.DRIFTED_OFF
+
+
+@pytest.mark.parametrize("rough", [False, True], ids=["late", "in waves"])
+def test_late_or_in_waves_what_is_likely_is_not_told(rough: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    boat = Suspicion(monkeypatch)
+    if rough:
+        boat.waves = WaveMotion(peak_hz=0.3, velocity_std_mps=0.1, yaw_std_radps=0.04, share=1.0)
+    else:
+        boat.run(30.1)
+    boat.likely = LIKELY
+    assert boat.run(1.0) is None and boat.watch.notes == ()
 
 
 def test_a_late_suspicion_is_told_and_taken_back_and_ends_nothing_after_that(monkeypatch: pytest.MonkeyPatch) -> None:

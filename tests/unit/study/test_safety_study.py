@@ -12,6 +12,7 @@ from asvhil.study.runner import Finished
 from asvhil.study.safety import false_alarms, judge, markdown, study_safety
 from asvhil.study.safety_cases import FAULTS, SEEDS, WINDS, healthy, runaways
 from asvhil.study.trials.safety import run_hold
+from asvhil.supervisor.reasons import Reason, describe, explain
 
 HELD: dict[str, Any] = {
     "begun": True,
@@ -31,6 +32,8 @@ ENDED = HELD | {
     "text": "port motor: no thrust",
     "farther_m": 2.0,
 }
+PORT_DEAD = describe(explain(Reason.MOTOR_DEAD, motor="port"))
+AT = {"since_s": 10.0, "thrust_s": 9.0, "farther_m": 1.0}
 
 
 def test_both_sets_have_winds_and_seeds_of_their_own() -> None:
@@ -58,8 +61,12 @@ def test_at_least_300_healthy_holds_and_all_configs_load(part: str) -> None:
         ("port motor dead", ENDED | {"thrust_s": 15.5}, False, True),
         ("port motor dead", ENDED | {"farther_m": 10.5}, False, True),
         ("motors swapped", ENDED, True, False),
-        ("port motor dead", HELD | {"thrust_s": 9.0, "farther_m": 1.0, "told": {"port motor": 4.0}}, True, False),
-        ("motors swapped", HELD | {"thrust_s": 9.0, "farther_m": 1.0, "told": {"port motor": 4.0}}, False, False),
+        ("port motor dead", HELD | {"told": {PORT_DEAD: AT}}, True, True),
+        ("port motor dead", HELD | {"told": {PORT_DEAD: AT | {"thrust_s": 15.5}}}, False, True),
+        ("port motor dead", HELD | {"told": {PORT_DEAD: AT | {"farther_m": 10.5}}}, False, True),
+        ("port motor dead", HELD | {"told": {"something else": AT}}, False, False),
+        ("port motor dead", ENDED | {"thrust_s": 20.0, "told": {PORT_DEAD: AT}}, True, True),
+        ("both motors reversed", HELD | {"told": {PORT_DEAD: AT}}, False, False),
     ],
 )
 def test_verdicts(fault: str, result: dict[str, Any], met: bool, named: bool) -> None:
@@ -69,8 +76,8 @@ def test_verdicts(fault: str, result: dict[str, Any], met: bool, named: bool) ->
 
 def test_a_healthy_hold_that_ends_is_told_or_never_begins_is_a_false_alarm() -> None:
     fine = HELD | {"farther_m": 0.0}
-    assert false_alarms([fine, ENDED, fine | {"told": {"x": 1.0}}, fine | {"begun": False}])[0] is ENDED
-    assert len(false_alarms([fine, ENDED, fine | {"told": {"x": 1.0}}, fine | {"begun": False}])) == 3
+    assert false_alarms([fine, ENDED, fine | {"told": {"x": AT}}, fine | {"begun": False}])[0] is ENDED
+    assert len(false_alarms([fine, ENDED, fine | {"told": {"x": AT}}, fine | {"begun": False}])) == 3
 
 
 def test_the_tables_count_what_the_runs_did() -> None:
@@ -81,7 +88,7 @@ def test_the_tables_count_what_the_runs_did() -> None:
     figures = study_safety(run, faults=["port motor dead", "compass off by 180°"], every=3)
     text = markdown(figures)
     assert "| port motor dead | WAM-V | 6 | 6 | 6 | 6 | 5.0, 5.0 | 2.0, 2.0 |" in text
-    assert "| compass off by 180° | BREAM | 6 | 0 | **0** | 0 | - | -; not ended: 80.0, 80.0 |" in text
+    assert "| compass off by 180° | BREAM | 6 | 0 | **0** | 0 | - | -; not found: 80.0, 80.0 |" in text
     assert "104 holds of 120 s, 0 false alarms." in text
 
 
