@@ -64,7 +64,7 @@ def test_without_a_station_or_a_valid_estimate_no_distance_counts(station: Stati
     assert Drift().run(30.0, station, valid=station is None) is None
 
 
-class Suspicion:
+class SuspectedBoat:
     """A boat that stays, or is some metres off, and a monitor that suspects a motor while `suspects`."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, *overrides: str) -> None:
@@ -93,7 +93,7 @@ LIKELY = explain(Reason.NO_THRUST)
 
 
 def test_what_is_likely_is_told_and_ends_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
-    boat = Suspicion(monkeypatch)
+    boat = SuspectedBoat(monkeypatch)
     boat.run(10.0)
     boat.likely = LIKELY
     assert boat.run(0.1) is None and boat.watch.notes[0].text == describe(LIKELY)
@@ -107,7 +107,7 @@ def test_what_is_likely_is_told_and_ends_nothing(monkeypatch: pytest.MonkeyPatch
 
 
 def test_what_is_sure_takes_the_place_of_what_is_likely(monkeypatch: pytest.MonkeyPatch) -> None:
-    boat = Suspicion(monkeypatch, "supervisor.motion.on_fault=tell")
+    boat = SuspectedBoat(monkeypatch, "supervisor.motion.on_fault=tell")
     boat.likely = LIKELY
     boat.run(10.0)
     boat.suspects = True
@@ -119,7 +119,7 @@ def test_what_is_sure_takes_the_place_of_what_is_likely(monkeypatch: pytest.Monk
 
 
 def test_a_boat_that_leaves_with_something_likely_is_let_go_for_the_distance(monkeypatch: pytest.MonkeyPatch) -> None:
-    boat = Suspicion(monkeypatch)
+    boat = SuspectedBoat(monkeypatch)
     boat.likely = LIKELY
     boat.run(5.0)
     boat.off_m = 8.1
@@ -129,7 +129,7 @@ def test_a_boat_that_leaves_with_something_likely_is_let_go_for_the_distance(mon
 
 @pytest.mark.parametrize("rough", [False, True], ids=["late", "in waves"])
 def test_late_or_in_waves_what_is_likely_is_not_told(rough: bool, monkeypatch: pytest.MonkeyPatch) -> None:
-    boat = Suspicion(monkeypatch)
+    boat = SuspectedBoat(monkeypatch)
     if rough:
         boat.waves = WaveMotion(peak_hz=0.3, velocity_std_mps=0.1, yaw_std_radps=0.04, share=1.0)
     else:
@@ -139,7 +139,7 @@ def test_late_or_in_waves_what_is_likely_is_not_told(rough: bool, monkeypatch: p
 
 
 def test_a_late_suspicion_is_told_and_taken_back_and_ends_nothing_after_that(monkeypatch: pytest.MonkeyPatch) -> None:
-    boat = Suspicion(monkeypatch)
+    boat = SuspectedBoat(monkeypatch)
     boat.run(40.0)
     boat.suspects = True
     assert boat.run(2.0) is None and "port motor gave no thrust" in boat.watch.notes[0].text
@@ -158,7 +158,7 @@ def test_a_late_suspicion_is_told_and_taken_back_and_ends_nothing_after_that(mon
 def test_in_waves_an_early_suspicion_ends_a_hold_no_sooner_than_a_late_one(
     share: float, size_mps: float, ends: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    boat = Suspicion(monkeypatch)
+    boat = SuspectedBoat(monkeypatch)
     boat.waves = WaveMotion(peak_hz=0.3, velocity_std_mps=size_mps, yaw_std_radps=0.04, share=share)
     boat.run(5.0)
     boat.suspects = True
@@ -168,7 +168,7 @@ def test_in_waves_an_early_suspicion_ends_a_hold_no_sooner_than_a_late_one(
 
 
 def test_a_late_suspicion_ends_the_hold_of_a_boat_that_leaves(monkeypatch: pytest.MonkeyPatch) -> None:
-    boat = Suspicion(monkeypatch)
+    boat = SuspectedBoat(monkeypatch)
     boat.run(40.0)
     boat.suspects, boat.off_m = True, 5.5
     assert boat.run(10.0) is None
@@ -180,7 +180,7 @@ def test_a_late_suspicion_ends_the_hold_of_a_boat_that_leaves(monkeypatch: pytes
 
 
 def test_a_boat_that_swings_about_the_limit_is_told_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    boat = Suspicion(monkeypatch, "supervisor.motion.on_fault=tell")
+    boat = SuspectedBoat(monkeypatch, "supervisor.motion.on_fault=tell")
     boat.run(40.0)
     told = []
     for boat.off_m in (8.1, 7.9, 8.2, 7.0, 8.1):
@@ -193,7 +193,7 @@ def test_a_boat_that_swings_about_the_limit_is_told_once(monkeypatch: pytest.Mon
 
 
 def test_an_early_suspicion_ends_the_hold_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    boat = Suspicion(monkeypatch)
+    boat = SuspectedBoat(monkeypatch)
     boat.run(10.0)
     boat.suspects = True
     assert boat.run(0.1) is not None
