@@ -26,7 +26,7 @@ ROUGH_GAIN = 0.05  # of a step, on how rough the water is
 VELOCITY_NOISE, YAW_NOISE = 1.3, 2.0
 
 
-class Verdict:
+class FaultVerdict:
     """The fault with the most evidence, once it is enough and leads the others, or has been enough for long."""
 
     def __init__(self, config: MotionConfig) -> None:
@@ -101,7 +101,7 @@ class MotionMonitor:
         self._fresh: set[type] = set()
         self._t_ns: int | None = None  # of the last step; None before the first
         self._lagged_ns = 0
-        self._verdict, self._suspicion = Verdict(config), Suspicion(config)
+        self._verdict, self._suspicion = FaultVerdict(config), Suspicion(config)
         self._roughness = 1.0
         self._last_rad = self._turned_rad = self._jump_rad = 0.0  # heading of the last step, the turn since, a jump
 

@@ -7,7 +7,7 @@ import pytest
 from asvhil.config import MotionConfig
 from asvhil.motion.evidence import Evidence
 from asvhil.motion.hypotheses import FAULTY, SOUND
-from asvhil.motion.monitor import Suspicion, Verdict
+from asvhil.motion.monitor import Suspicion, FaultVerdict
 from asvhil.supervisor.reasons import Reason, describe
 from asvhil.types import GroundVelocity, Heading
 from tests.support.motion_boat import MotionBoat
@@ -55,7 +55,7 @@ def test_a_boat_in_a_current_is_sound() -> None:
     assert boat.monitor.current_ned == pytest.approx((0.8, -0.5), abs=0.3)
 
 
-def judged(judge: Verdict | Suspicion, *steps: tuple[list[float], list[float]]) -> list[str]:
+def judged(judge: FaultVerdict | Suspicion, *steps: tuple[list[float], list[float]]) -> list[str]:
     """The codes of what is found, after each step of 0.2 s with these sums and names."""
     evidence, found = Evidence(1, len(FAULTY)), []
     for number, (sums, names) in enumerate(steps):
@@ -70,8 +70,8 @@ NOTHING: tuple[list[float], list[float]] = ([0.0, 0.0], [0.0, 0.0])
 
 
 def test_a_verdict_needs_enough_evidence_and_a_lead_or_patience() -> None:
-    def verdict() -> Verdict:
-        return Verdict(MotionConfig(evidence=10.0, lead=3.0, lead_s=0.4))
+    def verdict() -> FaultVerdict:
+        return FaultVerdict(MotionConfig(evidence=10.0, lead=3.0, lead_s=0.4))
 
     clear, close = ([10.0, 4.0], [10.0, 7.0]), ([10.0, 10.0], [10.0, 12.9])
     assert judged(verdict(), clear) == ["motors-reversed"]
