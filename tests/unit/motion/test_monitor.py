@@ -7,7 +7,7 @@ import pytest
 from asvhil.config import MotionConfig
 from asvhil.motion.evidence import Evidence
 from asvhil.motion.hypotheses import FAULTY, SOUND
-from asvhil.motion.monitor import Suspicion, FaultVerdict
+from asvhil.motion.monitor import FaultVerdict, Suspicion
 from asvhil.supervisor.reasons import Reason, describe
 from asvhil.types import GroundVelocity, Heading
 from tests.support.motion_boat import MotionBoat
