@@ -79,17 +79,18 @@ def _segments(
         times = grid(span, dt_s, span[0] % dt_s)
         if len(times) * dt_s < MIN_SEGMENT_S:
             continue
+        nu = measured = np.column_stack([interpolate(velocity, times), interpolate(rate, times)])
         if smoothed:
-            nu = [smooth(velocity, times, VELOCITY_HALF_WIDTH_S), smooth(rate, times, YAW_HALF_WIDTH_S)]
-        else:
-            nu = [interpolate(velocity, times), interpolate(rate, times)]
+            parts = [smooth(velocity, times, VELOCITY_HALF_WIDTH_S), smooth(rate, times, YAW_HALF_WIDTH_S)]
+            nu = np.column_stack(parts)
         segments.append(
             Segment(
                 t_s=times,
-                nu=np.column_stack(nu),
+                nu=nu,
                 command=hold_mean(command, times, dt_s),
                 wind=interpolate(wind, times),
                 psi=interpolate(psi, times)[:, 0] if psi is not None else np.full(len(times), np.nan),
+                measured=measured if smoothed else None,
             )
         )
     total_s = dt_s * sum(len(segment.t_s) for segment in segments)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Mapping
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -21,7 +23,14 @@ LOWER = np.array([1e-4, 1e-4, 0.2, 0.0, *[0.0] * 9])
 UPPER = np.array([10.0, 10.0, 20.0, 10.0, *[20.0] * 6, 0.5, 0.5, 0.5])
 START = np.array([0.3, 0.2, 1.5, 0.2, 0.2, 0.2, 0.3, 0.3, 0.5, 0.5, 1e-3, 1e-3, 1e-3])
 TOLERANCE = 1e-7
-DRIFT_S, LEAD_S, DRIFTS = 20.0, 1.6, 100  # spans with the motors off, after motors have stopped; how many it takes
+LOAD_S = 4.0  # windows that the wind loads are found in
+DRIFTS, MOST_DRIFTS, MOST_OTHERS = 100, 1200, 2000  # windows with the motors off: needed, and taken; and of the others
+# The thrust of a command c is c + q1 (c|c| - c) + q2 (c^3 - c) + q3 (c^5 - c) + q4 c^2 + q5 c^4, and acts in shares s1
+# and s2 one and two steps later: what a fit with linear thrust would ascribe to drag, and so to the wind.
+CURVE, SHARES = 5, 2
+CURVED_LOWER = np.array([*[-20.0] * CURVE, *[0.0] * SHARES])
+CURVED_UPPER = np.array([*[20.0] * CURVE, *[1.0] * SHARES])
+CURVED_START = np.array([*[0.0] * CURVE, 0.3, 0.1])
 WIND = tuple(PARAMETERS.index(name) for name in ("wind_surge", "wind_sway", "wind_yaw"))
 SD_ITERATIONS = 60  # at most; a dozen usually do
 
@@ -35,38 +44,49 @@ def fit_sd(
 ) -> tuple[Array, list[float]]:
     """Parameters (13) that minimise the squared error of `window`-step simulations in scaled velocities, and the costs.
 
-    The wind's parameters are those of a fit to spans with the motors off alone, where the data have enough of them
-    (`DRIFTS`): among manoeuvres they make up for the thrust, which is linear here and not in truth.
+    The wind's parameters are `wind_loads`, where the data have enough drifts for them: here they would make up for the
+    thrust, which is linear and in truth is not.
 
     ModelError where the data are not suitable.
     """
     check(dataset)
     scaling = scaling_of(dataset, symmetric=True)
-    loads = drift_loads(dataset, iterations, progress)
+    loads = wind_loads(dataset, iterations, progress)
     held = {} if loads is None else dict(zip(WIND, loads.tolist(), strict=True))
     windows = Windows(dataset.segments, scaling, window, 0)
-    return _fit(windows, windows.starts, scaling.half, dataset.dt_s, held, False, iterations, progress)
+    starts = windows.starts[:: max(1, len(windows.starts) // LARGEST_SET)]
+    return _fit(windows, starts, scaling.half, dataset.dt_s, held, False, iterations, progress)
 
 
-def drift_loads(
+def wind_loads(
     dataset: Dataset, iterations: int = SD_ITERATIONS, progress: Callable[[int, float], None] | None = None
 ) -> Array | None:
-    """SD's wind parameters (3) from spans with the motors off, `DRIFT_S` long; None where there are too few.
+    """SD's wind parameters (3); None where the data have too few windows with the motors off.
 
-    The first velocity of each span is fitted as well. Taken as measured, its noise would look like drag, and for a
-    boat that drifts, more drag is as much more wind load.
+    A boat that drifts shows the ratio of wind load and drag, one that manoeuvres its drag, if its thrust is known. So
+    thrust curve, delay, drag and wind load are fitted together, to drifts and manoeuvres, and the first velocity of
+    each window as well: taken as measured, its noise would look like drag, and for a boat that drifts, more drag is as
+    much more wind load. Smoothing would look like less of both, so the velocities are those that were measured.
     """
     scaling = scaling_of(dataset, symmetric=True)
-    steps, lead = round(DRIFT_S / dataset.dt_s), round(LEAD_S / dataset.dt_s)
-    if all(len(part.t_s) <= steps + lead for part in dataset.segments):
+    steps = round(LOAD_S / dataset.dt_s)
+    if all(len(part.t_s) <= steps for part in dataset.segments):
         return None
-    windows = Windows(dataset.segments, scaling, steps, lead)
-    starts = windows.starts[windows.off]
-    if len(starts) < DRIFTS:
+    raw = (part if part.measured is None else dataclasses.replace(part, nu=part.measured) for part in dataset.segments)
+    windows = Windows(tuple(raw), scaling, steps, 0)
+    drifts, others = windows.starts[windows.off], windows.starts[~windows.off]
+    if len(drifts) < DRIFTS or not len(others):
         return None
+    starts = np.sort(np.concatenate([_spread(drifts, MOST_DRIFTS), _spread(others, MOST_OTHERS)]))
     parameters, _ = _fit(windows, starts, scaling.half, dataset.dt_s, {}, True, iterations, progress)
     loads: Array = parameters[list(WIND)]
     return loads
+
+
+def _spread(starts: NDArray[np.int64], most: int) -> NDArray[np.int64]:
+    """At most so many of them, evenly."""
+    chosen: NDArray[np.int64] = starts[np.linspace(0, len(starts) - 1, min(most, len(starts))).astype(np.int64)]
+    return chosen
 
 
 def load_rates(loads: Array, wind: Array) -> Array:
@@ -85,23 +105,28 @@ def _fit(
     half: Array,
     dt_s: float,
     held: Mapping[int, float],
-    free_starts: bool,
+    curved: bool,
     iterations: int,
     progress: Callable[[int, float], None] | None,
 ) -> tuple[Array, list[float]]:
     """Bounded Levenberg-Marquardt over windows from these rows; parameters that are held keep their values.
 
-    With `free_starts` the first velocity of each window is unknown as well, and its measurement one of the errors.
+    With `curved` the thrust's curve and delay are unknown as well, and the first velocity of each window, whose
+    measurement is one of the errors.
     """
     window = windows.steps
-    starts = starts[:: max(1, len(starts) // LARGEST_SET)]
+    lower, upper, start = LOWER, UPPER, START
+    if curved:
+        lower, upper = np.concatenate([LOWER, CURVED_LOWER]), np.concatenate([UPPER, CURVED_UPPER])
+        start = np.concatenate([START, CURVED_START])
+    count = len(start)
     rows = starts[:, None] + np.arange(window + 1)[None, :]
     nu, command, wind = (part[rows] for part in (windows.nu, windows.command, windows.wind))
-    residuals = _residuals(half, window, dt_s).map(len(starts))
+    residuals = _residuals(half, window, dt_s, curved).map(len(starts))
     columns = [part.reshape(len(starts), -1).T for part in (nu, command * half[3:5], wind * half[5:])]
 
     def evaluate(parameters: Array, shift: Array) -> tuple[Array, Array]:
-        """Errors (W, 3 window) from starts that are moved by shift (W, 3), and their Jacobians (W, 3 window, 16)."""
+        """Errors (W, 3 window) from starts that are moved by shift (W, 3), and their Jacobians (W, 3 window, P + 3)."""
         moved = columns[0].copy()
         moved[:3] += shift.T
         error, jacobian = residuals(np.tile(parameters[:, None], len(starts)), moved, *columns[1:])
@@ -110,20 +135,20 @@ def _fit(
     def cost_of(error: Array, shift: Array) -> float:
         return float((error * error).sum() + (shift * shift).sum()) / error.size
 
-    parameters, damping = START.copy(), 1e-2
+    parameters, damping = start.copy(), 1e-2
     parameters[list(held)] = list(held.values())
-    fixed = np.isin(np.arange(len(PARAMETERS)), list(held))
+    fixed = np.isin(np.arange(count), list(held))
     shift = np.zeros((len(starts), 3))
     error, jacobian = evaluate(parameters, shift)
     costs = [cost_of(error, shift)]
     for iteration in range(iterations):
-        by_parameters, by_start = jacobian[..., : len(PARAMETERS)], jacobian[..., len(PARAMETERS) :]
-        flat = by_parameters.reshape(-1, len(PARAMETERS))
+        by_parameters, by_start = jacobian[..., :count], jacobian[..., count:]
+        flat = by_parameters.reshape(-1, count)
         normal: Array = flat.T @ flat
         slope: Array = flat.T @ error.ravel()
-        follow: Array = np.zeros((len(starts), 3, len(PARAMETERS)))
+        follow: Array = np.zeros((len(starts), 3, count))
         settle: Array = np.zeros((len(starts), 3))
-        if free_starts:  # the best starts for any parameters are eliminated from the normal equations
+        if curved:  # the best starts for any parameters are eliminated from the normal equations
             mixed = by_start.mT @ by_parameters
             pull = (by_start.mT @ error[..., None])[..., 0] + shift
             own = by_start.mT @ by_start + np.eye(3)
@@ -132,12 +157,12 @@ def _fit(
             normal = normal - (mixed.mT @ follow).sum(0)
             slope = slope - (mixed.mT @ settle[..., None]).sum(0)[:, 0]
         # A parameter that is held, or stopped by its bound, takes no part in the step.
-        free = ~(fixed | ((parameters <= LOWER) & (slope > 0.0)) | ((parameters >= UPPER) & (slope < 0.0)))
+        free = ~(fixed | ((parameters <= lower) & (slope > 0.0)) | ((parameters >= upper) & (slope < 0.0)))
         scale = np.diag(np.maximum(np.diag(normal), 1e-9 * np.diag(normal).max()))
         step = np.zeros(len(parameters))
         part = np.ix_(free, free)
         step[free] = -np.linalg.solve(normal[part] + damping * scale[part], slope[free])
-        trial = np.clip(parameters + step, LOWER, UPPER)
+        trial = np.clip(parameters + step, lower, upper)
         trial_shift = shift - settle - follow @ (trial - parameters)
         trial_error, trial_jacobian = evaluate(trial, trial_shift)
         cost = cost_of(trial_error, trial_shift)
@@ -193,24 +218,35 @@ def skip_of_sd(parameters: Array, scaling: Scaling) -> Array:
     return skip
 
 
-def _residuals(half: Array, window: int, dt_s: float) -> ca.Function:
+def _residuals(half: Array, window: int, dt_s: float, curved: bool) -> ca.Function:
     """(parameters, nu, commands, winds of one window) to its errors (3 window) and their Jacobian, row by row.
 
     The Jacobian's columns are those of the parameters, then of the first velocity.
     """
-    p = ca.SX.sym("p", len(PARAMETERS))
+    count = len(PARAMETERS) + (CURVE + SHARES if curved else 0)
+    p = ca.SX.sym("p", count)
     nu, command = ca.SX.sym("nu", 3 * (window + 1)), ca.SX.sym("a", 2 * (window + 1))
     wind = ca.SX.sym("w", 2 * (window + 1))
     model = FittedSd(p, dt_s)
     scale = ca.DM(half[:3])
-    y, a, w = ca.SX.sym("y", 3), ca.SX.sym("c", 2), ca.SX.sym("air", 2)
+    y, c, w = ca.SX.sym("y", 3), ca.SX.sym("c", 6 if curved else 2), ca.SX.sym("air", 2)
+    a = _thrust(p[len(PARAMETERS) :], c) if curved else c
     after = integrate(lambda x: model.derivative(x, a, w), y * scale, dt_s, 1, model.euler) / scale
-    tangent = ca.Function("tangent", [y, p, a, w], [after, ca.jacobian(after, y), ca.jacobian(after, p)], {"cse": True})
-    start = ca.horzcat(ca.SX(3, len(PARAMETERS)), ca.SX.eye(3))
+    tangent = ca.Function("tangent", [y, p, c, w], [after, ca.jacobian(after, y), ca.jacobian(after, p)], {"cse": True})
+    start = ca.horzcat(ca.SX(3, count), ca.SX.eye(3))
     x, sensitivity, errors, blocks = nu[:3], start, [], []
     for k in range(window):
-        x, dx, dp = tangent(x, p, command[2 * k : 2 * k + 2], wind[2 * k : 2 * k + 2])
+        past = [max(k - back, 0) for back in range(1 + SHARES if curved else 1)]
+        commands = ca.vertcat(*(command[2 * row : 2 * row + 2] for row in past))
+        x, dx, dp = tangent(x, p, commands, wind[2 * k : 2 * k + 2])
         sensitivity = dx @ sensitivity + ca.horzcat(dp, ca.SX(3, 3))
         errors.append(x - nu[3 * k + 3 : 3 * k + 6])
         blocks.append(ca.vec(ca.densify(sensitivity).T))
     return ca.Function("residuals", [p, nu, command, wind], [ca.vertcat(*errors), ca.vertcat(*blocks)], {"cse": True})
+
+
+def _thrust(q: Any, c: Any) -> Any:
+    """What drives the boat (2) by the commands (6) of this step, the one before and the one before that."""
+    size = ca.fabs(c)
+    curve = c + q[0] * (c * size - c) + q[1] * (c**3 - c) + q[2] * (c**5 - c) + q[3] * c**2 + q[4] * c**4
+    return (1.0 - q[5] - q[6]) * curve[:2] + q[5] * curve[2:4] + q[6] * curve[4:]

@@ -101,12 +101,13 @@ def _segments(path: Path, raw: LogSeries, dt_s: float, source: Source, max_gap_s
 def _segment(raw: LogSeries, t_s: Array, dt_s: float, source: Source) -> Segment:
     psi = _psi_at(raw, t_s)
     body = Series(t_s=raw.velocity.t_s, values=rotate(-_psi_at(raw, raw.velocity.t_s), raw.velocity.values))
+    measured = np.column_stack([interpolate(body, t_s), interpolate(raw.yaw_rate, t_s)])
     if source == "smoothed":
         psi = smooth(raw.heading, t_s, YAW_HALF_WIDTH_S)[:, 0]
         rate = smooth(raw.yaw_rate, t_s, YAW_HALF_WIDTH_S)
         nu = np.column_stack([smooth_velocity(body, raw.command, t_s), rate])
     elif source == "measured":
-        nu = np.column_stack([interpolate(body, t_s), interpolate(raw.yaw_rate, t_s)])
+        nu = measured
     else:
         state = interpolate(raw.estimate if source == "estimate" else raw.truth, t_s)
         nu, psi = state[:, :3], state[:, 3]
@@ -116,6 +117,7 @@ def _segment(raw: LogSeries, t_s: Array, dt_s: float, source: Source) -> Segment
         command=np.clip(hold_mean(raw.command, t_s, dt_s), -1.0, 1.0),
         wind=rotate(-psi, _true_wind(raw, t_s, ahead=source == "smoothed")),
         psi=psi,
+        measured=measured if source == "smoothed" else None,
     )
 
 

@@ -88,7 +88,7 @@ class FitOptions:
         float,
         TrainOption(
             help="Weight in the loss of the rates at rest, in winds of all trained speeds and directions, beside the"
-            " wind load of SD fitted to the data's drifts.",
+            " wind load that drifts and manoeuvres of the data show.",
             low=0.0,
             high=100.0,
         ),

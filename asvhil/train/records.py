@@ -23,6 +23,7 @@ class Segment:
     command: Array  # (T, 2) port, starboard in [-1, 1], held over [t, t + dt)
     wind: Array  # (T, 2) true wind in body axes (m/s): velocity of the air over ground, rotated by the heading
     psi: Array  # (T,) rad, continuous; NaN where unknown
+    measured: Array | None = None  # (T, 3) nu before it was smoothed, where it was
 
 
 @record
@@ -59,6 +60,7 @@ def slice_segment(segment: Segment, start: int, stop: int) -> Segment:
         command=segment.command[part],
         wind=segment.wind[part],
         psi=segment.psi[part],
+        measured=None if segment.measured is None else segment.measured[part],
     )
 
 

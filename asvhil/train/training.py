@@ -20,7 +20,7 @@ from asvhil.dynamics.weights import TrainedModel, read_model
 from asvhil.errors import ModelError
 from asvhil.train.at_rest import LEAST, SHARE
 from asvhil.train.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
-from asvhil.train.fit_sd import DRIFT_S, drift_loads, fit_sd, load_rates, skip_of_sd
+from asvhil.train.fit_sd import LOAD_S, fit_sd, load_rates, skip_of_sd, wind_loads
 from asvhil.train.models import Batch, LagNetTrainee, NnsemTrainee, Trainee
 from asvhil.train.openloop import measured, open_loop, spaced_starts
 from asvhil.train.options import FitOptions
@@ -295,11 +295,11 @@ def _kept(file: str, scaling: Scaling) -> tuple[Array, Array, Array]:
 
 
 def _loads(train: Dataset) -> Array:
-    """SD's wind parameters by the drifts of the data; ModelError where there are too few."""
-    loads = drift_loads(train)
+    """SD's wind parameters by the data; ModelError where there are too few drifts."""
+    loads = wind_loads(train)
     if loads is None:
         raise ModelError(
-            f"train: --rest-weight needs spans of {DRIFT_S:.0f} s and more with the motors off, as `asvhil collect`"
+            f"train: --rest-weight needs spans of {LOAD_S:.0f} s and more with the motors off, as `asvhil collect`"
             " drives them"
         )
     return loads

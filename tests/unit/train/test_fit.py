@@ -18,7 +18,7 @@ from asvhil.errors import ConfigError, ModelError
 from asvhil.train.at_rest import at_rest, rates_at_rest, thrust_dip
 from asvhil.train.evaluate import HOLD, Case, evaluate
 from asvhil.train.fit import fit, fit_many
-from asvhil.train.fit_sd import drift_loads, fit_sd, skip_of_sd
+from asvhil.train.fit_sd import fit_sd, skip_of_sd, wind_loads
 from asvhil.train.models import Batch, LagNetTrainee, NnsemTrainee
 from asvhil.train.ode import KnodeTrainee, NodeTrainee
 from asvhil.train.openloop import open_loop
@@ -406,7 +406,7 @@ def test_the_noise_of_a_drifts_first_velocity_is_not_taken_for_drag_and_wind() -
         dataclasses.replace(part, nu=part.nu + rng.normal(size=part.nu.shape) * [0.02, 0.02, 0.002]) for part in DRIFTS
     )
     parameters = np.zeros(13)
-    parameters[2], parameters[10:] = 1.0, drift_loads(dataclasses.replace(DATA, segments=noisy))
+    parameters[2], parameters[10:] = 1.0, wind_loads(dataclasses.replace(DATA, segments=(*DATA.segments, *noisy)))
     assert at_rest(FittedSd(parameters.tolist(), 0.2), WIND_REACH, VESSEL).worst.error < 1.0
 
 
@@ -453,5 +453,5 @@ def test_what_cannot_be_grown_is_refused(tmp_path: Path) -> None:
 
 
 def test_data_without_drifts_teach_no_rates_at_rest() -> None:
-    with pytest.raises(ModelError, match="--rest-weight needs spans of 20 s and more with the motors off"):
+    with pytest.raises(ModelError, match="--rest-weight needs spans of 4 s and more with the motors off"):
         fit("nnsem", DATA, options=chosen_options("nnsem", 0.2, iterations=10, rest_weight=1.0))
