@@ -14,6 +14,28 @@ def test_shipped_configs_load(name: str) -> None:
     assert load_config(name).vehicle.name == "wamv16"
 
 
+@pytest.mark.parametrize(
+    ("name", "horizon_s", "solver", "radii_m", "heading_rule"),
+    [
+        ("sitl-paper", 4.0, "torch-lqr", (15.0, 20.0), False),
+        ("sitl-bream-paper", 1.6, "torch-lqr", (15.0, 20.0), True),
+        ("sitl-vn300-paper", 4.0, "ipopt", (10.0, 20.0), False),
+    ],
+)
+def test_the_paper_s_settings_are_shipped(
+    name: str, horizon_s: float, solver: str, radii_m: tuple[float, float], heading_rule: bool
+) -> None:
+    paper, own = load_config(name).controller, load_config(name.removesuffix("-paper")).controller
+    mpc, procedure = paper.mpc, paper.procedure
+    assert mpc.first_step_s == mpc.last_step_s and mpc.stages * mpc.last_step_s == pytest.approx(horizon_s)
+    for weights in ("near", "along", "far", "position_only"):  # but for the slew weight they are this project's
+        assert getattr(mpc, weights) == getattr(own.mpc, weights).model_copy(update={"slew": 0.001})
+    assert (paper.name, paper.solver, paper.torch_lqr.iterations) == ("nnsem-mpc", solver, 2)
+    assert not mpc.disturbance_feedforward and mpc.trim_max_rad == 0.0 and mpc.wind_feedforward
+    assert procedure.enabled and (procedure.r_s_m, procedure.r_d_m) == radii_m
+    assert procedure.r_h_rule == heading_rule and (not heading_rule or procedure.r_h_m == 10.0)
+
+
 def test_one_key_of_a_section_leaves_the_section_s_other_defaults() -> None:
     """`along` and `near` are sections of one kind with defaults of their own."""
     before, after = (
