@@ -15,7 +15,7 @@ VN, VE, R, DN, DE, DR, G, CN, CE = range(9)
 SIZE = 9
 CONDITIONS = 6  # of a prediction: time step (s), heading (rad), whether the wind is known, wind (m/s), thrust (N)
 READINGS = 6  # whether there is a velocity, it (m/s), whether there is a yaw rate, it (rad/s), thrust in transit (N)
-GAINS = (0.6, 3.0)  # so that no hypothesis becomes another one: at a gain of -1 a sound boat would be a reversed one
+GAINS = (0.7, 3.0)  # so that no hypothesis becomes another one: at a gain of -1 a sound boat would be a reversed one
 
 
 @record
@@ -32,8 +32,8 @@ class BankNoise:
     yaw_walk_radps: float = 0.03
     of_thrust: float = 0.10
     heading_std_rad: float = 0.10
-    disturbance_mps2: float = 0.08
-    disturbance_yaw_radps2: float = 0.04
+    disturbance_mps2: float = 0.04
+    disturbance_yaw_radps2: float = 0.02
     disturbance_time_s: float = 20.0
     gain_std: float = 0.20
     gain_time_s: float = 40.0
