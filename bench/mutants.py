@@ -38,7 +38,6 @@ SUPERVISOR = tuple(
         "watched_sticks",
     )
 )
-MOTION = tuple(f"tests/unit/motion/test_{theme}.py" for theme in ("watch", "carried", "distance", "evidence"))
 MODULES = {
     "asvhil/estimator/wind.py": ("tests/unit/estimator/test_wind.py",),
     "asvhil/estimator/sensor_health.py": ("tests/unit/estimator/test_sensor_health.py",),
@@ -56,11 +55,11 @@ MODULES = {
     "asvhil/controller/pwm.py": ("tests/unit/controller/test_pwm.py",),
     "asvhil/io/mavlink/signing.py": ("tests/unit/io/mavlink/test_signing.py",),
     "asvhil/links/guardian_process.py": ("tests/unit/links/test_guardian_process.py",),
-    "asvhil/motion/carried.py": MOTION,
-    "asvhil/motion/distance.py": MOTION,
-    "asvhil/motion/evidence.py": MOTION,
+    "asvhil/motion/carried.py": ("tests/unit/motion/test_carried.py",),
+    "asvhil/motion/distance.py": ("tests/unit/motion/test_distance.py",),
+    "asvhil/motion/evidence.py": ("tests/unit/motion/test_evidence.py",),
     "asvhil/motion/monitor.py": ("tests/unit/motion/test_monitor.py",),
-    "asvhil/motion/watch.py": MOTION,
+    "asvhil/motion/watch.py": ("tests/unit/motion/test_watch.py", "tests/unit/motion/test_carried.py"),
     "asvhil/supervisor/arming_help.py": SUPERVISOR,
     "asvhil/supervisor/battery_watch.py": ("tests/unit/supervisor/test_battery_watch.py",),
     "asvhil/supervisor/geofence.py": ("tests/unit/supervisor/test_geofence.py",),

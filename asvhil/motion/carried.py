@@ -12,7 +12,7 @@ OLD_NS = 1_000_000_000
 
 
 class CarriedWatch:
-    """`step` in each tick of a hold: the estimate, at the place where the receiver's velocity has brought it.
+    """`step` in each tick with a valid estimate: the estimate, at the place where the receiver's velocity has brought it.
 
     In a current far beyond what the model knows, an estimator may take the receiver's positions for wrong, and follow
     its model, which has the boat near the station. A position that jumps is not borne out by the velocity. The distance
@@ -23,8 +23,8 @@ class CarriedWatch:
         self._before: tuple[int, float, float] | None = None  # time, and place by the estimate
         self._off_n_m = self._off_e_m = 0.0
 
-    def begin(self) -> None:
-        """A hold begins: the estimate is where the boat is."""
+    def reset(self) -> None:
+        """There is no estimate: the next one is where the boat is."""
         self._before = None
         self._off_n_m = self._off_e_m = 0.0
 

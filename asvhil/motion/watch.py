@@ -61,12 +61,15 @@ class MotionWatch:
         wind_ned = None if wind is None else (wind.vn_mps, wind.ve_mps)
         station = self._station
         fault = self._monitor.step(t_ns, command, wind_ned, ailing, holding=station is not None)
+        place = None
+        if estimate is not None and estimate.valid:
+            place = self._carried.step(t_ns, None if GroundVelocity in ailing else self._velocity, estimate)
+        else:
+            self._carried.reset()
         if station is None:
             return None
         away = None
-        if self._keeps_station and estimate is not None and estimate.valid:
-            velocity = None if GroundVelocity in ailing else self._velocity
-            place = self._carried.step(t_ns, velocity, estimate)
+        if self._keeps_station and place is not None:
             away = self._distance.step(t_ns, place, station, command, self._monitor.current_ned)
         if self._begin_ns is None:
             self._begin_ns = t_ns
@@ -99,7 +102,6 @@ class MotionWatch:
         if station is not None and self._station is None:
             self._monitor.begin()
             self._distance.begin()
-            self._carried.begin()
             self._found, self._is_sure, self._ended, self._begin_ns = None, False, False, None
         self._station = station
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import pytest
 
@@ -87,10 +88,10 @@ def test_less_than_2_m_is_nothing() -> None:
     assert boat.run(0.05, (0.0, 0.0)) == pytest.approx((-2.02, 0.0), abs=0.01)
 
 
-def test_a_new_hold_begins_where_the_estimate_is() -> None:
+def test_a_new_estimate_is_where_the_boat_is() -> None:
     boat = Boat()
     assert boat.run(6.0, (2.0, 0.0))[0] > 8.0
-    boat.watch.begin()
+    boat.watch.reset()
     assert boat.run(0.5, (2.0, 0.0)) == (0.0, 0.0)
 
 
@@ -103,4 +104,18 @@ def test_a_hold_ends_by_the_velocity_where_the_estimate_stays(ailing: frozenset[
         velocity = GroundVelocity(t_ns=t_ns, vn_mps=0.0, ve_mps=2.5)
         found = watch.step(t_ns, (velocity,), (0.5, 0.5), None, at(t_ns, 0.0), ailing) or found
         watch.note_station(station)
+    assert (found is not None and found.reason is Reason.DRIFTED_OFF) is ends
+
+
+@pytest.mark.parametrize(("gap", "ends"), [(False, True), (True, False)], ids=["all the time", "after a gap"])
+def test_a_hold_begins_where_the_velocity_has_brought_the_boat(gap: bool, ends: bool) -> None:
+    """It was carried to the station before, while the estimate stayed 8 m short of it: what follows is no approach."""
+    watch, station = MotionWatch(load_config("sitl")), Station(n_m=0.0, e_m=0.0, psi_rad=0.0)
+    found: Explanation | None = None
+    for tick in range(1, 241):
+        t_ns = tick * TICK_NS
+        velocity = GroundVelocity(t_ns=t_ns, vn_mps=0.0, ve_mps=2.0)
+        estimate = replace(at(t_ns, 0.0, -8.0), valid=not (gap and tick == 100))
+        found = watch.step(t_ns, (velocity,), (0.5, 0.5), None, estimate, frozenset()) or found
+        watch.note_station(station if tick > 100 else None)
     assert (found is not None and found.reason is Reason.DRIFTED_OFF) is ends

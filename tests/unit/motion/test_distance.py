@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
+
 import pytest
 
 from asvhil.config import MotionConfig, ProcedureConfig, load_config
 from asvhil.motion.distance import DistanceWatch
+from asvhil.supervisor.heading_policy import LEAST_CHANGE_RAD
 from asvhil.supervisor.reasons import Explanation, Reason
 from asvhil.types import Estimate, Station
 
@@ -99,3 +103,86 @@ def test_the_procedure_has_room_for_a_turn_with_the_station_astern() -> None:
         assert path.to(start_m + room_m - 0.2) is None
         found = path.to(start_m + room_m + 0.3)
         assert found is not None and found.reason is Reason.DRIFTED_OFF
+
+
+class Leaving:
+    """A watch whose boat is at the station for a time, and then 9 m off to the east."""
+
+    def __init__(self) -> None:
+        self.watch, self.t_ns = DistanceWatch(MotionConfig(), VESSEL), 5_000_000_000
+
+    def run(self, seconds: float, command: tuple[float, float], e_m: float = 0.0) -> Explanation | None:
+        found = None
+        for _ in range(round(20 * seconds)):
+            self.t_ns += 50_000_000
+            found = self.watch.step(self.t_ns, replace(at(0.0), e_m=e_m), STATION, command)
+        return found
+
+
+@pytest.mark.parametrize(
+    ("command", "reason"),
+    [
+        ((0.95, 0.0), Reason.BEYOND_MOTORS),
+        ((0.0, -0.95), Reason.BEYOND_MOTORS),
+        ((0.94, -0.94), Reason.DRIFTED_OFF),
+    ],
+)
+def test_one_motor_at_its_limit_is_enough(command: tuple[float, float], reason: Reason) -> None:
+    boat = Leaving()
+    boat.run(12.0, command)
+    found = boat.run(0.05, command, 9.0)
+    assert found is not None and found.reason is reason and dict(found.detail) == {"metres": pytest.approx(9.0)}
+
+
+@pytest.mark.parametrize(("at_limit_s", "reason"), [(6.95, Reason.DRIFTED_OFF), (7.1, Reason.BEYOND_MOTORS)])
+def test_the_limit_counts_for_the_most_of_the_last_10_s(at_limit_s: float, reason: Reason) -> None:
+    boat = Leaving()
+    boat.run(30.0, (1.0, 1.0))
+    boat.run(10.05 - at_limit_s, (0.0, 0.0))
+    assert boat.run(at_limit_s - 0.05, (1.0, 1.0)) is None
+    found = boat.run(0.05, (1.0, 1.0), 9.0)
+    assert found is not None and found.reason is reason
+
+
+def test_it_tells_how_much_farther_off_the_boat_is() -> None:
+    boat = Leaving()
+    assert boat.watch.farther_m == 0.0
+    boat.run(1.0, (0.0, 0.0), 3.0)
+    boat.run(1.0, (0.0, 0.0), -2.0)
+    assert boat.watch.farther_m == 0.0
+    boat.run(1.0, (0.0, 0.0), 6.5)
+    assert boat.watch.farther_m == pytest.approx(4.5)
+    boat.watch.begin()
+    assert boat.watch.farther_m == 0.0
+
+
+def test_way_to_the_side_counts_as_well_and_a_current_by_the_heading() -> None:
+    for estimate, current, far_m in (
+        (replace(at(0.0), v_mps=3.0), (0.0, 0.0), 13.5),
+        (replace(at(0.0), u_mps=3.0, psi_rad=math.pi / 2.0), (0.0, 3.0), 8.0),
+        (replace(at(0.0), v_mps=3.0, psi_rad=math.pi / 2.0), (-3.0, 0.0), 8.0),
+        (replace(at(0.0), u_mps=3.0, psi_rad=math.pi / 2.0), (3.0, 0.0), 27.1),
+    ):
+        watch = DistanceWatch(MotionConfig(), VESSEL)
+        assert watch.step(1, estimate, STATION, (0.0, 0.0), current) is None
+        assert watch.step(2, replace(estimate, e_m=far_m - 0.2), STATION, (0.0, 0.0), current) is None
+        assert watch.step(3, replace(estimate, e_m=far_m + 0.2), STATION, (0.0, 0.0), current) is not None
+
+
+@pytest.mark.parametrize(
+    ("moved", "anew"),
+    [
+        (replace(STATION, psi_rad=0.9 * LEAST_CHANGE_RAD), False),
+        (replace(STATION, psi_rad=-1.1 * LEAST_CHANGE_RAD), True),
+        (replace(STATION, psi_rad=2.0 * math.pi), False),
+        (replace(STATION, n_m=0.01), True),
+        (replace(STATION, e_m=0.01), True),
+    ],
+)
+def test_a_station_that_turns_a_little_is_the_same(moved: Station, anew: bool) -> None:
+    watch = DistanceWatch(MotionConfig(), VESSEL)
+    watch.step(1, at(0.0), STATION, (0.0, 0.0))
+    watch.step(2, at(5.0), moved, (0.0, 0.0))
+    assert (watch.farther_m == 0.0) is anew
+    watch.step(3, at(9.0), moved, (0.0, 0.0))
+    assert watch.farther_m == pytest.approx(4.0 if anew else 9.0, abs=0.02)

@@ -5,10 +5,11 @@ from __future__ import annotations
 import pytest
 
 from asvhil.config import load_config
+from asvhil.motion.distance import DistanceWatch
 from asvhil.motion.monitor import MotionMonitor
 from asvhil.motion.watch import MotionWatch
 from asvhil.supervisor.reasons import Explanation, Reason, describe, explain
-from asvhil.types import Estimate, Station, WaveMotion
+from asvhil.types import Estimate, GroundVelocity, Heading, Station, WaveMotion, Wind
 
 STATION = Station(n_m=0.0, e_m=0.0, psi_rad=0.0)
 
@@ -204,3 +205,59 @@ def test_the_next_hold_begins_anew() -> None:
     assert drift.run(12.0) is not None
     drift.run(0.1, None)
     assert drift.run(7.0) is None
+
+
+def test_the_monitor_gets_what_is_known(monkeypatch: pytest.MonkeyPatch) -> None:
+    watch, seen, begun = MotionWatch(load_config("sitl")), [], []
+    monkeypatch.setattr(MotionMonitor, "step", lambda _, *what, **more: seen.append((*what, more)))
+    monkeypatch.setattr(MotionMonitor, "on_measurement", lambda _, measurement: seen.append(measurement))
+    monkeypatch.setattr(MotionMonitor, "begin", lambda _: begun.append(watch))
+    heading, silent = Heading(t_ns=1, psi_rad=0.1), frozenset({GroundVelocity})
+    wind = Wind(t_ns=0, vn_mps=3.0, ve_mps=-2.0, std_mps=0.5, valid=True)
+    watch.step(1, (heading,), (0.1, 0.2), wind, None, silent)
+    watch.note_station(STATION)
+    watch.note_station(STATION)
+    watch.step(2, (), (0.3, 0.4), None, None, frozenset())
+    watch.note_station(None)
+    watch.note_station(STATION)
+    assert seen == [
+        heading,
+        (1, (0.1, 0.2), (3.0, -2.0), silent, {"holding": False}),
+        (2, (0.3, 0.4), None, frozenset(), {"holding": True}),
+    ]
+    assert len(begun) == 2, "each hold begins anew, and no tick of it"
+
+
+def test_the_distance_gets_the_command_and_the_current(monkeypatch: pytest.MonkeyPatch) -> None:
+    watch, seen = MotionWatch(load_config("sitl")), []
+    monkeypatch.setattr(DistanceWatch, "step", lambda _, *what: seen.append(what))
+    monkeypatch.setattr(MotionMonitor, "current_ned", (0.4, -0.3))
+    estimate = Estimate(
+        t_ns=5, n_m=1.0, e_m=2.0, psi_rad=0.0, u_mps=0.0, v_mps=0.0, r_radps=0.0,
+        motor=(), std=(), disturbance=(0.0, 0.0, 0.0), valid=True,
+    )  # fmt: skip
+    watch.note_station(STATION)
+    watch.step(5, (), (0.3, 0.4), None, estimate, frozenset())
+    assert seen == [(5, estimate, STATION, (0.3, 0.4), (0.4, -0.3))]
+
+
+@pytest.mark.parametrize("enabled", [False, True])
+def test_the_procedure_has_room_where_it_is_enabled(enabled: bool) -> None:
+    procedure = MotionWatch(load_config("sitl", (f"controller.procedure.enabled={str(enabled).lower()}",)))._distance
+    assert (procedure._approach is not None) is enabled
+
+
+def test_an_early_suspicion_is_early_from_the_begin_of_its_hold(monkeypatch: pytest.MonkeyPatch) -> None:
+    boat = SuspectedBoat(monkeypatch)
+    boat.run(40.0)
+    boat.watch.note_station(None)
+    boat.run(29.9)
+    boat.suspects = True
+    assert boat.run(0.05) is not None
+
+
+def test_just_after_it_a_suspicion_is_late(monkeypatch: pytest.MonkeyPatch) -> None:
+    boat = SuspectedBoat(monkeypatch)
+    boat.run(30.2)
+    boat.suspects = True
+    assert boat.run(0.5) is None
