@@ -12,7 +12,7 @@ OLD_NS = 1_000_000_000
 
 
 class CarriedWatch:
-    """`step` in each tick with a valid estimate: the estimate, at the place where the receiver's velocity has brought it.
+    """`step` in each tick with a valid estimate: the estimate, at the place to which the receiver's velocity leads.
 
     In a current far beyond what the model knows, an estimator may take the receiver's positions for wrong, and follow
     its model, which has the boat near the station. A position that jumps is not borne out by the velocity. The distance
