@@ -7,7 +7,7 @@ import math
 from asvhil.types import Estimate, GroundVelocity, changed
 
 FORGET_S = 20.0  # an error of 0.05 m/s in the velocity then comes to 1 m
-LEAST_M = 2.0  # less is noise, waves, and the antenna's turns about the boat
+LEAST_M = 3.0  # less is noise, waves, and the antenna's turns about the boat
 OLD_NS = 1_000_000_000
 
 
@@ -28,6 +28,12 @@ class CarriedWatch:
         self._before = None
         self._off_n_m = self._off_e_m = 0.0
 
+    @property
+    def off_m(self) -> float:
+        """How far apart velocity and estimate are; 0 where that is little."""
+        off_m = math.hypot(self._off_n_m, self._off_e_m)
+        return off_m if off_m >= LEAST_M else 0.0
+
     def step(self, t_ns: int, velocity: GroundVelocity | None, estimate: Estimate) -> Estimate:
         """The corrected estimate; `velocity`: the receiver's latest, None where it is silent or frozen."""
         if self._before is not None:
@@ -40,6 +46,6 @@ class CarriedWatch:
                 self._off_n_m += velocity.vn_mps * dt_s - (estimate.n_m - n_m)
                 self._off_e_m += velocity.ve_mps * dt_s - (estimate.e_m - e_m)
         self._before = t_ns, estimate.n_m, estimate.e_m
-        if math.hypot(self._off_n_m, self._off_e_m) < LEAST_M:
+        if self.off_m == 0.0:
             return estimate
         return changed(estimate, n_m=estimate.n_m + self._off_n_m, e_m=estimate.e_m + self._off_e_m)

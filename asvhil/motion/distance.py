@@ -44,8 +44,12 @@ class DistanceWatch:
         station: Station,
         command: tuple[float, float],
         current_ned: tuple[float, float] = (0.0, 0.0),
+        doubt_m: float = 0.0,
     ) -> Explanation | None:
-        """Why the boat is to be let go; `command` is what the motors got since the last tick."""
+        """Why the boat is to be let go; `command` is what the motors got since the last tick.
+
+        `doubt_m`: by how much the place is in doubt, which counts as distance.
+        """
         distance_m = math.hypot(estimate.n_m - station.n_m, estimate.e_m - station.e_m)
         if self._station is None or _is_another(station, self._station):
             self._start(distance_m, estimate, station, current_ned)
@@ -55,7 +59,7 @@ class DistanceWatch:
         self._past.append((t_ns, saturated))
         while t_ns - self._past[0][0] > LOOK_BACK_NS:
             self._past.popleft()
-        self.farther_m = distance_m - self._least_m
+        self.farther_m = distance_m - self._least_m + doubt_m
         if self.farther_m <= self._allowed_m:
             return None
         share = sum(at_limit for _, at_limit in self._past) / len(self._past)

@@ -70,7 +70,8 @@ class MotionWatch:
             return None
         away = None
         if self._keeps_station and place is not None:
-            away = self._distance.step(t_ns, place, station, command, self._monitor.current_ned)
+            current, doubt_m = self._monitor.current_ned, self._carried.off_m
+            away = self._distance.step(t_ns, place, station, command, current, doubt_m)
         if self._begin_ns is None:
             self._begin_ns = t_ns
         # What is wired wrong shows at once. Later gusts and waves alone may look like a fault, by chance, and in waves

@@ -186,3 +186,12 @@ def test_a_station_that_turns_a_little_is_the_same(moved: Station, anew: bool) -
     assert (watch.farther_m == 0.0) is anew
     watch.step(3, at(9.0), moved, (0.0, 0.0))
     assert watch.farther_m == pytest.approx(4.0 if anew else 9.0, abs=0.02)
+
+
+def test_a_place_in_doubt_counts_as_farther_off_by_that() -> None:
+    watch = DistanceWatch(MotionConfig(), VESSEL)
+    assert watch.step(1, at(2.0), STATION, (0.0, 0.0), doubt_m=5.0) is None
+    assert watch.farther_m == pytest.approx(5.0)
+    assert watch.step(2, at(4.9), STATION, (0.0, 0.0), doubt_m=5.0) is None
+    assert watch.step(3, at(5.1), STATION, (0.0, 0.0), doubt_m=5.0) is not None
+    assert watch.step(4, at(5.1), STATION, (0.0, 0.0)) is None
