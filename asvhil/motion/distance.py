@@ -52,7 +52,7 @@ class DistanceWatch:
         """
         distance_m = math.hypot(estimate.n_m - station.n_m, estimate.e_m - station.e_m)
         if self._station is None or _is_another(station, self._station):
-            self._start(distance_m, estimate, station, current_ned)
+            self._start(distance_m, estimate, current_ned)
         self._station = station
         self._least_m = min(self._least_m, distance_m)
         saturated = max(abs(part) for part in command) >= SATURATED
@@ -66,7 +66,7 @@ class DistanceWatch:
         reason = Reason.BEYOND_MOTORS if share >= SHARE else Reason.DRIFTED_OFF
         return explain(reason, metres=self.farther_m)
 
-    def _start(self, distance_m: float, estimate: Estimate, station: Station, current_ned: tuple[float, float]) -> None:
+    def _start(self, distance_m: float, estimate: Estimate, current_ned: tuple[float, float]) -> None:
         """How far off the boat may get: by the config, and by the way through the water that it needs to stop."""
         u_c, v_c = ned_to_body(estimate.psi_rad, *current_ned)
         way_mps = math.hypot(estimate.u_mps - u_c, estimate.v_mps - v_c)

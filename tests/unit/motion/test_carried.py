@@ -95,6 +95,10 @@ def test_a_new_estimate_is_where_the_boat_is() -> None:
     assert boat.run(6.0, (2.0, 0.0))[0] > 8.0
     boat.watch.reset()
     assert boat.run(0.5, (2.0, 0.0)) == (0.0, 0.0)
+    boat.watch.reset()
+    boat.run(0.05, (0.0, 0.0))
+    boat.n_m -= 2.9
+    assert boat.run(0.05, (0.0, 0.0)) == (0.0, 0.0), "nothing is left of what was before"
 
 
 @pytest.mark.parametrize(("ailing", "ends"), [(frozenset(), True), (frozenset({GroundVelocity}), False)])

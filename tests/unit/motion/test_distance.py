@@ -195,3 +195,10 @@ def test_a_place_in_doubt_counts_as_farther_off_by_that() -> None:
     assert watch.step(2, at(4.9), STATION, (0.0, 0.0), doubt_m=5.0) is None
     assert watch.step(3, at(5.1), STATION, (0.0, 0.0), doubt_m=5.0) is not None
     assert watch.step(4, at(5.1), STATION, (0.0, 0.0)) is None
+
+
+def test_the_distance_is_that_to_the_station() -> None:
+    watch, station = DistanceWatch(MotionConfig(), VESSEL), Station(n_m=3.0, e_m=-4.0, psi_rad=0.0)
+    watch.step(1, replace(at(3.0), e_m=-4.0), station, (0.0, 0.0))
+    watch.step(2, at(0.0), station, (0.0, 0.0))
+    assert watch.farther_m == pytest.approx(5.0)

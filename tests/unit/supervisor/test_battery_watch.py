@@ -41,6 +41,13 @@ def test_low_for_long_is_told_and_well_for_long_is_forgotten() -> None:
     assert not battery.run(0.3, FULL)
 
 
+def test_it_is_low_from_the_moment_on_at_which_it_has_been_for_long() -> None:
+    watch = Battery().watch
+    for t_s, low in ((1, False), (4, False), (6, True)):
+        watch.step(t_s * 1_000_000_000, EMPTY)
+        assert bool(watch.notes) is low
+
+
 def test_a_sag_under_thrust_is_not_low() -> None:
     battery = Battery(low_v=11.5)
     for _ in range(10):

@@ -16,11 +16,16 @@ from tests.support.supervisor_bench import ESTIMATE, FRAME, SupervisorBench
 
 SQUARE = [(0.0, 0.0), (0.0, 10.0), (10.0, 10.0), (10.0, 0.0)]
 BAY = [(0.0, 0.0), (0.0, 10.0), (10.0, 10.0), (10.0, 6.0), (4.0, 6.0), (4.0, 4.0), (10.0, 4.0), (10.0, 0.0)]
+DIAMOND = [(0.0, 5.0), (5.0, 10.0), (10.0, 5.0), (5.0, 0.0)]
 
 
 @pytest.mark.parametrize(
     ("corners", "at", "inside"),
     [
+        (DIAMOND, (5.0, 5.0), True),  # as far north as two of the corners
+        (DIAMOND, (5.0, -1.0), False),
+        (DIAMOND, (5.0, 11.0), False),
+        (SQUARE, (5.0, 10.0), False),  # on the border
         (SQUARE, (5.0, 5.0), True),
         (SQUARE, (-0.1, 5.0), False),
         (SQUARE, (5.0, 10.1), False),
@@ -53,6 +58,13 @@ def test_convex_fences_agree_with_their_half_planes() -> None:
 def test_how_far_the_border_is(at: tuple[float, float], metres: float) -> None:
     assert distance_to_border(SQUARE, at) == pytest.approx(metres)
     assert distance_to_border([*SQUARE, SQUARE[-1]], at) == pytest.approx(metres)  # a corner that is given twice
+
+
+@pytest.mark.parametrize("corners", [DIAMOND, DIAMOND[::-1], DIAMOND[2:] + DIAMOND[:2]])
+def test_every_side_counts_and_slanted_ones_too(corners: list[tuple[float, float]]) -> None:
+    for at in ((2.0, 2.0), (2.0, 8.0), (8.0, 2.0), (8.0, 8.0)):
+        assert distance_to_border(corners, at) == pytest.approx(math.sqrt(0.5))
+    assert distance_to_border(SQUARE, (5.0, 1.0)) == 1.0  # the side from the last corner to the first
 
 
 def fence(*corners_m: tuple[float, float], **more: object) -> SupervisorConfig:

@@ -66,6 +66,24 @@ def test_beyond_it_the_heading_follows_no_faster_than_it_may_and_all_the_way() -
     assert held.wait(240.0, 90.0) == pytest.approx(90.0, abs=0.6)
 
 
+def test_while_a_hold_is_young_it_follows_in_the_dead_band_too_and_three_times_as_fast() -> None:
+    held = Held(turn_deg_per_min=20.0, time_constant_s=20.0, deadband_deg=10.0)
+    held.wait(0.0, 0.0)
+    assert held.wait(3.0, 4.0) == pytest.approx(3.0, abs=0.06)  # 1 degree a second
+    assert held.wait(3.0, 4.0) == pytest.approx(4.0, abs=0.01)
+    held.wait(15.0, 4.0)
+    assert held.wait(6.0, 8.0) == pytest.approx(8.0, abs=0.01)
+    held.wait(4.0, 8.0)  # 31 s old
+    assert held.wait(30.0, 12.0) == pytest.approx(8.0, abs=0.01)
+    assert held.wait(6.0, 30.0) == pytest.approx(10.0, abs=0.06)
+
+
+def test_a_policy_that_is_new_turns_at_once() -> None:
+    policy = HeadingPolicy(HeadingConfig(policy="bow"))
+    station = Station(n_m=0.0, e_m=0.0, psi_rad=0.0)
+    assert policy.turned(TICK_NS, station, 1.0).psi_rad == 1.0
+
+
 def test_it_turns_the_short_way_across_south() -> None:
     held = Held(170.0)
     held.wait(30.0, 170.0)
