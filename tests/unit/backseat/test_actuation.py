@@ -65,10 +65,11 @@ class Bench:
         self.controller = Noting()
         self.autopilot = autopilot = build_link(CONFIG)
         self.check = build_motor_check(CONFIG, autopilot)
+        self.cadence = build_cadence(CONFIG)
         self.actuation = Actuation(
             autopilot=autopilot,
             check=self.check,
-            cadence=build_cadence(CONFIG),
+            cadence=self.cadence,
             controller=self.controller,
             limiter=PulseLimiter(CONFIG.vehicle.pwm),
             neutral_us=CONFIG.vehicle.pwm.neutral_us,
@@ -92,9 +93,12 @@ class Bench:
         return self.actuation.pulses_us
 
 
-def payloads(frames: list[Frame]) -> list[tuple[str, bytes]]:
-    """Port, message and its values, without sequence number and checksum."""
-    return [(frame.port, frame.data[7:-2]) for frame in frames]
+Payload = tuple[int, str, bytes]
+
+
+def payloads(frames: list[Frame]) -> list[Payload]:
+    """Time, port, message and its values, without sequence number and checksum."""
+    return [(frame.t_ns, frame.port, frame.data[7:-2]) for frame in frames]
 
 
 def test_the_controller_hears_of_a_new_station_at_once_and_of_a_loss_by_a_reset() -> None:
@@ -159,7 +163,7 @@ def test_the_motors_get_the_command_until_the_next_one() -> None:
     assert bench.settle() == (1700, 1300)
     assert bench.control is not None and bench.controller.given == (ESTIMATE, WIND)  # the 41st tick is due
     frames = bench.tick(held())
-    assert bench.control is None and payloads(frames) == payloads(build_link(CONFIG).drive(0, 1700, 1300))
+    assert bench.control is None and payloads(frames) == payloads(build_link(CONFIG).drive(bench.t_ns, 1700, 1300))
     bench.controller.command = (0.0, 1.0)
     for _ in range(40):
         bench.tick(held())
@@ -212,30 +216,46 @@ def test_a_release_forgets_pulses_and_command() -> None:
     assert bench.actuation.pulses_us == (1501, 1499), "it starts from neutral, and no time has passed"
 
 
-def test_what_is_asked_of_the_autopilot_comes_in_the_order_of_its_weight() -> None:
-    bench, twin = Bench(), build_link(CONFIG)
-    neutral = payloads(twin.drive(0, 1500, 1500))
-    release = payloads(twin.release(0))
-    assert bench.tick(FREE) == []
-    assert payloads(bench.tick(replace(FREE, neutral=True))) == neutral
-    assert bench.actuation.pulses_us == (1500, 1500)
-    assert payloads(bench.tick(replace(FREE, neutral=True, release=True))) == neutral + release
-    assert payloads(bench.tick(replace(FREE, release=True))) == release
-    mode = payloads(twin.request_mode(0, "MANUAL"))
-    arming = payloads(twin.request_arming(0))
-    assert payloads(bench.tick(replace(FREE, prepare=True))) == mode + arming != []
-    hold = payloads(twin.request_mode(0, "HOLD"))
-    assert payloads(bench.tick(replace(FREE, release=True, ask_mode="HOLD"))) == release + hold
-    assert mode != hold
+def test_at_first_nothing_is_sent_or_known() -> None:
+    actuation = Bench().actuation
+    assert actuation.pulses_us is None and actuation.sent is None and actuation.control_ok is None
+
+
+@pytest.mark.parametrize(
+    ("decision", "said"),
+    [
+        (FREE, ()),
+        (replace(FREE, neutral=True), ("neutral",)),
+        (replace(FREE, neutral=True, release=True), ("neutral", "release")),
+        (replace(FREE, release=True), ("release",)),
+        (replace(FREE, prepare=True), ("MANUAL", "arming")),
+        (replace(FREE, neutral=True, prepare=True), ("neutral", "MANUAL", "arming")),
+        (replace(FREE, release=True, ask_mode="HOLD"), ("release", "HOLD")),
+    ],
+)
+def test_what_is_asked_of_the_autopilot_comes_in_the_order_of_its_weight(
+    decision: Decision, said: tuple[str, ...]
+) -> None:
+    bench, t_ns = Bench(), 50 * MS
+    every = {
+        "neutral": build_link(CONFIG).drive(t_ns, 1500, 1500),
+        "release": build_link(CONFIG).release(t_ns),
+        "arming": build_link(CONFIG).request_arming(t_ns),
+        **{mode: build_link(CONFIG).request_mode(t_ns, mode) for mode in ("MANUAL", "HOLD")},
+    }
+    assert all(every.values()) and every["MANUAL"] != every["HOLD"]
+    frames = payloads(bench.tick(decision))
+    assert frames == [payload for name in said for payload in payloads(every[name])]
+    assert bench.actuation.pulses_us == ((1500, 1500) if said == ("neutral",) or "MANUAL" in said[1:] else None)
 
 
 def test_another_process_would_say_what_this_tick_calls_for() -> None:
     bench, twin = Bench(), build_link(CONFIG)
 
-    def words() -> list[list[tuple[str, bytes]]]:
+    def words() -> list[list[Payload]]:
         return [payloads(step) for step in bench.actuation.last_words(bench.t_ns)]
 
-    def expected(neutral: bool) -> list[list[tuple[str, bytes]]]:
+    def expected(neutral: bool) -> list[list[Payload]]:
         return [payloads(step) for step in twin.last_words(bench.t_ns, neutral=neutral)]
 
     assert words() == []
@@ -249,6 +269,14 @@ def test_another_process_would_say_what_this_tick_calls_for() -> None:
     assert words() == expected(neutral=False) != expected(neutral=True)
     bench.tick(FREE)
     assert words() == []
+
+
+@pytest.mark.parametrize("fresh", [False, True])
+def test_the_cadence_gets_the_time_and_whether_something_came(fresh: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    bench, asked = Bench(), []
+    monkeypatch.setattr(bench.cadence, "advance", lambda *what: asked.append(what) or False)
+    assert bench.actuation.solve(7, held(), ESTIMATE, WIND, fresh=fresh) is None
+    assert asked == [(7, fresh)]
 
 
 def test_the_check_gets_what_is_reported_and_what_a_hold_sends(monkeypatch: pytest.MonkeyPatch) -> None:
