@@ -13,15 +13,20 @@ GROWTH, DRIFT = 0.05, 0.10  # of resident memory, and of the time of a tick, fro
 def judge(run: Mapping[str, Any]) -> dict[str, Any]:
     """The verdicts of a soak: faults after which no hold came back, growth of memory, drift of the time of a tick.
 
-    Growth and drift compare the last hour with the second, None in a soak of less than three.
+    Growth and drift compare the last hour with the second, None in a soak of less than three. The time of a tick counts
+    in that of a boat that is new in the hour.
     """
     hours = run["hourly"]
     lost = [fault for fault in run["faults"] if fault["back_s"] is None]
     known = len(hours) >= 3
     growth = hours[-1]["resident_kb"] / hours[1]["resident_kb"] - 1.0 if known else None
-    drift = hours[-1]["tick_ms"] / hours[1]["tick_ms"] - 1.0 if known else None
+    drift = _of_young(hours[-1]) / _of_young(hours[1]) - 1.0 if known else None
     met = not lost and (growth is None or growth < GROWTH) and (drift is None or abs(drift) < DRIFT)
     return {"lost": lost, "memory_growth": growth, "tick_drift": drift, "met": met}
+
+
+def _of_young(hour: Mapping[str, float]) -> float:
+    return hour["tick_ms"] / hour["young_ms"]
 
 
 def markdown(study: Mapping[str, Any]) -> str:
@@ -40,7 +45,10 @@ def markdown(study: Mapping[str, Any]) -> str:
         *(
             []
             if growth is None
-            else [f"Memory grew by {100.0 * growth:.2f} %, a tick's time by {100.0 * drift:.1f} %."]
+            else [
+                f"Memory grew by {100.0 * growth:.2f} %, a tick's time by {100.0 * drift:.1f} % of that of a new boat "
+                "in the same hour."
+            ]
         ),
         "",
         "| fault | times | ended the hold | by | back after its end, median and longest (s) |",
@@ -52,10 +60,13 @@ def markdown(study: Mapping[str, Any]) -> str:
         told = ", ".join(sorted(set(ended))) or "-"
         times = f"{back[len(back) // 2]:.1f}, {back[-1]:.1f}" if back else "never"
         lines.append(f"| {kind} | {len(faults)} | {len(ended)} | {told} | {times} |")
-    lines += ["", "| hour | resident (MB) | tick, median (ms) | off the station, median and most (m) |"]
-    lines += ["| --- | --- | --- | --- |"]
+    lines += [
+        "",
+        "| hour | resident (MB) | tick, median (ms) | of a new boat (ms) | off the station, median and most (m) |",
+    ]
+    lines += ["| --- | --- | --- | --- | --- |"]
     for number, hour in enumerate(run["hourly"], start=1):
         memory_mb = hour["resident_kb"] / 1024.0
         off = f"{hour['off_m_median']:.2f}, {hour['off_m_most']:.1f}"
-        lines.append(f"| {number} | {memory_mb:.1f} | {hour['tick_ms']:.3f} | {off} |")
+        lines.append(f"| {number} | {memory_mb:.1f} | {hour['tick_ms']:.3f} | {hour['young_ms']:.3f} | {off} |")
     return "\n".join(lines) + "\n"

@@ -17,8 +17,9 @@ from asvhil.config.ports import AUTOPILOT, OPERATOR
 from asvhil.geo import LocalFrame
 from asvhil.operator.encoding import encode_hold
 from asvhil.simplant.lockstep import Lockstep
-from asvhil.types import Frame, Phase, record
+from asvhil.types import Frame, Outputs, Phase, record
 
+YOUNG_S, YOUNG_EVERY_S = 20.0, 60  # a new boat settles so long, and runs for a second so often
 EVERY_S = 300.0  # a fault, and another wind
 LOST_S = 150.0  # a hold that is not there again so long after the end of its fault is lost for good
 ASK_S = 5.0  # a hold that is not kept is asked for again
@@ -158,7 +159,9 @@ def run_soak(
     """A soak of so many hours, in one go: its faults with what became of the hold, and per hour memory and time.
 
     A fault's `back_s` is the time from its end to the hold that goes on or is kept again, None where that did not come
-    within `LOST_S`. `tick_ms` are processor time of this process in a tick, plant and backseat, median of each hour.
+    within `LOST_S`. `tick_ms` is the processor time of a tick, plant and backseat, the median of each hour; `young_ms`
+    that of a boat and a backseat that were new at the begin of the hour and run beside these, so that a host that is
+    slower for a while changes both.
     """
     faults = draw_faults(seed, hours)
     loop = SoakLoop(config, faults, seed)
@@ -177,16 +180,22 @@ def run_soak(
     phase = Phase.STANDBY
     spent_ms: list[float] = []
     off_m: list[float] = []
+    young_ms: list[float] = []
     held = at = 0
     seconds = round(hours * 3600.0)
     for second in range(seconds):
         if second % round(EVERY_S) == 0:
             loop.plant.weather.set_wind(float(weather_rng.uniform(0.0, 6.0)), float(weather_rng.uniform(0.0, 360.0)))
+        if second % 3600 == 0:
+            young = Lockstep(config)
+            for _ in range(round(YOUNG_S * hz)):
+                young.tick()
+        if second % YOUNG_EVERY_S == 0:
+            young_ms += [_timed_ms(young)[0] for _ in range(round(hz))]
         for _ in range(round(hz)):
             loop.act(phase)
-            start = time.process_time()
-            _, outputs = loop.tick()
-            spent_ms.append(1e3 * (time.process_time() - start))
+            elapsed_ms, outputs = _timed_ms(loop)
+            spent_ms.append(elapsed_ms)
             while at + 1 < len(fates) and loop.t_s >= fates[at + 1]["from_s"]:
                 at += 1
             if phase is Phase.HOLD and outputs.phase is not Phase.HOLD:
@@ -207,11 +216,12 @@ def run_soak(
                 {
                     "resident_kb": float(_resident_kb()),
                     "tick_ms": float(np.median(spent_ms)),
+                    "young_ms": float(np.median(young_ms)),
                     "off_m_median": float(np.median(off_m)),
                     "off_m_most": float(max(off_m)),
                 }
             )
-            spent_ms, off_m = [], []
+            spent_ms, young_ms, off_m = [], [], []
     return {
         "hours": hours,
         "seed": seed,
@@ -221,6 +231,13 @@ def run_soak(
         "hourly": hourly,
         "peak_kb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss,
     }
+
+
+def _timed_ms(loop: Lockstep) -> tuple[float, Outputs]:
+    """The processor time of a tick (ms), and its outputs."""
+    start_s = time.process_time()
+    _, outputs = loop.tick()
+    return 1e3 * (time.process_time() - start_s), outputs
 
 
 def _resident_kb() -> int:
