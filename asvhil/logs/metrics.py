@@ -24,6 +24,7 @@ DOCKING_SECTOR_DEG = 40.0
 DOCKING_LEAST_S = 10.0  # shorter ones are of no use, and not counted
 GAP_S = 1.0  # samples farther apart are not of one window
 
+SATURATED_FROM = 0.99  # of full thrust
 REVERSAL_BEYOND = 0.05  # of full command: nearer to neutral a motor stands still
 
 
@@ -197,22 +198,29 @@ def motor_figures(command: Array) -> dict[str, float | None]:
 
     `energy`: mean squared command, a measure that needs no power curve of a motor. `reversals_per_min` and
     `change_per_s` (mean |change of command|) are of one motor, the mean of both, and leave out the time between holds.
-    A motor reverses where it goes from beyond 5 % ahead to beyond 5 % astern, or back. None of no rows.
+    A motor reverses where it goes from beyond 5 % ahead to beyond 5 % astern, or back. `reversals_per_min_most` is of
+    the motor that reverses more, `saturated_share` the share of solutions of the one that is at its limit more often.
+    None of no rows.
     """
     if not len(command):
-        return {"energy": None, "reversals_per_min": None, "change_per_s": None}
-    elapsed_s, change, reversals = 0.0, 0.0, 0
+        return dict.fromkeys(
+            ("energy", "reversals_per_min", "reversals_per_min_most", "change_per_s", "saturated_share")
+        )
+    elapsed_s, change, reversals = 0.0, 0.0, [0, 0]
     for number in np.unique(command[:, 3]):
         part = command[command[:, 3] == number]
         elapsed_s += float(part[-1, 0] - part[0, 0])
         change += float(np.abs(np.diff(part[:, 1:3], axis=0)).sum())
-        for motor in (part[:, 1], part[:, 2]):
+        for side, motor in enumerate((part[:, 1], part[:, 2])):
             turning = np.sign(motor[np.abs(motor) > REVERSAL_BEYOND])
-            reversals += int((turning[1:] != turning[:-1]).sum())
+            reversals[side] += int((turning[1:] != turning[:-1]).sum())
+    minutes = elapsed_s / 60.0
     return {
         "energy": float((command[:, 1:3] ** 2).mean()),
-        "reversals_per_min": 0.5 * reversals / (elapsed_s / 60.0) if elapsed_s else None,
+        "reversals_per_min": 0.5 * sum(reversals) / minutes if elapsed_s else None,
+        "reversals_per_min_most": max(reversals) / minutes if elapsed_s else None,
         "change_per_s": 0.5 * change / elapsed_s if elapsed_s else None,
+        "saturated_share": float((np.abs(command[:, 1:3]) >= SATURATED_FROM).mean(axis=0).max()),
     }
 
 

@@ -22,6 +22,9 @@ UNITS = {
     "distance_max_m": "largest distance (m)",
     "heading_abs_deg": "mean heading error (deg)",
     "energy_n2": "mean squared thrust (N²)",
+    "reversals_per_min": "reversals per minute of the motor that reverses more",
+    "saturated_share": "share of the time of the motor that is at its limit longer",
+    "change_per_s": "mean change of a command per second",
 }
 
 

@@ -17,7 +17,17 @@ from asvhil.errors import ConfigError
 from asvhil.study.campaigns.shorthands import SHORTHANDS
 
 OWN = {"plant.seed": "`seed` and `repeats` set it"}
-ScoreName = Literal["ps", "vrx_score", "distance_mean_m", "distance_max_m", "heading_abs_deg", "energy_n2"]
+ScoreName = Literal[
+    "ps",
+    "vrx_score",
+    "distance_mean_m",
+    "distance_max_m",
+    "heading_abs_deg",
+    "energy_n2",
+    "reversals_per_min",
+    "saturated_share",
+    "change_per_s",
+]
 CONFIG = "config"  # a parameter of this name chooses the config
 
 

@@ -26,6 +26,9 @@ FIGURES: dict[str, tuple[str, ...]] = {
     "heading_abs_deg": ("truth", "heading_deg", "abs_mean"),
     "ps_measured": ("measured", "penalty_score"),
     "energy_n2": ("energy_n2",),
+    "reversals_per_min": ("motors", "reversals_per_min_most"),
+    "saturated_share": ("motors", "saturated_share"),
+    "change_per_s": ("motors", "change_per_s"),
     "held": ("held",),
 }
 

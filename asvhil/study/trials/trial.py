@@ -17,7 +17,7 @@ from asvhil.backseat.build import model_file
 from asvhil.config import Config, load_config
 from asvhil.errors import ConfigError
 from asvhil.geo import LocalFrame, wrap_rad
-from asvhil.logs.metrics import PoseErrors, score
+from asvhil.logs.metrics import PoseErrors, motor_figures, score
 from asvhil.logs.opening import open_recorder
 from asvhil.logs.recorder import Recorder
 from asvhil.simplant.lockstep import Lockstep
@@ -46,10 +46,11 @@ NO_NOISE = (
 
 
 def run_trial(config: Config, from_s: float, to_s: float, recorder: Recorder | None = None) -> dict[str, Any]:
-    """Scores over [from_s, to_s] since the first tick, against truth and as measured (`metrics.score`), and energy.
+    """Scores over [from_s, to_s] since the first tick, against truth and as measured, and the work of the motors.
 
-    Energy is the mean squared thrust of one motor (N^2). `held` is the share of the window in which the controller had
-    the motors. With a recorder it is written to a log. Raises ConfigError where the config has no station to keep.
+    Scores are those of `metrics.score`, `motors` those of `metrics.motor_figures`; `energy_n2` is the mean squared
+    thrust of one motor (N^2). `held` is the share of the window in which the controller had the motors. With a recorder
+    it is written to a log. Raises ConfigError where the config has no station to keep.
     """
     at = config.supervisor.station
     if at is None:
@@ -62,6 +63,7 @@ def run_trial(config: Config, from_s: float, to_s: float, recorder: Recorder | N
     measured_rows: list[tuple[float, float, float]] = []
     thrust_n2 = held = ticks = 0.0
     control_ms: list[float] = []
+    commands: list[tuple[float, float, float, float]] = []
     for tick in range(1, round(to_s * config.daemon.tick_hz) + 1):
         start_s = time.perf_counter()
         _, outputs = loop.tick()
@@ -77,6 +79,8 @@ def run_trial(config: Config, from_s: float, to_s: float, recorder: Recorder | N
             measured_rows.append((t_s, distance_m, math.degrees(wrap_rad(estimate.psi_rad - station.psi_rad))))
         if outputs.control is not None:
             control_ms.append(elapsed_ms)
+            if t_s >= from_s:
+                commands.append((t_s, *outputs.control.command, 1.0))
         if t_s >= from_s:
             ticks += 1
             held += outputs.phase is Phase.HOLD
@@ -85,6 +89,7 @@ def run_trial(config: Config, from_s: float, to_s: float, recorder: Recorder | N
         "truth": _score(truth_rows, from_s),
         "measured": _score(measured_rows, from_s),
         "energy_n2": thrust_n2 / ticks,
+        "motors": motor_figures(np.array(commands)),
         "held": held / ticks,
         "control_tick_ms": {"p50": float(np.percentile(control_ms, 50)), "p99": float(np.percentile(control_ms, 99))}
         if control_ms

@@ -116,12 +116,15 @@ def test_reversals_and_changes_of_the_motors() -> None:
     # Ahead, astern, within the dead zone, ahead: two reversals of one motor in 1 s.
     found = motor_figures(rows([0.5, -0.5, -0.04, 0.04, 0.5, 0.5], [1] * 6))
     assert found["reversals_per_min"] == pytest.approx(60.0)
+    assert found["reversals_per_min_most"] == pytest.approx(120.0)
+    assert found["saturated_share"] == 0.0
+    assert motor_figures(rows([1.0, -1.0, 0.9, 0.0], [1] * 4))["saturated_share"] == 0.5
     assert found["change_per_s"] == pytest.approx(0.5 * (1.0 + 0.46 + 0.08 + 0.46))
     assert found["energy"] == pytest.approx((4 * 0.25 + 2 * 0.0016) / 12.0)
     # What happens between two holds is of neither.
     apart = motor_figures(rows([0.5, 0.5, -0.5, -0.5], [1, 1, 2, 2]))
     assert apart["reversals_per_min"] == apart["change_per_s"] == 0.0
-    assert motor_figures(rows([], [])) == {"energy": None, "reversals_per_min": None, "change_per_s": None}
+    assert set(motor_figures(rows([], [])).values()) == {None}
 
 
 def test_the_wind_of_no_rows_is_none() -> None:
