@@ -238,6 +238,14 @@ class MoveCommand:
 
 
 @record
+class HeadingCommand:
+    """The operator chooses what heading stations have from now on: a policy of `supervisor.heading`."""
+
+    t_ns: int
+    policy: str
+
+
+@record
 class ReleaseCommand:
     """The operator, or the shell at shutdown, asks to let go of the motors."""
 

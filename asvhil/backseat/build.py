@@ -122,10 +122,9 @@ def build_wave_filter(config: Config, model: Dynamics) -> WaveFilter | None:
     return WaveFilter(waves, model, config.believed_vessel, 1.0 / config.daemon.tick_hz)
 
 
-def build_weather(config: Config, model: Dynamics) -> WeatherHeading | None:
-    """What finds the heading that the weather wants; None where the station's heading is fixed."""
-    heading = config.supervisor.heading
-    return None if heading.policy == "fixed" else WeatherHeading(model, heading.time_constant_s)
+def build_weather(config: Config, model: Dynamics) -> WeatherHeading:
+    """What finds the heading that the weather wants: also where it is fixed, since operators may change that."""
+    return WeatherHeading(model, config.supervisor.heading.time_constant_s)
 
 
 def build_cadence(config: Config) -> Cadence:

@@ -84,7 +84,7 @@ class Perception:
         wind_load: WindFromLoad | None,
         waves: WaveFilter | None,
         model_watch: ModelWatch,
-        weather: WeatherHeading | None,
+        weather: WeatherHeading,
         model: Dynamics,
         pwm: PwmConfig,
     ) -> None:
@@ -147,7 +147,7 @@ class Perception:
             usable_wind=usable_wind,
             frame=self._estimator.frame,
             waves=None if self._waves is None else self._waves.waves,
-            bow_rad=None if self._weather is None else self._weather.step(t_ns, estimate, usable_wind),
+            bow_rad=self._weather.step(t_ns, estimate, usable_wind),
             measurements=tuple(self._measurements),
             ailing=frozenset(
                 WATCHED[note.subject] for note in self._sensor_notes if note.text in DEAD and note.subject in WATCHED

@@ -38,14 +38,21 @@ def hold(
             help="A station as far off as this is meant; else supervisor.max_distance_m is the limit.",
         ),
     ] = 0.0,
+    policy: Annotated[
+        str | None,
+        typer.Option(help="Heading from now on: fixed, bow or stern to the weather, or either; as it is by default."),
+    ] = None,
     config: DaemonOption = "field",
     set_: SetOption = [],  # noqa: B006
 ) -> None:
     """Ask the running daemon to hold a station; the answer says which, and how far off the boat is."""
     from asvhil.config import load_config
+    from asvhil.config.heading import POLICIES
     from asvhil.io.mavlink.frames import dialect
     from asvhil.operator.encoding import encode_hold
 
+    if policy is not None and policy not in POLICIES:
+        raise AsvhilError(f"--policy {policy}: unknown (known: {', '.join(POLICIES)})")
     settings = load_config(config, tuple(set_))
     lat_deg, lon_deg = (None, None) if at is None else lat_lon("--at", at)
     psi_rad = None if heading is None else math.radians(heading)
@@ -56,7 +63,9 @@ def hold(
         meant_m = _meant_all_the_same(error)
         data = encode_hold(settings.links.autopilot, lat_deg, lon_deg, psi_rad, meant_m)
         _ask(settings, data, dialect.MAV_CMD_DO_REPOSITION)
-    typer.echo(_what_is_held(settings))
+    if policy is not None:
+        _choose_policy(settings, POLICIES.index(policy))
+    typer.echo(_what_is_held(settings) + ("" if policy is None else f"; heading: {policy}"))
 
 
 def release(
@@ -116,6 +125,19 @@ def _what_is_held(config: Config) -> str:
     place = f"{station['lat_deg']:.7f}, {station['lon_deg']:.7f}, heading {station['heading_deg']:.1f} deg"
     away = "" if distance_m is None else f"; {distance_m:.1f} m away"
     return f"holding {place}{away}"
+
+
+def _choose_policy(config: Config, number: int) -> None:
+    """Set the heading policy of a hold that was granted. Raises AsvhilError where it is not taken."""
+    from asvhil.links.operator_client import set_parameter
+    from asvhil.operator.encoding import encode_parameter
+    from asvhil.operator.station_parameters import POLICY_PARAMETER
+
+    link = config.links.operator
+    data = encode_parameter(config.links.autopilot, POLICY_PARAMETER, float(number))
+    value, text = set_parameter(data, link.endpoint, POLICY_PARAMETER, signing=link.signing)
+    if value != number:
+        raise AsvhilError(f"the hold goes on, but the daemon refused its heading policy: {text}")
 
 
 def _ask(config: Config, data: bytes, mav_cmd: int) -> None:

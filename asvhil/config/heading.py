@@ -8,6 +8,8 @@ from pydantic import Field
 
 from asvhil.config.base import Positive, Section
 
+POLICIES = ("fixed", "bow", "stern", "either")
+
 
 class HeadingConfig(Section):
     """The heading of a station while it is held.

@@ -29,15 +29,15 @@ class WeatherHeading:
 
     def __init__(self, model: Dynamics, time_constant_s: float) -> None:
         self._time_constant_s = time_constant_s
-        wind, disturbance = ca.SX.sym("w", 2), ca.SX.sym("d", 3)
+        psi, wind, disturbance = ca.SX.sym("psi"), ca.SX.sym("w", 2), ca.SX.sym("d", 3)
         neutral = ca.SX(ca.DM(model.input_of_command((0.0, 0.0))))
-        rows = []
-        for k in range(HEADINGS):
-            at_rest = ca.vertcat(0.0, 0.0, 2.0 * math.pi * k / HEADINGS, ca.SX.zeros(3 + model.n_motor))
-            rows.append(motion_derivative(model, at_rest, neutral, wind, disturbance)[3:5])
+        at_rest = ca.vertcat(0.0, 0.0, psi, ca.SX.zeros(3 + model.n_motor))
+        push = motion_derivative(model, at_rest, neutral, wind, disturbance)[3:5]
+        at_one = ca.Function("push", [psi, wind, disturbance], [push], {"cse": True})
+        function = at_one.map("pushes", "serial", HEADINGS, [1, 2], [])
         self._wind, self._disturbance, self._force = np.zeros(2), np.zeros(3), np.zeros(2 * HEADINGS)
-        function = ca.Function("weather", [wind, disturbance], [ca.vertcat(*rows)], {"cse": True})
-        self._evaluate = bind(function, [self._wind, self._disturbance], [self._force])
+        headings = 2.0 * math.pi * np.arange(HEADINGS) / HEADINGS
+        self._evaluate = bind(function, [headings, self._wind, self._disturbance], [self._force])
         self._t_ns: int | None = None
         self._since_ns = 0
         self._bow_rad: float | None = None

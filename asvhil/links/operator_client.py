@@ -1,10 +1,12 @@
-"""A client of the operator's port: one command to a running daemon, and its answer."""
+"""A client of the operator's port: one request to a running daemon, and its answer."""
 
 from __future__ import annotations
 
 import socket
 import time
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any, Generic, TypeVar
 
 from asvhil.config.link_spec import LinkSpec, host_port, parse_spec
 from asvhil.config.mavlink import SigningConfig
@@ -18,6 +20,7 @@ from asvhil.links.keyfile import read_key
 from asvhil.links.link import why
 from asvhil.types import Frame
 
+Answer = TypeVar("Answer")
 RESEND_S = 0.5  # the command is sent again if no answer has come
 KINDS = {"udpin": socket.SOCK_DGRAM, "tcpin": socket.SOCK_STREAM}
 OURS = {"0.0.0.0": "127.0.0.1", "::": "::1"}  # where to call a daemon that listens on all addresses
@@ -26,7 +29,37 @@ OURS = {"0.0.0.0": "127.0.0.1", "::": "::1"}  # where to call a daemon that list
 def send_and_wait(
     data: bytes, endpoint: str, mav_cmd: int, timeout_s: float = 2.0, signing: SigningConfig | None = None
 ) -> tuple[int, str]:
-    """Send a command frame to the daemon's operator port until it answers: (MAV_RESULT, text).
+    """Send a command frame to the daemon's operator port until it answers: (MAV_RESULT, text). As `ask`."""
+
+    def result(message: Any) -> int | None:
+        if message.get_type() == "COMMAND_ACK" and message.command == mav_cmd:
+            return int(message.result)
+        return None
+
+    return ask(data, endpoint, result, timeout_s, signing)
+
+
+def set_parameter(
+    data: bytes, endpoint: str, name: str, timeout_s: float = 2.0, signing: SigningConfig | None = None
+) -> tuple[float, str]:
+    """Send a PARAM_SET frame until the daemon answers: (the value that the parameter now has, text). As `ask`."""
+
+    def value(message: Any) -> float | None:
+        if message.get_type() == "PARAM_VALUE" and message.param_id == name:
+            return float(message.param_value)
+        return None
+
+    return ask(data, endpoint, value, timeout_s, signing)
+
+
+def ask(
+    data: bytes,
+    endpoint: str,
+    answer: Callable[[Any], Answer | None],
+    timeout_s: float = 2.0,
+    signing: SigningConfig | None = None,
+) -> tuple[Answer, str]:
+    """Send a frame to the daemon's operator port until it is answered: what `answer` reads in a message, and the text.
 
     Each call numbers its frame anew, so that the daemon knows a second call from a repetition of the first. With
     `signing` each attempt is signed anew, as a repeated frame would be taken for an attack, and only answers signed
@@ -43,7 +76,7 @@ def send_and_wait(
     while time.monotonic() < end_s:
         try:
             with called(spec) as link:
-                asked = _Answers(endpoint, target(data), mav_cmd, SignatureFilter((), verifier))
+                asked = _Answers(endpoint, target(data), answer, SignatureFilter((), verifier))
                 while time.monotonic() < end_s:
                     link.sendall(data if signer is None else signer.sign(data, time.time_ns()))
                     result = asked.wait(link, min(time.monotonic() + RESEND_S, end_s))
@@ -60,17 +93,23 @@ def send_and_wait(
     raise LinkError(f"{endpoint}: {reason}; is `asvhil run` up, with its operator link there?")
 
 
-class _Answers:
-    """Reads the answers to a command: the acknowledgement of the component asked, and its last text."""
+class _Answers(Generic[Answer]):
+    """Reads what answers: the message that is looked for of the component asked, and its last text."""
 
-    def __init__(self, endpoint: str, daemon: tuple[int, int], mav_cmd: int, accepts: SignatureFilter) -> None:
-        self._endpoint, self._daemon, self._mav_cmd, self._accepts = endpoint, daemon, mav_cmd, accepts
+    def __init__(
+        self,
+        endpoint: str,
+        daemon: tuple[int, int],
+        answer: Callable[[Any], Answer | None],
+        accepts: SignatureFilter,
+    ) -> None:
+        self._endpoint, self._daemon, self._answer, self._accepts = endpoint, daemon, answer, accepts
         self._texts = TextReader()
         self.words = ""
         self.strangers = ""
 
-    def wait(self, link: socket.socket, until_s: float) -> int | None:
-        """The MAV_RESULT; None if none has come by that time."""
+    def wait(self, link: socket.socket, until_s: float) -> Answer | None:
+        """The answer; None if none has come by that time."""
         while (left_s := until_s - time.monotonic()) > 0.0:
             link.settimeout(left_s)
             try:
@@ -86,7 +125,7 @@ class _Answers:
                     return result
         return None
 
-    def _read(self, frame: bytes) -> int | None:
+    def _read(self, frame: bytes) -> Answer | None:
         if source(frame) != self._daemon:
             self.strangers = "MAVLink component {}/{}".format(*source(frame))
             return None
@@ -95,9 +134,7 @@ class _Answers:
             return None
         if message.get_type() == "STATUSTEXT":
             self.words = self._texts.receive(message) or self.words
-        if message.get_type() == "COMMAND_ACK" and message.command == self._mav_cmd:
-            return int(message.result)
-        return None
+        return self._answer(message)
 
 
 def called(spec: LinkSpec) -> socket.socket:

@@ -87,6 +87,13 @@ def encode_move(
     return _pack_as_ground_station(message)
 
 
+def encode_parameter(config: AutopilotLinkConfig, name: str, value: float) -> bytes:
+    """The frame that sets a parameter of the daemon."""
+    kind = dialect.MAV_PARAM_TYPE_REAL32
+    message = dialect.MAVLink_param_set_message(config.system_id, config.component_id, name.encode(), value, kind)
+    return _pack_as_ground_station(message)
+
+
 def encode_solve_time(config: AutopilotLinkConfig, solve_ms: float) -> bytes:
     """The frame by which the shell tells how long solving takes."""
     message = dialect.MAVLink_named_value_float_message(0, SOLVE_TIME.encode(), solve_ms)

@@ -11,7 +11,7 @@ from asvhil.io.sensors.sources import Switch
 from asvhil.operator.reports import NOTICE, WARNING, OperatorReport
 from asvhil.operator.session import OperatorRequest, OperatorSession
 from asvhil.operator.state_arrays import BoatState
-from asvhil.operator.station_parameters import STATION_PARAMETERS, move_of_change, station_value
+from asvhil.operator.station_parameters import PLACE_PARAMETERS, request_of_change, station_value
 from asvhil.operator.tunables import Tunables
 from asvhil.supervisor.reasons import Explanation, Reason, describe
 from asvhil.supervisor.situation import Situation
@@ -84,7 +84,7 @@ class Operations:
             self._session.answer(t_ns, waiting.request, refusal)
         self._unanswered.clear()
         if decision.begun:
-            self._session.tell_parameters(STATION_PARAMETERS)
+            self._session.tell_parameters(PLACE_PARAMETERS)
 
     def data_to_send(
         self,
@@ -114,7 +114,7 @@ class Operations:
         def value_of(name: str) -> float:
             if name in self._tunables:
                 return self._tunables.value(name)
-            return station_value(name, decision.station, situation.frame)
+            return station_value(name, decision.station, situation.frame, decision.heading_policy)
 
         return self._session.data_to_send(t_ns, self._report(situation, decision, readings), value_of)
 
@@ -136,7 +136,7 @@ class Operations:
             return command
         if command.name in self._tunables:
             return self._tunables.set(command.name, command.value)
-        return move_of_change(command)
+        return request_of_change(command)
 
     def _report(self, situation: Situation, decision: Decision, readings: Readings) -> OperatorReport:
         station, estimate, frame = decision.station, situation.estimate, situation.frame

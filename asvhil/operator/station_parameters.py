@@ -4,28 +4,38 @@ from __future__ import annotations
 
 import math
 
+from asvhil.config.heading import POLICIES
 from asvhil.geo import LocalFrame, wrap_rad
 from asvhil.supervisor.reasons import Explanation, Reason, explain
-from asvhil.types import MoveCommand, ParameterChange, Station
+from asvhil.types import HeadingCommand, MoveCommand, ParameterChange, Station
 
 # Degrees on the ellipsoid, and metres from the first position heard, which a 32-bit float tells to a tenth of a
 # millimetre while it tells degrees to half a metre.
-STATION_PARAMETERS = ("ST_LAT", "ST_LON", "ST_HDG", "ST_NORTH", "ST_EAST")
+PLACE_PARAMETERS = ("ST_LAT", "ST_LON", "ST_HDG", "ST_NORTH", "ST_EAST")
+POLICY_PARAMETER = "ST_POLICY"  # the number of a heading policy
+STATION_PARAMETERS = (*PLACE_PARAMETERS, POLICY_PARAMETER)
 BOUNDS_DEG = {"ST_LAT": 90.0, "ST_LON": 180.0, "ST_HDG": 360.0}
 
 
-def station_value(name: str, station: Station | None, frame: LocalFrame | None) -> float:
-    """The value of one of STATION_PARAMETERS; NaN while no station is held."""
+def station_value(name: str, station: Station | None, frame: LocalFrame | None, policy: str) -> float:
+    """The value of one of STATION_PARAMETERS; those of the place are NaN while no station is held."""
+    if name == POLICY_PARAMETER:
+        return float(POLICIES.index(policy))
     if station is None or frame is None:
         return math.nan
     lat_deg, lon_deg = frame.to_geodetic(station.n_m, station.e_m)
     values = (lat_deg, lon_deg, math.degrees(station.psi_rad) % 360.0, station.n_m, station.e_m)
-    return values[STATION_PARAMETERS.index(name)]
+    return values[PLACE_PARAMETERS.index(name)]
 
 
-def move_of_change(change: ParameterChange) -> MoveCommand | Explanation:
-    """The move that setting one of STATION_PARAMETERS asks for, or why there is none."""
+def request_of_change(change: ParameterChange) -> MoveCommand | HeadingCommand | Explanation:
+    """The move or the heading policy that setting one of STATION_PARAMETERS asks for, or why there is none."""
     name, value = change.name, change.value
+    if name == POLICY_PARAMETER:
+        if value in range(len(POLICIES)):
+            return HeadingCommand(t_ns=change.t_ns, policy=POLICIES[int(value)])
+        allowed = ", ".join(f"{number} ({policy})" for number, policy in enumerate(POLICIES))
+        return explain(Reason.PARAMETER_OUT_OF_RANGE, name=name, range=allowed)
     most_deg = BOUNDS_DEG.get(name)
     if not math.isfinite(value) or (most_deg is not None and abs(value) > most_deg):
         allowed = "a finite number" if most_deg is None else f"{-most_deg:g} to {most_deg:g}"

@@ -19,11 +19,17 @@ class HeadingPolicy:
 
     def __init__(self, config: HeadingConfig) -> None:
         self._config = config
+        self.policy: str = config.policy
         self._first = True
         self._turning = False
         self._settled_ns = 0
-        self._astern = config.policy == "stern"
+        self._astern = False
         self._t_ns = 0
+
+    def choose(self, policy: str) -> None:
+        """Another policy from now on, also for the station that is held."""
+        self.policy = policy
+        self.begin()
 
     def begin(self) -> None:
         """A hold begins, or its station is another one: the first turn is made at once."""
@@ -32,10 +38,11 @@ class HeadingPolicy:
     def turned(self, t_ns: int, station: Station, bow_rad: float | None) -> Station:
         """The station with the heading of this tick; `bow_rad`: the one with the weather on the bow, where known."""
         elapsed_s, self._t_ns = (t_ns - self._t_ns) * 1e-9, t_ns
-        if self._config.policy == "fixed" or bow_rad is None:
+        if self.policy == "fixed" or bow_rad is None:
             return station
-        if self._first and self._config.policy == "either":
-            self._astern = math.cos(bow_rad - station.psi_rad) < 0.0
+        if self._first:
+            nearer_astern = math.cos(bow_rad - station.psi_rad) < 0.0
+            self._astern = nearer_astern if self.policy == "either" else self.policy == "stern"
         wanted_rad = bow_rad + (math.pi if self._astern else 0.0)
         off_rad = wrap_rad(wanted_rad - station.psi_rad)
         if self._first:

@@ -16,6 +16,7 @@ from asvhil.supervisor.situation import Situation
 from asvhil.supervisor.stations import station_of_config, station_of_hold, station_of_move, too_far
 from asvhil.types import (
     FrontseatStatus,
+    HeadingCommand,
     HoldCommand,
     MoveCommand,
     NeutralCommand,
@@ -33,7 +34,7 @@ PILOT_FIRST_NS = 1_000_000_000  # a hold command that comes so soon was sent bef
 THEIRS = (Reason.TRANSMITTER_HEARD, Reason.MODE_CHANGED, Reason.OVERRIDE_NOT_FOLLOWED, Reason.STICK_MOVED)
 NAMED_LATER_NS = 10_000_000_000  # after a hold has ended for what another vehicle said, until that is known for another
 
-Request = HoldCommand | MoveCommand | NeutralCommand | ReleaseCommand
+Request = HoldCommand | MoveCommand | HeadingCommand | NeutralCommand | ReleaseCommand
 
 
 @record
@@ -60,6 +61,7 @@ class Decision:
     release: bool = False
     prepare: bool = False
     ask_mode: str | None = None
+    heading_policy: str = "fixed"
     link_ok: bool = False
     control_ok: bool = True
 
@@ -125,6 +127,7 @@ class Supervisor:
             release=releasing and not neutral_alone,
             prepare=self._phase is Phase.PREPARE and self._auto_pending,
             ask_mode=self._mode.advance(situation.t_ns, mode),
+            heading_policy=self._heading.policy,
             link_ok=link_ok,
             control_ok=not self._control_failed,
         )
@@ -161,6 +164,9 @@ class Supervisor:
                 return self._hold(request, situation)
             case MoveCommand():
                 return self._move(request, situation)
+            case HeadingCommand():
+                self._heading.choose(request.policy)
+                return None
             case NeutralCommand():
                 return self._stop(situation)
             case ReleaseCommand():  # always granted

@@ -11,6 +11,7 @@ from asvhil.backseat.build import build_backseat, build_controller, build_model
 from asvhil.config import Config, load_config
 from asvhil.controller.procedure import Procedure
 from asvhil.controller.station_mpc import StationMpc
+from asvhil.geo import wrap_rad
 from asvhil.io.mavlink.frames import dialect
 from asvhil.logs.opening import open_recorder
 from asvhil.logs.replay import replay
@@ -153,3 +154,19 @@ def test_the_mode_is_taken_and_given_back(by: str) -> None:
     assert rover.set_mode(4)
     loop.wait(5.0)
     assert rover.rover.mode == 4 and loop.outputs.phase is Phase.STANDBY
+
+
+def test_the_heading_follows_the_weather_once_an_operator_wants_it() -> None:
+    """By the parameter, while a station is held across the wind; the boat turns to it, and is nearer than before."""
+    keys = ("plant.weather.wind.speed_mps=6", "plant.weather.wind.toward_deg=90", "plant.sensors.gnss.slow_bias_m=0")
+    loop = GroundStationLoop(load_config("sitl", keys))
+    loop.wait(30.0)
+    assert loop.outputs is not None and loop.outputs.station is not None and loop.outputs.station.psi_rad == 0.0
+    loop.say(dialect.MAVLink_param_set_message(1, 191, b"ST_POLICY", 1.0, 9))
+    loop.wait(1.0)
+    values = {m.param_id: m.param_value for m in loop.heard if m.get_type() == "PARAM_VALUE"}
+    assert values["ST_POLICY"] == 1.0
+    outputs = loop.wait(40.0)
+    assert outputs.phase is Phase.HOLD and outputs.station is not None
+    assert math.degrees(outputs.station.psi_rad) == pytest.approx(-90.0, abs=25.0)
+    assert abs(wrap_rad(loop.plant.truth.psi_rad - outputs.station.psi_rad)) < math.radians(15.0)

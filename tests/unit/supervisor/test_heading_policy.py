@@ -111,3 +111,14 @@ def test_at_its_fastest_it_is_still_the_same_station() -> None:
     before = held.station.psi_rad
     held.wait(0.2, 90.0)
     assert 0.0 < held.station.psi_rad - before < LEAST_CHANGE_RAD
+
+
+def test_a_policy_that_is_chosen_later_turns_the_station_at_once_and_fixed_leaves_it() -> None:
+    held = Held(0.0, policy="fixed")
+    assert held.wait(10.0, 130.0) == pytest.approx(0.0)
+    held.policy.choose("stern")
+    assert held.wait(0.0, 130.0) == pytest.approx(-50.0)
+    held.policy.choose("fixed")
+    assert held.wait(60.0, 20.0) == pytest.approx(-50.0)
+    held.policy.choose("either")  # the nearer of -160 and 20 degrees
+    assert held.wait(0.0, 20.0) == pytest.approx(20.0)
