@@ -71,6 +71,8 @@ class Section(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
     # Keys that came later, so that a config without them keeps the hash that it has always had.
     left_out_if_empty: ClassVar[tuple[str, ...]] = ()
+    # Keys that came later and whose default changes what a program does: what one did that wrote a log without them.
+    before_it_came: ClassVar[tuple[tuple[str, Any], ...]] = ()
 
     @classmethod
     def __get_pydantic_core_schema__(cls, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
@@ -84,13 +86,15 @@ class Section(BaseModel):
 
     @model_validator(mode="before")
     @classmethod
-    def _over_defaults(cls, data: Any) -> Any:
+    def _over_defaults(cls, data: Any, info: ValidationInfo) -> Any:
         """Fill the keys that a config leaves out from the default of this place, not from that of the section's class.
 
         `mpc.near` and `mpc.along` are of one class with defaults of their own: setting one weight keeps the others.
         """
         if not isinstance(data, dict):
             return data
+        if info.context is not None and info.context.get("stored"):
+            data = dict(cls.before_it_came) | data
         defaults = {name: cls.model_fields[name].default for name in data if name in cls.model_fields}
         return {
             name: {**defaults[name].model_dump(exclude_unset=True), **value}

@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 from pydantic import Field, model_validator
 
 from asvhil.config.base import Fraction, NonNegative, Positive, Section
+
+# Least slew weight of the near set per m/s^2 of side load, by effort: chosen from the front in docs/results/effort.md.
+EFFORTS: dict[str, float] = {"precise": 0.0, "normal": 150.0, "gentle": 1000.0}
+EFFORT_SLEW_MAX = 40.0  # beyond, the boat swings farther and its motors work hardly less
 
 
 class MpcWeights(Section):
@@ -42,6 +48,8 @@ class MpcConfig(Section):
     the boat is (`near`, `along`, `far`, `position_only`).
     """
 
+    before_it_came = (("effort", "precise"),)
+
     stages: int = Field(default=20, ge=2, le=200, description="Number of stages of the horizon, one input pair each.")
     first_step_s: Positive = Field(
         default=0.2, description="Length of the first stage; a learned model must have been trained with this step."
@@ -52,6 +60,15 @@ class MpcConfig(Section):
     near: MpcWeights = Field(
         default=MpcWeights(heading=350.0, velocity=0.0, terminal_position_s=140.0),
         description="Weights near the station, with a side load to carry or an offset to remove.",
+    )
+    effort: Literal["precise", "normal", "gentle"] = Field(
+        default="normal",
+        description=(
+            "How much the motors may work near the station against a load across its heading: the least slew weight "
+            "of `near`, in proportion to the side load. `precise` keeps the configured one; with `normal` and `gentle` "
+            f"it is at least {EFFORTS['normal']:g} and {EFFORTS['gentle']:g} per m/s^2, {EFFORT_SLEW_MAX:g} at most: "
+            "fewer reversals, less time at full thrust, a wider swing."
+        ),
     )
     # Near too, but with no load across the heading to carry.
     along: MpcWeights = Field(

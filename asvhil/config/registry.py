@@ -60,8 +60,9 @@ class Kind:
 class OperatorParameter:
     """A setting that operators may change while the controller runs: a MAVLink parameter of the daemon.
 
-    `path` is its place in the controller's own section. The unit on the link is `scale` units of the config. ValueError
-    where the name has more than the 16 characters of a MAVLink parameter.
+    `path` is its place in the controller's own section. The unit on the link is `scale` units of the config; a setting
+    of named `choices` is their number on the link, from 0 on. ValueError where the name has more than the 16 characters
+    of a MAVLink parameter.
     """
 
     name: str
@@ -69,10 +70,30 @@ class OperatorParameter:
     least: float
     most: float
     scale: float = 1.0
+    choices: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if not 0 < len(self.name) <= PARAMETER_NAME_MAX:
             raise ValueError(f"parameter {self.name}: a name has 1 to {PARAMETER_NAME_MAX} characters")
+
+    def on_link(self, value: Any) -> float:
+        """A value of the config as the link has it."""
+        return float(self.choices.index(value)) if self.choices else float(value) / self.scale
+
+    def allows(self, value: float) -> bool:
+        """Whether a value of the link is one that may be set; a NaN is not."""
+        return self.least <= value <= self.most and (not self.choices or value == int(value))
+
+    def from_link(self, value: float) -> float | str:
+        """An allowed value of the link as the config has it."""
+        return self.choices[int(value)] if self.choices else value * self.scale
+
+    @property
+    def range(self) -> str:
+        """What may be set, in words."""
+        if self.choices:
+            return ", ".join(f"{number} ({name})" for number, name in enumerate(self.choices))
+        return f"{self.least:g} to {self.most:g}"
 
 
 @record

@@ -117,6 +117,15 @@ class PwmConfig(Section):
         default=8000.0,
         description="Highest rate of change of a pulse width away from neutral; toward neutral there is no limit.",
     )
+    command_max: float = Field(
+        default=1.0, gt=0.0, le=1.0, description="Largest command, ahead and astern: a cap on the thrust."
+    )
+    reversal_pause_s: float = Field(
+        default=0.0,
+        ge=0.0,
+        le=5.0,
+        description="Time that a motor stays at neutral before it turns the other way, for propellers that must stop.",
+    )
 
     @model_validator(mode="after")
     def _check_order(self) -> PwmConfig:

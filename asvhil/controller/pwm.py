@@ -9,12 +9,13 @@ from asvhil.config import PwmConfig
 
 
 def pulse_of_command(config: PwmConfig, command: float) -> int:
-    """Pulse width (us) of a command in [-1, 1]; out of range it is clamped, NaN is neutral."""
+    """Pulse width (us) of a command; out of [-command_max, command_max] it is clamped, NaN is neutral."""
     if not math.isfinite(command):
         return config.neutral_us
     span_us = config.ahead_us - config.neutral_us if command > 0.0 else config.neutral_us - config.astern_us
     # Clamped before the product: a huge command overflows to infinity, which has no integer.
-    pulse = round(config.neutral_us + span_us * min(max(command, -1.0), 1.0))
+    most = config.command_max
+    pulse = round(config.neutral_us + span_us * min(max(command, -most), most))
     return min(max(pulse, config.astern_us), config.ahead_us)
 
 
@@ -25,11 +26,6 @@ def command_of_pulse(config: PwmConfig, pulse_us: int) -> float:
     offset_us = pulse_us - config.neutral_us
     span_us = config.ahead_us - config.neutral_us if offset_us > 0 else config.neutral_us - config.astern_us
     return min(max(offset_us / span_us, -1.0), 1.0)
-
-
-def command_rate_per_s(config: PwmConfig) -> float:
-    """How fast a command can grow under the slew limit, in commands (1: full) per second, on the slower side."""
-    return config.slew_us_per_s / max(config.ahead_us - config.neutral_us, config.neutral_us - config.astern_us)
 
 
 class Limiter(Protocol):
@@ -49,17 +45,23 @@ class Limiter(Protocol):
 
 
 class PulseLimiter:
-    """Limits range and slew rate of both motors. Changes towards neutral are never slowed down."""
+    """Limits range and slew rate of both motors, and has each pause before it turns the other way.
+
+    Changes towards neutral are never slowed down.
+    """
 
     def __init__(self, config: PwmConfig) -> None:
         self._config = config
         self._last_us = (config.neutral_us, config.neutral_us)
         self._t_ns: int | None = None
+        self._pauses = _ReversalPause(config), _ReversalPause(config)
 
     def reset(self) -> None:
         """Start from neutral at the next step, after the motors were released."""
         self._last_us = (self._config.neutral_us, self._config.neutral_us)
         self._t_ns = None
+        for pause in self._pauses:
+            pause.stop()
 
     def neutral(self) -> tuple[int, int]:
         """Neutral for both motors (us), at once."""
@@ -72,8 +74,8 @@ class PulseLimiter:
         reach_us = max(1, round(self._config.slew_us_per_s * elapsed_s))
         self._t_ns = t_ns
         port, starboard = (
-            self._approach(last_us, pulse_of_command(self._config, part), reach_us)
-            for last_us, part in zip(self._last_us, command, strict=True)
+            pause.step(t_ns, self._approach(last_us, pulse_of_command(self._config, part), reach_us))
+            for pause, last_us, part in zip(self._pauses, self._last_us, command, strict=True)
         )
         self._last_us = (port, starboard)
         return self._last_us
@@ -86,3 +88,27 @@ class PulseLimiter:
             return wanted_us  # towards neutral
         start_us = neutral_us if (wanted_us - neutral_us) * (last_us - neutral_us) < 0 else last_us
         return min(max(wanted_us, start_us - reach_us), start_us + reach_us)
+
+
+class _ReversalPause:
+    """Keeps one motor at neutral for `reversal_pause_s` before it turns the other way."""
+
+    def __init__(self, config: PwmConfig) -> None:
+        self._neutral_us, self._pause_ns = config.neutral_us, round(config.reversal_pause_s * 1e9)
+        self._side = 0  # to which it turned last: 1 ahead, -1 astern, 0 not yet
+        self._stopped_ns: int | None = None
+
+    def stop(self) -> None:
+        """Note that it has been told to stop at a time that is not known: the pause counts from the next step."""
+        self._stopped_ns = None
+
+    def step(self, t_ns: int, pulse_us: int) -> int:
+        """The pulse, or neutral as long as it would turn the motor the other way too soon."""
+        side = (pulse_us > self._neutral_us) - (pulse_us < self._neutral_us)
+        if side == 0 or side == -self._side:
+            if self._stopped_ns is None:
+                self._stopped_ns = t_ns
+            if side == 0 or t_ns - self._stopped_ns < self._pause_ns:
+                return self._neutral_us
+        self._side, self._stopped_ns = side, None
+        return pulse_us

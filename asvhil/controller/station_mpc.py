@@ -8,8 +8,9 @@ from collections.abc import Callable
 import numpy as np
 
 from asvhil.config import Config, ControllerConfig, MpcConfig, MpcWeights
-from asvhil.controller.pwm import command_rate_per_s
+from asvhil.config.controller import EFFORT_SLEW_MAX, EFFORTS
 from asvhil.controller.solvers.choice import choose_solver
+from asvhil.controller.solvers.motor_limits import UNLIMITED, MotorLimits
 from asvhil.controller.solvers.problem import Solution, Solver, StationProblem
 from asvhil.controller.solvers.sqp import Sqp
 from asvhil.dynamics.arrays import Array
@@ -21,7 +22,10 @@ from asvhil.types import Control, Estimate, Station, Wind
 ALTERNATE_STARTS = (0.0, 0.7, -0.7)  # of full ahead (positive) or astern, both motors, in turn
 TRIM_WAITS = 0.5  # of the trim time that the boat must be near first, or errors of the approach stay in it for minutes
 TRIM_WITHIN_RAD = 0.5  # larger heading errors are transients and would wind up the trim
-TUNED = ("near", "along", "far", "position_only", "near_radius_m", "far_radius_m", "trim_time_s", "trim_max_rad")
+TUNED = (
+    *("effort", "near", "along", "far", "position_only"),
+    *("near_radius_m", "far_radius_m", "trim_time_s", "trim_max_rad"),
+)
 TURN_HYSTERESIS_RAD = 0.3  # the turning direction is kept up to this far past half a turn
 
 
@@ -37,11 +41,11 @@ class StationMpc:
         config: MpcConfig,
         period_s: float,
         make_solver: Callable[[StationProblem], Solver] = Sqp,
-        command_rate_per_s: float = math.inf,
+        limits: MotorLimits = UNLIMITED,
     ) -> None:
         self._model, self.config, self._period_s = model, config, period_s
         self._delay_s = config.delay_s + (0.0 if model.n_motor else config.unmodelled_lag_s)
-        self._problem = StationProblem(model, config, command_rate_per_s)
+        self._problem = StationProblem(model, config, limits)
         self._solver = make_solver(self._problem)
         self._shift = shift_matrix(self._problem.times_s, period_s)
         self.reset()
@@ -125,8 +129,8 @@ class StationMpc:
     ) -> Array:
         """The problem's parameters, all in the station's frame, with the weights that hold now."""
 
-        def packed(weights: MpcWeights) -> Array:
-            return self._problem.pack(state, wind, disturbance, self.trim_rad, self._input, weights)
+        def packed(weights: MpcWeights, least_slew: float = 0.0) -> Array:
+            return self._problem.pack(state, wind, disturbance, self.trim_rad, self._input, weights, least_slew)
 
         config = self.config
         # An offset justifies heading oscillations too: a high heading weight would leave the boat off the station.
@@ -135,8 +139,10 @@ class StationMpc:
             return packed(config.position_only)
         if not self._near:
             return packed(config.far)
+        # Slower swings keep the boat nearly as near as motors at their limits do, the more so the greater the load.
+        least_slew = min(EFFORTS[config.effort] * (self._side_load_mps2 or 0.0), EFFORT_SLEW_MAX)
         # The cost is linear in its weights, so a mean of the two is a problem of the same kind.
-        return share * packed(config.near) + (1.0 - share) * packed(config.along)
+        return share * packed(config.near, least_slew) + (1.0 - share) * packed(config.along)
 
     def _update_side_load(self, wind: tuple[float, float], disturbance: tuple[float, float, float]) -> None:
         """The low-passed sideways acceleration (m/s^2) of the boat at the station's heading."""
@@ -244,5 +250,5 @@ def shift_matrix(times_s: Array, elapsed_s: float) -> Array:
 def build(settings: MpcConfig, config: Config, model: Dynamics) -> StationMpc:
     """The MPC of a config with its solver. ConfigError if that is not installed."""
     capped, make_solver = choose_solver(config.controller)
-    rate_per_s = command_rate_per_s(config.vehicle.pwm)
-    return StationMpc(model, capped, 1.0 / config.daemon.control_hz, make_solver, rate_per_s)
+    limits = MotorLimits.of_pwm(config.vehicle.pwm)
+    return StationMpc(model, capped, 1.0 / config.daemon.control_hz, make_solver, limits)

@@ -66,19 +66,19 @@ class Tunables:
         at: Any = getattr(self._config, section)
         for key in row.path:
             at = getattr(at, key)
-        return float(at) / row.scale
+        return row.on_link(at)
 
     def set(self, name: str, value: float) -> Explanation | None:
         """Use another value from now on. Returns None, or why not."""
         section, row = self._rows[name]
         assert self._controller is not None
-        if not row.least <= value <= row.most:  # a NaN is not
-            return explain(Reason.PARAMETER_OUT_OF_RANGE, name=name, range=f"{row.least:g} to {row.most:g}")
+        if not row.allows(value):
+            return explain(Reason.PARAMETER_OUT_OF_RANGE, name=name, range=row.range)
         tree = self._config.model_dump()
         at = tree[section]
         for key in row.path[:-1]:
             at = at[key]
-        at[row.path[-1]] = value * row.scale
+        at[row.path[-1]] = row.from_link(value)
         try:
             config = ControllerConfig.model_validate(tree)
         except ValidationError as error:

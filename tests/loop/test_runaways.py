@@ -46,7 +46,7 @@ def test_where_it_is_only_told_the_hold_goes_on_with_a_note() -> None:
 
 def test_a_motor_that_dies_while_it_is_held() -> None:
     """The port motor is lost after half a minute: 20 s at the station in a wind across it."""
-    keys = ("plant.faults=[{kind: port-motor, from_s: 30}]", *wind_keys(5.0, 90.0, 3), *start_keys(3.0, 90.0))
+    keys = ("plant.faults=[{kind: port-motor, from_s: 30}]", *wind_keys(5.0, 90.0, 4), *start_keys(3.0, 90.0))
     result = run_hold("sitl-bream", keys, 70.0)
     ((text, told),) = result["told"].items()
     assert "port" in text and 26.0 < told["since_s"] < 60.0 and told["thrust_s"] <= told["since_s"]

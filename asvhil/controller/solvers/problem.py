@@ -6,7 +6,7 @@ In the station's frame (station at the origin, heading 0), with s = (x, y, psi, 
     l   = w_pos (x^2 + w_y y^2) + w_psi (psi - psi_t)^2 + w_vel (u^2 + v^2 + r^2)
     l_N = t_N (x^2 + w_y y^2)   + w_psi (psi - psi_t)^2 + w_vel (u^2 + v^2 + r^2)
     s_k+1 = F(s_k, a_k, h_k),  input_lower <= a_k <= input_upper, and no further from a_-1 than the slew limit of the
-    motor outputs lets a_k be by the end of its stage
+    motor outputs lets a_k be by the end of its stage, nor of another sign within the pause of a reversal
 
 It is a sum of squares, so Gauss-Newton applies. Weights are parameters: a change of them rebuilds nothing.
 """
@@ -14,7 +14,6 @@ It is a sum of squares, so Gauss-Newton applies. Weights are parameters: a chang
 from __future__ import annotations
 
 import functools
-import math
 from collections.abc import Sequence
 from typing import Protocol
 
@@ -22,6 +21,7 @@ import casadi as ca
 import numpy as np
 
 from asvhil.config import MpcConfig, MpcWeights
+from asvhil.controller.solvers.motor_limits import UNLIMITED, MotorLimits
 from asvhil.dynamics.arrays import Array
 from asvhil.dynamics.buffers import bind, fastest
 from asvhil.dynamics.integrate import advance, motion_derivative, substeps
@@ -60,7 +60,7 @@ class StationProblem:
     of each stage.
     """
 
-    def __init__(self, model: Dynamics, config: MpcConfig, command_rate_per_s: float = math.inf) -> None:
+    def __init__(self, model: Dynamics, config: MpcConfig, limits: MotorLimits = UNLIMITED) -> None:
         self.model = model
         self.stages = config.stages
         self.n_state = POSE_AND_VELOCITY + model.n_motor
@@ -71,9 +71,14 @@ class StationProblem:
         self.substep_counts = [substeps(float(step_s), model.max_step_s) for step_s in self.steps_s]
         self._substeps_s = self.steps_s / self.substep_counts
         self.lower, self.upper = float(model.input_lower), float(model.input_upper)
+        if (most := limits.command_max) < 1.0:
+            self.lower = max(self.lower, model.input_of_command((-most, -most))[0])
+            self.upper = min(self.upper, model.input_of_command((most, most))[0])
         shape = (config.stages, 2)
         self._limits = np.full(shape, self.lower), np.full(shape, self.upper)
-        reach = command_rate_per_s * self.times_s[1:]  # of the motor command, by the end of each stage
+        # A motor that turns now cannot turn the other way in stages that begin before the pause is over.
+        self._paused = int(np.count_nonzero(self.times_s[:-1] < limits.reversal_pause_s))
+        reach = limits.rate_per_s * self.times_s[1:]  # of the motor command, by the end of each stage
         self._reach: Array | None = None if reach[0] >= FULL_TURN else reach
         self.n_parameters = _parameters(self.n_state, self.stages)
         self._weights_of: list[tuple[MpcWeights, Array]] = []
@@ -87,14 +92,18 @@ class StationProblem:
         heading_reference_rad: float,
         previous_input: tuple[float, float],
         weights: MpcWeights,
+        least_slew: float = 0.0,
     ) -> Array:
         """The parameter vector; state (n_state), wind (m/s) and disturbance (m/s^2, rad/s^2) in the station's frame.
 
-        Raises ValueError where the state has the wrong length.
+        `least_slew` is the slew weight where that of the weights is lower. Raises ValueError where the state has the
+        wrong length.
         """
         if len(state) != self.n_state:
             raise ValueError(f"the state has {len(state)} entries, the model needs {self.n_state}")
-        head = np.array([*state, *wind, *disturbance, *previous_input, heading_reference_rad, weights.slew])
+        head = np.array(
+            [*state, *wind, *disturbance, *previous_input, heading_reference_rad, max(weights.slew, least_slew)]
+        )
         return np.concatenate([head, self._state_weights(weights), self._substeps_s])
 
     def ahead(
@@ -124,15 +133,30 @@ class StationProblem:
     def bounds(self, parameters: Array) -> tuple[Array, Array]:
         """Lower and upper bounds of the inputs, (stages, 2) each, from the input applied last.
 
-        As in the output limiter: towards neutral at once, away from it no faster than the slew rate. The bounds of a
-        stage do not depend on those before it; they are exact for the first, which is applied.
+        As in the output limiter: towards neutral at once, away from it no faster than the slew rate, and to the other
+        side not before the pause. The bounds of a stage do not depend on those before it; they are exact for the first,
+        which is applied, but for a motor that stopped less than a pause ago.
         """
-        if self._reach is None:
+        if self._reach is None and not self._paused:
             return self._limits
         model, previous = self.model, self.unpack_cost(parameters)[2]
         last = model.command_of_input((float(previous[0]), float(previous[1])))
+        lower, upper = self._limits if self._reach is None else self._within_reach(last, self._reach)
+        if self._paused:
+            lower, upper = lower.copy(), upper.copy()
+            neutral = model.input_of_command((0.0, 0.0))
+            for motor, command in enumerate(last):
+                if command > 0.0:
+                    lower[: self._paused, motor] = np.maximum(lower[: self._paused, motor], neutral[motor])
+                elif command < 0.0:
+                    upper[: self._paused, motor] = np.minimum(upper[: self._paused, motor], neutral[motor])
+        return lower, upper
+
+    def _within_reach(self, last: tuple[float, float], per_stage: Array) -> tuple[Array, Array]:
+        """Bounds (stages, 2) of the inputs that the slew limit allows, from the command given last."""
+        model = self.model
         least, most = [min(c, 0.0) for c in last], [max(c, 0.0) for c in last]
-        reach = self._reach.tolist()
+        reach = per_stage.tolist()
         lower = [model.input_of_command((max(least[0] - r, -1.0), max(least[1] - r, -1.0))) for r in reach]
         upper = [model.input_of_command((min(most[0] + r, 1.0), min(most[1] + r, 1.0))) for r in reach]
         return np.maximum(lower, self.lower), np.minimum(upper, self.upper)

@@ -134,6 +134,15 @@ def test_hash_follows_content_and_json_round_trips() -> None:
         config_from_json("{", "memory")
 
 
+def test_a_log_of_before_a_key_came_is_taken_as_it_was_recorded() -> None:
+    tree = json.loads(load_config("sitl").canonical_json())
+    del tree["controller"]["mpc"]["effort"]
+    for known_only in (False, True):
+        config = config_from_json(json.dumps(tree), "memory", known_only=known_only)
+        assert config.controller.mpc.effort == "precise"
+    assert load_config("sitl").controller.mpc.effort == "normal"
+
+
 def test_keys_of_another_version_are_left_out_where_only_what_was_measured_counts() -> None:
     config = load_config("sitl")
     tree = json.loads(config.canonical_json())

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from asvhil.config import MpcConfig, MpcWeights, load_config
 from asvhil.controller.solvers.choice import choose_solver
+from asvhil.controller.solvers.motor_limits import MotorLimits
 from asvhil.controller.solvers.problem import StationProblem
 from asvhil.controller.station_mpc import StationMpc
 from asvhil.dynamics.integrate import advance, substeps
@@ -36,7 +37,7 @@ def test_across_the_wind_it_finds_the_limit_cycle_and_does_not_drift():
 def test_a_model_without_motor_states_drops_in():
     model = TanhModel()
     path = sail(
-        StationMpc(model, MpcConfig(near=LIGHT, along=HEAVY), 0.2),
+        StationMpc(model, MpcConfig(effort="precise", near=LIGHT, along=HEAVY), 0.2),
         model,
         (-8, 2, 0.3, 0, 0, 0),
         (1.0, 0.5),
@@ -231,7 +232,7 @@ def test_an_equal_problem_is_not_built_again_and_another_is():
 
 def test_a_slow_output_limits_what_each_stage_can_ask_for():
     """1 command per second, from +0.3 port and -0.5 starboard: free towards neutral, then one stage's time further."""
-    problem = StationProblem(TanhModel(), MpcConfig(stages=3, last_step_s=0.8), command_rate_per_s=1.0)
+    problem = StationProblem(TanhModel(), MpcConfig(stages=3, last_step_s=0.8), MotorLimits(rate_per_s=1.0))
     p = problem.pack((0, 0, 0, 0, 0, 0), (0, 0), (0, 0, 0), 0.0, (0.3, -0.5), MpcWeights())
     lower, upper = problem.bounds(p)
     assert problem.times_s[1:] == pytest.approx([0.2, 0.7, 1.5])
@@ -240,17 +241,40 @@ def test_a_slow_output_limits_what_each_stage_can_ask_for():
 
 
 def test_a_quick_output_limits_nothing_but_the_range():
-    problem = StationProblem(MODEL, MpcConfig(stages=3), command_rate_per_s=20.0)
+    problem = StationProblem(MODEL, MpcConfig(stages=3), MotorLimits(rate_per_s=20.0))
     p = problem.pack(np.zeros(8), (0, 0), (0, 0, 0), 0.0, (100.0, -30.0), MpcWeights())
     lower, upper = problem.bounds(p)
     assert (lower == MODEL.input_lower).all() and (upper == MODEL.input_upper).all()
+
+
+def test_a_cap_and_the_pause_of_a_reversal_are_bounds_of_the_plan():
+    """Port goes ahead and starboard is off: within the pause port has to stay at neutral or ahead."""
+    limits = MotorLimits(command_max=0.5, reversal_pause_s=0.5)
+    problem = StationProblem(TanhModel(), MpcConfig(stages=3, last_step_s=0.8), limits)
+    p = problem.pack((0, 0, 0, 0, 0, 0), (0, 0), (0, 0, 0), 0.0, (0.3, 0.0), MpcWeights())
+    lower, upper = problem.bounds(p)
+    assert lower.tolist() == [[0.0, -0.5], [0.0, -0.5], [-0.5, -0.5]]  # stages begin at 0, 0.2 and 0.7 s
+    assert upper.tolist() == [[0.5, 0.5]] * 3
+    p = problem.pack((0, 0, 0, 0, 0, 0), (0, 0), (0, 0, 0), 0.0, (0.3, -0.1), MpcWeights())
+    assert problem.bounds(p)[1].tolist() == [[0.5, 0.0], [0.5, 0.0], [0.5, 0.5]]
+
+
+@pytest.mark.parametrize(("effort", "slew"), [("precise", 2.0), ("normal", 3.0), ("gentle", 20.0)])
+def test_the_effort_is_the_least_slew_weight_by_the_side_load(effort, slew):
+    """At the station with 0.02 m/s^2 of disturbance across its heading: all weight is on the near set."""
+    mpc = StationMpc(MODEL, MpcConfig(effort=effort, near=MpcWeights(slew=2.0)), 0.2)
+    packed = []
+    pack = mpc._problem.pack
+    mpc._problem.pack = lambda *given: packed.append(pack(*given)) or packed[-1]
+    mpc.step(estimate((0, 0, 0, 0, 0, 0, 0, 0), disturbance=(0.0, 0.02, 0.0)), None, ORIGIN)
+    assert mpc._problem.unpack_cost(packed[0])[3] == pytest.approx(slew)
 
 
 @pytest.mark.parametrize("solver", ["sqp", "ipopt", "fatrop", "torch-lqr"])
 def test_every_solver_keeps_to_the_slew_limit(solver):
     controller = load_config("sitl", (f"controller.solver={solver}",)).controller
     _, make_solver = choose_solver(controller)
-    problem = StationProblem(TanhModel(), MpcConfig(stages=6), command_rate_per_s=0.5)
+    problem = StationProblem(TanhModel(), MpcConfig(stages=6), MotorLimits(rate_per_s=0.5))
     p = problem.pack((-14, -3, 0, 0, 0, 0), (0, 0), (0, 0, 0), 0.0, (0.0, 0.0), MpcWeights(slew=0.0))
     solution = make_solver(problem).solve(p, np.zeros((6, 2)), 40)
     assert solution.ok

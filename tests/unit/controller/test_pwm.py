@@ -7,7 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from asvhil.config import PwmConfig
-from asvhil.controller.pwm import PulseLimiter, command_of_pulse, command_rate_per_s, pulse_of_command
+from asvhil.controller.pwm import PulseLimiter, command_of_pulse, pulse_of_command
+from asvhil.controller.solvers.motor_limits import MotorLimits
 
 PWM = PwmConfig(slew_us_per_s=1000.0)
 MS = 1_000_000
@@ -92,7 +93,7 @@ def test_command_of_a_pulse_in_an_asymmetric_range(pulse: int, command: float) -
 @pytest.mark.parametrize(("astern_us", "ahead_us"), [(1000, 2000), (800, 1800)])
 def test_a_command_grows_as_fast_as_the_slower_side_allows(astern_us: int, ahead_us: int) -> None:
     pwm = PwmConfig(astern_us=astern_us, neutral_us=1400, ahead_us=ahead_us, slew_us_per_s=1200.0)
-    assert command_rate_per_s(pwm) == pytest.approx(2.0)
+    assert MotorLimits.of_pwm(pwm).rate_per_s == pytest.approx(2.0)
 
 
 def at(last_us: tuple[int, int]) -> PulseLimiter:
@@ -132,6 +133,43 @@ def test_a_pause_counts_as_a_second_at_most() -> None:
     limiter = PulseLimiter(PwmConfig(slew_us_per_s=100.0))
     limiter.step(0, (1.0, -1.0))
     assert limiter.step(5000 * MS, (1.0, -1.0)) == (1601, 1399)
+
+
+def test_a_cap_on_the_thrust_is_enforced_last() -> None:
+    pwm = PwmConfig(command_max=0.25)
+    assert [pulse_of_command(pwm, command) for command in (1.0, 0.25, 0.1, 0.0, -0.1, -0.25, -1.0)] == [
+        1600, 1600, 1540, 1500, 1460, 1400, 1400,
+    ]  # fmt: skip
+
+
+def test_a_motor_pauses_at_neutral_before_it_turns_the_other_way() -> None:
+    limiter = PulseLimiter(PwmConfig(reversal_pause_s=0.3))
+    limiter.step(0, (0.2, -0.2))
+    assert limiter.step(50 * MS, (0.2, -0.2)) == (1580, 1420)
+    for tick in range(2, 8):  # both are told the other way from 100 ms on
+        assert limiter.step(50 * tick * MS, (-0.2, 0.2)) == (1500, 1500)
+    assert limiter.step(400 * MS, (-0.2, 0.2)) == (1420, 1580)
+    assert limiter.step(450 * MS, (-0.2, 0.0)) == (1420, 1500)
+    assert limiter.step(500 * MS, (-0.2, 0.1)) == (1420, 1540)  # the same way again: at once
+    assert limiter.step(550 * MS, (0.0, -0.1)) == (1500, 1500)
+    assert limiter.step(849 * MS, (0.1, -0.1)) == (1500, 1500)
+    assert limiter.step(850 * MS, (0.1, -0.1)) == (1508, 1492)  # 1 ms later, by 8000 us/s
+
+
+def test_a_release_does_not_shorten_the_pause_and_the_first_turn_needs_none() -> None:
+    limiter = PulseLimiter(PwmConfig(reversal_pause_s=0.3))
+    limiter.step(0, (0.0, 0.0))
+    assert limiter.step(50 * MS, (-0.2, 0.2)) == (1420, 1580)
+    assert limiter.neutral() == (1500, 1500)
+    assert limiter.step(100 * MS, (0.2, 0.2)) == (1500, 1501)
+    assert limiter.step(399 * MS, (0.2, 0.2)) == (1500, 1580)
+    assert limiter.step(400 * MS, (0.2, 0.2))[0] > 1500
+
+
+def test_without_a_pause_a_motor_reverses_at_once() -> None:
+    limiter = PulseLimiter(PwmConfig())
+    limiter.step(0, (0.2, 0.0))
+    assert limiter.step(50 * MS, (-0.2, 0.0)) == (1420, 1500)
 
 
 def test_only_two_motors_are_commanded() -> None:

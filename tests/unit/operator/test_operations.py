@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import pytest
@@ -12,18 +13,28 @@ from asvhil.io.mavlink.frames import FrameSplitter, decode, dialect
 from asvhil.operator.encoding import encode_hold, encode_release
 from asvhil.operator.operations import Operations
 from asvhil.operator.session import OperatorSession
-from asvhil.operator.station_parameters import STATION_PARAMETERS, move_of_change, station_value
+from asvhil.operator.station_parameters import PLACE_PARAMETERS, STATION_PARAMETERS, request_of_change, station_value
 from asvhil.operator.tunables import Tunables
 from asvhil.supervisor.reasons import Explanation, Reason, describe, explain
 from asvhil.supervisor.situation import Situation
 from asvhil.supervisor.supervisor import Decision, Request
-from asvhil.types import Frame, HoldCommand, MoveCommand, ParameterChange, Phase, ReleaseCommand, Station
+from asvhil.types import (
+    Frame,
+    HeadingCommand,
+    HoldCommand,
+    MoveCommand,
+    ParameterChange,
+    Phase,
+    ReleaseCommand,
+    Station,
+)
 
 CONFIG = load_config("sitl", ("controller.name=loiter",))
 LINK = CONFIG.links.autopilot
 GCS = dialect.MAVLink(None, srcSystem=255, srcComponent=190)
 STATION = Station(n_m=3.0, e_m=-4.0, psi_rad=0.5)
 FRAME = LocalFrame(lat_deg=40.0, lon_deg=-86.0)
+POLICY_RANGE = "0 (fixed), 1 (bow), 2 (stern), 3 (either)"
 
 
 class Retuned:
@@ -31,6 +42,16 @@ class Retuned:
 
     def retune(self, config: object) -> None:
         """Nothing to do here."""
+
+
+def test_a_choice_is_a_number_on_the_link() -> None:
+    tunables = Tunables(load_config("sitl").controller, Retuned())
+    assert tunables.value("MPC_EFFORT") == 1.0
+    assert tunables.set("MPC_EFFORT", 2.0) is None and tunables.value("MPC_EFFORT") == 2.0
+    for wrong in (0.5, 3.0, -1.0, math.nan):
+        refused = tunables.set("MPC_EFFORT", wrong)
+        assert refused is not None and "0 (precise), 1 (normal), 2 (gentle)" in describe(refused)
+    assert tunables.value("MPC_EFFORT") == 2.0
 
 
 class Bench:
@@ -99,7 +120,7 @@ def test_a_hold_that_begins_tells_the_station_to_everyone() -> None:
     bench.receive(encode_hold(LINK, None, None, None))
     _, sent = bench.tick(None, begun=True)
     values = {m.param_id: m.param_value for m in of_kind(sent, "PARAM_VALUE")}
-    assert list(values) == list(STATION_PARAMETERS) and (values["ST_NORTH"], values["ST_EAST"]) == (3.0, -4.0)
+    assert list(values) == list(PLACE_PARAMETERS) and (values["ST_NORTH"], values["ST_EAST"]) == (3.0, -4.0)
 
 
 @pytest.mark.parametrize(
@@ -110,17 +131,21 @@ def test_a_hold_that_begins_tells_the_station_to_everyone() -> None:
         ("ST_NORTH", 7.0, MoveCommand(t_ns=1, n_m=7.0)),
         ("ST_EAST", -7.0, MoveCommand(t_ns=1, e_m=-7.0)),
         ("ST_HDG", 0.0, MoveCommand(t_ns=1, psi_rad=0.0)),
+        ("ST_POLICY", 2.0, HeadingCommand(t_ns=1, policy="stern")),
         ("ST_LAT", 90.5, explain(Reason.PARAMETER_OUT_OF_RANGE, name="ST_LAT", range="-90 to 90")),
         ("ST_HDG", 361.0, explain(Reason.PARAMETER_OUT_OF_RANGE, name="ST_HDG", range="-360 to 360")),
+        ("ST_POLICY", 4.0, explain(Reason.PARAMETER_OUT_OF_RANGE, name="ST_POLICY", range=POLICY_RANGE)),
+        ("ST_POLICY", math.nan, explain(Reason.PARAMETER_OUT_OF_RANGE, name="ST_POLICY", range=POLICY_RANGE)),
         ("ST_EAST", float("inf"), explain(Reason.PARAMETER_OUT_OF_RANGE, name="ST_EAST", range="a finite number")),
     ],
 )
-def test_setting_a_parameter_of_the_station_asks_for_a_move(name: str, value: float, meant: object) -> None:
-    assert move_of_change(ParameterChange(t_ns=1, name=name, value=value)) == meant
+def test_setting_a_parameter_of_the_station_asks_for_a_move_or_a_policy(name: str, value: float, meant: object) -> None:
+    assert request_of_change(ParameterChange(t_ns=1, name=name, value=value)) == meant
 
 
 def test_the_parameters_of_the_station_are_those_of_the_one_that_is_held() -> None:
-    values = [station_value(name, STATION, FRAME) for name in STATION_PARAMETERS]
+    values = [station_value(name, STATION, FRAME, "either") for name in STATION_PARAMETERS]
     assert FRAME.to_ned(values[0], values[1]) == pytest.approx((3.0, -4.0), abs=1e-6)
-    assert values[2:] == pytest.approx([28.6478898, 3.0, -4.0])
-    assert all(value != value for value in (station_value(name, None, FRAME) for name in STATION_PARAMETERS))
+    assert values[2:] == pytest.approx([28.6478898, 3.0, -4.0, 3.0])
+    *place, policy = (station_value(name, None, FRAME, "bow") for name in STATION_PARAMETERS)
+    assert all(math.isnan(value) for value in place) and policy == 1.0

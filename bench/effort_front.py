@@ -1,0 +1,44 @@
+"""Draw what the motors' work buys, from the table of a campaign: `python -m bench.effort_front effort.parquet PNG`."""
+
+from __future__ import annotations
+
+import sys
+from collections import defaultdict
+from pathlib import Path
+from statistics import fmean
+
+import pyarrow.parquet as pq
+from matplotlib.figure import Figure
+
+EFFORTS = ("precise", "normal", "gentle")
+AXES = (
+    ("reversals_per_min", "reversals per minute of the motor with more"),
+    ("saturated_share", "share of the time at full thrust"),
+)
+
+
+def main(table: Path, picture: Path) -> None:
+    """A panel for each measure of the motors' work, a line for each wind speed, a point for each variant."""
+    points: dict[float, dict[str, list[dict[str, float]]]] = defaultdict(lambda: defaultdict(list))
+    for row in pq.read_table(table).to_pylist():
+        points[row["wind_speed"]][row["variant"]].append(row)
+    figure = Figure(figsize=(9.0, 4.2), layout="constrained")
+    for panel, (column, label) in zip(figure.subplots(1, len(AXES)), AXES, strict=True):
+        for number, (speed_mps, variants) in enumerate(sorted(points.items())):
+            means = {
+                name: [fmean(run[key] for run in runs) for key in (column, "ps")] for name, runs in variants.items()
+            }
+            line = sorted(mean for name, mean in means.items() if name not in EFFORTS or name == "precise")
+            panel.plot(*zip(*line, strict=True), "o-", color=f"C{number}", markersize=4, label=f"{speed_mps:g} m/s")
+            for name in EFFORTS:
+                panel.plot(*means[name], "s", color=f"C{number}", markersize=8, fillstyle="none")
+                panel.annotate(name, means[name], textcoords="offset points", xytext=(6, 6), fontsize="small")
+        panel.set_xlabel(label)
+        panel.set_ylabel("penalty score")
+        panel.grid(alpha=0.3)
+        panel.legend(title="wind across", fontsize="small")
+    figure.savefig(picture, dpi=110)
+
+
+if __name__ == "__main__":
+    main(*map(Path, sys.argv[1:3]))
