@@ -6,8 +6,8 @@ import math
 
 from asvhil.types import Estimate, GroundVelocity, changed
 
-FORGET_S = 20.0  # an error of 0.05 m/s in the velocity then comes to 1 m
-LEAST_M = 3.0  # less is noise, waves, and the antenna's turns about the boat
+FORGET_S = 8.0  # a receiver whose position drifts by some metres in minutes then comes to 1 m
+LEAST_M = 2.5  # less is noise, waves, and the antenna's turns about the boat
 OLD_NS = 1_000_000_000
 
 
