@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from asvhil.config.heading import POLICIES
+from asvhil.config.registry import OperatorParameter
 from asvhil.geo import LocalFrame, wrap_rad
 from asvhil.supervisor.reasons import Explanation, Reason, explain
 from asvhil.types import HeadingCommand, MoveCommand, ParameterChange, Station
@@ -12,7 +13,8 @@ from asvhil.types import HeadingCommand, MoveCommand, ParameterChange, Station
 # Degrees on the ellipsoid, and metres from the first position heard, which a 32-bit float tells to a tenth of a
 # millimetre while it tells degrees to half a metre.
 PLACE_PARAMETERS = ("ST_LAT", "ST_LON", "ST_HDG", "ST_NORTH", "ST_EAST")
-POLICY_PARAMETER = "ST_POLICY"  # the number of a heading policy
+POLICY_PARAMETER = "ST_POLICY"
+_POLICY = OperatorParameter(name=POLICY_PARAMETER, path=(), least=0.0, most=len(POLICIES) - 1.0, choices=POLICIES)
 STATION_PARAMETERS = (*PLACE_PARAMETERS, POLICY_PARAMETER)
 BOUNDS_DEG = {"ST_LAT": 90.0, "ST_LON": 180.0, "ST_HDG": 360.0}
 
@@ -20,7 +22,7 @@ BOUNDS_DEG = {"ST_LAT": 90.0, "ST_LON": 180.0, "ST_HDG": 360.0}
 def station_value(name: str, station: Station | None, frame: LocalFrame | None, policy: str) -> float:
     """The value of one of STATION_PARAMETERS; those of the place are NaN while no station is held."""
     if name == POLICY_PARAMETER:
-        return float(POLICIES.index(policy))
+        return _POLICY.on_link(policy)
     if station is None or frame is None:
         return math.nan
     lat_deg, lon_deg = frame.to_geodetic(station.n_m, station.e_m)
@@ -32,10 +34,9 @@ def request_of_change(change: ParameterChange) -> MoveCommand | HeadingCommand |
     """The move or the heading policy that setting one of STATION_PARAMETERS asks for, or why there is none."""
     name, value = change.name, change.value
     if name == POLICY_PARAMETER:
-        if value in range(len(POLICIES)):
-            return HeadingCommand(t_ns=change.t_ns, policy=POLICIES[int(value)])
-        allowed = ", ".join(f"{number} ({policy})" for number, policy in enumerate(POLICIES))
-        return explain(Reason.PARAMETER_OUT_OF_RANGE, name=name, range=allowed)
+        if _POLICY.allows(value):
+            return HeadingCommand(t_ns=change.t_ns, policy=str(_POLICY.from_link(value)))
+        return explain(Reason.PARAMETER_OUT_OF_RANGE, name=name, range=_POLICY.range)
     most_deg = BOUNDS_DEG.get(name)
     if not math.isfinite(value) or (most_deg is not None and abs(value) > most_deg):
         allowed = "a finite number" if most_deg is None else f"{-most_deg:g} to {most_deg:g}"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import json
 import os
@@ -105,15 +106,18 @@ def test_a_stream_gets_the_rest_of_a_frame_first_and_then_every_byte() -> None:
         assert theirs.recv(4096) == bytes(REST_BYTES) + b"neutralrelease"
 
 
+def fill(ours: socket.socket) -> None:
+    """Send until the other end's buffer is full."""
+    ours.setblocking(False)
+    with contextlib.suppress(BlockingIOError):
+        while True:
+            ours.send(bytes(4096))
+
+
 def test_what_a_full_stream_does_not_take_in_time_waits_for_the_next_call() -> None:
     ours, theirs = socket.socketpair()
     with ours, theirs:
-        ours.setblocking(False)
-        while True:
-            try:
-                ours.send(bytes(4096))
-            except BlockingIOError:
-                break
+        fill(ours)
         line = Line("stream", ours.fileno())
         began_s = time.monotonic()
         line.send(b"neutral", began_s + 0.1)
@@ -133,12 +137,7 @@ def test_what_a_full_stream_does_not_take_in_time_waits_for_the_next_call() -> N
 def test_a_stream_that_has_room_again_in_time_gets_it_in_the_same_call() -> None:
     ours, theirs = socket.socketpair()
     with ours, theirs:
-        ours.setblocking(False)
-        while True:
-            try:
-                ours.send(bytes(4096))
-            except BlockingIOError:
-                break
+        fill(ours)
         reading = threading.Timer(0.1, lambda: theirs.recv(1 << 22))
         reading.start()
         began_s = time.monotonic()
