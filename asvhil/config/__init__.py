@@ -36,6 +36,7 @@ from asvhil.config.loading import (
 from asvhil.config.motion import MotionConfig
 from asvhil.config.plant import FrontseatConfig, HilConfig, PlantConfig, Px4HilConfig
 from asvhil.config.plant_faults import OF_ONE_DEVICE, FaultConfig, GlitchConfig, GlitchesConfig
+from asvhil.config.plant_hull import BlendermannConfig, PlantMotorsConfig
 from asvhil.config.plant_sensors import (
     AnemometerSensorConfig,
     FusedVelocityConfig,
@@ -60,7 +61,7 @@ from asvhil.config.root import Config
 from asvhil.config.sensors import QUANTITIES, InsLinkConfig, NmeaLinkConfig, Quantity, SensorLinkConfig
 from asvhil.config.sources import SourceConfig, SourcesConfig
 from asvhil.config.supervisor import ReadbackConfig, StationConfig, SupervisorConfig
-from asvhil.config.vehicle import MotorOutputConfig, PwmConfig, VesselConfig
+from asvhil.config.vehicle import CouplingConfig, MotorOutputConfig, PwmConfig, VesselConfig
 
 __all__ = [
     "OF_ONE_DEVICE",
@@ -70,10 +71,12 @@ __all__ = [
     "AutopilotLinkConfig",
     "BacksteppingConfig",
     "BatteryConfig",
+    "BlendermannConfig",
     "CompassConfig",
     "Config",
     "ControllerConfig",
     "ControllerKind",
+    "CouplingConfig",
     "CurrentConfig",
     "EkfConfig",
     "EstimatorConfig",
@@ -104,6 +107,7 @@ __all__ = [
     "OperatorParameter",
     "OutputKind",
     "PlantConfig",
+    "PlantMotorsConfig",
     "ProcedureConfig",
     "PwmConfig",
     "Px4HilConfig",

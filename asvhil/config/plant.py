@@ -18,6 +18,7 @@ from asvhil.config.base import (
     ServoUs,
 )
 from asvhil.config.plant_faults import FaultConfig, GlitchesConfig
+from asvhil.config.plant_hull import BlendermannConfig, PlantMotorsConfig
 from asvhil.config.plant_sensors import SensorsConfig
 from asvhil.config.plant_weather import WeatherConfig
 from asvhil.config.ports import ANEMOMETER, AUTOPILOT, GNSS, INS
@@ -180,6 +181,12 @@ class PlantConfig(Section):
     vessel: VesselConfig | None = Field(
         default=None, description="The true boat, where it differs from vehicle.vessel."
     )
+    wind_load: BlendermannConfig | None = Field(
+        default=None, description="Another law of the wind load on the true boat; null: that of the vessel."
+    )
+    motors: PlantMotorsConfig | None = Field(
+        default=None, description="How the motors fall short of the thrust curve; null: not at all."
+    )
     autopilot: Literal["ardurover", "px4"] = Field(
         default="ardurover", description="The simulated autopilot; links.autopilot.profile must be one for it."
     )
@@ -190,3 +197,5 @@ class PlantConfig(Section):
     faults: tuple[FaultConfig, ...] = Field(default=(), description="Faults at given times.")
     glitches: GlitchesConfig | None = Field(default=None, description="Faults at random times; null: none.")
     hil: HilConfig = Field(default=HilConfig(), description="A real autopilot in the loop.")
+
+    left_out_if_empty = ("wind_load", "motors")

@@ -2,11 +2,31 @@
 
 from __future__ import annotations
 
+import math
 from itertools import pairwise
 
 from pydantic import Field, model_validator
 
 from asvhil.config.base import NonNegative, Positive, Section, ServoUs
+
+
+class CouplingConfig(Section):
+    """Terms of the paper's full equations that couple sway and yaw (names after Fossen 2011); zero where unknown.
+
+    Masses and drags count as in the rest of `vessel`, as minus the hydrodynamic derivative, but may have either sign.
+    `y_v_absr` is -Y_v|r|, the sway drag over v |r|, and so on.
+    """
+
+    x_g_m: float = Field(default=0.0, description="Centre of gravity ahead of the origin, x_G.")
+    y_g_m: float = Field(default=0.0, description="Centre of gravity to starboard of the origin, y_G.")
+    y_rdot_kgm: float = Field(default=0.0, description="Added mass of yaw in sway, -Y_rdot.")
+    n_vdot_kgm: float = Field(default=0.0, description="Added mass of sway in yaw, -N_vdot.")
+    y_v_absr: float = Field(default=0.0, description="Sway drag over v |r|, -Y_v|r| (N s2/m).")
+    y_r_absv: float = Field(default=0.0, description="Sway drag over r |v|, -Y_r|v| (N s2/m).")
+    y_r_absr: float = Field(default=0.0, description="Sway drag over r |r|, -Y_r|r| (N s2).")
+    n_v_absv: float = Field(default=0.0, description="Yaw drag over v |v|, -N_v|v| (N s2/m).")
+    n_v_absr: float = Field(default=0.0, description="Yaw drag over v |r|, -N_v|r| (N s2).")
+    n_r_absv: float = Field(default=0.0, description="Yaw drag over r |v|, -N_r|v| (N s2).")
 
 
 class VesselConfig(Section):
@@ -24,7 +44,7 @@ class VesselConfig(Section):
     added_mass_sway_kg: NonNegative = Field(
         description="Added mass in sway, -Y_vdot; about 1.5 of the mass for a catamaran."
     )
-    inertia_yaw_kgm2: Positive = Field(description="Moment of inertia about the vertical axis, I_z.")
+    inertia_yaw_kgm2: Positive = Field(description="Moment of inertia about the vertical axis of the origin, I_z.")
     added_inertia_yaw_kgm2: NonNegative = Field(description="Added moment of inertia in yaw, -N_rdot.")
     surge_drag_n_per_mps: NonNegative = Field(description="Linear drag in surge, -X_u.")
     surge_drag_n_per_mps2: NonNegative = Field(description="Quadratic drag in surge, -X_u|u|.")
@@ -47,6 +67,45 @@ class VesselConfig(Section):
     wind_yaw_nm_per_mps2: NonNegative = Field(
         description="Wind moment in yaw over 2 u_rw v_rw; it turns the boat across the wind."
     )
+
+    coupling: CouplingConfig | None = Field(
+        default=None, description="Terms that couple sway and yaw; null: none, the simplified dynamics."
+    )
+
+    left_out_if_empty = ("coupling",)
+
+    @model_validator(mode="after")
+    def _check_coupling(self) -> VesselConfig:
+        part = self.coupling
+        if part is None:
+            return self
+        m_v, m_r = self.mass_kg + self.added_mass_sway_kg, self.inertia_yaw_kgm2 + self.added_inertia_yaw_kgm2
+        m_u = self.mass_kg + self.added_mass_surge_kg
+        cross_kgm = self.mass_kg * part.x_g_m + 0.5 * (part.y_rdot_kgm + part.n_vdot_kgm)
+        if m_r - cross_kgm**2 / m_v - (self.mass_kg * part.y_g_m) ** 2 / m_u <= 0.0:
+            raise ValueError(
+                "coupling: the mass matrix is not positive definite: x_g_m, y_g_m, y_rdot_kgm and n_vdot_kgm are too "
+                "large for the masses and inertia_yaw_kgm2 (which is about the origin, m x_G^2 included)"
+            )
+        turn = self._pushes_in_turn(part)
+        if turn is not None:
+            raise ValueError(
+                f"coupling: the quadratic drag pushes the boat where r = {turn:.2g} v (rad/s, m/s): the terms that "
+                "couple sway and yaw are too large for sway_drag_n_per_mps2 and yaw_drag_nm_per_radps2"
+            )
+        return self
+
+    def _pushes_in_turn(self, part: CouplingConfig) -> float | None:
+        """A ratio r / v at which the quadratic drag would give power to the boat, or None."""
+        for tenths in range(-30, 31):
+            for side in (1.0, -1.0):
+                r = side * math.pow(10.0, tenths / 10.0)  # of v = 1
+                sway = self.sway_drag_n_per_mps2 + part.y_v_absr * abs(r) + (part.y_r_absv + part.y_r_absr * abs(r)) * r
+                yaw = part.n_v_absv + part.n_v_absr * abs(r)
+                yaw += (self.yaw_drag_nm_per_radps2 * abs(r) + part.n_r_absv) * r
+                if sway + yaw * r < 0.0:
+                    return r
+        return None
 
     @model_validator(mode="after")
     def _check_curve(self) -> VesselConfig:

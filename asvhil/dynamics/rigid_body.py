@@ -1,4 +1,4 @@
-"""SD: the paper's simplified 3-DOF dynamics (Fossen 2011, eq. 6.109 in the plane) with wind load and motor lag."""
+"""SD: the paper's 3-DOF dynamics (Fossen 2011, eq. 6.109 in the plane) with wind load and motor lag."""
 
 from __future__ import annotations
 
@@ -8,39 +8,38 @@ import numpy as np
 
 from asvhil.config import VesselConfig
 from asvhil.dynamics.arrays import namespace_of
+from asvhil.dynamics.coupling import CoupledBody
+from asvhil.dynamics.wind_load import QuadraticWind, WindLoad
 
 
 class RigidBody:
-    """M nu_dot + C(nu) nu + D(nu) nu = tau + tau_w for a body with its centre of gravity at the origin.
+    """M nu_dot + C(nu) nu + D(nu) nu = tau + tau_w: the paper's simplified dynamics, whose centre of gravity is at the
+    origin, or its full ones where the vessel has terms that couple sway and yaw.
 
     Works on components of any kind (float, CasADi, NumPy or torch), so that plant and model share the equations.
     """
 
-    def __init__(self, vessel: VesselConfig) -> None:
+    def __init__(self, vessel: VesselConfig, wind_load: WindLoad | None = None) -> None:
+        """`wind_load` in the place of the vessel's own law."""
         self._m_u = vessel.mass_kg + vessel.added_mass_surge_kg
         self._m_v = vessel.mass_kg + vessel.added_mass_sway_kg
         self._m_r = vessel.inertia_yaw_kgm2 + vessel.added_inertia_yaw_kgm2
         self._d_u, self._d_uu = vessel.surge_drag_n_per_mps, vessel.surge_drag_n_per_mps2
         self._d_v, self._d_vv = vessel.sway_drag_n_per_mps, vessel.sway_drag_n_per_mps2
         self._d_r, self._d_rr = vessel.yaw_drag_nm_per_radps, vessel.yaw_drag_nm_per_radps2
-        self._w_u, self._w_v = vessel.wind_surge_n_per_mps2, vessel.wind_sway_n_per_mps2
-        self._w_r = vessel.wind_yaw_nm_per_mps2
         self._arm = vessel.motor_arm_m
+        # Held as it is, not behind a method of this class: the simulated boat calls it hundreds of times a second.
+        self.wind_forces = (wind_load or QuadraticWind(vessel)).forces
+        self._coupled = None if vessel.coupling is None else CoupledBody(vessel, vessel.coupling)
 
     def motor_forces(self, port_n: Any, starboard_n: Any) -> tuple[Any, Any]:
         """Surge force (N) and yaw moment (N m) of the two thrusts (N)."""
         return port_n + starboard_n, self._arm * (port_n - starboard_n)
 
-    def wind_forces(self, u_air: Any, v_air: Any) -> tuple[Any, Any, Any]:
-        """Surge and sway force (N) and yaw moment (N m) of the air's velocity relative to the hull, body axes (m/s)."""
-        return (
-            self._w_u * u_air * abs(u_air),
-            self._w_v * v_air * abs(v_air),
-            -2.0 * self._w_r * u_air * v_air,
-        )
-
     def acceleration(self, u: Any, v: Any, r: Any, x_n: Any, y_n: Any, n_nm: Any) -> tuple[Any, Any, Any]:
         """nu_dot (m/s^2, m/s^2, rad/s^2) of u, v (m/s), r (rad/s) under forces X, Y (N) and moment N (N m)."""
+        if self._coupled is not None:
+            return self._coupled.acceleration(u, v, r, x_n, y_n, n_nm)
         u_dot = (x_n + self._m_v * v * r - (self._d_u + self._d_uu * abs(u)) * u) / self._m_u
         v_dot = (y_n - self._m_u * u * r - (self._d_v + self._d_vv * abs(v)) * v) / self._m_v
         r_dot = (n_nm + (self._m_u - self._m_v) * u * v - (self._d_r + self._d_rr * abs(r)) * r) / self._m_r
@@ -90,8 +89,8 @@ class SimplifiedDynamics:
     n_motor = 2
     euler = False
 
-    def __init__(self, vessel: VesselConfig) -> None:
-        self._body = RigidBody(vessel)
+    def __init__(self, vessel: VesselConfig, wind_load: WindLoad | None = None) -> None:
+        self._body = RigidBody(vessel, wind_load)
         self._curve = ThrustCurve(vessel.thrust_curve)
         self._scale_n = self._curve.ahead_n
         self._lag_s = vessel.motor_lag_s

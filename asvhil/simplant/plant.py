@@ -13,6 +13,7 @@ from asvhil.config.ports import ANEMOMETER, AUTOPILOT, GNSS, INS
 from asvhil.config.registry import SENSORS
 from asvhil.geo import LocalFrame, wrap_rad
 from asvhil.simplant.ardurover.vehicle import SimulatedArduRover
+from asvhil.simplant.boat.blendermann import Blendermann
 from asvhil.simplant.boat.devices import SimulatedNmea, SimulatedSensor, SimulatedVn300
 from asvhil.simplant.boat.faults import all_faults, motor_signals_us
 from asvhil.simplant.boat.metronome import Metronome
@@ -105,6 +106,8 @@ class Plant:
             (plant.start_n_m, plant.start_e_m, np.radians(plant.start_heading_deg).item()),
             (self.weather.current_n_mps, self.weather.current_e_mps),
             self.weather.waves,
+            None if plant.wind_load is None else Blendermann(plant.wind_load),
+            plant.motors,
         )
         self._navigation = Navigation(plant.sensors, plant.frontseat.loop_hz, t_ns, navigation_seed, filtered=True)
         self._anemometer = Anemometer(plant.sensors.anemometer, anemometer_seed)

@@ -5,8 +5,10 @@ from __future__ import annotations
 import math
 from bisect import bisect_right
 
-from asvhil.config import PwmConfig, VesselConfig
+from asvhil.config import PlantMotorsConfig, PwmConfig, VesselConfig
 from asvhil.dynamics.rigid_body import RigidBody
+from asvhil.dynamics.wind_load import WindLoad
+from asvhil.simplant.boat.imperfect_motors import ImperfectMotors
 from asvhil.simplant.boat.waves import Waves
 
 NO_SIGNAL_US = 0
@@ -57,9 +59,11 @@ class Vessel:
         "_current_n",
         "_demand_port_n",
         "_demand_starboard_n",
+        "_imperfect",
         "_lag_gain",
         "_motor_lag_s",
         "_motors",
+        "_steady_n",
         "_step_s",
         "_still",
         "_thrust_left",
@@ -86,13 +90,18 @@ class Vessel:
         pose: tuple[float, float, float],
         current_mps: tuple[float, float] = (0.0, 0.0),
         waves: Waves | None = None,
+        wind_load: WindLoad | None = None,
+        imperfect: PlantMotorsConfig | None = None,
     ) -> None:
-        self._body = RigidBody(vessel)
+        """`wind_load` is in the place of the vessel's own law; without `imperfect` its thrust curve is what is."""
+        self._body = RigidBody(vessel, wind_load)
         self._motors = MotorTable(vessel, pwm)
         self._motor_lag_s = vessel.motor_lag_s
         self.set_step(step_s)
         self._current_n, self._current_e = current_mps
         self._demand_port_n = self._demand_starboard_n = 0.0
+        self._steady_n = (0.0, 0.0)
+        self._imperfect = None if imperfect is None else ImperfectMotors(imperfect, vessel.thrust_curve[-1][1])
         self.outputs_us: tuple[int, int] = (NO_SIGNAL_US, NO_SIGNAL_US)
         self._thrust_left = (1.0, 1.0)
         self.motor_commands = (0.0, 0.0)
@@ -119,6 +128,7 @@ class Vessel:
             self.motor_commands = self._motors.command(port_us), self._motors.command(starboard_us)
             self._demand_port_n = thrust_left[0] * self._motors.thrust_n(port_us)
             self._demand_starboard_n = thrust_left[1] * self._motors.thrust_n(starboard_us)
+            self._steady_n = self._demand_port_n, self._demand_starboard_n
 
     def ground_velocity_ned(self) -> tuple[float, float]:
         """North and east velocity over ground (m/s)."""
@@ -145,6 +155,9 @@ class Vessel:
         n, e, psi = self.n_m, self.e_m, self.psi_rad
         u, v, r = self.u_mps, self.v_mps, self.r_radps
         port, starboard = self.thrust_port_n, self.thrust_starboard_n
+        if self._imperfect is not None:
+            demands_n = self._imperfect.demands_n(self._steady_n, (port, starboard), dt)
+            self._demand_port_n, self._demand_starboard_n = demands_n
 
         n1, e1, u1, v1, r1 = self._rates(psi, u, v, r, port, starboard, air_n, air_e)
 

@@ -170,7 +170,7 @@ def test_a_shell_completes_configs_and_commands(folder: Path, monkeypatch: pytes
     assert completed("asvhil rel") == ["release"]
     assert completed("asvhil run si") == [
         *("sitl", "sitl-blueboat", "sitl-bream", "sitl-bream-paper"),
-        *("sitl-paper", "sitl-px4", "sitl-vn300", "sitl-vn300-paper"),
+        *("sitl-paper", "sitl-px4", "sitl-second", "sitl-vn300", "sitl-vn300-paper"),
     ]
     assert completed("asvhil run mi") == ["mine.yaml"]
     assert "--lockstep" in completed("asvhil sitl --lo")

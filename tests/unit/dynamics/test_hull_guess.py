@@ -36,7 +36,7 @@ CAT = HullMeasures(length_m=1.6, beam_m=1.0, mass_kg=38.0, top_speed_mps=2.0, mo
 def test_guesses_are_within_a_factor_of_two(name: str) -> None:
     known, guess = load_config(name).vehicle.vessel, guess_vessel(BOATS[name])
     for key in VesselConfig.model_fields:
-        if key != "thrust_curve" and (name, key) not in OUTLIERS:
+        if key not in ("thrust_curve", "coupling") and (name, key) not in OUTLIERS:
             assert 0.5 <= getattr(guess, key) / getattr(known, key) <= 2.01, key
     for end in (0, -1):
         assert 0.6 <= guess.thrust_curve[end][1] / known.thrust_curve[end][1] <= 1.6
