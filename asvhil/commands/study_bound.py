@@ -34,14 +34,13 @@ def bound(
     from asvhil.config import load_config
     from asvhil.config.loading import config_files
     from asvhil.config.mean_wind import parse_wind
-    from asvhil.dynamics.rigid_body import SimplifiedDynamics
     from asvhil.study import bound as study
     from asvhil.study.made_of import made_of
     from asvhil.study.runner import StudyProgress
 
     settings = load_config(config, tuple(set_))
     sectors = [parse_wind(text) for text in wind]
-    model = SimplifiedDynamics(settings.plant_vessel)
+    model = study.plant_dynamics(settings)
 
     def figures(tell: Tell) -> dict[str, Any]:
         winds: dict[str, Any] = {}

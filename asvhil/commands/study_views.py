@@ -117,11 +117,10 @@ def bounds_at_hand(file: Path | None, config: str, overrides: tuple[str, ...]) -
     from asvhil.study.bound import read_bounds
 
     settings = load_config(config, overrides)
-    whose = settings.vehicle.name, settings.plant_vessel
     if file is not None:
-        return read_bounds(file, *whose), ""
+        return read_bounds(file, settings), ""
     try:
-        return read_bounds(BOUNDS, *whose), ""
+        return read_bounds(BOUNDS, settings), ""
     except AsvhilError as error:
         note = f"no regret in the tables: {error}; `asvhil study bound -o DIR`, then --bounds DIR/bound.json"
         return {}, note

@@ -89,10 +89,14 @@ class SimplifiedDynamics:
     n_motor = 2
     euler = False
 
-    def __init__(self, vessel: VesselConfig, wind_load: WindLoad | None = None) -> None:
+    def __init__(
+        self, vessel: VesselConfig, wind_load: WindLoad | None = None, shares: tuple[float, float] = (1.0, 1.0)
+    ) -> None:
+        """`wind_load` in the place of the vessel's own law; (port, starboard) give `shares` of the curve's thrust."""
         self._body = RigidBody(vessel, wind_load)
         self._curve = ThrustCurve(vessel.thrust_curve)
         self._scale_n = self._curve.ahead_n
+        self._port_n, self._starboard_n = (share * self._scale_n for share in shares)
         self._lag_s = vessel.motor_lag_s
         self.max_step_s = min(0.45, 1.5 * vessel.motor_lag_s)  # the midpoint rule is stable to twice the lag
         self.input_lower = self._curve.astern_n / self._scale_n
@@ -102,7 +106,7 @@ class SimplifiedDynamics:
         """x_dot (..., 5) of x = (u, v, r, T_port, T_starboard) under thrust demands a and true wind in body axes."""
         xp = namespace_of(x)
         u, v, r, port, starboard = (xp.component(x, i) for i in range(5))
-        x_n, n_nm = self._body.motor_forces(self._scale_n * port, self._scale_n * starboard)
+        x_n, n_nm = self._body.motor_forces(self._port_n * port, self._starboard_n * starboard)
         x_w, y_w, n_w = self._body.wind_forces(xp.component(wind, 0) - u, xp.component(wind, 1) - v)
         u_dot, v_dot, r_dot = self._body.acceleration(u, v, r, x_n + x_w, y_w, n_nm + n_w)
         return xp.stack(

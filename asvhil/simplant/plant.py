@@ -11,9 +11,9 @@ from asvhil.config import Config, FaultConfig
 from asvhil.config.fault_spans import Faults, Present
 from asvhil.config.ports import ANEMOMETER, AUTOPILOT, GNSS, INS
 from asvhil.config.registry import SENSORS
+from asvhil.dynamics.blendermann import Blendermann
 from asvhil.geo import LocalFrame, wrap_rad
 from asvhil.simplant.ardurover.vehicle import SimulatedArduRover
-from asvhil.simplant.boat.blendermann import Blendermann
 from asvhil.simplant.boat.devices import SimulatedNmea, SimulatedSensor, SimulatedVn300
 from asvhil.simplant.boat.faults import all_faults, motor_signals_us
 from asvhil.simplant.boat.metronome import Metronome

@@ -16,10 +16,12 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from asvhil.config import Config, VesselConfig
+from asvhil.config import Config, load_config
 from asvhil.dynamics.arrays import Array
+from asvhil.dynamics.blendermann import Blendermann
 from asvhil.dynamics.integrate import advance
 from asvhil.dynamics.protocol import Dynamics
+from asvhil.dynamics.rigid_body import SimplifiedDynamics
 from asvhil.errors import AsvhilError
 from asvhil.types import record
 
@@ -105,9 +107,29 @@ def guesses(count: int) -> list[Guess]:
     return (grid + drawn)[:count]
 
 
+def plant_dynamics(config: Config) -> SimplifiedDynamics:
+    """The true physics of the simulated boat, but for what its motors lose for a while (dead time, sagging battery)."""
+    load, motors = config.plant.wind_load, config.plant.motors
+    shares = (1.0, 1.0) if motors is None else (motors.port_thrust, motors.starboard_thrust)
+    return SimplifiedDynamics(config.plant_vessel, None if load is None else Blendermann(load), shares)
+
+
+def boat_hash(config: Config) -> str:
+    """A name for all that decides the bounds of a config's simulated boat."""
+    parts = [config.plant_vessel, config.plant.wind_load, config.plant.motors]
+    return " ".join(part.content_hash() for part in parts if part is not None)
+
+
+def run_named_bound(
+    base: str, overrides: tuple[str, ...], wind_mps: float, toward_rad: float, starts: int
+) -> dict[str, Any]:
+    """`figures` of the bound of a config's simulated boat, for other processes."""
+    return figures(bound(plant_dynamics(load_config(base, overrides)), wind_mps, toward_rad, starts))
+
+
 def bounds_tree(config: Config, winds: Mapping[str, Any]) -> dict[str, Any]:
     """The content of bound.json: the boat, and `figures` by wind as SPEED@DEG."""
-    return {"vehicle": config.vehicle.name, "vessel_hash": config.plant_vessel.content_hash(), "winds": dict(winds)}
+    return {"vehicle": config.vehicle.name, "vessel_hash": boat_hash(config), "winds": dict(winds)}
 
 
 def figures(orbit: Orbit) -> dict[str, Any]:
@@ -145,11 +167,12 @@ def markdown(study: Mapping[str, Any]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def read_bounds(path: Path, vehicle: str, vessel: VesselConfig) -> dict[str, float]:
+def read_bounds(path: Path, config: Config) -> dict[str, float]:
     """{wind as SPEED@DEG: ps} of a file of `asvhil study bound`. AsvhilError where it is damaged or of another boat.
 
-    Another boat has another name, or other values of its vessel.
+    Another boat has another name, or other values of the plant's vessel, wind load or motors.
     """
+    vehicle, vessel_hash = config.vehicle.name, boat_hash(config)
     try:
         tree = json.loads(path.read_text(encoding="utf-8"))
         bounds = {str(wind): float(row["penalty_score"]) for wind, row in tree["winds"].items()}
@@ -160,11 +183,9 @@ def read_bounds(path: Path, vehicle: str, vessel: VesselConfig) -> dict[str, flo
         raise AsvhilError(f"{path}: not what `asvhil study bound -o` writes") from None
     if of != vehicle:
         raise AsvhilError(f"{path}: holds the bounds of {of}, not of {vehicle}")
-    if tree.get("vessel_hash") != vessel.content_hash():
+    if tree.get("vessel_hash") != vessel_hash:
         held = f"vessel_hash {tree['vessel_hash']}" if "vessel_hash" in tree else "no vessel_hash"
-        words = (
-            f"{held}, but the plant's vessel has {vessel.content_hash()}; `asvhil study bound -o DIR` finds its bounds"
-        )
+        words = f"{held}, but the plant's vessel has {vessel_hash}; `asvhil study bound -o DIR` finds its bounds"
         raise AsvhilError(f"{path}: {words}")
     return bounds
 

@@ -1,25 +1,31 @@
-"""Learned models in closed loop against physics models, with the true parameters and with wrong ones."""
+"""Learned models in closed loop against physics models with the true parameters and with wrong ones, under
+circumstances that are kind to wrong models and others that are not.
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
 
 from asvhil.config import VesselConfig, load_config
-from asvhil.study.comparison import compare, held_words, not_held, run_setups, vessel_override
-from asvhil.study.rows import FROM_S, TO_S, title
-from asvhil.study.runner import Run
-from asvhil.study.six_tests import cost_figures
-from asvhil.study.statistics import count_of_seeds, other_code, plus_minus
+from asvhil.study.bound import STARTS, boat_hash, run_named_bound
+from asvhil.study.circumstances import AS_SHIPPED, Keys, circumstances
+from asvhil.study.comparison import Held, Scores, compare, run_setups, vessel_override
+from asvhil.study.robustness import crude_vessel
+from asvhil.study.rows import FROM_S, ROWS, TO_S, along_the_wind, title
+from asvhil.study.runner import Job, Run
+from asvhil.study.six_tests import MAIN, cost_figures
+from asvhil.study.statistics import count_of_seeds, in_digits, mean_ci95, other_code, plus_minus
 
-ROWS = ("2", "3")  # 6 m/s along the station's heading, 3 m/s against it
-LEARNED = {"NNSEM-MPC": "nnsem-mpc", "LagNet-MPC": "lagnet-mpc"}
+LEARNED = (MAIN, "LagNet-MPC", "SD-MPC (fitted)")
 TRUE = "SD-MPC (true)"
+CRUDE = "SD-MPC (crude)"
 OFF = 0.3
+OFF_NAME = "SD-MPC (30 % off, pattern"
 PATTERNS = 4
-NO_WORSE = 1.2
 COEFFICIENTS = (  # all that the physics model has but its geometry and the motors' lag; thrust is the whole curve's
     "mass_kg",
     "added_mass_surge_kg",
@@ -57,97 +63,185 @@ def off_vessel(vessel: VesselConfig, pattern: int) -> VesselConfig:
 
 
 def off_name(pattern: int) -> str:
-    return f"SD-MPC (30 % off, pattern {pattern})"
+    return f"{OFF_NAME} {pattern})"
 
 
 def study_learned_loop(
     run: Run,
     *,
-    learned: Mapping[str, tuple[str, ...]],
-    rows: Iterable[str] = ROWS,
+    learned: Mapping[str, Keys],
+    under: Iterable[str] = (AS_SHIPPED,),
+    rows: Iterable[str] = tuple(ROWS),
     seeds: Iterable[int] = (1, 2, 3, 4, 5),
     patterns: int = PATTERNS,
+    starts: int = STARTS,
     window_s: tuple[float, float] = (FROM_S, TO_S),
     base: str = "sitl",
-    overrides: tuple[str, ...] = (),
+    overrides: Keys = (),
 ) -> dict[str, Any]:
-    """Each of `learned` (all its config keys, by name) against SD-MPC, with the true parameters and each wrong pattern.
+    """Each of `learned` (all its config keys, by name) beside SD-MPC with the physics of the simulated boat, a crude
+    guess and each wrong pattern of those of the config, in each row, under each circumstance of `under` by name.
 
-    `no_worse` is within 20 % of the true one; `better_than_off` is below the mean over the patterns.
+    `starts` are those of the search for each bound, which regrets are ratios to.
     """
-    rows, seeds = list(rows), list(seeds)
-    numbers = range(1, patterns + 1)
-    physics = (*overrides, "controller.name=sd-mpc")
+    rows, seeds, numbers = list(rows), list(seeds), range(1, patterns + 1)
+    known = circumstances(base, overrides)
     vessel = load_config(base, overrides).vehicle.vessel
-    setups = {**learned, TRUE: physics}
-    setups |= {off_name(n): (*physics, vessel_override(off_vessel(vessel, n))) for n in numbers}
+    physics = (*overrides, "controller.name=sd-mpc")
+    beliefs = {CRUDE: crude_vessel(vessel)} | {off_name(n): off_vessel(vessel, n) for n in numbers}
+    wrong = {name: (*physics, vessel_override(believed)) for name, believed in beliefs.items()}
+    setups: dict[str, Keys] = {}
+    for under_what in under:
+        keys = known[under_what]
+        true = (*physics, vessel_override(load_config(base, (*overrides, *keys)).plant_vessel))
+        controllers = {**learned, TRUE: true, **wrong}
+        setups |= {_setup(under_what, name): (*own, *keys) for name, own in controllers.items()}
     scores, held, finished = run_setups(run, setups, rows, seeds, window_s, base=base)
-    table: dict[str, Any] = {}
-    for row in rows:
-        true = scores[TRUE, row]
-        wrong = [scores[off_name(n), row] for n in numbers]
-        mean_off = {seed: sum(part[seed] for part in wrong) / len(wrong) for seed in seeds}
-        whole_true = held[TRUE, row] >= 1.0
-        whole_off = all(held[off_name(n), row] >= 1.0 for n in numbers)
-        line = {}
-        for name in learned:
-            whole = held[name, row] >= 1.0
-            own = scores[name, row]
-            against_true, against_off = compare(own, true), compare(own, mean_off)
-            line[name] = {
-                "against_true": against_true,
-                "against_off": against_off,
-                "patterns_beaten": sum(sum(own.values()) < sum(part.values()) for part in wrong),
-                "no_worse": whole and whole_true and against_true["ratio"] <= NO_WORSE,
-                "better_than_off": whole and whole_off and against_off["ratio"] < 1.0,
-            }
-        off = {off_name(n): compare(part, true) for n, part in zip(numbers, wrong, strict=True)}
-        table[row] = {"learned": line, "off": off}
+    bounds = _bounds(run, [known[name] for name in under], rows, starts, base, overrides)
+    names = [*learned, TRUE, *wrong]
     return {
         "window_s": list(window_s),
         "seeds": list(seeds),
         "patterns": {str(n): signs(n) for n in numbers},
-        "rows": table,
-        "not_held": not_held(held),
+        "under": {
+            name: {row: _cell(name, row, names, scores, held, bounds[known[name], row]) for row in rows}
+            for name in under
+        },
         "cost": cost_figures(finished),
     }
 
 
+def _setup(under_what: str, controller: str) -> str:
+    return f"{controller}, {under_what}"
+
+
+def _bounds(
+    run: Run, boats: Iterable[Keys], rows: Iterable[str], starts: int, base: str, overrides: Keys
+) -> dict[tuple[Keys, str], float | None]:
+    """The bound of each boat, by its config keys, in each row; None along the wind, where it is zero."""
+    cases: dict[tuple[Keys, str], Job] = {}
+    for keys in boats:
+        config = load_config(base, (*overrides, *keys))
+        coupling, motors = config.plant_vessel.coupling, config.plant.motors
+        lopsided = motors is not None or (coupling is not None and coupling.y_g_m != 0.0)
+        for row in rows:
+            if along_the_wind(row):
+                continue
+            speed_mps, toward_deg = ROWS[row]
+            toward_deg = toward_deg if lopsided else abs(toward_deg)
+            key = f"bound {boat_hash(config)} {speed_mps:g}@{toward_deg:g} {starts}"
+            arguments = (base, (*overrides, *keys), speed_mps, math.radians(toward_deg), starts)
+            cases[keys, row] = Job(key=key, group="bounds", arguments=arguments)
+    found = run(run_named_bound, list(cases.values())).results if cases else []
+    at_hand = dict(zip(cases, found, strict=True))
+    return {
+        (keys, row): at_hand[keys, row]["penalty_score"] if (keys, row) in at_hand else None
+        for keys in boats
+        for row in rows
+    }
+
+
+def _cell(
+    under_what: str, row: str, names: list[str], scores: Scores, held: Held, bound: float | None
+) -> dict[str, Any]:
+    """Scores of all controllers in one row, and how the main one, the first, compares.
+
+    Runs that had not the motors all the time are the worst of all: such a controller has no score.
+    """
+    of = {name: scores[_setup(under_what, name), row] for name in names}
+    whole = [name for name in names if held[_setup(under_what, name), row] >= 1.0]
+    cell: dict[str, Any] = {
+        "bound": bound,
+        "controllers": {
+            name: {
+                "ps": mean_ci95(list(of[name].values())) if name in whole else None,
+                "by_seed": {str(seed): value for seed, value in of[name].items()},
+                "held": held[_setup(under_what, name), row],
+            }
+            for name in names
+        },
+        "verdict": None,
+    }
+    main = names[0]
+    if main not in whole:
+        return cell
+    own = mean_ci95(list(of[main].values()))["mean"]
+    best = min((name for name in whole if name != TRUE), key=lambda name: sum(of[name].values()))
+    against = compare(of[main], of[best])["difference"]
+    cell["verdict"] = {
+        "best": best,
+        "lowest": best == main or against["mean"] <= (against["ci95"] or 0.0),
+        "below_crude": CRUDE not in whole or own < mean_ci95(list(of[CRUDE].values()))["mean"],
+        "below_off": [
+            n
+            for n in names
+            if n.startswith(OFF_NAME) and (n not in whole or own < mean_ci95(list(of[n].values()))["mean"])
+        ],
+        "to_true": compare(of[main], of[TRUE])["ratio"] if TRUE in whole else None,
+        "regret": None if bound is None else own / bound,
+    }
+    return cell
+
+
 def markdown(study: Mapping[str, Any]) -> str:
-    """A row for each controller in each wind, and the factors of each pattern."""
+    """A table for each circumstance, a row for each wind, and the factors of each pattern."""
     patterns = study["patterns"]
-    lines = [
-        "| test | controller | ps | ratio to the true physics | ratio to 30 % off, mean | asked |",
-        "|" + " --- |" * 6,
-    ]
-    for row, part in study["rows"].items():
-        for name, cell in part["learned"].items():
-            true, off = cell["against_true"], cell["against_off"]
-            asked = (
-                f"at most {NO_WORSE:g}: {_yes(cell['no_worse'])}; better than 30 % off: "
-                f"{_yes(cell['better_than_off'])} ({cell['patterns_beaten']} of {len(patterns)} patterns)"
-            )
-            lines.append(
-                f"| {title(row)} | {name} | {plus_minus(true['ps'])} | {true['ratio']:.3f} | {off['ratio']:.3f} "
-                f"| {asked} |"
-            )
-        true_ps = next(iter(part["off"].values()))["against_ps"]
-        lines.append(f"| {title(row)} | {TRUE} | {plus_minus(true_ps)} | 1 | | |")
-        for name, cell in part["off"].items():
-            lines.append(f"| {title(row)} | {name} | {plus_minus(cell['ps'])} | {cell['ratio']:.3f} | | |")
+    from_s, to_s = study["window_s"]
+    about = (
+        f"Penalty scores against the truth over [{from_s:g}, {to_s:g}] s, {count_of_seeds(study['seeds'])}: "
+        "means with half of their 95 % interval. All share solver, weights and horizon, as they are set for learned "
+        "models. True: the physics of the simulated boat itself, which nobody has of a real one; crude: a guess from "
+        f"mass, arm and thrust curve; 30 % off: every coefficient, in {len(patterns)} patterns (lowest and highest "
+        f"score). The verdict is on {MAIN}: whether it is the lowest but for the true physics, or within the interval "
+        "of the difference to the lowest; whether it is below the crude guess, and below how many patterns; its ratio "
+        "to the true physics, and to the bound of that boat in that wind. Let go: without the motors for a part of "
+        "the window, which is no score."
+    )
+    parts = [about]
+    for name, rows in study["under"].items():
+        learned = [one for one in next(iter(rows.values()))["controllers"] if one in LEARNED]
+        heads = [
+            "test",
+            *learned,
+            "true",
+            "crude",
+            "30 % off",
+            "lowest",
+            "below crude",
+            "below off",
+            "to true",
+            "regret",
+        ]
+        lines = ["| " + " | ".join(heads) + " |", "|" + " --- |" * len(heads)]
+        lines += [_line(row, cell, learned, len(patterns)) for row, cell in rows.items()]
+        parts += [f"### {name[0].upper()}{name[1:]}", "\n".join(lines)]
     heads = [f"pattern {number}" for number in patterns]
     factors = ["| coefficient | " + " | ".join(heads) + " |", "| --- |" + " --- |" * len(heads)]
     for name in COEFFICIENTS:
         factors.append(f"| {name} | " + " | ".join(f"{patterns[number][name]:.1f}" for number in patterns) + " |")
-    from_s, to_s = study["window_s"]
-    about = (
-        f"Penalty scores against the truth over [{from_s:g}, {to_s:g}] s, {count_of_seeds(study['seeds'])}: "
-        "means with half of their 95 % interval. All share solver, weights and horizon."
-    )
-    words = "Factors of the wrong parameters (of `thrust_curve`: of every thrust in it):"
-    lost = held_words(study["not_held"], "nothing asked is met with them")
-    other = other_code(study["cost"]["runs_of_other_code"])
-    return "\n\n".join([about, "\n".join(lines), *lost, *other, words, "\n".join(factors)]) + "\n"
+    words = "### Factors of the wrong parameters\n\nOf `thrust_curve`: of every thrust in it."
+    return "\n\n".join([*parts, *other_code(study["cost"]["runs_of_other_code"]), words, "\n".join(factors)]) + "\n"
+
+
+def _line(row: str, cell: Mapping[str, Any], learned: Iterable[str], patterns: int) -> str:
+    def score(name: str) -> str:
+        figure = cell["controllers"][name]["ps"]
+        return "let go" if figure is None else plus_minus(figure)
+
+    off = [part["ps"] for name, part in cell["controllers"].items() if name.startswith(OFF_NAME)]
+    means = sorted(math.inf if figure is None else figure["mean"] for figure in off)
+    spread = " to ".join("let go" if math.isinf(mean) else f"{mean:.2f}" for mean in (means[0], means[-1]))
+    verdict = cell["verdict"]
+    told = ["-"] * 5
+    if verdict is not None:
+        told = [
+            "yes" if verdict["lowest"] else f"**no**, {verdict['best']}",
+            _yes(verdict["below_crude"]),
+            f"{len(verdict['below_off'])} of {patterns}",
+            in_digits(verdict["to_true"]),
+            in_digits(verdict["regret"]),
+        ]
+    return "| " + " | ".join([title(row), *map(score, learned), score(TRUE), score(CRUDE), spread, *told]) + " |"
 
 
 def _yes(met: bool) -> str:

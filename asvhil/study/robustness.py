@@ -43,6 +43,7 @@ def crude_vessel(vessel: VesselConfig) -> VesselConfig:
             "wind_sway_n_per_mps2": 1.5 * vessel.wind_sway_n_per_mps2,
             "wind_yaw_nm_per_mps2": 0.0,
             "motor_lag_s": 0.67 * vessel.motor_lag_s,
+            "coupling": None,
         }
     )
 

@@ -13,6 +13,7 @@ from asvhil.errors import AsvhilError
 from asvhil.study.bound import (
     INTERVALS,
     PERIODS_S,
+    boat_hash,
     bound,
     bounds_tree,
     figures,
@@ -62,9 +63,9 @@ def test_the_file_comes_back_and_belongs_to_a_boat(orbit, tmp_path):
     file = tmp_path / "bound.json"
     tree = bounds_tree(CONFIG, {"3@90": figures(orbit)})
     file.write_text(json.dumps(tree))
-    assert read_bounds(file, "wamv16", CONFIG.vehicle.vessel) == {"3@90": orbit.penalty_score}
+    assert read_bounds(file, CONFIG) == {"3@90": orbit.penalty_score}
     with pytest.raises(AsvhilError, match="holds the bounds of wamv16, not of bream"):
-        read_bounds(file, "bream", CONFIG.vehicle.vessel)
+        read_bounds(file, load_config("sitl-bream"))
     line = markdown(tree).splitlines()[-1]
     assert line.startswith(f"| 3@90 | {orbit.penalty_score:.3f} | {orbit.period_s:.2f} |") and line.endswith("3 | 3 |")
 
@@ -83,17 +84,17 @@ def test_bounds_of_other_values_of_a_vessel_are_one_line(tmp_path):
     file = tmp_path / "bound.json"
     tree = bounds_tree(CONFIG, {"3@90": {"penalty_score": 3.4}})
     file.write_text(json.dumps(tree))
-    vessel = CONFIG.vehicle.vessel
-    assert read_bounds(file, "wamv16", vessel) == {"3@90": 3.4}
-    other = vessel.model_copy(update={"wind_sway_n_per_mps2": 9.0})
-    with pytest.raises(
-        AsvhilError, match=rf"bound\.json: vessel_hash \w{{16}}, but .* has {other.content_hash()}; .*DIR"
-    ):
-        read_bounds(file, "wamv16", other)
+    assert read_bounds(file, CONFIG) == {"3@90": 3.4}
+    for other in (("vehicle.vessel.wind_sway_n_per_mps2=9",), ("plant.motors={port_thrust: 0.9}",)):
+        config = load_config("sitl", other)
+        with pytest.raises(
+            AsvhilError, match=rf"bound\.json: vessel_hash \w{{16}}, but .* has {boat_hash(config)}; .*DIR"
+        ):
+            read_bounds(file, config)
     del tree["vessel_hash"]
     file.write_text(json.dumps(tree))
     with pytest.raises(AsvhilError, match=r"bound\.json: no vessel_hash, but"):
-        read_bounds(file, "wamv16", vessel)
+        read_bounds(file, CONFIG)
 
 
 @pytest.mark.parametrize("text", ["", "[]", '{"vehicle": "wamv16"}', '{"vehicle": "wamv16", "winds": {"3@90": {}}}'])
@@ -101,13 +102,13 @@ def test_another_file_is_one_line(tmp_path, text):
     file = tmp_path / "bound.json"
     file.write_text(text)
     with pytest.raises(AsvhilError, match="not what `asvhil study bound -o` writes"):
-        read_bounds(file, "wamv16", CONFIG.vehicle.vessel)
+        read_bounds(file, CONFIG)
     with pytest.raises(AsvhilError, match="cannot be read"):
-        read_bounds(tmp_path / "nowhere.json", "wamv16", CONFIG.vehicle.vessel)
+        read_bounds(tmp_path / "nowhere.json", CONFIG)
 
 
 def test_the_shipped_bounds_are_those_of_every_row_across_the_wind(orbit):
-    shipped = read_bounds(SHIPPED, CONFIG.vehicle.name, CONFIG.plant_vessel)
+    shipped = read_bounds(SHIPPED, CONFIG)
     assert {wind_of(row) for row in ROWS if not along_the_wind(row)} == set(shipped)
     # Found from many starts; a few give the same.
     assert shipped["3@90"] == pytest.approx(orbit.penalty_score, rel=2e-3)

@@ -7,8 +7,9 @@ import pytest
 from asvhil.config import load_config
 from asvhil.simplant.lockstep import Lockstep
 from asvhil.study import approach, learned_loop, robustness
+from asvhil.study.circumstances import circumstances
 from asvhil.study.comparison import compare, vessel_override
-from asvhil.study.learned_loop import COEFFICIENTS, TRUE, off_name, off_vessel, signs, study_learned_loop
+from asvhil.study.learned_loop import COEFFICIENTS, CRUDE, TRUE, off_name, off_vessel, signs, study_learned_loop
 from asvhil.study.robustness import CURRENT, PAIRS, crude_vessel, judge, setups, study_robustness
 from asvhil.study.rows import row_overrides
 from asvhil.study.runner import run_into
@@ -36,7 +37,7 @@ def test_a_vessel_goes_through_the_config_unchanged():
 def test_the_crude_model_knows_the_thrust_curve_and_little_else():
     crude = crude_vessel(VESSEL)
     same = {name for name in type(VESSEL).model_fields if getattr(crude, name) == getattr(VESSEL, name)}
-    assert same == {"mass_kg", "motor_arm_m", "thrust_curve"}
+    assert same == {"mass_kg", "motor_arm_m", "thrust_curve", "coupling"}
 
 
 def test_without_the_sensor_the_boat_never_has_a_measured_wind():
@@ -96,7 +97,7 @@ def test_the_patterns_put_every_coefficient_off_by_thirty_percent():
         assert vessel.thrust_curve[-1] == (1.0, pytest.approx(factors["thrust_curve"] * 240.5))
         assert (vessel.motor_arm_m, vessel.motor_lag_s) == (VESSEL.motor_arm_m, VESSEL.motor_lag_s)
     assert len(seen) == 4
-    assert set(COEFFICIENTS) == set(type(VESSEL).model_fields) - {"motor_arm_m", "motor_lag_s"}
+    assert set(COEFFICIENTS) == set(type(VESSEL).model_fields) - {"motor_arm_m", "motor_lag_s", "coupling"}
 
 
 def test_robustness_in_short(tmp_path):
@@ -121,24 +122,65 @@ def test_robustness_in_short(tmp_path):
 
 def test_learned_models_in_short(tmp_path):
     learned = {"NNSEM-MPC": ("controller.name=nnsem-mpc",)}
-    found = study_learned_loop(
-        run_into(tmp_path / "trials.jsonl", workers=0),
-        learned=learned,
-        rows=["3"],
-        seeds=(1,),
-        patterns=2,
-        window_s=(5.0, 6.0),
-    )
-    line = found["rows"]["3"]
-    off = [part["ps"]["mean"] for part in line["off"].values()]
-    against = line["learned"]["NNSEM-MPC"]["against_off"]["against_ps"]["mean"]
-    assert against == pytest.approx(sum(off) / 2) and off[0] != off[1]
-    assert set(found["cost"]["process_s"]) == {"NNSEM-MPC", TRUE, off_name(1), off_name(2)}
+    keys = {"rows": ["3", "5"], "seeds": (1,), "patterns": 2, "starts": 1, "window_s": (5.0, 6.0)}
+    run = run_into(tmp_path / "trials.jsonl", workers=0)
+    found = study_learned_loop(run, learned=learned, under=["as shipped", "second boat"], **keys)
+    names = {"NNSEM-MPC", TRUE, CRUDE, off_name(1), off_name(2)}
+    shipped, second = found["under"]["as shipped"], found["under"]["second boat"]
+    for rows in (shipped, second):
+        assert set(rows) == {"3", "5"} and set(rows["5"]["controllers"]) == names
+        assert rows["3"]["bound"] is None and rows["3"]["verdict"]["regret"] is None
+        mean = rows["5"]["controllers"]["NNSEM-MPC"]["ps"]["mean"]
+        assert rows["5"]["verdict"]["regret"] == mean / rows["5"]["bound"]
+        assert rows["5"]["verdict"]["to_true"] == mean / rows["5"]["controllers"][TRUE]["ps"]["mean"]
+    assert 3.0 < shipped["5"]["bound"] < 4.0 and shipped["5"]["bound"] != second["5"]["bound"]
+    assert shipped["5"]["controllers"][TRUE]["by_seed"] != second["5"]["controllers"][TRUE]["by_seed"]
     text = learned_loop.markdown(json.loads(json.dumps(found)))
-    assert "| 3 (3 m/s toward 180°) | NNSEM-MPC |" in text and "| thrust_curve | " in text
-    lost = {**found, "not_held": [{"row": "3", "controller": TRUE, "held": 0.5}]}
-    assert f"- 3 (3 m/s toward 180°), {TRUE}: 0.500 at least" in learned_loop.markdown(lost)
-    assert {line.count("|") for line in text.splitlines() if line.startswith("| 3 ")} == {7}
+    assert "### Second boat" in text and "| thrust_curve | " in text
+    assert {line.count("|") for line in text.splitlines() if line.startswith("| 5 ")} == {11}
+    assert study_learned_loop(run, learned=learned, under=["as shipped", "second boat"], **keys) == found
+
+
+def test_who_was_let_go_has_no_score_and_nothing_is_said_of_it():
+    names = ["NNSEM-MPC", TRUE, CRUDE, off_name(1)]
+    scores = {(f"{name}, x", "5"): {1: 3.0 + i, 2: 3.0 + i} for i, name in enumerate(names)}
+    held = dict.fromkeys(scores, 1.0)
+
+    def cell(lost=""):
+        lacks = {(f"{lost}, x", "5"): 0.4} if lost else {}
+        return learned_loop._cell("x", "5", names, scores, {**held, **lacks}, 2.0)
+
+    verdict = cell()["verdict"]
+    assert verdict == {
+        "best": "NNSEM-MPC",
+        "lowest": True,
+        "below_crude": True,
+        "below_off": [off_name(1)],
+        "to_true": 0.75,
+        "regret": 1.5,
+    }
+    assert cell(TRUE)["verdict"]["to_true"] is None
+    lost = cell("NNSEM-MPC")
+    assert lost["verdict"] is None and lost["controllers"]["NNSEM-MPC"]["ps"] is None
+    study = {"under": {"x": {"5": lost}}, "patterns": {"1": signs(1)}, "seeds": [1, 2], "window_s": [60, 360]}
+    text = learned_loop.markdown({**study, "cost": {"runs_of_other_code": 0}})
+    assert "| 5 (3 m/s toward 90°) | let go | 4.00 ± 0.00 |" in text and "| - | - | - | - | - |" in text
+
+
+def test_the_circumstances_change_the_boat_and_not_what_the_controllers_believe():
+    known = circumstances("sitl")
+    assert next(iter(known)) == "as shipped" and known["as shipped"] == ()
+    plain = load_config("sitl")
+    for name, keys in known.items():
+        config = load_config("sitl", keys)
+        assert config.believed_vessel == plain.believed_vessel, name
+        changed = name not in ("as shipped", "no disturbance, no trim", "no wind sensor", "light chop")
+        assert (config.plant_vessel != plain.plant_vessel) is changed, name
+    second = load_config("sitl", known["second boat"])
+    whole = load_config("sitl-second")
+    assert second.plant_vessel == whole.plant_vessel
+    assert (second.plant.wind_load, second.plant.motors) == (whole.plant.wind_load, whole.plant.motors)
+    assert "second boat" not in circumstances("sitl-bream")
 
 
 def test_the_approach_says_how_many_runs_other_code_made():

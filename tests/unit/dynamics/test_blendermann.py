@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from asvhil.config import BlendermannConfig, load_config
+from asvhil.dynamics.blendermann import Blendermann
 from asvhil.dynamics.wind_load import QuadraticWind
-from asvhil.simplant.boat.blendermann import Blendermann
 
 HULL = BlendermannConfig(
     frontal_area_m2=1.5, lateral_area_m2=1.9, length_m=4.9, centroid_ahead_m=0.1, drag_bow=0.55, drag_stern=0.55

@@ -1,4 +1,4 @@
-"""Wind loads on the simulated boat by another law than that of the models."""
+"""Blendermann's wind loads, for a simulated boat whose wind is by another law than that of the models."""
 
 from __future__ import annotations
 
