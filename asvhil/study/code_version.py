@@ -32,6 +32,7 @@ def digest_of(*paths: Path) -> str:
     return digest.hexdigest()[:12]
 
 
+@functools.cache
 def effective(source: str) -> str:
     """A source without docstrings, lines that are comments alone, and empty lines: what is left decides what it does.
 

@@ -16,6 +16,7 @@ from asvhil.config import load_config
 from asvhil.io.mavlink.frames import FrameSplitter, decode, dialect
 from asvhil.supervisor.reasons import Reason
 from asvhil.types import Frame, Inputs, Outputs, Phase
+from tests.support.copies import on_a_copy
 from tests.support.loop import STATION_DEG, GroundStationLoop
 
 MOMENTS = 200  # of all ways together
@@ -132,42 +133,54 @@ def off_centre(chance: random.Random) -> tuple[Any, tuple[int, int]]:
 
 @pytest.mark.parametrize("way", WAYS)
 def test_a_stick_at_any_moment_ends_the_hold_in_the_tick_of_the_news(way: str) -> None:
+    """Each time on a copy of the boat, at random moments of its hold; at every tenth the boat itself, held again."""
     chance = random.Random(f"station {way}")
     loop = PilotLoop(way)
+    loop.from_station(HEARTBEAT, LINKS[1])
+    loop.held()
     for moment in range(MOMENTS // len(WAYS) + 1):
         loop.from_station(HEARTBEAT, LINKS[1])  # each moment takes less than the 5 s after which a station is lost
-        loop.held()
-        loop.wait(0.05 * chance.randint(1, 35))
+        loop.wait(0.05 * chance.randint(1, 20))
         assert loop.outputs is not None and loop.outputs.phase is Phase.HOLD, loop.outputs.health.reason
-        link = LINKS[moment % len(LINKS)]
-        message, sticks_us = off_centre(chance)
-        shows = shows_sticks(sticks_us)
-        for _ in range(30):
+        link, draw = LINKS[moment % len(LINKS)], chance.random()
+        if moment % 10:
+            on_a_copy(lambda link=link, draw=draw: move_a_stick(loop, link, random.Random(draw)))
+        else:
+            move_a_stick(loop, link, random.Random(draw))
+            if link != "the operator's port":
+                loop.from_station(channels(1500, 1500), link)
+            loop.wait(1.0)
+            assert loop.frontseat.outputs_us == (1500, 1500)
+            loop.from_station(HEARTBEAT, LINKS[1])
+            loop.held()
+
+
+def move_a_stick(loop: PilotLoop, link: str, chance: random.Random) -> None:
+    """His stick ends the hold in the tick of the news, and is what the motors hear from then on, or nothing is."""
+    message, sticks_us = off_centre(chance)
+    shows = shows_sticks(sticks_us)
+    for _ in range(30):
+        loop.from_station(message, link, after_ns=chance.randint(1, 49_000_000))
+        inputs, outputs = loop.tick()
+        if outputs.phase is not Phase.HOLD or link != LINKS[0] or shows(inputs):
+            break
+    assert outputs.phase is Phase.STANDBY and outputs.health.code in {
+        Reason.STATION_STICK,
+        Reason.STICK_MOVED,
+        Reason.OVERRIDE_NOT_FOLLOWED,
+        Reason.SCRIPT_LET_GO,
+    }, (link, outputs.health.reason)
+    reaches = link != "the operator's port" and not loop.script
+    for tick in range(8):
+        if reaches:
             loop.from_station(message, link, after_ns=chance.randint(1, 49_000_000))
-            inputs, outputs = loop.tick()
-            if outputs.phase is not Phase.HOLD or link != LINKS[0] or shows(inputs):
-                break
-        assert outputs.phase is Phase.STANDBY and outputs.health.code in {
-            Reason.STATION_STICK,
-            Reason.STICK_MOVED,
-            Reason.OVERRIDE_NOT_FOLLOWED,
-            Reason.SCRIPT_LET_GO,
-        }, (moment, link, outputs.health.reason)
-        reaches = link != "the operator's port" and not loop.script
-        for tick in range(8):
-            if reaches:
-                loop.from_station(message, link, after_ns=chance.randint(1, 49_000_000))
-            outputs = loop.step()
-            assert outputs.phase is Phase.STANDBY
-            if tick:
-                motors_us = loop.frontseat.outputs_us
-                assert motors_us == (1500, 1500) or (
-                    not loop.script and max(abs(m - s) for m, s in zip(motors_us, sticks_us, strict=True)) <= 1
-                ), (moment, link, motors_us, sticks_us)
-        if link != "the operator's port":
-            loop.from_station(channels(1500, 1500), link)
-        loop.wait(1.0)
-        assert loop.frontseat.outputs_us == (1500, 1500)
+        outputs = loop.step()
+        assert outputs.phase is Phase.STANDBY
+        if tick:
+            motors_us = loop.frontseat.outputs_us
+            assert motors_us == (1500, 1500) or (
+                not loop.script and max(abs(m - s) for m, s in zip(motors_us, sticks_us, strict=True)) <= 1
+            ), (link, motors_us, sticks_us)
 
 
 @pytest.mark.parametrize("link", LINKS)

@@ -10,6 +10,7 @@ from asvhil.operator.encoding import encode_hold
 from asvhil.simplant.lockstep import Lockstep
 from asvhil.supervisor.reasons import Reason, describe, explain
 from asvhil.types import Inputs, Outputs, Phase
+from tests.support.copies import on_a_copy
 
 MANUAL, HOLD = 0, 4
 MOMENTS = 200
@@ -58,40 +59,59 @@ def tick_until(loop: Lockstep, phase: Phase, limit: int = 200) -> None:
 
 @pytest.mark.parametrize("act", ["mode", "disarmed", "stick"])
 def test_the_pilot_has_the_boat_in_the_tick_that_hears_of_it(act: str) -> None:
+    """Each time a copy of the boat is taken over; at every tenth the boat itself, which is asked to hold again."""
     chance = random.Random(f"pilot {act}")
     loop = Lockstep(load_config("sitl", ("controller.name=backstepping",)))
-    frontseat = loop.plant.frontseat
     tick_until(loop, Phase.HOLD)
-    for _ in range(MOMENTS):
-        for _ in range(chance.randrange(25, 45)):
+    for moment in range(MOMENTS):
+        for _ in range(chance.randrange(3, 20)):
             _, outputs = loop.tick()
             assert outputs.phase is Phase.HOLD and overrides(outputs)
-        if act == "mode":
-            assert frontseat.set_mode(HOLD)
-        elif act == "disarmed":
-            assert frontseat.arm(False)
+        fourth_us = chance.choice([1100, 1350, 1620, 1900])
+        if moment % 10:
+            on_a_copy(lambda fourth_us=fourth_us: take_over(loop, act, fourth_us))
         else:
-            frontseat.set_sticks({4: chance.choice([1100, 1350, 1620, 1900])})
-        witness = Witness()
-        for _ in range(5):  # at the rates asked for, news takes 0.2 s at most
-            inputs, outputs = loop.tick()
-            heard = witness.news(inputs)
-            if heard == act:
-                break
-            assert outputs.phase is Phase.HOLD
-        assert heard == act
-        assert outputs.phase is Phase.STANDBY and outputs.pwm_us is None
-        assert overrides(outputs) == [(0, 0)], "released, and nothing else said"
-        frontseat.set_sticks({4: 1500})
-        frontseat.set_mode(MANUAL)
-        loop.tick()  # the release arrives, the sticks are neutral again
-        assert frontseat.arm(True)
-        for _ in range(20):
-            _, outputs = loop.tick()
-            assert outputs.phase is Phase.STANDBY and all(pair == (0, 0) for pair in overrides(outputs))
-        loop.inject("operator", encode_hold(loop.config.links.autopilot, None, None, None), "127.0.0.1:9")
-        tick_until(loop, Phase.HOLD, 2)
-        assert loop.tick()[1].phase is Phase.HOLD
+            take_over(loop, act, fourth_us)
+            hold_again(loop)
+
+
+def take_over(loop: Lockstep, act: str, fourth_us: int) -> None:
+    """The pilot acts, and has the motors in the tick that hears of it."""
+    frontseat = loop.plant.frontseat
+    if act == "mode":
+        assert frontseat.set_mode(HOLD)
+    elif act == "disarmed":
+        assert frontseat.arm(False)
+    else:
+        frontseat.set_sticks({4: fourth_us})
+    witness = Witness()
+    for _ in range(5):  # at the rates asked for, news takes 0.2 s at most
+        inputs, outputs = loop.tick()
+        heard = witness.news(inputs)
+        if heard == act:
+            break
+        assert outputs.phase is Phase.HOLD
+    assert heard == act
+    assert outputs.phase is Phase.STANDBY and outputs.pwm_us is None
+    assert overrides(outputs) == [(0, 0)], "released, and nothing else said"
+    for _ in range(3):
+        _, outputs = loop.tick()
+        assert outputs.phase is Phase.STANDBY and all(pair == (0, 0) for pair in overrides(outputs))
+
+
+def hold_again(loop: Lockstep) -> None:
+    """Once the pilot has given the boat back, and not before an operator asks."""
+    frontseat = loop.plant.frontseat
+    frontseat.set_sticks({4: 1500})
+    frontseat.set_mode(MANUAL)
+    loop.tick()  # the release arrives, the sticks are neutral again
+    assert frontseat.arm(True)
+    for _ in range(20):
+        _, outputs = loop.tick()
+        assert outputs.phase is Phase.STANDBY and all(pair == (0, 0) for pair in overrides(outputs))
+    loop.inject("operator", encode_hold(loop.config.links.autopilot, None, None, None), "127.0.0.1:9")
+    tick_until(loop, Phase.HOLD, 2)
+    assert loop.tick()[1].phase is Phase.HOLD
 
 
 def test_the_boat_is_the_pilots_the_moment_overrides_are_released() -> None:

@@ -9,7 +9,7 @@ from asvhil.study.soak import judge, markdown
 from asvhil.study.trials.soak import EVERY_S, OF_THE_BOAT, OF_THE_LOOP, SoakLoop, draw_faults, run_soak
 from asvhil.types import Phase
 
-CONFIG = ("controller.name=sd-mpc",)
+CONFIG = ("controller.name=backstepping",)
 
 
 def test_holds_come_back_after_each_fault() -> None:

@@ -50,6 +50,7 @@ def first_told(path: Path, sound: Path) -> dict[tuple[str, str], float]:
     return found
 
 
+@cache
 def bad_notes(path: Path) -> list[tuple[tuple[str, str], float]]:
     ticks = [decode_outputs(data) for _, data in LogFile(path).ticks() if data is not None]
     return [

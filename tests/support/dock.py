@@ -40,9 +40,12 @@ class Dock:
         return frame.port == "autopilot" and message_id(frame.data) in self._lost
 
     def look(self) -> list[Check]:
-        """A survey from the first heartbeat to the end: what it made of the vehicle."""
+        """A survey from the first heartbeat to the end, 25 s at most: what it made of the vehicle."""
         self.survey = Survey(self.config)
-        self.run(25.0)
+        for _ in range(50):
+            self.run(0.5)
+            if self.survey.stage == "done":
+                break
         assert self.survey.stage == "done"
         return checks_of(self.survey)
 
