@@ -15,6 +15,7 @@ import serial
 
 from asvhil.config.link_spec import LinkSpec
 from asvhil.errors import LinkError
+from asvhil.links.in_thread import open_in_thread
 from asvhil.links.link import Handover, Link, why
 from asvhil.links.stream import CHUNK_BYTES, ByteStream
 
@@ -91,7 +92,7 @@ def _open_device(spec: LinkSpec) -> serial.Serial:
 async def open_serial(spec: LinkSpec, port: str, now_ns: Callable[[], int]) -> SerialLink:
     """Open a serial port 8N1 without flow control; LinkError when it is missing, busy, or no serial port."""
     try:
-        device = await asyncio.to_thread(_open_device, spec)  # some drivers take a second to open
+        device = await open_in_thread(_open_device, spec)  # some drivers take a second to open
     except OSError as exc:  # pyserial's SerialException is one
         raise LinkError(f"{spec.text}: {why(exc)}") from None
     except (termios.error, ValueError) as exc:
