@@ -9,6 +9,7 @@ from pydantic import Field
 
 from asvhil.config.chosen import Choosing, NamedIn
 from asvhil.config.controller import (
+    EFFORT_PARAMETER,
     EFFORTS,
     BacksteppingConfig,
     LoiterConfig,
@@ -37,7 +38,9 @@ _MPC_PARAMETERS = (
         for short, section in _SETS
         for what, field, most in _WEIGHTS
     ),
-    OperatorParameter(name="MPC_EFFORT", path=("effort",), least=0.0, most=len(EFFORTS) - 1.0, choices=tuple(EFFORTS)),
+    OperatorParameter(
+        name=EFFORT_PARAMETER, path=("effort",), least=0.0, most=len(EFFORTS) - 1.0, choices=tuple(EFFORTS)
+    ),
     OperatorParameter(name="MPC_NEAR_R", path=("near_radius_m",), least=0.5, most=100.0),
     OperatorParameter(name="MPC_FAR_R", path=("far_radius_m",), least=1.0, most=200.0),
     OperatorParameter(name="MPC_TRIM_T", path=("trim_time_s",), least=1.0, most=1e4),

@@ -11,15 +11,16 @@ from collections.abc import Callable
 from asvhil.config import Config
 from asvhil.config.link_spec import parse_spec
 from asvhil.config.ports import OPERATOR
-from asvhil.dashboard.controls import PageControl, encode_control
+from asvhil.dashboard.controls import CHOICES, PageControl, encode_control
 from asvhil.dashboard.picture import BoatPicture
 from asvhil.errors import LinkError
 from asvhil.io.mavlink.frames import decode, dialect, renumbered, source
 from asvhil.io.mavlink.signature_filter import SignatureFilter
 from asvhil.io.mavlink.texts import TextReader
+from asvhil.links.in_thread import open_in_thread
 from asvhil.links.link import why
 from asvhil.links.operator_client import KINDS, called, with_key
-from asvhil.operator.encoding import encode_question
+from asvhil.operator.encoding import encode_parameter_question, encode_question
 from asvhil.types import Frame
 
 PERIOD_S = 0.2
@@ -66,7 +67,7 @@ class DaemonClient:
         """Ask and listen until cancelled; a daemon that is gone may come back."""
         while True:
             try:
-                link = await asyncio.to_thread(called, self._spec)
+                link = await open_in_thread(called, self._spec)
             except OSError as error:
                 self._picture.note_trouble(f"{self._spec.text}: cannot be reached ({why(error)})")
                 await asyncio.sleep(PERIOD_S)
@@ -102,7 +103,7 @@ class DaemonClient:
                 with contextlib.suppress(TimeoutError):
                     result = await asyncio.wait_for(asyncio.shield(granted), AGAIN_S)
                     return result == 0, "granted" if result == 0 else self._words(began_s) or f"MAV_RESULT {result}"
-                if mav_cmd is None and control.is_shown_by(self._picture.station_m):
+                if mav_cmd is None and control.is_shown_by(self._picture.station_m, self._picture.choices):
                     return True, "granted"
                 if mav_cmd is None and self._refusal[0] >= began_s:
                     return False, self._refusal[1]
@@ -121,6 +122,9 @@ class DaemonClient:
         while True:
             for msg_id in (ARRAYS, *(RARELY_ASKED if count % SELDOM == 0 else ())):
                 self._send(renumbered(encode_question(self._config, msg_id), self._next_number()))
+            if count % SELDOM == 1:
+                for name, _ in CHOICES.values():
+                    self._send(renumbered(encode_parameter_question(self._config, name), self._next_number()))
             count += 1
             await asyncio.sleep(PERIOD_S)
 

@@ -6,6 +6,7 @@ import re
 from collections import deque
 from typing import Any
 
+from asvhil.dashboard.controls import CHOICES
 from asvhil.geo import LocalFrame
 from asvhil.io.mavlink.frames import dialect
 from asvhil.io.mavlink.texts import TextReader
@@ -40,6 +41,7 @@ class BoatPicture:
         self._plan_s = 0.0
         self._station_deg: Json | None = None
         self._computer: Json | None = None
+        self._choices: dict[str, str | None] = dict.fromkeys(CHOICES)
         self._words: dict[str, str] = {}
         self._notes: dict[str, tuple[str, bool, float]] = {}  # subject: text, ok, when it was heard last
         self._events: deque[Json] = deque(maxlen=EVENTS)
@@ -66,6 +68,10 @@ class BoatPicture:
                 self._station_deg = {"lat": message.lat_int * 1e-7, "lon": message.lon_int * 1e-7}
             case "ONBOARD_COMPUTER_STATUS":
                 self._computer = computer_status(message)
+            case "PARAM_VALUE":
+                for action, (name, words) in CHOICES.items():
+                    if message.param_id == name and 0 <= message.param_value < len(words):
+                        self._choices[action] = words[int(message.param_value)]
             case "STATUSTEXT":
                 text = self._texts.receive(message)
                 if text is not None:
@@ -130,6 +136,11 @@ class BoatPicture:
         n, e, heading = (self._boat.get(f"station_{name}") for name in ("n_m", "e_m", "heading_deg"))
         return None if n is None or e is None or heading is None else (n, e, heading)
 
+    @property
+    def choices(self) -> Json:
+        """The words of CHOICES that are in force; None where the daemon has no such choice, or has not told."""
+        return dict(self._choices)
+
     def is_stale(self, t_s: float) -> bool:
         """Whether what is shown is older than it may be."""
         return self._heard_s is None or t_s - self._heard_s > STALE_S
@@ -157,6 +168,7 @@ class BoatPicture:
             "station_deg": self._station_deg,
             "fence_m": self._fence_m(),
             "computer": self._computer,
+            "choices": self.choices,
             "notes": [{"subject": s, "text": text, "ok": ok} for s, (text, ok, _) in self._notes.items()],
             "events": [event for event in self._events if event["id"] > after_event],
         }

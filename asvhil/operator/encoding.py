@@ -94,6 +94,12 @@ def encode_parameter(config: AutopilotLinkConfig, name: str, value: float) -> by
     return _pack_as_ground_station(message)
 
 
+def encode_parameter_question(config: AutopilotLinkConfig, name: str) -> bytes:
+    """The frame that asks for a parameter of the daemon; nothing answers where it has none of that name."""
+    message = dialect.MAVLink_param_request_read_message(config.system_id, config.component_id, name.encode(), -1)
+    return _pack_as_ground_station(message)
+
+
 def encode_solve_time(config: AutopilotLinkConfig, solve_ms: float) -> bytes:
     """The frame by which the shell tells how long solving takes."""
     message = dialect.MAVLink_named_value_float_message(0, SOLVE_TIME.encode(), solve_ms)

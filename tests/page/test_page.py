@@ -35,6 +35,7 @@ pytestmark = [
 ]
 SIZES = ((390, 844), (820, 1180), (1280, 800))
 THEMES = ("light", "dark")
+CONTROLS = ("neutral", "hold", "release", "heading", "policy", "effort")
 KINDS_ASKED = ("COMMAND_LONG", "COMMAND_INT")
 
 
@@ -123,7 +124,7 @@ def test_an_operator_sees_the_boat_moves_the_station_stops_the_motors_and_notice
         stranger = chromium.new_page()
         stranger.goto(root)
         stranger.wait_for_selector("#token-form:not([hidden])")
-        assert all(stranger.is_disabled(f"#{name}") for name in ("neutral", "hold", "release", "heading"))
+        assert all(stranger.is_disabled(f"#{name}") for name in CONTROLS)
         stranger.close()
 
         # A click on the map, confirmed, moves the station, and the boat follows.
@@ -156,6 +157,17 @@ def test_an_operator_sees_the_boat_moves_the_station_stops_the_motors_and_notice
         page.click("#heading")
         page.click("#confirm-yes")
         wait_for_text(lambda: page.inner_text("#answer"), "heading: granted".__eq__, 8.0)
+
+        # Heading policy and effort: what is in force is shown, another is chosen, or not.
+        for name, before, chosen in (("effort", "normal", "gentle"), ("policy", "fixed", "stern")):
+            wait_for_text(lambda name=name: page.input_value(f"#{name}"), before.__eq__, 8.0)
+            page.select_option(f"#{name}", chosen)
+            page.click("#confirm-no")
+            wait_for_text(lambda name=name: page.input_value(f"#{name}"), before.__eq__, 3.0)
+            page.select_option(f"#{name}", chosen)
+            page.click("#confirm-yes")
+            wait_for_text(lambda: page.inner_text("#answer"), f"{name}: granted".__eq__, 8.0)
+            wait_for_text(lambda name=name: page.input_value(f"#{name}"), chosen.__eq__, 3.0)
 
         # Looked at in all sizes, by people and by axe-core, while the boat is under way.
         for theme in THEMES:

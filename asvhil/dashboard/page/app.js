@@ -47,6 +47,7 @@ function take(message) {
       rows = rows.filter((row) => row.t > message.t - KEPT_S);
     }
     message.events.forEach(tellEvent);
+    controls.showChoices();
     draw();
   }
 }

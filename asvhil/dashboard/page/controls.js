@@ -1,6 +1,10 @@
 // What changes something on the boat: with a token, and after a second word.
 
 const AGAIN_MS = 3000;
+const CHOICES = {
+  policy: (words) => `Have the heading follow ${words}? The boat may turn.`,
+  effort: (words) => `Keep the station with ${words} effort?`,
+};
 const $ = (id) => document.getElementById(id);
 
 export class Controls {
@@ -24,6 +28,9 @@ export class Controls {
       const heading = Number($("heading-wish").value);
       this.confirm(`Turn the station to a heading of ${heading}°?`, { action: "heading", heading_deg: heading });
     });
+    for (const [name, question] of Object.entries(CHOICES)) {
+      $(name).addEventListener("change", () => this.confirm(question($(name).selectedOptions[0].textContent), { action: name, [name]: $(name).value }));
+    }
     $("confirm-no").addEventListener("click", () => $("confirm").close());
     $("confirm-yes").addEventListener("click", () => { $("confirm").close(); this.send(this.asked); });
   }
@@ -42,9 +49,20 @@ export class Controls {
 
   show() {
     for (const id of ["neutral", "hold", "release", "heading"]) $(id).disabled = !this.open;
+    this.showChoices();
     $("token-form").hidden = this.open || !this.facts?.controllable;
     $("locked").textContent = !this.facts ? "" : !this.facts.controllable ? "This page only shows: it was started without controls." :
       this.open ? "" : "The token stands on the terminal of asvhil dashboard.";
+  }
+
+  // What is in force, unless a question about it is open; a daemon without such a choice leaves it closed.
+  showChoices() {
+    if ($("confirm").open) return;
+    for (const name of Object.keys(CHOICES)) {
+      const now = this.live?.choices[name] ?? null;
+      $(name).disabled = !this.open || now === null;
+      if (now !== null && $(name).value !== now) $(name).value = now;
+    }
   }
 
   // Whether there is anything to confirm.

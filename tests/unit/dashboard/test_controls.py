@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from asvhil.dashboard.controls import encode_control, read_control
+from asvhil.io.mavlink.frames import decode
 from asvhil.types import Frame, HoldCommand, MoveCommand, NeutralCommand, ReleaseCommand
 from tests.support.operator_bench import CONFIG, Bench
 
@@ -32,6 +33,24 @@ def test_each_control_is_what_it_says() -> None:
 
 
 @pytest.mark.parametrize(
+    ("action", "parameter", "words"),
+    [
+        ("policy", "ST_POLICY", ("fixed", "bow", "stern", "either")),
+        ("effort", "MPC_EFFORT", ("precise", "normal", "gentle")),
+    ],
+)
+def test_a_choice_sets_the_parameter_of_the_daemon(action: str, parameter: str, words: tuple[str, ...]) -> None:
+    for place, word in enumerate(words):
+        control = read_control({"action": action, action: word})
+        message = decode(encode_control(control, CONFIG))
+        assert message is not None and message.get_type() == "PARAM_SET"
+        assert (message.param_id, message.param_value) == (parameter, place)
+        assert control.is_shown_by(None, {action: word}) and control.mav_cmd is None
+        assert not control.is_shown_by((0.0, 0.0, 0.0), {action: None}) and not control.is_shown_by(None)
+        assert control.describe() == f"{action} {word}"
+
+
+@pytest.mark.parametrize(
     "body",
     [
         *(None, [], "hold", 3, {}, {"action": None}, {"action": "sail"}, {"action": ["hold"]}),
@@ -40,6 +59,8 @@ def test_each_control_is_what_it_says() -> None:
         *({"action": "move", "n_m": math.nan, "e_m": 0}, {"action": "move", "n_m": 6000, "e_m": 0}),
         *({"action": "heading", "heading_deg": -1}, {"action": "heading", "heading_deg": 361}),
         *({"action": "heading", "heading_deg": math.inf}, {"action": "heading", "heading_deg": 1, "x": 2}),
+        *({"action": "policy"}, {"action": "policy", "policy": "sideways"}, {"action": "policy", "policy": 1}),
+        *({"action": "effort", "effort": None}, {"action": "effort", "effort": "gentle", "policy": "bow"}),
     ],
 )
 def test_nonsense_is_refused_in_words(body: Any) -> None:

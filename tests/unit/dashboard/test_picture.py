@@ -57,6 +57,21 @@ def heartbeat(phase: int, state: int) -> Any:
     return dialect.MAVLink_heartbeat_message(18, 8, 0, phase, state, 3)
 
 
+def test_choices_are_those_that_the_daemon_tells_and_unknown_until_then() -> None:
+    bench = PictureBench()
+    assert bench.live()["choices"] == {"policy": None, "effort": None}
+
+    def told(name: str, value: float) -> dict[str, str | None]:
+        bench.hear(dialect.MAVLink_param_value_message(name.encode(), value, 9, 40, 3))
+        return dict(bench.live()["choices"])
+
+    assert told("ST_POLICY", 2.0) == {"policy": "stern", "effort": None}
+    assert told("MPC_EFFORT", 0.0) == {"policy": "stern", "effort": "precise"}
+    for odd in (3.0, -1.0, float("nan"), 1e30):
+        assert told("MPC_EFFORT", odd)["effort"] == "precise"
+    assert told("W_NEAR_HEAD", 1.0)["effort"] == "precise"
+
+
 def test_before_anything_is_heard_it_says_so() -> None:
     live = PictureBench().live()
     assert live["stale"] is True and live["age_s"] is None and live["trouble"] == "no answer yet"
