@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import resource
-import time
 from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
@@ -17,9 +16,10 @@ from asvhil.config.ports import AUTOPILOT, OPERATOR
 from asvhil.geo import LocalFrame
 from asvhil.operator.encoding import encode_hold
 from asvhil.simplant.lockstep import Lockstep
-from asvhil.types import Frame, Outputs, Phase, record
+from asvhil.study.trials.young_boat import YoungBoat, timed_ms
+from asvhil.types import Frame, Phase, record
 
-YOUNG_S, YOUNG_EVERY_S = 20.0, 60  # a new boat settles so long, and runs for a second so often
+YOUNG_EVERY_S = 60  # a new boat runs for a second so often
 EVERY_S = 300.0  # a fault, and another wind
 LOST_S = 150.0  # a hold that is not there again so long after the end of its fault is lost for good
 ASK_S = 5.0  # a hold that is not kept is asked for again
@@ -161,8 +161,15 @@ def run_soak(
     A fault's `back_s` is the time from its end to the hold that goes on or is kept again, None where that did not come
     within `LOST_S`. `tick_ms` is the processor time of a tick, plant and backseat, the median of each hour; `young_ms`
     that of a boat and a backseat that were new at the begin of the hour and run beside these, so that a host that is
-    slower for a while changes both.
+    slower for a while changes both. They are in a process of their own: building them would add to this one's memory.
     """
+    with YoungBoat(config) as young:
+        return _soak(config, hours, seed, young, on_second)
+
+
+def _soak(
+    config: Config, hours: float, seed: int, young: YoungBoat, on_second: Callable[[int], None]
+) -> dict[str, Any]:
     faults = draw_faults(seed, hours)
     loop = SoakLoop(config, faults, seed)
     weather_rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(13,)))
@@ -187,14 +194,12 @@ def run_soak(
         if second % round(EVERY_S) == 0:
             loop.plant.weather.set_wind(float(weather_rng.uniform(0.0, 6.0)), float(weather_rng.uniform(0.0, 360.0)))
         if second % 3600 == 0:
-            young = Lockstep(config)
-            for _ in range(round(YOUNG_S * hz)):
-                young.tick()
+            young.renew()
         if second % YOUNG_EVERY_S == 0:
-            young_ms += [_timed_ms(young)[0] for _ in range(round(hz))]
+            young_ms += young.ticks_ms(round(hz))
         for _ in range(round(hz)):
             loop.act(phase)
-            elapsed_ms, outputs = _timed_ms(loop)
+            elapsed_ms, outputs = timed_ms(loop)
             spent_ms.append(elapsed_ms)
             while at + 1 < len(fates) and loop.t_s >= fates[at + 1]["from_s"]:
                 at += 1
@@ -231,13 +236,6 @@ def run_soak(
         "hourly": hourly,
         "peak_kb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss,
     }
-
-
-def _timed_ms(loop: Lockstep) -> tuple[float, Outputs]:
-    """The processor time of a tick (ms), and its outputs."""
-    start_s = time.process_time()
-    _, outputs = loop.tick()
-    return 1e3 * (time.process_time() - start_s), outputs
 
 
 def _resident_kb() -> int:
