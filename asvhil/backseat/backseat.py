@@ -11,6 +11,7 @@ from asvhil.geo import LocalFrame
 from asvhil.motion.watch import MotionWatch
 from asvhil.operator.operations import Readings
 from asvhil.supervisor.battery_watch import BatteryWatch
+from asvhil.supervisor.heading_cost import HeadingCostWatch
 from asvhil.supervisor.reasons import describe
 from asvhil.supervisor.situation import Situation, StationSticks
 from asvhil.supervisor.supervisor import Decision
@@ -27,12 +28,14 @@ class Backseat:
         perception: Perception,
         motion: MotionWatch,
         battery: BatteryWatch,
+        heading_cost: HeadingCostWatch | None,
         command: Command,
         actuation: Actuation,
     ) -> None:
         self._autopilot = autopilot
         self._motion = motion
         self._battery = battery
+        self._heading_cost = heading_cost
         self._perception = perception
         self._command = command
         self._actuation = actuation
@@ -62,8 +65,13 @@ class Backseat:
         model_error = self._perception.check_model(seen) if control is not None else None
         self._motion.note_station(decision.station)
         self._perception.note_held(held=decision.station is not None)
+        if self._heading_cost is not None:
+            station = decision.station
+            push = None if station is None else self._perception.push_at(station.psi_rad)
+            self._heading_cost.step(t_ns, station, push)
         outside = (*self._autopilot.notes, *self._actuation.notes, *self._perception.notes(t_ns))
-        notes = (*outside, *self._motion.notes, *self._battery.notes, *self._command.notes)
+        cost = () if self._heading_cost is None else self._heading_cost.notes
+        notes = (*outside, *self._motion.notes, *self._battery.notes, *cost, *self._command.notes)
         frames += self._autopilot.data_to_send(t_ns)
         frames += self._perception.data_to_send(t_ns)
         switches, sources = self._perception.switches(t_ns), self._perception.sources(t_ns)

@@ -37,6 +37,7 @@ from asvhil.operator.session import OperatorSession
 from asvhil.operator.station_parameters import STATION_PARAMETERS
 from asvhil.operator.tunables import Tunables
 from asvhil.supervisor.battery_watch import BatteryWatch
+from asvhil.supervisor.heading_cost import HeadingCostWatch
 from asvhil.supervisor.supervisor import Supervisor
 
 HELD_S = 1e-3  # a time constant so short that a low-pass takes each sample over whole
@@ -206,6 +207,7 @@ def build_backseat(
         perception=build_perception(config, model, link),
         motion=MotionWatch(config),
         battery=BatteryWatch(config.supervisor.battery),
+        heading_cost=HeadingCostWatch(config.believed_vessel) if config.supervisor.heading_cost else None,
         command=build_command(config, controller),
         actuation=Actuation(
             autopilot=link,

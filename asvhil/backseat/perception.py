@@ -159,6 +159,10 @@ class Perception:
         self._pulses_us = pulses_us
         self._set_forcing(wind)
 
+    def push_at(self, psi_rad: float) -> tuple[float, float] | None:
+        """The weather's mean push (m/s^2) ahead and to starboard at a heading; None where it is not known."""
+        return self._weather.push_at(psi_rad)
+
     def check_model(self, seen: Perceived) -> PredictionError | None:
         """In a control tick, after `note_pulses`: the errors of the model's prediction, once its horizon is filled."""
         if seen.estimate is None:

@@ -156,8 +156,14 @@ class SupervisorConfig(Section):
     heading: HeadingConfig = Field(
         default=HeadingConfig(), description="Whether the heading of a station is fixed or follows the weather."
     )
+    heading_cost: bool = Field(
+        default=True,
+        description="Whether a hold tells what the station's heading costs in this weather, where that is on the side.",
+    )
     motion: MotionConfig = Field(default=MotionConfig(), description="Watching that the boat moves as it is told to.")
     battery: BatteryConfig = Field(default=BatteryConfig(), description="Watching the battery.")
+
+    before_it_came = (("heading_cost", False),)
 
     @field_validator("geofence")
     @classmethod

@@ -65,6 +65,18 @@ class WeatherHeading:
         self._bow_rad = self._bow()
         return self._bow_rad
 
+    def push_at(self, psi_rad: float) -> tuple[float, float] | None:
+        """The mean push (m/s^2) ahead and to starboard on a boat that rests at a heading; None: not known."""
+        if self._t_ns is None:
+            return None
+        place = (psi_rad % (2.0 * math.pi)) / (2.0 * math.pi) * HEADINGS
+        k = int(place) % HEADINGS
+        after, share = (k + 1) % HEADINGS, place - int(place)
+        ahead, abeam = (
+            float(part[k] + share * (part[after] - part[k])) for part in (self._force[0::2], self._force[1::2])
+        )
+        return ahead, abeam
+
     def _bow(self) -> float | None:
         """Where the sideways force changes its sign and the other one is astern; of several, where it is strongest."""
         ahead, abeam = self._force[0::2].tolist(), self._force[1::2].tolist()

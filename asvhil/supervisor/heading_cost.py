@@ -1,0 +1,102 @@
+"""What a station's heading costs in the weather: how far a boat without a sideways force will be off, and its thrust.
+
+A steady load to the side can only be borne by swinging: the thrust, ahead and astern by turns, then has a part to the
+side. With the thrust F that can be given both ways and a side load Y the heading swings by about asin(Y / F), and the
+boat runs up and down by F / m for as long as a swing takes at the yaw moment N of opposite thrusts: by a distance in
+proportion to (F / m) / (N / I) times a power of the swing. The factors are fitted to the physical bound of the WAM-V
+(`asvhil study bound`), the best that any controller could do in a steady wind.
+"""
+
+from __future__ import annotations
+
+import math
+
+from asvhil.config import VesselConfig
+from asvhil.types import Note, Station, record
+
+SUBJECT = "heading cost"
+# Of the bounds of the WAM-V in 3 and 6 m/s from abeam: their standard deviation of the heading, and mean distance.
+SWING = 0.92
+DISTANCE, POWER = 3.6, 0.81
+STILL_RAD = math.radians(1.5)  # a swing that is lost among gusts and waves
+MOST_RAD = math.radians(45.0)  # beyond, the boat is driven off: the WAM-V was held across 11 m/s (41), not 12 (51)
+EVERY_NS = 10_000_000_000
+CHANGED = 0.2  # of what was told last: less is not told anew
+
+
+@record
+class HeadingCost:
+    """Of one heading: mean distance (m) and standard deviation of the heading (rad) at the least, mean thrust along the
+    boat over what the motors can give (0 to 1), and whether the station can be held at all.
+    """
+
+    distance_m: float
+    swing_rad: float
+    thrust: float
+    can_be_held: bool
+
+
+def heading_cost(vessel: VesselConfig, ahead_mps2: float, abeam_mps2: float) -> HeadingCost:
+    """The cost of a heading at which the weather pushes with these accelerations ahead and to starboard, at rest."""
+    m_u, m_v = vessel.mass_kg + vessel.added_mass_surge_kg, vessel.mass_kg + vessel.added_mass_sway_kg
+    ahead_n, astern_n = vessel.thrust_curve[-1][1], -vessel.thrust_curve[0][1]
+    mean_n = -ahead_mps2 * m_u  # of both motors, against the load along
+    limit_n = 2.0 * (ahead_n if mean_n >= 0.0 else astern_n)
+    both_ways_n = min(2.0 * ahead_n - mean_n, 2.0 * astern_n + mean_n)
+    side_n = abs(abeam_mps2) * m_v
+    if both_ways_n <= 0.0 or side_n >= both_ways_n * math.sin(MOST_RAD):
+        return HeadingCost(
+            distance_m=math.inf, swing_rad=math.inf, thrust=min(abs(mean_n) / limit_n, 1.0), can_be_held=False
+        )
+    swing_rad = math.asin(side_n / both_ways_n)
+    turn_radps2 = vessel.motor_arm_m * (ahead_n + astern_n) / (vessel.inertia_yaw_kgm2 + vessel.added_inertia_yaw_kgm2)
+    run_m = both_ways_n / m_u / turn_radps2
+    return HeadingCost(
+        distance_m=DISTANCE * run_m * math.pow(swing_rad, POWER),
+        swing_rad=SWING * swing_rad,
+        thrust=abs(mean_n) / limit_n,
+        can_be_held=True,
+    )
+
+
+class HeadingCostWatch:
+    """Tells of a station that is held what its heading costs; nothing where the boat can lie still."""
+
+    def __init__(self, vessel: VesselConfig) -> None:
+        self._vessel = vessel
+        self._told: HeadingCost | None = None
+        self._told_ns: int | None = None
+        self.notes: tuple[Note, ...] = ()
+
+    def step(self, t_ns: int, station: Station | None, push_mps2: tuple[float, float] | None) -> None:
+        """In each tick: the station that is held, and the weather's push at its heading where that is known."""
+        if station is None or push_mps2 is None:
+            self._told = self._told_ns = None
+            self.notes = ()
+            return
+        if self._told_ns is not None and t_ns - self._told_ns < EVERY_NS:
+            return
+        cost = heading_cost(self._vessel, *push_mps2)
+        self._told_ns = t_ns
+        if self._told is None or _differ(cost, self._told):
+            self._told = cost
+            self.notes = _notes(cost)
+
+
+def _differ(a: HeadingCost, b: HeadingCost) -> bool:
+    if a.can_be_held != b.can_be_held or (a.swing_rad < STILL_RAD) != (b.swing_rad < STILL_RAD):
+        return True
+    return a.can_be_held and abs(a.distance_m - b.distance_m) > CHANGED * b.distance_m
+
+
+def _notes(cost: HeadingCost) -> tuple[Note, ...]:
+    if not cost.can_be_held:
+        text = "this weather drives the boat off at the station's heading; turn it to the weather, or end the hold"
+        return (Note(subject=SUBJECT, text=text, ok=False),)
+    if cost.swing_rad < STILL_RAD:
+        return ()
+    text = (
+        f"the weather is on the side: at best {cost.distance_m:.1f} m off, {math.degrees(cost.swing_rad):.0f} deg to "
+        "either side, motors ahead and astern by turns; turned to it the boat would lie still"
+    )
+    return (Note(subject=SUBJECT, text=text, ok=True),)

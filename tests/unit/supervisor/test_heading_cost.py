@@ -1,0 +1,81 @@
+"""What a heading costs in the weather, against the physical bounds of boats that it was not fitted to."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from asvhil.config import load_config
+from asvhil.study.bound import bound, plant_dynamics
+from asvhil.supervisor.heading_cost import EVERY_NS, HeadingCost, HeadingCostWatch, heading_cost
+from asvhil.types import Station
+
+VESSEL = load_config("sitl").vehicle.vessel
+STATION = Station(n_m=0.0, e_m=0.0, psi_rad=0.0)
+
+
+def cost_in(name: str, speed_mps: float, toward_deg: float) -> HeadingCost:
+    """Of the simulated boat of a config, in a steady wind toward an angle from the station's heading."""
+    config = load_config(name)
+    toward = math.radians(toward_deg)
+    wind = np.array([speed_mps * math.cos(toward), speed_mps * math.sin(toward)])
+    push = plant_dynamics(config).derivative(np.zeros(5), np.zeros(2), wind)
+    return heading_cost(config.plant_vessel, float(push[0]), float(push[1]))
+
+
+@pytest.mark.parametrize(
+    ("name", "speed_mps", "toward_deg"),
+    [("sitl", 4.0, 70.0), ("sitl-second", 3.0, 90.0), ("sitl-blueboat", 3.0, 90.0), ("sitl-blueboat", 6.0, 90.0)],
+)
+def test_it_is_near_the_bound_of_boats_and_winds_that_it_was_not_fitted_to(
+    name: str, speed_mps: float, toward_deg: float
+) -> None:
+    orbit = bound(plant_dynamics(load_config(name)), speed_mps, math.radians(toward_deg), 2)
+    cost = cost_in(name, speed_mps, toward_deg)
+    assert cost.distance_m == pytest.approx(orbit.distance_m[0], rel=0.15)
+    assert math.degrees(cost.swing_rad) == pytest.approx(orbit.heading_deg[1], rel=0.35)
+
+
+def test_with_the_weather_ahead_or_astern_it_lies_still_and_works_as_the_load_is() -> None:
+    for toward_deg in (0.0, 180.0):
+        cost = cost_in("sitl", 6.0, toward_deg)
+        assert cost.can_be_held and cost.distance_m == pytest.approx(0.0, abs=1e-6)
+    # 18 N of load: 481 N ahead can be given, 186 N astern.
+    assert cost_in("sitl", 6.0, 180.0).thrust == pytest.approx(18.0 / 481.0)
+    assert cost_in("sitl", 6.0, 0.0).thrust == pytest.approx(18.0 / 186.0)
+
+
+def test_more_weather_costs_more_until_the_station_cannot_be_held() -> None:
+    costs = [cost_in("sitl", speed_mps, 90.0) for speed_mps in (1.0, 2.0, 4.0, 6.0, 8.0, 11.0)]
+    assert all(a.distance_m < b.distance_m and a.swing_rad < b.swing_rad for a, b in pairwise(costs))
+    assert all(cost.can_be_held for cost in costs)
+    assert not cost_in("sitl", 12.0, 90.0).can_be_held, "as the simulated boat was not"
+    ahead = heading_cost(VESSEL, -2.0, 0.0)
+    assert not ahead.can_be_held and ahead.thrust == 1.0
+
+
+def test_it_tells_while_a_station_is_held_across_the_weather_and_seldom_anew() -> None:
+    watch, t_ns = HeadingCostWatch(VESSEL), 0
+
+    def told(station: Station | None, push: tuple[float, float] | None, after_ns: int = EVERY_NS) -> list[str]:
+        nonlocal t_ns
+        t_ns += after_ns
+        watch.step(t_ns, station, push)
+        return [note.text for note in watch.notes]
+
+    assert told(None, (0.0, 0.05)) == [] and told(STATION, None) == []
+    (across,) = told(STATION, (0.0, 0.05))
+    assert across.startswith("the weather is on the side: at best 1.5 m off, 9 deg to either side")
+    assert watch.notes[0].ok and watch.notes[0].subject == "heading cost"
+    assert told(STATION, (0.0, 0.2), 1) == [across], "not at once"
+    assert told(STATION, (0.0, 0.055)) == [across], "nor for little"
+    (more,) = told(STATION, (0.0, 0.08))
+    assert more != across
+    (lost,) = told(STATION, (0.0, -0.25))
+    assert lost.startswith("this weather drives the boat off") and not watch.notes[0].ok
+    assert told(STATION, (0.05, 0.0)) == [], "the weather is astern now"
+    told(STATION, (0.0, 0.05))
+    assert told(None, (0.0, 0.05)) == []
