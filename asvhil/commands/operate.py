@@ -65,7 +65,10 @@ def hold(
         _ask(settings, data, dialect.MAV_CMD_DO_REPOSITION)
     if policy is not None:
         _choose_policy(settings, POLICIES.index(policy))
-    typer.echo(_what_is_held(settings) + ("" if policy is None else f"; heading: {policy}"))
+    held, cost = _what_is_held(settings)
+    typer.echo(held + ("" if policy is None else f"; heading: {policy}"))
+    if cost and policy in (None, "fixed"):
+        typer.echo(f"its heading: {cost}")
 
 
 def release(
@@ -110,21 +113,25 @@ def _meant_all_the_same(refused: AsvhilError) -> float:
     return float(far[1]) + MOVES_M
 
 
-def _what_is_held(config: Config) -> str:
-    """Place and heading of the station that was granted, and the way there; so a digit that is wrong is seen."""
+def _what_is_held(config: Config) -> tuple[str, str]:
+    """Place and heading of the station that was granted, and the way there; so a digit that is wrong is seen.
+
+    And what that heading costs in the weather, "" where there is nothing to tell.
+    """
     from asvhil.links.operator_listener import OperatorListener
+    from asvhil.supervisor.heading_cost import SUBJECT
 
     link = config.links.operator
     try:
         look = OperatorListener(config.links.autopilot, link.endpoint, link.signing).look()
     except LinkError:  # it was granted all the same
-        return "holding"
+        return "holding", ""
     station, distance_m = look["station"], look.get("distance_m")
     if look["phase"] not in ("hold", "failsafe") or station is None:
-        return f"granted; {look['phase']}: {look['reason']}"
+        return f"granted; {look['phase']}: {look['reason']}", ""
     place = f"{station['lat_deg']:.7f}, {station['lon_deg']:.7f}, heading {station['heading_deg']:.1f} deg"
     away = "" if distance_m is None else f"; {distance_m:.1f} m away"
-    return f"holding {place}{away}"
+    return f"holding {place}{away}", look["notes"].get(SUBJECT, "")
 
 
 def _choose_policy(config: Config, number: int) -> None:

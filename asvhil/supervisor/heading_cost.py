@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 
 from asvhil.config import VesselConfig
+from asvhil.geo import wrap_rad
 from asvhil.types import Note, Station, record
 
 SUBJECT = "heading cost"
@@ -21,6 +22,7 @@ DISTANCE, POWER = 3.6, 0.81
 STILL_RAD = math.radians(1.5)  # a swing that is lost among gusts and waves
 MOST_RAD = math.radians(45.0)  # beyond, the boat is driven off: the WAM-V was held across 11 m/s (41), not 12 (51)
 EVERY_NS = 10_000_000_000
+TURNED_RAD = math.radians(5.0)  # a station that is turned by more is looked at at once
 CHANGED = 0.2  # of what was told last: less is not told anew
 
 
@@ -65,19 +67,21 @@ class HeadingCostWatch:
     def __init__(self, vessel: VesselConfig) -> None:
         self._vessel = vessel
         self._told: HeadingCost | None = None
-        self._told_ns: int | None = None
+        self._looked: tuple[int, float] | None = None  # when, at which heading
         self.notes: tuple[Note, ...] = ()
 
     def step(self, t_ns: int, station: Station | None, push_mps2: tuple[float, float] | None) -> None:
         """In each tick: the station that is held, and the weather's push at its heading where that is known."""
         if station is None or push_mps2 is None:
-            self._told = self._told_ns = None
+            self._told = self._looked = None
             self.notes = ()
             return
-        if self._told_ns is not None and t_ns - self._told_ns < EVERY_NS:
-            return
+        if self._looked is not None:
+            then_ns, psi_rad = self._looked
+            if t_ns - then_ns < EVERY_NS and abs(wrap_rad(station.psi_rad - psi_rad)) < TURNED_RAD:
+                return
         cost = heading_cost(self._vessel, *push_mps2)
-        self._told_ns = t_ns
+        self._looked = t_ns, station.psi_rad
         if self._told is None or _differ(cost, self._told):
             self._told = cost
             self.notes = _notes(cost)

@@ -20,7 +20,7 @@ def status(*arguments: str, timeout_s: float = 20.0) -> subprocess.CompletedProc
 
 
 def test_a_daemon_tells_how_it_is(tmp_path: Path) -> None:
-    with bench(tmp_path) as at, at.plant(), at.daemon() as daemon:
+    with bench(tmp_path) as at, at.plant("plant.weather.wind.speed_mps=6"), at.daemon() as daemon:
         daemon.wait_for(lambda s: s["phase"] == "hold" and s["distance_m"] is not None, 20.0)
         done = status("--json", *at.sets)
         assert (done.returncode, done.stderr) == (0, "")
@@ -33,12 +33,14 @@ def test_a_daemon_tells_how_it_is(tmp_path: Path) -> None:
         lines = dict(line.split(": ", 1) for line in status(*at.sets).stdout.splitlines())
         assert lines["phase"] == "hold: holding" and "MiB" in lines["computer"] and " m, " in lines["to the station"]
         assert lines["mode"] == "MANUAL, armed" and lines["receiver and battery"].startswith("3D fix")
-        far = ("hold", "--at", "40.4264,-86.9212", "--config", "sitl", *at.sets)  # 300 m north
+        # 300 m north, across the wind.
+        far = ("hold", "--at", "40.4264,-86.9212", "--heading", "90", "--config", "sitl", *at.sets)
         refused(call(*far, cwd=tmp_path), "m away, 100 m at most without a word")
         refused_by_hand = call(*far, cwd=tmp_path, typed="n\n")
         assert refused_by_hand.status == 2 and "Is that meant?" in refused_by_hand.out
         meant = call(*far, cwd=tmp_path, typed="y\n")
         assert meant.status == 0 and "holding 40.4264" in meant.out, meant
+        assert "its heading: the weather is on the side: at best " in meant.out, meant
         own = daemon.wait_for(lambda s: s["station"] is not None and s["station"]["from_m"] > 100.0, 5.0)
         assert (
             own["vehicle"].startswith("armed, MANUAL")

@@ -192,8 +192,8 @@ class Bench:
         ]
         self.sets = [word for setting in settings for word in ("--set", setting)]
 
-    def plant(self) -> Process:
-        return Process("plant", "sitl", "--quiet", *self.sets)
+    def plant(self, *overrides: str) -> Process:
+        return Process("plant", "sitl", "--quiet", *self.sets, *sets(*overrides))
 
     def daemon(self, env: dict[str, str] | None = None) -> Process:
         return Process("run", "sitl", "--status-json", "--log", str(self.log), *self.sets, env=env)

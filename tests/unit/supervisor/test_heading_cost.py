@@ -77,5 +77,7 @@ def test_it_tells_while_a_station_is_held_across_the_weather_and_seldom_anew() -
     (lost,) = told(STATION, (0.0, -0.25))
     assert lost.startswith("this weather drives the boat off") and not watch.notes[0].ok
     assert told(STATION, (0.05, 0.0)) == [], "the weather is astern now"
+    turned = Station(n_m=0.0, e_m=0.0, psi_rad=1.5)
+    assert told(STATION, (0.0, 0.05), 1) == [] and told(turned, (0.0, 0.05), 1) != [], "a station that is turned"
     told(STATION, (0.0, 0.05))
     assert told(None, (0.0, 0.05)) == []
