@@ -65,12 +65,10 @@ class Backseat:
         model_error = self._perception.check_model(seen) if control is not None else None
         self._motion.note_station(decision.station)
         self._perception.note_held(held=decision.station is not None)
+        cost: tuple[Note, ...] = ()
         if self._heading_cost is not None:
-            station = decision.station
-            push = None if station is None else self._perception.push_at(station.psi_rad)
-            self._heading_cost.step(t_ns, station, push)
+            cost = self._heading_cost.step(t_ns, decision.station, self._perception.push_at)
         outside = (*self._autopilot.notes, *self._actuation.notes, *self._perception.notes(t_ns))
-        cost = () if self._heading_cost is None else self._heading_cost.notes
         notes = (*outside, *self._motion.notes, *self._battery.notes, *cost, *self._command.notes)
         frames += self._autopilot.data_to_send(t_ns)
         frames += self._perception.data_to_send(t_ns)

@@ -8,8 +8,8 @@ from pydantic import Field, model_validator
 
 from asvhil.config.base import Fraction, NonNegative, Positive, Section
 
-# Least slew weight of the near set per m/s^2 of side load, by effort: chosen from the front in docs/results/effort.md.
 EFFORT_PARAMETER = "MPC_EFFORT"
+# Least slew weight of the near set per m/s^2 of side load, by effort: chosen from the front in docs/results/effort.md.
 EFFORTS: dict[str, float] = {"precise": 0.0, "normal": 150.0, "gentle": 1000.0}
 EFFORT_SLEW_MAX = 40.0  # beyond, the boat swings farther and its motors work hardly less
 

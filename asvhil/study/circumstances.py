@@ -6,10 +6,12 @@ import json
 from typing import Any
 
 from asvhil.config import Config, VesselConfig, load_config
+from asvhil.study.comparison import vessel_override
 from asvhil.study.robustness import NO_SENSOR
 from asvhil.study.safety_cases import heavy, weak
 
 SECOND = "sitl-second"
+TRUE_VESSEL = "plant.vessel"
 AS_SHIPPED = "as shipped"
 # Without what makes up for a wrong model: as in the paper.
 BARE = ("controller.mpc.disturbance_feedforward=false", "controller.mpc.trim_max_rad=0")
@@ -62,7 +64,7 @@ def circumstances(base: str, overrides: Keys = ()) -> dict[str, Keys]:
     if second.vehicle.name == config.vehicle.name:
         found["second boat"] = second_boat(second)
     for name, change in CHANGES.items():
-        found[name] = (_plant_vessel(vessel.model_copy(update=change(vessel))),)
+        found[name] = (vessel_override(vessel.model_copy(update=change(vessel)), TRUE_VESSEL),)
     return found
 
 
@@ -70,8 +72,5 @@ def second_boat(second: Config) -> Keys:
     """The keys that put the second boat in the place of the plant and leave what the controllers believe."""
     parts = {"wind_load": second.plant.wind_load, "motors": second.plant.motors}
     made = {name: part.model_dump(mode="json") for name, part in parts.items() if part is not None}
-    return (_plant_vessel(second.plant_vessel), *(f"plant.{name}={json.dumps(part)}" for name, part in made.items()))
-
-
-def _plant_vessel(vessel: VesselConfig) -> str:
-    return f"plant.vessel={json.dumps(vessel.model_dump(mode='json'))}"
+    keys = (f"plant.{name}={json.dumps(part)}" for name, part in made.items())
+    return (vessel_override(second.plant_vessel, TRUE_VESSEL), *keys)

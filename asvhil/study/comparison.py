@@ -78,6 +78,6 @@ def compare(tried: Mapping[int, float], against: Mapping[int, float]) -> dict[st
     }
 
 
-def vessel_override(vessel: VesselConfig) -> str:
-    """The config key that sets the vessel that sd-mpc assumes."""
-    return f"controller.vessel={json.dumps(vessel.model_dump(mode='json'))}"
+def vessel_override(vessel: VesselConfig, key: str = "controller.vessel") -> str:
+    """The override that sets a vessel: the one that sd-mpc assumes, or by `plant.vessel` the true one."""
+    return f"{key}={json.dumps(vessel.model_dump(mode='json'))}"

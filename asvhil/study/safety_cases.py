@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Callable, Iterator
 from typing import Any
 
 from asvhil.config import VesselConfig, load_config
+from asvhil.study.comparison import vessel_override
 from asvhil.study.robustness import NO_SENSOR
 from asvhil.study.rows import ROWS, row_overrides
 from asvhil.types import record
@@ -142,8 +142,7 @@ def heavy(vessel: VesselConfig) -> dict[str, Any]:
 
 def _other_boat(base: str, change: Callable[[VesselConfig], dict[str, Any]]) -> Keys:
     vessel = load_config(base).vehicle.vessel
-    changed = vessel.model_copy(update=change(vessel)).model_dump(mode="json")
-    return (f"plant.vessel={json.dumps(changed)}",)
+    return (vessel_override(vessel.model_copy(update=change(vessel)), "plant.vessel"),)
 
 
 GUSTY = (

@@ -10,6 +10,7 @@ proportion to (F / m) / (N / I) times a power of the swing. The factors are fitt
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 from asvhil.config import VesselConfig
 from asvhil.geo import wrap_rad
@@ -68,23 +69,31 @@ class HeadingCostWatch:
         self._vessel = vessel
         self._told: HeadingCost | None = None
         self._looked: tuple[int, float] | None = None  # when, at which heading
-        self.notes: tuple[Note, ...] = ()
+        self._notes: tuple[Note, ...] = ()
 
-    def step(self, t_ns: int, station: Station | None, push_mps2: tuple[float, float] | None) -> None:
-        """In each tick: the station that is held, and the weather's push at its heading where that is known."""
-        if station is None or push_mps2 is None:
-            self._told = self._looked = None
-            self.notes = ()
-            return
-        if self._looked is not None:
+    def step(
+        self, t_ns: int, station: Station | None, push_at: Callable[[float], tuple[float, float] | None]
+    ) -> tuple[Note, ...]:
+        """In each tick what there is to tell, of the station that is held.
+
+        `push_at` gives the weather's push (m/s^2, ahead and to starboard) at a heading (rad), None where that is not
+        known; it is asked when the cost is looked at, which is seldom.
+        """
+        if station is not None and self._looked is not None:
             then_ns, psi_rad = self._looked
             if t_ns - then_ns < EVERY_NS and abs(wrap_rad(station.psi_rad - psi_rad)) < TURNED_RAD:
-                return
+                return self._notes
+        push_mps2 = None if station is None else push_at(station.psi_rad)
+        if station is None or push_mps2 is None:
+            self._told = self._looked = None
+            self._notes = ()
+            return ()
         cost = heading_cost(self._vessel, *push_mps2)
         self._looked = t_ns, station.psi_rad
         if self._told is None or _differ(cost, self._told):
             self._told = cost
-            self.notes = _notes(cost)
+            self._notes = _notes(cost)
+        return self._notes
 
 
 def _differ(a: HeadingCost, b: HeadingCost) -> bool:

@@ -11,7 +11,7 @@ import pytest
 from asvhil.config import load_config
 from asvhil.study.bound import bound, plant_dynamics
 from asvhil.supervisor.heading_cost import EVERY_NS, HeadingCost, HeadingCostWatch, heading_cost
-from asvhil.types import Station
+from asvhil.types import Note, Station
 
 VESSEL = load_config("sitl").vehicle.vessel
 STATION = Station(n_m=0.0, e_m=0.0, psi_rad=0.0)
@@ -59,23 +59,24 @@ def test_more_weather_costs_more_until_the_station_cannot_be_held() -> None:
 
 def test_it_tells_while_a_station_is_held_across_the_weather_and_seldom_anew() -> None:
     watch, t_ns = HeadingCostWatch(VESSEL), 0
+    notes: list[Note] = []
 
     def told(station: Station | None, push: tuple[float, float] | None, after_ns: int = EVERY_NS) -> list[str]:
         nonlocal t_ns
         t_ns += after_ns
-        watch.step(t_ns, station, push)
-        return [note.text for note in watch.notes]
+        notes[:] = watch.step(t_ns, station, lambda psi_rad: push)
+        return [note.text for note in notes]
 
     assert told(None, (0.0, 0.05)) == [] and told(STATION, None) == []
     (across,) = told(STATION, (0.0, 0.05))
     assert across.startswith("the weather is on the side: at best 1.5 m off, 9 deg to either side")
-    assert watch.notes[0].ok and watch.notes[0].subject == "heading cost"
+    assert notes[0].ok and notes[0].subject == "heading cost"
     assert told(STATION, (0.0, 0.2), 1) == [across], "not at once"
     assert told(STATION, (0.0, 0.055)) == [across], "nor for little"
     (more,) = told(STATION, (0.0, 0.08))
     assert more != across
     (lost,) = told(STATION, (0.0, -0.25))
-    assert lost.startswith("this weather drives the boat off") and not watch.notes[0].ok
+    assert lost.startswith("this weather drives the boat off") and not notes[0].ok
     assert told(STATION, (0.05, 0.0)) == [], "the weather is astern now"
     turned = Station(n_m=0.0, e_m=0.0, psi_rad=1.5)
     assert told(STATION, (0.0, 0.05), 1) == [] and told(turned, (0.0, 0.05), 1) != [], "a station that is turned"
