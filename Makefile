@@ -10,11 +10,12 @@ STAMPS := $(VENV)/.stamps
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help sitl test lint unit mutants firmware firmware-sim wheelhouse check-lowest docs clean
+.PHONY: help sitl test test-thorough lint unit mutants firmware firmware-sim wheelhouse check-lowest docs clean
 
 help:
 	@echo "make sitl   keep a station for 60 s with the simulated boat"
 	@echo "make test   lint, types and all tests"
+	@echo "make test-thorough  further cases of what the tests show, and long ones: before a release"
 	@echo "make mutants  change what guards the motors, one thing at a time, and count which changes its tests notice"
 	@echo "make firmware  build the anemometer's firmware for Arduino Uno and Nano"
 	@echo "make firmware-sim  the same, and a simulated Arduino to run it on"
@@ -92,11 +93,16 @@ unit: $(STAMPS)/test $(STAMPS)/peer $(STAMPS)/mavproxy
 	@$(BIN)/pytest -q --collect-only > /dev/null 2>&1 & compiling=$$!; \
 	tools=0; $(MAKE) -s firmware-sim || tools=1; tests/page/install-tools.sh || tools=1; \
 	wait $$compiling; test $$tools -eq 0 -o -z "$$CI"
-	@$(BIN)/pytest -q -n 2 --dist worksteal -m real_time $$($(REAL_TIME)) > $(VENV)/real-time.txt 2>&1 & beside=$$!; \
-	nice -n 5 $(BIN)/pytest -q -n auto --maxprocesses 4 --dist worksteal -m "not real_time"; ahead=$$?; \
+	@$(BIN)/pytest -q -n 2 --dist worksteal -m "real_time and not thorough" $$($(REAL_TIME)) > $(VENV)/real-time.txt 2>&1 & beside=$$!; \
+	nice -n 5 $(BIN)/pytest -q -n auto --maxprocesses 4 --dist worksteal -m "not real_time and not thorough"; ahead=$$?; \
 	echo "beside these, in real time:"; \
 	wait $$beside; late=$$?; cat $(VENV)/real-time.txt; \
 	test $$ahead -eq 0 -a $$late -eq 0
+
+# Whole matrices and long runs, of which `make test` has a part or a shorter one.
+test-thorough: $(STAMPS)/test $(STAMPS)/peer
+	@$(BIN)/pytest -q -n auto --dist worksteal -m "thorough and not real_time"
+	@$(BIN)/pytest -q -n 2 --dist worksteal -m "thorough and real_time"
 
 $(STAMPS)/mutants: $(STAMPS)/test
 	@echo "adding mutmut ..."
