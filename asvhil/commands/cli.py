@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import functools
 import sys
-from typing import Annotated
+from collections.abc import Callable
+from typing import Annotated, Any
 
 import typer
 
@@ -88,10 +90,16 @@ def main() -> None:
     sys.exit(status)
 
 
+@functools.cache
+def _command() -> Callable[..., Any]:
+    """The commands with their options, which take a tenth of a second to make."""
+    return typer.main.get_command(app)
+
+
 def _run() -> tuple[str, int]:
     """What to say of an error, if there is anything, and the status."""
     try:
-        return "", app(standalone_mode=False, prog_name="asvhil") or 0
+        return "", _command()(standalone_mode=False, prog_name="asvhil") or 0
     except AsvhilError as error:
         return str(error), 2
     except ClickException as error:  # a wrong word on the command line

@@ -7,6 +7,7 @@ taken, up to a size that no config reaches.
 
 from __future__ import annotations
 
+import functools
 import math
 import re
 from pathlib import Path
@@ -65,8 +66,7 @@ def read_yaml(path: Path) -> YamlText:
 def parse_yaml(text: str, source: str) -> YamlText:
     """The one document in a text. ConfigError begins with `source` where it is not valid."""
     try:
-        loader = _Loader(text)
-        root = loader.get_single_node()
+        root = _composed(text)
     except ReaderError as error:
         line = text.count("\n", 0, error.position) + 1
         raise ConfigError(
@@ -81,6 +81,12 @@ def parse_yaml(text: str, source: str) -> YamlText:
     builder = _Builder(source)
     tree = None if root is None else builder.value(root, ())
     return YamlText(tree=tree, lines=builder.lines)
+
+
+@functools.lru_cache(maxsize=64)
+def _composed(text: str) -> yaml.Node | None:
+    """The root of a text's nodes, which nobody changes: a study reads the same few files for each of its runs."""
+    return _Loader(text).get_single_node()
 
 
 def _told(error: yaml.MarkedYAMLError) -> str:

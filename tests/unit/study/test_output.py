@@ -50,12 +50,18 @@ def idle(monkeypatch):
 )
 def test_what_cannot_be_written_is_said_before_anything_runs(study, stem, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    for ending in ("png", "md", "json"):
-        Path(f"{ending}/{stem}.{ending}").mkdir(parents=True)
-        said = mistake([study, "-o", ending], monkeypatch, capsys)
-        assert f"{ending}/{stem}.{ending}: cannot be written (Is a directory)" in said
-    said = mistake([study, "-o", "out", "--json", "nowhere/figures.json"], monkeypatch, capsys)
+    Path(f"out/{stem}.png").mkdir(parents=True)
+    said = mistake([study, "-o", "out"], monkeypatch, capsys)
+    assert f"out/{stem}.png: cannot be written (Is a directory)" in said
+    said = mistake([study, "-o", "other", "--json", "nowhere/figures.json"], monkeypatch, capsys)
     assert "--json nowhere/figures.json: cannot be written (No such file or directory)" in said
+
+
+@pytest.mark.parametrize("ending", ["png", "md", "json"])
+def test_each_file_that_a_study_leaves_is_checked(ending, tmp_path):
+    (tmp_path / f"bound.{ending}").mkdir()
+    with pytest.raises(AsvhilError, match=rf"bound\.{ending}: cannot be written \(Is a directory\)"):
+        check_output(tmp_path, "bound", None)
 
 
 def test_a_check_leaves_nothing_but_the_folder(tmp_path):
