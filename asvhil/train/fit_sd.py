@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asvhil.dynamics.arrays import Array
+from asvhil.dynamics.buffers import bind
 from asvhil.dynamics.fitted_sd import PARAMETERS, FittedSd
 from asvhil.dynamics.integrate import integrate
 from asvhil.dynamics.lagnet import SKIP_FACTORS
@@ -123,14 +124,19 @@ def _fit(
     rows = starts[:, None] + np.arange(window + 1)[None, :]
     nu, command, wind = (part[rows] for part in (windows.nu, windows.command, windows.wind))
     residuals = _residuals(half, window, dt_s, curved).map(len(starts))
-    columns = [part.reshape(len(starts), -1).T for part in (nu, command * half[3:5], wind * half[5:])]
+    # On buffers: out of CasADi's own matrices a Jacobian comes as a list of Python's numbers, which takes as long.
+    tiled, moved = np.empty((len(starts), count)), nu.copy()
+    errors = np.empty((len(starts), 3 * window))
+    jacobians = np.empty((len(starts), 3 * window, count + 3))
+    given = tiled, moved, command * half[3:5], wind * half[5:]
+    call = bind(residuals, [part.reshape(-1) for part in given], [errors.reshape(-1), jacobians.reshape(-1)])
 
     def evaluate(parameters: Array, shift: Array) -> tuple[Array, Array]:
         """Errors (W, 3 window) from starts that are moved by shift (W, 3), and their Jacobians (W, 3 window, P + 3)."""
-        moved = columns[0].copy()
-        moved[:3] += shift.T
-        error, jacobian = residuals(np.tile(parameters[:, None], len(starts)), moved, *columns[1:])
-        return np.asarray(error).T, np.asarray(jacobian).T.reshape(len(starts), 3 * window, -1)
+        tiled[:] = parameters
+        moved[:, 0] = nu[:, 0] + shift
+        call()
+        return errors.copy(), jacobians.copy()
 
     def cost_of(error: Array, shift: Array) -> float:
         return float((error * error).sum() + (shift * shift).sum()) / error.size
