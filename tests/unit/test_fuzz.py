@@ -3,19 +3,31 @@
 from __future__ import annotations
 
 import json
+import random
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
+from bench.fuzz_targets import TARGETS
+from tests.support.damage import odd
 from tests.support.paths import ROOT
 
 # The codecs of the sensors are given random bytes in tests/unit/io/test_hostile_bytes.py too.
-CODECS = ("vectornav", "signatures", "backseat_script", "log_files", "outputs_records")
+CODECS = ("signatures", "backseat_script", "log_files", "outputs_records")
 
 
 @pytest.mark.parametrize("target", CODECS)
+def test_no_edit_of_good_bytes_raises(target: str) -> None:
+    run, seeds = TARGETS[target]()
+    noise = random.Random(target)
+    for data in seeds:
+        for number in range(14):
+            run(odd(data, noise, number))
+
+
+@pytest.mark.parametrize("target", ["vectornav", *(pytest.param(name, marks=pytest.mark.thorough) for name in CODECS)])
 def test_no_bytes_raise_hang_or_leak(target: str, tmp_path: Path) -> None:
     figures = tmp_path / "fuzz.json"
     command = [sys.executable, "-m", "bench.fuzz", "--target", target, "--bytes", "15000", "--seed", "7"]
