@@ -29,7 +29,7 @@ from asvhil.types import (
     YawRate,
 )
 
-DURATION_S = 120.0  # the mean heading of BREAM's compass, which is off by 4 degrees each time, is then good to 0.1
+DURATION_S = 60.0  # the mean heading of BREAM's compass, which is off by 4 degrees each time, is then good to 0.4
 INS = "[ins.BINARY]"
 # All of the pose from a VN-300, none of it asked of the autopilot, and a vane that is turned and calibrated.
 VN300_ALONE = (
@@ -48,7 +48,11 @@ BOATS: dict[str, tuple[str, ...]] = {
 }
 
 
-@pytest.fixture(scope="session", params=BOATS)
+# `vn300-alone` has the messages of `sitl-vn300`, and more of them.
+PARAMS = [pytest.param(name, marks=pytest.mark.thorough) if name == "sitl-vn300" else name for name in BOATS]
+
+
+@pytest.fixture(scope="session", params=PARAMS)
 def log(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A run in 2 m/s of wind toward east, by a controller that costs little and needs no trained model."""
     name = request.param
@@ -121,7 +125,7 @@ def test_heading_and_wind_of_the_training_data_are_those_of_the_estimate(log: Pa
         [segment] = dataset_from_logs([log], 0.2, source).segments  # type: ignore[arg-type]
         assert np.array_equal(segment.t_s, truth.t_s) and len(segment.t_s) * 0.2 > 0.9 * DURATION_S
         error, filtered = off_deg(segment.psi, truth.psi).mean(), off_deg(estimate.psi, truth.psi).mean()
-        assert abs(error - filtered) < 0.2, source
+        assert abs(error - filtered) < 0.4, source
         assert abs(off_deg(np.radians(toward_deg(segment)), np.arctan2(east, north))) < 2.0, source
 
 
