@@ -36,11 +36,12 @@ def record_live(log: Path) -> None:
     recorder.close()
 
 
-@pytest.fixture
-def page(run_logs: Runs, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+@pytest.fixture(scope="module")
+def page(run_logs: Runs, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The report of the log with two holds."""
-    html = tmp_path / "run.html"
-    assert report(monkeypatch, run_logs("two_holds"), "--html", html) == 0
+    html = tmp_path_factory.mktemp("page") / "run.html"
+    with pytest.MonkeyPatch.context() as patch:
+        assert report(patch, run_logs("two_holds"), "--html", html) == 0
     return html
 
 
