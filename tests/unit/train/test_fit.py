@@ -421,7 +421,7 @@ def test_a_weight_on_the_rates_at_rest_teaches_the_wind_loads_of_the_drifts(kind
     assert worst[1] < 0.4 * worst[0], worst
 
 
-@pytest.mark.parametrize("paired", [False, True])
+@pytest.mark.parametrize("paired", [True, pytest.param(False, marks=pytest.mark.thorough)])
 def test_a_grown_network_answers_the_motors_as_before_and_the_wind_anew(paired: bool, tmp_path: Path) -> None:
     base = fit("nnsem", DATA, options=chosen_options("nnsem", 0.2, iterations=100))  # with a scaling of its own
     save_model(tmp_path / "base.npz", base)
