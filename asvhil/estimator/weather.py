@@ -16,6 +16,8 @@ from asvhil.types import Estimate, Wind
 HEADINGS = 36  # at which the force is evaluated; in between it is interpolated
 EVERY_NS = 1_000_000_000
 GAP_NS = 5_000_000_000  # without an estimate for so long the average begins anew
+CALM_RADPS = math.radians(2.0)  # the disturbance of a boat that turns so fast counts half
+TURN_S = 10.0  # time constant with which a turn is forgotten: the error of the model in it stays that long
 LEAST_MPS2 = 0.004  # of the mean acceleration: in less weather no heading is better than another
 
 
@@ -40,6 +42,7 @@ class WeatherHeading:
         self._evaluate = bind(function, [headings, self._wind, self._disturbance], [self._force])
         self._t_ns: int | None = None
         self._since_ns = 0
+        self._turn_rate2 = self._weight_s = 0.0
         self._bow_rad: float | None = None
 
     def step(self, t_ns: int, estimate: Estimate | None, wind: Wind | None) -> float | None:
@@ -49,21 +52,30 @@ class WeatherHeading:
         if self._t_ns is None or t_ns - self._t_ns >= GAP_NS:
             self._t_ns = self._since_ns = t_ns
             self._wind[:] = self._disturbance[:] = 0.0
+            self._turn_rate2 = self._weight_s = 0.0
         elapsed_s = (t_ns - self._t_ns) * 1e-9
         if t_ns > self._since_ns and elapsed_s < EVERY_NS * 1e-9:
             return self._bow_rad
         # A mean of all there is at first, then a low-pass filter.
         known_s = (t_ns - self._since_ns) * 1e-9 + EVERY_NS * 1e-9
-        gain = min(max(elapsed_s, EVERY_NS * 1e-9) / min(known_s, self._time_constant_s), 1.0)
+        step_s = max(elapsed_s, EVERY_NS * 1e-9)
+        gain = min(step_s / min(known_s, self._time_constant_s), 1.0)
         self._t_ns = t_ns
         air = (0.0, 0.0) if wind is None else (wind.vn_mps, wind.ve_mps)
         self._wind += gain * (np.array(air) - self._wind)
         _, sway = ned_to_body(estimate.psi_rad, *estimate.disturbance[:2])
         side = body_to_ned(estimate.psi_rad, 0.0, sway)
-        self._disturbance[:2] += gain * (np.array(side) - self._disturbance[:2])
+        self._disturbance[:2] += self._share(step_s, estimate.r_radps) * (np.array(side) - self._disturbance[:2])
         self._evaluate()
         self._bow_rad = self._bow()
         return self._bow_rad
+
+    def _share(self, step_s: float, r_radps: float) -> float:
+        """How much of the average is this sample of the disturbance: the less, the more the boat has turned of late."""
+        self._turn_rate2 += min(step_s / TURN_S, 1.0) * (r_radps**2 - self._turn_rate2)
+        counts_s = step_s / (1.0 + max(self._turn_rate2, r_radps**2) / CALM_RADPS**2)
+        self._weight_s += counts_s - min(step_s / self._time_constant_s, 1.0) * self._weight_s
+        return min(counts_s / self._weight_s, 1.0)
 
     def push_at(self, psi_rad: float) -> tuple[float, float] | None:
         """The mean push (m/s^2) ahead and to starboard on a boat that rests at a heading; None: not known."""

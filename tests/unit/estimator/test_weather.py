@@ -21,19 +21,25 @@ class Sea:
         self.finder, self.t_ns = WeatherHeading(MODEL, time_constant_s), 1_700_000_000 * S
 
     def wait(
-        self, seconds: float, wind: tuple[float, float] | None, *, psi_deg: float = 0.0, sway_mps2: float = 0.0
+        self,
+        seconds: float,
+        wind: tuple[float, float] | None,
+        *,
+        psi_deg: float = 0.0,
+        sway_mps2: float = 0.0,
+        r_degps: float = 0.0,
     ) -> float | None:
         """`wind`: speed (m/s) and the direction that it blows toward (deg); `sway_mps2` is left over to the side."""
         found, psi_rad = None, math.radians(psi_deg)
         for _ in range(round(seconds * 20)):
             self.t_ns += S // 20
-            found = self.finder.step(self.t_ns, self.estimate(psi_rad, sway_mps2), self.wind(wind))
+            found = self.finder.step(self.t_ns, self.estimate(psi_rad, sway_mps2, r_degps), self.wind(wind))
         return None if found is None else math.degrees(found)
 
-    def estimate(self, psi_rad: float, sway_mps2: float = 0.0, *, valid: bool = True) -> Estimate:
+    def estimate(self, psi_rad: float, sway_mps2: float = 0.0, r_degps: float = 0.0, *, valid: bool = True) -> Estimate:
         d_n, d_e = body_to_ned(psi_rad, 0.0, sway_mps2)
         return Estimate(
-            t_ns=self.t_ns, n_m=0.0, e_m=0.0, psi_rad=psi_rad, u_mps=0.0, v_mps=0.0, r_radps=0.0,
+            t_ns=self.t_ns, n_m=0.0, e_m=0.0, psi_rad=psi_rad, u_mps=0.0, v_mps=0.0, r_radps=math.radians(r_degps),
             motor=(0.0, 0.0), std=(0.0,) * 6, disturbance=(d_n, d_e, 0.0), valid=valid,
         )  # fmt: skip
 
@@ -87,6 +93,21 @@ def test_at_first_all_that_there_is_counts_alike() -> None:
     sea.wait(10.0, (4.0, 135.0))
     found = sea.wait(10.0, (4.0, -135.0))
     assert found == pytest.approx(0.0, abs=6.0)
+
+
+def test_what_is_left_over_in_a_turn_and_soon_after_it_counts_less() -> None:
+    """The model's error in a fast turn stays in the disturbance for a while, and is not the weather's."""
+    swung, lay = Sea(90.0), Sea(90.0)
+    for sea, r_degps in ((swung, 10.0), (lay, 0.0)):
+        sea.wait(5.0, (4.0, 180.0))
+        sea.wait(8.0, (4.0, 180.0), sway_mps2=0.03, r_degps=r_degps)
+        sea.wait(8.0, (4.0, 180.0), sway_mps2=0.02)
+    after_swing, after_push = swung.wait(1.0, (4.0, 180.0)), lay.wait(1.0, (4.0, 180.0))
+    assert after_swing is not None and after_push is not None
+    assert abs(after_swing) < 0.6 * abs(after_push) and abs(after_push) > 10.0
+    # Always swinging, as across the weather, it takes no longer than lying still.
+    a, b = Sea(90.0), Sea(90.0)
+    assert a.wait(60.0, None, sway_mps2=0.02, r_degps=8.0) == pytest.approx(b.wait(60.0, None, sway_mps2=0.02))
 
 
 def test_without_an_estimate_it_is_kept_for_a_while_and_then_begins_anew() -> None:
