@@ -49,7 +49,7 @@ class MpcConfig(Section):
     the boat is (`near`, `along`, `far`, `position_only`).
     """
 
-    before_it_came = (("effort", "precise"),)
+    before_it_came = (("effort", "precise"), ("least_thrust", 0.0), ("thrust_slew", 0.0))
 
     stages: int = Field(default=20, ge=2, le=200, description="Number of stages of the horizon, one input pair each.")
     first_step_s: Positive = Field(
@@ -139,6 +139,21 @@ class MpcConfig(Section):
         description=(
             "Beyond this distance each solution also tries one other start (both motors off, ahead and astern in "
             "turn), since a single start can stay in a local minimum."
+        ),
+    )
+    least_thrust: Fraction = Field(
+        default=0.05,
+        description=(
+            "Of a model whose input is thrust (lagnet, sd): the share of full thrust ahead below which a motor that is "
+            "off stays off, and one that turns stops where it should turn the other way. Such a model does not see "
+            "that a small thrust to either side is a jump across the motor's dead band."
+        ),
+    )
+    thrust_slew: NonNegative = Field(
+        default=60.0,
+        description=(
+            "Least slew weight of `along` with a model whose input is thrust: a change of a small thrust is less than "
+            "the change of motor command that it takes."
         ),
     )
     wind_feedforward: bool = Field(default=True, description="Whether the prediction includes the measured wind.")

@@ -48,12 +48,13 @@ class StationMpc:
         self._problem = StationProblem(model, config, limits)
         self._solver = make_solver(self._problem)
         self._shift = shift_matrix(self._problem.times_s, period_s)
+        self._thrust_input = model.input_of_command((0.5, 0.5)) != (0.5, 0.5)
         self.reset()
 
     def reset(self) -> None:
         """Forget the plan, the trim and the last input, as after a time without control."""
         self._plan: Array | None = None
-        self._input = self._neutral()
+        self._wanted = self._input = self._neutral()
         self._position_only = False
         self._side_load_mps2: float | None = None
         self._ticks = 0
@@ -80,7 +81,7 @@ class StationMpc:
             self._give_up(0)
         elif control.inputs:
             self._plan = np.array(control.inputs)
-            self._input = control.inputs[0]
+            self._apply(control.inputs[0])
 
     def step(self, estimate: Estimate, wind: Wind | None, station: Station) -> Control:
         """One control tick. Neutral and not ok where an input is not finite or the solver fails.
@@ -130,7 +131,7 @@ class StationMpc:
         """The problem's parameters, all in the station's frame, with the weights that hold now."""
 
         def packed(weights: MpcWeights, least_slew: float = 0.0) -> Array:
-            return self._problem.pack(state, wind, disturbance, self.trim_rad, self._input, weights, least_slew)
+            return self._problem.pack(state, wind, disturbance, self.trim_rad, self._wanted, weights, least_slew)
 
         config = self.config
         # An offset justifies heading oscillations too: a high heading weight would leave the boat off the station.
@@ -142,7 +143,8 @@ class StationMpc:
         # Slower swings keep the boat nearly as near as motors at their limits do, the more so the greater the load.
         least_slew = min(EFFORTS[config.effort] * (self._side_load_mps2 or 0.0), EFFORT_SLEW_MAX)
         # The cost is linear in its weights, so a mean of the two is a problem of the same kind.
-        return share * packed(config.near, least_slew) + (1.0 - share) * packed(config.along)
+        near, thrust_slew = packed(config.near, least_slew), config.thrust_slew if self._thrust_input else 0.0
+        return share * near + (1.0 - share) * packed(config.along, thrust_slew)
 
     def _update_side_load(self, wind: tuple[float, float], disturbance: tuple[float, float, float]) -> None:
         """The low-passed sideways acceleration (m/s^2) of the boat at the station's heading."""
@@ -198,7 +200,8 @@ class StationMpc:
 
     def _control(self, solution: Solution, iterations: int, station: Station) -> Control:
         self._plan = solution.inputs
-        self._input = (float(solution.inputs[0, 0]), float(solution.inputs[0, 1]))
+        port, starboard = solution.inputs[0].tolist()
+        self._apply((port, starboard))
         rows = []
         for t_s, (x, y, psi_rad) in zip(self._problem.times_s.tolist(), solution.states[:, :3].tolist(), strict=True):
             n_m, e_m = body_to_ned(station.psi_rad, x, y)
@@ -212,9 +215,22 @@ class StationMpc:
             inputs=tuple((port, starboard) for port, starboard in solution.inputs.tolist()),
         )
 
+    def _apply(self, wanted: tuple[float, float]) -> None:
+        """Keep what a plan begins with, and give the motors that without thrusts too small to start or turn one.
+
+        The next plan's price of a change is from what was wanted: from what was given a small thrust would never grow.
+        """
+        given, self._wanted, self._input = self._input, wanted, wanted
+        if self._thrust_input:
+            port, starboard = (
+                0.0 if abs(thrust) < self.config.least_thrust and thrust * last <= 0.0 else thrust
+                for thrust, last in zip(wanted, given, strict=True)
+            )
+            self._input = port, starboard
+
     def _give_up(self, iterations: int) -> Control:
         self._plan = None
-        self._input = self._neutral()
+        self._wanted = self._input = self._neutral()
         return Control(command=(0.0, 0.0), ok=False, iterations=iterations, cost=0.0)
 
     def _neutral(self) -> tuple[float, float]:

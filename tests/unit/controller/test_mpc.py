@@ -176,7 +176,7 @@ def test_the_wrong_number_of_motor_states_is_an_error_at_once(motor):
 
 def one_step(wind, disturbance=(0.0, 0.0, 0.0), **config) -> tuple[float, float]:
     at = estimate((-0.3, 0.0, 0.01, 0.1, 0, 0, 0, 0), disturbance)  # so close that no input is at its bound
-    return StationMpc(MODEL, MpcConfig(**config), 0.2).step(at, wind, ORIGIN).command
+    return StationMpc(MODEL, MpcConfig(least_thrust=0.0, **config), 0.2).step(at, wind, ORIGIN).command
 
 
 def test_feedforward_switches_and_an_invalid_wind():
