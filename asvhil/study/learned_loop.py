@@ -20,7 +20,7 @@ from asvhil.study.runner import Job, Run
 from asvhil.study.six_tests import MAIN, cost_figures
 from asvhil.study.statistics import count_of_seeds, in_digits, mean_ci95, other_code, plus_minus
 
-LEARNED = (MAIN, "LagNet-MPC", "SD-MPC (fitted)")
+LEARNED = (MAIN, "NNSEM-MPC", "SD-MPC (fitted)")
 TRUE = "SD-MPC (true)"
 CRUDE = "SD-MPC (crude)"
 OFF = 0.3

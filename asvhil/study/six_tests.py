@@ -16,10 +16,10 @@ from asvhil.study.runner import Finished, Run
 from asvhil.study.statistics import mean_ci95, mean_of_all
 from asvhil.study.trials.trial import run_named_trial
 
-OURS = ("NNSEM-MPC", "LagNet-MPC")
+OURS = ("LagNet-MPC", "NNSEM-MPC")
 # It knows the equations and parameters of the boat, as nobody does of a real one: shown apart, not compared.
 REFERENCE = "SD-MPC (true physics)"
-MAIN = "NNSEM-MPC"
+MAIN = "LagNet-MPC"  # the default controller
 
 
 def labelled() -> dict[str, ControllerKind]:

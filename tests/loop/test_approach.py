@@ -44,7 +44,7 @@ def test_a_boat_that_a_squall_drives_beyond_r_d_starts_over():
     near = (*near, "supervisor.motion.on_fault=tell")  # which would let go of a boat that is driven so far off
     loop = Lockstep(load_config("sitl", (*start_overrides(start), *near)))
     stages, times_s = [], []
-    for tick in range(100 * 20):
+    for tick in range(110 * 20):
         loop.plant.weather.mean_mps = 35.0 if 15 * 20 <= tick < 40 * 20 else 3.0
         control = loop.tick()[1].control
         if control is not None and (not stages or control.stage != stages[-1]):

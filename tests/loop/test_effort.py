@@ -28,6 +28,12 @@ def test_less_effort_has_fewer_reversals_and_less_full_thrust() -> None:
     assert found["normal"][1] < 1.3 * found["precise"][1] and found["gentle"][1] < 2.0 * found["precise"][1]
 
 
+def test_along_the_wind_the_motors_do_not_follow_noise_to_either_side() -> None:
+    keys = across(3.0, "plant.weather.wind.toward_deg=0")
+    run = run_trial(load_config("sitl", keys), 30.0, 60.0)
+    assert run["motors"]["reversals_per_min_most"] < 30.0 and run["truth"]["penalty_score"] < 1.0
+
+
 def test_a_cap_and_a_pause_hold_on_the_wire_and_the_station_is_kept() -> None:
     loop = Lockstep(load_config("sitl", across(3.0, "vehicle.pwm.command_max=0.7", "vehicle.pwm.reversal_pause_s=0.4")))
     sides: list[list[int]] = [[], []]

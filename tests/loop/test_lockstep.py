@@ -61,7 +61,7 @@ def test_the_summary_of_a_log_has_every_figure(tmp_path: Path) -> None:
     wall_s = run_lockstep(config(), tmp_path / "log.mcap", 75.0)
     run = read_run(tmp_path / "log.mcap")
     figures = summarise(run, wall_s)
-    assert figures["controller"] == "nnsem-mpc" and figures["seed"] == 1
+    assert figures["controller"] == "lagnet-mpc" and figures["seed"] == 1
     assert figures["config_hash"] == config().content_hash()
     assert figures["settled_from_s"] == pytest.approx(37.5, abs=0.1)
     for name in ("truth", "estimated", "measured"):

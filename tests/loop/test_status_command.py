@@ -44,7 +44,7 @@ def test_a_daemon_tells_how_it_is(tmp_path: Path) -> None:
         own = daemon.wait_for(lambda s: s["station"] is not None and s["station"]["from_m"] > 100.0, 5.0)
         assert (
             own["vehicle"].startswith("armed, MANUAL")
-            and own["model"] == "nnsem-mpc: wamv16-nnsem.npz, nnsem of wamv16"
+            and own["model"] == "lagnet-mpc: wamv16-lagnet.npz, lagnet of wamv16"
         )
         assert [event["text"][:20] for event in own["events"]][-2:] == ["refused: station is "] * 2
         with subprocess.Popen(

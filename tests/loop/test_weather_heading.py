@@ -44,6 +44,6 @@ def test_with_the_bow_to_the_weather_the_boat_lies_still(tmp_path: Path) -> None
     assert fixed[2] == 0.0
     assert abs(math.degrees(wrap_rad(math.radians(bow[2] + 90.0)))) < 20.0
     assert bow[0] < 0.5 < fixed[0]
-    assert bow[1] < 0.3 * fixed[1]
+    assert bow[1] < 0.6 * fixed[1]  # 0.3 with NNSEM-MPC: docs/results/weather-heading.md
     result = replay(tmp_path / "log.mcap")
     assert result.mismatch is None and result.compared == result.ticks == 1800

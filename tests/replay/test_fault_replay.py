@@ -25,12 +25,16 @@ Logs = Callable[..., Path]
 
 @pytest.fixture(scope="module")
 def logs(tmp_path_factory: pytest.TempPathFactory) -> Logs:
-    """Logs in lockstep by config, faults and length, each made once."""
+    """Logs in lockstep by config, faults and length, each made once.
+
+    Of the paper's controller: in the open loop of an edited log an estimate without a receiver goes where its model has
+    it go, and whether it leaves the station by the limit in these few seconds depends on the model.
+    """
 
     @cache
     def log(config: str, *faults: str, seconds: float = 40.0) -> Path:
         path = tmp_path_factory.mktemp("faults") / "log.mcap"
-        run_lockstep(with_faults(load_config(config), list(faults)), path, seconds)
+        run_lockstep(with_faults(load_config(config, ("controller.name=nnsem-mpc",)), list(faults)), path, seconds)
         return path
 
     return log

@@ -17,7 +17,7 @@ Runs = Callable[[str], Path]
 
 def test_the_same_config_asks_for_the_same_to_the_bit(run_logs: Runs) -> None:
     log = run_logs("bream")
-    found = replay_what_if(log, ["controller.name=nnsem-mpc"])
+    found = replay_what_if(log, ["controller.name=lagnet-mpc"])
     figures = what_if_figures(found)
     assert figures["commands_apart"]["max"] == 0.0 and figures["estimates_apart"]["position_m"]["max"] == 0.0
     assert figures["motors"]["recorded"] == figures["motors"]["what_if"]

@@ -42,7 +42,7 @@ def test_check_says_whose_hull_and_model_are_in_use(tmp_path: Path) -> None:
     said = call("config", "check", "lazy.yaml", "--json", "f.json", cwd=tmp_path)
     assert said.status == 0
     assert "hull: warn: wamv16: 254.5 kg, arm 1.027 m" in said.out and "that of the shipped wamv16.yaml" in said.out
-    assert "model: pass: wamv16-nnsem.npz" in said.out and "mind the warning" in said.out
+    assert "model: pass: wamv16-lagnet.npz" in said.out and "mind the warning" in said.out
     assert json.loads((tmp_path / "f.json").read_text())["result"] == "warn"
     right = call("config", "check", "blueboat", cwd=tmp_path)
     assert right.status == 0 and "blueboat: right" in right.out and "hull: pass: blueboat: 20 kg" in right.out

@@ -101,7 +101,7 @@ YAML = [
     ("base: sitl.yaml\nsources: {wind: [mast]}", "a source is LINK.MESSAGE"),
     ("base: sitl.yaml\nsources: {position: [gnss.RMC]}", "sources.position"),
     ("base: sitl.yaml\ncontroller: {name: nnsem-mpc, model: none.npz}", "none.npz: no such model file"),
-    ("base: sitl.yaml\nvehicle: {name: mycat}", "mycat-nnsem: no such model file"),
+    ("base: sitl.yaml\nvehicle: {name: mycat}", "mycat-lagnet: no such model file"),
     ("base: sitl.yaml\nvehicle: {vessel: {mass_kg: 38}}", "was trained on another boat than vehicle.vessel"),
     ("base: sitl.yaml\nplugins: [nowhere.py]", "nowhere.py"),
     ("- just\n- a list", "a mapping of keys is expected at the top level"),

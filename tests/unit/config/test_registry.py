@@ -96,7 +96,7 @@ def test_a_kind_of_an_installed_package_is_found_by_its_entry_point(
     assert CONTROLLERS.origin("the-pusher") == Origin(package="pusher-package", version="1.2")
     # Its settings may stand in a config that chooses another controller.
     other = load_config("sitl", ("controller.the_pusher.level=0.3",))
-    assert other.controller.name == "nnsem-mpc" and '"the_pusher": {"level": 0.3}' in other.canonical_json()
+    assert other.controller.name == "lagnet-mpc" and '"the_pusher": {"level": 0.3}' in other.canonical_json()
 
 
 def test_installed_kinds_are_among_the_known_names(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

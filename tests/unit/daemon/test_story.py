@@ -87,7 +87,7 @@ def test_the_table_has_the_boat_the_model_and_the_station() -> None:
     )  # fmt: skip
     status = teller_after(outputs).status(outputs, {"autopilot": "up"}, 0, vehicle)
     assert status["vehicle"] == "armed, MANUAL, 3D fix, 12 satellites, battery 15.2 V, 80 %"
-    assert status["model"] == "nnsem-mpc: wamv16-nnsem.npz, nnsem of wamv16"
+    assert status["model"] == "lagnet-mpc: wamv16-lagnet.npz, lagnet of wamv16"
     console = Console(file=io.StringIO(), width=200)
     console.print(render(status, "asvhil"))
     shown = console.file.getvalue()  # type: ignore[attr-defined]

@@ -204,6 +204,6 @@ def test_the_fence_is_in_metres_once_it_is_known_where_these_begin() -> None:
 
 def test_the_boats_facts_are_those_of_its_config() -> None:
     facts = boat_facts(load_config("sitl", ("controller.procedure.enabled=true",)))
-    assert (facts["name"], facts["controller"], facts["pulses_us"]) == ("wamv16", "nnsem-mpc", [1100, 1500, 1900])
+    assert (facts["name"], facts["controller"], facts["pulses_us"]) == ("wamv16", "lagnet-mpc", [1100, 1500, 1900])
     assert [name for name, _ in facts["radii"]] == ["near", "far", "hand-over", "approach again"]
     assert json.loads(json.dumps(facts))["thrust"][0][0] < 0.0 < facts["length_m"]

@@ -122,8 +122,8 @@ def test_what_cannot_be_exported_leaves_no_file(log: Path, tmp_path: Path) -> No
 def test_info_tells_the_run_its_holds_and_rates(log: Path) -> None:
     figures = log_info(log)
     assert figures["whole"] and figures["damage"] == []
-    assert (figures["mode"], figures["vehicle"], figures["controller"]) == ("lockstep", "wamv16", "nnsem-mpc")
-    assert figures["model"] == "wamv16-nnsem.npz" and figures["seed"] == "1"
+    assert (figures["mode"], figures["vehicle"], figures["controller"]) == ("lockstep", "wamv16", "lagnet-mpc")
+    assert figures["model"] == "wamv16-lagnet.npz" and figures["seed"] == "1"
     assert figures["ticks"] == sum(figures["phases"].values()) and figures["ticks_dropped"] == 0
     assert figures["duration_s"] == pytest.approx(SPAN_S, abs=0.2)
     (hold,) = figures["holds"]

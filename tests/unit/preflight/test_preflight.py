@@ -217,7 +217,7 @@ def test_a_copter_is_refused_by_name() -> None:
 
 def test_the_model_must_be_of_this_vehicle_and_step() -> None:
     model = of(computer_checks(load_config("sitl")), "model")
-    assert model.result is Result.PASS and model.found == "wamv16-nnsem.npz, nnsem of wamv16"
+    assert model.result is Result.PASS and model.found == "wamv16-lagnet.npz, lagnet of wamv16"
     for override, words in (
         ("vehicle.name=dinghy", "dinghy"),
         ("controller.model=bream-nnsem", "bream"),

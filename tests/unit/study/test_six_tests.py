@@ -53,10 +53,10 @@ def run(row: str, controller: str, seed: int, ps: float, e_h_deg: float = 0.1, h
 
 # Two seeds each. The reference is best of all and must not win.
 RUNS = [
-    *(run("5", "NNSEM-MPC", seed, ps) for seed, ps in ((1, 4.0), (2, 5.0))),
+    *(run("5", "LagNet-MPC", seed, ps) for seed, ps in ((1, 4.0), (2, 5.0))),
     *(run("5", "backstepping", seed, ps) for seed, ps in ((1, 4.5), (2, 5.7))),
     *(run("5", REFERENCE, seed, ps) for seed, ps in ((1, 3.0), (2, 3.0))),
-    *(run("1", "NNSEM-MPC", seed, 1.5, e_h_deg) for seed, e_h_deg in ((1, 0.4), (2, -0.4))),
+    *(run("1", "LagNet-MPC", seed, 1.5, e_h_deg) for seed, e_h_deg in ((1, 0.4), (2, -0.4))),
     *(run("1", "backstepping", seed, 1.0) for seed in (1, 2)),
 ]
 STUDY = {
@@ -64,7 +64,7 @@ STUDY = {
     "seeds": [1, 2],
     "noise": True,
     **tabulate(RUNS, {"3@90": 3.6}),
-    "cost": {"process_s": {"NNSEM-MPC": 90.0}, "processes": 2, "minutes": 0.75, "runs_of_other_code": 3},
+    "cost": {"process_s": {"LagNet-MPC": 90.0}, "processes": 2, "minutes": 0.75, "runs_of_other_code": 3},
     "left_out": ["NODE-MPC is left out: no model"],
 }
 
@@ -156,7 +156,7 @@ def test_other_keys_are_not_refused_and_the_approach_refuses_its_starts():
 
 def test_the_best_mean_wins_and_the_reference_does_not_take_part():
     found = STUDY["verdicts"]["5"]
-    assert (found["winner"], found["kind"]) == ("NNSEM-MPC", "ours")
+    assert (found["winner"], found["kind"]) == ("LagNet-MPC", "ours")
     assert found["penalty_score"]["mean"] == 4.5
     # Differences by seed are 0.5 and 0.7: mean 0.6, standard deviation 0.1414, 12.706 * 0.1414 / sqrt(2) = 1.2706.
     assert found["behind"] == {"backstepping": {"mean": pytest.approx(0.6), "ci95": pytest.approx(1.2706)}}
@@ -166,8 +166,8 @@ def test_a_baseline_that_wins_is_said_to():
     assert STUDY["verdicts"]["1"]["kind"] == "baseline"
     line = verdict_line("1", STUDY["verdicts"]["1"])
     assert line.startswith("1 (3 m/s toward 0°): **a baseline wins**: backstepping has the lowest mean ps, 1.00 ± 0.00")
-    assert "NNSEM-MPC is 0.50 ± 0.00 higher" in line
-    assert "NNSEM-MPC has the lowest mean ps in 1 of 2 rows. Baselines have it in 1: 1." in report(STUDY)
+    assert "LagNet-MPC is 0.50 ± 0.00 higher" in line
+    assert "LagNet-MPC has the lowest mean ps in 1 of 2 rows. Baselines have it in 1: 1." in report(STUDY)
 
 
 def test_a_row_of_the_reference_alone_has_no_winner():
@@ -177,17 +177,17 @@ def test_a_row_of_the_reference_alone_has_no_winner():
 def test_without_the_motors_all_the_time_nobody_wins_and_it_is_said():
     """A boat that drifts, or that somebody else drives, may have the lowest score."""
     runs = [
-        *(run("1", "NNSEM-MPC", seed, 1.0, held=held) for seed, held in ((1, 1.0), (2, 0.25))),
+        *(run("1", "LagNet-MPC", seed, 1.0, held=held) for seed, held in ((1, 1.0), (2, 0.25))),
         *(run("1", "LOITER", seed, 2.0) for seed in (1, 2)),
         run("2", "LOITER", 1, 1.0, held=0.0),
         run("2", REFERENCE, 1, 1.0, held=0.5),
     ]
     study = json.loads(json.dumps({**STUDY, **tabulate(runs, {})}))
     found = study["verdicts"]
-    assert (found["1"]["winner"], found["1"]["barred"], found["1"]["behind"]) == ("LOITER", ["NNSEM-MPC"], {})
+    assert (found["1"]["winner"], found["1"]["barred"], found["1"]["behind"]) == ("LOITER", ["LagNet-MPC"], {})
     assert (found["2"]["winner"], found["2"]["barred"]) == (None, ["LOITER"])
     text = report(study)
-    assert "- 1 (3 m/s toward 0°), NNSEM-MPC: 0.250 at least\n- 2 (6 m/s toward 0°), LOITER: 0.000 at least\n" in text
+    assert "- 1 (3 m/s toward 0°), LagNet-MPC: 0.250 at least\n- 2 (6 m/s toward 0°), LOITER: 0.000 at least\n" in text
     assert f"- 2 (6 m/s toward 0°), {REFERENCE}: 0.500 at least" in text
     assert "2 (6 m/s toward 0°): no controller to compare; barred: LOITER." in text
     assert "Without the motors" not in report(STUDY)
@@ -205,13 +205,13 @@ def test_a_run_without_an_estimate_in_the_window_has_no_measured_errors():
 
 
 def test_the_figures_of_a_cell_by_hand():
-    cell = STUDY["rows"]["5"]["NNSEM-MPC"]
+    cell = STUDY["rows"]["5"]["LagNet-MPC"]
     assert cell["ps_by_seed"] == {"1": 4.0, "2": 5.0}
     assert cell["truth"]["penalty_score"]["mean"] == 4.5 and cell["measured"]["penalty_score"]["mean"] == 5.0
     assert cell["truth"]["max_distance_m"] == 4.5  # the larger of 2 + 1 and 2.5 + 2
     assert cell["energy_n2"]["mean"] == 1500.0 and cell["held"] == 1.0
     assert cell["regret"] == 4.5 / 3.6
-    along = STUDY["rows"]["1"]["NNSEM-MPC"]
+    along = STUDY["rows"]["1"]["LagNet-MPC"]
     assert along["regret"] is None
     # Heading errors of either sign do not cancel in the magnitude that the score is made of.
     assert along["truth"]["e_h_deg"]["mean"] == 0.0 and along["truth"]["abs_e_h_deg"]["mean"] == pytest.approx(0.4)
