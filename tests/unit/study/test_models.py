@@ -31,13 +31,20 @@ def drive(config: Config, duration_s: float, winds: list[str], path: Path) -> li
     return [run.log for run in collect(config, "lockstep", duration_s, [parse_wind(wind) for wind in winds], path)]
 
 
+SEEDS = ("plant.seed=7", "controller.manoeuvres.seed=7")
+
+
 @pytest.fixture(scope="module")
-def logs(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
-    """The same programme in the same wind on a flat sea, and in waves."""
-    folder = tmp_path_factory.mktemp("logs")
-    seeds = ("plant.seed=7", "controller.manoeuvres.seed=7")
-    flat, rough = load_config("sitl", seeds), load_config("sitl", (*seeds, *SEA))
-    return drive(flat, 70.0, ["6@90"], folder / "flat.mcap")[0], drive(rough, 70.0, ["6@90"], folder / "rough.mcap")[0]
+def flat(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A programme on a flat sea."""
+    return drive(load_config("sitl", SEEDS), 70.0, ["6@90"], tmp_path_factory.mktemp("logs") / "flat.mcap")[0]
+
+
+@pytest.fixture(scope="module")
+def rough(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The same programme in the same wind, in waves."""
+    config = load_config("sitl", (*SEEDS, *SEA))
+    return drive(config, 70.0, ["6@90"], tmp_path_factory.mktemp("logs") / "rough.mcap")[0]
 
 
 def quick_jobs(ode_iterations: int) -> tuple[TrainingJob, ...]:
@@ -122,8 +129,8 @@ def test_logs_of_another_study_are_refused_by_the_setting_that_differs(tmp_path:
 # --- models ------------------------------------------------------------------------------------------------------
 
 
-def test_an_interrupted_study_ends_in_the_same_figures(logs: tuple[Path, Path], tmp_path: Path) -> None:
-    whole = study(logs[0], tmp_path / "whole", "nnsem", "node")
+def test_an_interrupted_study_ends_in_the_same_figures(flat: Path, tmp_path: Path) -> None:
+    whole = study(flat, tmp_path / "whole", "nnsem", "node")
     assert list(whole) == ["nnsem", "node", "node, NNSEM's time", "hold the initial value"]
 
     def interrupt(what: str, share: float) -> None:
@@ -131,10 +138,10 @@ def test_an_interrupted_study_ends_in_the_same_figures(logs: tuple[Path, Path], 
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        study(logs[0], tmp_path / "parts", "nnsem", "node", tell=interrupt)
+        study(flat, tmp_path / "parts", "nnsem", "node", tell=interrupt)
     (tmp_path / "parts" / "models" / "nnsem-1-2.npz").unlink()  # as if it had come between two files
     told: list[str] = []
-    parts = study(logs[0], tmp_path / "parts", "nnsem", "node", tell=lambda what, share: told.append(what))
+    parts = study(flat, tmp_path / "parts", "nnsem", "node", tell=lambda what, share: told.append(what))
     assert {"nnsem, data set 1", "node, data set 1"} <= set(told)
     for name in ("nnsem", "node", "hold the initial value"):
         assert parts[name] == whole[name]
@@ -143,40 +150,39 @@ def test_an_interrupted_study_ends_in_the_same_figures(logs: tuple[Path, Path], 
         assert all(np.array_equal(a.weights[name], b.weights[name]) for name in a.weights)
 
 
-def test_the_row_at_nnsems_time_needs_nnsem_whichever_run_trained_it(logs: tuple[Path, Path], tmp_path: Path) -> None:
-    assert list(study(logs[0], tmp_path, "node")) == ["node", "hold the initial value"]
-    study(logs[0], tmp_path, "nnsem")
+def test_the_row_at_nnsems_time_needs_nnsem_whichever_run_trained_it(flat: Path, tmp_path: Path) -> None:
+    assert list(study(flat, tmp_path, "node")) == ["node", "hold the initial value"]
+    study(flat, tmp_path, "nnsem")
     nnsem = read_model(tmp_path / "models" / "nnsem-1-1.npz")
     for number in (1, 2, 3):  # as if NNSEM had taken no time: the early network is that of the first block
         save_model(
             tmp_path / "models" / f"nnsem-1-{number}.npz",
             dataclasses.replace(nnsem, seed=number, figures={**nnsem.figures, "cpu_s": 0.0}),
         )
-    rows = study(logs[0], tmp_path, "node")
+    rows = study(flat, tmp_path, "node")
     assert list(rows) == ["node", "node, NNSEM's time", "hold the initial value"]
     assert (rows["node"]["iterations"], rows["node, NNSEM's time"]["iterations"]) == (4, 1)
 
 
-def test_models_of_another_study_are_refused(logs: tuple[Path, Path], tmp_path: Path) -> None:
-    study(logs[0], tmp_path, "nnsem", "node")
+def test_models_of_another_study_are_refused(flat: Path, rough: Path, tmp_path: Path) -> None:
+    study(flat, tmp_path, "nnsem", "node")
     with pytest.raises(ModelError, match=r"node-1-1\.npz: trained with iterations 4, this study asks for 5; remove it"):
-        study(logs[0], tmp_path, "node", ode_iterations=5)
+        study(flat, tmp_path, "node", ode_iterations=5)
     with pytest.raises(ModelError, match=r"nnsem-1-1\.npz: trained on other logs than those of data set 1"):
-        study(logs[1], tmp_path, "nnsem")
+        study(rough, tmp_path, "nnsem")
     first, second = (tmp_path / "models" / f"nnsem-1-{number}.npz" for number in (1, 2))
     shutil.copy(first, second)
     with pytest.raises(ModelError, match=r"nnsem-1-2\.npz: trained with seed 1, not 2"):
-        study(logs[0], tmp_path, "nnsem")
+        study(flat, tmp_path, "nnsem")
     shutil.copy(tmp_path / "models" / "node-1-1.npz", first)
     with pytest.raises(ModelError, match=r"nnsem-1-1\.npz: a node of 'wamv16', not a nnsem"):
-        study(logs[0], tmp_path, "nnsem")
+        study(flat, tmp_path, "nnsem")
     second.unlink()  # a file is missing, so the data set is trained again: not over a file that is not its own
     with pytest.raises(ModelError, match=r"nnsem-1-1\.npz: a node"):
-        study(logs[0], tmp_path, "nnsem")
+        study(flat, tmp_path, "nnsem")
 
 
-def test_rows_in_waves_are_trained_and_scored_on_logs_in_waves(logs: tuple[Path, Path], tmp_path: Path) -> None:
-    flat, rough = logs
+def test_rows_in_waves_are_trained_and_scored_on_logs_in_waves(flat: Path, rough: Path, tmp_path: Path) -> None:
     waves = Logs(train=((rough,),), test=(rough,))
     lagnet = "lagnet: map, lag, mirror, skip (single) (waves)"
     rows = study(flat, tmp_path, "nnsem", "nnsem (waves)", lagnet, waves=waves)
@@ -199,8 +205,8 @@ def test_rows_in_waves_are_trained_and_scored_on_logs_in_waves(logs: tuple[Path,
     assert "| nnsem (waves) |" in (tmp_path / "models.md").read_text()
 
 
-def test_without_logs_in_waves_their_rows_are_left_out(logs: tuple[Path, Path], tmp_path: Path) -> None:
-    assert list(study(logs[0], tmp_path, "sd", "nnsem (waves)")) == ["sd", "hold the initial value"]
+def test_without_logs_in_waves_their_rows_are_left_out(flat: Path, tmp_path: Path) -> None:
+    assert list(study(flat, tmp_path, "sd", "nnsem (waves)")) == ["sd", "hold the initial value"]
 
 
 def test_the_floor_is_the_mean_absolute_value_of_the_waves() -> None:
