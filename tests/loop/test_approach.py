@@ -22,7 +22,11 @@ from asvhil.study.trials.approach import (
 
 @pytest.mark.parametrize(
     ("bearing_deg", "heading_deg", "toward_deg"),
-    [(180.0, 0.0, 90.0), (20.0, 100.0, 200.0), (-70.0, -120.0, -45.0)],
+    [
+        (180.0, 0.0, 90.0),
+        pytest.param(20.0, 100.0, 200.0, marks=pytest.mark.thorough),
+        pytest.param(-70.0, -120.0, -45.0, marks=pytest.mark.thorough),
+    ],
 )
 def test_from_sixty_metres_off_the_station_is_reached_and_kept(bearing_deg, heading_deg, toward_deg):
     start = Start(

@@ -21,11 +21,11 @@ def abrupt(base: str, kind: str, duration_s: float, *overrides: str) -> dict[str
     [
         ("sitl-bream", "gnss-jump", 5.0, "gnss position"),
         ("sitl-bream", "heading-jump", 5.0, "compass"),
-        ("sitl-bream", "gnss-frozen", 10.0, "gnss position"),
+        pytest.param("sitl-bream", "gnss-frozen", 10.0, "gnss position", marks=pytest.mark.thorough),
         ("sitl-bream", "heading-silent", 30.0, "compass"),
         ("sitl-bream", "anemometer-stuck", 20.0, "anemometer"),
-        ("sitl-vn300", "gnss-jump", 5.0, "gnss position"),
-        ("sitl-vn300", "heading-jump", 5.0, "compass"),
+        pytest.param("sitl-vn300", "gnss-jump", 5.0, "gnss position", marks=pytest.mark.thorough),
+        pytest.param("sitl-vn300", "heading-jump", 5.0, "compass", marks=pytest.mark.thorough),
         ("sitl-vn300", "gnss-frozen", 10.0, "gnss position"),
     ],
 )

@@ -19,7 +19,7 @@ from asvhil.types import Frame, Inputs, Outputs, Phase
 from tests.support.copies import on_a_copy
 from tests.support.loop import STATION_DEG, GroundStationLoop
 
-MOMENTS = 200  # of all ways together
+MOMENTS = [40, pytest.param(200, marks=pytest.mark.thorough)]  # of all ways together
 MANUAL, HOLD = 0, 4
 LINKS = ("his own link", "the autopilot's link", "a routed link", "the operator's port")
 STATION = (255, 240)
@@ -131,14 +131,15 @@ def off_centre(chance: random.Random) -> tuple[Any, tuple[int, int]]:
     return message, (sticks_us[0], sticks_us[1])
 
 
+@pytest.mark.parametrize("moments", MOMENTS)
 @pytest.mark.parametrize("way", WAYS)
-def test_a_stick_at_any_moment_ends_the_hold_in_the_tick_of_the_news(way: str) -> None:
+def test_a_stick_at_any_moment_ends_the_hold_in_the_tick_of_the_news(way: str, moments: int) -> None:
     """Each time on a copy of the boat, at random moments of its hold; at every tenth the boat itself, held again."""
     chance = random.Random(f"station {way}")
     loop = PilotLoop(way)
     loop.from_station(HEARTBEAT, LINKS[1])
     loop.held()
-    for moment in range(MOMENTS // len(WAYS) + 1):
+    for moment in range(moments // len(WAYS) + 1):
         loop.from_station(HEARTBEAT, LINKS[1])  # each moment takes less than the 5 s after which a station is lost
         loop.wait(0.05 * chance.randint(1, 20))
         assert loop.outputs is not None and loop.outputs.phase is Phase.HOLD, loop.outputs.health.reason

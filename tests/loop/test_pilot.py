@@ -13,7 +13,7 @@ from asvhil.types import Inputs, Outputs, Phase
 from tests.support.copies import on_a_copy
 
 MANUAL, HOLD = 0, 4
-MOMENTS = 200
+MOMENTS = [40, pytest.param(200, marks=pytest.mark.thorough)]
 
 
 class Witness:
@@ -57,13 +57,14 @@ def tick_until(loop: Lockstep, phase: Phase, limit: int = 200) -> None:
     raise AssertionError(f"{phase} was not reached")
 
 
+@pytest.mark.parametrize("moments", MOMENTS)
 @pytest.mark.parametrize("act", ["mode", "disarmed", "stick"])
-def test_the_pilot_has_the_boat_in_the_tick_that_hears_of_it(act: str) -> None:
+def test_the_pilot_has_the_boat_in_the_tick_that_hears_of_it(act: str, moments: int) -> None:
     """Each time a copy of the boat is taken over; at every tenth the boat itself, which is asked to hold again."""
     chance = random.Random(f"pilot {act}")
     loop = Lockstep(load_config("sitl", ("controller.name=backstepping",)))
     tick_until(loop, Phase.HOLD)
-    for moment in range(MOMENTS):
+    for moment in range(moments):
         for _ in range(chance.randrange(3, 20)):
             _, outputs = loop.tick()
             assert outputs.phase is Phase.HOLD and overrides(outputs)

@@ -21,6 +21,7 @@ def test_holds_come_back_after_each_fault() -> None:
     assert "Lost for good: 0" in markdown({"run": run, "verdict": judge(run)})
 
 
+@pytest.mark.thorough
 def test_a_hold_that_nobody_asks_for_again_is_lost_for_good(monkeypatch: pytest.MonkeyPatch) -> None:
     act = SoakLoop.act
 

@@ -137,6 +137,7 @@ def test_a_mistake_is_one_line(arguments, words, tmp_path, monkeypatch, capsys):
     assert words in said and said.count("\n") == 1
 
 
+@pytest.mark.thorough
 def test_the_estimator_study_on_one_set_of_sensors(tmp_path):
     done = study("estimator", "--quick", "--sensors", "BREAM", "-o", "out", "--json", "figures.json", cwd=tmp_path)
     assert (done.returncode, done.stderr) == (0, "")
@@ -147,5 +148,8 @@ def test_the_estimator_study_on_one_set_of_sensors(tmp_path):
     assert "| GNSS frozen |" in done.stdout
     assert "### Asked and reached" in (tmp_path / "out" / "estimator-quick.md").read_text()
     assert (tmp_path / "out" / "estimator-quick.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_sensors_that_no_boat_has_are_refused(tmp_path):
     wrong = study("estimator", "--sensors", "VN-200", cwd=tmp_path)
     assert wrong.returncode != 0 and wrong.stderr.strip().endswith("--sensors VN-200: unknown (known: VN-300, BREAM)")

@@ -29,7 +29,7 @@ def test_the_wave_filter_more_than_halves_the_penalty_score() -> None:
     assert scores["auto"] < 0.55 * scores["off"]
 
 
-@pytest.mark.parametrize("row", ["1", "2"])
+@pytest.mark.parametrize("row", ["1", pytest.param("2", marks=pytest.mark.thorough)])
 def test_a_sound_boat_in_a_sea_is_not_let_go(row: str) -> None:
     """The sense check took the waves of this seed for a dead motor 12 s after the hold had begun."""
     made = outputs(*row_overrides(row, 1), *SEA, seconds=30.0)

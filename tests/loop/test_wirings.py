@@ -122,7 +122,7 @@ def becomes_of(trial: Trial) -> str:
     return "refused" if let_go_s == 0.0 else "ended"
 
 
-@settings(SETTINGS, max_examples=20)
+@settings(SETTINGS, max_examples=10)
 @example(values=BLUEBOAT, output="rc_override")
 @example(values=BLUEBOAT, output="manual_control")
 @example(values={}, output="rc_override")
@@ -143,7 +143,7 @@ def test_a_blueboat_is_held_as_it_is_wired(output: str) -> None:
     assert becomes_of(Trial(fixed(BLUEBOAT, way), way)) == "holds"
 
 
-@settings(SETTINGS, max_examples=10)
+@settings(SETTINGS, max_examples=5)
 @given(values=px4_wirings())
 def test_so_it_is_with_a_px4(values: dict[str, float]) -> None:
     wired = f"plant.frontseat.parameters={values!r}".replace("'", "")

@@ -6,6 +6,7 @@ import json
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import pytest
 from typer.testing import CliRunner
@@ -76,6 +77,11 @@ def hold_end(path: Path) -> tuple[float, str] | None:
     return None
 
 
+def further(config: str, *faults: str) -> list[Any]:
+    """Cases that `make test` leaves out: another of each kind of reaction is among the first."""
+    return [pytest.param(config, fault, marks=pytest.mark.thorough) for fault in faults]
+
+
 def test_a_fault_that_never_comes_changes_no_byte(logs: Logs) -> None:
     found = reaction(logs("sitl"), "gnss-jump@900:5s")
     assert found.ticks == 803 and found.edited == 0 and found.first_difference is None
@@ -86,13 +92,14 @@ def test_a_fault_that_never_comes_changes_no_byte(logs: Logs) -> None:
 @pytest.mark.parametrize(
     ("config", "fault"),
     [
-        *[("sitl", f"{kind}@14") for kind in ("gnss-silent", "gnss-frozen", "gnss-jump", "gnss", "imu-silent")],
-        *[("sitl", f"{kind}@14:8s") for kind in ("anemometer", "anemometer-stuck", "heading-jump")],
+        ("sitl", "gnss-jump@14"),
+        ("sitl", "anemometer-stuck@14:8s"),
         ("sitl", "compass-turned@0"),
-        ("sitl", "heading-jump@14:15s:-60deg"),
-        *[("sitl-bream", f"{kind}@14") for kind in ("gnss-silent", "gnss-frozen", "heading-silent", "nmea")],
-        ("sitl-bream", "gnss-jump@14:5s:40m"),
+        ("sitl-bream", "gnss-silent@14"),
         ("sitl-bream", "heading-jump@14:5s:90deg"),
+        *further("sitl", "gnss-silent@14", "gnss-frozen@14", "gnss@14", "imu-silent@14"),
+        *further("sitl", "anemometer@14:8s", "heading-jump@14:8s", "heading-jump@14:15s:-60deg"),
+        *further("sitl-bream", "gnss-frozen@14", "heading-silent@14", "nmea@14", "gnss-jump@14:5s:40m"),
     ],
 )
 def test_it_notices_what_it_notices_on_a_boat_with_the_fault(logs: Logs, config: str, fault: str) -> None:
