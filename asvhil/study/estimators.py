@@ -61,7 +61,7 @@ LOST_M = 20.0  # the paper's R_D
 
 @record
 class Plan:
-    """How much of each part is run."""
+    """How much of each part is run; `abrupt` names the faults, all of them where it is None."""
 
     seeds: Sequence[int]
     abrupt_seeds: Sequence[int]
@@ -70,6 +70,7 @@ class Plan:
     start_s: float
     longest_s: float
     survival_s: tuple[float, float]
+    abrupt: frozenset[str] | None = None
 
 
 FULL = Plan(
@@ -89,6 +90,7 @@ QUICK = Plan(
     start_s=12.0,
     longest_s=3.0,
     survival_s=QUICK_WINDOW_S,
+    abrupt=frozenset({"none", "GNSS frozen", "GNSS silent", "INS silent", "GNSS and compass silent"}),
 )
 
 
@@ -167,6 +169,8 @@ def _glitches(name: str, from_s: float) -> tuple[str, ...]:
 def _abrupt_jobs(name: str, plan: Plan, overrides: tuple[str, ...]) -> Iterable[tuple[tuple[str, ...], Job]]:
     for seed in plan.abrupt_seeds:
         for label, (kind, asked_s) in (ABRUPT | ALL_OF_IT[name]).items():
+            if plan.abrupt is not None and label not in plan.abrupt:
+                continue
             duration_s = min(asked_s, plan.longest_s)
             device = "" if kind in EVERYWHERE else f", device: {_device(name, kind)}"
             span = f"from_s: {plan.start_s:g}, until_s: {plan.start_s + duration_s:g}"

@@ -50,6 +50,9 @@ def test_growth_and_drift_are_judged_from_the_second_hour_on() -> None:
     hour = {"resident_kb": 100.0, "tick_ms": 1.0, "young_ms": 1.0, "off_m_median": 0.1, "off_m_most": 1.0}
     run = {"faults": [], "hourly": [hour | {"resident_kb": 50.0}, hour, hour]}
     assert judge(run)["met"]
+    back = {"kind": "gnss", "from_s": 300.0, "until_s": 310.0, "ended_by": "", "back_s": 9.0}
+    lost = back | {"back_s": None}
+    assert judge(run | {"faults": [back]})["met"] and not judge(run | {"faults": [back, lost]})["met"]
     assert not judge(run | {"hourly": [hour, hour, hour | {"resident_kb": 106.0}]})["met"]
     assert not judge(run | {"hourly": [hour, hour, hour | {"tick_ms": 1.2}]})["met"]
     assert judge(run | {"hourly": [hour, hour, hour | {"tick_ms": 1.2, "young_ms": 1.2}]})["met"]  # a slower host

@@ -137,7 +137,6 @@ def test_a_mistake_is_one_line(arguments, words, tmp_path, monkeypatch, capsys):
     assert words in said and said.count("\n") == 1
 
 
-@pytest.mark.thorough
 def test_the_estimator_study_on_one_set_of_sensors(tmp_path):
     done = study("estimator", "--quick", "--sensors", "BREAM", "-o", "out", "--json", "figures.json", cwd=tmp_path)
     assert (done.returncode, done.stderr) == (0, "")
