@@ -101,8 +101,7 @@ unit: $(STAMPS)/test $(STAMPS)/peer $(STAMPS)/mavproxy
 
 # Whole matrices and long runs, of which `make test` has a part or a shorter one.
 test-thorough: $(STAMPS)/test $(STAMPS)/peer
-	@$(BIN)/pytest -q -n auto --dist worksteal -m "thorough and not real_time"
-	@$(BIN)/pytest -q -n 2 --dist worksteal -m "thorough and real_time"
+	@$(BIN)/pytest -q -n 2 --dist worksteal -m thorough
 
 $(STAMPS)/mutants: $(STAMPS)/test
 	@echo "adding mutmut ..."
