@@ -48,7 +48,8 @@ class StationMpc:
         self._problem = StationProblem(model, config, limits)
         self._solver = make_solver(self._problem)
         self._shift = shift_matrix(self._problem.times_s, period_s)
-        self._thrust_input = model.input_of_command((0.5, 0.5)) != (0.5, 0.5)
+        of_thrust = model.input_of_command((0.5, 0.5)) != (0.5, 0.5)  # a model of the command has the dead band in it
+        self._least_thrust, self._thrust_slew = (config.least_thrust, config.thrust_slew) if of_thrust else (0.0, 0.0)
         self.reset()
 
     def reset(self) -> None:
@@ -143,8 +144,7 @@ class StationMpc:
         # Slower swings keep the boat nearly as near as motors at their limits do, the more so the greater the load.
         least_slew = min(EFFORTS[config.effort] * (self._side_load_mps2 or 0.0), EFFORT_SLEW_MAX)
         # The cost is linear in its weights, so a mean of the two is a problem of the same kind.
-        near, thrust_slew = packed(config.near, least_slew), config.thrust_slew if self._thrust_input else 0.0
-        return share * near + (1.0 - share) * packed(config.along, thrust_slew)
+        return share * packed(config.near, least_slew) + (1.0 - share) * packed(config.along, self._thrust_slew)
 
     def _update_side_load(self, wind: tuple[float, float], disturbance: tuple[float, float, float]) -> None:
         """The low-passed sideways acceleration (m/s^2) of the boat at the station's heading."""
@@ -220,13 +220,11 @@ class StationMpc:
 
         The next plan's price of a change is from what was wanted: from what was given a small thrust would never grow.
         """
-        given, self._wanted, self._input = self._input, wanted, wanted
-        if self._thrust_input:
-            port, starboard = (
-                0.0 if abs(thrust) < self.config.least_thrust and thrust * last <= 0.0 else thrust
-                for thrust, last in zip(wanted, given, strict=True)
-            )
-            self._input = port, starboard
+        port, starboard = (
+            0.0 if abs(thrust) < self._least_thrust and thrust * given <= 0.0 else thrust
+            for thrust, given in zip(wanted, self._input, strict=True)
+        )
+        self._wanted, self._input = wanted, (port, starboard)
 
     def _give_up(self, iterations: int) -> Control:
         self._plan = None
