@@ -49,11 +49,7 @@ BOATS: dict[str, tuple[str, ...]] = {
 }
 
 
-# `vn300-alone` has the messages of `sitl-vn300`, and more of them.
-PARAMS = [pytest.param(name, marks=pytest.mark.thorough) if name == "sitl-vn300" else name for name in BOATS]
-
-
-@pytest.fixture(scope="session", params=PARAMS)
+@pytest.fixture(scope="session", params=BOATS)
 def log(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A run in 2 m/s of wind toward east, by a controller that costs little and needs no trained model."""
     name = request.param
