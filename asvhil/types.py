@@ -429,6 +429,18 @@ class Health:
 
 
 @record
+class DockingWindow:
+    """Whether another vehicle could dock at the boat that keeps a station now (`asvhil/supervisor/docking.py`).
+
+    For how long the window has been open (s), None while it is not; the probabilities that it stays open for another
+    30, 60 and 150 s, none while it is not open or too little is known.
+    """
+
+    open_s: float | None
+    stays: tuple[float, ...] = ()
+
+
+@record
 class Outputs:
     """All that one tick produced.
 
@@ -450,3 +462,4 @@ class Outputs:
     model_error: PredictionError | None = None
     autopilot_clock: TimeOffset | None = None
     waves: WaveMotion | None = None
+    docking: DockingWindow | None = None

@@ -11,11 +11,12 @@ from asvhil.geo import LocalFrame
 from asvhil.motion.watch import MotionWatch
 from asvhil.operator.operations import Readings
 from asvhil.supervisor.battery_watch import BatteryWatch
+from asvhil.supervisor.docking import DockingWatch
 from asvhil.supervisor.heading_cost import HeadingCostWatch
 from asvhil.supervisor.reasons import describe
 from asvhil.supervisor.situation import Situation, StationSticks
 from asvhil.supervisor.supervisor import Decision
-from asvhil.types import Frame, FrontseatStatus, Health, Inputs, Note, Outputs
+from asvhil.types import DockingWindow, Frame, FrontseatStatus, Health, Inputs, Note, Outputs, Phase
 
 
 class Backseat:
@@ -29,6 +30,7 @@ class Backseat:
         motion: MotionWatch,
         battery: BatteryWatch,
         heading_cost: HeadingCostWatch | None,
+        docking: DockingWatch | None,
         command: Command,
         actuation: Actuation,
     ) -> None:
@@ -36,6 +38,7 @@ class Backseat:
         self._motion = motion
         self._battery = battery
         self._heading_cost = heading_cost
+        self._docking = docking
         self._perception = perception
         self._command = command
         self._actuation = actuation
@@ -68,12 +71,16 @@ class Backseat:
         cost: tuple[Note, ...] = ()
         if self._heading_cost is not None:
             cost = self._heading_cost.step(t_ns, decision.station, self._perception.push_at)
+        docking: DockingWindow | None = None
+        if self._docking is not None:
+            held = decision.station if decision.phase is Phase.HOLD else None
+            docking = self._docking.step(t_ns, seen.estimate, held)
         outside = (*self._autopilot.notes, *self._actuation.notes, *self._perception.notes(t_ns))
         notes = (*outside, *self._motion.notes, *self._battery.notes, *cost, *self._command.notes)
         frames += self._autopilot.data_to_send(t_ns)
         frames += self._perception.data_to_send(t_ns)
         switches, sources = self._perception.switches(t_ns), self._perception.sources(t_ns)
-        readings = Readings(wind=seen.wind, pulses_us=self._actuation.pulses_us, sources=sources)
+        readings = Readings(wind=seen.wind, pulses_us=self._actuation.pulses_us, sources=sources, docking=docking)
         frames += self._command.data_to_send(situation, decision, control, switches, notes, readings)
         return Outputs(
             t_ns=t_ns,
@@ -89,6 +96,7 @@ class Backseat:
             model_error=model_error,
             autopilot_clock=self._autopilot.clock,
             waves=seen.waves,
+            docking=docking,
         )
 
     def release_to_pilot(self, t_ns: int) -> list[Frame]:

@@ -37,6 +37,7 @@ from asvhil.operator.session import OperatorSession
 from asvhil.operator.station_parameters import STATION_PARAMETERS
 from asvhil.operator.tunables import Tunables
 from asvhil.supervisor.battery_watch import BatteryWatch
+from asvhil.supervisor.docking import DockingWatch
 from asvhil.supervisor.heading_cost import HeadingCostWatch
 from asvhil.supervisor.supervisor import Supervisor
 
@@ -208,6 +209,7 @@ def build_backseat(
         motion=MotionWatch(config),
         battery=BatteryWatch(config.supervisor.battery),
         heading_cost=HeadingCostWatch(config.believed_vessel) if config.supervisor.heading_cost else None,
+        docking=DockingWatch() if config.supervisor.docking else None,
         command=build_command(config, controller),
         actuation=Actuation(
             autopilot=link,

@@ -77,6 +77,11 @@ def _rows(look: dict[str, Any]) -> list[tuple[str, str]]:
         rows.append(("state", look["state"]))
     if look.get("distance_m") is not None:
         rows.append(("to the station", f"{look['distance_m']:.2f} m, {look['heading_error_deg']:.1f} deg"))
+    docking = look.get("docking")
+    if docking is not None:
+        from asvhil.daemon.status import docking_text
+
+        rows.append(("docking window", docking_text(docking["open_s"], docking["stays"])))
     station = look.get("station")
     if station is not None:
         place = f"{station['lat_deg']:.7f}, {station['lon_deg']:.7f}, heading {station['heading_deg']:.1f} deg"

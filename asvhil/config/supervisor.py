@@ -160,10 +160,17 @@ class SupervisorConfig(Section):
         default=True,
         description="Whether a hold tells what the station's heading costs in this weather, where that is on the side.",
     )
+    docking: bool = Field(
+        default=True,
+        description=(
+            "Whether a hold tells if its docking window is open, since when, and how likely it stays open for another "
+            "30, 60 and 150 s."
+        ),
+    )
     motion: MotionConfig = Field(default=MotionConfig(), description="Watching that the boat moves as it is told to.")
     battery: BatteryConfig = Field(default=BatteryConfig(), description="Watching the battery.")
 
-    before_it_came = (("heading_cost", False),)
+    before_it_came = (("heading_cost", False), ("docking", False))
 
     @field_validator("geofence")
     @classmethod

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from datetime import datetime
 from typing import Any
 
@@ -17,6 +18,7 @@ from asvhil.config.registry import CONTROLLERS
 from asvhil.daemon.story import Story
 from asvhil.geo import wrap_rad
 from asvhil.io.sensors.dropped import dropped_of
+from asvhil.supervisor.docking_odds import HORIZONS_S
 from asvhil.supervisor.reasons import remedy
 from asvhil.types import FrontseatStatus, Outputs
 
@@ -76,6 +78,9 @@ def status_of(outputs: Outputs, links: dict[str, str], start_ns: int, overruns: 
             if outputs.waves
             else None
         ),
+        "docking": (
+            {"open_s": outputs.docking.open_s, "stays": list(outputs.docking.stays)} if outputs.docking else None
+        ),
         "pwm_us": list(outputs.pwm_us) if outputs.pwm_us else None,
         "autopilot_clock_s": outputs.autopilot_clock.offset_ns * 1e-9 if outputs.autopilot_clock else None,
         "round_trip_ms": outputs.autopilot_clock.round_trip_ns * 1e-6 if outputs.autopilot_clock else None,
@@ -107,6 +112,9 @@ def render(status: dict[str, Any], title: str) -> Group:
         "to the station", f"{_show(status['distance_m'], 'm')}, {_show(status['heading_error_deg'], 'deg', 1)}"
     )
     table.add_row("heading, speed", f"{_show(status['heading_deg'], 'deg', 1)}, {_show(status['speed_mps'], 'm/s')}")
+    docking = status.get("docking")
+    if docking is not None:
+        table.add_row("docking window", docking_text(docking["open_s"], docking["stays"]))
     wind = f"{_show(status['wind_mps'], 'm/s')} toward {_show(status['wind_toward_deg'], 'deg', 0)}"
     guessed = status.get("wind_origin") == "disturbance"
     table.add_row("true wind", f"{wind} (from the disturbance)" if guessed else wind)
@@ -173,3 +181,11 @@ def counts_text(causes: dict[str, int]) -> str:
 
 def _show(value: float | None, unit: str, digits: int = 2) -> str:
     return "-" if value is None else f"{value:.{digits}f} {unit}"
+
+
+def docking_text(open_s: float | None, stays: Sequence[float]) -> str:
+    """A docking window in words."""
+    if open_s is None:
+        return "not open"
+    likely = ", ".join(f"{h:.0f} s: {100.0 * p:.0f} %" for h, p in zip(HORIZONS_S, stays, strict=False))
+    return f"open for {open_s:.0f} s" + (f"; stays open for another {likely}" if likely else "")

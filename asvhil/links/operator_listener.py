@@ -20,7 +20,7 @@ from asvhil.links.link import why
 from asvhil.links.operator_client import KINDS, RESEND_S, called, with_key
 from asvhil.operator.encoding import encode_presence, encode_question
 from asvhil.operator.reports import PHASES
-from asvhil.operator.state_arrays import STATE_ID, read_state
+from asvhil.operator.state_arrays import DOCKING_FIELDS, STATE_ID, read_state
 from asvhil.types import Frame
 
 STATES = {
@@ -108,6 +108,7 @@ class OperatorListener:
         look["distance_m"] = values.get("dist_err")
         look["heading_error_deg"] = values.get("head_err")
         look["solve_ms"] = values.get("solve_ms")
+        look["docking"] = _docking(values)
         return look
 
     def _messages(self, link: Any, until_s: float) -> Iterator[Any]:
@@ -130,6 +131,14 @@ class OperatorListener:
                     if answers == len(QUESTIONS):
                         until_s = min(until_s, time.monotonic() + AFTER_S)
                 yield message
+
+
+def _docking(values: dict[str, float]) -> dict[str, Any] | None:
+    """Seconds that the docking window has been open, None while it is not, and the probabilities; None: not told."""
+    open_s, *stays = (values.get(name) for name in DOCKING_FIELDS)
+    if open_s is None:
+        return None
+    return {"open_s": open_s or None, "stays": [likely for likely in stays if likely is not None] if open_s else []}
 
 
 def _take_text(look: Look, text: str | None) -> None:

@@ -9,18 +9,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asvhil.dynamics.arrays import Array
+from asvhil.supervisor.docking import (
+    DOCKING_RADIUS_M,
+    DOCKING_RATE_RADPS,
+    DOCKING_SECTOR_DEG,
+    DOCKING_SPEED_MPS,
+)
 from asvhil.supervisor.heading_policy import LEAST_CHANGE_RAD
 from asvhil.types import record
 
 SETTLED_FROM_S = 60.0  # the score is of station keeping, not of the way to the station
 VRX_BASE = 0.75  # per metre: how fast the heading loses its weight with the distance
 
-# A docking window as the paper has it: slow, turning slowly, and in a sector of 15 m and 40 degrees in all about the
-# target heading.
-DOCKING_SPEED_MPS = 0.5
-DOCKING_RATE_RADPS = math.radians(5.0)
-DOCKING_RADIUS_M = 15.0
-DOCKING_SECTOR_DEG = 40.0
 DOCKING_LEAST_S = 10.0  # shorter ones are of no use, and not counted
 GAP_S = 1.0  # samples farther apart are not of one window
 
@@ -150,7 +150,7 @@ def docking_windows(track: MotionTrack) -> list[dict[str, Any]]:
     """The docking windows (s) of a track, each with the errors in it; at least `DOCKING_LEAST_S` long.
 
     A window is of one hold and one station, as long as speed, yaw rate, distance and heading error stay in the bounds
-    at the head of this module.
+    of `asvhil/supervisor/docking.py`.
     """
     errors = track.errors
     inside = (

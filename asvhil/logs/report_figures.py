@@ -15,7 +15,6 @@ from matplotlib.projections.polar import PolarAxes
 from asvhil.controller.pwm import command_of_pulse
 from asvhil.dynamics.arrays import Array
 from asvhil.dynamics.rigid_body import ThrustCurve
-from asvhil.logs.metrics import DOCKING_RATE_RADPS, DOCKING_SPEED_MPS
 from asvhil.logs.picture import (
     PHASE_COLOURS,
     PORT_COLOUR,
@@ -30,6 +29,7 @@ from asvhil.logs.picture import (
     shade_phases,
 )
 from asvhil.logs.run import RunLog
+from asvhil.supervisor.docking import DOCKING_RATE_RADPS, DOCKING_SPEED_MPS
 from asvhil.types import record
 
 DPI = 90

@@ -16,7 +16,7 @@ from asvhil.operator.tunables import Tunables
 from asvhil.supervisor.reasons import Explanation, Reason, describe
 from asvhil.supervisor.situation import Situation
 from asvhil.supervisor.supervisor import Decision, Request
-from asvhil.types import Control, Frame, Note, ParameterChange, Phase, Wind, record
+from asvhil.types import Control, DockingWindow, Frame, Note, ParameterChange, Phase, Wind, record
 
 # Whoever ended the hold so has the motors, or nobody wants them to turn.
 ENDED_BY_PEOPLE = {
@@ -36,11 +36,14 @@ class _Unanswered:
 
 @record
 class Readings:
-    """What is told to displays beside the situation: the wind, both pulses if they are ours, sources by quantity."""
+    """What is told to displays beside the situation: the wind, both pulses if they are ours, sources by quantity, and
+    the docking window of a station that is held.
+    """
 
     wind: Wind | None = None
     pulses_us: tuple[int, int] | None = None
     sources: tuple[tuple[str, str], ...] = ()
+    docking: DockingWindow | None = None
 
 
 NO_READINGS = Readings()
@@ -143,6 +146,7 @@ class Operations:
         known: dict[str, Any] = {"phase": decision.phase, "solve_ms": self._session.solve_ms}
         known |= {"why": decision.why, "notes": self._notes, "computer": self._session.computer}
         known |= {"adrift": self._adrift_in is not None}
+        known |= {"docking": readings.docking}
         if self._control is not None:
             known |= {"iterations": float(self._control.iterations), "control_ok": self._control.ok}
         if station is not None and estimate is not None and frame is not None:
@@ -168,6 +172,7 @@ class Operations:
             control=self._control,
             pulses_us=readings.pulses_us,
             sources=readings.sources,
+            docking=readings.docking,
             solve_ms=self._session.solve_ms,
             origin_deg=None if frame is None else (frame.lat_deg, frame.lon_deg),
             **known,

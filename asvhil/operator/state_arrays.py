@@ -12,10 +12,12 @@ from typing import Any
 
 from asvhil.geo import wrap_rad
 from asvhil.io.mavlink.frames import dialect
-from asvhil.types import Control, Estimate, Station, Wind, record
+from asvhil.types import Control, DockingWindow, Estimate, Station, Wind, record
 
 STATE_ID, PLAN_ID = 1, 2  # DEBUG_FLOAT_ARRAY.array_id
 CELLS = 58
+# Seconds that the docking window has been open, 0 while it is not, and how likely it stays open for another 30 s ...
+DOCKING_FIELDS = ("dock_open", "dock_30", "dock_60", "dock_150")
 # In their order in the array; what is not known is NaN. Metres are in the local NED frame, `origin_*` is where it is:
 # the sum of two floats, as one tells degrees to half a metre only. `wind_*` is the velocity of the air over ground.
 STATE_FIELDS = (
@@ -26,6 +28,7 @@ STATE_FIELDS = (
     *("solve_ms", "solve_iterations", "solve_ok"),
     *("armed", "battery_v", "battery_percent", "fix", "satellites"),
     *("origin_lat_deg", "origin_lat_rest_deg", "origin_lon_deg", "origin_lon_rest_deg"),
+    *DOCKING_FIELDS,
 )
 PLAN_ROW = 3  # north and east (m), heading (degrees)
 PLAN_ROWS = CELLS // PLAN_ROW
@@ -52,6 +55,7 @@ class BoatState:
     satellites: int | None = None
     origin_deg: tuple[float, float] | None = None
     sources: tuple[tuple[str, str], ...] = ()
+    docking: DockingWindow | None = None
 
     def words(self) -> list[tuple[str, str]]:
         """(subject, text): the autopilot's mode, and the source of each quantity."""
@@ -110,11 +114,20 @@ def _values(state: BoatState) -> dict[str, float]:
     if state.pulses_us is not None:
         known |= {"port_us": float(state.pulses_us[0]), "starboard_us": float(state.pulses_us[1])}
     known |= {"armed": state.armed, "battery_v": state.battery_v, "battery_percent": state.battery_percent}
+    known |= docking_values(state.docking)
     known |= {"fix": state.fix, "satellites": state.satellites}
     for axis, degrees in zip(("lat", "lon"), state.origin_deg or (), strict=False):
         near = struct.unpack("<f", struct.pack("<f", degrees))[0]
         known |= {f"origin_{axis}_deg": near, f"origin_{axis}_rest_deg": degrees - near}
     return {name: float(value) for name, value in known.items() if value is not None}
+
+
+def docking_values(window: DockingWindow | None) -> dict[str, float | None]:
+    """The `DOCKING_FIELDS` that are known: none without a station, no probabilities where too little is known."""
+    if window is None:
+        return {}
+    stays = (0.0,) * 3 if window.open_s is None else window.stays
+    return dict(zip(DOCKING_FIELDS, (window.open_s or 0.0, *stays), strict=False))
 
 
 def _array(t_us: int, name: bytes, array_id: int, values: list[float]) -> Any:

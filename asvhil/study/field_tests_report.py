@@ -13,8 +13,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Wedge
 
 from asvhil.logs.figure import save_figure
-from asvhil.logs.metrics import DOCKING_RADIUS_M, DOCKING_SECTOR_DEG
 from asvhil.study.statistics import count_of_seeds, in_digits, other_code, plus_minus
+from asvhil.supervisor.docking import DOCKING_RADIUS_M, DOCKING_SECTOR_DEG
 
 TITLES = {"bream": "BREAM", "wamv": "WAM-V"}
 RADII_M = {"bream": (15.0, 20.0), "wamv": (10.0, 20.0)}

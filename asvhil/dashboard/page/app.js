@@ -90,6 +90,7 @@ function state() {
     ["heading, speed", known ? `${showCourse(boat.heading_deg)}, ${boat.u_mps === null ? "–" : Math.hypot(boat.u_mps, boat.v_mps).toFixed(2)} m/s` : "–"],
     ["uncertainty", known ? `${show(boat.position_std_m, 2, "m")}, ${show(boat.heading_std_deg, 1, "°")}${boat.estimate_ok === 0 ? ", not valid" : ""}` : "–"],
     ["station", place],
+    ["docking window", dockingText(boat)],
     ["true wind", wind],
     ["solver", known && boat.solve_iterations !== null ? `${boat.solve_ok ? "solved" : "no solution"}, ${boat.solve_iterations} iterations, ${show(boat.solve_ms, 1, "ms")}` : "–"],
     ["controller", facts?.controller ?? "–"],
@@ -98,6 +99,14 @@ function state() {
     ["recorder", log ? log.text : computer && computer.disk_free_mib !== null ? `recording, ${computer.disk_free_mib} MiB free` : "–"],
     ["computer", computer ? computerText(computer) : "–"],
   ];
+}
+
+function dockingText(boat) {
+  if (boat.dock_open === null || boat.dock_open === undefined) return "–";
+  if (boat.dock_open === 0) return "not open";
+  const likely = [[30, boat.dock_30], [60, boat.dock_60], [150, boat.dock_150]].filter(([, p]) => p !== null);
+  const stays = likely.map(([seconds, p]) => `${seconds} s: ${Math.round(100 * p)} %`).join(", ");
+  return `open for ${Math.round(boat.dock_open)} s${stays ? `; stays open for another ${stays}` : ""}`;
 }
 
 function windText(boat) {

@@ -20,7 +20,7 @@ from asvhil.operator.state_arrays import (
     state_arrays,
 )
 from asvhil.supervisor.reasons import Reason, describe, explain
-from asvhil.types import Control, Frame, MoveCommand, NeutralCommand, Station, Wind
+from asvhil.types import Control, DockingWindow, Frame, MoveCommand, NeutralCommand, Station, Wind
 from tests.support.operator_bench import CONFIG, GCS, Bench, acks
 from tests.support.supervisor_bench import ESTIMATE
 
@@ -39,6 +39,7 @@ STATE = BoatState(
     satellites=11,
     origin_deg=(40.42371234, -86.92123456),
     sources=(("wind", "anemometer.MWV"), ("heading", "")),
+    docking=DockingWindow(open_s=12.5, stays=(0.5, 0.25, 0.125)),
 )
 
 
@@ -53,6 +54,7 @@ def test_what_is_known_arrives_and_what_is_not_is_none() -> None:
         "battery_percent"
     ]
     assert (told["n_m"], told["station_n_m"], told["port_us"], told["fix"]) == (1.0, 4.0, 1625.0, 3.0)
+    assert (told["dock_open"], told["dock_30"], told["dock_150"]) == (12.5, 0.5, 0.125)
     assert told["distance_m"] == pytest.approx(5.0) and told["heading_error_deg"] == pytest.approx(math.degrees(1.0))
     assert told["station_heading_deg"] == pytest.approx(360.0 - math.degrees(0.5), abs=1e-4)
     origin = [(told[f"origin_{axis}_deg"] or 0.0) + (told[f"origin_{axis}_rest_deg"] or 0.0) for axis in ("lat", "lon")]

@@ -12,7 +12,7 @@ from asvhil.io.mavlink.frames import decode, dialect
 from asvhil.io.mavlink.texts import TextReader, Texts
 from asvhil.operator.reports import OperatorReport
 from asvhil.supervisor.reasons import Reason, describe, explain
-from asvhil.types import EVERYONE, Frame, ParameterChange, Phase
+from asvhil.types import EVERYONE, DockingWindow, Frame, ParameterChange, Phase
 from tests.support.operator_bench import GCS, NAMES, POSITION_ONLY, Bench, S, acks, messages
 
 # --- messages ---------------------------------------------------------------------------------------------------------
@@ -113,6 +113,26 @@ def test_what_the_reports_say() -> None:
     assert target.type_mask == POSITION_ONLY & ~1024 | 4
     (heartbeat,) = (m for m in heard if m.get_type() == "HEARTBEAT")
     assert (heartbeat.autopilot, heartbeat.type, heartbeat.system_status) == (8, 18, dialect.MAV_STATE_CRITICAL)
+
+
+@pytest.mark.parametrize(
+    ("window", "told"),
+    [
+        (None, {}),
+        (DockingWindow(open_s=None), {"dock_open": 0.0, "dock_30": 0.0, "dock_60": 0.0, "dock_150": 0.0}),
+        (DockingWindow(open_s=7.5), {"dock_open": 7.5}),
+        (
+            DockingWindow(open_s=40.0, stays=(0.75, 0.5, 0.125)),
+            {"dock_open": 40.0, "dock_30": 0.75, "dock_60": 0.5, "dock_150": 0.125},
+        ),
+    ],
+)
+def test_the_docking_window_is_told_as_far_as_it_is_known(window: DockingWindow | None, told: dict[str, float]) -> None:
+    bench = Bench()
+    bench.say(dialect.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3))
+    heard = bench.hear(OperatorReport(phase=Phase.HOLD, docking=window))
+    values = {m.name: m.value for m in heard if m.get_type() == "NAMED_VALUE_FLOAT"}
+    assert {name: value for name, value in values.items() if name.startswith("dock")} == told
 
 
 def test_frames_are_numbered() -> None:

@@ -1,0 +1,189 @@
+"""The forecast of docking windows on simulated field tests: its coefficients, and how good it is on other seeds.
+
+    python -m bench.docking_forecast TRACKS --fit 1101 1106 --seeds 2101 2110 [--json FILE] [--seconds 600]
+
+Runs the nine field tests with each seed, keeps their tracks in the folder TRACKS (a run that is there is not made
+again), fits a logistic regression and its correction on the first seeds, and tells how good both are on the others,
+the coefficients fitted and those shipped: Brier score, that of climatology (the share of samples that stay open, of the
+seeds fitted), and reliability in tenths, with the largest error of those that more than 50 windows are in. A sample is
+a second of an open window with a forecast, if the track goes on for as long.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.optimize import isotonic_regression
+
+from asvhil.config import load_config
+from asvhil.dynamics.arrays import Array
+from asvhil.geo import wrap_rad
+from asvhil.machine_code.compiler import use_compiler
+from asvhil.simplant.lockstep import Lockstep
+from asvhil.study.field_tests import BASES, TESTS, overrides_of_test
+from asvhil.supervisor.docking import DockingWatch
+from asvhil.supervisor.docking_odds import CAME_TRUE, COEFFICIENTS, HORIZONS_S, corrected, probability
+from asvhil.types import Estimate, Phase, Station
+
+ORIGIN = Station(n_m=0.0, e_m=0.0, psi_rad=0.0)
+TENTHS = 10
+MANY = 50  # windows: a tenth with more of them is looked at
+BLOCKS = 20  # of the same number of samples, of which the correction is made
+Table = Sequence[tuple[float, float]]
+
+
+def track_of(folder: Path, name: str, seed: int, seconds: float) -> Array:
+    """Rows (t_s, u, v, r, heading error, distance) of each tick, NaN where nothing is held."""
+    file = folder / f"{name.replace(' ', '')}-{seed}.npy"
+    if file.exists():
+        kept: Array = np.load(file)
+        return kept
+    loop, rows = Lockstep(load_config(BASES[TESTS[name].boat], overrides_of_test(name, seed))), []
+    for _ in range(round(seconds * loop.config.daemon.tick_hz)):
+        _, outputs = loop.tick()
+        at, station = outputs.estimate, outputs.station
+        row = [outputs.t_ns * 1e-9 % 1e6, *[math.nan] * 5]
+        if at is not None and at.valid and station is not None and outputs.phase is Phase.HOLD:
+            off_m = math.hypot(at.n_m - station.n_m, at.e_m - station.e_m)
+            row[1:] = at.u_mps, at.v_mps, at.r_radps, wrap_rad(at.psi_rad - station.psi_rad), off_m
+        rows.append(row)
+    track = np.array(rows)
+    np.save(file, track)
+    return track
+
+
+def samples_of(track: Array) -> tuple[Array, Array, Array, Array, int]:
+    """Of k samples: features (k, 6), seconds that the window stays open, seconds that the track goes on, its number.
+
+    And how many windows there were.
+    """
+    watch, features, at_s, windows, ends = DockingWatch(), [], [], [], []
+    was_open, second = False, -1
+    for row in track:
+        t_s = float(row[0])
+        estimate = None if math.isnan(row[1]) else _estimate(row)
+        window = watch.step(round(t_s * 1e9), estimate, None if estimate is None else ORIGIN)
+        is_open = window is not None and window.open_s is not None
+        if is_open and not was_open:
+            windows.append(t_s)
+        if was_open and not is_open:
+            ends.append(t_s)
+        was_open = is_open
+        if is_open and watch.features is not None and int(t_s) != second:
+            second = int(t_s)
+            features.append(watch.features)
+            at_s.append((t_s, len(windows) - 1))
+    last_s = float(track[-1, 0])
+    until = [ends[number] if number < len(ends) else last_s for _, number in at_s]
+    times = np.array([t_s for t_s, _ in at_s])
+    numbers = np.array([number for _, number in at_s], dtype=int)
+    x = np.array(features).reshape(-1, len(COEFFICIENTS[0]))
+    return x, np.array(until) - times, last_s - times, numbers, len(windows)
+
+
+def _estimate(row: Array) -> Estimate:
+    _, u_mps, v_mps, r_radps, psi_rad, off_m = row[:6].tolist()
+    return Estimate(
+        t_ns=0, n_m=off_m, e_m=0.0, psi_rad=psi_rad, u_mps=u_mps, v_mps=v_mps, r_radps=r_radps,
+        motor=(), std=(0.0,) * 6, disturbance=(0.0, 0.0, 0.0), valid=True,
+    )  # fmt: skip
+
+
+def fitted(x: Array, y: Array) -> tuple[float, ...]:
+    """Coefficients of the logistic regression by Newton's method, with a small ridge."""
+    w = np.zeros(x.shape[1])
+    for _ in range(50):
+        p = 1.0 / (1.0 + np.exp(-np.clip(x @ w, -50.0, 50.0)))
+        ridge = np.diag([0.0, *[1.0] * (len(w) - 1)])
+        step = np.linalg.solve((x.T * (p * (1.0 - p))) @ x + ridge, x.T @ (y - p) - ridge @ w)
+        w = w + step
+        if np.abs(step).max() < 1e-8:
+            break
+    return tuple(float(c) for c in w)
+
+
+def came_true(p: Array, y: Array) -> list[tuple[float, float]]:
+    """The correction of probabilities told: means of blocks of them against the share that stayed, made to rise."""
+    order = np.argsort(p, kind="stable")
+    blocks = np.array_split(order, BLOCKS)
+    rising = isotonic_regression([float(y[block].mean()) for block in blocks], weights=[len(b) for b in blocks]).x
+    table = [(float(p[block].mean()), float(share)) for block, share in zip(blocks, rising, strict=True)]
+    # Of a flat part its two ends are enough.
+    inner = [at for k, at in enumerate(table[1:-1], 1) if not table[k - 1][1] == at[1] == table[k + 1][1]]
+    return [table[0], *inner, table[-1]]
+
+
+def told(x: Array, y: Array, windows: Array, rows: Sequence[float], table: Table, base: float) -> dict[str, Any]:
+    """Brier score and climatology's; of each tenth its samples, windows, mean forecast and share that stayed open."""
+    p = np.array([corrected(probability(rows, row), table) for row in x.tolist()])
+    tenths = []
+    for k in range(TENTHS):
+        here = (p >= k / TENTHS) & (p < (k + 1) / TENTHS + (k == TENTHS - 1))
+        if here.any():
+            of = len(set(windows[here].tolist()))
+            means = {"told": float(p[here].mean()), "stayed": float(y[here].mean())}
+            tenths.append({"samples": int(here.sum()), "windows": of, **means})
+    brier, climatology = float(np.mean((p - y) ** 2)), float(np.mean((base - y) ** 2))
+    off = [abs(tenth["told"] - tenth["stayed"]) for tenth in tenths if tenth["windows"] > MANY]
+    better = 1.0 - brier / climatology
+    return {
+        "brier": brier,
+        "climatology": climatology,
+        "better": better,
+        "off": max(off, default=0.0),
+        "tenths": tenths,
+    }
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("tracks", type=Path)
+    parser.add_argument("--fit", type=int, nargs=2, required=True, metavar=("FIRST", "LAST"))
+    parser.add_argument("--seeds", type=int, nargs=2, required=True, metavar=("FIRST", "LAST"))
+    parser.add_argument("--seconds", type=float, default=600.0)
+    parser.add_argument("--json", type=Path)
+    asked = parser.parse_args()
+    asked.tracks.mkdir(parents=True, exist_ok=True)
+    use_compiler()
+    sets = []
+    for first, last in (asked.fit, asked.seeds):
+        parts = []
+        for seed in range(first, last + 1):
+            print(f"seed {seed}", file=sys.stderr)
+            parts += [samples_of(track_of(asked.tracks, name, seed, asked.seconds)) for name in TESTS]
+        before = np.cumsum([0, *[part[4] for part in parts]])
+        numbers = np.concatenate([part[3] + first for part, first in zip(parts, before[:-1], strict=True)])
+        x, stays_s, goes_on_s = (np.concatenate([part[i] for part in parts]) for i in range(3))
+        sets.append((x, stays_s, goes_on_s, numbers, int(before[-1])))
+    found: dict[str, Any] = {"windows": [part[4] for part in sets], "horizons": {}}
+    for number, horizon_s in enumerate(HORIZONS_S):
+        (x, y, _), (other_x, other_y, windows) = (
+            (x[on > horizon_s], (s[on > horizon_s] > horizon_s).astype(float), of[on > horizon_s])
+            for x, s, on, of, _ in sets
+        )
+        rows = fitted(x, y)
+        table = came_true(np.array([probability(rows, row) for row in x.tolist()]), y)
+        base = float(y.mean())
+        found["horizons"][f"{horizon_s:g}"] = {
+            "samples": len(other_y),
+            "base": base,
+            "coefficients": rows,
+            "came_true": table,
+            "fitted": told(other_x, other_y, windows, rows, table, base),
+            "shipped": told(other_x, other_y, windows, COEFFICIENTS[number], CAME_TRUE[number], base),
+        }
+    text = json.dumps(found, indent=1)
+    print(text)
+    if asked.json is not None:
+        asked.json.write_text(text + "\n")
+
+
+if __name__ == "__main__":
+    main()
