@@ -18,6 +18,7 @@ from asvhil.dynamics.fitted_sd import FittedSd
 from asvhil.dynamics.nnsem import Scaling
 from asvhil.dynamics.weights import TrainedModel, read_model
 from asvhil.errors import ModelError
+from asvhil.train.adam import Adam
 from asvhil.train.at_rest import LEAST, SHARE
 from asvhil.train.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
 from asvhil.train.fit_sd import LOAD_S, fit_sd, load_rates, skip_of_sd, wind_loads
@@ -65,7 +66,7 @@ class Training:
         }
         self._anchors = _anchors(self._learned) if options.weight_decay > 0.0 else {}
         self._loads = _loads(train) if options.rest_weight > 0.0 else None
-        self._optimizer = torch.optim.Adam(self._learned.values(), lr=options.rate, fused=True)
+        self._adam = Adam(self._learned)
         self._iteration = 0
         self._curve: list[list[float]] = []  # rows of (iteration, training loss, validation), means over the seeds
         self._best = [(math.inf, 0, self.trainee.export(i)) for i in range(len(seeds))]
@@ -139,8 +140,6 @@ class Training:
         total = 0.0
         for i in range(count):
             share = 0.5 * (1.0 + math.cos(math.pi * (self._iteration + i) / options.iterations))
-            for group in self._optimizer.param_groups:
-                group.update(lr=options.last_rate + (options.rate - options.last_rate) * share)
             begin = starts[torch.from_numpy(picks[i])]
             rows = begin[:, None, :]
             batch = Batch(
@@ -152,11 +151,10 @@ class Training:
             error = self.trainee.predict(batch) - batch.target
             # Summed over the models, which have no weight in common but a map that members of one model share.
             loss = rollout_loss(error, options.robust).sum()
-            self._optimizer.zero_grad()
             cost = loss + options.weight_decay * self._distance() + self._wrong_slopes(batch, self._iteration + i)
             cost = cost + self._rest_error(self._iteration + i)
             cost.backward()  # type: ignore[no-untyped-call]
-            self._optimizer.step()
+            self._adam.step(options.last_rate + (options.rate - options.last_rate) * share)
             total += loss.item()
         return total / (count * len(self._seeds) * options.members)
 
@@ -235,9 +233,8 @@ class Training:
 
     def _snapshot(self) -> Checkpoint:
         arrays = {f"p.{name}": value.detach().numpy() for name, value in self._learned.items()}
-        for name, value in self._learned.items():
-            state = self._optimizer.state[value]
-            arrays |= {f"m.{name}": state["exp_avg"].numpy(), f"v.{name}": state["exp_avg_sq"].numpy()}
+        for name in self._learned:
+            arrays |= {f"m.{name}": self._adam.first[name].numpy(), f"v.{name}": self._adam.second[name].numpy()}
         for i, (error, at, weights) in enumerate(self._best):
             arrays[f"best.{i}"] = np.array([error, at])
             arrays |= {f"best.{i}.{name}": weight for name, weight in weights.items()}
@@ -248,11 +245,10 @@ class Training:
         for name, value in self._learned.items():
             with torch.no_grad():
                 value.copy_(torch.from_numpy(saved.arrays[f"p.{name}"]))
-            self._optimizer.state[value] = {
-                "step": torch.tensor(float(saved.iteration)),
-                "exp_avg": torch.from_numpy(saved.arrays[f"m.{name}"].copy()),
-                "exp_avg_sq": torch.from_numpy(saved.arrays[f"v.{name}"].copy()),
-            }
+        first, second = (
+            {name: torch.from_numpy(saved.arrays[f"{mean}.{name}"].copy()) for name in self._learned} for mean in "mv"
+        )
+        self._adam.restore(saved.iteration, first, second)
         for i, (_, _, weights) in enumerate(self._best):
             error, at = saved.arrays[f"best.{i}"].tolist()
             self._best[i] = (error, int(at), {name: saved.arrays[f"best.{i}.{name}"] for name in weights})
