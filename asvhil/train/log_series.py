@@ -47,11 +47,27 @@ class LogSeries:
     outliers: int  # number of outliers left out
 
 
+KEPT = 8  # logs
+_kept: dict[tuple[Path, int, int], LogSeries] = {}  # by path, size and time of the last change; the oldest first
+
+
 def read_log_series(path: Path) -> LogSeries:
-    """Read one log. LogError where the file is none, holds no tick, or needs a plug-in to be decoded."""
+    """Read one log. LogError where the file is none, holds no tick, or needs a plug-in to be decoded.
+
+    A training reads the same log for its measurements, for its truth, and for the scores: the last few are kept.
+    """
     log = LogFile(path)
     config = config_of(log, path, known_only=True)
     check_decoding(log, path, config)
+    key = log.path.resolve(), log.size, log.path.stat().st_mtime_ns
+    if key not in _kept:
+        _kept[key] = _decoded(log, path, config)
+        if len(_kept) > KEPT:
+            del _kept[next(iter(_kept))]
+    return _kept[key]
+
+
+def _decoded(log: LogFile, path: Path, config: Config) -> LogSeries:
     reader: _Reader | None = None
     for inputs, recorded in log.ticks():
         reader = _Reader(config, inputs.t_ns) if reader is None else reader
