@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import sys
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -39,6 +38,8 @@ def check(
     json_: JsonOption = None,
 ) -> None:
     """Check the vehicle before it leaves the dock; exit 1 where a check fails. It never moves a motor."""
+    import asyncio
+
     from rich.console import Console
 
     from asvhil.config import load_config

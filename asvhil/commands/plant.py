@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Annotated, Any
@@ -58,6 +57,8 @@ def plant(
 
 
 def _be_the_vehicle(settings: Config, duration: float | None, quiet: bool) -> None:
+    import asyncio
+
     from asvhil.links.clock import Clock
     from asvhil.simplant.server import PlantServer
 
@@ -79,6 +80,8 @@ def _be_the_vehicle(settings: Config, duration: float | None, quiet: bool) -> No
 def _serve_autopilot(
     settings: Config, px4_hil: bool, endpoint: str | None, duration: float | None, quiet: bool
 ) -> None:
+    import asyncio
+
     from asvhil.links.clock import Clock
     from asvhil.simplant.hil.server import ArduPilotJsonServer, Px4HilServer
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import re
 
-from asvhil.config.yaml_text import scalar
 from asvhil.errors import ConfigError
 
 UNITS: dict[str, dict[str, float]] = {
@@ -20,6 +19,8 @@ _FORM = re.compile(r"\s*([0-9.,+-]+(?:[eE][0-9+-]+)?)\s*(\S*)\s*")
 
 def quantity(name: str, text: str, unit: str) -> float:
     """The value in `unit`. ConfigError, one line, for what is no number, or has a unit of something else."""
+    from asvhil.config.yaml_text import scalar
+
     known = UNITS[unit]
     found = _FORM.fullmatch(text)
     number = scalar(found[1]) if found else None

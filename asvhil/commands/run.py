@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 from pathlib import Path
 from typing import Annotated
 
@@ -25,6 +24,8 @@ def run(
     status_json: Annotated[bool, typer.Option(help="Print a JSON status line twice a second, no table.")] = False,
 ) -> None:
     """Run the daemon on the vehicle's companion computer. It holds only after `asvhil hold`."""
+    import asyncio
+
     from asvhil.config import load_config
     from asvhil.daemon.daemon import Daemon
     from asvhil.links.clock import Clock

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -105,6 +104,8 @@ def _copy(path: Path, text: str) -> None:
 
 def _run(config: str, set_: list[str], timeout_s: float, job: Any) -> Any:
     """A job with its progress shown."""
+    import asyncio
+
     from rich.console import Console
 
     from asvhil.config import load_config
