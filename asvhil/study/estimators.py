@@ -10,7 +10,7 @@ from asvhil.study.rows import FROM_S, TO_S, row_overrides
 from asvhil.study.runner import Job, Run
 from asvhil.study.six_tests import cost_figures
 from asvhil.study.statistics import mean_ci95
-from asvhil.study.trials.abrupt import MOVE_DEG, MOVE_M, run_abrupt, run_survival
+from asvhil.study.trials.abrupt import AFTER_S, MOVE_DEG, MOVE_M, run_abrupt, run_survival
 from asvhil.study.trials.estimation import ACTIVITIES, KINDS, METRICS, run_estimation
 from asvhil.study.trials.trial import run_key
 from asvhil.types import record
@@ -30,7 +30,7 @@ ASKED: dict[str, dict[str, float]] = {
 }
 RAW_RATIO, FIR_RATIO = 2.0, 1.0
 WINDOW_S = (30.0, 150.0)
-QUICK_WINDOW_S = (12.0, 22.0)
+QUICK_WINDOW_S = (8.0, 14.0)
 
 # Fault: (kind, duration in s). Of a boat with several sets of sensors it is the preferred one that fails.
 ABRUPT: dict[str, tuple[str, float]] = {
@@ -69,6 +69,7 @@ class Plan:
     window_s: tuple[float, float]
     start_s: float
     longest_s: float
+    after_s: float
     survival_s: tuple[float, float]
     abrupt: frozenset[str] | None = None
 
@@ -80,6 +81,7 @@ FULL = Plan(
     window_s=WINDOW_S,
     start_s=START_S,
     longest_s=30.0,
+    after_s=AFTER_S,
     survival_s=(FROM_S, TO_S),
 )
 QUICK = Plan(
@@ -87,10 +89,11 @@ QUICK = Plan(
     abrupt_seeds=(1,),
     survival_seeds=(1,),
     window_s=QUICK_WINDOW_S,
-    start_s=12.0,
+    start_s=8.0,
     longest_s=3.0,
+    after_s=12.0,
     survival_s=QUICK_WINDOW_S,
-    abrupt=frozenset({"none", "GNSS frozen", "GNSS silent", "INS silent", "GNSS and compass silent"}),
+    abrupt=frozenset({"none", "GNSS silent", "INS silent", "GNSS and compass silent"}),
 )
 
 
@@ -176,7 +179,7 @@ def _abrupt_jobs(name: str, plan: Plan, overrides: tuple[str, ...]) -> Iterable[
             span = f"from_s: {plan.start_s:g}, until_s: {plan.start_s + duration_s:g}"
             fault = (f"plant.faults=[{{kind: {kind}, {span}{device}}}]",) if kind else ()
             keys = (*row_overrides(SURVIVAL_ROW, seed), *fault, *overrides)
-            job = _job("abrupt", f"{name} abrupt", SETS[name], keys, (plan.start_s, duration_s))
+            job = _job("abrupt", f"{name} abrupt", SETS[name], keys, (plan.start_s, duration_s, plan.after_s))
             yield ("abrupt", name, label, str(seed)), job
 
 

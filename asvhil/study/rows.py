@@ -12,7 +12,7 @@ from asvhil.study.runner import Job
 from asvhil.study.trials.trial import NO_NOISE, NO_SLOW_ERROR, run_key
 
 FROM_S, TO_S = 60.0, 360.0
-QUICK_S = (15.0, 25.0)  # to see that it works
+QUICK_S = (10.0, 16.0)  # to see that it works
 ROWS: dict[str, tuple[float, float]] = {  # m/s, blowing toward degrees from the station's heading
     "1": (3.0, 0.0),
     "2": (6.0, 0.0),

@@ -8,14 +8,13 @@ from pathlib import Path
 
 import pytest
 
-from asvhil.commands.cli import main
+from tests.support.command_line import Said, call, refused
 
 TWO_LAWS = ("--controller", "backstepping", "--controller", "LOITER", "--row", "1", "--row", "5")
 
 
-def study(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "asvhil", "study", *arguments]
-    return subprocess.run(command, capture_output=True, text=True, check=False, timeout=200, cwd=cwd)
+def study(*arguments: str, cwd: Path) -> Said:
+    return call("study", *arguments, "--workers", "1", cwd=cwd)
 
 
 def without_cost(path: Path) -> dict:
@@ -27,8 +26,8 @@ def without_cost(path: Path) -> dict:
 def test_six_tests_killed_in_the_middle_end_like_those_that_were_not(tmp_path):
     arguments = ("six-tests", "--quick", *TWO_LAWS)
     whole = study(*arguments, "-o", "whole", "--json", "figures.json", cwd=tmp_path)
-    assert (whole.returncode, whole.stderr) == (0, "")
-    assert "six tests: 4 runs," in whole.stdout and "| 5 (3 m/s toward 90°) |" in whole.stdout
+    assert (whole.status, whole.err) == (0, "")
+    assert "six tests: 4 runs," in whole.out and "| 5 (3 m/s toward 90°) |" in whole.out
     store = tmp_path / "cut" / "trials.jsonl"
     running = subprocess.Popen(
         [sys.executable, "-m", "asvhil", "study", *arguments, "-o", "cut", "--workers", "1"],
@@ -49,7 +48,7 @@ def test_six_tests_killed_in_the_middle_end_like_those_that_were_not(tmp_path):
     with store.open("a") as file:
         file.write('{"key": "trial ')  # as if it had been killed while writing
     again = study(*arguments, "-o", "cut", cwd=tmp_path)
-    assert (again.returncode, again.stderr) == (0, "")
+    assert (again.status, again.err) == (0, "")
     assert store.read_text().count("\n") == 4
     figures = without_cost(tmp_path / "cut" / "six-tests-quick.json")
     assert (
@@ -64,7 +63,7 @@ def test_six_tests_killed_in_the_middle_end_like_those_that_were_not(tmp_path):
 
 def test_without_noise_the_figures_stand_apart(tmp_path):
     done = study("six-tests", "--quick", "--no-noise", "--controller", "LOITER", "--row", "1", "-o", ".", cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
+    assert done.status == 0, done.err
     figures = json.loads((tmp_path / "six-tests-no-noise-quick.json").read_text())
     assert figures["noise"] is False and figures["seeds"] == [1]
     truth, measured = (figures["rows"]["1"]["LOITER"][name]["e_d_m"]["mean"] for name in ("truth", "measured"))
@@ -74,19 +73,19 @@ def test_without_noise_the_figures_stand_apart(tmp_path):
 
 def test_the_solvers_side_by_side(tmp_path):
     arguments = ("--ticks", "4", "--problems", "2", "--solver", "sqp", "--solver", "fatrop", "--set", "plant.seed=3")
-    done = study("solvers", *arguments, "-o", "out", "--json", "solvers.json", cwd=tmp_path)
-    assert (done.returncode, done.stderr) == (0, "")
+    done = call("study", "solvers", *arguments, "-o", "out", "--json", "solvers.json", cwd=tmp_path)
+    assert (done.status, done.err) == (0, "")
     figures = json.loads((tmp_path / "solvers.json").read_text())
     assert list(figures["solvers"]) == ["sqp", "fatrop"] and (figures["steps"], figures["seed"]) == (4, 3)
     assert figures["solvers"]["sqp"]["limit"]["problems"] == 2
-    assert "| own SQP (default) |" in done.stdout and (tmp_path / "out" / "solvers.png").exists()
+    assert "| own SQP (default) |" in done.out and (tmp_path / "out" / "solvers.png").exists()
 
 
 def test_the_approach_leaves_figures_and_tracks(tmp_path):
     weak = "vehicle.vessel.thrust_curve=[[-1.0, -1.0], [0.0, 0.0], [1.0, 1.0]]"
     boat = ("--set", weak, "--set", "controller.on_other_hull=use")
     done = study("approach", "--quick", "--runs", "1", *boat, "-o", ".", "--json", "out.json", cwd=tmp_path)
-    assert (done.returncode, done.stderr) == (0, "")
+    assert (done.status, done.err) == (0, "")
     assert json.loads((tmp_path / "out.json").read_text())["lost"] == 1
     assert (
         "| lost | none | 1 |" in (tmp_path / "approach-quick.md").read_text()
@@ -96,7 +95,7 @@ def test_the_approach_leaves_figures_and_tracks(tmp_path):
 
 def test_a_field_test_leaves_tables_beside_the_papers_and_the_way(tmp_path):
     done = study("field-tests", "--quick", "--test", "wamv 2", "-o", ".", "--json", "out.json", cwd=tmp_path)
-    assert (done.returncode, done.stderr) == (0, "")
+    assert (done.status, done.err) == (0, "")
     test = json.loads((tmp_path / "out.json").read_text())["tests"]["wamv 2"]
     assert test["never_there"] == test["let_go"] == 0 and test["handover_s"]["mean"] < 60.0
     distances = [test["ways"][way]["distance_m"]["mean"]["mean"] for way in ("truth", "estimated", "measured")]
@@ -126,29 +125,25 @@ def test_a_field_test_leaves_tables_beside_the_papers_and_the_way(tmp_path):
         (["bound", "--wind", "fast"], "SPEED@DEG is expected"),
     ],
 )
-def test_a_mistake_is_one_line(arguments, words, tmp_path, monkeypatch, capsys):
+def test_a_mistake_is_one_line(arguments, words, tmp_path):
     (tmp_path / "taken").write_text("a file")
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(sys, "argv", ["asvhil", "study", *arguments])
-    with pytest.raises(SystemExit) as ended:
-        main()
-    assert ended.value.code == 2
-    said = capsys.readouterr().err
-    assert words in said and said.count("\n") == 1
+    said = call("study", *arguments, cwd=tmp_path)
+    assert said.status == 2
+    refused(said, words)
 
 
 def test_the_estimator_study_on_one_set_of_sensors(tmp_path):
     done = study("estimator", "--quick", "--sensors", "BREAM", "-o", "out", "--json", "figures.json", cwd=tmp_path)
-    assert (done.returncode, done.stderr) == (0, "")
+    assert (done.status, done.err) == (0, "")
     figures = json.loads((tmp_path / "figures.json").read_text())
     velocity = figures["errors"]["BREAM"]["manoeuvres"]["gusty"]["errors"]
     assert velocity["ekf"]["velocity_mps"]["mean"] < velocity["raw"]["velocity_mps"]["mean"]
     assert set(figures["abrupt"]["BREAM"]) > {"none", "GNSS silent"} and figures["survival"]["lost"] == []
-    assert "| GNSS frozen |" in done.stdout
+    assert "| GNSS silent |" in done.out
     assert "### Asked and reached" in (tmp_path / "out" / "estimator-quick.md").read_text()
     assert (tmp_path / "out" / "estimator-quick.png").read_bytes().startswith(b"\x89PNG")
 
 
 def test_sensors_that_no_boat_has_are_refused(tmp_path):
     wrong = study("estimator", "--sensors", "VN-200", cwd=tmp_path)
-    assert wrong.returncode != 0 and wrong.stderr.strip().endswith("--sensors VN-200: unknown (known: VN-300, BREAM)")
+    refused(wrong, "--sensors VN-200: unknown (known: VN-300, BREAM)\n")

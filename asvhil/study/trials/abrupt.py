@@ -21,17 +21,20 @@ CALM_S = 10.0  # a recovered estimate stays within the limits for this long
 MOVE_M, MOVE_DEG = 0.5, 3.0
 
 
-def run_abrupt(base: str, overrides: tuple[str, ...], start_s: float, duration_s: float) -> dict[str, Any]:
+def run_abrupt(
+    base: str, overrides: tuple[str, ...], start_s: float, duration_s: float, after_s: float = AFTER_S
+) -> dict[str, Any]:
     """The effect of one fault, which is in the config, on the estimate during station keeping.
 
     Movement is that of the error (estimate less truth) against its mean over the 5 s before. `recovery_s` counts from
-    the end of the fault until the movement is within 0.5 m and 3 degrees for 10 s; None where it is not by the end.
+    the end of the fault until the movement is within 0.5 m and 3 degrees for 10 s; None where it is not by the end,
+    `after_s` after that of the fault.
     Flags are those that operators get: the notes that are not ok, and quantities that have lost their source or
     taken another one; each with the time since the start of the fault at which it came up.
     """
     config = load_config(base, overrides)
     hz = config.daemon.tick_hz
-    run = record_run(config, "station", start_s + duration_s + AFTER_S)
+    run = record_run(config, "station", start_s + duration_s + after_s)
     rows, truth = estimate_rows(run.outputs, run.origin), truth_rows(run.truth)
     e = rows - truth
     e[:, 4] = np.degrees((e[:, 4] + math.pi) % math.tau - math.pi)
