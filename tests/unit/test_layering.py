@@ -142,6 +142,17 @@ def test_no_mavutil(module: str) -> None:
     assert not imports_of(MODULES[module]) & EVERYWHERE_FORBIDDEN
 
 
+def test_the_command_line_waits_for_a_command_before_it_imports_what_is_heavy() -> None:
+    """Each of these takes a tenth of a second or more, of every `asvhil --help` and of each key that completes a name."""
+    code = (
+        "import sys, asvhil.commands.cli\n"
+        "bad = [m for m in ('asyncio', 'casadi', 'numpy', 'pydantic', 'yaml', 'asvhil.config') if m in sys.modules]\n"
+        "sys.exit(', '.join(bad) or 0)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
 def test_the_daemon_imports_neither_torch_nor_matplotlib_nor_mavutil() -> None:
     code = (
         "import sys, asvhil.daemon.daemon, asvhil.commands.cli\n"
