@@ -143,7 +143,7 @@ def test_no_mavutil(module: str) -> None:
 
 
 def test_the_command_line_waits_for_a_command_before_it_imports_what_is_heavy() -> None:
-    """Each of these takes a tenth of a second or more, of every `asvhil --help` and of each key that completes a name."""
+    """Each of these takes a tenth of a second or more, of every `asvhil --help` and of each completed name."""
     code = (
         "import sys, asvhil.commands.cli\n"
         "bad = [m for m in ('asyncio', 'casadi', 'numpy', 'pydantic', 'yaml', 'asvhil.config') if m in sys.modules]\n"
