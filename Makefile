@@ -3,7 +3,8 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check
-INSTALL := $(PIP) install -qq -c constraints.txt
+# On a terminal pip shows what it fetches.
+INSTALL := $(PIP) install $(if $(MAKE_TERMOUT),,-qq) -c constraints.txt
 STAMPS := $(VENV)/.stamps
 
 # The tests start hundreds of processes, of which none shall compile the package anew.
@@ -34,7 +35,7 @@ NO_VENV = $(PYTHON) cannot make an environment: install python3-venv (Debian: ap
 # The daemon's own packages, and the Lua interpreter of the simulated autopilot: no torch. An environment that an earlier
 # make could not finish, or that is of another Python, is made anew.
 $(STAMPS)/base: pyproject.toml constraints.txt
-	@echo "setting up $(VENV) ..."
+	@echo "setting up $(VENV): some 650 MB, a minute or two ..."
 	@$(PYTHON) -c '$(TOO_OLD)'
 	@$(PYTHON) -c 'import ensurepip, venv' 2> /dev/null || { echo "$(NO_VENV)" >&2; exit 1; }
 	@test -f $@ && $(BIN)/python -c '$(TOO_OLD)' || $(PYTHON) -m venv --clear $(VENV)
@@ -42,7 +43,7 @@ $(STAMPS)/base: pyproject.toml constraints.txt
 	@mkdir -p $(STAMPS) && touch $@
 
 $(STAMPS)/test: $(STAMPS)/base
-	@echo "adding what the tests need ..."
+	@echo "adding what the tests need: up to 6 GB, several minutes ..."
 	@$(INSTALL) $(if $(TORCH_INDEX),--extra-index-url $(TORCH_INDEX)) -e '.[train,dev]'
 	@touch $@
 

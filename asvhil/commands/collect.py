@@ -10,7 +10,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from asvhil.commands.options import ConfigArgument, JsonOption, SetOption
-from asvhil.commands.views import LiveView, check_writable, progress, say, tell_borrowed_hull, write_json
+from asvhil.commands.views import (
+    NEEDS_AUTO,
+    LiveView,
+    check_writable,
+    progress,
+    say,
+    tell_borrowed_hull,
+    twin_hint,
+    write_json,
+)
 from asvhil.errors import AsvhilError, ConfigError
 
 if TYPE_CHECKING:
@@ -47,6 +56,8 @@ def collect(
     console = Console()
     settings = load_config(config, tuple(set_))
     winds = [parse_wind(text) for text in wind]
+    if not vehicle and settings.supervisor.engage != "auto":
+        raise ConfigError(f"{config}: {NEEDS_AUTO}{twin_hint(config)}; for the real boat: --vehicle")
     if vehicle:
         tell_borrowed_hull(settings, config, set_)
     runs = drive_with_display(settings, mode, duration, winds, output, note, console)

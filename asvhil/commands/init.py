@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import sys
+import tempfile
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -100,11 +101,12 @@ def init(
         _files(file or Path(f"{given['name']}.yaml"), force)  # before any question
     boat = _told(given, anemometer_kind, console)
     target, twin = _files(file or Path(f"{boat.name}.yaml"), force)
-    for path, text in ((target, boat_text(boat)), (twin, twin_text(boat, target.name))):
+    texts = {target: boat_text(boat), twin: twin_text(boat, target.name)}
+    _prove(texts)
+    for path, text in texts.items():
         with writing(path):
             path.write_text(text, encoding="utf-8")
     vessel = load_config(target).vehicle.vessel
-    load_config(twin)
     write_json(json_, {"files": [str(target), str(twin)], "vessel": vessel.model_dump(mode="json")})
     _tell(console, boat, vessel, target, twin)
 
@@ -119,6 +121,22 @@ def _files(target: Path, force: bool) -> tuple[Path, Path]:
             raise ConfigError(f"init: {path} is there already: another name, or --force to overwrite it")
         check_writable(path)
     return files
+
+
+def _prove(texts: dict[Path, str]) -> None:
+    """ConfigError where one of the files would not be a config: what cannot be run is not left behind."""
+    from asvhil.config import load_config
+
+    with tempfile.TemporaryDirectory() as folder:
+        places = [Path(folder) / path.name for path in texts]
+        for place, text in zip(places, texts.values(), strict=True):
+            place.write_text(text, encoding="utf-8")
+        try:
+            for place in places:
+                load_config(place)
+        except ConfigError as error:
+            words = str(error).replace(f"{folder}/", "")
+            raise ConfigError(f"init: {words}; nothing was written") from None
 
 
 def _told(given: dict[str, str | None], anemometer_kind: str, console: Any) -> OwnBoat:
@@ -278,7 +296,7 @@ def _tell(console: Any, boat: OwnBoat, vessel: VesselConfig, target: Path, twin:
     for command, words in (
         (f"asvhil config check {target}", "whether the file is right, and whose hull and model are in use"),
         (f"asvhil sitl {twin} --lockstep --duration 120", "the simulated boat keeps a station"),
-        (f"asvhil learn {twin}", "a rehearsal of the afternoon on the water"),
+        (f"asvhil learn {twin}", "a rehearsal of the afternoon on the water (needs torch: pip install '.[train]')"),
         (f"asvhil check {target}", "on the boat: links, parameters, sensors"),
     ):
         say(console, f"  {command:<56} {words}")

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from asvhil.commands.options import ConfigArgument, FaultOption, JsonOption, SetOption
-from asvhil.commands.views import LiveView, check_writable, progress, report_run
+from asvhil.commands.views import NEEDS_AUTO, LiveView, check_writable, progress, report_run, twin_hint
 from asvhil.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -57,7 +57,7 @@ def sitl(
         overrides += [f"plant.weather.wind.{key}={value}" for key, value in keys.items()]
     settings = with_faults(load_config(config, tuple(overrides)), fault)
     if settings.supervisor.engage != "auto":
-        raise ConfigError(f"{config}: key supervisor.engage: sitl needs auto (nobody is there to say hold)")
+        raise ConfigError(f"{config}: {NEEDS_AUTO}{twin_hint(config)}")
     if log is not None and picture and log.suffix == ".png":
         raise ConfigError(f"--log {log}: the picture goes there; name the log .mcap, or give --no-picture")
     check_writable(json_, "--json ")

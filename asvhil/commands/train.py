@@ -99,7 +99,9 @@ def need_torch() -> None:
     from importlib.util import find_spec
 
     if find_spec("torch") is None:
-        raise AsvhilError("training needs torch: install the extra, as in pip install '.[train]'")
+        raise AsvhilError(
+            "training needs torch: pip install '.[train]' in the clone of asvhil (6 GB; less: docs/installation.md)"
+        )
 
 
 def _kind_options() -> Iterator[inspect.Parameter]:

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from asvhil.config import Config
 
 
+NEEDS_AUTO = "key supervisor.engage: a simulated boat needs auto (nobody is there to say hold)"
 LINES_KEPT = 64  # statuses that wait for a slow reader of a pipe
 
 
@@ -133,7 +134,7 @@ class LiveView:
 
 
 def progress(console: Any, *, spinner: bool = False) -> Any:
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+    from rich.progress import BarColumn, MofNCompleteColumn, SpinnerColumn, TextColumn, TimeElapsedColumn
 
     if spinner:
         columns: list[Any] = [
@@ -143,23 +144,32 @@ def progress(console: Any, *, spinner: bool = False) -> Any:
         ]
     else:
         columns = [TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn()]
-    return Progress(*columns, console=console, transient=True)
+    return _shown(console, columns)
 
 
 def stage_bar(console: Any) -> Any:
     """A bar whose description is the stage of the work."""
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+    from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
 
-    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
-    return Progress(*columns, console=console, transient=True)
+    return _shown(console, (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn()))
 
 
 def byte_bar(console: Any) -> Any:
     """A bar over the bytes of a file."""
-    from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TimeElapsedColumn
+    from rich.progress import BarColumn, DownloadColumn, TextColumn, TimeElapsedColumn
 
-    columns = (TextColumn("{task.description}"), BarColumn(), DownloadColumn(), TimeElapsedColumn())
-    return Progress(*columns, console=console, transient=True)
+    return _shown(console, (TextColumn("{task.description}"), BarColumn(), DownloadColumn(), TimeElapsedColumn()))
+
+
+def _shown(console: Any, columns: Sequence[Any]) -> Any:
+    """A bar of these columns on a terminal; on a pipe a line now and then."""
+    from rich.progress import Progress
+
+    from asvhil.commands.piped_progress import PipedProgress
+
+    if console.is_terminal:
+        return Progress(*columns, console=console, transient=True)
+    return PipedProgress(console)
 
 
 def report_run(log: Path, json_file: Path | None, picture: Path | None, console: Any, wall_s: float | None) -> None:
@@ -258,6 +268,12 @@ def say(console: Any, text: str, end: str = "\n") -> None:
 
 
 # --- files ---------------------------------------------------------------------------------------------------
+
+
+def twin_hint(config: str) -> str:
+    """Which config is the simulated twin of that of a boat, where `asvhil init` has put one beside it."""
+    twin = Path(config).with_name(f"{Path(config).stem}-sim.yaml")
+    return f"; the simulated twin of this boat is {twin}" if twin.is_file() else ""
 
 
 def tell_borrowed_hull(config: Config, name: str, overrides: Sequence[str]) -> None:

@@ -14,6 +14,7 @@ from asvhil.errors import ConfigError
 from asvhil.types import record
 
 MAX_BAUD = 20_000_000
+_ALL_HOSTS = ("0.0.0.0", "::")
 _HOST = re.compile(r"[A-Za-z0-9_]([A-Za-z0-9._-]*[A-Za-z0-9_.])?")
 
 
@@ -54,6 +55,19 @@ def parse_spec(spec: str) -> LinkSpec:
     except ValueError as error:
         raise ConfigError(f"link {spec!r}: {error}") from None
     return parsed
+
+
+def shared_place(one: str, other: str) -> str:
+    """What two link specs both want and only one can have: a serial device, or a port of this computer. Empty: none."""
+    first, second = parse_spec(one), parse_spec(other)
+    if first.scheme != second.scheme:
+        return ""
+    if first.scheme == "serial":
+        return first.path if first.path == second.path else ""
+    hosts = {first.host, second.host}
+    met = len(hosts) == 1 or not hosts.isdisjoint(_ALL_HOSTS)
+    bound = first.scheme in ("udpin", "tcpin") and 0 != first.ip_port == second.ip_port
+    return f"{first.scheme[:3]} port {first.ip_port}" if bound and met else ""
 
 
 # --- what stands behind the colon of each kind ---------------------------------------------------------------

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from itertools import combinations
 from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo, model_validator
 
 from asvhil.config.autopilots import outputs_of
-from asvhil.config.base import LinkSpecText, MavlinkId, Positive, Section, is_stored
+from asvhil.config.base import LinkSpecText, MavlinkId, Positive, Section, is_stored, known_only
 from asvhil.config.chosen import NamedIn
+from asvhil.config.link_spec import shared_place
 from asvhil.config.mavlink import GroundStationLinkConfig, LinkName, MavlinkLinkConfig, RoutingConfig
 from asvhil.config.ports import AUTOPILOT, OPERATOR
 from asvhil.config.registry import AUTOPILOTS, OUTPUTS
@@ -163,6 +165,21 @@ class LinksConfig(Section):
     reconnect_max_s: Positive = Field(default=5.0, description="Longest pause.")
 
     left_out_if_empty = ("sensors",)
+
+    @model_validator(mode="after")
+    def _one_link_each(self, info: ValidationInfo) -> LinksConfig:
+        """Of two links on one device or port the second could never be opened, and would be tried for ever."""
+        if known_only(info) or is_stored(info):
+            return self
+        stations = {f"ground_stations.{name}": station.endpoint for name, station in self.ground_stations.items()}
+        for (port, spec), (other, its) in combinations({**self.endpoints, **stations}.items(), 2):
+            place = shared_place(spec, its)
+            if place:
+                raise ValueError(
+                    f"{port} and {other} are both on {place}, which one link alone can open: "
+                    "each needs a device or port of its own"
+                )
+        return self
 
     def sensor_links(self) -> dict[str, AnemometerLinkConfig | NmeaLinkConfig | InsLinkConfig | SensorLinkConfig]:
         """The sections of all sensor links by port, those with keys of their own first."""

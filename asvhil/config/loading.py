@@ -25,7 +25,9 @@ def find_config(name: str) -> Path:
     try:
         return find_shipped(name, "", (".yaml",), "config file")
     except ConfigError as error:
-        near = difflib.get_close_matches(name, shipped_names(), n=1)
+        own = [path.name for path in Path().glob("*.yaml")]
+        alike = difflib.get_close_matches(name, own + shipped_names(), n=1)
+        near = [f"{name}.yaml"] if f"{name}.yaml" in own else alike
         meant = f"did you mean {near[0]}?" if near else f"shipped ones are {', '.join(shipped_names())}"
         raise ConfigError(f"{error}; {meant}") from None
 

@@ -192,7 +192,7 @@ def _write_parquet(rows: Iterator[Row], part: Path) -> int:
         import pyarrow as pa
         import pyarrow.parquet as pq
     except ImportError:
-        raise AsvhilError("Parquet needs pyarrow: pip install '.[parquet]'") from None
+        raise AsvhilError("Parquet needs pyarrow: pip install '.[parquet]' in the clone of asvhil") from None
     types = {float: pa.float64(), int: pa.int64(), str: pa.string(), bool: pa.bool_()}
     schema = pa.schema([(name, types[kind]) for name, kind in COLUMNS.items()])
     count = 0

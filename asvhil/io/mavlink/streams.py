@@ -55,7 +55,7 @@ class StreamRequester:
         self._rates_hz = dict(rates_hz)
         self._to = (system_id, component_id)
         self._us = us
-        self._t_ns = 0
+        self._t_ns = 0  # until data is first asked for: what came before has no time to be counted from
         self._stream_of = {name: stream for stream, names in LEGACY_STREAMS.items() for name in names} if legacy else {}
         self._legacy: list[int] = []
         self._wanted = {getattr(dialect, f"MAVLINK_MSG_ID_{name}"): rate for name, rate in rates_hz.items()}
@@ -112,7 +112,7 @@ class StreamRequester:
         """Any complete frame of the autopilot: it is counted, and an acknowledgement of a request is understood."""
         msg_id = message_id(frame)
         if msg_id in self._counts:
-            if msg_id in self._absent:  # as outputs do, once the vehicle is armed
+            if msg_id in self._absent and self._t_ns:  # as outputs do, once the vehicle is armed
                 self._absent.discard(msg_id)
                 self._begin_watch(msg_id)
             self._counts[msg_id] += 1

@@ -258,7 +258,9 @@ def sandboxed(
     try:
         from lupa.lua53 import LuaRuntime
     except ImportError:
-        raise ConfigError("scripts on the simulated ArduRover need the Lua interpreter: pip install '.[sim]'") from None
+        raise ConfigError(
+            "scripts on the simulated ArduRover need the Lua interpreter: pip install '.[sim]' in the clone of asvhil"
+        ) from None
     lua = LuaRuntime(encoding="latin-1", register_eval=False, register_builtins=False, unpack_returned_tuples=True)
     found = lua.execute(SANDBOX, lua.table_from(api), text, name, steps)
     if isinstance(found, tuple):

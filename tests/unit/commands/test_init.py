@@ -101,6 +101,10 @@ def test_nothing_is_asked_where_all_is_given_and_nothing_is_overwritten(tmp_path
         (("cat.yaml", *CAT, "--beam", "3"), "beam 3 m is more than the length of 1.6 m: exchanged?"),
         (("cat.yaml", *CAT, "--pwm", "1900,1500,1100"), "--pwm 1900,1500,1100: rising within 500 to 2500 us"),
         (("cat.yaml", *CAT, "--pwm", "1100"), "--pwm 1100: three pulse widths in us are expected"),
+        (
+            ("cat.yaml", *CAT, "--anemometer", "/dev/ttyAMA0:4800"),
+            "cat.yaml: key links: autopilot and anemometer are both on /dev/ttyAMA0",
+        ),
         (("cat.yaml", *CAT, "--anemometer-kind", "vane"), "--anemometer-kind vane: nmea or arduino is expected"),
     ],
 )

@@ -24,6 +24,7 @@ WORDS = [
     (("sitl", "--seed", "-1"), "invalid value for '--seed'"),
     (("run", "nowhere.yaml"), "nowhere.yaml: no such config file"),
     (("run", "feild"), "feild: no such config file; did you mean field?"),
+    (("run", "mine"), "mine: no such config file; did you mean mine.yaml?"),
     (("run", "qx"), "qx: no such config file; shipped ones are"),
     (("run", "sitl", "--set", "plant.sead=1"), "did you mean seed?"),
     (("run", "sitl", "--set", "plant.seed"), "KEY=VALUE is expected"),
@@ -42,7 +43,9 @@ WORDS = [
     (("sitl", "--anemometer", "cups"), "simulated or firmware is expected"),
     (("sitl", "--arduino", "there"), "goes with --anemometer firmware only"),
     (("sitl", "--json", "no/f.json"), "--json no/f.json: cannot be written"),
-    (("sitl", "field", "--lockstep"), "supervisor.engage: sitl needs auto"),
+    (("sitl", "field", "--lockstep"), "field: key supervisor.engage: a simulated boat needs auto"),
+    (("sitl", "boat.yaml", "--lockstep"), "the simulated twin of this boat is boat-sim.yaml"),
+    (("collect", "boat.yaml"), "the simulated twin of this boat is boat-sim.yaml; for the real boat: --vehicle"),
     (("hold", "--at", "here"), "LAT,LON in degrees is expected"),
     (("hold", "--at", "91,0"), "LAT,LON in degrees is expected"),
     (("hold", "--at", "40,4237,-86,9212"), "with points for decimals"),
@@ -96,6 +99,14 @@ YAML = [
     ("base: sitl.yaml\nsupervisor: {geofence: [[40, -86]]}", "a geofence needs 3 corners"),
     ("base: sitl.yaml\nlinks: {autopilot: {endpoint: 'serial:/dev/ttyAMA0'}}", "a part is missing"),
     ("base: sitl.yaml\nlinks: {autopilot: {endpoint: 'com3'}}", "unknown kind 'com3'"),
+    (
+        "base: field.yaml\nlinks: {autopilot: {endpoint: 'serial:/dev/ttyACM0:57600'}}",
+        "key links: autopilot and anemometer are both on /dev/ttyACM0",
+    ),
+    (
+        "base: field.yaml\nlinks: {ground_stations: {tablet: {endpoint: 'udpin:0.0.0.0:14660'}}}",
+        "operator and ground_stations.tablet are both on udp port 14660",
+    ),
     ("base: sitl.yaml\nlinks: {autopilot: {profile: pixhawk}}", "links.autopilot.profile"),
     ("base: sitl.yaml\nlinks: {autopilot: {profile: px4, output: rc_override}}", "does not go with profile px4"),
     ("base: sitl.yaml\nsources: {wind: [mast]}", "a source is LINK.MESSAGE"),
@@ -112,6 +123,8 @@ YAML = [
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     (tmp_path / "mine.yaml").write_text("base: sitl.yaml\n")
+    (tmp_path / "boat.yaml").write_text("base: field.yaml\n")
+    (tmp_path / "boat-sim.yaml").write_text("base: sitl.yaml\n")
     (tmp_path / "empty.mcap").write_bytes(b"")
     return tmp_path
 

@@ -138,3 +138,11 @@ def test_of_a_seldom_message_chance_is_no_reason_to_call_it_slow(hz: float) -> N
             streams.receive(beat)
         slow += streams.slow != ()
     assert slow < 0.01 * 20 * 3600
+
+
+def test_what_comes_before_the_first_request_makes_no_stream_slow() -> None:
+    exchange = Exchange(lambda name, count: True)
+    exchange.t_ns = 1_795_000_000 * S  # since the epoch, as on a boat
+    for _ in range(160):
+        exchange.run(0.05)
+        assert exchange.streams.slow == ()
