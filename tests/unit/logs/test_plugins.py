@@ -1,8 +1,6 @@
 """Plug-ins in a log: recorded, asked for by a replay, and never run because a log says so."""
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -15,6 +13,7 @@ from asvhil.logs.reader import LogFile
 from asvhil.logs.replay import config_of, replay
 from asvhil.logs.run import read_run
 from asvhil.sitl import run_lockstep
+from tests.support.command_line import Said, call
 from tests.support.plugins import PUSHER, install, write_pusher
 
 
@@ -97,18 +96,18 @@ def test_no_command_runs_what_stands_in_a_log(log: Path, tmp_path: Path) -> None
     run_lockstep(load_config(boat), log, 4.0)
     ran.unlink()
 
-    def asvhil(*arguments: str) -> subprocess.CompletedProcess[str]:
-        command = [sys.executable, "-m", "asvhil", *arguments]
-        return subprocess.run(command, capture_output=True, text=True, check=False)
+    def asvhil(*arguments: str) -> Said:
+        unload_all()
+        return call(*arguments, cwd=tmp_path)
 
-    assert asvhil("report", str(log)).returncode == 0
-    assert "--allow-recorded-plugins if you trust it" in asvhil("replay", str(log)).stderr
-    assert "--allow-recorded-plugins if you trust it" in asvhil("calibrate", str(log)).stderr
+    assert asvhil("report", str(log)).status == 0
+    assert "--allow-recorded-plugins if you trust it" in asvhil("replay", str(log)).err
+    assert "--allow-recorded-plugins if you trust it" in asvhil("calibrate", str(log)).err
     assert not ran.exists()
-    assert "bit-exact" in asvhil("replay", str(log), "--plugin", str(tmp_path / "boat" / "pusher.py")).stdout
+    assert "bit-exact" in asvhil("replay", str(log), "--plugin", str(tmp_path / "boat" / "pusher.py")).out
     assert ran.exists()
     ran.unlink()
-    assert "bit-exact" in asvhil("replay", str(log), "--allow-recorded-plugins").stdout
+    assert "bit-exact" in asvhil("replay", str(log), "--allow-recorded-plugins").out
     assert ran.exists()
 
 

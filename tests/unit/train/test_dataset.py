@@ -160,7 +160,7 @@ def test_the_split_is_by_time_and_the_ranges_come_from_the_training_set() -> Non
 @pytest.fixture(scope="module")
 def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("collected") / "log.mcap"
-    [run] = collect(CONFIG, "lockstep", 90.0, [parse_wind("6@90")], path)
+    [run] = collect(CONFIG, "lockstep", 60.0, [parse_wind("6@90")], path)
     assert run.complete
     return path
 
@@ -189,7 +189,7 @@ def test_a_collected_log_gives_states_near_the_truth_and_smoothed_ones_nearer(lo
         [segment] = data.segments
         assert np.array_equal(segment.t_s, truth.t_s) and np.allclose(np.diff(segment.t_s), 0.2)
         errors[source] = rms(segment.nu - truth.nu)
-        assert data.outliers == 0 and 88.0 < data.duration_s < 95.0
+        assert data.outliers == 0 and 58.0 < data.duration_s < 65.0
         assert np.abs(segment.psi - truth.psi).max() < math.radians(1.5)
     assert (errors["measured"] < [0.05, 0.05, 0.009]).all()
     assert (errors["smoothed"] < [0.034, 0.034, 0.005]).all(), errors
@@ -210,7 +210,7 @@ def test_commands_are_the_pulses_that_were_sent(log: Path) -> None:
             seen += 1
             expected = [command_of_pulse(pwm, pulse) for pulse in pulses]
             assert command == pytest.approx(expected, abs=1e-6)
-    assert seen > 400
+    assert seen > 250
 
 
 def test_the_wind_is_the_true_one_in_body_axes(log: Path) -> None:
@@ -224,11 +224,11 @@ def test_the_wind_is_the_true_one_in_body_axes(log: Path) -> None:
 
 def test_a_gap_ends_a_segment(log: Path, tmp_path: Path) -> None:
     def without_autopilot(t_s: float, frame: Frame) -> Frame | None:
-        return None if frame.port == "autopilot" and 40.0 < t_s < 45.0 else frame
+        return None if frame.port == "autopilot" and 25.0 < t_s < 30.0 else frame
 
     data = dataset_from_logs([edited(log, tmp_path / "gap.mcap", without_autopilot)], 0.2)
     first, second = data.segments
-    assert first.t_s[-1] == pytest.approx(40.0, abs=0.4) and second.t_s[0] == pytest.approx(45.0, abs=0.5)
+    assert first.t_s[-1] == pytest.approx(25.0, abs=0.4) and second.t_s[0] == pytest.approx(30.0, abs=0.5)
     assert all(np.isfinite(part).all() for s in data.segments for part in (s.nu, s.command, s.wind, s.psi))
 
 
@@ -241,7 +241,7 @@ def test_a_jump_of_the_velocity_is_left_out_and_counted(log: Path, tmp_path: Pat
     jumped: list[float] = []
 
     def jump(t_s: float, frame: Frame) -> Frame:
-        found = FrameSplitter().receive(frame.data) if frame.port == "autopilot" and t_s > 50.0 else []
+        found = FrameSplitter().receive(frame.data) if frame.port == "autopilot" and t_s > 35.0 else []
         for data in found:
             message = decode(data)
             if message is not None and message.get_type() == "GLOBAL_POSITION_INT" and len(jumped) < 2:

@@ -104,7 +104,7 @@ def test_what_is_trained_is_what_is_run(kind: str, paired: bool) -> None:
 
 
 def test_paired_neurons_answer_a_mirrored_boat_with_mirrored_motion() -> None:
-    options = chosen_options("nnsem", 0.2, paired=True, iterations=200)
+    options = chosen_options("nnsem", 0.2, paired=True, iterations=80)
     trained = fit("nnsem", DATA, options=options)
     assert trained.weights["w1"].shape == (12, 7) and trained.weights["w2"].shape == (3, 12)
     model, segment = trained.dynamics(), DATA.segments[0]
@@ -150,7 +150,7 @@ def test_a_price_on_wrong_slopes_takes_the_dip_out_of_the_thrust() -> None:
     [("nnsem", {}), ("nnsem", {"paired": True}), ("lagnet", {"members": 2}), ("node", {}), ("knode", {})],
 )
 def test_a_still_boat_stays_at_rest_in_still_air_and_moves_otherwise(kind: str, chosen: dict[str, bool | int]) -> None:
-    iterations = 4 if "node" in kind else 60
+    iterations = 4 if "node" in kind else 30
     plain, still = (
         fit(kind, DATA, options=chosen_options(kind, 0.2, iterations=iterations, mirror=True, still=still, **chosen))
         for still in (False, True)
@@ -188,7 +188,7 @@ def test_skip_terms_from_sd_are_its_rates_in_still_air() -> None:
 
 def test_weight_decay_holds_networks_at_nothing_and_skip_terms_where_they_start() -> None:
     def trained(decay: float) -> dict[str, np.ndarray]:
-        options = chosen_options("lagnet", 0.2, iterations=200, members=1, from_sd=True, weight_decay=decay)
+        options = chosen_options("lagnet", 0.2, iterations=120, members=1, from_sd=True, weight_decay=decay)
         return dict(fit("lagnet", DATA, options=dataclasses.replace(options, validation_fraction=0.0)).weights)
 
     free, held = trained(0.0), trained(1.0)
@@ -253,7 +253,7 @@ def test_the_adjoint_training_lessens_the_loss(kind: str) -> None:
 
 @pytest.mark.parametrize("kind", ["nnsem", "lagnet"])
 def test_the_same_seed_gives_the_same_weights(kind: str) -> None:
-    first, second, other = (fit(kind, DATA, seed=seed, iterations=60) for seed in (3, 3, 4))
+    first, second, other = (fit(kind, DATA, seed=seed, iterations=20) for seed in (3, 3, 4))
     assert all((first.weights[name] == second.weights[name]).all() for name in first.weights)
     assert (first.weights["w1"] != other.weights["w1"]).all()
 
@@ -264,11 +264,11 @@ class Interrupted(Exception):
 
 @pytest.mark.parametrize("kind", ["nnsem", "lagnet"])
 def test_an_interrupted_training_goes_on_to_the_same_weights(kind: str, tmp_path: Path) -> None:
-    options = dataclasses.replace(OPTIONS[kind], iterations=90, block=30, members=1)
+    options = dataclasses.replace(OPTIONS[kind], iterations=30, block=10, members=1)
     checkpoint = tmp_path / "model.npz.checkpoint"
 
     def stop(progress: TrainingProgress) -> None:
-        if progress.iteration == 60:
+        if progress.iteration == 20:
             raise Interrupted
 
     with pytest.raises(Interrupted):
@@ -279,14 +279,14 @@ def test_an_interrupted_training_goes_on_to_the_same_weights(kind: str, tmp_path
         kind, DATA, seed=5, options=options, checkpoint=checkpoint, progress=lambda p: seen.append(p.iteration)
     )
     whole = fit(kind, DATA, seed=5, options=options)
-    assert seen == [90]
+    assert seen == [30]
     assert not checkpoint.exists()
     assert all((resumed.weights[name] == whole.weights[name]).all() for name in whole.weights)
     assert resumed.figures == whole.figures
 
 
 def test_the_checkpoint_of_another_training_is_refused(tmp_path: Path) -> None:
-    options = dataclasses.replace(OPTIONS["nnsem"], iterations=60, block=30)
+    options = dataclasses.replace(OPTIONS["nnsem"], iterations=10, block=5)
     checkpoint = tmp_path / "checkpoint"
 
     def stop(progress: TrainingProgress) -> None:
