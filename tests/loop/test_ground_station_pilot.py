@@ -6,6 +6,7 @@ autopilot's link, through a hub; by a link of the daemon's own, routed; or by th
 
 from __future__ import annotations
 
+import functools
 import random
 from collections.abc import Callable
 from typing import Any
@@ -104,6 +105,12 @@ class PilotLoop(GroundStationLoop):
             self.inject("operator", data, "10.0.0.7:14551")
 
 
+@functools.cache
+def ready(way: str) -> PilotLoop:
+    """An armed boat: for copies."""
+    return PilotLoop(way)
+
+
 def shows_sticks(sticks_us: tuple[int, int]) -> Callable[[Inputs], bool]:
     """Whether a tick's frames tell of these sticks in RC_CHANNELS, read with nothing but the protocol."""
     splitter = FrameSplitter()
@@ -188,32 +195,41 @@ def move_a_stick(loop: PilotLoop, link: str, chance: random.Random) -> None:
 @pytest.mark.parametrize("way", WAYS)
 def test_sticks_that_rest_a_little_off_centre_do_not_end_it(way: str, link: str) -> None:
     chance = random.Random(f"rest {way} {link}")
-    loop = PilotLoop(way)
+    loop = ready(way)
     rest_us = 1500 + chance.randint(20, 55), 1500 - chance.randint(20, 55)
     message = manual_control(*(2 * (us - 1500) for us in rest_us))
-    loop.held()
-    if link == LINKS[0]:  # else nobody could tell whether our commands are heeded
-        loop.wait(1.5)
-    due_ns, driven = loop.t_ns, 0
-    for _ in range(160):
-        while due_ns < loop.t_ns + loop.period_ns:  # 25 Hz, beside our 20 Hz
-            loop.from_station(message, link, after_ns=due_ns - loop.t_ns)
-            due_ns += 40_000_000
-        outputs = loop.step()
-        assert outputs.phase is Phase.HOLD, (outputs.health.reason, loop.texts[-2:])
-        driven += max(abs(us - 1500) for us in loop.between_us) > THRESHOLD_US
-    assert driven > 20, "the motors are driven all the same"
+
+    def body() -> None:
+        loop.held()
+        if link == LINKS[0]:  # else nobody could tell whether our commands are heeded
+            loop.wait(1.5)
+        due_ns, driven = loop.t_ns, 0
+        for _ in range(100):
+            while due_ns < loop.t_ns + loop.period_ns:  # 25 Hz, beside our 20 Hz
+                loop.from_station(message, link, after_ns=due_ns - loop.t_ns)
+                due_ns += 40_000_000
+            outputs = loop.step()
+            assert outputs.phase is Phase.HOLD, (outputs.health.reason, loop.texts[-2:])
+            driven += max(abs(us - 1500) for us in loop.between_us) > THRESHOLD_US
+        assert driven > 20, "the motors are driven all the same"
+
+    on_a_copy(body)
 
 
 @pytest.mark.parametrize("link", LINKS)
 @pytest.mark.parametrize("way", WAYS)
 def test_who_the_autopilot_would_not_obey_does_not_end_it(way: str, link: str) -> None:
-    loop = PilotLoop(way).held()
+    loop = ready(way)
     full = manual_control(1000, -1000), channels(1900, 1100)
-    for tick in range(100):
-        loop.from_station(full[tick % 2], link, system=(254, 77, 1)[tick % 3])
-        loop.from_station(manual_control(1000, -1000, target=(0, 2)[tick % 2]), link)
-        assert loop.step().phase is Phase.HOLD, loop.texts[-2:]
+
+    def body() -> None:
+        loop.held()
+        for tick in range(60):
+            loop.from_station(full[tick % 2], link, system=(254, 77, 1)[tick % 3])
+            loop.from_station(manual_control(1000, -1000, target=(0, 2)[tick % 2]), link)
+            assert loop.step().phase is Phase.HOLD, loop.texts[-2:]
+
+    on_a_copy(body)
 
 
 @pytest.mark.parametrize(("high", "system", "ends"), [(255, 255, True), (255, 254, True), (255, 253, False),
@@ -283,24 +299,29 @@ def beat() -> Any:
 @pytest.mark.parametrize("link", LINKS[1:])
 @pytest.mark.parametrize("way", ["rc_override", "script"])
 def test_the_loss_of_his_station_ends_the_hold_by_name_and_refuses_another(way: str, link: str) -> None:
-    loop = PilotLoop(way).held()
-    for _ in range(10):
+    loop = ready(way)
+
+    def body() -> None:
+        loop.held()
+        for _ in range(6):
+            loop.from_station(beat(), link)
+            assert loop.wait(1.0).phase is Phase.HOLD
+        silent = 20  # ticks since the last one
+        while loop.step().phase is Phase.HOLD:
+            silent += 1
+            loop.from_station(beat(), link, system=(254, 1)[silent % 2])  # a stranger's, and one of the vehicle
+            assert silent < 120
+        assert 98 <= silent <= 101
+        assert loop.outputs is not None and loop.outputs.health.code == Reason.STATION_LOST
+        loop.wait(0.5)
+        assert loop.frontseat.outputs_us == (1500, 1500)
+        loop.ask_to_hold(STATION_DEG, 0.0)
+        assert loop.results[-1] != 0 and loop.texts[-1] == "the pilot's ground station is lost: silent for 5 s"
         loop.from_station(beat(), link)
-        assert loop.wait(1.0).phase is Phase.HOLD
-    silent = 20  # ticks since the last one
-    while loop.step().phase is Phase.HOLD:
-        silent += 1
-        loop.from_station(beat(), link, system=(254, 1)[silent % 2])  # a stranger's, and one of the vehicle
-        assert silent < 120
-    assert 98 <= silent <= 101
-    assert loop.outputs is not None and loop.outputs.health.code == Reason.STATION_LOST
-    loop.wait(0.5)
-    assert loop.frontseat.outputs_us == (1500, 1500)
-    loop.ask_to_hold(STATION_DEG, 0.0)
-    assert loop.results[-1] != 0 and loop.texts[-1] == "the pilot's ground station is lost: silent for 5 s"
-    loop.from_station(beat(), link)
-    loop.step()
-    assert loop.held().step().phase is Phase.HOLD
+        loop.step()
+        assert loop.held().step().phase is Phase.HOLD
+
+    on_a_copy(body)
 
 
 def test_it_may_be_left_unwatched_or_watched_for_longer() -> None:

@@ -1,5 +1,6 @@
 """What the guardian would send: every way to the motors stops by it, and making it up changes nothing."""
 
+import functools
 from pathlib import Path
 
 import pytest
@@ -9,7 +10,8 @@ from asvhil.io.mavlink.frames import sequence
 from asvhil.logs.encoding import encode_outputs
 from asvhil.types import Frame, Outputs, Phase
 from tests.loop.test_ground_station_pilot import PilotLoop
-from tests.loop.test_ways_to_the_motors import NEUTRAL, WAYS, SeveredLoop, config
+from tests.loop.test_ways_to_the_motors import NEUTRAL, WAYS, SeveredLoop, config, driven
+from tests.support.copies import on_a_copy
 
 STEP_NS = 50_000_000
 
@@ -27,29 +29,43 @@ def say(loop: SeveredLoop | PilotLoop, steps: list[list[Frame]]) -> list[tuple[i
 
 @pytest.mark.parametrize("way", WAYS)
 def test_every_way_is_neutral_at_once_and_stays_so(way: str) -> None:
-    loop = SeveredLoop(config(way)).driving()
+    loop = driven(way)
     steps = loop.backseat.last_words(loop.t_ns)
     assert len(steps) >= 6 and len({sequence(frame.data) for frames in steps for frame in frames}) == sum(
         map(len, steps)
     ), "no frame looks like a copy of another"
-    outputs = say(loop, steps)
-    assert outputs == [NEUTRAL] * len(steps)
-    assert loop.left_alone(10.0) == NEUTRAL
+
+    def body() -> None:
+        assert say(loop, steps) == [NEUTRAL] * len(steps)
+        assert loop.left_alone(10.0) == NEUTRAL
+
+    on_a_copy(body)
+
+
+@functools.cache
+def driven_without_receiver(way: str) -> PilotLoop:
+    """A boat that is held and drives: for copies."""
+    loop = PilotLoop(way).held()
+    loop.wait(5.0, until=lambda outputs: min(abs(us - 1500) for us in loop.frontseat.outputs_us) > 100)
+    assert min(abs(us - 1500) for us in loop.frontseat.outputs_us) > 100
+    return loop
 
 
 @pytest.mark.parametrize("way", ["rc_override", "manual_control", "script"])
 @pytest.mark.parametrize("lost", [(), (0,), (0, 1), (3,), (4, 5)])
 def test_without_a_receiver_the_motors_do_not_run_on(way: str, lost: tuple[int, ...]) -> None:
     """Neutral goes alone, long before the release, with which it would have no effect; some of it may get lost."""
-    loop = PilotLoop(way).held()
-    loop.wait(5.0, until=lambda outputs: min(abs(us - 1500) for us in loop.frontseat.outputs_us) > 100)
-    assert min(abs(us - 1500) for us in loop.frontseat.outputs_us) > 100
+    loop = driven_without_receiver(way)
     steps = loop.backseat.last_words(loop.t_ns)
-    outputs = say(loop, [[] if i in lost else frames for i, frames in enumerate(steps)])
-    assert outputs[3:] == [NEUTRAL] * (len(steps) - 3)
-    for seconds in (0.5, 2.0, 8.0):
-        loop.plant.advance(loop.t_ns + round(seconds * 1e9))
-        assert loop.frontseat.outputs_us == NEUTRAL
+
+    def body() -> None:
+        outputs = say(loop, [[] if i in lost else frames for i, frames in enumerate(steps)])
+        assert outputs[3:] == [NEUTRAL] * (len(steps) - 3)
+        for seconds in (0.5, 2.0, 8.0):
+            loop.plant.advance(loop.t_ns + round(seconds * 1e9))
+            assert loop.frontseat.outputs_us == NEUTRAL
+
+    on_a_copy(body)
 
 
 def test_there_are_none_where_the_motors_are_not_ours() -> None:
@@ -84,7 +100,7 @@ def test_a_pilot_who_takes_the_motors_gets_no_neutral_from_the_dead() -> None:
 def test_making_them_up_changes_nothing(way: str, tmp_path: Path) -> None:
     def outputs_of(*, asked: bool) -> list[bytes]:
         loop, found = SeveredLoop(config(way)), list[Outputs]()
-        for _ in range(300):
+        for _ in range(200):
             found.append(loop.tick()[1])
             if asked:
                 loop.backseat.last_words(loop.t_ns)

@@ -1,5 +1,6 @@
 """Every way to the motors in the whole loop: the station is kept, and every failure ends in neutral motors."""
 
+import functools
 import math
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from asvhil.simplant.lockstep import Lockstep
 from asvhil.sitl import run_lockstep
 from asvhil.supervisor.reasons import Reason, describe, explain
 from asvhil.types import Frame, Phase
+from tests.support.copies import on_a_copy
 from tests.support.settled import NO_BIAS, settled
 
 FREE = "plant.frontseat.parameters={SERVO1_FUNCTION: 0, SERVO3_FUNCTION: 0, SERVO5_FUNCTION: 94}"
@@ -60,12 +62,16 @@ class SeveredLoop(Lockstep):
         return self.plant.frontseat.outputs_us
 
 
-@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.parametrize(
+    "way",
+    [pytest.param(way, marks=pytest.mark.thorough if way in ("rc_override", "set_servo") else ()) for way in WAYS],
+)
 def test_the_station_is_kept(way: str) -> None:
-    distance_m, heading_mean_deg, _ = settled(SeveredLoop(config(way)), 90.0, 50.0)
+    distance_m, heading_mean_deg, _ = settled(SeveredLoop(config(way)), 65.0, 45.0)
     assert distance_m <= 0.6 and abs(heading_mean_deg) <= 1.0
 
 
+@pytest.mark.thorough
 def test_across_the_wind_with_a_px4_too() -> None:
     loop = SeveredLoop(config("set_actuator", "plant.weather.wind.speed_mps=6", "plant.weather.wind.toward_deg=90"))
     distance_m, heading_mean_deg, heading_std_deg = settled(loop, 120.0, 60.0)
@@ -74,9 +80,9 @@ def test_across_the_wind_with_a_px4_too() -> None:
 
 @pytest.mark.parametrize("way", ["manual_control", "set_servo", "set_actuator"])
 def test_a_log_replays_to_the_bit(way: str, tmp_path: Path) -> None:
-    run_lockstep(config(way), tmp_path / "log.mcap", 30.0)
+    run_lockstep(config(way), tmp_path / "log.mcap", 20.0)
     result = replay(tmp_path / "log.mcap")
-    assert result.mismatch is None and result.compared > 600
+    assert result.mismatch is None and result.compared > 400
 
 
 def _mode(loop: SeveredLoop) -> None:
@@ -99,19 +105,29 @@ def _deaf(loop: SeveredLoop) -> None:
     loop.deaf = True
 
 
+@functools.cache
+def driven(way: str) -> SeveredLoop:
+    """A boat that is driving: for copies."""
+    return SeveredLoop(config(way)).driving()
+
+
 @pytest.mark.parametrize("end", [_mode, _disarm, _stick, _operator, _deaf])
 @pytest.mark.parametrize("way", WAYS)
 def test_however_it_ends_the_motors_are_neutral(way: str, end: object) -> None:
-    loop = SeveredLoop(config(way)).driving()
-    end(loop)  # type: ignore[operator]
+    loop = driven(way)
     # PX4 tells of its mode once a second; a lost heartbeat is believed after 2.5 s.
     limit_s = {"_deaf": 2.8}.get(end.__name__, 1.3 if way == "set_actuator" else 0.5)  # type: ignore[attr-defined]
-    outputs = [loop.tick()[1] for _ in range(round(20 * limit_s))][-1]
-    assert outputs.phase in (Phase.STANDBY, Phase.FAILSAFE)
-    for _ in range(200):
-        assert loop.plant.frontseat.outputs_us == NEUTRAL
-        outputs = loop.tick()[1]
-    assert outputs.phase is Phase.STANDBY and outputs.pwm_us is None
+
+    def body() -> None:
+        end(loop)  # type: ignore[operator]
+        outputs = [loop.tick()[1] for _ in range(round(20 * limit_s))][-1]
+        assert outputs.phase in (Phase.STANDBY, Phase.FAILSAFE)
+        for _ in range(100):
+            assert loop.plant.frontseat.outputs_us == NEUTRAL
+            outputs = loop.tick()[1]
+        assert outputs.phase is Phase.STANDBY and outputs.pwm_us is None
+
+    on_a_copy(body)
 
 
 @pytest.mark.parametrize("way", ["set_servo", "set_actuator"])
@@ -138,7 +154,7 @@ def test_after_a_crash_px4_disarms_when_offboard_is_lost() -> None:
 def test_after_a_crash_a_servo_command_stands_until_the_daemon_is_back() -> None:
     loop = SeveredLoop(config("set_servo")).driving()
     standing = loop.left_alone(0.1)
-    assert loop.left_alone(600.0) == standing != NEUTRAL  # the hazard, as a real ArduRover shows it
+    assert loop.left_alone(120.0) == standing != NEUTRAL  # the hazard, as a real ArduRover shows it
     loop.backseat = build_backseat(loop.config.model_copy(update={"supervisor": _by_command(loop.config)}))
     for _ in range(20):
         loop.tick()
