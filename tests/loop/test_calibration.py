@@ -88,7 +88,7 @@ def test_a_log_without_a_turn_gives_no_calibration(
     assert shipped is not None
     model = Path(shutil.copy(shipped, tmp_path / "model.npz"))
     config = load_config("sitl-bream", ("supervisor.engage=command", f"controller.model={model}"))
-    run_lockstep(config, tmp_path / "log.mcap", 20.0)
+    run_lockstep(config, tmp_path / "log.mcap", 10.0)
     model.unlink()
     monkeypatch.setattr("sys.argv", ["asvhil", "calibrate", str(tmp_path / "log.mcap")])
     with pytest.raises(SystemExit) as stopped:

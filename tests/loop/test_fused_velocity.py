@@ -17,9 +17,9 @@ FUSED = "links.autopilot.position_source=GLOBAL_POSITION_INT"
 
 
 def distance_m(*overrides: str, seed: int = 1) -> float:
-    """Mean distance of the true position to the station, from 80 to 160 s."""
+    """Mean distance of the true position to the station, from 70 to 120 s."""
     loop = Lockstep(load_config("sitl", (NO_BIAS, LASTING, f"plant.seed={seed}", *overrides)))
-    return settled(loop, 160.0, 80.0)[0]
+    return settled(loop, 120.0, 70.0)[0]
 
 
 @pytest.fixture

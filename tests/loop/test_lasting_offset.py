@@ -21,7 +21,7 @@ def east_m(*overrides: str) -> float:
     return loop.plant.truth.e_m
 
 
-@pytest.mark.parametrize(("start_m", "toward_deg"), [(0.3, 0), (-0.3, 180)])
+@pytest.mark.parametrize(("start_m", "toward_deg"), [(0.3, 0), pytest.param(-0.3, 180, marks=pytest.mark.thorough)])
 def test_the_boat_comes_back_from_beside_its_station_within_a_minute(start_m, toward_deg):
     mpc = load_config("field").controller.mpc
     after_m = east_m(

@@ -21,7 +21,10 @@ def config(*overrides: str) -> Config:
     return load_config("sitl", (NO_BIAS, *overrides))
 
 
-@pytest.mark.parametrize(("wind", "heading_deg"), [((3.0, 0.0), 0.0), ((3.0, 300.0), 120.0)])
+@pytest.mark.parametrize(
+    ("wind", "heading_deg"),
+    [((3.0, 300.0), 120.0), pytest.param((3.0, 0.0), 0.0, marks=pytest.mark.thorough)],
+)
 def test_along_the_wind_the_station_is_kept_within_decimetres(wind: tuple[float, float], heading_deg: float) -> None:
     loop = Lockstep(
         config(
@@ -30,27 +33,27 @@ def test_along_the_wind_the_station_is_kept_within_decimetres(wind: tuple[float,
             f"supervisor.station.heading_deg={heading_deg}",
         )
     )
-    distance_m, heading_mean_deg, _ = settled(loop, 100.0, 50.0)
+    distance_m, heading_mean_deg, _ = settled(loop, 70.0, 45.0)
     assert distance_m <= 0.6 and abs(heading_mean_deg) <= 1.0
 
 
 def test_across_the_wind_the_boat_swings_and_stays() -> None:
     loop = Lockstep(config("plant.weather.wind.speed_mps=6", "plant.weather.wind.toward_deg=90"))
-    distance_m, heading_mean_deg, heading_std_deg = settled(loop, 120.0, 60.0)
+    distance_m, heading_mean_deg, heading_std_deg = settled(loop, 90.0, 45.0)
     # No boat with two fixed motors can hold still here; the limit cycle swings by about 10 degrees.
     assert distance_m < 3.0 and abs(heading_mean_deg) < 3.0 and 5.0 < heading_std_deg < 16.0
 
 
 def test_without_an_anemometer_the_station_is_kept_too() -> None:
     loop = Lockstep(config("plant.sensors.anemometer.rate_hz=0.001"))
-    distance_m, heading_mean_deg, _ = settled(loop, 100.0, 50.0)
+    distance_m, heading_mean_deg, _ = settled(loop, 70.0, 45.0)
     assert distance_m <= 0.8 and abs(heading_mean_deg) <= 2.0
 
 
 def test_same_seed_same_bytes_another_seed_others() -> None:
     def outputs(seed: int) -> list[bytes]:
         loop = Lockstep(config(f"plant.seed={seed}"))
-        return [encode_outputs(loop.tick()[1]) for _ in range(400)]
+        return [encode_outputs(loop.tick()[1]) for _ in range(250)]
 
     first = outputs(1)
     assert first == outputs(1)
@@ -109,5 +112,5 @@ def test_a_run_ends_with_neutral_and_release() -> None:
 def test_the_small_boat_with_fast_motors_keeps_its_station_too() -> None:
     # Its motor lag is shorter than the steps of the prediction: a rule for the step that ignores that parks the boat.
     loop = Lockstep(load_config("sitl-bream", (NO_BIAS,)))
-    distance_m, heading_mean_deg, _ = settled(loop, 90.0, 45.0)
+    distance_m, heading_mean_deg, _ = settled(loop, 65.0, 40.0)
     assert distance_m <= 1.0 and abs(heading_mean_deg) <= 2.0

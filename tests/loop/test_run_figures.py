@@ -44,7 +44,7 @@ def test_an_independent_script_has_the_same_figures(name: str, run_logs: Callabl
     assert compared > 70, "too little has been compared"
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def two_holds(run_logs: Callable[[str], Path]) -> RunLog:
     return read_run(run_logs("two_holds"))
 

@@ -58,7 +58,7 @@ def test_the_station_is_kept() -> None:
     steady = ("plant.frontseat.rc_receiver=false", "plant.sensors.gnss.slow_bias_m=0")  # the boat's distance alone
     config = load_config("sitl", (*WAY, f"plant.frontseat.parameters={{{values}}}", *steady))
     assert config.supervisor.control_mode == "HOLD"
-    distance_m, heading_mean_deg, _ = settled(GroundStationLoop(config), 150.0, 60.0)
+    distance_m, heading_mean_deg, _ = settled(GroundStationLoop(config), 75.0, 50.0)
     assert distance_m <= 0.6 and abs(heading_mean_deg) <= 1.0
 
 

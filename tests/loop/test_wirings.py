@@ -28,6 +28,7 @@ SETTINGS = settings(
     phases=(Stage.explicit, Stage.generate),
 )
 RARELY = st.sampled_from([0] * 9 + [1])
+OUTPUTS = st.sampled_from(["rc_override", "rc_override", "manual_control"])
 CLEAR, CLEAR_N = 0.4, 5.0  # of command, of thrust (N): beyond the dead band
 BLUEBOAT = {
     **{"SERVO1_FUNCTION": 74, "SERVO1_MIN": 1100, "SERVO1_TRIM": 1510, "SERVO1_MAX": 1900},
@@ -122,19 +123,27 @@ def becomes_of(trial: Trial) -> str:
     return "refused" if let_go_s == 0.0 else "ended"
 
 
-@settings(SETTINGS, max_examples=10)
-@example(values=BLUEBOAT, output="rc_override")
-@example(values=BLUEBOAT, output="manual_control")
-@example(values={}, output="rc_override")
-@example(values={"SERVO1_REVERSED": 1, "SERVO3_REVERSED": 1}, output="rc_override")
-@given(values=wirings(), output=st.sampled_from(["rc_override", "rc_override", "manual_control"]))
-def test_the_port_command_turns_the_port_propeller_ahead_or_no_hold_goes_on(
-    values: dict[str, float], output: str
-) -> None:
+def is_held_as_it_is_wired_or_refused(values: dict[str, float], output: str) -> None:
     way = f"links.autopilot.output={output}"
     became = becomes_of(Trial(fixed(values, way), way))
     event(became)
     assert became != "ended", "what can be read is not found out by driving"
+
+
+@settings(SETTINGS, max_examples=3)
+@example(values={"SERVO1_REVERSED": 1, "SERVO3_REVERSED": 1}, output="rc_override")
+@given(values=wirings(), output=OUTPUTS)
+def test_the_port_command_turns_the_port_propeller_ahead_or_no_hold_goes_on(
+    values: dict[str, float], output: str
+) -> None:
+    is_held_as_it_is_wired_or_refused(values, output)
+
+
+@pytest.mark.thorough
+@settings(SETTINGS, max_examples=40)
+@given(values=wirings(), output=OUTPUTS)
+def test_so_it_is_of_many_wirings(values: dict[str, float], output: str) -> None:
+    is_held_as_it_is_wired_or_refused(values, output)
 
 
 @pytest.mark.parametrize("output", ["rc_override", "manual_control"])
@@ -143,9 +152,7 @@ def test_a_blueboat_is_held_as_it_is_wired(output: str) -> None:
     assert becomes_of(Trial(fixed(BLUEBOAT, way), way)) == "holds"
 
 
-@settings(SETTINGS, max_examples=5)
-@given(values=px4_wirings())
-def test_so_it_is_with_a_px4(values: dict[str, float]) -> None:
+def is_so_with_a_px4(values: dict[str, float]) -> None:
     wired = f"plant.frontseat.parameters={values!r}".replace("'", "")
     loop = Lockstep(load_config("sitl-px4", (wired,)))
     phases = [loop.tick()[1].phase for _ in range(300)]
@@ -157,3 +164,16 @@ def test_so_it_is_with_a_px4(values: dict[str, float]) -> None:
     event("holds")
     assert phases[-1] is Phase.HOLD
     turns_as_commanded(loop.plant, lambda: loop.tick()[1])
+
+
+@settings(SETTINGS, max_examples=2)
+@given(values=px4_wirings())
+def test_so_it_is_with_a_px4(values: dict[str, float]) -> None:
+    is_so_with_a_px4(values)
+
+
+@pytest.mark.thorough
+@settings(SETTINGS, max_examples=20)
+@given(values=px4_wirings())
+def test_so_it_is_with_many_a_px4(values: dict[str, float]) -> None:
+    is_so_with_a_px4(values)

@@ -40,7 +40,13 @@ def test_a_real_autopilot_is_understood() -> None:
     assert against["heading_deg"]["max"] <= 2.0
 
 
-@pytest.mark.parametrize("override", ["estimator.ekf.position_bias_std_m=1", "estimator.ekf.position_bias_std_m=0"])
+@pytest.mark.parametrize(
+    "override",
+    [
+        "estimator.ekf.position_bias_std_m=1",
+        pytest.param("estimator.ekf.position_bias_std_m=0", marks=pytest.mark.thorough),
+    ],
+)
 def test_the_estimate_does_not_walk_away_with_the_velocity_of_a_real_autopilot(override: str) -> None:
     """That velocity is off by 1.5 cm/s for minutes; a bias of the position was found in it, of 2 m."""
     against = check_tlog(load_config("field", (override,)), HOLD)["against_autopilot"]

@@ -25,7 +25,7 @@ class _Deafened(GroundStationLoop):
 
 def record_bream(log: Path) -> None:
     """The small boat with its poor sensors, without the procedure."""
-    run_lockstep(load_config("sitl-bream", ("supervisor.station.heading_deg=170",)), log, 60.0)
+    run_lockstep(load_config("sitl-bream", ("supervisor.station.heading_deg=170",)), log, 45.0)
 
 
 def record_procedure(log: Path) -> None:
@@ -44,16 +44,16 @@ def record_two_holds(log: Path) -> None:
     assert loop.frontseat.set_mode(0) and loop.frontseat.arm(True)
     loop.wait(1.0)
     loop.ask_to_hold(STATION_DEG, 0.3)
-    assert loop.wait(40.0).phase is Phase.HOLD, loop.texts
+    assert loop.wait(25.0).phase is Phase.HOLD, loop.texts
     loop.deaf = True
     assert loop.wait(20.0, until=lambda outputs: outputs.phase is Phase.STANDBY).phase is Phase.STANDBY
     loop.deaf = False
     loop.wait(8.0)  # until the preferred source of the position is back
     loop.ask_to_hold(STATION_DEG, 0.3)
-    assert loop.wait(25.0).phase is Phase.HOLD, loop.texts
+    assert loop.wait(15.0).phase is Phase.HOLD, loop.texts
     origin = LocalFrame(lat_deg=STATION_DEG[0], lon_deg=STATION_DEG[1])
     loop.ask_to_hold(origin.to_geodetic(3.0, -2.0), 0.5)
-    assert loop.wait(20.0).phase is Phase.HOLD, loop.texts
+    assert loop.wait(15.0).phase is Phase.HOLD, loop.texts
     loop.say(encode_release(config.links.autopilot))
     loop.wait(2.0)
     recorder.close()

@@ -30,22 +30,22 @@ def test_no_edit_of_good_bytes_raises(target: str) -> None:
 @pytest.mark.parametrize("target", ["vectornav", *(pytest.param(name, marks=pytest.mark.thorough) for name in CODECS)])
 def test_no_bytes_raise_hang_or_leak(target: str, tmp_path: Path) -> None:
     figures = tmp_path / "fuzz.json"
-    command = [sys.executable, "-m", "bench.fuzz", "--target", target, "--bytes", "15000", "--seed", "7"]
+    command = [sys.executable, "-m", "bench.fuzz", "--target", target, "--bytes", "6000", "--seed", "7"]
     command += ["--crashes", str(tmp_path / "crashes"), "--json", str(figures)]
     done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=ROOT, timeout=200)
     assert done.returncode == 0, done.stdout
     (row,) = json.loads(figures.read_text())["targets"]
-    assert row["bytes"] >= 15_000 and row["inputs"] > 2
+    assert row["bytes"] >= 6000 and row["inputs"] > 2
     early_kb, late_kb = row["resident_kb"]
     assert late_kb - early_kb < 4000
 
 
 def test_edited_configs_load_or_are_refused_in_one_line(tmp_path: Path) -> None:
     figures = tmp_path / "edits.json"
-    command = [sys.executable, "-m", "bench.yaml_edits", "--edits", "400", "--jobs", "1", "--seed", "7"]
+    command = [sys.executable, "-m", "bench.yaml_edits", "--edits", "250", "--jobs", "1", "--seed", "7"]
     done = subprocess.run(
         [*command, "--json", str(figures)], capture_output=True, text=True, check=False, cwd=ROOT, timeout=200
     )
     told = json.loads(figures.read_text())
     assert done.returncode == 0 and told["faults"] == [], told["faults"]
-    assert told["refused"] > 200 and told["loaded"] > 20
+    assert told["refused"] > 120 and told["loaded"] > 12

@@ -155,7 +155,9 @@ def test_each_wrong_parameter_of_a_px4_too(name: str, value: float) -> None:
     assert bad(dock.look()) == {}, "the second run"
 
 
-@pytest.mark.parametrize(("value", "written"), [(245, 21), (1023, 543), (53, 21)])
+@pytest.mark.parametrize(
+    ("value", "written"), [(245, 21), (1023, 543), pytest.param(53, 21, marks=pytest.mark.thorough)]
+)
 def test_a_px4_that_would_lose_a_boat_adrift_is_told_the_cure(value: int, written: int) -> None:
     """Adrift in a current: the position is lost after some 15 s. 245 is the default of PX4 1.15, 1023 that of 1.16."""
     adrift = ("plant.weather.current.speed_mps=0.3", f"plant.frontseat.parameters={{EKF2_GPS_CHECK: {value}}}")
