@@ -20,7 +20,7 @@ def across(speed_mps: float, *keys: str) -> tuple[str, ...]:
 def test_less_effort_has_fewer_reversals_and_less_full_thrust() -> None:
     found = {}
     for effort in ("precise", "normal", "gentle"):
-        run = run_trial(load_config("sitl", across(3.0, f"controller.mpc.effort={effort}")), 20.0, 60.0)
+        run = run_trial(load_config("sitl", across(3.0, f"controller.mpc.effort={effort}")), 30.0, 75.0)
         assert run["held"] == 1.0
         found[effort] = run["motors"]["saturated_share"], run["truth"]["penalty_score"], run["motors"]
     assert found["precise"][0] > 1.5 * found["normal"][0] > 1.5 * found["gentle"][0]

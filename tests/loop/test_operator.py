@@ -83,7 +83,7 @@ def test_parameters_take_effect_are_bounded_and_are_replayed(tmp_path: Path) -> 
     assert set_parameter(loop, "ST_HDG", 30.0) == pytest.approx(30.0)
     station = loop.outputs.station  # type: ignore[union-attr]
     assert set_parameter(loop, "ST_NORTH", station.n_m + 3.0) == pytest.approx(station.n_m + 3.0)  # type: ignore[union-attr]
-    loop.wait(60.0)
+    loop.wait(40.0)
     truth, origin = loop.plant.truth, loop.plant.origin
     lat_deg, lon_deg = origin.to_geodetic(truth.n_m, truth.e_m)
     n_m, _ = loop.backseat.frame.to_ned(lat_deg, lon_deg)  # type: ignore[union-attr]

@@ -1,7 +1,5 @@
 """Sensors of any kind under links.sensors: their settings, their frames in every reader, and the links of the shell."""
 
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -18,6 +16,7 @@ from asvhil.logs.run import read_run
 from asvhil.simplant.lockstep import Lockstep
 from asvhil.sitl import run_lockstep, run_realtime
 from asvhil.train.log_series import read_log_series
+from tests.support.command_line import call
 from tests.support.plugins import write_line_wind
 
 SECOND = "links.sensors.aft={kind: nmea, endpoint: 'pty:aft', declination_deg: 5.0}"
@@ -97,8 +96,8 @@ def test_commands_that_decode_a_log_ask_for_the_plugin(
     output = ["-o", "model.npz"] if command[0] == "train" else ["--horizon", "5"]
 
     def said(*options: str) -> str:
-        words = [sys.executable, "-m", "asvhil", *command, str(log), *output, *options]
-        return subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, check=False).stderr
+        unload_all()
+        return call(*command, str(log), *output, *options, cwd=tmp_path).err
 
     assert "the run had the sensor line-wind of the plug-in wind.py" in said()
     assert "plug-in" not in said(*options)

@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
+from tests.support.command_line import Said, call
 from tests.support.log_damage import chunk_spans
 from tests.support.log_samples import make_recorder, record_ticks
 
 TICKS = 80
 
 
-def asvhil(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "asvhil", "log", *arguments]
-    return subprocess.run(command, capture_output=True, text=True, check=False, timeout=100, cwd=folder)
+def asvhil(folder: Path, *arguments: str) -> Said:
+    return call("log", *arguments, cwd=folder)
 
 
 @pytest.fixture
@@ -34,19 +32,19 @@ def folder(tmp_path: Path) -> Path:
 
 def test_recover_ends_with_3_where_something_was_lost(folder: Path) -> None:
     whole = asvhil(folder, "recover", "whole.mcap", "-o", "copy.mcap")
-    assert whole.returncode == 0 and "80 ticks" in whole.stdout and "lost" not in whole.stdout
+    assert whole.status == 0 and "80 ticks" in whole.out and "lost" not in whole.out
     cut = asvhil(folder, "recover", "cut.mcap", "--json", "cut.json")
-    assert cut.returncode == 3 and "lost: no end: cut off" in cut.stdout
+    assert cut.status == 3 and "lost: no end: cut off" in cut.out
     assert json.loads((folder / "cut.json").read_text())["lost"]
-    assert asvhil(folder, "info", "cut-recovered.mcap").returncode == 0
+    assert asvhil(folder, "info", "cut-recovered.mcap").status == 0
     again = asvhil(folder, "recover", "cut.mcap")
-    assert again.returncode == 2 and "cut-recovered.mcap: exists already" in again.stderr
+    assert again.status == 2 and "cut-recovered.mcap: exists already" in again.err
 
 
 def test_info_of_damage_says_what_to_do(folder: Path) -> None:
     shown = asvhil(folder, "info", "cut.mcap", "--json", "info.json")
-    assert shown.returncode == 0
-    assert "damaged" in shown.stdout and "asvhil log recover" in shown.stdout
+    assert shown.status == 0
+    assert "damaged" in shown.out and "asvhil log recover" in shown.out
     figures = json.loads((folder / "info.json").read_text())
     assert not figures["whole"] and 0 < figures["ticks"] < TICKS
 
@@ -66,6 +64,6 @@ def test_info_of_damage_says_what_to_do(folder: Path) -> None:
 def test_bad_input_is_one_line(folder: Path, arguments: tuple[str, ...], words: str) -> None:
     before = sorted(folder.iterdir())
     done = asvhil(folder, *arguments)
-    assert done.returncode == 2
-    assert words in done.stderr and len(done.stderr.strip().splitlines()) == 1
+    assert done.status == 2
+    assert words in done.err and len(done.err.strip().splitlines()) == 1
     assert sorted(folder.iterdir()) == before
