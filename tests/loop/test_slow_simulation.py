@@ -37,8 +37,22 @@ class SlowPlant(GroundStationLoop):
         return math.hypot(n_m + outputs.estimate.n_m - truth.n_m, e_m + outputs.estimate.e_m - truth.e_m)
 
 
-@pytest.mark.parametrize("config", ["sitl", "sitl-px4"])
-@pytest.mark.parametrize(("from_s", "until_s", "pace"), [(14.0, 17.0, 0.45), (13.0, 18.0, 0.6), (15.0, 16.5, 0.05)])
+@pytest.mark.parametrize(
+    ("from_s", "until_s", "pace", "config"),
+    [
+        (13.0, 18.0, 0.6, "sitl"),
+        (15.0, 16.5, 0.05, "sitl-px4"),
+        *(
+            pytest.param(*cell, marks=pytest.mark.thorough)
+            for cell in (
+                (14.0, 17.0, 0.45, "sitl"),
+                (14.0, 17.0, 0.45, "sitl-px4"),
+                (13.0, 18.0, 0.6, "sitl-px4"),
+                (15.0, 16.5, 0.05, "sitl"),
+            )
+        ),
+    ],
+)
 def test_what_it_loses_while_the_boat_approaches_is_not_taken_for_the_receivers_error(
     from_s: float, until_s: float, pace: float, config: str
 ) -> None:

@@ -6,16 +6,19 @@ import pytest
 
 from asvhil.config import load_config
 from asvhil.study.soak import judge, markdown
+from asvhil.study.trials import soak
 from asvhil.study.trials.soak import EVERY_S, OF_THE_BOAT, OF_THE_LOOP, SoakLoop, draw_faults, run_soak
 from asvhil.types import Phase
 
 CONFIG = ("controller.name=backstepping",)
 
 
-def test_holds_come_back_after_each_fault() -> None:
+def test_holds_come_back_after_each_fault(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(soak, "EVERY_S", 120.0)
+    monkeypatch.setattr(soak, "LOST_S", 40.0)
     seconds = []
-    run = run_soak(load_config("sitl", CONFIG), 0.17, 3, seconds.append)
-    assert len(run["faults"]) == 1 and seconds[-1] == 612
+    run = run_soak(load_config("sitl", CONFIG), 0.07, 3, seconds.append)
+    assert len(run["faults"]) == 1 and seconds[-1] == 252
     assert judge(run)["met"] and judge(run)["lost"] == []
     assert run["held_share"] > 0.9
     assert "Lost for good: 0" in markdown({"run": run, "verdict": judge(run)})

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from asvhil.collect import collect
 from asvhil.config import load_config
+from asvhil.config.mean_wind import parse_wind
 from asvhil.geo import LocalFrame
 from asvhil.logs.opening import open_recorder
 from asvhil.operator.encoding import encode_release
@@ -26,6 +28,13 @@ class _Deafened(GroundStationLoop):
 def record_bream(log: Path) -> None:
     """The small boat with its poor sensors, without the procedure."""
     run_lockstep(load_config("sitl-bream", ("supervisor.station.heading_deg=170",)), log, 45.0)
+
+
+def record_programme(log: Path) -> None:
+    """Manoeuvres on a flat sea, to train on."""
+    config = load_config("sitl", ("plant.seed=7", "controller.manoeuvres.seed=7"))
+    (run,) = collect(config, "lockstep", 70.0, [parse_wind("6@90")], log)
+    assert run.complete
 
 
 def record_procedure(log: Path) -> None:

@@ -39,7 +39,7 @@ def test_each_fault_is_named_within_15_s_of_thrust(base: str, fault: str) -> Non
 
 
 @pytest.mark.parametrize("base", ["sitl", "sitl-bream", "sitl-blueboat"])
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("seed", [1, *(pytest.param(seed, marks=pytest.mark.thorough) for seed in (2, 3))])
 def test_nothing_is_found_on_a_sound_boat(base: str, seed: int) -> None:
     assert MotionBoat(base, seed=seed).run(120.0) is None
 

@@ -6,6 +6,7 @@ import dataclasses
 import json
 import math
 import shutil
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -35,9 +36,9 @@ SEEDS = ("plant.seed=7", "controller.manoeuvres.seed=7")
 
 
 @pytest.fixture(scope="module")
-def flat(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def flat(run_logs: Callable[[str], Path]) -> Path:
     """A programme on a flat sea."""
-    return drive(load_config("sitl", SEEDS), 70.0, ["6@90"], tmp_path_factory.mktemp("logs") / "flat.mcap")[0]
+    return run_logs("programme")
 
 
 @pytest.fixture(scope="module")

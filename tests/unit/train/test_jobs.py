@@ -3,6 +3,7 @@
 import csv
 import dataclasses
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -14,9 +15,6 @@ from tests.support.model_samples import sample
 
 torch = pytest.importorskip("torch")
 
-from asvhil.collect import collect  # noqa: E402
-from asvhil.config import load_config  # noqa: E402
-from asvhil.config.mean_wind import parse_wind  # noqa: E402
 from asvhil.dynamics.nnsem import Scaling  # noqa: E402
 from asvhil.dynamics.weights import TrainedModel, load_model, read_model, save_model  # noqa: E402
 from asvhil.errors import ConfigError, LogError, ModelError  # noqa: E402
@@ -34,12 +32,8 @@ MODELS = ROOT / "config" / "models"
 
 
 @pytest.fixture(scope="module")
-def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("logs")
-    config = load_config("sitl", ("plant.seed=7", "controller.manoeuvres.seed=7"))
-    (run,) = collect(config, "lockstep", 70.0, [parse_wind("6@90")], folder / "log.mcap")
-    assert run.complete
-    return run.log
+def log(run_logs: Callable[[str], Path]) -> Path:
+    return run_logs("programme")
 
 
 @pytest.fixture(scope="module")
