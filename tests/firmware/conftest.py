@@ -24,7 +24,7 @@ def tools() -> None:
         make(HERE / "host")
 
 
-@pytest.fixture(scope="session", params=["uno", "nano"])
+@pytest.fixture(scope="session", params=["uno", pytest.param("nano", marks=pytest.mark.thorough)])
 def elf(request: pytest.FixtureRequest) -> Path:
     return FIRMWARE / "build" / f"{request.param}.elf"
 

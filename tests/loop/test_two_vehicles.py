@@ -25,9 +25,11 @@ def another_boat(config: Config, *overrides: str, boots_after_s: float = 0.0) ->
     ("case", "overrides", "boots_after_s"),
     [
         ("booted later", ("plant.start_n_m=30",), 20.0),
-        ("booted 3 s later, near by", (), 3.0),
+        pytest.param("booted 3 s later, near by", (), 3.0, marks=pytest.mark.thorough),
         ("booted in the same instant", ("plant.start_n_m=2",), 0.0),
-        ("booted in the same instant, far away", ("plant.start_n_m=60",), 0.013),
+        pytest.param(
+            "booted in the same instant, far away", ("plant.start_n_m=60",), 0.013, marks=pytest.mark.thorough
+        ),
     ],
 )
 def test_a_second_boat_with_the_same_id_ends_the_hold_in_words(

@@ -78,7 +78,7 @@ def test_a_picture_of_a_training_that_fails_leaves_the_model(
     log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     pytest.importorskip("torch")
-    assert run("collect", "--duration", "45", "--wind", "6@90", "-o", "data.mcap", cwd=tmp_path) == 0
+    assert run("collect", "--duration", "70", "--wind", "6@90", "-o", "data.mcap", cwd=tmp_path) == 0
     (tmp_path / "sd.curve.png").mkdir()
     capsys.readouterr()
     assert run("train", "sd", "data.mcap", "-o", "sd.npz", cwd=tmp_path) == 2

@@ -126,8 +126,18 @@ def test_without_descent_the_search_ends(monkeypatch):
 # --- the same optimum --------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("near", [False, True], ids=["far", "near"])
-@pytest.mark.parametrize("state", STATES)
+@pytest.mark.parametrize(
+    ("state", "near"),
+    [
+        ("start of the six tests", False),
+        ("abeam", True),
+        ("on station", True),
+        *(
+            pytest.param(state, near, marks=pytest.mark.thorough)
+            for state, near in (("start of the six tests", True), ("abeam", False), ("on station", False))
+        ),
+    ],
+)
 def test_all_solvers_find_the_same_optimum(solver, optima, state, near):
     p = pack(STATES[state], CONFIG.near if near else CONFIG.far)
     found = [solver.solve(p, level(share), CAP) for share in (0.0, 0.7)]

@@ -184,7 +184,7 @@ def test_an_input_that_is_no_number_spoils_one_tick_and_no_more() -> None:
 def test_the_heading_may_pass_half_a_turn() -> None:
     boat = Boat()
     boat.state[2] = math.pi - 0.01
-    out, into = rms(boat.run(150.0))
+    out, into = rms(boat.run(240.0))
     assert (out[3:] < 0.35 * into[3:]).all()
 
 

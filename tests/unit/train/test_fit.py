@@ -232,7 +232,9 @@ def test_a_robust_training_is_not_drawn_aside_by_a_span_that_no_model_can_know()
     assert robust < 0.7 * plain, (robust, plain)
 
 
-@pytest.mark.parametrize(("kind", "iterations"), [("sd", 0), ("nnsem", 1000), ("lagnet", 250)])
+@pytest.mark.parametrize(
+    ("kind", "iterations"), [("sd", 0), pytest.param("nnsem", 1000, marks=pytest.mark.thorough), ("lagnet", 250)]
+)
 def test_a_little_training_beats_holding_the_initial_value(kind: str, iterations: int) -> None:
     options = dataclasses.replace(OPTIONS[kind], members=1)
     model = fit(kind, DATA, options=options, iterations=iterations, vehicle="wamv16", config_hash="c")
@@ -411,7 +413,9 @@ def test_the_noise_of_a_drifts_first_velocity_is_not_taken_for_drag_and_wind() -
     assert at_rest(FittedSd(parameters.tolist(), 0.2), WIND_REACH, VESSEL).worst.error < 1.0
 
 
-@pytest.mark.parametrize(("kind", "iterations"), [("nnsem", 300), ("lagnet", 100)])
+@pytest.mark.parametrize(
+    ("kind", "iterations"), [("nnsem", 300), pytest.param("lagnet", 100, marks=pytest.mark.thorough)]
+)
 def test_a_weight_on_the_rates_at_rest_teaches_the_wind_loads_of_the_drifts(kind: str, iterations: int) -> None:
     chosen = {"iterations": iterations, "still": True, "rate": 0.01}
     worst = []
