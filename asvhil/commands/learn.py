@@ -19,6 +19,7 @@ from asvhil.errors import AsvhilError, ConfigError
 
 if TYPE_CHECKING:
     from asvhil.config import Config
+    from asvhil.train.at_rest import AtRest
     from asvhil.train.verdict import ModelVerdict
 
 STOPPED = "stopped; logs that were made are kept: `asvhil learn CONFIG --data LOG --test LOG` goes on with them"
@@ -101,9 +102,9 @@ def learn(
     if not data:
         data, test = _drive(settings, files, duration, wind, steps, force)
     figures = _train(kind, [*data], files, iterations, seed, steps, test)
-    verdict, scores = _judge(settings, kind, files, test, steps)
+    verdict, scores, check = _judge(settings, kind, files, test, steps)
     held = _hold(settings, kind, files, steps) if settings.supervisor.engage == "auto" else {}
-    _advise(console, settings, kind, files, find_config(config), verdict, held)
+    _advise(console, settings, kind, files, find_config(config), verdict, check, held)
     write_json(
         json_,
         {
@@ -229,8 +230,8 @@ def _train(
 
 def _judge(
     settings: Config, kind: str, files: _Files, test: Sequence[Path], steps: _Steps
-) -> tuple[ModelVerdict, dict[str, Any]]:
-    """The verdict, and the scores that it comes from."""
+) -> tuple[ModelVerdict, dict[str, Any], AtRest]:
+    """The verdict, and the scores and the check at rest that it comes from."""
     from asvhil.dynamics.rigid_body import SimplifiedDynamics
     from asvhil.dynamics.weights import read_model
     from asvhil.train.at_rest import at_rest
@@ -257,7 +258,7 @@ def _judge(
             say(console, f"   {name}: {errors} (m/s, m/s, rad/s; {row['windows']} stretches of {HORIZON_S:g} s)")
     say(console, f"   {check.verdict()}")
     say(console, f"   picture {files.picture}")
-    return judge(kind, scores["rows"], check), scores
+    return judge(kind, scores["rows"], check), scores, check
 
 
 def _hold(settings: Config, kind: str, files: _Files, steps: _Steps) -> dict[str, float]:
@@ -297,24 +298,35 @@ def _advise(
     files: _Files,
     config: Path,
     verdict: ModelVerdict,
+    check: AtRest,
     held: dict[str, float],
 ) -> None:
     """The verdict in words, and the lines to put into the config."""
+    from asvhil.config.yaml_text import read_yaml
+
     for words in verdict.passed:
         say(console, f"   right: {words}")
     for words in verdict.faults:
         say(console, f"   WRONG: {words}")
     if held and held[KINDS[kind]] > AS_GOOD * held["sd-mpc"]:
         times = held[KINDS[kind]] / held["sd-mpc"]
-        say(console, f"   note: its penalty score is {times:.1f} times that of the physics of this config")
+        say(console, f"   note: its penalty score is {times:.2f} times that of the physics of this config")
     try:
         path = files.model.relative_to(config.parent)
     except ValueError:
         path = files.model.resolve()
+    worst = check.worst
+    if worst is not None and (worst.error or 0.0) > 1.0:
+        wind = f"{worst.speed_mps:g} m/s of wind on the {worst.side}"
+        say(console, f"   note: the wind's load on the boat at rest is not learned well, least in {wind}: while it is")
+        say(console, "         held, the disturbance that the estimator finds makes up for that")
     if verdict.good:
         if settings.supervisor.engage == "auto":
             say(console, "This was the simulated boat: a rehearsal. Of your real boat this model knows nothing.")
-        say(console, f"Good enough to hold with. Into {config}:")
+        given = read_yaml(config).tree
+        there = isinstance(given, dict) and "controller" in given
+        instead = ", in place of the `name` under the `controller` that is there" if there else ""
+        say(console, f"Good enough to hold with. Into {config}{instead}:")
         say(console, f"controller:\n  name: {KINDS[kind]}\n  model: {path}")
         return
     say(console, "Not good enough to hold with: stay with sd-mpc, and drive more, in other winds, on quieter water.")

@@ -51,8 +51,8 @@ class Dock:
 
 
 def bad(checks: list[Check]) -> dict[str, Result]:
-    """What did not pass; a simulated vehicle has no date, so the clock of this computer is left out."""
-    return {c.item: c.result for c in checks if c.result is not Result.PASS and c.item != "clock of this computer"}
+    """What did not pass."""
+    return {c.item: c.result for c in checks if c.result is not Result.PASS}
 
 
 def of(checks: list[Check], item: str) -> Check:

@@ -1,13 +1,18 @@
 """`asvhil learn`: the afternoon as one command, on a short rehearsal, and what it refuses."""
 
+import dataclasses
+import io
 import json
 from pathlib import Path
 
 import pytest
+from rich.console import Console
 
 from asvhil.commands import learn as learn_module
 from asvhil.config import load_config
 from asvhil.dynamics.weights import read_model
+from asvhil.train.at_rest import AtRest, Load
+from asvhil.train.verdict import ModelVerdict
 from tests.support.command_line import call, refused
 
 pytest.importorskip("torch")
@@ -52,6 +57,24 @@ def test_the_lines_that_it_advises_are_taken(learned: Path, monkeypatch: pytest.
     assert config.controller.model is not None and read_model(config.controller.model).vehicle == "cat"
     said = call("config", "check", str(learned / "own.yaml"), cwd=learned.parent)
     assert said.status == 0 and "model: pass: cat-nnsem.npz, nnsem of cat" in said.out
+
+
+def test_advice_names_the_lines_that_are_there_and_a_wind_load_that_is_off(learned: Path) -> None:
+    files = learn_module._files(learned / "cat-learned", "cat", "nnsem")
+    load = Load(side="port", speed_mps=10.0, rates=(0.0, 0.0, 0.0), reference=(0.0, 0.1, 0.0), error=4.4)
+    good = ModelVerdict(passed=("all",), faults=())
+    said = []
+    for name, error in (("cat.yaml", 4.4), ("cat-sim.yaml", 0.9)):
+        loads = (dataclasses.replace(load, error=error),)
+        check = AtRest(still=(0.0, 0.0, 0.0), loads=loads, fall_mps2=0.0, thrust_dip_mps2=0.0)
+        out = io.StringIO()
+        config = learned / name
+        learn_module._advise(Console(file=out), load_config(config), "nnsem", files, config, good, check, {})
+        said.append(out.getvalue())
+    own, twin = said
+    assert "cat.yaml, in place of the `name` under the `controller` that is there:\ncontroller:\n" in own
+    assert "cat-sim.yaml:\ncontroller:\n" in twin
+    assert "not learned well, least in 10 m/s of wind on the port" in own and "not learned well" not in twin
 
 
 def test_nothing_is_overwritten_and_no_log_counts_twice(learned: Path) -> None:
