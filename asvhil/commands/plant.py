@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from asvhil.commands.options import ConfigArgument, FaultOption, SetOption
-from asvhil.commands.views import say
+from asvhil.commands.views import say, twin_hint
 from asvhil.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -50,6 +50,9 @@ def plant(
     if endpoint is not None and not (ardupilot_json or px4_hil):
         raise ConfigError("plant: --endpoint goes with --ardupilot-json or --px4-hil; else it is plant.links.autopilot")
     settings = with_faults(load_config(config, tuple(set_)), fault)
+    hint = twin_hint(config)
+    if hint and settings.supervisor.engage != "auto":
+        typer.echo(f"asvhil: warning: {config}: simulated by the ports of the real boat{hint}", err=True)
     if ardupilot_json or px4_hil:
         _serve_autopilot(settings, px4_hil, endpoint, duration, quiet)
     else:

@@ -160,6 +160,14 @@ def test_in_what_is_no_text(folder: Path, data: bytes) -> None:
     refused(call(*SITL, cwd=folder), "mine.yaml: ")
 
 
+@pytest.mark.parametrize(("name", "told"), [("boat.yaml", True), ("boat-sim.yaml", False)])
+def test_to_simulate_the_boat_in_place_of_its_twin_is_told(folder: Path, name: str, told: bool) -> None:
+    said = call("plant", name, "--duration", "0.1", "--quiet", cwd=folder)
+    assert said.status == 0
+    assert ("warning: boat.yaml: " in said.err and "twin of this boat is boat-sim.yaml" in said.err) == told, said
+    assert told or said.err == ""
+
+
 def test_help_is_short_and_long_and_no_error(folder: Path) -> None:
     for order in (("-h",), ("--help",), ("sitl", "-h"), ("config", "-h"), ("config", "show", "-h")):
         said = call(*order, cwd=folder)
