@@ -142,22 +142,17 @@ def test_no_mavutil(module: str) -> None:
     assert not imports_of(MODULES[module]) & EVERYWHERE_FORBIDDEN
 
 
-def test_the_command_line_waits_for_a_command_before_it_imports_what_is_heavy() -> None:
-    """Each of these takes a tenth of a second or more, of every `asvhil --help` and of each completed name."""
-    code = (
-        "import sys, asvhil.commands.cli\n"
-        "bad = [m for m in ('asyncio', 'casadi', 'numpy', 'pydantic', 'yaml', 'asvhil.config') if m in sys.modules]\n"
-        "sys.exit(', '.join(bad) or 0)"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
+# Of the command line: each takes a tenth of a second or more, of every `asvhil --help` and of each completed name.
+WAITS_FOR_A_COMMAND = ("asyncio", "casadi", "numpy", "pydantic", "yaml", "asvhil.config")
+NOT_ON_THE_BOAT = ("torch", "matplotlib", "pymavlink.mavutil", "asvhil.simplant.plant")
 
 
-def test_the_daemon_imports_neither_torch_nor_matplotlib_nor_mavutil() -> None:
-    code = (
-        "import sys, asvhil.daemon.daemon, asvhil.commands.cli\n"
-        "bad = [m for m in ('torch', 'matplotlib', 'pymavlink.mavutil', 'asvhil.simplant.plant') if m in sys.modules]\n"
-        "sys.exit(', '.join(bad) or 0)"
-    )
+@pytest.mark.parametrize(
+    ("imported", "left_out"),
+    [("asvhil.commands.cli", WAITS_FOR_A_COMMAND), ("asvhil.daemon.daemon, asvhil.commands.cli", NOT_ON_THE_BOAT)],
+    ids=["command line", "daemon"],
+)
+def test_what_is_heavy_is_not_imported_by(imported: str, left_out: tuple[str, ...]) -> None:
+    code = f"import sys, {imported}\nsys.exit(', '.join(m for m in {left_out} if m in sys.modules) or 0)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
