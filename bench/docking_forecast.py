@@ -41,7 +41,7 @@ Table = Sequence[tuple[float, float]]
 
 def track_of(folder: Path, name: str, seed: int, seconds: float) -> Array:
     """Rows (t_s, u, v, r, heading error, distance) of each tick, NaN where nothing is held."""
-    file = folder / f"{name.replace(' ', '')}-{seed}.npy"
+    file = folder / f"{name.replace(' ', '')}-{seed}-{seconds:g}s.npy"
     if file.exists():
         kept: Array = np.load(file)
         return kept
@@ -55,7 +55,9 @@ def track_of(folder: Path, name: str, seed: int, seconds: float) -> Array:
             row[1:] = at.u_mps, at.v_mps, at.r_radps, wrap_rad(at.psi_rad - station.psi_rad), off_m
         rows.append(row)
     track = np.array(rows)
-    np.save(file, track)
+    part = file.with_name(f"part-{file.name}")  # a run that was cut off leaves no track
+    np.save(part, track)
+    part.replace(file)
     return track
 
 
