@@ -102,7 +102,7 @@ def rms(errors: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("peak_hz", [0.15, pytest.param(0.3, marks=pytest.mark.thorough), 0.6])
 def test_waves_are_taken_out_and_slow_motion_stays(peak_hz: float) -> None:
     boat = Boat(peak_hz=peak_hz)
-    out, into = rms(boat.run(220.0))
+    out, into = rms(boat.run(300.0))
     assert (out[3:] < (0.45 if peak_hz < 0.2 else 0.3) * into[3:]).all()
     assert (out[:3] < 0.7 * into[:3]).all()
     found = boat.filter.waves
