@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import threading
 from collections.abc import Callable
 from typing import Any, Protocol, TypeVar
 
@@ -16,14 +17,23 @@ Opened = TypeVar("Opened", bound=Closable)
 
 async def open_in_thread(opening: Callable[..., Opened], *arguments: Any) -> Opened:
     """What `opening(*arguments)` returns. Where the caller is cancelled meanwhile, it is closed once it is open."""
-    done = asyncio.ensure_future(asyncio.to_thread(opening, *arguments))
+    # The thread itself closes what nobody takes: by then the caller's event loop may be gone.
+    lock, wanted, opened = threading.Lock(), True, None
+
+    def hand_over() -> Opened:
+        nonlocal opened
+        result = opening(*arguments)
+        with lock:
+            opened = result
+            if not wanted:
+                result.close()
+        return result
+
     try:
-        return await asyncio.shield(done)
+        return await asyncio.to_thread(hand_over)
     except asyncio.CancelledError:
-        done.add_done_callback(_close)
+        with lock:
+            wanted = False
+            if opened is not None:
+                opened.close()
         raise
-
-
-def _close(done: asyncio.Future[Any]) -> None:
-    if not done.cancelled() and done.exception() is None:
-        done.result().close()

@@ -50,3 +50,22 @@ async def test_who_went_away_leaves_nothing_open(fails: bool) -> None:
         await asyncio.sleep(0.05)
     else:
         assert await asyncio.to_thread(device.closed.wait, 10.0)
+
+
+def test_who_went_away_with_the_whole_event_loop_leaves_nothing_open() -> None:
+    begun, go_on, device = threading.Event(), threading.Event(), Device()
+
+    def opening() -> Device:
+        begun.set()
+        go_on.wait(10.0)
+        return device
+
+    async def go_away() -> None:
+        waiting = asyncio.create_task(open_in_thread(opening))
+        await asyncio.to_thread(begun.wait, 10.0)
+        waiting.cancel()
+        asyncio.get_running_loop().call_later(0.1, go_on.set)
+
+    asyncio.run(go_away())
+    go_on.set()
+    assert device.closed.wait(10.0)
