@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import dataclasses
 import math
-import operator
 from pathlib import Path
-from typing import Any, TypeVar
+from types import NoneType
+from typing import Any, TypeVar, get_args, get_type_hints
 
 import msgspec
 
@@ -31,7 +31,30 @@ def _plain(value: Any) -> Any:
     return item()
 
 
-_fields = operator.attrgetter(*(field.name for field in dataclasses.fields(Outputs)))
+def _optional_fields(record: type) -> list[str]:
+    """The fields of a record that may be None."""
+    return [name for name, kind in get_type_hints(record).items() if NoneType in get_args(kind)]
+
+
+def _count_absent(outputs: Outputs) -> int:
+    """The fields of the outputs and of the records in them that are None, each of which is a null in JSON."""
+    absent = [getattr(outputs, name) for name in _OPTIONAL].count(None)
+    for name, fields in _OPTIONAL_WITHIN.items():
+        part = getattr(outputs, name)
+        if part is not None:
+            absent += [getattr(part, field) for field in fields].count(None)
+    return absent
+
+
+_OPTIONAL = _optional_fields(Outputs)
+_OPTIONAL_WITHIN = {
+    name: fields
+    for name, kind in get_type_hints(Outputs).items()
+    for record in (kind, *get_args(kind))
+    if isinstance(record, type) and dataclasses.is_dataclass(record) and (fields := _optional_fields(record))
+}
+
+
 _encoder = msgspec.json.Encoder(enc_hook=_plain)
 _strict = msgspec.json.Decoder(Outputs)
 _lax = msgspec.json.Decoder(Outputs, strict=False)  # reads the three strings above as floats
@@ -40,10 +63,9 @@ _lax = msgspec.json.Decoder(Outputs, strict=False)  # reads the three strings ab
 def encode_outputs(outputs: Outputs) -> bytes:
     """The record of one tick's outputs: equal outputs give equal bytes. TypeError on what JSON cannot hold."""
     data = _encoder.encode(outputs)
-    absent = _fields(outputs).count(None)
     # msgspec writes null for a non-finite float. More nulls than None fields (or that word in a text) take the slow
     # path, which is right in every case.
-    if data.count(b"null") > absent:
+    if data.count(b"null") > _count_absent(outputs):
         data = _encoder.encode(_spell_non_finite(msgspec.to_builtins(outputs, enc_hook=_plain)))
     return data
 

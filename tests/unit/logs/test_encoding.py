@@ -13,8 +13,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from asvhil.errors import LogError
+from asvhil.logs import encoding
 from asvhil.logs.encoding import decode_outputs, encode_outputs, first_difference
-from asvhil.types import Outputs
+from asvhil.types import DockingWindow, Outputs
 from tests.support.log_samples import sample_outputs
 
 
@@ -50,6 +51,16 @@ def test_record_starts_as_written_here() -> None:
     )
     assert b'"v_mps":-0.0,' in data
     assert b'"n_m":0.3333333333333333,' in data
+
+
+def test_finite_outputs_take_the_fast_way_whatever_is_absent(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(encoding, "_spell_non_finite", None)
+    outputs = sample_outputs(1)
+    closed = DockingWindow(open_s=None)
+    for record in (outputs, dataclasses.replace(outputs, docking=closed), sample_outputs(2, control=False)):
+        assert decode_outputs(encode_outputs(record)) == record
+    with pytest.raises(TypeError):
+        encode_outputs(with_cost(math.nan))
 
 
 @given(st.floats())
