@@ -2,6 +2,7 @@
 
 import fcntl
 import os
+import signal
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -19,6 +20,9 @@ assert asvhil.__version__
 
 # What commands compile is not the user's: one folder for all processes, and the next run finds it.
 os.environ.setdefault(SWITCH, f"{tempfile.gettempdir()}/asvhil-tests-{os.getuid()}-machine-code")
+# Tests send these to what they start, which would inherit that a shell in the background, or nohup, ignores them.
+signal.signal(signal.SIGINT, signal.default_int_handler)
+signal.signal(signal.SIGHUP, signal.SIG_DFL)
 LOOPS = {"hil", "loop", "page", "replay"}  # folders of tests that run long enough for machine code to pay
 
 # Neither what an example takes nor how fast examples are drawn may decide a test: a busy machine is slow at both.
