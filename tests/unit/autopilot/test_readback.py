@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -22,6 +23,7 @@ Pair = tuple[int, int]
 Event = tuple[int, str, Pair]  # time (ns); sent, rc or outputs; port and starboard
 
 
+@cache
 def recorded() -> list[Event]:
     """What was sent to the real autopilot's motors, and what it reported of its sticks and outputs."""
     config = load_config("field")
@@ -44,15 +46,21 @@ def recorded() -> list[Event]:
     return events
 
 
-EVENTS = recorded()
-TAKEN_NS = next(t for t, kind, _ in EVENTS if kind == "sent")
 PLAIN_US = 15
+
+
+@cache
+def taken_ns() -> int:
+    """When the motors were taken."""
+    return next(t for t, kind, _ in recorded() if kind == "sent")
 
 
 def first_plain_ns(events: list[Event]) -> int:
     """When, since the motors were taken, what is reported first differs plainly from what the real one reported."""
-    pairs = ((t, max(abs(a[0] - b[0]), abs(a[1] - b[1]))) for (t, _, a), (_, _, b) in zip(EVENTS, events, strict=True))
-    return next(t for t, apart_us in pairs if t >= TAKEN_NS and apart_us > PLAIN_US)
+    pairs = (
+        (t, max(abs(a[0] - b[0]), abs(a[1] - b[1]))) for (t, _, a), (_, _, b) in zip(recorded(), events, strict=True)
+    )
+    return next(t for t, apart_us in pairs if t >= taken_ns() and apart_us > PLAIN_US)
 
 
 class Player:
@@ -80,20 +88,20 @@ class Player:
 
 
 def bent(kind: str, bend: Callable[[Pair], Pair]) -> list[Event]:
-    return [(t, what, bend(us) if what == kind else us) for t, what, us in EVENTS]
+    return [(t, what, bend(us) if what == kind else us) for t, what, us in recorded()]
 
 
 def test_a_real_autopilot_that_is_set_right_raises_no_fault() -> None:
     player = Player()
-    assert player.play(EVENTS) is None
+    assert player.play(recorded()) is None
     assert player.watch.override_seen and player.watch.follows
-    counts = {kind: sum(what == kind for _, what, _ in EVENTS) for kind in ("sent", "rc", "outputs")}
+    counts = {kind: sum(what == kind for _, what, _ in recorded()) for kind in ("sent", "rc", "outputs")}
     assert counts["sent"] > 900 and counts["rc"] > 250 and counts["outputs"] > 600
 
 
 def test_nor_without_its_sticks_with_few_reports_or_with_half_of_the_overrides_lost() -> None:
-    assert Player().play([e for e in EVENTS if e[1] != "rc"]) is None
-    few = [e for i, e in enumerate(EVENTS) if e[1] != "outputs" or i % 5 == 0]
+    assert Player().play([e for e in recorded() if e[1] != "rc"]) is None
+    few = [e for i, e in enumerate(recorded()) if e[1] != "outputs" or i % 5 == 0]
     assert Player().play(few) is None
 
 
@@ -140,7 +148,7 @@ def test_bent_reports_are_explained_within_3_s_of_the_first_plain_difference(cas
 
 
 def test_sticks_that_never_show_an_override_mean_that_it_is_ignored() -> None:
-    ignored = [(t, what, (1500, 1500) if what in ("rc", "outputs") else us) for t, what, us in EVENTS]
+    ignored = [(t, what, (1500, 1500) if what in ("rc", "outputs") else us) for t, what, us in recorded()]
     player = Player()
     fault = player.play(ignored)
     assert fault is not None and fault.cause is Cause.IGNORED
@@ -159,12 +167,12 @@ def slewed(t_s: np.ndarray, throttle_us: np.ndarray, rate_us_per_s: float, start
 
 
 def test_a_limit_on_the_throttles_rate_is_found_within_3_s() -> None:
-    sent = [(t, us) for t, what, us in EVENTS if what == "sent"]
+    sent = [(t, us) for t, what, us in recorded() if what == "sent"]
     t_s = np.array([t for t, _ in sent]) / S
     pulses = np.array([us for _, us in sent], dtype=float)
     throttle = slewed(t_s, pulses.mean(axis=1), 120.0, 1500.0)
     events = []
-    for t, what, us in EVENTS:
+    for t, what, us in recorded():
         if what == "outputs":
             i = max(int(np.searchsorted(t_s, t / S, side="right")) - 1, 0)
             half = (pulses[i, 0] - pulses[i, 1]) / 2.0
@@ -203,7 +211,7 @@ def test_a_report_counts_once_and_nothing_is_said_while_the_motors_are_not_drive
 def test_commands_that_the_link_loses_for_a_second_are_no_fault() -> None:
     """The outputs stay as they were last told while newer commands are sent, and follow again after."""
     for start_s in np.arange(2.0, 40.0, 4.3):
-        gap = (TAKEN_NS + round(start_s * S), TAKEN_NS + round((start_s + 1.5) * S))
+        gap = (taken_ns() + round(start_s * S), taken_ns() + round((start_s + 1.5) * S))
         player = Player()
         assert player.play(without_uplink(*gap)) is None, start_s
 
@@ -212,7 +220,7 @@ def without_uplink(from_ns: int, until_ns: int) -> list[Event]:
     """The recording as if no command had reached the autopilot for a while: what it reports stays as it was."""
     stood: dict[str, Pair] = {}
     events = []
-    for t_ns, what, us in EVENTS:
+    for t_ns, what, us in recorded():
         if what == "sent" or not from_ns <= t_ns <= until_ns:
             stood[what] = us
         events.append((t_ns, what, stood.get(what, us) if what != "sent" else us))
