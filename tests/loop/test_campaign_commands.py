@@ -28,7 +28,7 @@ parameters:
 variants:
   LOITER: {controller.name: loiter}
   backstepping: {controller.name: backstepping}
-window_s: [4, 6]
+window_s: [2, 3]
 worst: 1
 """
 RUNS = 6

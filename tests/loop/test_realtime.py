@@ -92,11 +92,11 @@ def test_kill_9_leaves_neutral_motors_and_a_readable_log(tmp_path: Path) -> None
 def test_real_time_over_udp_keeps_the_station(name: str, tmp_path: Path) -> None:
     config = load_config(name, ("plant.sensors.gnss.slow_bias_m=0", "plant.start_n_m=-5.0"))
     statuses: list[dict[str, object]] = []
-    run_realtime(config, tmp_path, tmp_path / "log.mcap", 40.0, statuses.append)
+    run_realtime(config, tmp_path, tmp_path / "log.mcap", 30.0, statuses.append)
     figures = summarise(read_run(tmp_path / "log.mcap"))
     assert figures["truth"]["distance_m"]["mean"] <= 0.8
     assert abs(figures["truth"]["heading_deg"]["mean"]) <= 2.0
-    assert figures["phases"]["hold"] > 30.0
-    assert len(statuses) > 60
+    assert figures["phases"]["hold"] > 20.0
+    assert len(statuses) > 45
     assert figures["overruns"] <= 0.05 * figures["ticks"]
     assert replay(tmp_path / "log.mcap").mismatch is None

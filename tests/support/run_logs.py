@@ -27,7 +27,7 @@ class _Deafened(GroundStationLoop):
 
 def record_bream(log: Path) -> None:
     """The small boat with its poor sensors, without the procedure."""
-    run_lockstep(load_config("sitl-bream", ("supervisor.station.heading_deg=170",)), log, 45.0)
+    run_lockstep(load_config("sitl-bream", ("supervisor.station.heading_deg=170",)), log, 30.0)
 
 
 def record_programme(log: Path) -> None:
@@ -41,7 +41,7 @@ def record_procedure(log: Path) -> None:
     """From 30 m off by the station keeping procedure, in a wind across the station's heading."""
     wind = "plant.weather.wind={speed_mps: 5, toward_deg: 90}"
     start = ("plant.start_n_m=-18", "plant.start_e_m=24", "controller.procedure.enabled=true")
-    run_lockstep(load_config("sitl", (wind, *start)), log, 75.0)
+    run_lockstep(load_config("sitl", (wind, *start)), log, 60.0)
 
 
 def record_two_holds(log: Path) -> None:

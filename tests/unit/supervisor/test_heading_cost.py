@@ -28,7 +28,12 @@ def cost_in(name: str, speed_mps: float, toward_deg: float) -> HeadingCost:
 
 @pytest.mark.parametrize(
     ("name", "speed_mps", "toward_deg"),
-    [("sitl", 4.0, 70.0), ("sitl-second", 3.0, 90.0), ("sitl-blueboat", 3.0, 90.0), ("sitl-blueboat", 6.0, 90.0)],
+    [
+        ("sitl", 4.0, 70.0),
+        pytest.param("sitl-second", 3.0, 90.0, marks=pytest.mark.thorough),
+        pytest.param("sitl-blueboat", 3.0, 90.0, marks=pytest.mark.thorough),
+        ("sitl-blueboat", 6.0, 90.0),
+    ],
 )
 def test_it_is_near_the_bound_of_boats_and_winds_that_it_was_not_fitted_to(
     name: str, speed_mps: float, toward_deg: float

@@ -29,8 +29,8 @@ from asvhil.types import (
     YawRate,
 )
 
-DURATION_S = 60.0
-BREAM_S = 120.0  # the mean heading of its compass, which is off by 4 degrees each time, is then good to 0.1
+DURATION_S = 40.0
+BREAM_S = 90.0  # the mean heading of its compass, which is off by 4 degrees each time, is then good to 0.1
 INS = "[ins.BINARY]"
 # All of the pose from a VN-300, none of it asked of the autopilot, and a vane that is turned and calibrated.
 VN300_ALONE = (
