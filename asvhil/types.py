@@ -441,6 +441,19 @@ class DockingWindow:
 
 
 @record
+class Learned:
+    """The factors by which the vessel model is corrected (`dynamics.corrected.FACTORS`) and their standard deviations.
+
+    `learned_s`: for how long they have been learned. `frozen`: why nothing is learned now; empty while it is.
+    """
+
+    factors: tuple[float, ...]
+    std: tuple[float, ...]
+    learned_s: float
+    frozen: str = ""
+
+
+@record
 class Outputs:
     """All that one tick produced.
 
@@ -463,3 +476,4 @@ class Outputs:
     autopilot_clock: TimeOffset | None = None
     waves: WaveMotion | None = None
     docking: DockingWindow | None = None
+    learned: Learned | None = None

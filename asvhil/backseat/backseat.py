@@ -5,6 +5,7 @@ from __future__ import annotations
 from asvhil.autopilot.protocol import Autopilot
 from asvhil.backseat.actuation import Actuation
 from asvhil.backseat.command import Command
+from asvhil.backseat.doubt import doubt
 from asvhil.backseat.perception import Perceived, Perception
 from asvhil.config.ports import OPERATOR
 from asvhil.geo import LocalFrame
@@ -16,7 +17,7 @@ from asvhil.supervisor.heading_cost import HeadingCostWatch
 from asvhil.supervisor.reasons import describe
 from asvhil.supervisor.situation import Situation, StationSticks
 from asvhil.supervisor.supervisor import Decision
-from asvhil.types import DockingWindow, Frame, FrontseatStatus, Health, Inputs, Note, Outputs, Phase
+from asvhil.types import DockingWindow, Frame, FrontseatStatus, Health, Inputs, Learned, Note, Outputs, Phase
 
 
 class Backseat:
@@ -33,6 +34,7 @@ class Backseat:
         docking: DockingWatch | None,
         command: Command,
         actuation: Actuation,
+        near_m: float,
     ) -> None:
         self._autopilot = autopilot
         self._motion = motion
@@ -42,6 +44,7 @@ class Backseat:
         self._perception = perception
         self._command = command
         self._actuation = actuation
+        self._near_m = near_m
         self._station_sticks: tuple[StationSticks, ...] = ()  # heard in this tick
 
     @property
@@ -65,6 +68,7 @@ class Backseat:
         control = self._actuation.solve(t_ns, decision, seen.estimate, seen.usable_wind, fresh=fresh)
         frames = self._actuation.drive(t_ns, decision)
         self._perception.note_pulses(self._actuation.pulses_us, seen.usable_wind)
+        learned = self._learn(seen, decision)
         model_error = self._perception.check_model(seen) if control is not None else None
         self._motion.note_station(decision.station)
         self._perception.note_held(held=decision.station is not None)
@@ -97,6 +101,7 @@ class Backseat:
             autopilot_clock=self._autopilot.clock,
             waves=seen.waves,
             docking=docking,
+            learned=learned,
         )
 
     def release_to_pilot(self, t_ns: int) -> list[Frame]:
@@ -157,6 +162,23 @@ class Backseat:
             station_age_s=None if station_ns is None else (seen.t_ns - station_ns) * 1e-9,
             station_sticks=self._station_sticks,
             bow_rad=seen.bow_rad,
+        )
+
+    def _learn(self, seen: Perceived, decision: Decision) -> Learned | None:
+        """What is learned of the model by the boat's motion, where that can be trusted."""
+        if not self._perception.learns:
+            return None
+        motors_ok = self._actuation.fault is None and self._actuation.unverified is None and not self._motion.notes
+        return self._perception.learn(
+            seen,
+            doubt(
+                seen,
+                decision.phase,
+                decision.station,
+                near_m=self._near_m,
+                sensors_ok=not self._perception.sensors_in_doubt(seen.t_ns),
+                motors_ok=motors_ok,
+            ),
         )
 
     def _health(

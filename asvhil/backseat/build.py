@@ -18,10 +18,13 @@ from asvhil.config.registry import AUTOPILOTS, CONTROLLERS, ESTIMATORS
 from asvhil.controller.procedure import Procedure
 from asvhil.controller.protocol import Controller
 from asvhil.controller.pwm import Limiter, PulseLimiter
+from asvhil.dynamics.corrected import CorrectedModel
 from asvhil.dynamics.protocol import Dynamics
 from asvhil.dynamics.rigid_body import SimplifiedDynamics
 from asvhil.dynamics.weights import load_model
 from asvhil.errors import ModelError, OtherHullError
+from asvhil.estimator.ekf import Ekf
+from asvhil.estimator.learning import Learner
 from asvhil.estimator.model_watch import ModelWatch
 from asvhil.estimator.monitor import ModelMonitor
 from asvhil.estimator.protocol import StateEstimator
@@ -54,6 +57,12 @@ def model_file(config: Config) -> Path | None:
 
 
 def build_model(config: Config, file: Path | None = None) -> Dynamics:
+    """The vessel model of `build_plain_model`, with the factors that are learned on station where that is enabled."""
+    model = build_plain_model(config, file)
+    return CorrectedModel(model) if config.learning.enabled else model
+
+
+def build_plain_model(config: Config, file: Path | None = None) -> Dynamics:
     """The vessel model that the estimator and the controller share; `file` instead of the config's, as in replay.
 
     Raises ModelError where the file is damaged, of another kind, vehicle or step than the config asks for, and
@@ -78,7 +87,8 @@ def build_model(config: Config, file: Path | None = None) -> Dynamics:
 
 def model_replaced(config: Config, model: Dynamics) -> bool:
     """Whether the physics stand in for a learned model, which is of another hull."""
-    return bool(CONTROLLERS.find(config.controller.name).model) and isinstance(model, SimplifiedDynamics)
+    plain = model.model if isinstance(model, CorrectedModel) else model
+    return bool(CONTROLLERS.find(config.controller.name).model) and isinstance(plain, SimplifiedDynamics)
 
 
 def build_model_watch(config: Config, model: Dynamics) -> ModelWatch:
@@ -129,6 +139,14 @@ def build_weather(config: Config, model: Dynamics) -> WeatherHeading:
     return WeatherHeading(model, config.supervisor.heading.time_constant_s)
 
 
+def build_learner(config: Config, model: Dynamics, estimator: StateEstimator) -> Learner | None:
+    """What learns on station, and corrects the model of an estimator; None where that is not enabled."""
+    if not (isinstance(model, CorrectedModel) and isinstance(estimator, Ekf)):
+        return None
+    lag_s = 0.0 if model.model.n_motor else config.controller.mpc.unmodelled_lag_s
+    return Learner(config.learning, model, 1.0 / config.daemon.tick_hz, lag_s, estimator.set_factors)
+
+
 def build_cadence(config: Config) -> Cadence:
     """When controls are due: by count where a timer cuts the ticks, by time where arrivals do."""
     daemon = config.daemon
@@ -150,15 +168,17 @@ def build_decoder(config: Config) -> Decoder:
 
 def build_perception(config: Config, model: Dynamics, link: MavlinkAutopilot) -> Perception:
     """Decoder and estimation; the frames of the autopilot go through its conversation, `link`."""
+    estimator = build_estimator(config, model)
     return Perception(
         decoder=Decoder.from_config(config, link.receive),
         firmware=build_firmware_watch(config),
-        estimator=build_estimator(config, model),
+        estimator=estimator,
         wind=build_wind(config.estimator),
         wind_load=build_wind_load(config),
         waves=build_wave_filter(config, model),
         model_watch=build_model_watch(config, model),
         weather=build_weather(config, model),
+        learner=build_learner(config, model, estimator),
         model=model,
         pwm=config.vehicle.pwm,
     )
@@ -220,4 +240,5 @@ def build_backseat(
             neutral_us=pwm.neutral_us,
             control_mode=config.supervisor.control_mode,
         ),
+        near_m=config.controller.mpc.far_radius_m,
     )

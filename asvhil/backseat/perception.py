@@ -7,6 +7,8 @@ from asvhil.controller.pwm import command_of_pulse
 from asvhil.dynamics.protocol import Dynamics
 from asvhil.estimator import sensor_health
 from asvhil.estimator.ekf import NAMES
+from asvhil.estimator.learned_words import LearningNotes
+from asvhil.estimator.learning import Learner
 from asvhil.estimator.model_watch import ModelWatch
 from asvhil.estimator.protocol import StateEstimator
 from asvhil.estimator.wave_filter import WaveFilter
@@ -27,6 +29,7 @@ from asvhil.types import (
     GroundVelocity,
     Heading,
     Inputs,
+    Learned,
     Measurement,
     Note,
     PredictionError,
@@ -85,6 +88,7 @@ class Perception:
         waves: WaveFilter | None,
         model_watch: ModelWatch,
         weather: WeatherHeading,
+        learner: Learner | None,
         model: Dynamics,
         pwm: PwmConfig,
     ) -> None:
@@ -96,6 +100,9 @@ class Perception:
         self._waves = waves
         self._model_watch = model_watch
         self._weather = weather
+        self._learner = learner
+        self._learning_notes = LearningNotes()
+        self._learned: Learned | None = None
         self._model = model
         self._pwm = pwm
         self._status: FrontseatStatus | None = None
@@ -169,6 +176,21 @@ class Perception:
             return None
         return self._model_watch.step(seen.estimate, self._model_input, seen.usable_wind)
 
+    def learn(self, seen: Perceived, doubt: str) -> Learned | None:
+        """In each tick, after `note_pulses`: what is learned of the model; `doubt`: why not now."""
+        if self._learner is not None:
+            self._learned = self._learner.step(seen.estimate, self._model_input, seen.usable_wind, doubt)
+        return self._learned
+
+    @property
+    def learns(self) -> bool:
+        """Whether the model is corrected while a station is held."""
+        return self._learner is not None
+
+    def sensors_in_doubt(self, t_ns: int) -> bool:
+        """Whether the health of any sensor, the anemometer too, has something to tell."""
+        return bool(self._sensor_notes or self._wind.notes(t_ns))
+
     @property
     def model_ok(self) -> bool:
         """Whether the boat behaves as the model says."""
@@ -187,7 +209,8 @@ class Perception:
         """The sensors that are not as they should be, the anemometer's firmware, and a model that does not fit."""
         firmware = self._firmware.note()
         own = () if firmware is None else (firmware,)
-        return (*self._sensor_notes, *self._wind.notes(t_ns), *own, *self._model_watch.notes)
+        learned = () if self._learned is None else self._learning_notes.step(self._learned)
+        return (*self._sensor_notes, *self._wind.notes(t_ns), *own, *self._model_watch.notes, *learned)
 
     def data_to_send(self, t_ns: int) -> list[Frame]:
         """Questions to the sensors."""

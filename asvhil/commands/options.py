@@ -19,6 +19,10 @@ PluginOption = Annotated[
 RecordedPluginsOption = Annotated[
     bool, typer.Option("--allow-recorded-plugins", help="Run the code of plug-ins that the log holds.")
 ]
+LearnedOption = Annotated[
+    Path | None,
+    typer.Option(metavar="FILE", help="Begin with what an earlier run has learned of the model, and go on learning."),
+]
 FaultOption = Annotated[
     list[str],
     typer.Option(

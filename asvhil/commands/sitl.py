@@ -8,13 +8,23 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from asvhil.commands.options import ConfigArgument, FaultOption, JsonOption, SetOption
-from asvhil.commands.views import NEEDS_AUTO, LiveView, check_writable, progress, report_run, twin_hint
+from asvhil.commands.options import ConfigArgument, FaultOption, JsonOption, LearnedOption, SetOption
+from asvhil.commands.views import (
+    NEEDS_AUTO,
+    LiveView,
+    check_writable,
+    progress,
+    report_run,
+    tell_kept,
+    twin_hint,
+    with_learned,
+)
 from asvhil.errors import ConfigError
 
 if TYPE_CHECKING:
     from asvhil.config import Config
     from asvhil.simplant.boat.arduino import SimulatedArduino
+    from asvhil.types import Outputs
 
 
 def sitl(
@@ -28,6 +38,7 @@ def sitl(
     seed: Annotated[int | None, typer.Option(min=0, help="Seed of weather and sensor noise.")] = None,
     controller: Annotated[str | None, typer.Option(help="The controller's name.")] = None,
     fault: FaultOption = [],  # noqa: B006
+    learned: LearnedOption = None,
     log: Annotated[Path | None, typer.Option(help="The MCAP log to write; in a new run folder by default.")] = None,
     json_: JsonOption = None,
     picture: Annotated[bool, typer.Option(help="Draw the run beside its log.")] = True,
@@ -44,6 +55,7 @@ def sitl(
     from asvhil.config import load_config
     from asvhil.config.fault_text import with_faults
     from asvhil.config.mean_wind import parse_wind, wind_keys
+    from asvhil.logs.learned_file import LearnedKeeper
     from asvhil.logs.opening import make_run_folder
     from asvhil.sitl import run_lockstep, run_realtime
 
@@ -55,7 +67,8 @@ def sitl(
     if wind is not None:
         keys = wind_keys(parse_wind(wind), load_config(config, tuple(overrides)))
         overrides += [f"plant.weather.wind.{key}={value}" for key, value in keys.items()]
-    settings = with_faults(load_config(config, tuple(overrides)), fault)
+    settings = with_learned(load_config(config, tuple(overrides)), config, tuple(overrides), learned)
+    settings = with_faults(settings, fault)
     if settings.supervisor.engage != "auto":
         raise ConfigError(f"{config}: {NEEDS_AUTO}{twin_hint(config)}")
     if log is not None and picture and log.suffix == ".png":
@@ -69,7 +82,14 @@ def sitl(
         path = log or make_run_folder(settings, "lockstep") / "log.mcap"
         with progress(console) as bar:
             task = bar.add_task("lockstep", total=round(duration * settings.daemon.tick_hz))
-            wall_s = run_lockstep(settings, path, duration, lambda _: bar.advance(task))
+            keeper = LearnedKeeper(settings)
+
+            def on_tick(outputs: Outputs) -> None:
+                keeper.see(outputs)
+                bar.advance(task)
+
+            wall_s = run_lockstep(settings, path, duration, on_tick)
+        tell_kept(keeper)
     else:
         folder = make_run_folder(settings, "sitl")  # which also has the serial lines of the sensors
         path = log or folder / "log.mcap"

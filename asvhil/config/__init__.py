@@ -24,6 +24,7 @@ from asvhil.config.estimator import (
     WindFilterConfig,
 )
 from asvhil.config.heading import HeadingConfig
+from asvhil.config.learning import LearningConfig
 from asvhil.config.links import AutopilotLinkConfig, OperatorLinkConfig
 from asvhil.config.loading import (
     config_from_json,
@@ -93,6 +94,7 @@ __all__ = [
     "HilConfig",
     "InsDeviceConfig",
     "InsLinkConfig",
+    "LearningConfig",
     "LinkKind",
     "LoiterConfig",
     "ManoeuvresConfig",

@@ -12,6 +12,7 @@ from asvhil.config.base import Section, known_only
 from asvhil.config.controllers import ControllerConfig
 from asvhil.config.daemon import DaemonConfig, RecorderConfig
 from asvhil.config.estimator import EstimatorConfig
+from asvhil.config.learning import LearningConfig
 from asvhil.config.links import LinksConfig
 from asvhil.config.plant import PlantConfig
 from asvhil.config.plugins import PluginFile, loaded
@@ -30,6 +31,7 @@ class Config(Section):
     sources: SourcesConfig = Field(default=SourcesConfig(), description="Which sensor each quantity is taken from.")
     estimator: EstimatorConfig = Field(default=EstimatorConfig(), description="State and wind estimation.")
     controller: ControllerConfig = Field(default=ControllerConfig(), description="Control.")
+    learning: LearningConfig = Field(default=LearningConfig(), description="Learning on station.")
     supervisor: SupervisorConfig = Field(default=SupervisorConfig(), description="Who has the motors.")
     daemon: DaemonConfig = Field(default=DaemonConfig(), description="The daemon's rates.")
     recorder: RecorderConfig = Field(default=RecorderConfig(), description="The log.")
@@ -66,6 +68,8 @@ class Config(Section):
         if kind is not None and self.supervisor.control_mode not in kind.modes:
             names = ", ".join(kind.modes)
             raise ValueError(f"supervisor.control_mode must be one of {link.profile}: {names}")
+        if self.learning.enabled:
+            self._check_learning()
         if not known_only(info):
             object.__setattr__(self, "links", with_streams_of(self.sources, self.links))  # frozen, but not built yet
             try:
@@ -74,6 +78,18 @@ class Config(Section):
                 raise ValueError(str(error)) from None
             check_sources(self.sources, self.links, self.estimator.ekf.history_s, self.estimator.ekf.stale_after_s)
         return self
+
+    def _check_learning(self) -> None:
+        """ValueError where nothing that is learned would be used."""
+        controller, estimator = CONTROLLERS.get(self.controller.name), self.estimator.kind
+        if controller is not None and not controller.solves:
+            names = ", ".join(kind.name for kind in CONTROLLERS if kind.solves)
+            raise ValueError(
+                f"learning.enabled: {controller.name} predicts with no vessel model, so there is nothing to correct; "
+                f"leave it false, or choose as controller.name one of {names}"
+            )
+        if estimator != "ekf":
+            raise ValueError(f"learning.enabled: the estimator {estimator} has no vessel model; it needs ekf")
 
     def content_hash(self) -> str:
         """As of every section; of a plug-in its name and content count, not the folder that it is in."""

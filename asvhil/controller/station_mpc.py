@@ -14,6 +14,7 @@ from asvhil.controller.solvers.motor_limits import UNLIMITED, MotorLimits
 from asvhil.controller.solvers.problem import Solution, Solver, StationProblem
 from asvhil.controller.solvers.sqp import Sqp
 from asvhil.dynamics.arrays import Array
+from asvhil.dynamics.corrected import has_lag
 from asvhil.dynamics.ordered import product
 from asvhil.dynamics.protocol import Dynamics
 from asvhil.geo import body_to_ned, ned_to_body, wrap_rad
@@ -44,7 +45,7 @@ class StationMpc:
         limits: MotorLimits = UNLIMITED,
     ) -> None:
         self._model, self.config, self._period_s = model, config, period_s
-        self._delay_s = config.delay_s + (0.0 if model.n_motor else config.unmodelled_lag_s)
+        self._delay_s = config.delay_s + (0.0 if has_lag(model) else config.unmodelled_lag_s)
         self._problem = StationProblem(model, config, limits)
         self._solver = make_solver(self._problem)
         self._shift = shift_matrix(self._problem.times_s, period_s)

@@ -16,11 +16,13 @@ from asvhil.backseat.build import model_file
 from asvhil.config import Config
 from asvhil.config.registry import CONTROLLERS
 from asvhil.daemon.story import Story
+from asvhil.dynamics.corrected import FACTORS
+from asvhil.estimator.learned_words import learned_text
 from asvhil.geo import wrap_rad
 from asvhil.io.sensors.dropped import dropped_of
 from asvhil.supervisor.docking_odds import HORIZONS_S
 from asvhil.supervisor.reasons import remedy
-from asvhil.types import FrontseatStatus, Outputs
+from asvhil.types import FrontseatStatus, Learned, Outputs
 
 COLOURS = {"hold": "green", "standby": "yellow", "prepare": "cyan", "failsafe": "red"}
 
@@ -81,6 +83,7 @@ def status_of(outputs: Outputs, links: dict[str, str], start_ns: int, overruns: 
         "docking": (
             {"open_s": outputs.docking.open_s, "stays": list(outputs.docking.stays)} if outputs.docking else None
         ),
+        "learned": _learned(outputs.learned),
         "pwm_us": list(outputs.pwm_us) if outputs.pwm_us else None,
         "autopilot_clock_s": outputs.autopilot_clock.offset_ns * 1e-9 if outputs.autopilot_clock else None,
         "round_trip_ms": outputs.autopilot_clock.round_trip_ns * 1e-6 if outputs.autopilot_clock else None,
@@ -89,6 +92,19 @@ def status_of(outputs: Outputs, links: dict[str, str], start_ns: int, overruns: 
         "notes": {note.subject: note.text for note in outputs.health.notes},
         "links": links,
         "overruns": overruns,
+    }
+
+
+def _learned(learned: Learned | None) -> dict[str, Any] | None:
+    """What is learned of the model: the factors by name, in words, and why nothing is learned now."""
+    if learned is None:
+        return None
+    return {
+        "factors": dict(zip(FACTORS, learned.factors, strict=True)),
+        "std": dict(zip(FACTORS, learned.std, strict=True)),
+        "learned_s": learned.learned_s,
+        "frozen": learned.frozen,
+        "text": learned_text(learned),
     }
 
 
@@ -115,6 +131,9 @@ def render(status: dict[str, Any], title: str) -> Group:
     docking = status.get("docking")
     if docking is not None:
         table.add_row("docking window", docking_text(docking["open_s"], docking["stays"]))
+    learned = status.get("learned")
+    if learned is not None:
+        table.add_row("learned", learned["text"] + (f"; frozen: {learned['frozen']}" if learned["frozen"] else ""))
     wind = f"{_show(status['wind_mps'], 'm/s')} toward {_show(status['wind_toward_deg'], 'deg', 0)}"
     guessed = status.get("wind_origin") == "disturbance"
     table.add_row("true wind", f"{wind} (from the disturbance)" if guessed else wind)

@@ -17,7 +17,7 @@ from asvhil.estimator import sensor_health
 from asvhil.estimator.ekf_step import Filter
 from asvhil.estimator.measurement_model import Correction, corrections
 from asvhil.estimator.out_of_sequence import History
-from asvhil.estimator.states import D_E, D_N, D_R, PSI, E, FilterState, Forcing, N, R, U, V
+from asvhil.estimator.states import D_E, D_N, D_R, PSI, E, Factors, FilterState, Forcing, N, R, U, V
 from asvhil.geo import LocalFrame, wrap_rad
 from asvhil.types import Estimate, GroundVelocity, Heading, Measurement, Note, Position, YawRate
 
@@ -41,6 +41,7 @@ class Ekf:
         self._history: History[FilterState] | None = None
         self._first_heading: tuple[Heading, YawRate | None] | None = None
         self._forcing = Forcing((0.0, 0.0), None)
+        self._factors = Factors(())
         self.frame: LocalFrame | None = None
 
     @property
@@ -69,6 +70,12 @@ class Ekf:
         self._forcing = Forcing(model_input, wind_ned)
         if self._history is not None:
             self._history.add(self._history.t_ns, self._forcing)
+
+    def set_factors(self, values: tuple[float, ...]) -> None:
+        """Set what corrects the model from now on, the last of its motor states (`dynamics.corrected`)."""
+        self._factors = Factors(values)
+        if self._history is not None:
+            self._history.add(self._history.t_ns, self._factors)
 
     def on_measurements(self, measurements: Sequence[Measurement]) -> None:
         """Correct the state with the positions, velocities, headings and yaw rates of one frame.
@@ -143,6 +150,8 @@ class Ekf:
                 span_ns = round(self._config.ekf.history_s * 1e9)
                 self._history = History(self._filter.step, span_ns, position.t_ns, state)
                 self._history.add(position.t_ns, self._forcing)
+                if self._factors.values:
+                    self._history.add(position.t_ns, self._factors)
             case _:
                 pass
 

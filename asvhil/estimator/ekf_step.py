@@ -26,6 +26,7 @@ from asvhil.estimator.states import (
     PSI,
     SIZE,
     E,
+    Factors,
     FilterState,
     Forcing,
     N,
@@ -125,6 +126,9 @@ class Filter:
                     state.invalid_since_ns = t_ns
             case Forcing():
                 self._set_forcing(state, event)
+            case Factors():
+                own = len(state.motor) - len(event.values)
+                state.motor = np.array([*state.motor[:own].tolist(), *event.values])
             case (SpecificForce() as m,):
                 self._on_specific_force(state, m)
             case _:

@@ -62,6 +62,12 @@ class Forcing(NamedTuple):
     wind_ned: tuple[float, float] | None
 
 
+class Factors(NamedTuple):
+    """What corrects the model from now on: its last motor states (`dynamics.corrected`)."""
+
+    values: tuple[float, ...]
+
+
 class FilterState:
     """The complete state of the filter at a time. Its arrays and tracks are replaced, never changed in place."""
 

@@ -170,6 +170,7 @@ def _work(figures: Mapping[str, Any]) -> Table:
         ["reversals of a motor per minute", _number(figures["reversals_per_min"], 2)],
         ["change of a motor's command per second", _number(figures["change_per_s"], 3)],
         ["time in each phase", phases],
+        *([] if figures["learned"] is None else [["learned of the model", figures["learned"]["text"]]]),
     ]
 
 

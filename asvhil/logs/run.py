@@ -24,7 +24,19 @@ from asvhil.logs.metrics import MotionTrack
 from asvhil.logs.plugins import check_decoding
 from asvhil.logs.reader import LogFile, Timing
 from asvhil.logs.replay import config_of
-from asvhil.types import Frame, GroundVelocity, Heading, Inputs, Note, Outputs, Position, Station, YawRate, record
+from asvhil.types import (
+    Frame,
+    GroundVelocity,
+    Heading,
+    Inputs,
+    Learned,
+    Note,
+    Outputs,
+    Position,
+    Station,
+    YawRate,
+    record,
+)
 
 READING_NS = 1_000_000_000  # a reading older than this is not the boat's state any more
 MAGIC, WHOLE_LEAST = 0xFD, 12  # the first byte of a frame of MAVLink 2, and its length without payload
@@ -85,6 +97,7 @@ class RunLog:
     source_shares: dict[str, dict[str, float]]  # of the time since one was first heard; empty name: none was
     dropped: dict[str, dict[str, int]]  # by sensor link and cause
     notes: dict[str, str]
+    learned: Learned | None = None  # at the end
 
 
 def read_run(path: Path, plan_every_s: float = 10.0) -> RunLog:
@@ -165,6 +178,7 @@ class RunReader:
             source_shares={quantity: _shares(counts) for quantity, counts in reading.used.items()},
             dropped=dropped_of(last.health.counters),
             notes={note.subject: note.text for note in last.health.notes},
+            learned=last.learned,
         )
 
 

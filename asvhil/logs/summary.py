@@ -7,6 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from asvhil.dynamics.corrected import FACTORS
+from asvhil.estimator.learned_words import learned_text
 from asvhil.logs.holds import PhaseSpan
 from asvhil.logs.metrics import (
     MotionTrack,
@@ -72,6 +74,13 @@ def summarise(run: RunLog, wall_s: float | None = None) -> dict[str, Any]:
         "source_shares": run.source_shares,
         "dropped": run.dropped,
         "notes": run.notes,
+        "learned": None
+        if run.learned is None
+        else {
+            "factors": dict(zip(FACTORS, run.learned.factors, strict=True)),
+            "learned_s": run.learned.learned_s,
+            "text": learned_text(run.learned),
+        },
     }
 
 

@@ -10,6 +10,7 @@ from asvhil.config import Config
 from asvhil.dynamics.hull import hull_text
 from asvhil.dynamics.weights import read_model
 from asvhil.errors import AsvhilError
+from asvhil.logs.learned_file import offer
 from asvhil.preflight.table import Check, Result
 
 LOG_MB_PER_HOUR = 150.0  # twice what a run with the default streams leaves
@@ -19,7 +20,7 @@ FAIL_HOURS, WARN_HOURS = 1.0, 8.0
 
 def computer_checks(config: Config, borrowed: str = "") -> list[Check]:
     """Of this computer. `borrowed`: the shipped file that the hull is from (`config.borrowed`)."""
-    return [*boat_checks(config, borrowed), _log_space(config)]
+    return [*boat_checks(config, borrowed), *_learned(config), _log_space(config)]
 
 
 def boat_checks(config: Config, borrowed: str = "") -> list[Check]:
@@ -60,6 +61,16 @@ def _model(config: Config) -> Check:
     if file is not None and not read_model(file).hull:
         found += "; the file does not tell of which hull"
     return Check(section="computer", item="model", result=Result.PASS, found=found, wanted=wanted)
+
+
+def _learned(config: Config) -> list[Check]:
+    """What an earlier run has learned of the model, where it has left something that is not in use."""
+    offered = offer(config)
+    if offered is None:
+        return []
+    todo = "" if offered.usable else "remove the file, or learn anew"
+    result = Result.PASS if offered.usable else Result.WARN
+    return [Check(section="computer", item="learned on station", result=result, found=offered.text, todo=todo)]
 
 
 def _log_space(config: Config) -> Check:

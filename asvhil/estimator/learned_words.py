@@ -1,0 +1,68 @@
+"""What is learned of the model in words, for people, and the note of a motor that gives too little."""
+
+from __future__ import annotations
+
+from asvhil.dynamics.corrected import FACTORS
+from asvhil.types import Learned, Note
+
+SUBJECT, MOTOR_SUBJECT = "learning", "motor thrust"
+KNOWN_STD = 0.08  # a factor that is known worse is not told
+SHOWN = 0.05  # of a factor's difference from 1, and of the steps in which notes tell it
+WEAK, SOUND = 0.8, 0.85  # a motor is told as weak below the first, for sure, and no longer above the second
+SURE_STDS = 2.0
+ALIKE = 0.1  # motors that differ by less are weak for one reason
+
+
+def learned_text(learned: Learned, percent: float = 1.0) -> str:
+    """Such as "port motor gives 71 % of the model's thrust, yaw answers by 108 %", rounded to so many per cent."""
+    told: list[str] = []
+    for name, factor, std in zip(FACTORS, learned.factors, learned.std, strict=True):
+        if std > KNOWN_STD or abs(factor - 1.0) < SHOWN:
+            continue
+        share = f"{percent * round(100.0 * factor / percent):.0f} %"
+        if name in ("port", "starboard"):
+            told.append(f"{name} motor gives {share}" + ("" if told else " of the model's thrust"))
+        else:
+            told.append(f"{name} answers by {share}")
+    return ", ".join(told) or "the boat answers as the model says"
+
+
+class LearningNotes:
+    """`step` in each tick: the notes, whose text changes only with what it tells."""
+
+    def __init__(self) -> None:
+        self._told: Learned | None = None
+        self._weak: tuple[str, ...] = ()
+
+    def step(self, learned: Learned) -> tuple[Note, ...]:
+        """What is learned, and whether a motor is weak."""
+        if not learned.learned_s:
+            return ()
+        told = self._told
+        if told is None or max(abs(a - b) for a, b in zip(learned.factors, told.factors, strict=True)) > SHOWN:
+            self._told = told = learned
+        note = Note(subject=SUBJECT, text=learned_text(told, 100.0 * SHOWN), ok=True)
+        weak = self._weak_motors(learned)
+        if weak != self._weak:
+            self._weak, self._told = weak, learned
+            note = Note(subject=SUBJECT, text=learned_text(learned, 100.0 * SHOWN), ok=True)
+        return (note,) if not weak else (note, Note(subject=MOTOR_SUBJECT, text=_weak_text(weak, self._told), ok=False))
+
+    def _weak_motors(self, learned: Learned) -> tuple[str, ...]:
+        """The names of those that give too little."""
+        found = []
+        for name, factor, std in zip(FACTORS[:2], learned.factors, learned.std, strict=False):
+            limit = SOUND if name in self._weak else WEAK - SURE_STDS * std
+            if factor < limit:
+                found.append(name)
+        return tuple(found)
+
+
+def _weak_text(weak: tuple[str, ...], told: Learned | None) -> str:
+    assert told is not None
+    shares = dict(zip(FACTORS, told.factors, strict=True))
+    if len(weak) == 2 and abs(shares["port"] - shares["starboard"]) < ALIKE:
+        share = 50.0 * (shares["port"] + shares["starboard"])
+        return f"both motors give {share:.0f} % of the model's thrust: low battery, or a heavier boat"
+    worst = min(weak, key=lambda name: shares[name])
+    return f"{worst} motor gives {100.0 * shares[worst]:.0f} % of the model's thrust: weed, a line, a worn propeller?"

@@ -1,0 +1,171 @@
+"""The file of what was learned on station: written at the end of a run, and read where the next start is told to.
+
+It holds the factors of `dynamics.corrected.FACTORS` with the boat and the model that they belong to.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import os
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from asvhil.backseat.build import model_file
+from asvhil.config import Config
+from asvhil.dynamics.corrected import FACTORS
+from asvhil.errors import AsvhilError, ConfigError
+from asvhil.estimator.learned_words import learned_text
+from asvhil.types import Learned, Outputs, record
+
+FORMAT = 1
+LEAST_S = 60.0  # of learning: what was learned in less is not kept
+LEAST, MOST = 0.2, 3.0  # of a factor
+
+
+@record
+class LearnedFile:
+    """What a file holds: when it was learned, in words and as factors."""
+
+    ended: str
+    learned: Learned
+
+    @property
+    def text(self) -> str:
+        """Such as "port motor gives 71 % of the model's thrust (12 min, ended 2026-11-29 07:30 UTC)"."""
+        return f"{learned_text(self.learned)} ({self.learned.learned_s / 60.0:.0f} min, ended {self.ended})"
+
+
+def learned_path(config: Config) -> Path:
+    """Where a boat's file is: `learning.file`, or beside the logs."""
+    if config.learning.file is not None:
+        return Path(config.learning.file)
+    return Path(config.recorder.directory) / f"learned-{config.vehicle.name}.json"
+
+
+def model_hash(config: Config) -> str:
+    """SHA-256 of the model file, or of the hull where the model is the physics: what the factors correct."""
+    file = model_file(config)
+    data = config.believed_vessel.canonical_json().encode() if file is None else file.read_bytes()
+    return hashlib.sha256(data).hexdigest()
+
+
+def is_simulated(config: Config) -> bool:
+    """Whether the boat of a config is simulated: nobody engages by itself on the water."""
+    return config.supervisor.engage == "auto"
+
+
+class LearnedKeeper:
+    """`see` each tick's outputs, and `save` at the end."""
+
+    def __init__(self, config: Config) -> None:
+        self._config = config
+        self._last: Learned | None = None
+        self._t_ns = 0
+
+    def see(self, outputs: Outputs) -> None:
+        """One tick."""
+        self._last, self._t_ns = outputs.learned, outputs.t_ns
+
+    def save(self) -> Path | None:
+        """Write the file, atomically; None where too little was learned. AsvhilError where it cannot be written."""
+        learned = self._last
+        if learned is None or not self._config.learning.adapt or learned.learned_s < LEAST_S:
+            return None
+        tree = {
+            "format": FORMAT,
+            "boat": self._config.vehicle.name,
+            "simulated": is_simulated(self._config),
+            "model_sha256": model_hash(self._config),
+            "factors": dict(zip(FACTORS, learned.factors, strict=True)),
+            "std": dict(zip(FACTORS, learned.std, strict=True)),
+            "learned_s": learned.learned_s,
+            "ended": datetime.fromtimestamp(self._t_ns * 1e-9, UTC).strftime("%Y-%m-%d %H:%M UTC"),
+        }
+        path = learned_path(self._config)
+        partial = path.with_name(f".{path.name}.partial")
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            with partial.open("w", encoding="utf-8") as file:
+                file.write(json.dumps(tree, indent=2) + "\n")
+                file.flush()
+                os.fsync(file.fileno())
+            os.replace(partial, path)
+        except OSError as error:
+            raise AsvhilError(f"{path}: what was learned cannot be written ({error.strerror})") from None
+        return path
+
+
+def read_learned(path: Path, config: Config) -> LearnedFile:
+    """What a file holds. ConfigError where it cannot be read, is damaged, or is of another boat or model."""
+    try:
+        tree = json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be read ({error.strerror})") from None
+    except ValueError:
+        raise ConfigError(f"{path}: damaged: not JSON; take the file that a run has left, or learn anew") from None
+    if not isinstance(tree, dict) or tree.get("format") != FORMAT:
+        raise ConfigError(f"{path}: not a file of what was learned on station, format {FORMAT}")
+    boat, own = tree.get("boat"), config.vehicle.name
+    if boat != own:
+        raise ConfigError(f"{path}: learned on the boat {boat!r}, and this is {own!r}")
+    if tree.get("simulated") is not is_simulated(config):
+        where = "the simulated boat" if tree.get("simulated") else "the boat itself"
+        raise ConfigError(f"{path}: learned on {where}, which this start is not of")
+    if tree.get("model_sha256") != model_hash(config):
+        raise ConfigError(f"{path}: learned with another model than the one in use; learn anew with this one")
+    learned = Learned(
+        factors=_numbers(tree, "factors", path, LEAST, MOST),
+        std=_numbers(tree, "std", path, 0.0, MOST),
+        learned_s=_number(tree.get("learned_s"), "learned_s", path, 0.0, math.inf),
+    )
+    return LearnedFile(ended=str(tree.get("ended")), learned=learned)
+
+
+@record
+class Offer:
+    """The file that is there and not taken, in one line: what it holds and how to take it, or why it is not usable."""
+
+    text: str
+    usable: bool
+
+
+def offer(config: Config) -> Offer | None:
+    """What an earlier run has left; None where there is nothing, or it is in use."""
+    path = learned_path(config)
+    if not path.is_file():
+        return None
+    try:
+        found = read_learned(path, config)
+    except ConfigError as error:
+        return Offer(text=str(error), usable=False)
+    if config.learning.enabled and config.learning.start == _start(found):
+        return None
+    return Offer(text=f"{found.text}; not in use: take it by --learned {path}", usable=True)
+
+
+def taken(path: Path, config: Config) -> tuple[str, ...]:
+    """The config keys that begin with what a file holds: in the config they are in the log too, so a replay has them.
+
+    ConfigError as `read_learned`.
+    """
+    return ("learning.enabled=true", f"learning.start={list(_start(read_learned(path, config)))}")
+
+
+def _start(found: LearnedFile) -> tuple[float, ...]:
+    return tuple(round(factor, 3) for factor in found.learned.factors)
+
+
+def _numbers(tree: dict[str, Any], name: str, path: Path, least: float, most: float) -> tuple[float, ...]:
+    part = tree.get(name)
+    if not isinstance(part, dict) or set(part) != set(FACTORS):
+        raise ConfigError(f"{path}: damaged: {name} must have {', '.join(FACTORS)}")
+    return tuple(_number(part[key], f"{name}.{key}", path, least, most) for key in FACTORS)
+
+
+def _number(value: Any, name: str, path: Path, least: float, most: float) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not least <= value <= most:
+        raise ConfigError(f"{path}: damaged: {name} is {value!r}, a number from {least:g} to {most:g} is needed")
+    return float(value)

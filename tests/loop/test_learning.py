@@ -1,0 +1,44 @@
+"""Learning on station in the loop: a fouled motor is found and told, and the log replays to the byte."""
+
+from pathlib import Path
+
+import pytest
+
+from asvhil.config import load_config
+from asvhil.errors import ConfigError
+from asvhil.logs.encoding import decode_outputs
+from asvhil.logs.reader import LogFile
+from asvhil.logs.replay import replay
+from asvhil.sitl import run_lockstep
+
+FOULED = ("plant.motors={port_thrust: 0.7}", "plant.start_n_m=-4", "learning.enabled=true")
+
+
+def test_a_fouled_motor_is_found_told_and_replayed(tmp_path: Path) -> None:
+    log = tmp_path / "log.mcap"
+    wind = ("plant.weather.wind.speed_mps=6", "plant.weather.wind.toward_deg=90")
+    run_lockstep(load_config("sitl", (*FOULED, *wind)), log, 22.0)
+    outputs = [decode_outputs(made) for _, made in LogFile(log).ticks() if made is not None]
+    last = outputs[-30]  # before it is let go
+    assert last.learned is not None and last.estimate is not None
+    port, starboard, *_ = last.learned.factors
+    assert port == pytest.approx(0.7, abs=0.1) and starboard == pytest.approx(1.0, abs=0.1)
+    assert [1.0 + part for part in last.estimate.motor[2:]] == list(last.learned.factors)
+    notes = {note.subject: note for note in last.health.notes}
+    assert not notes["motor thrust"].ok and notes["motor thrust"].text.startswith("port motor gives ")
+    assert outputs[10].learned is not None and outputs[10].learned.frozen == "no station is held"
+    result = replay(log)
+    assert result.mismatch is None and result.compared == len(outputs)
+
+
+@pytest.mark.parametrize(
+    ("key", "error"),
+    [
+        ("controller.name=loiter", "loiter predicts with no vessel model, so there is nothing to correct"),
+        ("estimator.kind=fir", "the estimator fir has no vessel model; it needs ekf"),
+        ("learning.least=0.1", "greater than or equal to 0.2"),
+    ],
+)
+def test_what_cannot_learn_is_refused(key: str, error: str) -> None:
+    with pytest.raises(ConfigError, match=error):
+        load_config("sitl", ("learning.enabled=true", key))

@@ -1,0 +1,114 @@
+"""The file of what was learned: written whole at the end, offered in words, refused where it is not of this boat."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from asvhil.config import Config, load_config
+from asvhil.errors import AsvhilError, ConfigError
+from asvhil.logs.learned_file import LearnedKeeper, learned_path, offer, read_learned, taken
+from asvhil.simplant.lockstep import EPOCH_NS
+from asvhil.types import Health, Learned, Outputs, Phase
+
+FACTORS = (0.7123, 1.0, 0.98, 1.05)
+HEALTH = Health(reason="", link_ok=True, estimate_ok=True, wind_ok=True, control_ok=True, model_ok=True, counters=())
+
+
+def config_in(folder: Path, *keys: str, base: str = "sitl") -> Config:
+    return load_config(base, (f"recorder.directory={folder}", "learning.enabled=true", *keys))
+
+
+def kept(config: Config, learned_s: float = 90.0) -> Path | None:
+    keeper = LearnedKeeper(config)
+    learned = Learned(factors=FACTORS, std=(0.02,) * 4, learned_s=learned_s)
+    keeper.see(
+        Outputs(
+            t_ns=EPOCH_NS,
+            phase=Phase.HOLD,
+            frames=(),
+            estimate=None,
+            wind=None,
+            station=None,
+            control=None,
+            pwm_us=None,
+            health=HEALTH,
+            learned=learned,
+        )
+    )
+    return keeper.save()
+
+
+def test_what_was_learned_is_offered_and_taken(tmp_path: Path) -> None:
+    config = config_in(tmp_path)
+    path = kept(config)
+    assert path == learned_path(config) == tmp_path / "learned-wamv16.json"
+    assert [file.name for file in tmp_path.iterdir()] == [path.name]
+    offered = offer(load_config("sitl", (f"recorder.directory={tmp_path}",)))
+    assert offered is not None and offered.usable
+    words = "port motor gives 71 % of the model's thrust, yaw answers by 105 % (2 min, ended 2023-11-14 22:13 UTC)"
+    assert offered.text.startswith(words)
+    assert offered.text.endswith(f"take it by --learned {path}")
+    again = config_in(tmp_path, *taken(path, config))
+    assert again.learning.start == (0.712, 1.0, 0.98, 1.05) and offer(again) is None
+
+
+def test_a_file_of_its_own_name(tmp_path: Path) -> None:
+    assert kept(config_in(tmp_path, f"learning.file={tmp_path / 'a' / 'mine.json'}")) == tmp_path / "a" / "mine.json"
+
+
+def test_little_or_nothing_learned_leaves_no_file(tmp_path: Path) -> None:
+    config = config_in(tmp_path)
+    assert kept(config, learned_s=59.0) is None and offer(config) is None
+    assert LearnedKeeper(config).save() is None
+    assert kept(config_in(tmp_path, "learning.adapt=false")) is None
+    assert not list(tmp_path.iterdir())
+
+
+def test_where_it_cannot_be_written(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(AsvhilError, match=r"file/x\.json: what was learned cannot be written"):
+        kept(config_in(tmp_path, f"learning.file={tmp_path / 'file' / 'x.json'}"))
+
+
+@pytest.mark.parametrize(
+    ("change", "error"),
+    [
+        ({"boat": "bream"}, "learned on the boat 'bream', and this is 'wamv16'"),
+        ({"model_sha256": "0" * 64}, "learned with another model than the one in use"),
+        ({"simulated": False}, "learned on the boat itself, which this start is not of"),
+        ({"format": 2}, "not a file of what was learned on station, format 1"),
+        ({"factors": {"port": 1.0}}, "damaged: factors must have port, starboard, sway, yaw"),
+        ({"std": {"port": 0.1, "starboard": -0.1, "sway": 0.1, "yaw": 0.1}}, r"damaged: std.starboard is -0.1, a numb"),
+        ({"learned_s": "long"}, "damaged: learned_s is 'long', a number from 0 to inf is needed"),
+    ],
+)  # fmt: skip
+def test_a_file_that_is_not_of_this_boat_is_refused_in_one_line(
+    tmp_path: Path, change: dict[str, object], error: str
+) -> None:
+    config = config_in(tmp_path)
+    path = kept(config)
+    assert path is not None
+    path.write_text(json.dumps(json.loads(path.read_text()) | change))
+    with pytest.raises(ConfigError, match=error) as raised:
+        taken(path, config)
+    assert str(raised.value).startswith(f"{path}: ") and "\n" not in str(raised.value)
+    offered = offer(config)
+    assert offered is not None and not offered.usable and offered.text == str(raised.value)
+
+
+def test_another_model_of_the_same_boat_is_another_one(tmp_path: Path) -> None:
+    path = kept(config_in(tmp_path))
+    assert path is not None
+    for keys in (("controller.name=nnsem-mpc",), ("controller.name=sd-mpc",)):
+        with pytest.raises(ConfigError, match="another model"):
+            read_learned(path, config_in(tmp_path, *keys))
+
+
+def test_damaged_and_missing_files(tmp_path: Path) -> None:
+    config, path = config_in(tmp_path), tmp_path / "x.json"
+    with pytest.raises(ConfigError, match=r"x\.json: cannot be read \(No such file or directory\)"):
+        read_learned(path, config)
+    path.write_bytes(b"\xff{")
+    with pytest.raises(ConfigError, match=r"x\.json: damaged: not JSON"):
+        read_learned(path, config)
