@@ -275,6 +275,7 @@ def safety(
     fault: Annotated[list[str], typer.Option(help="One fault by its name in the table; repeatable.")] = [],  # noqa: B006
     healthy: Annotated[bool, typer.Option(help="Healthy boats too.")] = True,
     every: Annotated[int, typer.Option(min=1, help="One in so many of the holds alone.")] = 1,
+    seconds: Annotated[float, typer.Option(min=1.0, help="Length of the healthy boats' holds (s).")] = 120.0,
     workers: WorkersOption = None,
     quick: QuickOption = False,
     set_: SetOption = [],  # noqa: B006
@@ -296,6 +297,7 @@ def safety(
             faults=faults,
             with_healthy=healthy,
             every=40 if quick else every,
+            healthy_s=seconds,
             overrides=tuple(set_),
         )
 

@@ -36,11 +36,14 @@ class MotionConfig(Section):
         default=4.5,
         ge=1.0,
         le=100.0,
-        description="As evidence, for what is told as likely in the first sense_s of a hold, and ends none.",
+        description="As evidence, for what is told as likely in the first 20 s of a hold, and ends none.",
     )
     early_lasts_s: NonNegative = Field(
         default=5.0,
-        description="What is likely is told once one fault has had that evidence, and the lead, for this long.",
+        description=(
+            "What is likely is told once one fault has had about that evidence, and the lead, for this long; or for "
+            "twice as long with no lead."
+        ),
     )
     lead: NonNegative = Field(
         default=3.0, description="A fault must be so much likelier than the next one, or be waited for for lead_s."

@@ -15,6 +15,8 @@ SATURATED = 0.95  # of a motor's full command
 SHARE = 0.7  # of the time, at the least, for the motors to be at their limit
 LOOK_BACK_NS = 10_000_000_000
 BRAKING = 0.5  # of the thrust of both motors astern, of which a boat is taken to stop with
+STRONG = 0.7  # of the boat's top speed: a current that leaves the motors little to hold against it with
+IN_STRONG = 0.5  # of the distance that is allowed: what such a current takes away does not come back
 
 
 class DistanceWatch:
@@ -28,6 +30,8 @@ class DistanceWatch:
         self._config, self._approach = config, approach
         mass_kg = vessel.mass_kg + vessel.added_mass_surge_kg
         self._braking_mps2 = BRAKING * 2.0 * abs(vessel.thrust_curve[0][1]) / mass_kg
+        drag = vessel.surge_drag_n_per_mps, vessel.surge_drag_n_per_mps2
+        self._strong_mps = STRONG * _top_speed_mps(2.0 * vessel.thrust_curve[-1][1], *drag)
         self._least_m = self._allowed_m = self.farther_m = 0.0
         self._station: Station | None = None
         self._past: deque[tuple[int, bool]] = deque()  # (time, whether a motor was at its limit)
@@ -60,7 +64,8 @@ class DistanceWatch:
         while t_ns - self._past[0][0] > LOOK_BACK_NS:
             self._past.popleft()
         self.farther_m = distance_m - self._least_m + doubt_m
-        if self.farther_m <= self._allowed_m:
+        is_strong = math.hypot(*current_ned) >= self._strong_mps
+        if self.farther_m <= (IN_STRONG if is_strong else 1.0) * self._allowed_m:
             return None
         share = sum(at_limit for _, at_limit in self._past) / len(self._past)
         reason = Reason.BEYOND_MOTORS if share >= SHARE else Reason.DRIFTED_OFF
@@ -77,6 +82,12 @@ class DistanceWatch:
             # A path that begins with the station astern goes once round, on the far side of it at worst.
             self._allowed_m = max(self._allowed_m, 2.0 * self._approach.turn_radius_m)
         self._past.clear()
+
+
+def _top_speed_mps(thrust_n: float, linear: float, quadratic: float) -> float:
+    """Through calm water, where the drag (linear u + quadratic u^2, in N) is all of the thrust; inf without drag."""
+    root = math.sqrt(linear**2 + 4.0 * quadratic * thrust_n)
+    return 2.0 * thrust_n / (linear + root) if root > 0.0 else math.inf
 
 
 def _is_another(station: Station, before: Station) -> bool:

@@ -22,6 +22,9 @@ JUMP_TIME_S = 10.0  # time constant at which that is forgotten
 GAP_S = 1.0  # a step this long begins anew
 ROUGH_POWER = 3  # by how much less each tick then tells
 ROUGH_GAIN = 0.05  # of a step, on how rough the water is
+LEAST_ROUGH = 1.2  # from there on little evidence is none: no hypothesis predicts well
+KEPT = 0.75  # of the evidence for a suspicion: with less it ends
+UNLED = 2.0  # times as long a suspicion lasts before it needs no lead
 # Beside a sensor's own noise: waves, and a velocity that is some tenths of a second old.
 VELOCITY_NOISE, YAW_NOISE = 1.3, 2.0
 
@@ -50,7 +53,11 @@ class FaultVerdict:
 
 
 class Suspicion:
-    """The same fault with some evidence and ahead of the others for seconds: what comes by chance comes and goes."""
+    """The same fault with some evidence and before the others for seconds: what comes by chance comes and goes.
+
+    Evidence that sinks a little below what is asked goes on with it, and what has been first for twice the time needs
+    no lead: a dead motor is told from two dead ones by what the other one does, and that may be little.
+    """
 
     def __init__(self, config: MotionConfig) -> None:
         self._config = config
@@ -65,13 +72,15 @@ class Suspicion:
     def step(self, t_ns: int, evidence: Evidence) -> None:
         """Judge what has been found until now: `fault`, None while it is not enough."""
         best, lead = _leader(evidence)
-        if evidence.sums[best] < self._config.early_evidence or lead < self._config.lead:
+        most = self._config.early_evidence
+        if best != self._best or evidence.sums[best] < KEPT * most:
             self.reset()
-            return
-        if best != self._best:
+            if evidence.sums[best] < most:
+                return
             self._best, self._since_ns = best, t_ns
-        lasted = (t_ns - self._since_ns) * 1e-9 >= self._config.early_lasts_s
-        self.fault = FAULTY[best].fault if lasted else None
+        lasted_s, asked_s = (t_ns - self._since_ns) * 1e-9, self._config.early_lasts_s
+        if (lasted_s >= asked_s and lead >= self._config.lead) or lasted_s >= UNLED * asked_s:
+            self.fault = FAULTY[best].fault
 
 
 def _leader(evidence: Evidence) -> tuple[int, float]:
@@ -128,7 +137,7 @@ class MotionMonitor:
     @property
     def likely(self) -> Explanation | None:
         """What may be wrong, by less evidence than `step` asks for: to be told, and not to end a hold by."""
-        return self._suspicion.fault
+        return self._suspicion.fault if self._roughness < LEAST_ROUGH else None
 
     @property
     def current_ned(self) -> tuple[float, float]:

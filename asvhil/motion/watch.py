@@ -12,6 +12,9 @@ from asvhil.types import Estimate, GroundVelocity, Measurement, Note, Station, W
 
 SUBJECT = "motion"
 ROUGH_SHARE, ROUGH_MPS = 0.5, 0.04  # of the waves that the wave filter takes out, and their size: rough from there on
+LIKELY_S = (
+    20.0  # after a hold has begun what is likely is told: later chance has had time to make as much of a sound boat
+)
 FORGET_S = 20.0  # a fault without enough evidence for this long was a chance
 
 
@@ -77,8 +80,9 @@ class MotionWatch:
         # What is wired wrong shows at once. Later gusts and waves alone may look like a fault, by chance, and in waves
         # they may from the first; but a boat that has one does not stay where it is.
         rough = waves is not None and waves.share >= ROUGH_SHARE and waves.velocity_std_mps >= ROUGH_MPS
-        early = not rough and (t_ns - self._begin_ns) * 1e-9 <= self._config.sense_s
-        likely = self._monitor.likely if early else None
+        since_s = (t_ns - self._begin_ns) * 1e-9
+        early = not rough and since_s <= self._config.sense_s
+        likely = self._monitor.likely if early and since_s <= LIKELY_S else None
         self._note(t_ns, fault or away, likely)
         confirmed = (fault is not None and early) or away is not None
         confirmed = confirmed or (self._is_sure and self._distance.farther_m >= self._config.confirm_m)

@@ -25,12 +25,16 @@ def study_safety(
     faults: Iterable[str] = tuple(FAULTS),
     with_healthy: bool = True,
     every: int = 1,
+    healthy_s: float = 120.0,
     overrides: tuple[str, ...] = (),
 ) -> dict[str, Any]:
-    """Figures of all holds of a part as a JSON-ready tree; `every`: one in so many of them."""
+    """Figures of all holds of a part as a JSON-ready tree; `every`: one in so many of them.
+
+    `healthy_s`: the length of the holds of healthy boats.
+    """
     wanted = set(faults)
     cases = [(fault, start, case) for fault, start, case in runaways(part) if fault.name in wanted][::every]
-    sound = list(healthy(part))[::every] if with_healthy else []
+    sound = list(healthy(part, healthy_s))[::every] if with_healthy else []
     jobs = [_job(case, overrides) for case in (*(case for _, _, case in cases), *sound)]
     finished = run(run_hold, jobs)
     results = finished.results
@@ -43,6 +47,7 @@ def study_safety(
     return {
         "part": part,
         "every": every,
+        "healthy_s": healthy_s,
         "winds": [list(wind) for wind in WINDS[part]],
         "seeds": list(SEEDS[part]),
         "overrides": list(overrides),
@@ -113,7 +118,11 @@ def markdown(study: Mapping[str, Any]) -> str:
             sound.append(lines_of)
     parts = [head, "### Runaways", "\n".join(lines)]
     if total:
-        parts += ["### Healthy boats", f"{total} holds of 120 s, {wrong} false alarms.", "\n".join(sound)]
+        parts += [
+            "### Healthy boats",
+            f"{total} holds of {study['healthy_s']:g} s, {wrong} false alarms.",
+            "\n".join(sound),
+        ]
     return "\n\n".join([*parts, *other_code(study["runs_of_other_code"])]) + "\n"
 
 

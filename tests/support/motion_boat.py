@@ -46,6 +46,7 @@ class MotionBoat:
         self.ailing: frozenset[type] = frozenset()
         self.frozen = False
         self.blind = False  # without a compass
+        self.shake_radps = 0.0  # of the yaw rate, to one side and the other from reading to reading
         self.found_s = 0.0
         self._noise = np.random.default_rng(seed)
         self._t_ns = 0
@@ -83,6 +84,7 @@ class MotionBoat:
         if tick % 2 == 0:
             psi = self.vessel.psi_rad + self.compass_rad + math.radians(ekf.heading_std_deg) * noise.standard_normal()
             rate = self.vessel.r_radps + ekf.yaw_rate_std_radps * noise.standard_normal()
+            rate += self.shake_radps if tick % 8 < 4 else -self.shake_radps
             if not self.blind:
                 self.monitor.on_measurement(Heading(t_ns=self._t_ns, psi_rad=psi))
             self.monitor.on_measurement(YawRate(t_ns=self._t_ns, r_radps=rate))

@@ -159,14 +159,41 @@ def test_it_tells_how_much_farther_off_the_boat_is() -> None:
 def test_way_to_the_side_counts_as_well_and_a_current_by_the_heading() -> None:
     for estimate, current, far_m in (
         (replace(at(0.0), v_mps=3.0), (0.0, 0.0), 13.5),
-        (replace(at(0.0), u_mps=3.0, psi_rad=math.pi / 2.0), (0.0, 3.0), 8.0),
-        (replace(at(0.0), v_mps=3.0, psi_rad=math.pi / 2.0), (-3.0, 0.0), 8.0),
-        (replace(at(0.0), u_mps=3.0, psi_rad=math.pi / 2.0), (3.0, 0.0), 27.1),
+        (replace(at(0.0), u_mps=1.5, psi_rad=math.pi / 2.0), (0.0, 1.5), 8.0),
+        (replace(at(0.0), v_mps=1.5, psi_rad=math.pi / 2.0), (-1.5, 0.0), 8.0),
+        (replace(at(0.0), u_mps=3.0, psi_rad=math.pi / 2.0), (1.5, 0.0), 16.95),
     ):
         watch = DistanceWatch(MotionConfig(), VESSEL)
         assert watch.step(1, estimate, STATION, (0.0, 0.0), current) is None
         assert watch.step(2, replace(estimate, e_m=far_m - 0.2), STATION, (0.0, 0.0), current) is None
         assert watch.step(3, replace(estimate, e_m=far_m + 0.2), STATION, (0.0, 0.0), current) is not None
+
+
+@pytest.mark.parametrize(("drag", "top_mps"), [((50.0, 100.0), 2.0), ((100.0, 0.0), 5.0), ((0.0, 125.0), 2.0)])
+def test_in_a_current_near_the_top_speed_half_of_the_distance_is_allowed(
+    drag: tuple[float, float], top_mps: float
+) -> None:
+    """The boat's top speed is where drag and thrust of both motors are alike: here 500 N."""
+    changes = {
+        "thrust_curve": ((-1.0, -200.0), (0.0, 0.0), (1.0, 250.0)),
+        "surge_drag_n_per_mps": drag[0],
+        "surge_drag_n_per_mps2": drag[1],
+    }
+    vessel = VESSEL.model_copy(update=changes)
+    for share, allowed_m in ((0.69, 8.0), (0.71, 4.0)):
+        current = (0.6 * share * top_mps, -0.8 * share * top_mps)
+        for far_m, is_far in ((allowed_m - 0.1, False), (allowed_m + 0.1, True)):
+            watch = DistanceWatch(MotionConfig(), vessel)
+            start = replace(at(0.0), u_mps=current[0], v_mps=current[1])
+            watch.step(1, start, STATION, (0.0, 0.0), current)
+            assert (watch.step(2, at(far_m), STATION, (0.0, 0.0), current) is not None) is is_far
+
+
+def test_a_boat_without_drag_has_no_top_speed() -> None:
+    vessel = VESSEL.model_copy(update={"surge_drag_n_per_mps": 0.0, "surge_drag_n_per_mps2": 0.0})
+    watch = DistanceWatch(MotionConfig(), vessel)
+    watch.step(1, replace(at(0.0), u_mps=9.0), STATION, (0.0, 0.0), (9.0, 0.0))
+    assert watch.step(2, at(7.9), STATION, (0.0, 0.0), (9.0, 0.0)) is None
 
 
 @pytest.mark.parametrize(

@@ -88,12 +88,36 @@ def test_a_suspicion_needs_some_evidence_and_a_lead_of_one_fault_for_long() -> N
     one, other = ([5.0, 1.0], [5.0, 2.0]), ([1.0, 5.0], [2.0, 5.0])
     assert judged(suspicion(), one, one, one, one) == ["", "", "motors-reversed", "motors-reversed"]
     assert judged(suspicion(), one, one, other, other, other) == ["", "", "", "", "motor-reversed"]
-    for weak in (([4.9, 0.0], [9.0, 0.0]), ([5.0, 5.0], [5.0, 2.1])):
-        assert judged(suspicion(), weak, weak, weak, weak) == [""] * 4
-        assert judged(suspicion(), one, one, weak, one, one) == [""] * 5
-    gone = suspicion()
-    assert judged(gone, one, one, one, NOTHING) == ["", "", "motors-reversed", ""]
-    assert judged(gone, one, one)[-1] == ""
+    weak, gone = ([4.9, 0.0], [9.0, 0.0]), ([3.7, 0.0], [9.0, 0.0])
+    assert judged(suspicion(), weak, weak, weak, weak) == [""] * 4
+    assert judged(suspicion(), one, one, gone, one, one) == [""] * 5, "it begins anew"
+    cleared = suspicion()
+    assert judged(cleared, one, one, one, NOTHING) == ["", "", "motors-reversed", ""]
+    assert judged(cleared, one, one)[-1] == ""
+
+
+def test_a_suspicion_outlasts_evidence_that_sinks_a_little() -> None:
+    kept, less = ([3.75, 0.0], [9.0, 0.0]), ([5.0, 0.0], [9.0, 0.0])
+    suspicion = Suspicion(MotionConfig(early_evidence=5.0, lead=3.0, early_lasts_s=0.4))
+    assert judged(suspicion, less, kept, kept, kept) == ["", "", "motors-reversed", "motors-reversed"]
+
+
+def test_a_suspicion_without_a_lead_is_told_after_twice_the_time() -> None:
+    close = ([5.0, 5.0], [5.0, 2.1])
+    suspicion = Suspicion(MotionConfig(early_evidence=5.0, lead=3.0, early_lasts_s=0.4))
+    assert judged(suspicion, *[close] * 5) == ["", "", "", "", "motors-reversed"]
+
+
+def test_in_rough_water_nothing_is_likely() -> None:
+    """Readings that no hypothesis predicts, beside a fault that has its evidence already."""
+    boat = MotionBoat(faults=("port-motor",))
+    boat.run(15.0, lying)
+    assert boat.monitor.likely is not None
+    boat.shake_radps = 0.3
+    boat.run(2.0, lying)
+    shaken = boat.monitor.likely
+    boat.shake_radps = 0.0
+    assert shaken is None
 
 
 def lying(t_s: float) -> tuple[float, float]:

@@ -107,6 +107,16 @@ def test_what_is_likely_is_told_and_ends_nothing(monkeypatch: pytest.MonkeyPatch
     assert boat.watch.notes == ()
 
 
+def test_what_is_likely_is_told_in_the_first_20_s_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    early, late = SuspectedBoat(monkeypatch), SuspectedBoat(monkeypatch)
+    early.run(19.9)
+    late.run(20.2)
+    early.likely = late.likely = LIKELY
+    for boat in (early, late):
+        boat.run(0.1)
+    assert early.watch.notes[0].text == describe(LIKELY) and late.watch.notes == ()
+
+
 def test_what_is_sure_takes_the_place_of_what_is_likely(monkeypatch: pytest.MonkeyPatch) -> None:
     boat = SuspectedBoat(monkeypatch, "supervisor.motion.on_fault=tell")
     boat.likely = LIKELY
