@@ -1,12 +1,13 @@
 """Learning on station: what it gains on boats that are not the model's, and what it costs on the one that is.
 
-    python -m bench.learning_on_station RUNS [--part PART] [--seeds 21 22] [--winds judging] [--case NAME] [--json FILE]
+    python -m bench.learning_on_station RUNS [--part PART] [--seeds 21 22] [--winds judging] [--case NAME]
+        [--window 600 900] [--json FILE]
 
 Part `gains`: each changed boat, and the unchanged one, in each wind with the shipped model as it is (frozen), with
 learning, and with the right model, all with the default controller of the boat's config: penalty scores of minutes 10
-to 15. The right model has the factors that the change is made of, exactly where it is a change of thrust; that of the
-boat with another one's model is its own. Part `elsewhere`: the unchanged boat in rows of the six tests, with faults and
-glitches, frozen and learning from the start on, over the tests' own window.
+to 15, or of another `--window` (s). The right model has the factors that the change is made of, exactly where it is a
+change of thrust; that of the boat with another one's model is its own. Part `elsewhere`: the unchanged boat in rows of
+the six tests, with faults and glitches, frozen and learning from the start on, over the tests' own window.
 
 Runs are kept in the folder RUNS and not made again. The constants were chosen by the winds `tuning`; the page has those
 of `judging`, which chose nothing.
@@ -49,10 +50,9 @@ def right_keys(factors: Sequence[float]) -> Keys:
     return (*LEARNING, "learning.adapt=false", f"learning.start={[round(factor, 4) for factor in factors]}")
 
 
-def of_mass(vessel: VesselConfig, heavier: VesselConfig) -> tuple[float, float, float, float]:
-    """The factors of thrust, sway and yaw of a boat with another mass and inertia."""
-    surge, sway, yaw = (a / b for a, b in zip(_inertia(vessel), _inertia(heavier), strict=True))
-    return surge, surge, sway, yaw / surge
+def of_mass(vessel: VesselConfig, heavier: VesselConfig) -> tuple[float, ...]:
+    """The factors of a boat with another mass and inertia: its responses."""
+    return (1.0, 1.0, *(a / b for a, b in zip(_inertia(vessel), _inertia(heavier), strict=True)))
 
 
 def _inertia(vessel: VesselConfig) -> tuple[float, float, float]:
@@ -75,16 +75,20 @@ def boats(folder: Path) -> dict[str, tuple[str, Keys, Keys, Keys]]:
     own = read_model(find_shipped("blueboat-lagnet", "models", (".npz",), "model"))
     save_model(borrowed, dataclasses.replace(own, vehicle="bream", hull={}))
     return {
-        "as shipped": ("sitl", (), (), right_keys((1.0, 1.0, 1.0, 1.0))),
-        "thrust x 0.7": ("sitl", plant(weak(vessel)), (), right_keys((0.7, 0.7, 1.0, 1.0))),
+        "as shipped": ("sitl", (), (), right_keys((1.0,) * 5)),
+        "thrust x 0.7": ("sitl", plant(weak(vessel)), (), right_keys((0.7, 0.7, 1.0, 1.0, 1.0))),
         "mass + 40 %": ("sitl", plant(heavy(vessel)), (), right_keys(of_mass(vessel, heavier))),
-        "port motor at 70 %": ("sitl", ("plant.motors={port_thrust: 0.7}",), (), right_keys((0.7, 1.0, 1.0, 1.0))),
+        "port motor at 70 %": ("sitl", ("plant.motors={port_thrust: 0.7}",), (), right_keys((0.7, 1.0, 1.0, 1.0, 1.0))),
         OTHER: ("sitl-bream", (), (f"controller.model={borrowed}",), ()),
     }
 
 
 def gains_jobs(
-    folder: Path, winds: Sequence[tuple[float, float]], seeds: Sequence[int], only: Sequence[str]
+    folder: Path,
+    winds: Sequence[tuple[float, float]],
+    seeds: Sequence[int],
+    only: Sequence[str],
+    window_s: tuple[float, float],
 ) -> dict[tuple[str, str, int, str], Job]:
     """A run of each boat, wind, seed and arm."""
     jobs = {}
@@ -99,7 +103,7 @@ def gains_jobs(
                 wind = f"{speed_mps:g} m/s toward {toward_deg:g}\u00b0"
                 for arm, keys in arms.items():
                     all_keys = (*NO_SLOW_ERROR, *wind_keys(speed_mps, toward_deg, seed), *own, *keys)
-                    jobs[name, wind, seed, arm] = trial_job(name, base, all_keys, WINDOW_S)
+                    jobs[name, wind, seed, arm] = trial_job(name, base, all_keys, window_s)
     return jobs
 
 
@@ -181,17 +185,21 @@ def main(arguments: Sequence[str]) -> int:
     parser.add_argument("--winds", choices=tuple(WINDS), default="judging")
     parser.add_argument("--seeds", type=int, nargs="+", default=[21, 22])
     parser.add_argument("--case", action="append", default=[], help="one by its name; repeatable")
+    parser.add_argument("--wind", type=int, action="append", default=[], help="one of --winds by its number from 1")
+    parser.add_argument("--window", type=float, nargs=2, default=list(WINDOW_S), help="of part gains, s")
     parser.add_argument("--json", type=Path)
     given = parser.parse_args(arguments)
     given.runs.mkdir(parents=True, exist_ok=True)
     if given.part == "gains":
-        jobs = gains_jobs(given.runs, WINDS[given.winds], given.seeds, given.case)
+        window_s = (given.window[0], given.window[1])
+        winds = [wind for number, wind in enumerate(WINDS[given.winds], 1) if number in given.wind or not given.wind]
+        jobs = gains_jobs(given.runs, winds, given.seeds, given.case, window_s)
     else:
+        window_s = FROM_S, TO_S
         jobs = elsewhere_jobs(given.seeds, given.case)
     rows = table(jobs, given.runs)
     print(show(rows))
     if given.json is not None:
-        window_s = WINDOW_S if given.part == "gains" else (FROM_S, TO_S)
         figures = {"part": given.part, "winds": given.winds, "seeds": given.seeds, "window_s": window_s, "rows": rows}
         given.json.write_text(json.dumps(figures, indent=2) + "\n")
     return 0

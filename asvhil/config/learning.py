@@ -12,13 +12,16 @@ Factor = Annotated[float, Field(ge=0.2, le=3.0)]
 
 
 class LearningConfig(Section):
-    """Learning on station: factors of each motor's thrust, and of the response in sway and yaw (docs/learning.md)."""
+    """Learning on station: factors of the motors' thrust and of the response in each axis (docs/learning.md)."""
 
     enabled: bool = Field(default=False, description="Whether the model is corrected while a station is held.")
     adapt: bool = Field(default=True, description="False: the factors stay at `start`, and nothing is learned.")
-    start: tuple[Factor, Factor, Factor, Factor] = Field(
-        default=(1.0, 1.0, 1.0, 1.0),
-        description="Factors to begin with: thrust of the port and the starboard motor, response in sway and in yaw.",
+    start: tuple[Factor, Factor, Factor, Factor, Factor] = Field(
+        default=(1.0, 1.0, 1.0, 1.0, 1.0),
+        description="Factors to begin with: thrust of the port and the starboard motor, response in surge, sway, yaw.",
+    )
+    responses: bool = Field(
+        default=True, description="Whether the responses correct the model too; false: they are learned and told alone."
     )
     file: str | None = Field(
         default=None,

@@ -7,7 +7,9 @@ from typing import Any
 from asvhil.dynamics.arrays import namespace_of
 from asvhil.dynamics.protocol import Dynamics
 
-FACTORS = ("port", "starboard", "sway", "yaw")  # thrust of each motor, and the whole response in sway and in yaw
+# Thrust of each motor, and the whole acceleration in surge, sway and yaw. A heavier boat has less of the latter, and by
+# the same thrust it turns as fast in the end, since the drag decides that; by a weak motor it does not.
+FACTORS = ("port", "starboard", "surge", "sway", "yaw")
 COUNT = len(FACTORS)
 
 
@@ -34,7 +36,7 @@ class CorrectedModel:
         xp = namespace_of(x)
         first = 3 + self.model.n_motor
         own = [xp.component(x, i) for i in range(first)]
-        port, starboard, sway, yaw = (1.0 + xp.component(x, first + i) for i in range(COUNT))
+        port, starboard, surge, sway, yaw = (1.0 + xp.component(x, first + i) for i in range(COUNT))
         a_port, a_starboard = xp.component(a, 0), xp.component(a, 1)
         if self._of_thrust:
             scaled = xp.stack([*own[:3], port * own[3], starboard * own[4]])
@@ -55,7 +57,7 @@ class CorrectedModel:
             ]
             motors = [xp.component(rate, 3 + i) for i in range(self.model.n_motor)]
         still = [0.0 * sway] * COUNT
-        return xp.stack([nu_dot[0], sway * nu_dot[1], yaw * nu_dot[2], *motors, *still])
+        return xp.stack([surge * nu_dot[0], sway * nu_dot[1], yaw * nu_dot[2], *motors, *still])
 
     def command_of_input(self, a: tuple[float, float]) -> tuple[float, float]:
         """The motor command (port, starboard) in [-1, 1] for input a, as of the model."""

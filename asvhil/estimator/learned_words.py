@@ -63,6 +63,6 @@ def _weak_text(weak: tuple[str, ...], told: Learned | None) -> str:
     shares = dict(zip(FACTORS, told.factors, strict=True))
     if len(weak) == 2 and abs(shares["port"] - shares["starboard"]) < ALIKE:
         share = 50.0 * (shares["port"] + shares["starboard"])
-        return f"both motors give {share:.0f} % of the model's thrust: low battery, or a heavier boat"
+        return f"both motors give {share:.0f} % of the model's thrust: low battery, worn propellers?"
     worst = min(weak, key=lambda name: shares[name])
     return f"{worst} motor gives {100.0 * shares[worst]:.0f} % of the model's thrust: weed, a line, a worn propeller?"

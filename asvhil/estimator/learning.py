@@ -71,7 +71,12 @@ class Learner:
         self._good_ns = 0  # since when there has been no doubt
         self._learned_s = 0.0
         self._set_factors = correct
-        correct(self.factors)
+        correct(self.applied)
+
+    @property
+    def applied(self) -> tuple[float, ...]:
+        """Each factor less 1 that corrects the model."""
+        return self.factors if self._config.responses else (*self.factors[:2], *[0.0] * (COUNT - 2))
 
     @property
     def factors(self) -> tuple[float, ...]:
@@ -144,4 +149,4 @@ class Learner:
         scale = np.concatenate([shrink, np.ones(AXES)])
         self._p = p * scale[:, None] * scale[None, :]
         self._m = m
-        self._set_factors(self.factors)
+        self._set_factors(self.applied)

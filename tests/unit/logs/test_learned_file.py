@@ -11,7 +11,7 @@ from asvhil.logs.learned_file import LearnedKeeper, learned_path, offer, read_le
 from asvhil.simplant.lockstep import EPOCH_NS
 from asvhil.types import Health, Learned, Outputs, Phase
 
-FACTORS = (0.7123, 1.0, 0.98, 1.05)
+FACTORS = (0.7123, 1.0, 1.0, 0.98, 1.05)
 HEALTH = Health(reason="", link_ok=True, estimate_ok=True, wind_ok=True, control_ok=True, model_ok=True, counters=())
 
 
@@ -21,7 +21,7 @@ def config_in(folder: Path, *keys: str, base: str = "sitl") -> Config:
 
 def kept(config: Config, learned_s: float = 90.0) -> Path | None:
     keeper = LearnedKeeper(config)
-    learned = Learned(factors=FACTORS, std=(0.02,) * 4, learned_s=learned_s)
+    learned = Learned(factors=FACTORS, std=(0.02,) * 5, learned_s=learned_s)
     keeper.see(
         Outputs(
             t_ns=EPOCH_NS,
@@ -50,7 +50,7 @@ def test_what_was_learned_is_offered_and_taken(tmp_path: Path) -> None:
     assert offered.text.startswith(words)
     assert offered.text.endswith(f"take it by --learned {path}")
     again = config_in(tmp_path, *taken(path, config))
-    assert again.learning.start == (0.712, 1.0, 0.98, 1.05) and offer(again) is None
+    assert again.learning.start == (0.712, 1.0, 1.0, 0.98, 1.05) and offer(again) is None
 
 
 def test_a_file_of_its_own_name(tmp_path: Path) -> None:
@@ -78,8 +78,8 @@ def test_where_it_cannot_be_written(tmp_path: Path) -> None:
         ({"model_sha256": "0" * 64}, "learned with another model than the one in use"),
         ({"simulated": False}, "learned on the boat itself, which this start is not of"),
         ({"format": 2}, "not a file of what was learned on station, format 1"),
-        ({"factors": {"port": 1.0}}, "damaged: factors must have port, starboard, sway, yaw"),
-        ({"std": {"port": 0.1, "starboard": -0.1, "sway": 0.1, "yaw": 0.1}}, r"damaged: std.starboard is -0.1, a numb"),
+        ({"factors": {"port": 1.0}}, "damaged: factors must have port, starboard, surge, sway, yaw"),
+        ({"std": {"port": 0.1, "starboard": -0.1, "surge": 0, "sway": 0, "yaw": 0}}, "damaged: std.starboard is -0.1"),
         ({"learned_s": "long"}, "damaged: learned_s is 'long', a number from 0 to inf is needed"),
     ],
 )  # fmt: skip
