@@ -47,7 +47,12 @@ OTHER = "another boat's model"
 
 def right_keys(factors: Sequence[float]) -> Keys:
     """The model with these factors, and nothing learned."""
-    return (*LEARNING, "learning.adapt=false", f"learning.start={[round(factor, 4) for factor in factors]}")
+    return (
+        *LEARNING,
+        "learning.adapt=false",
+        "learning.responses=true",
+        f"learning.start={[round(factor, 4) for factor in factors]}",
+    )
 
 
 def of_mass(vessel: VesselConfig, heavier: VesselConfig) -> tuple[float, ...]:

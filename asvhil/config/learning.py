@@ -21,7 +21,8 @@ class LearningConfig(Section):
         description="Factors to begin with: thrust of the port and the starboard motor, response in surge, sway, yaw.",
     )
     responses: bool = Field(
-        default=True, description="Whether the responses correct the model too; false: they are learned and told alone."
+        default=False,
+        description="Whether the responses correct the model too; false: they are learned and told alone.",
     )
     file: str | None = Field(
         default=None,

@@ -23,7 +23,7 @@ def test_a_fouled_motor_is_found_told_and_replayed(tmp_path: Path) -> None:
     assert last.learned is not None and last.estimate is not None
     port, starboard, *_ = last.learned.factors
     assert port == pytest.approx(0.7, abs=0.1) and starboard == pytest.approx(1.0, abs=0.1)
-    assert [1.0 + part for part in last.estimate.motor[2:]] == list(last.learned.factors)
+    assert [1.0 + part for part in last.estimate.motor[2:]] == [port, starboard, 1.0, 1.0, 1.0]
     notes = {note.subject: note for note in last.health.notes}
     assert not notes["motor thrust"].ok and notes["motor thrust"].text.startswith("port motor gives ")
     assert outputs[10].learned is not None and outputs[10].learned.frozen == "no station is held"

@@ -32,7 +32,7 @@ def learn(
     seconds: float = 60.0,
     commands: Commands = busy,
     push: tuple[float, float, float] = (0.02, -0.01, 0.004),
-    config: LearningConfig | None = None,
+    config: LearningConfig = LearningConfig(enabled=True, responses=True),  # noqa: B008 - frozen
     doubt: Callable[[float], str] = lambda t_s: "",
     leap_mps: float = 0.0,
 ) -> tuple[Learned, list[tuple[float, ...]]]:
@@ -42,7 +42,7 @@ def learn(
     """
     corrected = CorrectedModel(model or SimplifiedDynamics(VESSEL))
     told: list[tuple[float, ...]] = []
-    learner = Learner(config or LearningConfig(enabled=True), corrected, PERIOD_S, 0.0, told.append)
+    learner = Learner(config, corrected, PERIOD_S, 0.0, told.append)
     own = corrected.n_motor - COUNT
     state = np.array([*[0.0] * (6 + own), *(factor - 1.0 for factor in boat)])
     rng = np.random.default_rng(1)
@@ -79,7 +79,7 @@ def test_a_network_of_the_command_is_corrected_too() -> None:
 
 
 def test_what_is_far_off_stops_at_the_bounds() -> None:
-    learned, told = learn((0.3, 2.0, 1.0, 1.0, 1.0), config=LearningConfig(enabled=True, most=1.4))
+    learned, told = learn((0.3, 2.0, 1.0, 1.0, 1.0), config=LearningConfig(enabled=True, responses=True, most=1.4))
     assert learned.factors[:2] == (0.5, pytest.approx(1.4))
     assert all(-0.5 <= part <= 0.4 + 1e-12 for factors in told for part in factors)
 
@@ -110,7 +110,7 @@ def test_at_rest_nothing_wanders() -> None:
 
 
 def test_without_adapting_it_stays_as_it_began() -> None:
-    config = LearningConfig(enabled=True, adapt=False, start=(0.8, 0.9, 1.0, 1.0, 1.1))
+    config = LearningConfig(enabled=True, responses=True, adapt=False, start=(0.8, 0.9, 1.0, 1.0, 1.1))
     learned, told = learn((0.7, 1.0, 1.0, 1.0, 1.0), config=config, seconds=10.0)
     assert learned.factors == pytest.approx((0.8, 0.9, 1.0, 1.0, 1.1)) and len(told) == 1
 
@@ -121,7 +121,7 @@ def test_a_leap_of_the_estimate_is_no_lesson() -> None:
 
 
 def test_responses_may_be_told_alone() -> None:
-    config = LearningConfig(enabled=True, responses=False)
+    config = LearningConfig(enabled=True)
     learned, told = learn((0.8, 1.0, 0.7, 1.0, 1.0), config=config)
     assert learned.factors[:3] == pytest.approx((0.8, 1.0, 0.7), abs=0.08)
     assert told[-1] == pytest.approx((learned.factors[0] - 1.0, learned.factors[1] - 1.0, 0.0, 0.0, 0.0))
