@@ -102,6 +102,7 @@ unit: $(STAMPS)/test $(STAMPS)/peer $(STAMPS)/mavproxy
 
 # Whole matrices and long runs, of which `make test` has a part or a shorter one.
 test-thorough: $(STAMPS)/test $(STAMPS)/peer
+	@$(MAKE) -s firmware-sim
 	@$(BIN)/pytest -q -n 2 --dist worksteal -m thorough
 
 $(STAMPS)/mutants: $(STAMPS)/test

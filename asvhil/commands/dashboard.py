@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import time
 from pathlib import Path
 from typing import Annotated
@@ -31,7 +32,10 @@ def dashboard(
     ] = [],  # noqa: B006
     set_: SetOption = [],  # noqa: B006
 ) -> None:
-    """Serve a page that shows the running daemon live: map, motors, wind, errors, events; with a token, controls."""
+    """Serve a page that shows the running daemon live: map, motors, wind, errors, events; with a token, controls.
+
+    It goes on until Ctrl-C or SIGTERM.
+    """
     try:
         from aiohttp import web
     except ImportError:
@@ -66,7 +70,10 @@ def dashboard(
             typer.echo(f"http://{shown}:{bound}/{secret}")
             if host in ("0.0.0.0", "::"):
                 typer.echo("on other devices: this computer's address in the place of 127.0.0.1")
-            await asyncio.Event().wait()
+            ended = asyncio.Event()
+            for number in (signal.SIGINT, signal.SIGTERM):
+                asyncio.get_running_loop().add_signal_handler(number, ended.set)
+            await ended.wait()
         finally:
             await runner.cleanup()
 

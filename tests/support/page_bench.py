@@ -48,12 +48,14 @@ def browser() -> Iterator[Any]:
 
 @contextlib.contextmanager
 def dashboard(*arguments: str) -> Iterator[str]:
-    """`asvhil dashboard` on a free port: its address, with the token."""
+    """`asvhil dashboard` on a free port: its address, with the token. Ctrl-C ends it in order."""
     with Process("dashboard", "--config", "sitl", "--port", "0", *arguments) as server:
         try:
-            yield server.lines.get(timeout=90.0).strip()
+            address = server.lines.get(timeout=90.0).strip()
         except queue.Empty:
             pytest.fail(f"the page's server says nothing: {server.end()}")
+        yield address
+        assert server.end() == (0, "")
 
 
 def number(text: str) -> float:
