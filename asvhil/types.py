@@ -213,6 +213,7 @@ class HoldCommand:
     """The operator asks to keep a station, and so to take the motors. A missing field means: as the boat is now.
 
     `within_m`: how far off he knows the station to be; 0: no farther than the config lets pass without a word.
+    `velocity_mps`: that of the station, north and east, where it is the first of a stream of set-points that has one.
     """
 
     t_ns: int
@@ -220,13 +221,15 @@ class HoldCommand:
     lon_deg: float | None = None
     psi_rad: float | None = None
     within_m: float = 0.0
+    velocity_mps: tuple[float, float] | None = None
 
 
 @record
 class MoveCommand:
     """The operator moves the station that is held; the motors are not taken for it. What is None stays as it is.
 
-    `n_m` and `e_m` are in the local NED frame, and hold over latitude and longitude.
+    `n_m` and `e_m` are in the local NED frame, and hold over latitude and longitude. With a `velocity_mps` (north,
+    east) it is where the station is now, and how it moves until the next of these.
     """
 
     t_ns: int
@@ -235,6 +238,33 @@ class MoveCommand:
     n_m: float | None = None
     e_m: float | None = None
     psi_rad: float | None = None
+    velocity_mps: tuple[float, float] | None = None
+
+
+@record
+class CourseCommand:
+    """The operator has the station that is held move over ground; what is None stays as it is.
+
+    `way_m`: after which it stays where it is, 0: without an end. `leader`: the system id of the vehicle that it is to
+    go after, 0: of none. A speed ends that.
+    """
+
+    t_ns: int
+    speed_mps: float | None = None
+    course_rad: float | None = None
+    way_m: float | None = None
+    leader: int | None = None
+
+
+@record
+class LeaderMessage:
+    """A vehicle says where it is and how fast, north and east, for others to follow."""
+
+    t_ns: int
+    system_id: int
+    lat_deg: float
+    lon_deg: float
+    velocity_mps: tuple[float, float]
 
 
 @record
@@ -328,11 +358,18 @@ class WaveMotion:
 
 @record
 class Station:
-    """The pose to keep, in the local NED frame."""
+    """The pose to keep, in the local NED frame, at the time of the tick; and its velocity, where it moves."""
 
     n_m: float
     e_m: float
     psi_rad: float
+    vn_mps: float = 0.0
+    ve_mps: float = 0.0
+
+    @property
+    def moves(self) -> bool:
+        """Whether it has a velocity."""
+        return self.vn_mps != 0.0 or self.ve_mps != 0.0
 
 
 @record

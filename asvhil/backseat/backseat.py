@@ -71,7 +71,7 @@ class Backseat:
         learned = self._learn(seen, decision)
         model_error = self._perception.check_model(seen) if control is not None else None
         self._motion.note_station(decision.station)
-        self._perception.note_held(held=decision.station is not None)
+        self._perception.note_station(decision.station)
         cost: tuple[Note, ...] = ()
         if self._heading_cost is not None:
             cost = self._heading_cost.step(t_ns, decision.station, self._perception.push_at)
@@ -80,7 +80,7 @@ class Backseat:
             held = decision.station if decision.phase is Phase.HOLD else None
             docking = self._docking.step(t_ns, seen.estimate, held)
         outside = (*self._autopilot.notes, *self._actuation.notes, *self._perception.notes(t_ns))
-        notes = (*outside, *self._motion.notes, *self._battery.notes, *cost, *self._command.notes)
+        notes = (*outside, *decision.notes, *self._motion.notes, *self._battery.notes, *cost, *self._command.notes)
         frames += self._autopilot.data_to_send(t_ns)
         frames += self._perception.data_to_send(t_ns)
         switches, sources = self._perception.switches(t_ns), self._perception.sources(t_ns)

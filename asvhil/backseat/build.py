@@ -42,6 +42,7 @@ from asvhil.operator.tunables import Tunables
 from asvhil.supervisor.battery_watch import BatteryWatch
 from asvhil.supervisor.docking import DockingWatch
 from asvhil.supervisor.heading_cost import HeadingCostWatch
+from asvhil.supervisor.station_motion import fastest_mps
 from asvhil.supervisor.supervisor import Supervisor
 
 HELD_S = 1e-3  # a time constant so short that a low-pass takes each sample over whole
@@ -195,7 +196,11 @@ def build_motor_check(config: Config, link: MavlinkAutopilot) -> MotorCheck:
 def build_command(config: Config, controller: Controller) -> Command:
     """Operators and the supervisor; operators may tune `controller` while it runs."""
     links = config.links
-    supervisor = Supervisor(config.supervisor, overrides_sticks=links.autopilot.overrides_sticks)
+    supervisor = Supervisor(
+        config.supervisor,
+        overrides_sticks=links.autopilot.overrides_sticks,
+        fastest_mps=fastest_mps(config.believed_vessel, config.supervisor.moving),
+    )
     tunables = Tunables(config.controller, controller)
     session = OperatorSession(links.autopilot, links.operator, (*STATION_PARAMETERS, *tunables.names))
     return Command(Operations(session, tunables), supervisor)

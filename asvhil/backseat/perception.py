@@ -33,6 +33,7 @@ from asvhil.types import (
     Measurement,
     Note,
     PredictionError,
+    Station,
     TrueWind,
     WaveMotion,
     Wind,
@@ -201,9 +202,10 @@ class Perception:
         """Why a hold is to end for a model that does not fit the boat."""
         return self._model_watch.fault
 
-    def note_held(self, *, held: bool) -> None:
-        """Whether a station is held from now on."""
-        self._model_watch.note_held(held=held)
+    def note_station(self, station: Station | None) -> None:
+        """The station that is held from now on, None where none is."""
+        self._model_watch.note_held(held=station is not None)
+        self._weather.note_motion((0.0, 0.0) if station is None else (station.vn_mps, station.ve_mps))
 
     def notes(self, t_ns: int) -> tuple[Note, ...]:
         """The sensors that are not as they should be, the anemometer's firmware, and a model that does not fit."""

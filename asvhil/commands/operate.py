@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 import sys
+import time
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
 
 # The words of Reason.STATION_UNCONFIRMED
 FAR = re.compile(r"station is ([0-9]+) m away, [0-9]+ m at most without a word")
+RETRY_S = 0.2
 MOVES_M = 20.0  # what a drifting boat may move while somebody reads the question
 
 DaemonOption = Annotated[str, typer.Option("--config", help="The daemon's config: where its operator link is.")]
@@ -42,6 +44,22 @@ def hold(
         str | None,
         typer.Option(help="Heading from now on: fixed, bow or stern to the weather, or either; as it is by default."),
     ] = None,
+    drift: Annotated[
+        str | None,
+        typer.Option(metavar="SPEED@DEG", help="The station moves over ground, in m/s toward DEG from north."),
+    ] = None,
+    way: Annotated[
+        float, typer.Option(metavar="METRES", min=0.0, help="With --drift: after so far the station stays. 0: no end.")
+    ] = 0.0,
+    follow: Annotated[
+        int | None,
+        typer.Option(
+            metavar="SYSTEM",
+            min=1,
+            max=255,
+            help="The station goes after the vehicle of that MAVLink system id, by its FOLLOW_TARGET messages.",
+        ),
+    ] = None,
     config: DaemonOption = "field",
     set_: SetOption = [],  # noqa: B006
 ) -> None:
@@ -53,6 +71,11 @@ def hold(
 
     if policy is not None and policy not in POLICIES:
         raise AsvhilError(f"--policy {policy}: unknown (known: {', '.join(POLICIES)})")
+    if drift is not None and follow is not None:
+        raise AsvhilError("--drift and --follow: one of them")
+    if way and drift is None:
+        raise AsvhilError("--way: goes with --drift only")
+    moving = _moving(drift, way, follow)
     settings = load_config(config, tuple(set_))
     lat_deg, lon_deg = (None, None) if at is None else lat_lon("--at", at)
     psi_rad = None if heading is None else math.radians(heading)
@@ -65,7 +88,13 @@ def hold(
         _ask(settings, data, dialect.MAV_CMD_DO_REPOSITION)
     if policy is not None:
         _choose_policy(settings, POLICIES.index(policy))
+    for name, value in moving.items():
+        _set_moving(settings, name, value)
     held, cost = _what_is_held(settings)
+    if drift is not None:
+        held += f"; moving: {drift}" + (f", {way:g} m" if way else "")
+    elif follow is not None:
+        held += f"; following system {follow}"
     typer.echo(held + ("" if policy is None else f"; heading: {policy}"))
     if cost and policy in (None, "fixed"):
         typer.echo(f"its heading: {cost}")
@@ -132,6 +161,36 @@ def _what_is_held(config: Config) -> tuple[str, str]:
     place = f"{station['lat_deg']:.7f}, {station['lon_deg']:.7f}, heading {station['heading_deg']:.1f} deg"
     away = "" if distance_m is None else f"; {distance_m:.1f} m away"
     return f"holding {place}{away}", look["notes"].get(SUBJECT, "")
+
+
+def _moving(drift: str | None, way_m: float, leader: int | None) -> dict[str, float]:
+    """The parameters of a station that moves, in the order in which they are set: the speed, which starts it, last."""
+    from asvhil.config.mean_wind import parse_course
+    from asvhil.operator.station_parameters import COURSE_PARAMETER, FOLLOW_PARAMETER, SPEED_PARAMETER, WAY_PARAMETER
+
+    if leader is not None:
+        return {FOLLOW_PARAMETER: float(leader)}
+    if drift is None:
+        return {}
+    speed_mps, course_deg = parse_course(drift)
+    return {COURSE_PARAMETER: course_deg, WAY_PARAMETER: way_m, SPEED_PARAMETER: speed_mps}
+
+
+def _set_moving(config: Config, name: str, value: float) -> None:
+    """Set a parameter of the station's motion, once the station is held. Raises AsvhilError where it is not taken."""
+    from asvhil.links.operator_client import set_parameter
+    from asvhil.operator.encoding import encode_parameter
+
+    link, data = config.links.operator, encode_parameter(config.links.autopilot, name, value)
+    end_s = time.monotonic() + config.supervisor.take_mode_timeout_s
+    while True:
+        known, text = set_parameter(data, link.endpoint, name, signing=link.signing)
+        if math.isclose(known, value, rel_tol=1e-5, abs_tol=1e-6):
+            return
+        # While the autopilot's mode is asked for no station is held yet.
+        if "no station is held" not in text or time.monotonic() > end_s:
+            raise AsvhilError(f"the hold goes on, but the daemon refused {name} = {value:g}: {text}")
+        time.sleep(RETRY_S)
 
 
 def _choose_policy(config: Config, number: int) -> None:

@@ -35,6 +35,10 @@ def sitl(
     wind: Annotated[
         str | None, typer.Option(metavar="SPEED@DEG", help="Mean wind, blowing toward DEG from the station's heading.")
     ] = None,
+    drift: Annotated[
+        str | None,
+        typer.Option(metavar="SPEED@DEG", help="The station moves over ground, in m/s toward DEG from north."),
+    ] = None,
     seed: Annotated[int | None, typer.Option(min=0, help="Seed of weather and sensor noise.")] = None,
     controller: Annotated[str | None, typer.Option(help="The controller's name.")] = None,
     fault: FaultOption = [],  # noqa: B006
@@ -54,7 +58,7 @@ def sitl(
 
     from asvhil.config import load_config
     from asvhil.config.fault_text import with_faults
-    from asvhil.config.mean_wind import parse_wind, wind_keys
+    from asvhil.config.mean_wind import parse_course, parse_wind, wind_keys
     from asvhil.logs.learned_file import LearnedKeeper
     from asvhil.logs.opening import make_run_folder
     from asvhil.sitl import run_lockstep, run_realtime
@@ -67,6 +71,9 @@ def sitl(
     if wind is not None:
         keys = wind_keys(parse_wind(wind), load_config(config, tuple(overrides)))
         overrides += [f"plant.weather.wind.{key}={value}" for key, value in keys.items()]
+    if drift is not None:
+        speed_mps, course_deg = parse_course(drift)
+        overrides += [f"supervisor.station.speed_mps={speed_mps}", f"supervisor.station.course_deg={course_deg}"]
     settings = with_learned(load_config(config, tuple(overrides)), config, tuple(overrides), learned)
     settings = with_faults(settings, fault)
     if settings.supervisor.engage != "auto":

@@ -35,6 +35,7 @@ from asvhil.config.loading import (
     override_value,
 )
 from asvhil.config.motion import MotionConfig
+from asvhil.config.moving import MovingConfig
 from asvhil.config.plant import FrontseatConfig, HilConfig, PlantConfig, Px4HilConfig
 from asvhil.config.plant_faults import OF_ONE_DEVICE, FaultConfig, GlitchConfig, GlitchesConfig
 from asvhil.config.plant_hull import BlendermannConfig, PlantMotorsConfig
@@ -101,6 +102,7 @@ __all__ = [
     "MonitorConfig",
     "MotionConfig",
     "MotorOutputConfig",
+    "MovingConfig",
     "MpcConfig",
     "MpcWeights",
     "NmeaDeviceConfig",

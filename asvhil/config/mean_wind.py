@@ -34,6 +34,18 @@ def parse_wind(text: str) -> WindSector:
     return WindSector(speed_mps=speed_mps, toward_deg=toward_deg)
 
 
+def parse_course(text: str) -> tuple[float, float]:
+    """Speed (m/s) and course (degrees from north, in [0, 360)) of SPEED@DEG, such as 0.3@90. ConfigError where none."""
+    speed, sign, course = text.partition("@")
+    try:
+        speed_mps, course_deg = float(speed), float(course) if sign else math.nan
+    except ValueError:
+        speed_mps = course_deg = math.nan
+    if not (math.isfinite(speed_mps) and math.isfinite(course_deg) and speed_mps >= 0.0):
+        raise ConfigError(f"--drift {text}: SPEED@DEG is expected, such as 0.3@90 (m/s, toward, from north)")
+    return speed_mps, course_deg % 360.0
+
+
 def station_heading_deg(config: Config) -> float:
     """The heading of a config's station, 0 without one."""
     station = config.supervisor.station

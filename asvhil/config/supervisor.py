@@ -10,6 +10,7 @@ from asvhil.config.base import Degrees, Latitude, Longitude, NonNegative, Positi
 from asvhil.config.battery import BatteryConfig
 from asvhil.config.heading import HeadingConfig
 from asvhil.config.motion import MotionConfig
+from asvhil.config.moving import MovingConfig
 from asvhil.types import Cause
 
 
@@ -19,6 +20,8 @@ class StationConfig(Section):
     lat_deg: Latitude = Field(description="Latitude (WGS 84).")
     lon_deg: Longitude = Field(description="Longitude (WGS 84).")
     heading_deg: Degrees = Field(description="True heading, clockwise from north.")
+    speed_mps: NonNegative = Field(default=0.0, description="Speed at which the station moves over ground.")
+    course_deg: Degrees = Field(default=0.0, description="Course of that, clockwise from north.")
 
 
 class ReadbackConfig(Section):
@@ -156,6 +159,7 @@ class SupervisorConfig(Section):
     heading: HeadingConfig = Field(
         default=HeadingConfig(), description="Whether the heading of a station is fixed or follows the weather."
     )
+    moving: MovingConfig = Field(default=MovingConfig(), description="A station that moves.")
     heading_cost: bool = Field(
         default=True,
         description="Whether a hold tells what the station's heading costs in this weather, where that is on the side.",

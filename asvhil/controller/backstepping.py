@@ -9,7 +9,7 @@ from asvhil.types import Control, Estimate, Station, Wind
 
 
 class Backstepping:
-    """Keeps a station (eta_s constant) by the paper's backstepping law, less the wind load:
+    """Keeps a station (eta_s, at rest or at a constant velocity) by the paper's backstepping law, less the wind load:
 
         eta_r_dot = eta_s_dot - Lambda eta_e,    s = eta_e_dot + Lambda eta_e
         tau = M1 [R^T eta_r_ddot + Rdot^T eta_r_dot] + C1(nu) R^T eta_r_dot + D1 R^T eta_r_dot
@@ -43,8 +43,8 @@ class Backstepping:
         lam, kd, kp = self._config.lambda_per_s, self._config.kd, self._config.kp
         eta_r_dot, eta_r_ddot, pull = zip(
             *(
-                (-g * e, -g * de, d * (de + g * e) + p * e)
-                for g, d, p, e, de in zip(lam, kd, kp, motion.error, motion.rate, strict=True)
+                (moves - g * e, -g * de, d * (de + g * e) + p * e)
+                for g, d, p, e, de, moves in zip(lam, kd, kp, motion.error, motion.rate, motion.moves, strict=True)
             ),
             strict=True,
         )

@@ -27,8 +27,9 @@ TURN_ROUND_RAD = math.radians(120.0)  # bow or stern, once chosen, leads until i
 class TrackingState:
     """The boat against its references, in the station's frame.
 
-    `error` is eta_e (m, m, rad) with the heading wrapped, `rate` its derivative R(psi) nu, `nu` the velocity (m/s, m/s,
-    rad/s) and `psi_rad` the heading for R(psi), whatever the heading reference is.
+    `error` is eta_e (m, m, rad) with the heading wrapped, `rate` its derivative R(psi) nu - eta_s_dot, `nu` the
+    velocity (m/s, m/s, rad/s) and `psi_rad` the heading for R(psi), whatever the heading reference is. `moves` is
+    eta_s_dot, the velocity of the station.
     """
 
     t_ns: int
@@ -36,6 +37,7 @@ class TrackingState:
     rate: Vector3
     nu: Vector3
     psi_rad: float
+    moves: Vector3 = (0.0, 0.0, 0.0)
 
 
 class SimplifiedModel:
@@ -151,11 +153,19 @@ class FeedbackLoop:
         psi_rad = wrap_rad(psi_rad)
         reference_rad = self.steering.reference_rad(x_m, y_m, psi_rad)
         x_dot, y_dot = body_to_ned(psi_rad, nu[0], nu[1])
+        x_moves, y_moves = ned_to_body(station.psi_rad, station.vn_mps, station.ve_mps)
         short = min(1.0, self._error_max_m / max(math.hypot(x_m, y_m), 1e-9))
 
         def motion(psi_r_rad: float) -> TrackingState:
             error = (short * x_m, short * y_m, wrap_rad(psi_rad - psi_r_rad))
-            return TrackingState(t_ns=estimate.t_ns, error=error, rate=(x_dot, y_dot, nu[2]), nu=nu, psi_rad=psi_rad)
+            return TrackingState(
+                t_ns=estimate.t_ns,
+                error=error,
+                rate=(x_dot - x_moves, y_dot - y_moves, nu[2]),
+                nu=nu,
+                psi_rad=psi_rad,
+                moves=(x_moves, y_moves, 0.0),
+            )
 
         load = self._wind_load(estimate, wind)
         seen = motion(reference_rad)

@@ -17,7 +17,7 @@ from asvhil.config import ControllerConfig, ProcedureConfig, VesselConfig
 from asvhil.controller.dubins import Dubins, shortest
 from asvhil.controller.ilos import Guidance, Helm, Ilos, approach_speed
 from asvhil.controller.protocol import Controller
-from asvhil.geo import wrap_rad
+from asvhil.geo import ned_to_body, wrap_rad
 from asvhil.types import Control, Estimate, Station, Wind
 
 PLAN_ROWS = 24  # rows of the path ahead, for the log and the viewers
@@ -25,6 +25,7 @@ PLAN_STEP_M = 1.0  # least distance between rows
 PLAN_SPEED_MPS = 0.3  # least speed for the times of the plan
 LATE_S = 1.0  # a longer time between two steps is a pause: the integral does not run on
 REPLAN_LEAST_S = 5.0  # between two plans in one stage
+REPLAN_MOVED_M = 1.0  # a station that has moved this far from the path's end needs another path
 HEADING_OFF_RAD = 2.0  # at this heading error a new path from the present heading is better
 
 
@@ -78,6 +79,7 @@ class Procedure:
         self.stage: Stage | None = None
         self._since_ns = self._last_ns = self._planned_ns = 0
         self._path: Dubins | None = None
+        self._goal_m = (0.0, 0.0)  # of the path
         self.keeper.reset()
         self._keeper_idle = False  # others have had the motors since its last step
 
@@ -145,6 +147,8 @@ class Procedure:
         path, guidance = self._follow(estimate, station, elapsed_s)
         heading_error_rad = wrap_rad(guidance.psi_rad - estimate.psi_rad)
         u_mps = approach_speed(self.config, distance_m, heading_error_rad)
+        if station.moves:  # the speeds above are relative to the station
+            u_mps = max(u_mps + ned_to_body(estimate.psi_rad, station.vn_mps, station.ve_mps)[0], 0.0)
         return Control(
             command=self._helm.command(estimate, wind, guidance, u_mps),
             ok=True,
@@ -163,13 +167,14 @@ class Procedure:
                 abs(guidance.cross_m) > self.config.replan_beyond_m
                 or abs(wrap_rad(guidance.psi_rad - estimate.psi_rad)) > HEADING_OFF_RAD
                 or guidance.along_m >= path.length_m
+                or math.hypot(station.n_m - self._goal_m[0], station.e_m - self._goal_m[1]) > REPLAN_MOVED_M
             )
             if not off or (estimate.t_ns - self._planned_ns) * 1e-9 < REPLAN_LEAST_S:
                 return path, guidance
         begin = (estimate.n_m, estimate.e_m, estimate.psi_rad)
         goal = (station.n_m, station.e_m, station.psi_rad)
         self._path = path = shortest(begin, goal, self.config.turn_radius_m)
-        self._planned_ns = estimate.t_ns
+        self._planned_ns, self._goal_m = estimate.t_ns, (station.n_m, station.e_m)
         self._ilos.begin()
         return path, self._ilos.step(path, estimate, 0.0)
 

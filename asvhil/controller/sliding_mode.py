@@ -17,7 +17,7 @@ from asvhil.types import Control, Estimate, Station, Wind
 
 
 class SlidingMode:
-    """Keeps a station (eta_s constant) by the paper's sliding mode law, less the wind load:
+    """Keeps a station (eta_s, at rest or at a constant velocity) by the paper's sliding mode law, less the wind load:
 
         s = eta_e_dot + 2 Lambda eta_e + Lambda^2 int eta_e
         eta_r_dot = eta_s_dot - 2 Lambda eta_e - Lambda^2 int eta_e
@@ -58,9 +58,10 @@ class SlidingMode:
         lam, bound, layer = self._config.lambda_per_s, self._config.bound, self._config.layer
         eta_r_dot, eta_r_ddot, push = zip(
             *(
-                (-2.0 * g * e - g * g * i, -2.0 * g * de - g * g * e, b * _sat(s / w))
-                for g, b, w, e, de, i, s in zip(
-                    lam, bound, layer, motion.error, motion.rate, self.integral, self.surface(motion), strict=True
+                (moves - 2.0 * g * e - g * g * i, -2.0 * g * de - g * g * e, b * _sat(s / w))
+                for g, b, w, e, de, i, s, moves in zip(
+                    *(lam, bound, layer, motion.error, motion.rate, self.integral, self.surface(motion), motion.moves),
+                    strict=True,
                 )
             ),
             strict=True,

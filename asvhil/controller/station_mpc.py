@@ -97,8 +97,9 @@ class StationMpc:
         air = (wind.vn_mps, wind.ve_mps) if wind is not None and use_wind else (0.0, 0.0)
         push = estimate.disturbance if self.config.disturbance_feedforward else (0.0, 0.0, 0.0)
         pose = (estimate.n_m, estimate.e_m, estimate.psi_rad, station.n_m, station.e_m, station.psi_rad)
+        drift = (station.vn_mps, station.ve_mps)
         nu = (estimate.u_mps, estimate.v_mps, estimate.r_radps)
-        if not all(map(math.isfinite, (*pose, *nu, *estimate.motor, *air, *push))):
+        if not all(map(math.isfinite, (*pose, *nu, *estimate.motor, *air, *push, *drift))):
             return self._give_up(0)
 
         # The problem is written in the station's frame, so it does not depend on the station.
@@ -110,11 +111,14 @@ class StationMpc:
         state = (x, y, psi_rad, *nu, *estimate.motor)
         wind_here = ned_to_body(station.psi_rad, *air)
         push_here = (*ned_to_body(station.psi_rad, push[0], push[1]), push[2])
+        moves = ned_to_body(station.psi_rad, *drift) if station.moves else (0.0, 0.0)
         if self._delay_s > 0.0:
             state = self._problem.ahead(state, self._input, wind_here, push_here, self._delay_s)
-        self._update_side_load(wind_here, push_here)
+            if station.moves:  # meanwhile the station has gone on too
+                state = (state[0] - moves[0] * self._delay_s, state[1] - moves[1] * self._delay_s, *state[2:])
+        self._update_side_load(wind_here, push_here, moves)
         self._update_offset(state[1])
-        parameters = self._parameters(state, wind_here, push_here)
+        parameters = self._parameters(state, wind_here, push_here, moves)
         solution, iterations = self._solve(parameters, distance_m)
         return self._control(solution, iterations, station) if solution.ok else self._give_up(iterations)
 
@@ -128,12 +132,17 @@ class StationMpc:
             self.trim_rad = min(max(trim_rad, -config.trim_max_rad), config.trim_max_rad)
 
     def _parameters(
-        self, state: tuple[float, ...], wind: tuple[float, float], disturbance: tuple[float, float, float]
+        self,
+        state: tuple[float, ...],
+        wind: tuple[float, float],
+        disturbance: tuple[float, float, float],
+        moves: tuple[float, float],
     ) -> Array:
         """The problem's parameters, all in the station's frame, with the weights that hold now."""
 
         def packed(weights: MpcWeights, least_slew: float = 0.0) -> Array:
-            return self._problem.pack(state, wind, disturbance, self.trim_rad, self._wanted, weights, least_slew)
+            wanted = self._wanted
+            return self._problem.pack(state, wind, disturbance, self.trim_rad, wanted, weights, least_slew, moves)
 
         config = self.config
         # An offset justifies heading oscillations too: a high heading weight would leave the boat off the station.
@@ -147,9 +156,11 @@ class StationMpc:
         # The cost is linear in its weights, so a mean of the two is a problem of the same kind.
         return share * packed(config.near, least_slew) + (1.0 - share) * packed(config.along, self._thrust_slew)
 
-    def _update_side_load(self, wind: tuple[float, float], disturbance: tuple[float, float, float]) -> None:
-        """The low-passed sideways acceleration (m/s^2) of the boat at the station's heading."""
-        mps2 = abs(self._problem.side_acceleration(wind, disturbance))
+    def _update_side_load(
+        self, wind: tuple[float, float], disturbance: tuple[float, float, float], moves: tuple[float, float]
+    ) -> None:
+        """The low-passed sideways acceleration (m/s^2) of the boat at the station's heading and velocity."""
+        mps2 = abs(self._problem.side_acceleration(wind, disturbance, moves))
         if self._side_load_mps2 is None:
             self._side_load_mps2 = mps2
         gain = min(self._period_s / self.config.side_load_time_s, 1.0)

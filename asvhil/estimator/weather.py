@@ -24,22 +24,26 @@ LEAST_MPS2 = 0.004  # of the mean acceleration: in less weather no heading is be
 class WeatherHeading:
     """Averages wind and disturbance, and finds where the boat, at rest with its motors neutral, is pushed astern alone.
 
-    The force is the model's acceleration at rest in the mean wind, and the disturbance to the side: current, waves, and
-    what the model does not know of the wind. Ahead the disturbance has the errors of the thrust as well, which come and
-    go; to the side no motor pushes. So what the current does ahead is left out, until the boat has turned to it.
+    A boat whose station moves is looked at in that motion, so that the water's drag is part of the weather. The force
+    is the model's acceleration in the mean wind, and the disturbance to the side: current, waves, and what the model
+    does not know of the wind. Ahead the disturbance has the errors of the thrust as well, which come and go; to the
+    side no motor pushes. So what the current does ahead is left out, until the boat has turned to it.
     """
 
     def __init__(self, model: Dynamics, time_constant_s: float) -> None:
         self._time_constant_s = time_constant_s
         psi, wind, disturbance = ca.SX.sym("psi"), ca.SX.sym("w", 2), ca.SX.sym("d", 3)
         neutral = ca.SX(ca.DM(model.input_of_command((0.0, 0.0))))
-        at_rest = ca.vertcat(0.0, 0.0, psi, ca.SX.zeros(3 + model.n_motor))
-        push = motion_derivative(model, at_rest, neutral, wind, disturbance)[3:5]
-        at_one = ca.Function("push", [psi, wind, disturbance], [push], {"cse": True})
-        function = at_one.map("pushes", "serial", HEADINGS, [1, 2], [])
+        moves = ca.SX.sym("c", 2)
+        along = ca.cos(psi) * moves[0] + ca.sin(psi) * moves[1], ca.cos(psi) * moves[1] - ca.sin(psi) * moves[0]
+        with_it = ca.vertcat(0.0, 0.0, psi, *along, ca.SX.zeros(1 + model.n_motor))
+        push = motion_derivative(model, with_it, neutral, wind, disturbance)[3:5]
+        at_one = ca.Function("push", [psi, wind, disturbance, moves], [push], {"cse": True})
+        function = at_one.map("pushes", "serial", HEADINGS, [1, 2, 3], [])
         self._wind, self._disturbance, self._force = np.zeros(2), np.zeros(3), np.zeros(2 * HEADINGS)
+        self._moves = np.zeros(2)
         headings = 2.0 * math.pi * np.arange(HEADINGS) / HEADINGS
-        self._evaluate = bind(function, [headings, self._wind, self._disturbance], [self._force])
+        self._evaluate = bind(function, [headings, self._wind, self._disturbance, self._moves], [self._force])
         self._t_ns: int | None = None
         self._since_ns = 0
         self._turn_rate2 = self._weight_s = 0.0
@@ -76,6 +80,10 @@ class WeatherHeading:
         counts_s = step_s / (1.0 + max(self._turn_rate2, r_radps**2) / CALM_RADPS**2)
         self._weight_s += counts_s - min(step_s / self._time_constant_s, 1.0) * self._weight_s
         return min(counts_s / self._weight_s, 1.0)
+
+    def note_motion(self, velocity_mps: tuple[float, float]) -> None:
+        """The velocity (north, east) of the station that is held; zero for one at rest, and without one."""
+        self._moves[:] = velocity_mps
 
     def push_at(self, psi_rad: float) -> tuple[float, float] | None:
         """The mean push (m/s^2) ahead and to starboard on a boat that rests at a heading; None: not known."""

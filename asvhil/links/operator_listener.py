@@ -96,6 +96,8 @@ class OperatorListener:
                         "lat_deg": message.lat_int * 1e-7,
                         "lon_deg": message.lon_int * 1e-7,
                         "heading_deg": math.degrees(message.yaw) % 360.0,
+                        "speed_mps": math.hypot(message.vx, message.vy),
+                        "course_deg": math.degrees(math.atan2(message.vy, message.vx)) % 360.0,
                     }
                 case "DEBUG_FLOAT_ARRAY" if message.array_id == STATE_ID:
                     look["boat"] = read_state(message)

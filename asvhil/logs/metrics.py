@@ -16,6 +16,7 @@ from asvhil.supervisor.docking import (
     DOCKING_SPEED_MPS,
 )
 from asvhil.supervisor.heading_policy import LEAST_CHANGE_RAD
+from asvhil.supervisor.stations import LEAP_M
 from asvhil.types import record
 
 SETTLED_FROM_S = 60.0  # the score is of station keeping, not of the way to the station
@@ -41,8 +42,9 @@ class PoseErrors:
 class MotionTrack:
     """A boat's motion by one way of knowing it: k samples, and the station and the hold of each.
 
-    t_s since the first tick (k,); pose (k, 3) n, e (m), psi (rad); speed over ground (m/s); yaw rate (rad/s); station
-    (k, 3) as the pose, NaN where there is none; number of the hold, 0 where the controller had not the motors.
+    t_s since the first tick (k,); pose (k, 3) n, e (m), psi (rad); speed over ground (m/s), relative to a station that
+    moves; yaw rate (rad/s); station (k, 3) as the pose, NaN where there is none, and whether it moves; number of the
+    hold, 0 where the controller had not the motors.
     """
 
     t_s: Array
@@ -50,6 +52,7 @@ class MotionTrack:
     speed_mps: Array
     yaw_rate_radps: Array
     station: Array
+    moves: NDArray[np.bool_]
     hold: Array
 
     def of_hold(self, number: int | None = None) -> MotionTrack:
@@ -64,6 +67,7 @@ class MotionTrack:
             speed_mps=self.speed_mps[mask],
             yaw_rate_radps=self.yaw_rate_radps[mask],
             station=self.station[mask],
+            moves=self.moves[mask],
             hold=self.hold[mask],
         )
 
@@ -230,7 +234,10 @@ def _runs(inside: NDArray[np.bool_], track: MotionTrack) -> list[tuple[int, int]
         return []
     step = np.diff(track.station, axis=0)
     # One that turns a little from sample to sample follows the weather, and is the same.
-    moved = (step[:, :2] != 0.0).any(axis=1) | (np.abs(np.sin(0.5 * step[:, 2])) > 0.5 * LEAST_CHANGE_RAD)
+    # So is one that moves on its course.
+    course = track.moves[1:] | track.moves[:-1]
+    leapt = np.hypot(step[:, 0], step[:, 1]) > np.where(course, LEAP_M, 0.0)
+    moved = leapt | (np.abs(np.sin(0.5 * step[:, 2])) > 0.5 * LEAST_CHANGE_RAD)
     cut = (np.diff(track.t_s) > GAP_S) | (track.hold[1:] != track.hold[:-1]) | moved
     first, last = inside.copy(), inside.copy()
     first[1:] &= cut | np.logical_not(inside[:-1])

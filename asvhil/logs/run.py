@@ -182,10 +182,10 @@ class RunReader:
         )
 
 
-# t_s, latitude, longitude (degrees) or n, e (m), psi, arm forward, to starboard, speed, yaw rate
+# t_s, latitude, longitude (degrees) or n, e (m), psi, arm forward, to starboard, velocity north, east, yaw rate
 Sample = tuple[float, ...]
-# n, e, psi of the station, NaN where there is none; number of the hold
-Held = tuple[float, float, float, float]
+# n, e, psi of the station, NaN where there is none; its velocity north, east; number of the hold
+Held = tuple[float, float, float, float, float, float]
 
 
 class _Sensors:
@@ -214,7 +214,7 @@ class _Sensors:
             for data in self._parser.receive(frame.peer, frame.data):
                 if message_id(data) == dialect.MAVLINK_MSG_ID_SIM_STATE and (m := decode(data)) is not None:
                     place = m.lat_int * 1e-7, m.lon_int * 1e-7
-                    self.truth.append((self._t_s(frame.t_ns), *place, m.yaw, 0.0, 0.0, math.hypot(m.vn, m.ve), m.zgyro))
+                    self.truth.append((self._t_s(frame.t_ns), *place, m.yaw, 0.0, 0.0, m.vn, m.ve, m.zgyro))
         if self.decoder is None:
             return
         fixes: list[Position] = []
@@ -233,19 +233,19 @@ class _Sensors:
         for m in fixes:
             psi_rad, rate_radps = _at(m.t_ns, self._psi), _at(m.t_ns, self._rate)
             if not math.isnan(psi_rad):
-                speed_mps = self._speed_mps(m.t_ns, psi_rad, rate_radps)
+                velocity = self._velocity_mps(m.t_ns, psi_rad, rate_radps)
                 place = m.lat_deg, m.lon_deg
-                self.measured.append((self._t_s(m.t_ns), *place, psi_rad, *m.arm_m, speed_mps, rate_radps))
+                self.measured.append((self._t_s(m.t_ns), *place, psi_rad, *m.arm_m, *velocity, rate_radps))
 
-    def _speed_mps(self, t_ns: int, psi_rad: float, rate_radps: float) -> float:
-        """Speed over ground of the boat's origin."""
+    def _velocity_mps(self, t_ns: int, psi_rad: float, rate_radps: float) -> tuple[float, float]:
+        """Velocity over ground of the boat's origin, north and east."""
         v = self._velocity
         if v is None or t_ns - v.t_ns > READING_NS:
-            return math.nan
+            return math.nan, math.nan
         if not any(v.arm_m):
-            return math.hypot(v.vn_mps, v.ve_mps)
+            return v.vn_mps, v.ve_mps
         arm_n, arm_e = body_to_ned(psi_rad, *v.arm_m)
-        return math.hypot(v.vn_mps + rate_radps * arm_e, v.ve_mps - rate_radps * arm_n)
+        return v.vn_mps + rate_radps * arm_e, v.ve_mps - rate_radps * arm_n
 
     def _t_s(self, t_ns: int) -> float:
         return (t_ns - self.start_ns) * 1e-9
@@ -284,14 +284,15 @@ class _Reading:
         self.spans.add(t_s, outputs.phase, outputs.health.reason, outputs.health.code)
         hold, station = self.spans.hold, outputs.station
         pose = (math.nan,) * 3 if station is None else (station.n_m, station.e_m, station.psi_rad)
-        held: Held = (pose[0], pose[1], pose[2], float(hold))
+        moves = (0.0, 0.0) if station is None else (station.vn_mps, station.ve_mps)
+        held: Held = (pose[0], pose[1], pose[2], *moves, float(hold))
         self.measured += [(sample, held) for sample in sensors.measured]
         self.truth += [(sample, held) for sample in sensors.truth]
         if hold:
             self.station = station
         if (e := outputs.estimate) is not None:
-            speed_mps = math.hypot(e.u_mps, e.v_mps)
-            self.estimated.append(((t_s, e.n_m, e.e_m, e.psi_rad, 0.0, 0.0, speed_mps, e.r_radps), held))
+            velocity = body_to_ned(e.psi_rad, e.u_mps, e.v_mps)
+            self.estimated.append(((t_s, e.n_m, e.e_m, e.psi_rad, 0.0, 0.0, *velocity, e.r_radps), held))
         if outputs.wind is not None:
             vn, ve = outputs.wind.vn_mps, outputs.wind.ve_mps
             self.wind.append((t_s, math.hypot(vn, ve), math.atan2(ve, vn), hold))
@@ -363,24 +364,25 @@ def _placed(samples: list[tuple[Sample, Held]], local: LocalFrame | None) -> Mot
     if local is None:
         return _track([])
     found: list[tuple[Sample, Held]] = []
-    for (t_s, lat_deg, lon_deg, psi_rad, *arm_m, speed_mps, rate_radps), held in samples:
+    for (t_s, lat_deg, lon_deg, psi_rad, *arm_m, vn_mps, ve_mps, rate_radps), held in samples:
         n_m, e_m = local.to_ned(lat_deg, lon_deg)
         if any(arm_m):
             arm_n, arm_e = body_to_ned(psi_rad, arm_m[0], arm_m[1])
             n_m, e_m = n_m - arm_n, e_m - arm_e
-        found.append(((t_s, n_m, e_m, psi_rad, 0.0, 0.0, speed_mps, rate_radps), held))
+        found.append(((t_s, n_m, e_m, psi_rad, 0.0, 0.0, vn_mps, ve_mps, rate_radps), held))
     return _track(found)
 
 
 def _track(samples: list[tuple[Sample, Held]]) -> MotionTrack:
-    rows = _rows([(*sample, *held) for sample, held in samples], 12)
+    rows = _rows([(*sample, *held) for sample, held in samples], 15)
     return MotionTrack(
         t_s=rows[:, 0],
         pose=rows[:, 1:4],
-        speed_mps=rows[:, 6],
-        yaw_rate_radps=rows[:, 7],
-        station=rows[:, 8:11],
-        hold=rows[:, 11].astype(int),
+        speed_mps=np.hypot(rows[:, 6] - rows[:, 12], rows[:, 7] - rows[:, 13]),
+        yaw_rate_radps=rows[:, 8],
+        station=rows[:, 9:12],
+        moves=(rows[:, 12:14] != 0.0).any(axis=1),
+        hold=rows[:, 14].astype(int),
     )
 
 

@@ -9,6 +9,7 @@ from asvhil.config import MotionConfig, ProcedureConfig, VesselConfig
 from asvhil.geo import ned_to_body, wrap_rad
 from asvhil.supervisor.heading_policy import LEAST_CHANGE_RAD
 from asvhil.supervisor.reasons import Explanation, Reason, explain
+from asvhil.supervisor.stations import has_leapt
 from asvhil.types import Estimate, Station
 
 SATURATED = 0.95  # of a motor's full command
@@ -91,6 +92,8 @@ def _top_speed_mps(thrust_n: float, linear: float, quadratic: float) -> float:
 
 
 def _is_another(station: Station, before: Station) -> bool:
-    """Whether a station has been moved, or given another heading, and has not just turned a little with the weather."""
-    moved = (station.n_m, station.e_m) != (before.n_m, before.e_m)
+    """Whether a station has been moved, or given another heading, and has not just turned a little with the weather or
+    moved on its course.
+    """
+    moved = has_leapt(station, before)
     return moved or abs(wrap_rad(station.psi_rad - before.psi_rad)) > LEAST_CHANGE_RAD

@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from asvhil.geo import is_place
 from asvhil.io.mavlink.frames import decode, dialect, message_id
 from asvhil.supervisor.reasons import Explanation, Reason, explain
-from asvhil.types import HoldCommand, MoveCommand, NeutralCommand, ReleaseCommand, record
+from asvhil.types import HoldCommand, LeaderMessage, MoveCommand, NeutralCommand, ReleaseCommand, changed, record
 
 HERE = 2**31 - 1  # INT32_MAX: "no value" of a COMMAND_INT coordinate
 REPOSITION, LOITER = dialect.MAV_CMD_DO_REPOSITION, dialect.MAV_CMD_NAV_LOITER_UNLIM
@@ -30,14 +31,15 @@ GLOBAL_FRAMES = frozenset(
 DENIED = int(dialect.MAV_RESULT_DENIED)
 IGNORE_XY = dialect.POSITION_TARGET_TYPEMASK_X_IGNORE | dialect.POSITION_TARGET_TYPEMASK_Y_IGNORE
 IGNORE_YAW = dialect.POSITION_TARGET_TYPEMASK_YAW_IGNORE
+IGNORE_VELOCITY = dialect.POSITION_TARGET_TYPEMASK_VX_IGNORE | dialect.POSITION_TARGET_TYPEMASK_VY_IGNORE
 # What a station cannot follow: bit that leaves it out, field.
 RATES = (
-    (dialect.POSITION_TARGET_TYPEMASK_VX_IGNORE, "vx"),
-    (dialect.POSITION_TARGET_TYPEMASK_VY_IGNORE, "vy"),
     (dialect.POSITION_TARGET_TYPEMASK_AX_IGNORE, "afx"),
     (dialect.POSITION_TARGET_TYPEMASK_AY_IGNORE, "afy"),
     (dialect.POSITION_TARGET_TYPEMASK_YAW_RATE_IGNORE, "yaw_rate"),
 )
+FOLLOW_TARGET = dialect.MAVLINK_MSG_ID_FOLLOW_TARGET
+HAS_POSITION, HAS_VELOCITY = 1, 2  # bits of its est_capabilities
 YAW_MAX_RAD = 2.0 * math.pi + 1e-6
 
 
@@ -105,9 +107,16 @@ def meaning_of_setpoint(t_ns: int, m: Any, *, streaming: bool) -> HoldCommand | 
         return rate
     yaw_rad = math.nan if m.type_mask & IGNORE_YAW else m.yaw
     hold = _hold(t_ns, (m.lat_int * 1e-7, m.lon_int * 1e-7), yaw_rad)
-    if isinstance(hold, Refusal) or not streaming:
+    if isinstance(hold, Refusal):
         return hold
-    return MoveCommand(t_ns=t_ns, lat_deg=hold.lat_deg, lon_deg=hold.lon_deg, psi_rad=hold.psi_rad)
+    velocity_mps = _velocity(m)
+    if isinstance(velocity_mps, Refusal):
+        return velocity_mps
+    if not streaming:
+        return changed(hold, velocity_mps=velocity_mps)
+    return MoveCommand(
+        t_ns=t_ns, lat_deg=hold.lat_deg, lon_deg=hold.lon_deg, psi_rad=hold.psi_rad, velocity_mps=velocity_mps
+    )
 
 
 def meaning_of_local_setpoint(t_ns: int, m: Any) -> MoveCommand | Refusal:
@@ -124,12 +133,39 @@ def meaning_of_local_setpoint(t_ns: int, m: Any) -> MoveCommand | Refusal:
         return Refusal(why=explain(Reason.PLACE_IMPOSSIBLE))
     if not no_yaw and not abs(m.yaw) <= YAW_MAX_RAD:
         return Refusal(why=explain(Reason.HEADING_IMPOSSIBLE))
+    velocity_mps = _velocity(m)
+    if isinstance(velocity_mps, Refusal):
+        return velocity_mps
     n_m, e_m = (None, None) if no_place else (m.x, m.y)
-    return MoveCommand(t_ns=t_ns, n_m=n_m, e_m=e_m, psi_rad=None if no_yaw else m.yaw)
+    psi_rad = None if no_yaw else m.yaw
+    return MoveCommand(t_ns=t_ns, n_m=n_m, e_m=e_m, psi_rad=psi_rad, velocity_mps=velocity_mps)
+
+
+def meaning_of_leader(t_ns: int, system_id: int, m: Any) -> LeaderMessage | None:
+    """Where a FOLLOW_TARGET has its sender, and how fast; None where it does not tell a place.
+
+    A velocity that is not told, or is no number, is none: the station then goes from place to place.
+    """
+    lat_deg, lon_deg = m.lat * 1e-7, m.lon * 1e-7
+    if not m.est_capabilities & HAS_POSITION or not is_place(lat_deg, lon_deg):
+        return None
+    told = m.est_capabilities & HAS_VELOCITY and math.isfinite(m.vel[0]) and math.isfinite(m.vel[1])
+    velocity_mps = (m.vel[0], m.vel[1]) if told else (0.0, 0.0)
+    return LeaderMessage(t_ns=t_ns, system_id=system_id, lat_deg=lat_deg, lon_deg=lon_deg, velocity_mps=velocity_mps)
+
+
+def _velocity(m: Any) -> tuple[float, float] | Refusal | None:
+    """The station's velocity over ground (north, east), None where none is meant; one of zero is that of rest."""
+    ignored = m.type_mask & IGNORE_VELOCITY
+    if ignored == IGNORE_VELOCITY or (ignored == 0 and m.vx == 0.0 and m.vy == 0.0):
+        return None
+    if ignored or not (math.isfinite(m.vx) and math.isfinite(m.vy)):
+        return Refusal(why=explain(Reason.VELOCITY_IMPOSSIBLE))
+    return m.vx, m.vy
 
 
 def _refusal_of_rates(m: Any) -> Refusal | None:
-    """Why a set-point asks for more than a station: one that moves."""
+    """Why a set-point asks for more than a station with a velocity."""
     for bit, field in RATES:
         value = getattr(m, field)
         if not m.type_mask & bit and value != 0.0 and not math.isnan(value):

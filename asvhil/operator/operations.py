@@ -117,7 +117,8 @@ class Operations:
         def value_of(name: str) -> float:
             if name in self._tunables:
                 return self._tunables.value(name)
-            return station_value(name, decision.station, situation.frame, decision.heading_policy)
+            policy, course = decision.heading_policy, decision.course
+            return station_value(name, decision.station, situation.frame, policy, course)
 
         return self._session.data_to_send(t_ns, self._report(situation, decision, readings), value_of)
 
@@ -154,6 +155,7 @@ class Operations:
                 "distance_m": math.hypot(estimate.n_m - station.n_m, estimate.e_m - station.e_m),
                 "heading_error_rad": wrap_rad(estimate.psi_rad - station.psi_rad),
                 "station": (*frame.to_geodetic(station.n_m, station.e_m), station.psi_rad),
+                "station_moves_mps": (station.vn_mps, station.ve_mps) if station.moves else None,
             }
         if self._session.is_asked:  # only displays have a use for it
             known |= {"boat": self._boat(situation, decision, readings)}

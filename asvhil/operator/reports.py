@@ -10,7 +10,7 @@ from typing import Any
 from asvhil import __version__
 from asvhil.io.mavlink.frames import dialect
 from asvhil.operator.encoding import STATION_ONLY
-from asvhil.operator.goto import DENIED
+from asvhil.operator.goto import DENIED, IGNORE_VELOCITY
 from asvhil.operator.state_arrays import BoatState, docking_values, state_arrays
 from asvhil.supervisor.reasons import Explanation, describe
 from asvhil.types import DockingWindow, Note, Phase, record
@@ -46,7 +46,8 @@ STATES = {
 class OperatorReport:
     """Errors to the station that is held, the latest solution, and the station itself.
 
-    What is not known is NaN; `station` is (latitude, longitude in degrees, heading in rad), None where none is held.
+    What is not known is NaN; `station` is (latitude, longitude in degrees, heading in rad), None where none is held,
+    and `station_moves_mps` its velocity (north, east), None where it has none.
     `adrift`: a failure has ended the hold, and nobody has taken the motors since. `why` tells the phase's reason,
     `notes` what is wrong; `computer` is the latest ONBOARD_COMPUTER_STATUS. `boat` is for displays.
     """
@@ -58,6 +59,7 @@ class OperatorReport:
     iterations: float = math.nan
     control_ok: bool = True
     station: tuple[float, float, float] | None = None
+    station_moves_mps: tuple[float, float] | None = None
     adrift: bool = False
     why: Explanation | None = None
     notes: tuple[Note, ...] = ()
@@ -140,7 +142,7 @@ class Reports:
             return [] if report.computer is None else [_anew(report.computer)]
         if msg_id == ARRAYS_ID:
             return state_arrays(t_ms * 1000, report.boat)
-        return [] if report.station is None else [_target(t_ms, report.station)]
+        return [] if report.station is None else [_target(t_ms, report.station, report.station_moves_mps)]
 
     @staticmethod
     def _heartbeat(report: OperatorReport) -> Any:
@@ -185,17 +187,18 @@ def _version() -> Any:
     return dialect.MAVLink_autopilot_version_message(CAPABILITIES, number, 0, 0, 0, [0] * 8, [0] * 8, [0] * 8, 0, 0, 0)
 
 
-def _target(t_ms: int, station: tuple[float, float, float]) -> Any:
+def _target(t_ms: int, station: tuple[float, float, float], moves_mps: tuple[float, float] | None) -> Any:
     lat_deg, lon_deg, psi_rad = station
+    vn, ve = moves_mps or (0.0, 0.0)
     return dialect.MAVLink_position_target_global_int_message(
         t_ms,
         dialect.MAV_FRAME_GLOBAL_INT,
-        STATION_ONLY,
+        STATION_ONLY if moves_mps is None else STATION_ONLY & ~IGNORE_VELOCITY,
         round(lat_deg * 1e7),
         round(lon_deg * 1e7),
         0.0,
-        0.0,
-        0.0,
+        vn,
+        ve,
         0.0,
         0.0,
         0.0,

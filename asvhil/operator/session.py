@@ -15,11 +15,13 @@ from asvhil.io.mavlink.timesync import TimeSync
 from asvhil.operator.encoding import SOLVE_TIME
 from asvhil.operator.goto import (
     COMMANDS,
+    FOLLOW_TARGET,
     LOCAL_SETPOINT,
     SETPOINT,
     Refusal,
     is_goto,
     meaning_of_command,
+    meaning_of_leader,
     meaning_of_local_setpoint,
     meaning_of_setpoint,
 )
@@ -34,6 +36,7 @@ from asvhil.types import (
     Address,
     Frame,
     HoldCommand,
+    LeaderMessage,
     MoveCommand,
     NeutralCommand,
     ParameterChange,
@@ -41,7 +44,7 @@ from asvhil.types import (
     record,
 )
 
-Command = HoldCommand | MoveCommand | NeutralCommand | ReleaseCommand | ParameterChange
+Command = HoldCommand | MoveCommand | LeaderMessage | NeutralCommand | ReleaseCommand | ParameterChange
 
 LISTENING_NS = 15_000_000_000  # reports are for ground stations that are there: these send heartbeats
 UNSUPPORTED = int(dialect.MAV_RESULT_UNSUPPORTED)
@@ -71,7 +74,8 @@ class OperatorSession:
 
     Holds: MAV_CMD_DO_REPOSITION, MAV_CMD_NAV_LOITER_UNLIM, SET_POSITION_TARGET_GLOBAL_INT, MAV_CMD_NAV_GUIDED_ENABLE
     with 1; releases: the last with 0. Moves: SET_POSITION_TARGET_LOCAL_NED; neutral: MAV_CMD_COMPONENT_ARM_DISARM with
-    0, where it is sent to us alone. What is sent to all components of the system is answered only where we do it.
+    0, where it is sent to us alone. A FOLLOW_TARGET is taken in whoever sends it. What is sent to all components of the
+    system is answered only where we do it.
     A request that comes again is answered as before, and not done again.
     """
 
@@ -107,6 +111,8 @@ class OperatorSession:
             msg_id = message_id(data)
             if msg_id == dialect.MAVLINK_MSG_ID_TIMESYNC:
                 self._on_timesync(frame, data)
+            elif msg_id == FOLLOW_TARGET:
+                found += self._on_leader(frame, data)
             elif msg_id in (SETPOINT, LOCAL_SETPOINT) or msg_id in COMMANDS or msg_id in parameter_server.MESSAGES:
                 request = self._on_request(frame, data, msg_id)
                 if request is not None:
@@ -192,6 +198,12 @@ class OperatorSession:
         message = decode(data)
         if message is not None and message.tc1 == 0 and len(self._clocks) < Parser.MAX_PEERS:
             self._clocks.setdefault(frame.address, TimeSync()).receive(frame.t_ns, message)
+
+    def _on_leader(self, frame: Frame, data: bytes) -> list[OperatorRequest]:
+        """A vehicle that tells where it is, to everybody; the supervisor knows which is followed."""
+        message = decode(data)
+        meaning = None if message is None else meaning_of_leader(frame.t_ns, source(data)[0], message)
+        return [] if meaning is None else [self._request(frame, data, meaning, None, self._us)]
 
     def _on_request(self, frame: Frame, data: bytes, msg_id: int) -> OperatorRequest | None:
         system_id, component_id = target(data)

@@ -8,21 +8,29 @@ from asvhil.config.heading import POLICIES
 from asvhil.config.registry import OperatorParameter
 from asvhil.geo import LocalFrame, wrap_rad
 from asvhil.supervisor.reasons import Explanation, Reason, explain
-from asvhil.types import HeadingCommand, MoveCommand, ParameterChange, Station
+from asvhil.types import CourseCommand, HeadingCommand, MoveCommand, ParameterChange, Station
 
 # Degrees on the ellipsoid, and metres from the first position heard, which a 32-bit float tells to a tenth of a
 # millimetre while it tells degrees to half a metre.
 PLACE_PARAMETERS = ("ST_LAT", "ST_LON", "ST_HDG", "ST_NORTH", "ST_EAST")
 POLICY_PARAMETER = "ST_POLICY"
 _POLICY = OperatorParameter(name=POLICY_PARAMETER, path=(), least=0.0, most=len(POLICIES) - 1.0, choices=POLICIES)
-STATION_PARAMETERS = (*PLACE_PARAMETERS, POLICY_PARAMETER)
+SPEED_PARAMETER, COURSE_PARAMETER, WAY_PARAMETER = "ST_SPEED", "ST_COURSE", "ST_WAY"
+FOLLOW_PARAMETER = "ST_FOLLOW"
+# Of a station that moves, with the largest value of each; none is negative.
+COURSE_PARAMETERS = {SPEED_PARAMETER: math.inf, COURSE_PARAMETER: 360.0, WAY_PARAMETER: 1e6, FOLLOW_PARAMETER: 255.0}
+STATION_PARAMETERS = (*PLACE_PARAMETERS, POLICY_PARAMETER, *COURSE_PARAMETERS)
 BOUNDS_DEG = {"ST_LAT": 90.0, "ST_LON": 180.0, "ST_HDG": 360.0}
 
 
-def station_value(name: str, station: Station | None, frame: LocalFrame | None, policy: str) -> float:
+def station_value(
+    name: str, station: Station | None, frame: LocalFrame | None, policy: str, course: CourseCommand | None = None
+) -> float:
     """The value of one of STATION_PARAMETERS; those of the place are NaN while no station is held."""
     if name == POLICY_PARAMETER:
         return _POLICY.on_link(policy)
+    if name in COURSE_PARAMETERS:
+        return _course_value(name, course)
     if station is None or frame is None:
         return math.nan
     lat_deg, lon_deg = frame.to_geodetic(station.n_m, station.e_m)
@@ -30,13 +38,22 @@ def station_value(name: str, station: Station | None, frame: LocalFrame | None, 
     return values[PLACE_PARAMETERS.index(name)]
 
 
-def request_of_change(change: ParameterChange) -> MoveCommand | HeadingCommand | Explanation:
-    """The move or the heading policy that setting one of STATION_PARAMETERS asks for, or why there is none."""
+def _course_value(name: str, course: CourseCommand | None) -> float:
+    if course is None:
+        return 0.0
+    values = course.speed_mps, math.degrees(course.course_rad or 0.0) % 360.0, course.way_m, course.leader
+    return float(values[list(COURSE_PARAMETERS).index(name)] or 0.0)
+
+
+def request_of_change(change: ParameterChange) -> MoveCommand | HeadingCommand | CourseCommand | Explanation:
+    """The move, course or heading policy that setting one of STATION_PARAMETERS asks for, or why there is none."""
     name, value = change.name, change.value
     if name == POLICY_PARAMETER:
         if _POLICY.allows(value):
             return HeadingCommand(t_ns=change.t_ns, policy=str(_POLICY.from_link(value)))
         return explain(Reason.PARAMETER_OUT_OF_RANGE, name=name, range=_POLICY.range)
+    if name in COURSE_PARAMETERS:
+        return _course_of_change(change)
     most_deg = BOUNDS_DEG.get(name)
     if not math.isfinite(value) or (most_deg is not None and abs(value) > most_deg):
         allowed = "a finite number" if most_deg is None else f"{-most_deg:g} to {most_deg:g}"
@@ -52,3 +69,20 @@ def request_of_change(change: ParameterChange) -> MoveCommand | HeadingCommand |
             return MoveCommand(t_ns=change.t_ns, n_m=value)
         case _:
             return MoveCommand(t_ns=change.t_ns, e_m=value)
+
+
+def _course_of_change(change: ParameterChange) -> CourseCommand | Explanation:
+    name, value, most = change.name, change.value, COURSE_PARAMETERS[change.name]
+    odd = name == FOLLOW_PARAMETER and value != round(value) if math.isfinite(value) else True
+    if odd or not 0.0 <= value <= most:
+        allowed = "0 or more" if math.isinf(most) else f"0 to {most:g}"
+        return explain(Reason.PARAMETER_OUT_OF_RANGE, name=name, range=allowed)
+    match name:
+        case "ST_SPEED":
+            return CourseCommand(t_ns=change.t_ns, speed_mps=value)
+        case "ST_COURSE":
+            return CourseCommand(t_ns=change.t_ns, course_rad=math.radians(value))
+        case "ST_WAY":
+            return CourseCommand(t_ns=change.t_ns, way_m=value)
+        case _:
+            return CourseCommand(t_ns=change.t_ns, leader=round(value))

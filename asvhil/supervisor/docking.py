@@ -15,8 +15,9 @@ from __future__ import annotations
 
 import math
 
-from asvhil.geo import wrap_rad
+from asvhil.geo import ned_to_body, wrap_rad
 from asvhil.supervisor.docking_odds import stays_open
+from asvhil.supervisor.stations import has_leapt
 from asvhil.types import DockingWindow, Estimate, Station
 
 DOCKING_SPEED_MPS = 0.5
@@ -34,10 +35,18 @@ LEAST_RATE = 1e-5  # per second: rarer peaks are alike
 CALM_LOG = -2.0  # of the rate of ends: below, windows end rarely
 
 
+def relative_velocity(estimate: Estimate, station: Station) -> tuple[float, float]:
+    """The boat's velocity relative to its station (u, v in m/s): whoever docks goes along with one that moves."""
+    if not station.moves:
+        return estimate.u_mps, estimate.v_mps
+    u_mps, v_mps = ned_to_body(estimate.psi_rad, station.vn_mps, station.ve_mps)
+    return estimate.u_mps - u_mps, estimate.v_mps - v_mps
+
+
 def inside(estimate: Estimate, station: Station) -> bool:
     """Whether an estimate is in a docking window of a station."""
     return (
-        math.hypot(estimate.u_mps, estimate.v_mps) < DOCKING_SPEED_MPS
+        math.hypot(*relative_velocity(estimate, station)) < DOCKING_SPEED_MPS
         and abs(estimate.r_radps) < DOCKING_RATE_RADPS
         and math.hypot(estimate.n_m - station.n_m, estimate.e_m - station.e_m) < DOCKING_RADIUS_M
         and abs(wrap_rad(estimate.psi_rad - station.psi_rad)) < HALF_SECTOR_RAD
@@ -123,13 +132,12 @@ class DockingWatch:
         return DockingWindow(open_s=open_s, stays=self._stays)
 
     def _moved(self, station: Station) -> bool:
-        """Whether it is another station than the last one; a heading that follows the weather is not."""
-        last = self._station
-        return last is not None and (last.n_m, last.e_m) != (station.n_m, station.e_m)
+        """Whether it is another station than the last one; one that follows the weather or its course is not."""
+        return self._station is not None and has_leapt(station, self._station)
 
     def _sample(self, t_ns: int, estimate: Estimate, station: Station) -> None:
         off_rad = wrap_rad(estimate.psi_rad - station.psi_rad)
-        values = estimate.u_mps, estimate.v_mps, estimate.r_radps, off_rad
+        values = *relative_velocity(estimate, station), estimate.r_radps, off_rad
         for signal, value in zip(self._signals, values, strict=True):
             signal.add(value)
         self._known_s += EVERY_S

@@ -55,6 +55,8 @@ class Reason(enum.StrEnum):
     NO_STATION_HELD = "no-station-held"
     STATION_TOO_FAR = "station-too-far"
     STATION_UNCONFIRMED = "station-unconfirmed"
+    STATION_TOO_FAST = "station-too-fast"
+    LEADER_JUMPED = "leader-jumped"
     OUTSIDE_FENCE = "outside-fence"
     STICK_HIDDEN = "stick-hidden"
     WIRING_UNREAD = "wiring-unread"
@@ -90,6 +92,7 @@ class Reason(enum.StrEnum):
     FRAME_NOT_LOCAL = "frame-not-local"
     SETPOINT_WITHOUT_POSITION = "setpoint-without-position"
     SETPOINT_WITH_RATE = "setpoint-with-rate"
+    VELOCITY_IMPOSSIBLE = "velocity-impossible"
     PLACE_IMPOSSIBLE = "place-impossible"
     HEADING_IMPOSSIBLE = "heading-impossible"
     PARAMETER_OUT_OF_RANGE = "parameter-out-of-range"
@@ -245,6 +248,14 @@ WORDS: Mapping[Reason, Words] = {
         remedy="Check latitude and longitude. If it is meant: `asvhil hold --within METRES`, param3 of DO_REPOSITION "
         "in metres, or supervisor.max_distance_m.",
     ),
+    Reason.STATION_TOO_FAST: Words(
+        text="a station at {speed:.2f} m/s, {most:.2f} m/s at most",
+        remedy="A slower course; supervisor.moving.max_speed_mps, up to what half of the boat's thrust keeps up with.",
+    ),
+    Reason.LEADER_JUMPED: Words(
+        text="the leader is {metres:.0f} m from where its last message had it, {most:.0f} m at most",
+        remedy="Look at the leader's position. To follow it from where it is now: set ST_FOLLOW again.",
+    ),
     Reason.OUTSIDE_FENCE: Words(
         text="the {what} is {metres:.0f} m outside the geofence",
         remedy="Bring the boat back into supervisor.geofence, or choose a station in it.",
@@ -368,7 +379,10 @@ WORDS: Mapping[Reason, Words] = {
         text="a set-point without a position", remedy="Clear the bits of x and y in the type mask."
     ),
     Reason.SETPOINT_WITH_RATE: Words(
-        text="a set-point with {field}: a station stands still", remedy="Mask velocities, accelerations and yaw rate."
+        text="a set-point with {field}: a station has a velocity at the most", remedy="Mask accelerations and yaw rate."
+    ),
+    Reason.VELOCITY_IMPOSSIBLE: Words(
+        text="a set-point with half of a velocity", remedy="Send vx and vy in m/s, or mask both."
     ),
     Reason.PLACE_IMPOSSIBLE: Words(
         text="no latitude and longitude of a station",

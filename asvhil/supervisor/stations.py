@@ -9,6 +9,7 @@ from asvhil.geo import LocalFrame
 from asvhil.supervisor.reasons import Explanation, Reason, explain
 from asvhil.types import Estimate, HoldCommand, MoveCommand, Station
 
+LEAP_M = 0.5  # from one sample to the next: less, and a station that moves has moved on its course
 MAX_STATION_DISTANCE_M = 2000.0  # the local plane is good to a few centimetres within it
 
 
@@ -49,3 +50,10 @@ def too_far(station: Station, estimate: Estimate, most_m: float) -> Explanation 
     if distance_m > most_m:
         return explain(Reason.STATION_UNCONFIRMED, metres=distance_m, most=most_m)
     return None
+
+
+def has_leapt(station: Station, before: Station) -> bool:
+    """Whether a station is elsewhere than in the last tick, and has not just moved on its course."""
+    if not (station.moves or before.moves):
+        return (station.n_m, station.e_m) != (before.n_m, before.e_m)
+    return math.hypot(station.n_m - before.n_m, station.e_m - before.e_m) > LEAP_M

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 from asvhil.config import SupervisorConfig
@@ -13,17 +14,22 @@ from asvhil.supervisor.mode_request import ModeRequest
 from asvhil.supervisor.pilot_watch import PilotWatch
 from asvhil.supervisor.reasons import Explanation, Reason, explain
 from asvhil.supervisor.situation import Situation
+from asvhil.supervisor.station_motion import LeaderReport, StationMotion
 from asvhil.supervisor.stations import station_of_config, station_of_hold, station_of_move, too_far
 from asvhil.types import (
+    CourseCommand,
     FrontseatStatus,
     HeadingCommand,
     HoldCommand,
+    LeaderMessage,
     MoveCommand,
     NeutralCommand,
+    Note,
     Phase,
     Radio,
     ReleaseCommand,
     Station,
+    changed,
     record,
 )
 
@@ -34,7 +40,7 @@ PILOT_FIRST_NS = 1_000_000_000  # a hold command that comes so soon was sent bef
 THEIRS = (Reason.TRANSMITTER_HEARD, Reason.MODE_CHANGED, Reason.OVERRIDE_NOT_FOLLOWED, Reason.STICK_MOVED)
 NAMED_LATER_NS = 10_000_000_000  # after a hold has ended for what another vehicle said, until that is known for another
 
-Request = HoldCommand | MoveCommand | HeadingCommand | NeutralCommand | ReleaseCommand
+Request = HoldCommand | MoveCommand | CourseCommand | LeaderMessage | HeadingCommand | NeutralCommand | ReleaseCommand
 
 
 @record
@@ -46,7 +52,7 @@ class Decision:
     only), `ask_mode` for a mode alone.
     `answers`: for each request in turn None where it is granted, or why not; `begun`: a hold was granted.
     `station` is None while none is held; `station_changed`: it is another one than in the last tick, and not the same
-    that has turned with the weather.
+    that has turned with the weather or has moved on its course.
     `control_ok`: the latest solution, but for that of this tick, could be used. `link_ok`: the autopilot is heard.
     """
 
@@ -62,6 +68,8 @@ class Decision:
     prepare: bool = False
     ask_mode: str | None = None
     heading_policy: str = "fixed"
+    course: CourseCommand | None = None
+    notes: tuple[Note, ...] = ()
     link_ok: bool = False
     control_ok: bool = True
 
@@ -72,14 +80,20 @@ class Supervisor:
     Whoever is in doubt lets go: only a new command takes the motors again.
     """
 
-    def __init__(self, config: SupervisorConfig, *, overrides_sticks: bool = True) -> None:
-        """`overrides_sticks`: the motor commands stand in the place of the pilot's, and show as such in RC_CHANNELS."""
+    def __init__(
+        self, config: SupervisorConfig, *, overrides_sticks: bool = True, fastest_mps: float = math.inf
+    ) -> None:
+        """`overrides_sticks`: the motor commands stand in the place of the pilot's, and show as such in RC_CHANNELS.
+
+        `fastest_mps`: of a station that the boat can follow.
+        """
         self._config = config
         self._pilot = PilotWatch(config, overrides_sticks=overrides_sticks)
         self._phase = Phase.STANDBY
         self._why = explain(Reason.WAITING_FOR_HOLD)
         self._station: Station | None = None
         self._heading = HeadingPolicy(config.heading)
+        self._motion = StationMotion(config.moving, fastest_mps)
         self._fence = Geofence(config.geofence)
         self._most_m = config.max_distance_m  # by the last hold command: how far off a station may be
         self._auto_pending = config.engage == "auto"
@@ -97,6 +111,7 @@ class Supervisor:
 
     def step(self, situation: Situation, requests: Sequence[Request] = ()) -> Decision:
         """The decision of this tick: the requests in turn, then what has become of engagement in this situation."""
+        self._carry_on(situation)
         station_before, was_held = self._held, self._phase in (Phase.HOLD, Phase.FAILSAFE)
         if situation.sent is not None:
             self._pilot.note_sent(situation.sent)
@@ -128,6 +143,8 @@ class Supervisor:
             prepare=self._phase is Phase.PREPARE and self._auto_pending,
             ask_mode=self._mode.advance(situation.t_ns, mode),
             heading_policy=self._heading.policy,
+            course=self._motion.course,
+            notes=self._motion.notes(self._held),
             link_ok=link_ok,
             control_ok=not self._control_failed,
         )
@@ -136,6 +153,15 @@ class Supervisor:
     def _held(self) -> Station | None:
         """The station that is held."""
         return self._station if self._phase in (Phase.HOLD, Phase.FAILSAFE) else None
+
+    def _carry_on(self, situation: Situation) -> None:
+        """Move the station that is held on its course, or after its leader."""
+        held, frame = self._held, situation.frame
+        if held is None or frame is None:
+            return
+        at, steered = situation.estimate, self._phase is Phase.HOLD
+        boat_m = (at.n_m, at.e_m) if at is not None and at.valid and steered else None
+        self._station = self._motion.step(situation.t_ns, held, boat_m, lambda after: self._outside(after, frame))
 
     def _turn(self, situation: Situation, station_changed: bool) -> None:
         """Turn the station that is held as its heading policy says."""
@@ -164,6 +190,11 @@ class Supervisor:
                 return self._hold(request, situation)
             case MoveCommand():
                 return self._move(request, situation)
+            case CourseCommand():
+                return self._motion.choose(request) if self._held is not None else explain(Reason.NO_STATION_HELD)
+            case LeaderMessage():
+                self._lead(request, situation)
+                return None
             case HeadingCommand():
                 self._heading.choose(request.policy)
                 return None
@@ -198,7 +229,21 @@ class Supervisor:
             self._take_mode(command.t_ns, station, status)
         else:
             self._engage(command.t_ns, station, status)
+            if command.velocity_mps is not None:
+                self._motion.lead(_reported(command.t_ns, station, command.velocity_mps))
         return None
+
+    def _lead(self, message: LeaderMessage, situation: Situation) -> None:
+        """Take in where the leader is, if the station that is held is to follow that one."""
+        held, estimate, frame = self._held, situation.estimate, situation.frame
+        if held is None or estimate is None or frame is None or message.system_id != self._motion.leader:
+            return
+        n_m, e_m = self._motion.place_of(*frame.to_ned(message.lat_deg, message.lon_deg), message.velocity_mps)
+        station = changed(held, n_m=n_m, e_m=e_m)
+        why_not = too_far(station, estimate, self._most_m) or self._outside(station, frame)
+        why_not = why_not or self._motion.report(_reported(message.t_ns, station, message.velocity_mps))
+        if why_not is not None:
+            self._motion.refuse(message.t_ns, why_not)
 
     def _move(self, command: MoveCommand, situation: Situation) -> Explanation | None:
         """Move the station that is held. Returns None, or why not."""
@@ -207,8 +252,15 @@ class Supervisor:
             return explain(Reason.NO_STATION_HELD)
         station = station_of_move(command, held, situation.frame)
         refusal = too_far(station, situation.estimate, self._most_m) or self._outside(station, situation.frame)
-        if refusal is None:
+        if refusal is not None:
+            return refusal
+        if command.velocity_mps is None:
+            self._motion.rest()
             self._station = station
+            return None
+        refusal = self._motion.lead(_reported(command.t_ns, station, command.velocity_mps))
+        if refusal is None:
+            self._station = changed(held, psi_rad=station.psi_rad)
         return refusal
 
     def _stop(self, situation: Situation) -> Explanation | None:
@@ -330,6 +382,8 @@ class Supervisor:
             self._wait(outside)
             return
         self._engage(situation.t_ns, station, status)
+        course = CourseCommand(t_ns=situation.t_ns, speed_mps=at.speed_mps, course_rad=math.radians(at.course_deg))
+        self._motion.choose(course)
 
     def _wait(self, why: Explanation) -> None:
         """Not yet, or no longer, on the way to a hold by itself."""
@@ -465,6 +519,7 @@ class Supervisor:
     def _engage(self, t_ns: int, station: Station, status: FrontseatStatus) -> None:
         self._phase, self._why = Phase.HOLD, explain(Reason.HOLDING)
         self._station = station
+        self._motion.begin()
         self._stopped = False
         self._next_station = None
         self._arming_help.end()
@@ -492,3 +547,8 @@ class Supervisor:
             self._mode.give_back(give_back_ns)
         self._release_left = RELEASE_REPEATS + (NEUTRAL_ALONE if self._keeps_override else 0)
         self._neutral_first = neutral_first or self._keeps_override
+
+
+def _reported(t_ns: int, station: Station, velocity_mps: tuple[float, float]) -> LeaderReport:
+    """Where a station is at a time, with its velocity."""
+    return LeaderReport(t_ns=t_ns, n_m=station.n_m, e_m=station.e_m, vn_mps=velocity_mps[0], ve_mps=velocity_mps[1])

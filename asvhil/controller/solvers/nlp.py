@@ -13,7 +13,7 @@ import casadi as ca
 import numpy as np
 
 from asvhil.controller.solvers.outcome import bounded, failure, rolled_out
-from asvhil.controller.solvers.problem import POSE_AND_VELOCITY, Solution, StationProblem
+from asvhil.controller.solvers.problem import HEAD, POSE_AND_VELOCITY, Solution, StationProblem, target_of
 from asvhil.dynamics.arrays import Array
 from asvhil.types import record
 
@@ -38,7 +38,7 @@ def transcribe(problem: StationProblem, carry_input: bool) -> NonlinearProgram:
     input_at = first[:-1] + n + carry + np.arange(2)
     x, p = ca.SX.sym("x", stages * width + n + carry), ca.SX.sym("p", problem.n_parameters)
     wind, push, previous, reference, slew = p[n : n + 2], p[n + 2 : n + 5], p[n + 5 : n + 7], p[n + 7], p[n + 8]
-    target = ca.vertcat(0, 0, reference, 0, 0, 0)
+    moves = p[n + 9 : n + HEAD]
 
     def part(at: Any) -> Any:
         return x[int(at[0]) : int(at[-1]) + 1]
@@ -56,8 +56,10 @@ def transcribe(problem: StationProblem, carry_input: bool) -> NonlinearProgram:
             constraints.append(initial)
         before_at = carried_at[k] if carry_input else input_at[k - 1]
         before = part(before_at) if carry_input or k else previous
-        q = p[n + 9 + POSE_AND_VELOCITY * k :][:POSE_AND_VELOCITY]
-        error = part(state_at[k + 1])[:POSE_AND_VELOCITY] - target
+        q = p[n + HEAD + POSE_AND_VELOCITY * k :][:POSE_AND_VELOCITY]
+        reached = part(state_at[k + 1])[:POSE_AND_VELOCITY]
+        pose = ca.vertcat(moves * float(problem.times_s[k + 1]), reference)
+        error = reached - target_of(pose, moves, reached[2])
         cost += ca.dot(q, error**2) + slew * ca.sumsqr(a - before)
     symbols = {"x": x, "p": p, "f": cost, "g": ca.vertcat(*constraints)}
     return NonlinearProgram(symbols=symbols, state_at=state_at, carried_at=carried_at, input_at=input_at)

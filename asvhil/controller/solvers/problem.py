@@ -3,19 +3,22 @@
 In the station's frame (station at the origin, heading 0), with s = (x, y, psi, u, v, r, motors ...):
 
     min  sum_k h_k l(s_k+1) + l_N(s_N) + w_slew sum_k |a_k - a_k-1|^2,   a_-1 the input applied last
-    l   = w_pos (x^2 + w_y y^2) + w_psi (psi - psi_t)^2 + w_vel (u^2 + v^2 + r^2)
-    l_N = t_N (x^2 + w_y y^2)   + w_psi (psi - psi_t)^2 + w_vel (u^2 + v^2 + r^2)
+    l   = w_pos (x_e^2 + w_y y_e^2) + w_psi (psi - psi_t)^2 + w_vel (u_e^2 + v_e^2 + r^2)
+    l_N = t_N (x_e^2 + w_y y_e^2)   + w_psi (psi - psi_t)^2 + w_vel (u_e^2 + v_e^2 + r^2)
     s_k+1 = F(s_k, a_k, h_k),  input_lower <= a_k <= input_upper, and no further from a_-1 than the slew limit of the
     motor outputs lets a_k be by the end of its stage, nor of another sign within the pause of a reversal
 
-It is a sum of squares, so Gauss-Newton applies. Weights are parameters: a change of them rebuilds nothing.
+A station that moves has the velocity c in the frame of its present pose. It has moved by c t_k when stage k ends, and
+the boat's velocity is relative to it: (x_e, y_e) = (x, y) - c t_k, (u_e, v_e) = (u, v) - R(psi)^T c. Where it does not,
+c is zero and the errors are the states. It is a sum of squares, so Gauss-Newton applies. Weights are parameters: a
+change of them rebuilds nothing.
 """
 
 from __future__ import annotations
 
 import functools
 from collections.abc import Sequence
-from typing import Protocol
+from typing import Any, Protocol
 
 import casadi as ca
 import numpy as np
@@ -26,10 +29,12 @@ from asvhil.dynamics.arrays import Array
 from asvhil.dynamics.buffers import bind, fastest
 from asvhil.dynamics.integrate import advance, motion_derivative, substeps
 from asvhil.dynamics.protocol import Dynamics
+from asvhil.geo import ned_to_body
 from asvhil.types import record
 
 FULL_TURN = 2.0  # of a motor command, from astern to ahead: a slew limit that allows it within a stage has no effect
 REMEMBERED = 4  # sets of weights, and of functions
+HEAD = 11  # parameters between the state and the weights
 POSE_AND_VELOCITY = 6  # x, y, psi, u, v, r: the states that carry a cost
 
 
@@ -93,17 +98,17 @@ class StationProblem:
         previous_input: tuple[float, float],
         weights: MpcWeights,
         least_slew: float = 0.0,
+        moves_mps: tuple[float, float] = (0.0, 0.0),
     ) -> Array:
         """The parameter vector; state (n_state), wind (m/s) and disturbance (m/s^2, rad/s^2) in the station's frame.
 
-        `least_slew` is the slew weight where that of the weights is lower. Raises ValueError where the state has the
-        wrong length.
+        `moves_mps` is the station's velocity, in that frame too. `least_slew` is the slew weight where that of the
+        weights is lower. Raises ValueError where the state has the wrong length.
         """
         if len(state) != self.n_state:
             raise ValueError(f"the state has {len(state)} entries, the model needs {self.n_state}")
-        head = np.array(
-            [*state, *wind, *disturbance, *previous_input, heading_reference_rad, max(weights.slew, least_slew)]
-        )
+        slew = max(weights.slew, least_slew)
+        head = np.array([*state, *wind, *disturbance, *previous_input, heading_reference_rad, slew, *moves_mps])
         return np.concatenate([head, self._state_weights(weights), self._substeps_s])
 
     def ahead(
@@ -124,9 +129,14 @@ class StationProblem:
             self._advance()
         return tuple(self._after.tolist())
 
-    def side_acceleration(self, wind: tuple[float, float], disturbance: tuple[float, float, float]) -> float:
-        """v_dot (m/s^2) of the boat at rest at the station, its motors neutral, wind and disturbance as in `pack`."""
-        self._wind[:], self._disturbance[:] = wind, disturbance
+    def side_acceleration(
+        self,
+        wind: tuple[float, float],
+        disturbance: tuple[float, float, float],
+        moves_mps: tuple[float, float] = (0.0, 0.0),
+    ) -> float:
+        """v_dot (m/s^2) of the boat that is and moves as the station, its motors neutral; arguments as in `pack`."""
+        self._wind[:], self._disturbance[:], self._moves[:] = wind, disturbance, moves_mps
         self._evaluate_side()
         return float(self._side[0])
 
@@ -164,8 +174,24 @@ class StationProblem:
     def unpack_cost(self, parameters: Array) -> tuple[Array, float, Array, float]:
         """State weights (stages, 6), heading reference (rad), previous input (2) and slew weight of the parameters."""
         i = self.n_state + 5
-        weights = parameters[i + 4 : -self.stages].reshape(self.stages, POSE_AND_VELOCITY)
+        weights = parameters[i + 6 : -self.stages].reshape(self.stages, POSE_AND_VELOCITY)
         return weights, float(parameters[i + 2]), parameters[i : i + 2], float(parameters[i + 3])
+
+    def moves(self, parameters: Array) -> bool:
+        """Whether the station has a velocity."""
+        return bool(parameters[self.n_state + 9 : self.n_state + HEAD].any())
+
+    def targets(self, parameters: Array, states: Array) -> Array:
+        """What the states after each stage (stages, n) are to be, (stages, 6), where the boat has their headings."""
+        i = self.n_state + 7
+        reference, (moves_x, moves_y) = parameters[i], parameters[i + 2 : i + 4].tolist()
+        found = np.zeros((self.stages, POSE_AND_VELOCITY))
+        found[:, 2] = reference
+        if moves_x or moves_y:
+            found[:, 0], found[:, 1] = moves_x * self.times_s[1:], moves_y * self.times_s[1:]
+            for row, psi_rad in zip(found, states[:, 2].tolist(), strict=True):
+                row[3:5] = ned_to_body(psi_rad, moves_x, moves_y)
+        return found
 
     def _state_weights(self, weights: MpcWeights) -> Array:
         """Weight of each squared state after each stage (stages * 6): the stage's, times its step, and the terminal.
@@ -194,16 +220,24 @@ class StationProblem:
         self._wind, self._disturbance, self._step_s, self._side = np.zeros(2), np.zeros(3), np.zeros(1), np.zeros(1)
         arguments = [self._state, self._applied, self._wind, self._disturbance, self._step_s]
         self._advance = bind(self.substep, arguments, [self._after])
-        rest, neutral = ca.SX.zeros(n), ca.SX(ca.DM(model.input_of_command((0.0, 0.0))))
-        side = ca.Function("side_acceleration", [w, d], [motion_derivative(model, rest, neutral, w, d)[4]])
-        self._evaluate_side = bind(side, [self._wind, self._disturbance], [self._side])
+        moves, neutral = ca.SX.sym("c", 2), ca.SX(ca.DM(model.input_of_command((0.0, 0.0))))
+        along = ca.vertcat(ca.SX.zeros(3), moves, ca.SX.zeros(n - 5))
+        side = ca.Function("side_acceleration", [w, d, moves], [motion_derivative(model, along, neutral, w, d)[4]])
+        self._moves = np.zeros(2)
+        self._evaluate_side = bind(side, [self._wind, self._disturbance, self._moves], [self._side])
 
 
 def _parameters(n_state: int, stages: int) -> int:
-    """How many there are: state, wind, disturbance, previous input, reference and slew weight; of each stage the
-    weights of its state and the length of its substeps.
+    """How many there are: state, wind, disturbance, previous input, reference, slew weight and the station's velocity;
+    of each stage the weights of its state and the length of its substeps.
     """
-    return n_state + 9 + (POSE_AND_VELOCITY + 1) * stages
+    return n_state + HEAD + (POSE_AND_VELOCITY + 1) * stages
+
+
+def target_of(pose: Any, moves: Any, psi: Any) -> Any:
+    """What the first six states are to be where the station has a pose and a velocity, and the boat a heading."""
+    u, v = ca.cos(psi) * moves[0] + ca.sin(psi) * moves[1], ca.cos(psi) * moves[1] - ca.sin(psi) * moves[0]
+    return ca.vertcat(pose, u, v, 0)
 
 
 @functools.lru_cache(maxsize=REMEMBERED)
@@ -220,7 +254,7 @@ def _over_the_horizon(serialized: str, counts: tuple[int, ...]) -> tuple[ca.Func
     p, inputs = ca.MX.sym("p", _parameters(n, stages)), ca.MX.sym("U", 2 * stages)
     wind, disturbance = p[n : n + 2], p[n + 2 : n + 5]
     previous, reference, slew = p[n + 5 : n + 7], p[n + 7], p[n + 8]
-    q, lengths = p[n + 9 : -stages], p[-stages:]
+    moves, q, lengths = p[n + 9 : n + HEAD], p[n + HEAD : -stages], p[-stages:]
     weights = [q[POSE_AND_VELOCITY * k : POSE_AND_VELOCITY * (k + 1)] for k in range(stages)]
     a = [previous, *(inputs[2 * k : 2 * k + 2] for k in range(stages))]
 
@@ -237,15 +271,20 @@ def _over_the_horizon(serialized: str, counts: tuple[int, ...]) -> tuple[ca.Func
         tangent_states.append(tangent_state)
         blocks.append(block)
 
+    elapsed_s, targets = ca.MX(0.0), []
+    for k, count in enumerate(counts):
+        elapsed_s += count * lengths[k]
+        targets.append((ca.vertcat(moves * elapsed_s, reference), moves))
+
     def cost_of(trajectory: list[ca.MX]) -> ca.MX:
         cost = ca.MX(0.0)
         for k in range(stages):
-            cost = stage_cost(cost, trajectory[k + 1], weights[k], reference, a[k], a[k + 1], slew)
+            cost = stage_cost(cost, trajectory[k + 1], weights[k], *targets[k], a[k], a[k + 1], slew)
         return cost
 
     adjoint, change, slopes = ca.MX.zeros(n), ca.MX.zeros(2), []
     for k in range(stages - 1, -1, -1):
-        of_stage = tangent_states[k + 1], blocks[k], weights[k], reference, a[k], a[k + 1], slew
+        of_stage = tangent_states[k + 1], blocks[k], weights[k], *targets[k], a[k], a[k + 1], slew
         slope, adjoint, change = stage_adjoint(adjoint, change, *of_stage)
         slopes.append(slope)
     gradient = ca.vertcat(*reversed(slopes))
@@ -278,16 +317,22 @@ def _stage(n: int) -> tuple[ca.Function, ca.Function]:
 
     The second gives the adjoint of the stage before, and the price of the change of input into this one, too.
     """
-    s, q, reference, slew = ca.SX.sym("s", n), ca.SX.sym("q", POSE_AND_VELOCITY), ca.SX.sym("r"), ca.SX.sym("slew")
+    s, q, slew = ca.SX.sym("s", n), ca.SX.sym("q", POSE_AND_VELOCITY), ca.SX.sym("slew")
+    pose, moves = ca.SX.sym("pose", 3), ca.SX.sym("c", 2)
     a_before, a, cost_before = ca.SX.sym("a0", 2), ca.SX.sym("a", 2), ca.SX.sym("cost")
-    error = s[:POSE_AND_VELOCITY] - ca.vertcat(0, 0, reference, 0, 0, 0)
+    error = s[:POSE_AND_VELOCITY] - target_of(pose, moves, s[2])
     cost = cost_before + (ca.dot(q, error**2) + slew * ca.sumsqr(a - a_before))
-    arguments = [s, q, reference, a_before, a, slew]
+    arguments = [s, q, pose, moves, a_before, a, slew]
     cost_of = ca.Function("stage_cost", [cost_before, *arguments], [cost])
 
     adjoint_after, change_after = ca.SX.sym("adjoint", n), ca.SX.sym("change", 2)
     block = ca.SX.sym("block", n, n + 2)
-    adjoint = adjoint_after + ca.vertcat(q * error, ca.SX(n - POSE_AND_VELOCITY, 1))
+    pull = q * error
+    turn = pull[4] * (ca.cos(s[2]) * moves[0] + ca.sin(s[2]) * moves[1]) - pull[3] * (
+        ca.cos(s[2]) * moves[1] - ca.sin(s[2]) * moves[0]
+    )
+    pull[2] += turn  # of the velocity that the station has in body axes, by the heading
+    adjoint = adjoint_after + ca.vertcat(pull, ca.SX(n - POSE_AND_VELOCITY, 1))
     change = slew * (a - a_before)
     slope = block[:, n:].T @ adjoint + change - change_after
     adjoint_of = ca.Function(

@@ -56,6 +56,7 @@ class Sqp:
         difference = np.eye(width) - np.eye(width, k=-2)
         self._smoothing = difference.T @ difference
         self._lower, self._upper = np.full(width, problem.lower), np.full(width, problem.upper)
+        self._moves = False  # the station
         self._no_rows = np.zeros((0, width))
         self._inequality = np.zeros(width, dtype=np.int32)
 
@@ -72,6 +73,7 @@ class Sqp:
         self._lower, self._upper = lower.ravel(), upper.ravel()
         u = bounded(np.asarray(start, dtype=float).ravel(), self._lower, self._upper)
         self._p[:] = parameters
+        self._moves = problem.moves(self._p)
         weights, _, _, slew = problem.unpack_cost(self._p)
         root = np.sqrt(weights)
         smoothing = slew * self._smoothing
@@ -140,6 +142,13 @@ class Sqp:
     def _jacobian(self, root: Array) -> Array:
         """Of the weighted states after each stage, all in one column, by the inputs (6 * stages, 2 * stages)."""
         weighted: Array = root[:, :, None] * self._weighted_gains
+        if self._moves:
+            # The station's velocity in body axes, to which the boat's is relative, turns with the boat.
+            reached = self._x_tangent.reshape(-1, self._problem.n_state)[1:]
+            moves = self._problem.targets(self._p, reached)[:, 3:5, None]
+            turns = self._weighted_gains[:, 2]
+            weighted[:, 3] -= root[:, 3, None] * moves[:, 1] * turns
+            weighted[:, 4] += root[:, 4, None] * moves[:, 0] * turns
         return weighted.reshape(-1, weighted.shape[-1])
 
     def _in_order(self, root: Array, smoothing: Array, lower: Array, upper: Array, multipliers: Array) -> Array:

@@ -29,8 +29,8 @@ QP_STEPS, QP_TOLERANCE, QP_ARMIJO, QP_DECAY = 20, 1e-9, 0.1, 0.1
 class Terms:
     """The numbers of one problem: cost (J is the sum of squares, unhalved) and what the dynamics are driven by."""
 
+    parameters: Array
     weights: Array  # (stages, 6) of the states after each stage
-    target: Array  # (6,)
     previous: Array  # (2,)
     slew: float
     wind: Tensor
@@ -59,10 +59,10 @@ class TorchLqr:
         problem, n = self._problem, self._problem.n_state
         if not (np.isfinite(parameters).all() and np.isfinite(start).all()):
             return failure(problem, "the parameters or the start are not finite")
-        weights, reference, previous, slew = problem.unpack_cost(parameters)
+        weights, _, previous, slew = problem.unpack_cost(parameters)
         terms = Terms(
+            parameters=np.asarray(parameters, dtype=float),
             weights=weights,
-            target=np.array([0.0, 0.0, reference, 0.0, 0.0, 0.0]),
             previous=previous,
             slew=slew,
             wind=torch.tensor(parameters[n : n + 2], dtype=torch.float64),
@@ -120,17 +120,21 @@ class TorchLqr:
         """Moves (stages, 2) and gains (stages, 2, n + 2) over z = (s, the input before): the Riccati recursion."""
         problem, n = self._problem, self._problem.n_state
         moves, gains = np.zeros((problem.stages, 2)), np.zeros((problem.stages, 2, n + 2))
-        errors = states[1:, :POSE_AND_VELOCITY] - terms.target
+        targets = problem.targets(terms.parameters, states[1:])
+        errors = states[1:, :POSE_AND_VELOCITY] - targets
+        # d error / d state: a station's velocity in body axes depends on the heading.
+        slopes = np.tile(np.eye(POSE_AND_VELOCITY), (problem.stages, 1, 1))
+        slopes[:, 3, 2], slopes[:, 4, 2] = -targets[:, 4], targets[:, 3]
         before = np.concatenate([terms.previous[None], inputs[:-1]])
         value_x, value_xx = np.zeros(n + 2), np.zeros((n + 2, n + 2))
-        square = np.arange(POSE_AND_VELOCITY)
+        carried = slice(POSE_AND_VELOCITY)
         slew = terms.slew * np.eye(2)
         a_z, b_z = np.zeros((n + 2, n + 2)), np.zeros((n + 2, 2))
         b_z[n:] = np.eye(2)
         for k in reversed(range(problem.stages)):
             # The cost of the state after this stage belongs to the value there. All of it halved.
-            value_x[square] += terms.weights[k] * errors[k]
-            value_xx[square, square] += terms.weights[k]
+            value_x[carried] += slopes[k].T @ (terms.weights[k] * errors[k])
+            value_xx[carried, carried] += slopes[k].T @ (terms.weights[k][:, None] * slopes[k])
             a_z[:n, :n], b_z[:n] = blocks[k, :, :n], blocks[k, :, n:]
             change = terms.slew * (inputs[k] - before[k])
             q_x, q_u = a_z.T @ value_x, b_z.T @ value_x + change
@@ -179,7 +183,7 @@ class TorchLqr:
                 count = problem.substep_counts[k]
                 after = advance(problem.model, s, a, terms.wind, terms.push, float(problem.steps_s[k]), count)
                 new_states[k + 1] = after.numpy()
-        errors = new_states[1:, :POSE_AND_VELOCITY] - terms.target
+        errors = new_states[1:, :POSE_AND_VELOCITY] - problem.targets(terms.parameters, new_states[1:])
         changes = np.diff(np.concatenate([terms.previous[None], new_inputs]), axis=0)
         cost = float((terms.weights * errors**2).sum() + terms.slew * (changes**2).sum())
         return new_states, new_inputs, cost

@@ -50,7 +50,7 @@ def ipopt():
             state = PROBLEM.substep(state, a, p[n : n + 2], p[n + 2 : n + 5], step_s / count)
         gaps.append(state - states[n * k : n * k + n])
         state = states[n * k : n * k + n]
-        q = p[n + 9 + 6 * k : n + 15 + 6 * k]
+        q = p[n + 11 + 6 * k : n + 17 + 6 * k]
         cost += ca.dot(q, (state[:6] - ca.vertcat(0, 0, p[n + 7], 0, 0, 0)) ** 2) + p[n + 8] * ca.sumsqr(a - last)
     nlp = {"x": ca.vertcat(inputs, states), "p": p, "f": cost, "g": ca.vertcat(*gaps)}
     solver = ca.nlpsol("ipopt", "ipopt", nlp, {"print_time": False, "ipopt": {"print_level": 0, "max_iter": 200}})

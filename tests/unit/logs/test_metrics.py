@@ -30,6 +30,7 @@ def track(seconds: float = 30.0, step_s: float = 0.1, **changes: float) -> Motio
         speed_mps=np.full(k, rows["speed_mps"]),
         yaw_rate_radps=np.full(k, math.radians(rows["rate_degps"])),
         station=np.zeros((k, 3)),
+        moves=np.zeros(k, dtype=bool),
         hold=np.ones(k, dtype=int),
     )
 

@@ -13,12 +13,19 @@ from asvhil.io.mavlink.frames import FrameSplitter, decode, dialect
 from asvhil.operator.encoding import encode_hold, encode_release
 from asvhil.operator.operations import Operations
 from asvhil.operator.session import OperatorSession
-from asvhil.operator.station_parameters import PLACE_PARAMETERS, STATION_PARAMETERS, request_of_change, station_value
+from asvhil.operator.station_parameters import (
+    COURSE_PARAMETERS,
+    PLACE_PARAMETERS,
+    STATION_PARAMETERS,
+    request_of_change,
+    station_value,
+)
 from asvhil.operator.tunables import Tunables
 from asvhil.supervisor.reasons import Explanation, Reason, describe, explain
 from asvhil.supervisor.situation import Situation
 from asvhil.supervisor.supervisor import Decision, Request
 from asvhil.types import (
+    CourseCommand,
     Frame,
     HeadingCommand,
     HoldCommand,
@@ -132,6 +139,14 @@ def test_a_hold_that_begins_tells_the_station_to_everyone() -> None:
         ("ST_EAST", -7.0, MoveCommand(t_ns=1, e_m=-7.0)),
         ("ST_HDG", 0.0, MoveCommand(t_ns=1, psi_rad=0.0)),
         ("ST_POLICY", 2.0, HeadingCommand(t_ns=1, policy="stern")),
+        ("ST_SPEED", 0.25, CourseCommand(t_ns=1, speed_mps=0.25)),
+        ("ST_COURSE", 180.0, CourseCommand(t_ns=1, course_rad=math.pi)),
+        ("ST_WAY", 0.0, CourseCommand(t_ns=1, way_m=0.0)),
+        ("ST_FOLLOW", 42.0, CourseCommand(t_ns=1, leader=42)),
+        ("ST_SPEED", -0.1, explain(Reason.PARAMETER_OUT_OF_RANGE, name="ST_SPEED", range="0 or more")),
+        ("ST_SPEED", math.nan, explain(Reason.PARAMETER_OUT_OF_RANGE, name="ST_SPEED", range="0 or more")),
+        ("ST_COURSE", 361.0, explain(Reason.PARAMETER_OUT_OF_RANGE, name="ST_COURSE", range="0 to 360")),
+        ("ST_FOLLOW", 1.5, explain(Reason.PARAMETER_OUT_OF_RANGE, name="ST_FOLLOW", range="0 to 255")),
         ("ST_LAT", 90.5, explain(Reason.PARAMETER_OUT_OF_RANGE, name="ST_LAT", range="-90 to 90")),
         ("ST_HDG", 361.0, explain(Reason.PARAMETER_OUT_OF_RANGE, name="ST_HDG", range="-360 to 360")),
         ("ST_POLICY", 4.0, explain(Reason.PARAMETER_OUT_OF_RANGE, name="ST_POLICY", range=POLICY_RANGE)),
@@ -146,6 +161,9 @@ def test_setting_a_parameter_of_the_station_asks_for_a_move_or_a_policy(name: st
 def test_the_parameters_of_the_station_are_those_of_the_one_that_is_held() -> None:
     values = [station_value(name, STATION, FRAME, "either") for name in STATION_PARAMETERS]
     assert FRAME.to_ned(values[0], values[1]) == pytest.approx((3.0, -4.0), abs=1e-6)
-    assert values[2:] == pytest.approx([28.6478898, 3.0, -4.0, 3.0])
-    *place, policy = (station_value(name, None, FRAME, "bow") for name in STATION_PARAMETERS)
+    assert values[2:] == pytest.approx([28.6478898, 3.0, -4.0, 3.0, *[0.0] * 4])
+    *place, policy = (station_value(name, None, FRAME, "bow") for name in STATION_PARAMETERS[:6])
     assert all(math.isnan(value) for value in place) and policy == 1.0
+    course = CourseCommand(t_ns=1, speed_mps=0.25, course_rad=-math.pi / 2, way_m=12.0, leader=42)
+    values = [station_value(name, STATION, FRAME, "bow", course) for name in COURSE_PARAMETERS]
+    assert values == pytest.approx([0.25, 270.0, 12.0, 42.0])

@@ -14,7 +14,7 @@ from asvhil.operator.reports import OperatorReport
 from asvhil.operator.session import OperatorSession
 from asvhil.operator.setpoint_streams import STREAM_NS
 from asvhil.supervisor.reasons import Reason, describe, explain
-from asvhil.types import Address, Frame, HoldCommand, MoveCommand, Phase, ReleaseCommand
+from asvhil.types import Address, Frame, HoldCommand, LeaderMessage, MoveCommand, Phase, ReleaseCommand
 from tests.support.operator_bench import (
     ALL,
     CONFIG,
@@ -103,7 +103,8 @@ def test_the_type_mask_tells_what_is_meant(mask: int, fields: dict[str, float], 
     [
         (ALL, {}),
         (POSITION_ONLY | 1, {}),
-        (POSITION_ONLY & ~8, {"vx": 0.5}),
+        (POSITION_ONLY & ~8, {"vx": 0.5}),  # half of a velocity
+        (POSITION_ONLY & ~24, {"vx": 0.5, "vy": math.nan}),
         (POSITION_ONLY & ~128, {"afy": -0.5}),
         (POSITION_ONLY & ~2048, {"yaw_rate": 0.1}),
         (POSITION_ONLY & ~1024, {"yaw": 90.0}),
@@ -116,6 +117,36 @@ def test_set_points_that_are_no_station_are_refused_once_in_a_while(mask: int, f
         assert bench.say(setpoint(mask, **fields)) == []
     texts = [m for m in bench.hear() if m.get_type() == "STATUSTEXT" and m.chunk_seq == 0]
     assert len(texts) == 1
+
+
+def test_a_velocity_that_is_meant_is_that_of_the_station() -> None:
+    bench = Bench()
+    with_velocity = POSITION_ONLY & ~24
+    commands = [bench.say(setpoint(with_velocity, vx=0.25, vy=-0.5))[0].command for _ in range(2)]
+    assert [type(command) for command in commands] == [HoldCommand, MoveCommand]
+    assert [getattr(command, "velocity_mps", None) for command in commands] == 2 * [(0.25, -0.5)]
+    (request,) = bench.say(setpoint(with_velocity, vx=0.0, vy=0.0))
+    assert getattr(request.command, "velocity_mps", "none") is None
+
+
+def leader(capabilities: int = 3, lat: int = LAT, vel: tuple[float, float] = (0.3, -0.1)):  # type: ignore[no-untyped-def]
+    rest = [[*vel, 0.0], [0.0] * 3, [1.0, 0.0, 0.0, 0.0], [0.0] * 3, [0.0] * 3, 0]
+    return dialect.MAVLink_follow_target_message(0, capabilities, lat, LON, 0.0, *rest)
+
+
+def test_a_vehicle_tells_where_it_is_to_follow() -> None:
+    bench = Bench()
+    (request,) = bench.say(leader())
+    command = request.command
+    assert isinstance(command, LeaderMessage) and request.mav_cmd is None
+    assert (command.system_id, command.lat_deg, command.lon_deg) == (255, LAT * 1e-7, LON * 1e-7)
+    assert command.velocity_mps == pytest.approx((0.3, -0.1))
+    for odd in (leader(1), leader(vel=(math.nan, 0.0))):
+        (request,) = bench.say(odd)
+        assert getattr(request.command, "velocity_mps", None) == (0.0, 0.0)
+    for nowhere in (leader(2), leader(lat=1_000_000_000)):
+        assert bench.say(nowhere) == []
+    assert not [m for m in bench.hear() if m.get_type() in ("COMMAND_ACK", "STATUSTEXT")]
 
 
 def test_only_the_first_of_a_stream_takes_a_station() -> None:

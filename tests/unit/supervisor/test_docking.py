@@ -9,7 +9,7 @@ import pytest
 
 from asvhil.supervisor.docking import DOCKING_RATE_RADPS, EVERY_S, LEAST_S, DockingWatch, Peaks
 from asvhil.supervisor.docking_odds import CAME_TRUE, COEFFICIENTS, HORIZONS_S, corrected, probability
-from asvhil.types import DockingWindow, Estimate, Station
+from asvhil.types import DockingWindow, Estimate, Station, changed
 
 S = 1_000_000_000
 STATION = Station(n_m=100.0, e_m=50.0, psi_rad=math.pi)
@@ -43,6 +43,17 @@ class Held:
             rate = most_degps * math.sin(math.tau * tick / 20.0 / period_s)
             window = self.wait(0.05, estimate(r_degps=rate, off_m=off_m))
         return window
+
+
+def test_a_boat_that_goes_with_its_station_is_slow() -> None:
+    """The velocity is that relative to the station: whoever docks goes along."""
+    held, at = Held(), STATION
+    for _ in range(100):
+        at = changed(at, n_m=at.n_m - 0.045, vn_mps=-0.9)
+        window = held.wait(0.05, changed(estimate(u_mps=0.9), n_m=at.n_m), at)
+    assert window is not None and window.open_s == pytest.approx(4.95)
+    window = held.wait(0.05, changed(estimate(u_mps=0.0), n_m=at.n_m), at)
+    assert window is not None and window.open_s is None
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,238 @@
+"""A station that moves: on a course, after a leader, and when it stays."""
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from asvhil.config import MovingConfig, StationConfig, SupervisorConfig, load_config
+from asvhil.supervisor.reasons import Reason, explain
+from asvhil.supervisor.station_motion import SHARE, SUBJECT, fastest_mps
+from asvhil.types import CourseCommand, HoldCommand, LeaderMessage, MoveCommand, Phase, Station
+from tests.support.supervisor_bench import ESTIMATE, FRAME, SupervisorBench
+
+HERE = (ESTIMATE.n_m, ESTIMATE.e_m)
+
+
+class Moving(SupervisorBench):
+    """A boat that holds a station where it is, and is wherever its station is from then on."""
+
+    def __init__(self, **config: object) -> None:
+        super().__init__(SupervisorConfig(**config))  # type: ignore[arg-type]
+        assert self.hold() is None
+        self.follows = True
+
+    def course(self, **fields: float) -> object:
+        return self.step(0, CourseCommand(t_ns=self.t_ns, **fields)).answers[0]  # type: ignore[arg-type]
+
+    def wait(self, seconds: float) -> Station:
+        for _ in range(round(seconds * 20)):
+            station = self.step().station
+            assert station is not None
+            if self.follows:
+                self.estimate = replace(ESTIMATE, n_m=station.n_m, e_m=station.e_m)
+        return station
+
+    def leader(self, n_m: float, e_m: float, vn: float, ve: float, system_id: int = 42) -> None:
+        lat_deg, lon_deg = FRAME.to_geodetic(n_m, e_m)
+        at = {"lat_deg": lat_deg, "lon_deg": lon_deg, "velocity_mps": (vn, ve)}
+        self.step(0, LeaderMessage(t_ns=self.t_ns, system_id=system_id, **at))  # type: ignore[arg-type]
+
+    def led(self, seconds: float, vn: float, ve: float, start: tuple[float, float] = HERE) -> Station:
+        """A leader that tells where it is each second, from a place on."""
+        for second in range(round(seconds)):
+            self.leader(start[0] + vn * second, start[1] + ve * second, vn, ve)
+            station = self.wait(1.0)
+        return station
+
+    @property
+    def note(self) -> str | None:
+        return next((note.text for note in self.step(0).notes if note.subject == SUBJECT), None)
+
+
+def place(station: Station) -> tuple[float, float]:
+    return station.n_m - HERE[0], station.e_m - HERE[1]
+
+
+def test_a_course_moves_the_station_and_tells_so() -> None:
+    bench = Moving()
+    assert bench.note is None
+    assert bench.course(course_rad=math.pi / 2, speed_mps=0.3) is None
+    station = bench.wait(10.0)
+    assert place(station) == pytest.approx((0.0, 3.0), abs=0.02)
+    assert (station.vn_mps, station.ve_mps) == pytest.approx((0.0, 0.3))
+    assert not bench.step().station_changed and bench.note == "0.3 m/s toward 90"
+    assert bench.course(speed_mps=0.0) is None
+    station = bench.wait(0.1)
+    assert not station.moves and bench.wait(5.0) == station and bench.note is None
+
+
+def test_a_new_hold_rests_and_a_move_goes_on() -> None:
+    bench = Moving()
+    bench.course(speed_mps=0.4)
+    bench.wait(1.0)
+    assert bench.move(n_m=50.0) is None
+    bench.follows = False
+    bench.estimate = replace(ESTIMATE, n_m=50.0)
+    assert bench.wait(1.0).n_m == pytest.approx(50.4, abs=0.03)
+    assert bench.hold() is None
+    assert not bench.wait(1.0).moves
+
+
+def test_the_way_ends_where_it_is_to_end() -> None:
+    bench = Moving()
+    bench.course(speed_mps=0.33, way_m=2.0)
+    station = bench.wait(10.0)
+    assert place(station) == pytest.approx((2.0, 0.0), abs=1e-9) and not station.moves
+
+
+@pytest.mark.parametrize("speed_mps", [0.81, 5.0, -0.1, math.nan])
+def test_a_speed_that_the_boat_has_not_is_refused(speed_mps: float) -> None:
+    bench = Moving()
+    refusal = bench.course(speed_mps=speed_mps)
+    assert getattr(refusal, "reason", None) is Reason.STATION_TOO_FAST
+    assert not bench.wait(0.5).moves
+
+
+def test_the_boats_own_thrust_bounds_the_speed() -> None:
+    vessel = load_config("sitl").vehicle.vessel
+    speed = fastest_mps(vessel, MovingConfig(max_speed_mps=3.0))
+    drag = vessel.surge_drag_n_per_mps * speed + vessel.surge_drag_n_per_mps2 * speed**2
+    assert speed < 3.0 and drag == pytest.approx(SHARE * 2.0 * vessel.thrust_curve[-1][1])
+    assert fastest_mps(vessel, MovingConfig(max_speed_mps=0.2)) == 0.2
+    free = {"surge_drag_n_per_mps": 0.0, "surge_drag_n_per_mps2": 0.0}
+    assert fastest_mps(vessel.model_copy(update=free), MovingConfig()) == 0.8
+
+
+def test_no_course_without_a_station() -> None:
+    bench = SupervisorBench()
+    assert bench.step(0, CourseCommand(t_ns=0, speed_mps=0.1)).answers == (explain(Reason.NO_STATION_HELD),)
+
+
+def test_the_station_waits_for_a_boat_that_falls_behind() -> None:
+    bench = Moving()
+    bench.course(speed_mps=0.5)
+    bench.follows = False
+    station = bench.wait(30.0)
+    assert not station.moves and 6.0 < place(station)[0] < 6.1 and "waits" in (bench.note or "")
+    bench.estimate = replace(ESTIMATE, n_m=station.n_m - 3.1)
+    assert bench.wait(1.0) == station, "it goes on at half the distance"
+    bench.estimate = replace(ESTIMATE, n_m=station.n_m - 2.9)
+    assert bench.wait(0.2).moves and bench.note == "0.5 m/s toward 0"
+
+
+def test_the_station_waits_while_the_estimate_is_not_known() -> None:
+    bench = Moving()
+    bench.course(speed_mps=0.5)
+    before = bench.wait(1.0)
+    bench.follows, bench.estimate = False, replace(ESTIMATE, valid=False)
+    after = bench.wait(0.5)
+    assert bench.step(0).phase is Phase.FAILSAFE and not after.moves
+    assert (after.n_m, after.e_m) == pytest.approx((before.n_m, before.e_m), abs=0.03)
+
+
+def test_the_station_does_not_leave_the_fence() -> None:
+    corners = [FRAME.to_geodetic(n, e) for n, e in ((-10.0, -10.0), (5.0, -10.0), (5.0, 10.0), (-10.0, 10.0))]
+    bench = Moving(geofence=tuple(corners))
+    bench.course(speed_mps=0.8)
+    station = bench.wait(20.0)
+    assert 4.9 < station.n_m <= 5.0 and not station.moves and "outside the geofence" in (bench.note or "")
+
+
+def test_auto_engage_starts_on_its_course() -> None:
+    lat_deg, lon_deg = FRAME.to_geodetic(*HERE)
+    at = StationConfig(lat_deg=lat_deg, lon_deg=lon_deg, heading_deg=0.0, speed_mps=0.2, course_deg=180.0)
+    bench = SupervisorBench(SupervisorConfig(engage="auto", station=at))
+    for _ in range(21):
+        station = bench.step().station
+    assert station is not None and place(station) == pytest.approx((-0.2, 0.0), abs=0.02)
+
+
+# --- a leader -------------------------------------------------------------------------------------------------------
+
+
+def test_a_leader_is_followed_with_its_velocity_and_only_the_one_that_was_named() -> None:
+    bench = Moving(moving={"offset_m": (0.0, -3.0)})
+    bench.leader(*HERE, 0.0, 0.5)
+    assert not bench.wait(1.0).moves, "nobody has asked for it"
+    assert bench.course(leader=42) is None and bench.note == "system 42 is not heard"
+    bench.leader(*HERE, 0.0, 0.5, system_id=43)
+    assert not bench.wait(1.0).moves
+    station = bench.led(20.0, 0.0, 0.3, (HERE[0], HERE[1] + 3.0))
+    assert place(station) == pytest.approx((0.0, 6.0), abs=0.05) and station.ve_mps == 0.3
+    assert bench.note == "0.3 m/s toward 90, after system 42"
+
+
+def test_the_offset_may_turn_with_the_course() -> None:
+    bench = Moving(moving={"offset_m": (-2.0, 1.0), "offset_frame": "course"})
+    bench.course(leader=42)
+    station = bench.led(30.0, 0.0, 0.2, (HERE[0] + 1.0, HERE[1] + 2.0))
+    # East is ahead: 2 m astern of the leader is west, 1 m to starboard is south.
+    assert place(station) == pytest.approx((0.0, 6.0), abs=0.05)
+
+
+def test_a_leader_that_falls_silent_or_is_found_elsewhere() -> None:
+    bench = Moving()
+    bench.course(leader=42)
+    bench.led(5.0, 0.4, 0.0)
+    station = bench.wait(10.0)
+    assert not station.moves and place(station)[0] == pytest.approx(0.4 * 7.0, abs=0.1)
+    assert bench.note == "system 42 is silent: it stays"
+    bench.leader(HERE[0] + 12.0, HERE[1], 0.4, 0.0)
+    assert bench.wait(1.0) == station and "m from where its last message had it" in (bench.note or "")
+    bench.course(leader=42)
+    bench.leader(HERE[0] + 12.0, HERE[1], 0.4, 0.0)
+    assert bench.wait(1.0).moves, "following it was asked for again"
+
+
+def test_the_station_is_never_faster_than_allowed() -> None:
+    bench = Moving(moving={"max_speed_mps": 0.5})
+    bench.course(leader=42)
+    before = bench.wait(0.1)
+    for second in range(4):
+        bench.leader(HERE[0] + 2.0 * second, HERE[1] + 1.0, 2.0, 0.0)
+        for _ in range(20):
+            after = bench.wait(0.05)
+            assert math.hypot(after.n_m - before.n_m, after.e_m - before.e_m) <= 0.025 + 1e-9
+            assert math.hypot(after.vn_mps, after.ve_mps) <= 0.5 + 1e-9
+            before = after
+    assert bench.note == "system 42 is faster than 0.5 m/s"
+
+
+def test_a_leader_that_is_too_far_or_beyond_the_fence_is_not_followed() -> None:
+    bench = Moving(max_distance_m=50.0)
+    bench.course(leader=42)
+    bench.leader(200.0, 0.0, 0.1, 0.0)
+    assert not bench.wait(1.0).moves and "is not followed: station is 199 m away" in (bench.note or "")
+
+
+def test_a_speed_ends_following() -> None:
+    bench = Moving()
+    bench.course(leader=42)
+    bench.led(3.0, 0.3, 0.0)
+    bench.course(speed_mps=0.0)
+    assert not bench.wait(0.5).moves and bench.note is None
+    bench.leader(HERE[0] + 2.0, HERE[1], 0.3, 0.0)
+    assert not bench.wait(0.5).moves
+
+
+# --- a stream of set-points with a velocity -------------------------------------------------------------------------
+
+
+def test_set_points_with_a_velocity_lead_the_station() -> None:
+    bench = Moving()
+    lat_deg, lon_deg = FRAME.to_geodetic(*HERE)
+    at = {"lat_deg": lat_deg, "lon_deg": lon_deg, "velocity_mps": (0.3, 0.0)}
+    assert bench.step(0, HoldCommand(t_ns=bench.t_ns, **at)).answers == (None,)  # type: ignore[arg-type]
+    for second in range(1, 10):
+        station = bench.wait(1.0)
+        move = MoveCommand(t_ns=bench.t_ns, n_m=HERE[0] + 0.3 * second, e_m=HERE[1], velocity_mps=(0.3, 0.0))
+        decision = bench.step(0, move)
+        assert decision.answers == (None,) and not decision.station_changed
+    assert place(station) == pytest.approx((2.7, 0.0), abs=0.05) and station.vn_mps == 0.3
+    far = MoveCommand(t_ns=bench.t_ns, n_m=HERE[0] + 20.0, e_m=HERE[1], velocity_mps=(0.3, 0.0))
+    (refusal,) = bench.step(0, far).answers
+    assert refusal is not None and refusal.reason is Reason.LEADER_JUMPED
+    assert bench.move(n_m=HERE[0], e_m=HERE[1]) is None, "a set-point without a velocity puts it there"
+    station = bench.wait(0.5)
+    assert place(station) == (0.0, 0.0) and not station.moves
