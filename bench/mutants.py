@@ -58,7 +58,7 @@ MODULES = {
     "asvhil/motion/carried.py": ("tests/unit/motion/test_carried.py",),
     "asvhil/motion/distance.py": ("tests/unit/motion/test_distance.py",),
     "asvhil/motion/evidence.py": ("tests/unit/motion/test_evidence.py",),
-    "asvhil/motion/monitor.py": ("tests/unit/motion/test_monitor.py",),
+    "asvhil/motion/monitor.py": ("tests/unit/motion/test_monitor.py", "tests/unit/motion/test_monitor_steps.py"),
     "asvhil/motion/watch.py": ("tests/unit/motion/test_watch.py", "tests/unit/motion/test_carried.py"),
     "asvhil/supervisor/arming_help.py": SUPERVISOR,
     "asvhil/supervisor/battery_watch.py": ("tests/unit/supervisor/test_battery_watch.py",),

@@ -76,6 +76,7 @@ def test_a_verdict_needs_enough_evidence_and_a_lead_or_patience() -> None:
     clear, close = ([10.0, 4.0], [10.0, 7.0]), ([10.0, 10.0], [10.0, 12.9])
     assert judged(verdict(), clear) == ["motors-reversed"]
     assert judged(verdict(), ([9.9], [50.0])) == [""]
+    assert judged(verdict(), ([10.0, 10.0], [13.0, 10.0])) == ["motors-reversed"], "a lead of just as much"
     assert judged(verdict(), close, close, close) == ["", "", "motor-reversed"]
     assert judged(verdict(), close, close, NOTHING, close, close) == [""] * 5, "it waits anew"
     assert judged(verdict(), clear, ([9.9], [9.9])) == ["motors-reversed", ""]
@@ -88,6 +89,7 @@ def test_a_suspicion_needs_some_evidence_and_a_lead_of_one_fault_for_long() -> N
     one, other = ([5.0, 1.0], [5.0, 2.0]), ([1.0, 5.0], [2.0, 5.0])
     assert judged(suspicion(), one, one, one, one) == ["", "", "motors-reversed", "motors-reversed"]
     assert judged(suspicion(), one, one, other, other, other) == ["", "", "", "", "motor-reversed"]
+    assert judged(suspicion(), *[([5.0, 5.0], [13.0, 10.0])] * 3) == ["", "", "motors-reversed"], "of just as much"
     weak, gone = ([4.9, 0.0], [9.0, 0.0]), ([3.7, 0.0], [9.0, 0.0])
     assert judged(suspicion(), weak, weak, weak, weak) == [""] * 4
     assert judged(suspicion(), one, one, gone, one, one) == [""] * 5, "it begins anew"
