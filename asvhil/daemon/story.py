@@ -10,6 +10,7 @@ from asvhil.config.ports import OPERATOR
 from asvhil.geo import LocalFrame
 from asvhil.io.mavlink.frames import decode, dialect, message_id
 from asvhil.io.mavlink.texts import TextReader
+from asvhil.supervisor.stations import has_leapt
 from asvhil.types import Outputs, Station
 
 KEPT = 8
@@ -60,7 +61,7 @@ class Story:
         self._station = station
         moved = station is not None and (
             before is None
-            or math.hypot(station.n_m - before.n_m, station.e_m - before.e_m) > MOVED_M
+            or (has_leapt(station, before) and _apart_m(station, before) > MOVED_M)
             or abs(station.psi_rad - before.psi_rad) > TURNED_RAD
         )
         if station is None or outputs.estimate is None:
@@ -90,3 +91,7 @@ class Story:
             elif message.command in ASKED and message.result != dialect.MAV_RESULT_ACCEPTED:
                 found.append(said or f"MAV_RESULT {message.result}")
         return found
+
+
+def _apart_m(a: Station, b: Station) -> float:
+    return math.hypot(a.n_m - b.n_m, a.e_m - b.e_m)

@@ -93,7 +93,20 @@ def _draw_stages(axes: Axes, run: RunLog, station: Station) -> None:
 
 
 def _draw_stations(axes: Axes, run: RunLog, last: Station) -> None:
-    held = run.estimated.of_hold().station
+    track = run.estimated.of_hold()
+    if track.moves.any():
+        way = np.where(track.moves[:, None], track.station[:, :2], np.nan)
+        axes.plot(
+            way[:, 1] - last.e_m,
+            way[:, 0] - last.n_m,
+            "--",
+            color=STATION_COLOUR,
+            linewidth=1.2,
+            label="course of the station",
+        )
+    rests = ~track.moves
+    rests[-1:] = True  # where it is at the end
+    held = track.station[rests]
     stations = held[np.sort(np.unique(held, axis=0, return_index=True)[1])]
     for n_m, e_m, psi_rad in stations[-ARROWS_MOST:]:
         at = e_m - last.e_m, n_m - last.n_m

@@ -126,12 +126,13 @@ def _of_holds(run: RunLog, number: int | None, from_s: float) -> dict[str, Any]:
 def _hold(run: RunLog, number: int, span: PhaseSpan) -> dict[str, Any]:
     from_s = span.from_s + settled_from_s(span.to_s - span.from_s)
     wind = run.wind[(run.wind[:, 3] == number) & (run.wind[:, 0] >= from_s)]
-    stations = run.estimated.of_hold(number).station
+    track = run.estimated.of_hold(number)
+    stations = track.station[~track.moves]  # on its course a station is none of its own at each place
     return {
         "number": number,
         **_event(span),
         "settled_from_s": from_s,
-        "stations": len(np.unique(stations, axis=0)),
+        "stations": max(len(np.unique(stations, axis=0)), 1),
         "stages": [
             {"stage": stage.stage, "from_s": stage.from_s, "to_s": stage.to_s}
             for stage in run.stages

@@ -121,3 +121,15 @@ def test_without_an_estimate_it_is_kept_for_a_while_and_then_begins_anew() -> No
     found = sea.wait(5.0, (4.0, 180.0))
     assert before == pytest.approx(-90.0, abs=1.0)
     assert found == pytest.approx(0.0, abs=1.0)
+
+
+def test_on_a_course_the_drag_of_the_water_is_weather_too() -> None:
+    sea = Sea()
+    sea.finder.note_motion((0.0, 0.4))
+    found = sea.wait(5.0, (0.0, 0.0))
+    assert found == pytest.approx(90.0, abs=1.5), "with the bow ahead"
+    push = sea.finder.push_at(0.0)
+    assert push is not None and push[1] < -0.01 and abs(push[0]) < 1e-3, "and on the port side of a boat that goes east"
+    sea.finder.note_motion((0.0, 0.0))
+    sea.wait(2.0, (0.0, 0.0))
+    assert sea.finder.push_at(0.0) == (0.0, 0.0)

@@ -229,3 +229,17 @@ def test_the_distance_is_that_to_the_station() -> None:
     watch.step(1, replace(at(3.0), e_m=-4.0), station, (0.0, 0.0))
     watch.step(2, at(0.0), station, (0.0, 0.0))
     assert watch.farther_m == pytest.approx(5.0)
+
+
+def test_a_boat_that_follows_its_station_is_not_carried_off_and_one_that_does_not_is() -> None:
+    path = Path(2.0)
+    for tick in range(2000):  # 30 m at 0.3 m/s
+        path.station = Station(n_m=0.015 * tick, e_m=0.0, psi_rad=0.0, vn_mps=0.3)
+        path.n_m = path.station.n_m + 2.0 + math.sin(0.01 * tick)
+        assert path.watch.step(50_000_000 * tick, at(path.n_m), path.station, (0.2, 0.2)) is None
+    for tick in range(2000, 4000):
+        path.station = Station(n_m=0.015 * tick, e_m=0.0, psi_rad=0.0, vn_mps=0.3)
+        found = path.watch.step(50_000_000 * tick, at(30.0 - 0.02 * (tick - 2000)), path.station, (0.2, 0.2))
+        if found is not None:
+            break
+    assert found is not None and found.reason is Reason.DRIFTED_OFF and tick < 2400
