@@ -1,13 +1,19 @@
 """The file of what was learned: written whole at the end, offered in words, refused where it is not of this boat."""
 
+import io
 import json
 from pathlib import Path
 
 import pytest
+from rich.console import Console
 
+from asvhil.commands.views import with_learned
 from asvhil.config import Config, load_config
+from asvhil.daemon.status import render, status_of
 from asvhil.errors import AsvhilError, ConfigError
 from asvhil.logs.learned_file import LearnedKeeper, learned_path, offer, read_learned, taken
+from asvhil.preflight.computer import computer_checks
+from asvhil.preflight.table import Result
 from asvhil.simplant.lockstep import EPOCH_NS
 from asvhil.types import Health, Learned, Outputs, Phase
 
@@ -19,23 +25,16 @@ def config_in(folder: Path, *keys: str, base: str = "sitl") -> Config:
     return load_config(base, (f"recorder.directory={folder}", "learning.enabled=true", *keys))
 
 
+def outputs(learned: Learned | None) -> Outputs:
+    return Outputs(
+        t_ns=EPOCH_NS, phase=Phase.HOLD, frames=(), estimate=None, wind=None, station=None, control=None,
+        pwm_us=None, health=HEALTH, learned=learned,
+    )  # fmt: skip
+
+
 def kept(config: Config, learned_s: float = 90.0) -> Path | None:
     keeper = LearnedKeeper(config)
-    learned = Learned(factors=FACTORS, std=(0.02,) * 5, learned_s=learned_s)
-    keeper.see(
-        Outputs(
-            t_ns=EPOCH_NS,
-            phase=Phase.HOLD,
-            frames=(),
-            estimate=None,
-            wind=None,
-            station=None,
-            control=None,
-            pwm_us=None,
-            health=HEALTH,
-            learned=learned,
-        )
-    )
+    keeper.see(outputs(Learned(factors=FACTORS, std=(0.02,) * 5, learned_s=learned_s)))
     return keeper.save()
 
 
@@ -112,3 +111,37 @@ def test_damaged_and_missing_files(tmp_path: Path) -> None:
     path.write_bytes(b"\xff{")
     with pytest.raises(ConfigError, match=r"x\.json: damaged: not JSON"):
         read_learned(path, config)
+
+
+def test_a_check_offers_it_and_warns_of_one_that_is_not_of_this_boat(tmp_path: Path) -> None:
+    config = load_config("sitl", (f"recorder.directory={tmp_path}",))
+    assert not [check for check in computer_checks(config) if check.item == "learned on station"]
+    path = kept(config_in(tmp_path))
+    assert path is not None
+    (found,) = (check for check in computer_checks(config) if check.item == "learned on station")
+    assert found.result is Result.PASS and "--learned" in found.found
+    path.write_text("{")
+    (found,) = (check for check in computer_checks(config) if check.item == "learned on station")
+    assert found.result is Result.WARN and "damaged" in found.found and found.todo
+
+
+def test_a_start_says_what_it_could_take_and_takes_it_only_when_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    keys = (f"recorder.directory={tmp_path}",)
+    path, config = kept(config_in(tmp_path)), load_config("sitl", keys)
+    assert with_learned(config, "sitl", keys, None) == config
+    assert "asvhil: learned on station: port motor gives 71 %" in capsys.readouterr().err
+    started = with_learned(config, "sitl", keys, path)
+    assert started.learning.enabled and started.learning.start[0] == 0.712
+    assert not capsys.readouterr().err
+
+
+def test_the_status_has_the_factors_and_why_nothing_is_learned() -> None:
+    learned = Learned(factors=FACTORS, std=(0.02,) * 5, learned_s=90.0, frozen="rough water")
+    status = status_of(outputs(learned), {}, EPOCH_NS, 0)
+    assert status["learned"]["factors"]["port"] == 0.7123
+    console = Console(width=200, record=True, file=io.StringIO())
+    console.print(render({**status, "station": None}, "boat"))
+    assert "thrust, yaw answers by 105 %; frozen: rough water" in console.export_text()
+    assert status_of(outputs(None), {}, EPOCH_NS, 0)["learned"] is None
