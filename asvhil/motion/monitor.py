@@ -97,7 +97,6 @@ class MotionMonitor:
     """
 
     def __init__(self, config: MotionConfig, ekf: EkfConfig, vessel: VesselConfig) -> None:
-        self._config = config
         noise = BankNoise(
             velocity_std_mps=VELOCITY_NOISE * ekf.velocity_std_mps,
             yaw_rate_std_radps=YAW_NOISE * ekf.yaw_rate_std_radps,

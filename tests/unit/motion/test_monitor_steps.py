@@ -99,7 +99,7 @@ def test_the_bank_has_all_hypotheses_and_more_than_the_noise_of_the_sensors(step
 
 
 def test_the_first_step_and_one_after_a_gap_start_the_bank(steps: Steps) -> None:
-    assert steps.monitor.current_ned == (0.0, 0.0)
+    assert steps.monitor.current_ned == (0.0, 0.0) and steps.monitor.likely is None
     assert steps.step(r_radps=0.1) is None
     assert steps.bank.calls == [("reset", (0.3, -0.4), 0.1)]
     assert steps.monitor.current_ned == (0.7, -0.2)
@@ -267,6 +267,16 @@ def test_a_heading_that_turns_as_the_gyro_tells_has_not_jumped(steps: Steps) -> 
     assert counted(steps, [(0.3, 1.5)] * 10) == [True] * 10
     assert counted(steps, [(0.0, 0.0)] * 10) == [True] * 10
     assert counted(steps, [(0.3, -1.5)]) == [False]
+
+
+def test_the_turns_of_all_ticks_of_a_step_count(steps: Steps) -> None:
+    steps.step()
+    steps.favour(2, 0.01)
+    for ms in (50, 50, 50):
+        steps.step(ms, r_radps=3.0)
+    steps.psi_rad = 0.6
+    steps.step(50, r_radps=3.0)
+    assert steps.sums[2] > 0.0
 
 
 def test_without_a_gyro_no_jump_is_known(monkeypatch: pytest.MonkeyPatch) -> None:
