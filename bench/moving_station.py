@@ -152,9 +152,10 @@ def main() -> None:
         runs.append(one)
         print(" ".join(f"{key}={value:.3g}" if isinstance(value, float) else f"{value}" for key, value in one.items()))
         if asked.json is not None:
-            window = {"from_s": asked.from_s, "to_s": asked.to_s, "set": asked.set}
+            window = json.dumps({"from_s": asked.from_s, "to_s": asked.to_s, "set": asked.set})[:-1]
+            rows = ",\n".join(json.dumps(row) for row in runs)
             part = asked.json.with_suffix(".part")
-            part.write_text(json.dumps(window | {"runs": runs}, indent=1) + "\n", encoding="utf-8")
+            part.write_text(f'{window}, "runs": [\n{rows}\n]}}\n', encoding="utf-8")
             os.replace(part, asked.json)
     print("\n".join(table([one for one in runs if any(case.items() <= one.items() for case in cases)])))
 
