@@ -13,6 +13,8 @@ from asvhil.config.motion import MotionConfig
 from asvhil.config.moving import MovingConfig
 from asvhil.types import Cause
 
+OfBoat = Annotated[float, Field(ge=-20.0, le=20.0, allow_inf_nan=False)]  # m
+
 
 class StationConfig(Section):
     """The pose to keep."""
@@ -98,6 +100,13 @@ class SupervisorConfig(Section):
         ),
     )
     station: StationConfig | None = Field(default=None, description="The station of `engage: auto`, required there.")
+    point_m: tuple[OfBoat, OfBoat] = Field(
+        default=(0.0, 0.0),
+        description=(
+            "The point of the boat that is kept at the station, [forward, to starboard] of its origin: a docking cone "
+            "astern, a sensor at the bow. The boat turns about it."
+        ),
+    )
     max_distance_m: Positive = Field(
         default=100.0,
         le=2000.0,

@@ -35,7 +35,7 @@ class StatusTeller:
         file = model_file(config)
         of_boat = "physics of" if not kind or file is None else f"{file.name}, {kind} of"
         self._model = f"{config.controller.name}: {of_boat} {config.vehicle.name}"
-        self._story = Story()
+        self._story = Story(config.supervisor.point_m)
         self._start_ns: int | None = None
 
     def see(self, outputs: Outputs) -> None:

@@ -10,7 +10,7 @@ from asvhil.config.ports import OPERATOR
 from asvhil.geo import LocalFrame
 from asvhil.io.mavlink.frames import decode, dialect, message_id
 from asvhil.io.mavlink.texts import TextReader
-from asvhil.supervisor.stations import has_leapt
+from asvhil.supervisor.stations import has_leapt, station_of_point
 from asvhil.types import Outputs, Station
 
 KEPT = 8
@@ -22,13 +22,15 @@ ASKED = (
 )
 OF_ANSWERS = (dialect.MAVLINK_MSG_ID_COMMAND_ACK, dialect.MAVLINK_MSG_ID_STATUSTEXT)
 LINKS = "links"  # the note on all links, which the terminal shows apart
-MOVED_M, TURNED_RAD = 0.05, 1e-3  # less is rounding
+TURNED_RAD = 1e-3  # less is rounding
 
 
 class Story:
     """Follows the outputs of a run, tick by tick, and keeps its last events."""
 
-    def __init__(self) -> None:
+    def __init__(self, point_m: tuple[float, float]) -> None:
+        """`point_m`: `supervisor.point_m`."""
+        self._point_m = point_m
         self._events: deque[dict[str, Any]] = deque(maxlen=KEPT)
         self._phase = ""
         self._noted: set[str] = set()
@@ -60,9 +62,7 @@ class Story:
         station, before = outputs.station, self._station
         self._station = station
         moved = station is not None and (
-            before is None
-            or (has_leapt(station, before) and _apart_m(station, before) > MOVED_M)
-            or abs(station.psi_rad - before.psi_rad) > TURNED_RAD
+            before is None or has_leapt(station, before) or abs(station.psi_rad - before.psi_rad) > TURNED_RAD
         )
         if station is None or outputs.estimate is None:
             self._from_m = None
@@ -73,7 +73,8 @@ class Story:
         station, origin = outputs.station, outputs.origin_deg
         if station is None or origin is None:
             return None
-        lat_deg, lon_deg = LocalFrame(lat_deg=origin[0], lon_deg=origin[1]).to_geodetic(station.n_m, station.e_m)
+        point = station_of_point(station, self._point_m)
+        lat_deg, lon_deg = LocalFrame(lat_deg=origin[0], lon_deg=origin[1]).to_geodetic(point.n_m, point.e_m)
         heading_deg = math.degrees(station.psi_rad) % 360.0
         return {"lat_deg": lat_deg, "lon_deg": lon_deg, "heading_deg": heading_deg, "from_m": self._from_m}
 
@@ -91,7 +92,3 @@ class Story:
             elif message.command in ASKED and message.result != dialect.MAV_RESULT_ACCEPTED:
                 found.append(said or f"MAV_RESULT {message.result}")
         return found
-
-
-def _apart_m(a: Station, b: Station) -> float:
-    return math.hypot(a.n_m - b.n_m, a.e_m - b.e_m)

@@ -16,7 +16,7 @@ from asvhil.supervisor.docking import (
     DOCKING_SPEED_MPS,
 )
 from asvhil.supervisor.heading_policy import LEAST_CHANGE_RAD
-from asvhil.supervisor.stations import LEAP_M
+from asvhil.supervisor.stations import LEAP_M, TURN_M
 from asvhil.types import record
 
 SETTLED_FROM_S = 60.0  # the score is of station keeping, not of the way to the station
@@ -236,7 +236,7 @@ def _runs(inside: NDArray[np.bool_], track: MotionTrack) -> list[tuple[int, int]
     # One that turns a little from sample to sample follows the weather, and is the same.
     # So is one that moves on its course.
     course = track.moves[1:] | track.moves[:-1]
-    leapt = np.hypot(step[:, 0], step[:, 1]) > np.where(course, LEAP_M, 0.0)
+    leapt = np.hypot(step[:, 0], step[:, 1]) > np.where(course, LEAP_M, TURN_M)
     moved = leapt | (np.abs(np.sin(0.5 * step[:, 2])) > 0.5 * LEAST_CHANGE_RAD)
     cut = (np.diff(track.t_s) > GAP_S) | (track.hold[1:] != track.hold[:-1]) | moved
     first, last = inside.copy(), inside.copy()

@@ -118,7 +118,7 @@ class Operations:
             if name in self._tunables:
                 return self._tunables.value(name)
             policy, course = decision.heading_policy, decision.course
-            return station_value(name, decision.station, situation.frame, policy, course)
+            return station_value(name, decision.point, situation.frame, policy, course)
 
         return self._session.data_to_send(t_ns, self._report(situation, decision, readings), value_of)
 
@@ -143,18 +143,18 @@ class Operations:
         return request_of_change(command)
 
     def _report(self, situation: Situation, decision: Decision, readings: Readings) -> OperatorReport:
-        station, estimate, frame = decision.station, situation.estimate, situation.frame
+        station, point, estimate, frame = decision.station, decision.point, situation.estimate, situation.frame
         known: dict[str, Any] = {"phase": decision.phase, "solve_ms": self._session.solve_ms}
         known |= {"why": decision.why, "notes": self._notes, "computer": self._session.computer}
         known |= {"adrift": self._adrift_in is not None}
         known |= {"docking": readings.docking}
         if self._control is not None:
             known |= {"iterations": float(self._control.iterations), "control_ok": self._control.ok}
-        if station is not None and estimate is not None and frame is not None:
+        if station is not None and point is not None and estimate is not None and frame is not None:
             known |= {
                 "distance_m": math.hypot(estimate.n_m - station.n_m, estimate.e_m - station.e_m),
                 "heading_error_rad": wrap_rad(estimate.psi_rad - station.psi_rad),
-                "station": (*frame.to_geodetic(station.n_m, station.e_m), station.psi_rad),
+                "station": (*frame.to_geodetic(point.n_m, point.e_m), point.psi_rad),
                 "station_moves_mps": (station.vn_mps, station.ve_mps) if station.moves else None,
             }
         if self._session.is_asked:  # only displays have a use for it
@@ -170,6 +170,7 @@ class Operations:
         return BoatState(
             estimate=situation.estimate,
             station=decision.station,
+            point=decision.point,
             wind=readings.wind,
             control=self._control,
             pulses_us=readings.pulses_us,

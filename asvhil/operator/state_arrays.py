@@ -38,11 +38,12 @@ PLAN_ROWS = CELLS // PLAN_ROW
 class BoatState:
     """What a display shows of one tick, as far as it is known. `pulses_us`: of both motors; None while not ours.
 
-    `sources` is as in `Health`.
+    `sources` is as in `Health`; `station` and `point` are as in `Decision`.
     """
 
     estimate: Estimate | None = None
     station: Station | None = None
+    point: Station | None = None
     wind: Wind | None = None
     control: Control | None = None
     pulses_us: tuple[int, int] | None = None
@@ -99,9 +100,9 @@ def _values(state: BoatState) -> dict[str, float]:
         known |= {"u_mps": estimate.u_mps, "v_mps": estimate.v_mps, "r_degps": math.degrees(estimate.r_radps)}
         known |= {"position_std_m": math.hypot(*estimate.std[:2]), "heading_std_deg": math.degrees(estimate.std[2])}
         known |= {"estimate_ok": float(estimate.valid)}
-    if station is not None:
-        known |= {"station_n_m": station.n_m, "station_e_m": station.e_m}
-        known |= {"station_heading_deg": math.degrees(station.psi_rad) % 360.0}
+    if state.point is not None:
+        known |= {"station_n_m": state.point.n_m, "station_e_m": state.point.e_m}
+        known |= {"station_heading_deg": math.degrees(state.point.psi_rad) % 360.0}
     if station is not None and estimate is not None:
         known |= {"distance_m": math.hypot(estimate.n_m - station.n_m, estimate.e_m - station.e_m)}
         known |= {"heading_error_deg": math.degrees(wrap_rad(estimate.psi_rad - station.psi_rad))}

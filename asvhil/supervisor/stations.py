@@ -7,9 +7,10 @@ import math
 from asvhil.config import StationConfig
 from asvhil.geo import LocalFrame
 from asvhil.supervisor.reasons import Explanation, Reason, explain
-from asvhil.types import Estimate, HoldCommand, MoveCommand, Station
+from asvhil.types import Estimate, HoldCommand, MoveCommand, Station, changed
 
 LEAP_M = 0.5  # from one sample to the next: less, and a station that moves has moved on its course
+TURN_M = 0.05  # less, and the boat's origin goes round a point of it while the station's heading turns
 MAX_STATION_DISTANCE_M = 2000.0  # the local plane is good to a few centimetres within it
 
 
@@ -17,6 +18,27 @@ def station_of_config(at: StationConfig, frame: LocalFrame) -> Station:
     """The station that the config names."""
     n_m, e_m = frame.to_ned(at.lat_deg, at.lon_deg)
     return Station(n_m=n_m, e_m=e_m, psi_rad=math.radians(at.heading_deg))
+
+
+def place_of_point(estimate: Estimate, point_m: tuple[float, float]) -> Estimate:
+    """The estimate with the place of a point of the boat (forward, to starboard) for that of its origin."""
+    if point_m == (0.0, 0.0):
+        return estimate
+    n_m, e_m = _ahead(estimate.psi_rad, point_m)
+    return changed(estimate, n_m=estimate.n_m + n_m, e_m=estimate.e_m + e_m)
+
+
+def station_of_origin(station: Station, point_m: tuple[float, float]) -> Station:
+    """The station of the boat's origin at which a point of the boat (forward, to starboard) is at a station."""
+    if point_m == (0.0, 0.0):
+        return station
+    n_m, e_m = _ahead(station.psi_rad, point_m)
+    return changed(station, n_m=station.n_m - n_m, e_m=station.e_m - e_m)
+
+
+def station_of_point(station: Station, point_m: tuple[float, float]) -> Station:
+    """The inverse of `station_of_origin`."""
+    return station_of_origin(station, (-point_m[0], -point_m[1]))
 
 
 def station_of_hold(command: HoldCommand, estimate: Estimate, frame: LocalFrame) -> Station:
@@ -54,6 +76,11 @@ def too_far(station: Station, estimate: Estimate, most_m: float) -> Explanation 
 
 def has_leapt(station: Station, before: Station) -> bool:
     """Whether a station is elsewhere than in the last tick, and has not just moved on its course."""
-    if not (station.moves or before.moves):
-        return (station.n_m, station.e_m) != (before.n_m, before.e_m)
-    return math.hypot(station.n_m - before.n_m, station.e_m - before.e_m) > LEAP_M
+    most_m = LEAP_M if station.moves or before.moves else TURN_M
+    return math.hypot(station.n_m - before.n_m, station.e_m - before.e_m) > most_m
+
+
+def _ahead(psi_rad: float, point_m: tuple[float, float]) -> tuple[float, float]:
+    """North and east of a point of the body from its origin."""
+    cos, sin = math.cos(psi_rad), math.sin(psi_rad)
+    return cos * point_m[0] - sin * point_m[1], sin * point_m[0] + cos * point_m[1]

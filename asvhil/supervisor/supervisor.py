@@ -15,9 +15,17 @@ from asvhil.supervisor.pilot_watch import PilotWatch
 from asvhil.supervisor.reasons import Explanation, Reason, explain
 from asvhil.supervisor.situation import Situation
 from asvhil.supervisor.station_motion import LeaderReport, StationMotion
-from asvhil.supervisor.stations import station_of_config, station_of_hold, station_of_move, too_far
+from asvhil.supervisor.stations import (
+    place_of_point,
+    station_of_config,
+    station_of_hold,
+    station_of_move,
+    station_of_origin,
+    too_far,
+)
 from asvhil.types import (
     CourseCommand,
+    Estimate,
     FrontseatStatus,
     HeadingCommand,
     HoldCommand,
@@ -51,14 +59,16 @@ class Decision:
     neutral pulses where both are set. With none of them say nothing. `prepare` asks for mode and arming (simulation
     only), `ask_mode` for a mode alone.
     `answers`: for each request in turn None where it is granted, or why not; `begun`: a hold was granted.
-    `station` is None while none is held; `station_changed`: it is another one than in the last tick, and not the same
-    that has turned with the weather or has moved on its course.
+    `station` is that of the boat's origin, None while none is held; `point`: where the point of the boat that is kept
+    there (`supervisor.point_m`) shall be, which is what operators say and are told. `station_changed`: it is another
+    one than in the last tick, and not the same that has turned with the weather or has moved on its course.
     `control_ok`: the latest solution, but for that of this tick, could be used. `link_ok`: the autopilot is heard.
     """
 
     phase: Phase
     why: Explanation
     station: Station | None
+    point: Station | None = None
     station_changed: bool = False
     answers: tuple[Explanation | None, ...] = ()
     begun: bool = False
@@ -125,6 +135,7 @@ class Supervisor:
         self._name_the_end(situation, was_held=was_held)
         station_changed = self._held != station_before
         self._turn(situation, station_changed)
+        held = self._held
         releasing = self._phase is Phase.STANDBY and self._release_left > 0
         neutral_alone = self._release_left > RELEASE_REPEATS
         self._release_left -= releasing
@@ -133,7 +144,8 @@ class Supervisor:
         return Decision(
             phase=self._phase,
             why=self._why,
-            station=self._held,
+            station=None if held is None else station_of_origin(held, self._config.point_m),
+            point=held,
             station_changed=station_changed,
             answers=answers,
             begun=any(isinstance(r, HoldCommand) and a is None for r, a in zip(requests, answers, strict=True)),
@@ -144,14 +156,14 @@ class Supervisor:
             ask_mode=self._mode.advance(situation.t_ns, mode),
             heading_policy=self._heading.policy,
             course=self._motion.course,
-            notes=self._motion.notes(self._held),
+            notes=self._motion.notes(held),
             link_ok=link_ok,
             control_ok=not self._control_failed,
         )
 
     @property
     def _held(self) -> Station | None:
-        """The station that is held."""
+        """The station that is held, of the point of the boat that is kept there."""
         return self._station if self._phase in (Phase.HOLD, Phase.FAILSAFE) else None
 
     def _carry_on(self, situation: Situation) -> None:
@@ -159,7 +171,7 @@ class Supervisor:
         held, frame = self._held, situation.frame
         if held is None or frame is None:
             return
-        at, steered = situation.estimate, self._phase is Phase.HOLD
+        at, steered = self._place(situation), self._phase is Phase.HOLD
         boat_m = (at.n_m, at.e_m) if at is not None and at.valid and steered else None
         self._station = self._motion.step(situation.t_ns, held, boat_m, lambda after: self._outside(after, frame))
 
@@ -217,7 +229,7 @@ class Supervisor:
             refusal = self._help_arming(command.t_ns, situation.status) or refusal
         if refusal is not None:
             return refusal
-        status, estimate, frame = situation.status, situation.estimate, situation.frame
+        status, estimate, frame = situation.status, self._place(situation), situation.frame
         assert status is not None and estimate is not None and frame is not None
         station = station_of_hold(command, estimate, frame)
         most_m = max(self._config.max_distance_m, command.within_m)
@@ -235,7 +247,7 @@ class Supervisor:
 
     def _lead(self, message: LeaderMessage, situation: Situation) -> None:
         """Take in where the leader is, if the station that is held is to follow that one."""
-        held, estimate, frame = self._held, situation.estimate, situation.frame
+        held, estimate, frame = self._held, self._place(situation), situation.frame
         if held is None or estimate is None or frame is None or message.system_id != self._motion.leader:
             return
         n_m, e_m = self._motion.place_of(*frame.to_ned(message.lat_deg, message.lon_deg), message.velocity_mps)
@@ -247,11 +259,11 @@ class Supervisor:
 
     def _move(self, command: MoveCommand, situation: Situation) -> Explanation | None:
         """Move the station that is held. Returns None, or why not."""
-        held = self._held
-        if held is None or situation.estimate is None or situation.frame is None:
+        held, estimate, frame = self._held, self._place(situation), situation.frame
+        if held is None or estimate is None or frame is None:
             return explain(Reason.NO_STATION_HELD)
-        station = station_of_move(command, held, situation.frame)
-        refusal = too_far(station, situation.estimate, self._most_m) or self._outside(station, situation.frame)
+        station = station_of_move(command, held, frame)
+        refusal = too_far(station, estimate, self._most_m) or self._outside(station, frame)
         if refusal is not None:
             return refusal
         if command.velocity_mps is None:
@@ -307,7 +319,15 @@ class Supervisor:
         return self._left_fence(situation)
 
     def _outside(self, station: Station, frame: LocalFrame) -> Explanation | None:
-        return self._fence.refusal("station", (station.n_m, station.e_m), frame)
+        """Why the point of the boat, or its origin, would not be where it may be."""
+        origin = station_of_origin(station, self._config.point_m)
+        places = dict.fromkeys(((station.n_m, station.e_m), (origin.n_m, origin.e_m)))
+        refusals = (self._fence.refusal("station", place, frame) for place in places)
+        return next((refusal for refusal in refusals if refusal is not None), None)
+
+    def _place(self, situation: Situation) -> Estimate | None:
+        """The estimate, with the place of the point of the boat that is kept at the station."""
+        return None if situation.estimate is None else place_of_point(situation.estimate, self._config.point_m)
 
     def _left_fence(self, situation: Situation) -> Explanation | None:
         """Why the boat is not where it may be. Where it is unknown, other watches have the word."""

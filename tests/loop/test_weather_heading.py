@@ -6,6 +6,7 @@ import math
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from asvhil.config import load_config
 from asvhil.geo import wrap_rad
@@ -47,3 +48,20 @@ def test_with_the_bow_to_the_weather_the_boat_lies_still(tmp_path: Path) -> None
     assert bow[1] < 0.6 * fixed[1]  # 0.3 with NNSEM-MPC: docs/results/weather-heading.md
     result = replay(tmp_path / "log.mcap")
     assert result.mismatch is None and result.compared == result.ticks == 1500
+
+
+def test_a_point_astern_stays_while_the_boat_turns_about_it_into_the_weather() -> None:
+    astern_m = -4.0
+    keys = (*KEYS, "supervisor.heading.policy=bow", f"supervisor.point_m=[{astern_m},0]")
+    loop = Lockstep(load_config("sitl", keys))
+    points, origins = [], []
+    for tick in range(75 * 20):
+        _, outputs = loop.tick()
+        truth = loop.plant.truth
+        if tick > 45 * 20:
+            assert outputs.phase is Phase.HOLD, outputs.health.reason
+            ahead = np.array((math.cos(truth.psi_rad), math.sin(truth.psi_rad)))
+            origins.append((truth.n_m, truth.e_m))
+            points.append(np.array(origins[-1]) + astern_m * ahead)
+    assert np.hypot(*np.transpose(points)).mean() < 0.6
+    assert np.hypot(*np.transpose(origins)).mean() == pytest.approx(4.0, abs=0.6)

@@ -23,6 +23,7 @@ PLAN = ((0.0, 1.0, 2.0, 0.5), (0.2, 1.5, 2.0, 0.5))
 HELD = BoatState(
     estimate=ESTIMATE,
     station=Station(n_m=4.0, e_m=-2.0, psi_rad=0.5),
+    point=Station(n_m=4.0, e_m=-2.0, psi_rad=0.5),
     control=Control(command=(0.1, 0.2), ok=True, iterations=3, cost=0.0, plan=PLAN),
     pulses_us=(1550, 1600),
     armed=True,
@@ -109,7 +110,7 @@ def test_a_plan_that_is_no_longer_told_and_a_station_that_is_let_go_are_gone() -
     bench = PictureBench()
     bench.hear(*state_arrays(0, HELD))
     for _ in range(6):
-        bench.hear(*state_arrays(0, replace(HELD, station=None, control=None, pulses_us=None)))
+        bench.hear(*state_arrays(0, replace(HELD, station=None, point=None, control=None, pulses_us=None)))
     live = bench.live()
     assert live["plan"] == [] and live["boat"]["station_n_m"] is None and live["station_deg"] is None
     assert bench.picture.station_m is None

@@ -202,8 +202,9 @@ def test_a_boat_without_drag_has_no_top_speed() -> None:
         (replace(STATION, psi_rad=0.9 * LEAST_CHANGE_RAD), False),
         (replace(STATION, psi_rad=-1.1 * LEAST_CHANGE_RAD), True),
         (replace(STATION, psi_rad=2.0 * math.pi), False),
-        (replace(STATION, n_m=0.01), True),
-        (replace(STATION, e_m=0.01), True),
+        (replace(STATION, n_m=0.04), False),
+        (replace(STATION, n_m=0.06), True),
+        (replace(STATION, e_m=0.06), True),
     ],
 )
 def test_a_station_that_turns_a_little_is_the_same(moved: Station, anew: bool) -> None:
@@ -212,7 +213,7 @@ def test_a_station_that_turns_a_little_is_the_same(moved: Station, anew: bool) -
     watch.step(2, at(5.0), moved, (0.0, 0.0))
     assert (watch.farther_m == 0.0) is anew
     watch.step(3, at(9.0), moved, (0.0, 0.0))
-    assert watch.farther_m == pytest.approx(4.0 if anew else 9.0, abs=0.02)
+    assert watch.farther_m == pytest.approx(4.0 if anew else 9.0, abs=0.1)
 
 
 def test_a_place_in_doubt_counts_as_farther_off_by_that() -> None:

@@ -28,6 +28,7 @@ PLAN = tuple((0.2 * i, 1.0 * i, -0.5 * i, 0.01 * i) for i in range(41))
 STATE = BoatState(
     estimate=ESTIMATE,
     station=Station(n_m=4.0, e_m=-2.0, psi_rad=-0.5),
+    point=Station(n_m=4.0, e_m=-2.0, psi_rad=-0.5),
     wind=Wind(t_ns=0, vn_mps=3.0, ve_mps=-4.0, std_mps=0.7, valid=True),
     control=Control(command=(0.25, -0.5), ok=True, iterations=7, cost=1.0, plan=PLAN),
     pulses_us=(1625, 1250),

@@ -80,7 +80,7 @@ class Bench:
         self.t_ns += 50_000_000
         requests = self.operations.take_requests()
         decision = Decision(
-            phase=Phase.HOLD, why=explain(Reason.HOLDING), station=STATION, answers=answers, begun=begun
+            phase=Phase.HOLD, why=explain(Reason.HOLDING), station=STATION, point=STATION, answers=answers, begun=begun
         )
         self.operations.answer(self.t_ns, decision)
         situation = Situation(t_ns=self.t_ns, frame=FRAME)

@@ -8,7 +8,16 @@ from dataclasses import replace
 import pytest
 
 from asvhil.supervisor.reasons import Reason, explain
-from asvhil.supervisor.stations import MAX_STATION_DISTANCE_M, station_of_hold, station_of_move, too_far
+from asvhil.supervisor.stations import (
+    MAX_STATION_DISTANCE_M,
+    has_leapt,
+    place_of_point,
+    station_of_hold,
+    station_of_move,
+    station_of_origin,
+    station_of_point,
+    too_far,
+)
 from asvhil.types import HoldCommand, MoveCommand, Station
 from tests.support.supervisor_bench import ESTIMATE, FRAME
 
@@ -67,3 +76,28 @@ def test_the_limits_themselves_are_within_reach_and_the_distance_is_told() -> No
     assert too_far(replace(farthest, e_m=3000.0), here, 9000.0) == explain(Reason.STATION_TOO_FAR, distance_km=3.0)
     nowhere = too_far(replace(farthest, n_m=math.nan), here, 9000.0)
     assert nowhere is not None and nowhere.reason is Reason.STATION_TOO_FAR
+
+
+ASTERN = (-3.0, 1.0)  # 3 m astern and 1 m to starboard
+
+
+def test_a_point_of_the_boat_is_at_the_station_where_its_origin_is_at_the_origins() -> None:
+    east = Station(n_m=10.0, e_m=20.0, psi_rad=math.pi / 2, vn_mps=0.2)
+    origin = station_of_origin(east, ASTERN)
+    assert near(origin, 11.0, 23.0, math.pi / 2) and origin.vn_mps == 0.2
+    assert near(station_of_point(origin, ASTERN), 10.0, 20.0, math.pi / 2)
+    there = replace(ESTIMATE, n_m=origin.n_m, e_m=origin.e_m, psi_rad=origin.psi_rad)
+    point = place_of_point(there, ASTERN)
+    assert (point.n_m, point.e_m) == pytest.approx((10.0, 20.0))
+    assert replace(point, n_m=there.n_m, e_m=there.e_m) == there
+
+
+def test_a_boat_that_is_kept_by_its_origin_is_where_it_is_to_the_bit() -> None:
+    assert station_of_origin(HELD, (0.0, 0.0)) is HELD is station_of_point(HELD, (0.0, 0.0))
+    assert place_of_point(ESTIMATE, (0.0, 0.0)) is ESTIMATE
+
+
+def test_an_origin_that_goes_round_the_point_leaps_nowhere() -> None:
+    before = station_of_origin(HELD, ASTERN)
+    assert not has_leapt(station_of_origin(replace(HELD, psi_rad=1.01), ASTERN), before)
+    assert has_leapt(station_of_origin(replace(HELD, psi_rad=1.1), ASTERN), before)
