@@ -119,6 +119,17 @@ class VesselConfig(Section):
             raise ValueError("thrust_curve must lie in commands -1..1 and reach both astern and ahead thrust")
         return self
 
+    def speed_ahead_mps(self, share: float = 1.0) -> float:
+        """Where the drag is that share of both motors' thrust: X_u u + X_u|u| u^2 = share 2 T_max, in still water.
+
+        inf without drag.
+        """
+        thrust_n = share * 2.0 * self.thrust_curve[-1][1]
+        linear, quadratic = self.surge_drag_n_per_mps, self.surge_drag_n_per_mps2
+        # The positive root, in the form that holds without a quadratic drag too.
+        divisor = linear + math.sqrt(linear * linear + 4.0 * quadratic * thrust_n)
+        return 2.0 * thrust_n / divisor if divisor > 0.0 else math.inf
+
 
 class MotorOutputConfig(Section):
     """One motor on its output. What is set here must be so on the boat; what is left out is read from its autopilot."""

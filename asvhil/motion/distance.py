@@ -31,8 +31,7 @@ class DistanceWatch:
         self._config, self._approach = config, approach
         mass_kg = vessel.mass_kg + vessel.added_mass_surge_kg
         self._braking_mps2 = BRAKING * 2.0 * abs(vessel.thrust_curve[0][1]) / mass_kg
-        drag = vessel.surge_drag_n_per_mps, vessel.surge_drag_n_per_mps2
-        self._strong_mps = STRONG * _top_speed_mps(2.0 * vessel.thrust_curve[-1][1], *drag)
+        self._strong_mps = STRONG * vessel.speed_ahead_mps()
         self._least_m = self._allowed_m = self.farther_m = 0.0
         self._station: Station | None = None
         self._past: deque[tuple[int, bool]] = deque()  # (time, whether a motor was at its limit)
@@ -83,12 +82,6 @@ class DistanceWatch:
             # A path that begins with the station astern goes once round, on the far side of it at worst.
             self._allowed_m = max(self._allowed_m, 2.0 * self._approach.turn_radius_m)
         self._past.clear()
-
-
-def _top_speed_mps(thrust_n: float, linear: float, quadratic: float) -> float:
-    """Through calm water, where the drag (linear u + quadratic u^2, in N) is all of the thrust; inf without drag."""
-    root = math.sqrt(linear**2 + 4.0 * quadratic * thrust_n)
-    return 2.0 * thrust_n / (linear + root) if root > 0.0 else math.inf
 
 
 def _is_another(station: Station, before: Station) -> bool:

@@ -22,17 +22,8 @@ Place = tuple[float, float]
 
 
 def fastest_mps(vessel: VesselConfig, config: MovingConfig) -> float:
-    """How fast a station may be: as the config says, and where SHARE of the thrust balances the drag ahead.
-
-    X_u u + X_u|u| u^2 = SHARE 2 T_max, in still water.
-    """
-    thrust_n = SHARE * 2.0 * vessel.thrust_curve[-1][1]
-    linear, square = vessel.surge_drag_n_per_mps, vessel.surge_drag_n_per_mps2
-    if linear == 0.0 and square == 0.0:
-        return config.max_speed_mps
-    # The positive root, in the form that holds without a quadratic drag too.
-    speed_mps = 2.0 * thrust_n / (linear + math.sqrt(linear * linear + 4.0 * square * thrust_n))
-    return min(config.max_speed_mps, speed_mps)
+    """How fast a station may be: as the config says, and where SHARE of the thrust balances the drag ahead."""
+    return min(config.max_speed_mps, vessel.speed_ahead_mps(SHARE))
 
 
 @record

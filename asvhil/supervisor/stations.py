@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from asvhil.config import StationConfig
-from asvhil.geo import LocalFrame
+from asvhil.geo import LocalFrame, body_to_ned
 from asvhil.supervisor.reasons import Explanation, Reason, explain
 from asvhil.types import Estimate, HoldCommand, MoveCommand, Station, changed
 
@@ -24,7 +24,7 @@ def place_of_point(estimate: Estimate, point_m: tuple[float, float]) -> Estimate
     """The estimate with the place of a point of the boat (forward, to starboard) for that of its origin."""
     if point_m == (0.0, 0.0):
         return estimate
-    n_m, e_m = _ahead(estimate.psi_rad, point_m)
+    n_m, e_m = body_to_ned(estimate.psi_rad, *point_m)
     return changed(estimate, n_m=estimate.n_m + n_m, e_m=estimate.e_m + e_m)
 
 
@@ -32,7 +32,7 @@ def station_of_origin(station: Station, point_m: tuple[float, float]) -> Station
     """The station of the boat's origin at which a point of the boat (forward, to starboard) is at a station."""
     if point_m == (0.0, 0.0):
         return station
-    n_m, e_m = _ahead(station.psi_rad, point_m)
+    n_m, e_m = body_to_ned(station.psi_rad, *point_m)
     return changed(station, n_m=station.n_m - n_m, e_m=station.e_m - e_m)
 
 
@@ -75,12 +75,6 @@ def too_far(station: Station, estimate: Estimate, most_m: float) -> Explanation 
 
 
 def has_leapt(station: Station, before: Station) -> bool:
-    """Whether a station is elsewhere than in the last tick, and has not just moved on its course."""
+    """Whether a station is elsewhere than in the last tick, and has not just moved on its course or about its point."""
     most_m = LEAP_M if station.moves or before.moves else TURN_M
     return math.hypot(station.n_m - before.n_m, station.e_m - before.e_m) > most_m
-
-
-def _ahead(psi_rad: float, point_m: tuple[float, float]) -> tuple[float, float]:
-    """North and east of a point of the body from its origin."""
-    cos, sin = math.cos(psi_rad), math.sin(psi_rad)
-    return cos * point_m[0] - sin * point_m[1], sin * point_m[0] + cos * point_m[1]
