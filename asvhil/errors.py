@@ -75,3 +75,16 @@ class ModelError(AsvhilError):
 
 class OtherHullError(ModelError):
     """A model was trained on another boat, by its hull and motors, than `vehicle.vessel` describes."""
+
+
+def is_interrupt(error: BaseException | None) -> bool:
+    """Whether it is Ctrl-C, or came of one.
+
+    Libraries hand on what is raised within them as errors of their own (pydantic in its words alone), and what has
+    lost its other end to the same Ctrl-C fails while it is cleared away.
+    """
+    while error is not None:
+        if isinstance(error, KeyboardInterrupt) or "KeyboardInterrupt" in str(error):
+            return True
+        error = error.__cause__ or error.__context__
+    return False

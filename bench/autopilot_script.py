@@ -25,6 +25,7 @@ from typing import Any
 from asvhil.autopilot.script_protocol import PAYLOAD_TYPE, AliveSign, Order, ScriptReason
 from asvhil.io.mavlink.frames import FrameSplitter, decode, source
 from asvhil.io.mavlink.frames import dialect as mav
+from bench.ending import end_in_words
 
 OWN, STATION, AUTOPILOT = (1, 191), (255, 190), (1, 1)
 EVERY_S = 0.05
@@ -358,4 +359,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    end_in_words(main)

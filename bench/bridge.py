@@ -39,6 +39,7 @@ from asvhil.logs.opening import open_recorder
 from asvhil.logs.reader import LogFile
 from asvhil.operator.encoding import encode_hold
 from asvhil.types import Control, Estimate, Station, Wind
+from bench.ending import end_in_words
 from tests.support.ports import free_port
 
 SENSOR_HZ = 50.0
@@ -393,4 +394,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    end_in_words(main)

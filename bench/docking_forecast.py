@@ -31,6 +31,7 @@ from asvhil.study.field_tests import BASES, TESTS, overrides_of_test
 from asvhil.supervisor.docking import DockingWatch
 from asvhil.supervisor.docking_odds import CAME_TRUE, COEFFICIENTS, HORIZONS_S, corrected, probability
 from asvhil.types import Estimate, Phase, Station
+from bench.ending import end_in_words
 
 ORIGIN = Station(n_m=0.0, e_m=0.0, psi_rad=0.0)
 TENTHS = 10
@@ -188,4 +189,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    end_in_words(main)

@@ -16,6 +16,8 @@ from pathlib import Path
 
 import numpy as np
 
+from bench.ending import end_in_words
+
 RATE_HZ = 5.0
 HOLD_S = 60.0  # after the first fix
 FROM_S, TO_S = 60.0, 240.0  # after the hold
@@ -83,4 +85,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    end_in_words(main)

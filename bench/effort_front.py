@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-import sys
+import argparse
 from collections import defaultdict
 from pathlib import Path
 from statistics import fmean
 
 import pyarrow.parquet as pq
 from matplotlib.figure import Figure
+
+from bench.ending import end_in_words
 
 EFFORTS = ("precise", "normal", "gentle")
 AXES = (
@@ -17,7 +19,15 @@ AXES = (
 )
 
 
-def main(table: Path, picture: Path) -> None:
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("table", type=Path, help="the Parquet file of `asvhil campaign effort`")
+    parser.add_argument("picture", type=Path, help="the PNG file to write")
+    asked = parser.parse_args()
+    draw(asked.table, asked.picture)
+
+
+def draw(table: Path, picture: Path) -> None:
     """A panel for each measure of the motors' work, a line for each wind speed, a point for each variant."""
     points: dict[float, dict[str, list[dict[str, float]]]] = defaultdict(lambda: defaultdict(list))
     for row in pq.read_table(table).to_pylist():
@@ -41,4 +51,4 @@ def main(table: Path, picture: Path) -> None:
 
 
 if __name__ == "__main__":
-    main(*map(Path, sys.argv[1:3]))
+    end_in_words(main)

@@ -12,6 +12,7 @@ import tempfile
 from pathlib import Path
 from statistics import median
 
+from bench.ending import end_in_words
 from tests.support.deaths import DEATHS, LINKS, Death, as_json, deaths_of
 
 MARKER = "<!-- below: written by python -m bench.guardian -->"
@@ -74,4 +75,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    end_in_words(main)

@@ -32,6 +32,7 @@ from asvhil.study.rows import FROM_S, TO_S, row_overrides, trial_job
 from asvhil.study.runner import Job, run_into
 from asvhil.study.safety_cases import MODERATE, heavy, weak, wind_keys
 from asvhil.study.trials.trial import NO_SLOW_ERROR, run_named_trial
+from bench.ending import end_in_words
 
 Keys = tuple[str, ...]
 WINDS: dict[str, tuple[tuple[float, float], ...]] = {  # m/s, toward degrees; the station's heading is north
@@ -211,4 +212,4 @@ def main(arguments: Sequence[str]) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    end_in_words(lambda: main(sys.argv[1:]))

@@ -26,6 +26,7 @@ from asvhil.logs.run import read_run
 from asvhil.logs.summary import summarise
 from asvhil.machine_code.compiler import use_compiler
 from asvhil.sitl import run_lockstep
+from bench.ending import end_in_words
 from tests.support.processes import bench
 
 SPAN_S = 360.0
@@ -112,4 +113,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    end_in_words(main)

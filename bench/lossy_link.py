@@ -18,6 +18,8 @@ from typing import Any
 from rich.console import Console
 from rich.progress import track
 
+from asvhil.study.trials.interrupts import interrupts_held_back
+from bench.ending import end_in_words
 from tests.support.lossy_link import CheckStart, HoldStart, check_start, hold_start
 
 LOSSES = (0.0, 0.02, 0.05, 0.1, 0.2, 0.4)
@@ -104,11 +106,16 @@ def main() -> None:
     checks, holds = [], []
     check = partial(check_start, config=given.config)
     hold = partial(hold_start, hold_s=given.hold, config=given.config, overrides=tuple(given.set))
-    with ProcessPoolExecutor(given.jobs) as pool:
+    pool = ProcessPoolExecutor(given.jobs)
+    try:
+        with interrupts_held_back():
+            pool.submit(int)  # starts the processes
         for loss in track(LOSSES, "lossy links", console=console, transient=True):
             checks.append(checked(loss, list(pool.map(check, [loss] * len(seeds), seeds))))
             starts = list(pool.map(hold, [loss] * len(seeds), seeds))
             holds.append(held(loss, starts))
+    finally:
+        pool.shutdown(cancel_futures=True)
     print("\n".join(rows(checks, holds)))
     if given.json is not None:
         figures = {"config": given.config, "set": given.set, "checks": checks, "holds": holds}
@@ -116,4 +123,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    end_in_words(main)

@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import Any
 
 from asvhil.machine_code.compiler import SWITCH
+from bench.ending import end_in_words
 
 WIND = ("plant.weather.wind.speed_mps=6", "plant.weather.wind.toward_deg=90", "plant.seed=7")
 CASES: dict[str, tuple[str, ...]] = {
@@ -105,4 +106,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    end_in_words(main)

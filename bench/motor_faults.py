@@ -16,6 +16,7 @@ from rich.progress import track
 from rich.table import Table
 
 from asvhil.supervisor.reasons import Reason
+from bench.ending import end_in_words
 from tests.support.motor_faults import BLIND_REASON, WRONG, Trial
 
 LOST = {"parameters read": (), "no PARAM_VALUE": ("PARAM_VALUE",), "nor RC_CHANNELS": ("PARAM_VALUE", "RC_CHANNELS")}
@@ -89,4 +90,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    end_in_words(main)

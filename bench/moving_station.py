@@ -28,6 +28,7 @@ from asvhil.machine_code.compiler import use_compiler
 from asvhil.simplant.lockstep import Lockstep
 from asvhil.study.trials.trial import NO_SLOW_ERROR
 from asvhil.types import Control, Estimate, Phase, Station, Wind, changed
+from bench.ending import end_in_words
 
 ANGLES_DEG = {"along": 0.0, "across": 90.0}
 
@@ -161,4 +162,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    end_in_words(main)

@@ -21,6 +21,8 @@ from collections import Counter
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
+from bench.ending import end_in_words
+
 ROOT = Path(__file__).resolve().parents[1]
 SUPERVISOR = tuple(
     f"tests/unit/supervisor/test_{theme}.py"
@@ -223,4 +225,4 @@ def _environment() -> dict[str, str]:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    end_in_words(main)

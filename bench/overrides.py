@@ -33,6 +33,7 @@ from bench.autopilot_script import (
     disarmed,
     report,
 )
+from bench.ending import end_in_words
 
 COMPANION = (255, 191)
 IGNORE = 65535
@@ -160,4 +161,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    end_in_words(main)

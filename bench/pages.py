@@ -30,6 +30,7 @@ from asvhil.logs.reader import LogFile
 from asvhil.operator.encoding import encode_question
 from asvhil.simplant.lockstep import Lockstep
 from asvhil.types import Inputs, Outputs
+from bench.ending import end_in_words
 from tests.support.page_bench import dashboard
 from tests.support.processes import bench
 
@@ -175,4 +176,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    end_in_words(main)

@@ -24,6 +24,7 @@ from rich.progress import track
 
 from asvhil.logs.reader import LogFile
 from asvhil.logs.replay import replay
+from bench.ending import end_in_words
 
 ASKED_S = 0.5
 TAILS = ("nothing", "a part", "zeros", "noise")
@@ -183,4 +184,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    end_in_words(main)

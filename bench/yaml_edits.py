@@ -22,6 +22,8 @@ from typing import Any
 
 from asvhil.config import load_config
 from asvhil.errors import AsvhilError
+from asvhil.study.trials.interrupts import interrupts_held_back
+from bench.ending import end_in_words
 
 SHIPPED = sorted((Path(__file__).parents[1] / "config").glob("*.yaml"))
 SLOWEST_S = 10
@@ -155,7 +157,9 @@ def run(edits: int, seed: int, jobs: int) -> dict[str, Any]:
     outcomes: Counter[str] = Counter()
     faults: list[str] = []
     memory: list[tuple[int, int]] = []
-    with multiprocessing.get_context("spawn").Pool(jobs) as pool:
+    with interrupts_held_back():
+        pool = multiprocessing.get_context("spawn").Pool(jobs)
+    with pool:
         results: Iterator[Any] = pool.imap_unordered(edit_and_load, work)
         for found, told, resident in track(results, total=len(work), description="edits"):
             outcomes += found
@@ -186,4 +190,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    end_in_words(main)

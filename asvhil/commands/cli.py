@@ -31,7 +31,7 @@ from asvhil.commands.status import status
 from asvhil.commands.train import train
 from asvhil.commands.tune import tune
 from asvhil.commands.typer_parts import HELP, ClickException, one_line, show_flags_plainly
-from asvhil.errors import AsvhilError
+from asvhil.errors import AsvhilError, is_interrupt
 
 RUN_A_BACKSEAT = {"run", "sitl", "replay", "study", "learn", "collect", "campaign", "tune"}
 
@@ -106,7 +106,9 @@ def _run() -> tuple[str, int]:
         return one_line(error), 2
     except typer.Abort:  # a question that was not answered
         return "interrupted at a question: nothing was done", 130
-    except KeyboardInterrupt:
-        return "", 130
     except SystemExit as ended:
         return "", ended.code if isinstance(ended.code, int) else 1 if ended.code else 0
+    except BaseException as error:
+        if is_interrupt(error):
+            return "", 130
+        raise

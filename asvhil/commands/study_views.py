@@ -8,8 +8,10 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import typer
+
 from asvhil.commands.views import check_writable, progress, say, write_json, writing
-from asvhil.errors import AsvhilError
+from asvhil.errors import AsvhilError, is_interrupt
 from asvhil.study.page import head_of, write_page
 
 if TYPE_CHECKING:
@@ -48,10 +50,10 @@ def watching(console: Any, title: str, *, resumes: bool = True) -> Iterator[Tell
 
         try:
             yield tell
-        except KeyboardInterrupt:
-            if not resumes:
-                raise
-            raise AsvhilError(f"{title}: interrupted; the same command goes on where it was") from None
+        except BaseException as error:
+            if resumes and is_interrupt(error):
+                typer.echo(f"asvhil: {title}: interrupted; the same command goes on where it was", err=True)
+            raise
 
 
 def check_output(output: Path | None, stem: str, json_: Path | None) -> None:

@@ -21,6 +21,7 @@ from typing import Any
 from asvhil.errors import AsvhilError
 from asvhil.machine_code.compiler import use_compiler
 from asvhil.study.code_version import PACKAGE, code_version
+from asvhil.study.trials.interrupts import interrupts_held_back
 from asvhil.types import record
 
 WATCH_S = 0.3
@@ -110,7 +111,8 @@ def _run_pool(
 def job_future(pool: ProcessPoolExecutor, function: Function, job: Job, isolate: bool, token: str) -> Future[Done]:
     """Hand out a job; of a pool that has just broken, a future that says so."""
     try:
-        return pool.submit(timed, function, job.arguments, isolate, token)
+        with interrupts_held_back():  # the first jobs start the processes
+            return pool.submit(timed, function, job.arguments, isolate, token)
     except BrokenProcessPool as error:
         failed: Future[Done] = Future()
         failed.set_exception(error)
@@ -245,7 +247,8 @@ def _obey(stop: Any) -> None:
             pass
         os._exit(1)
 
-    # Ctrl-C reaches every process of the terminal; only the study itself reports it.
+    # Was held back at the start; what a run starts may still be interrupted by it.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     threading.Thread(target=watch, daemon=True).start()
     use_compiler()

@@ -4,9 +4,11 @@ import pickle
 from pathlib import Path
 
 import pytest
+from pydantic import BaseModel, model_serializer
+from pydantic_core import PydanticSerializationError
 
 from asvhil.config import load_config
-from asvhil.errors import AsvhilError, ConfigError, LinkError, LogError, ModelError, OtherHullError
+from asvhil.errors import AsvhilError, ConfigError, LinkError, LogError, ModelError, OtherHullError, is_interrupt
 
 
 @pytest.mark.parametrize("kind", [AsvhilError, ConfigError, LinkError, LogError, ModelError, OtherHullError])
@@ -45,3 +47,20 @@ def test_a_config_with_breaks_in_its_values_is_refused_in_one_line(text: str, tm
     with pytest.raises(AsvhilError) as caught:
         load_config(str(file))
     assert len(str(caught.value).splitlines()) == 1 and str(file) in str(caught.value)
+
+
+def test_an_interrupt_is_known_whoever_hands_it_on() -> None:
+    class Model(BaseModel):
+        @model_serializer
+        def interrupted(self) -> dict[str, int]:
+            raise KeyboardInterrupt
+
+    with pytest.raises(PydanticSerializationError) as wrapped:
+        Model().model_dump()
+    with pytest.raises(OSError) as cleared:
+        try:
+            raise KeyboardInterrupt
+        finally:
+            raise BrokenPipeError("the other end heard of it too")
+    assert is_interrupt(KeyboardInterrupt()) and is_interrupt(wrapped.value) and is_interrupt(cleared.value)
+    assert not is_interrupt(OSError("no such file")) and not is_interrupt(None)

@@ -10,6 +10,7 @@ from types import TracebackType
 from asvhil.config import Config, config_from_json
 from asvhil.config.plugins import PluginFile, load_files
 from asvhil.simplant.lockstep import Lockstep
+from asvhil.study.trials.interrupts import interrupts_held_back
 from asvhil.types import Outputs
 
 SETTLES_S = 20.0
@@ -31,7 +32,9 @@ class YoungBoat:
 
     def renew(self) -> None:
         """Another new boat, which has settled."""
-        self._process.submit(_renew, self._config.plugins, self._config.canonical_json()).result()
+        with interrupts_held_back():  # the first call starts the process
+            renewed = self._process.submit(_renew, self._config.plugins, self._config.canonical_json())
+        renewed.result()
 
     def ticks_ms(self, count: int) -> list[float]:
         """The processor time of so many of its ticks (ms)."""

@@ -233,6 +233,25 @@ def test_a_study_that_is_killed_leaves_no_process_and_goes_on_where_it_was(tmp_p
     assert ran(tmp_path).count(1) == ran(tmp_path).count(2) == 1
 
 
+def test_ctrl_c_while_its_processes_start_is_told_by_the_study_alone(tmp_path):
+    study = subprocess.Popen(
+        [sys.executable, "-m", "tests.support.study_jobs", str(tmp_path)],
+        cwd=ROOT,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        start_new_session=True,
+    )
+    try:
+        wait_until(lambda: len(children(study.pid)) >= 3, 60.0)  # the one that keeps count of semaphores among them
+        os.killpg(study.pid, signal.SIGINT)  # as a terminal does
+        words, _ = study.communicate(timeout=60.0)
+    finally:
+        study.kill()
+        study.wait()
+    assert words.count("Traceback") <= 1 and "spawn_main" not in words, words
+
+
 def children(pid: int) -> list[int]:
     found = []
     for path in Path("/proc").glob("[0-9]*/stat"):
