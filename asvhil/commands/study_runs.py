@@ -269,9 +269,9 @@ def estimator(
 @study_command
 def safety(
     output: OutOption = RUNS,
-    holds: Annotated[str, typer.Option(help="Which winds and seeds: judging, or tuning, which chose the limits.")] = (
-        "judging"
-    ),
+    holds: Annotated[
+        str, typer.Option(help="Which winds and seeds: reporting, or tuning or judging, which chose the limits.")
+    ] = "reporting",
     fault: Annotated[list[str], typer.Option(help="One fault by its name in the table; repeatable.")] = [],  # noqa: B006
     healthy: Annotated[bool, typer.Option(help="Healthy boats too.")] = True,
     every: Annotated[int, typer.Option(min=1, help="One in so many of the holds alone.")] = 1,
