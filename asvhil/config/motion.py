@@ -24,19 +24,23 @@ class MotionConfig(Section):
         ),
     )
     evidence: float = Field(
-        default=18.0,
-        ge=5.0,
+        default=6.5,
+        ge=2.0,
         le=100.0,
         description=(
             "How much likelier a fault must be than a sound boat, as the natural logarithm of the ratio of their "
-            "likelihoods since it began. Lower: sooner; higher: fewer false alarms where hull or waves differ much."
+            "likelihoods since it began, of which each fifth of a second counts for 0.4 at the most. Lower: sooner; "
+            "higher: fewer false alarms where hull or waves differ much."
         ),
     )
     early_evidence: float = Field(
-        default=4.5,
+        default=4.0,
         ge=1.0,
         le=100.0,
-        description="As evidence, for what is told as likely in the first 20 s of a hold, and ends none.",
+        description=(
+            "As evidence, of which each fifth of a second counts for 10 at the most, for what is told as likely in the "
+            "first 20 s of a hold, and ends none."
+        ),
     )
     early_lasts_s: NonNegative = Field(
         default=5.0,

@@ -46,11 +46,11 @@ class Bank:
         self._log, self._nis = np.zeros(count), np.zeros(count)
         self._after_x, self._after_p = np.zeros_like(self.x), np.zeros_like(self.p)
         self._conditions, self._readings = np.zeros(CONDITIONS), np.zeros(READINGS)
-        off_rad = np.array([h.off_rad for h in hypotheses])
+        off_rad, load = (np.array([getattr(h, name) for h in hypotheses]) for name in ("off_rad", "load"))
         state, after = [self.x.ravel(), self.p.ravel()], [self._after_x.ravel(), self._after_p.ravel()]
         self._predict = bind(
-            fastest(prediction(vessel, noise).map("predict", "serial", count, [4], [])),
-            [*state, self.thrust_n.ravel(), off_rad, self._conditions],
+            fastest(prediction(vessel, noise).map("predict", "serial", count, [5], [])),
+            [*state, self.thrust_n.ravel(), off_rad, load, self._conditions],
             after,
         )
         self._correct = bind(

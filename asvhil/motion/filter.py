@@ -45,13 +45,16 @@ class BankNoise:
 
 @functools.lru_cache(maxsize=4)
 def prediction(vessel: VesselConfig, noise: BankNoise) -> ca.Function:
-    """(x (9), P (9, 9), thrusts (2) in N, compass error (rad), conditions (6)) -> (x, P) one step later."""
+    """(x (9), P (9, 9), thrusts (2) in N, compass error (rad), load, conditions (6)) -> (x, P) one step later.
+
+    `load`: mass and inertia aboard beside the vessel's, as a share of these.
+    """
     body = RigidBody(vessel)
     m_u = vessel.mass_kg + vessel.added_mass_surge_kg
     m_v = vessel.mass_kg + vessel.added_mass_sway_kg
     m_r = vessel.inertia_yaw_kgm2 + vessel.added_inertia_yaw_kgm2
     x, p = ca.SX.sym("x", SIZE), ca.SX.sym("p", SIZE, SIZE)
-    thrust_n, off_rad = ca.SX.sym("thrust", 2), ca.SX.sym("off")
+    thrust_n, off_rad, load = ca.SX.sym("thrust", 2), ca.SX.sym("off"), ca.SX.sym("load")
     conditions = ca.SX.sym("conditions", CONDITIONS)
     dt_s, heading_rad, windy, wn, we, commanded_n = ca.vertsplit(conditions)
 
@@ -62,20 +65,24 @@ def prediction(vessel: VesselConfig, noise: BankNoise) -> ca.Function:
     air_n, air_e = wn - x[VN], we - x[VE]
     x_w, y_w, n_w = (windy * part for part in body.wind_forces(c * air_n + s * air_e, c * air_e - s * air_n))
     u_dot, v_dot, r_dot = body.acceleration(u, v, r, x[G] * force_n + x_w, y_w, x[G] * moment_nm + n_w)
+    # Of a loaded boat; what of the forces goes with the mass is small at the speeds of a station.
+    slow_u, slow_v = m_u / (m_u + load * vessel.mass_kg), m_v / (m_v + load * vessel.mass_kg)
+    slow_r = m_r / (m_r + load * vessel.inertia_yaw_kgm2)
+    u_dot, v_dot, r_dot = slow_u * u_dot, slow_v * v_dot, slow_r * r_dot
     a_x, a_y = u_dot - r * v, v_dot + r * u
     forget_d, forget_g = ca.exp(-dt_s / noise.disturbance_time_s), ca.exp(-dt_s / noise.gain_time_s)
 
-    drag_u = -(vessel.surge_drag_n_per_mps + 2.0 * vessel.surge_drag_n_per_mps2 * ca.fabs(u)) / m_u
-    drag_v = -(vessel.sway_drag_n_per_mps + 2.0 * vessel.sway_drag_n_per_mps2 * ca.fabs(v)) / m_v
-    drag_r = -(vessel.yaw_drag_nm_per_radps + 2.0 * vessel.yaw_drag_nm_per_radps2 * ca.fabs(r)) / m_r
+    drag_u = -slow_u * (vessel.surge_drag_n_per_mps + 2.0 * vessel.surge_drag_n_per_mps2 * ca.fabs(u)) / m_u
+    drag_v = -slow_v * (vessel.sway_drag_n_per_mps + 2.0 * vessel.sway_drag_n_per_mps2 * ca.fabs(v)) / m_v
+    drag_r = -slow_r * (vessel.yaw_drag_nm_per_radps + 2.0 * vessel.yaw_drag_nm_per_radps2 * ca.fabs(r)) / m_r
     f = ca.SX(SIZE, SIZE)  # sparse: zeros cost nothing
     f[VN, VN] = 1.0 + dt_s * ca.fmax(c * c * drag_u + s * s * drag_v, -1.0 / dt_s)
     f[VE, VE] = 1.0 + dt_s * ca.fmax(s * s * drag_u + c * c * drag_v, -1.0 / dt_s)
     f[VN, VE] = f[VE, VN] = dt_s * c * s * (drag_u - drag_v)
     f[R, R] = ca.fmax(1.0 + dt_s * drag_r, 0.0)
     f[VN, DN] = f[VE, DE] = f[R, DR] = dt_s
-    f[VN, G], f[VE, G] = dt_s * c * force_n / m_u, dt_s * s * force_n / m_u
-    f[R, G] = dt_s * moment_nm / m_r
+    f[VN, G], f[VE, G] = dt_s * slow_u * c * force_n / m_u, dt_s * slow_u * s * force_n / m_u
+    f[R, G] = dt_s * slow_r * moment_nm / m_r
     f[DN, DN] = f[DE, DE] = f[DR, DR] = forget_d
     f[G, G] = forget_g
     f[CN, CN] = f[CE, CE] = 1.0
@@ -107,7 +114,7 @@ def prediction(vessel: VesselConfig, noise: BankNoise) -> ca.Function:
     q[DR, DR] = noise.disturbance_yaw_radps2**2 * (1.0 - forget_d**2)
     q[G, G] = noise.gain_std**2 * (1.0 - forget_g**2)
     covariance = symmetric(f @ symmetric(p) @ f.T + q)
-    return ca.Function("predict", [x, p, thrust_n, off_rad, conditions], [after, covariance], {"cse": True})
+    return ca.Function("predict", [x, p, thrust_n, off_rad, load, conditions], [after, covariance], {"cse": True})
 
 
 @functools.lru_cache(maxsize=4)

@@ -20,10 +20,14 @@ OLD_NS = 1_000_000_000  # a heading this old is none
 JUMP_RAD = math.radians(25.0)  # a heading this far off the turn that the gyro tells has jumped
 JUMP_TIME_S = 10.0  # time constant at which that is forgotten
 GAP_S = 1.0  # a step this long begins anew
-ROUGH_POWER = 3  # by how much less each tick then tells
+ROUGH_POWER = 4  # by how much less each tick then tells
 ROUGH_GAIN = 0.05  # of a step, on how rough the water is
-LEAST_ROUGH = 1.2  # from there on little evidence is none: no hypothesis predicts well
+LEAST_ROUGH = 1.1  # from there on little evidence is none: no hypothesis predicts well
 KEPT = 0.75  # of the evidence for a suspicion: with less it ends
+# Times what is asked for, in a fault's sum and in that of its name, at which it is not waited for: a boat that answers
+# so wrong gathers way.
+SOON, BY_FAR = 0.5, 8.0
+LATER = 1.5  # times the evidence, once a hold goes on for long
 UNLED = 2.0  # times as long a suspicion lasts before it needs no lead
 # Beside a sensor's own noise: waves, and a velocity that is some tenths of a second old.
 VELOCITY_NOISE, YAW_NOISE = 1.3, 2.0
@@ -40,9 +44,11 @@ class FaultVerdict:
         """Nothing is known."""
         self._since_ns = None
 
-    def step(self, t_ns: int, evidence: Evidence) -> Explanation | None:
-        """Judge what has been found until now."""
-        if float(evidence.sums.max()) < self._config.evidence:
+    def step(self, t_ns: int, evidence: Evidence, *, late: bool = False) -> Explanation | None:
+        """Judge what has been found until now; `late`: when chance has had time."""
+        asked, names = (LATER if late else 1.0) * self._config.evidence, evidence.names
+        by_far = float(names.max()) >= BY_FAR * asked and float(evidence.sums[names.argmax()]) >= SOON * asked
+        if float(evidence.sums.max()) < asked and not by_far:
             self.reset()
             return None
         best, lead = _leader(evidence)
@@ -72,10 +78,10 @@ class Suspicion:
     def step(self, t_ns: int, evidence: Evidence) -> None:
         """Judge what has been found until now: `fault`, None while it is not enough."""
         best, lead = _leader(evidence)
-        most = self._config.early_evidence
-        if best != self._best or evidence.sums[best] < KEPT * most:
+        found, most = evidence.names[best], self._config.early_evidence
+        if best != self._best or found < KEPT * most:
             self.reset()
-            if evidence.sums[best] < most:
+            if found < most:
                 return
             self._best, self._since_ns = best, t_ns
         lasted_s, asked_s = (t_ns - self._since_ns) * 1e-9, self._config.early_lasts_s
@@ -85,8 +91,9 @@ class Suspicion:
 
 def _leader(evidence: Evidence) -> tuple[int, float]:
     """The fault that explains most, and by how much it leads the next one."""
-    order = np.argsort(evidence.names)
-    return int(order[-1]), float(evidence.names[order[-1]]) - float(evidence.names[order[-2]])
+    names = evidence.names
+    order = np.argsort(names)
+    return int(order[-1]), float(names[order[-1]]) - float(names[order[-2]])
 
 
 class MotionMonitor:
@@ -102,7 +109,7 @@ class MotionMonitor:
             yaw_rate_std_radps=YAW_NOISE * ekf.yaw_rate_std_radps,
         )
         self._bank = Bank(SOUND + FAULTY, vessel, noise)
-        self._evidence = Evidence(len(SOUND), len(FAULTY))
+        self._evidence = Evidence(len(SOUND), [fault.log_prior for fault in FAULTY])
         self._velocity: GroundVelocity | None = None
         self._heading: Heading | None = None
         self._yaw_rate: YawRate | None = None
@@ -151,11 +158,12 @@ class MotionMonitor:
         ailing: frozenset[type] = frozenset(),
         *,
         holding: bool = True,
+        late: bool = False,
     ) -> Explanation | None:
         """What is wrong, once there is enough evidence; `command` is what the motors got since the last tick.
 
         `ailing`: the kinds of measurement whose sensor is silent or frozen. While nothing is held there is no evidence,
-        and motion and current are followed.
+        and motion and current are followed. `late`: the hold goes on for long, and more evidence is asked for.
         """
         velocity, heading = self._velocity, self._heading
         if velocity is None or heading is None or t_ns - heading.t_ns > OLD_NS:
@@ -180,7 +188,7 @@ class MotionMonitor:
         self._bank.predict(dt_s, heading.psi_rad, wind_ned)
         self._weigh(ailing, holding)
         self._suspicion.step(t_ns, self._evidence)
-        return self._verdict.step(t_ns, self._evidence)
+        return self._verdict.step(t_ns, self._evidence, late=late)
 
     def _follow(self, heading_rad: float, dt_s: float) -> None:
         """How far the compass has jumped: its turns less those of the gyro, which drift and are forgotten."""
@@ -202,7 +210,7 @@ class MotionMonitor:
         self._roughness += ROUGH_GAIN * (max(1.0, float(squares.min()) / 3.0) - self._roughness)
         if ailing or not holding or abs(self._jump_rad) > JUMP_RAD:
             return
-        self._evidence.add(log / self._roughness**ROUGH_POWER)
+        self._evidence.add(log, self._roughness**-ROUGH_POWER)
         none = self._evidence.sums <= 0.0
         if none.any():
             which = np.concatenate([np.zeros(len(SOUND), dtype=bool), none])

@@ -8,6 +8,8 @@ from asvhil.config import MotionConfig
 from asvhil.motion.evidence import Evidence
 from asvhil.motion.hypotheses import FAULTY, SOUND
 from asvhil.motion.monitor import FaultVerdict, Suspicion
+from asvhil.simplant.boat.vessel import Vessel
+from asvhil.study.safety_cases import heavy
 from asvhil.supervisor.reasons import Reason, describe
 from asvhil.types import GroundVelocity, Heading
 from tests.support.motion_boat import MotionBoat
@@ -49,18 +51,43 @@ def test_a_compass_that_is_a_little_off_is_sound(compass_deg: float) -> None:
     assert MotionBoat(compass_deg=compass_deg).run(120.0) is None
 
 
+def test_a_boat_with_much_aboard_is_sound_and_known_for_it() -> None:
+    boat = MotionBoat()
+    hull = heavy(boat.config.vehicle.vessel)
+    laden = boat.config.vehicle.vessel.model_copy(update=hull)
+    boat.vessel = Vessel(laden, boat.config.vehicle.pwm, 0.01, (0.0, 0.0, 0.5), (0.0, 0.0))
+    assert boat.run(30.0) is None
+    evidence = boat.monitor._evidence
+    assert SOUND[evidence.best_sound].load == 0.4 and evidence._weights[evidence.best_sound] > 0.9
+    assert boat.run(30.0) is None and evidence.sums.max() < 2.0
+
+
+def test_two_faults_at_once_and_no_others_are_less_likely_beforehand() -> None:
+    twice = [h for h in FAULTY if h.log_prior]
+    assert [h.log_prior for h in twice] == [-2.0] * 3
+    assert {(h.source, h.share) for h in twice} == {((1, 0), (-1.0, 1.0)), ((1, 0), (1.0, -1.0)), ((0, 1), (0.0, 0.0))}
+
+
+def test_a_motor_that_was_never_told_to_give_thrust_is_not_called_dead() -> None:
+    """The port motor is dead, and the starboard one has nothing to do: both dead would explain as much."""
+    boat = MotionBoat(faults=("port-motor",))
+    boat.run(9.0, lambda t_s: (-1.0 if t_s < 4.0 else -0.6, 0.0))
+    found = boat.run(9.0, lambda t_s: (-0.6, 0.0)) or boat.monitor.likely
+    assert found is not None and found.reason is Reason.MOTOR_DEAD
+
+
 def test_a_boat_in_a_current_is_sound() -> None:
     boat = MotionBoat(current=(0.8, -0.5))
     assert boat.run(120.0) is None
     assert boat.monitor.current_ned == pytest.approx((0.8, -0.5), abs=0.3)
 
 
-def judged(judge: FaultVerdict | Suspicion, *steps: tuple[list[float], list[float]]) -> list[str]:
+def judged(judge: FaultVerdict | Suspicion, *steps: tuple[list[float], list[float]], **given: bool) -> list[str]:
     """The codes of what is found, after each step of 0.2 s with these sums and names."""
-    evidence, found = Evidence(1, len(FAULTY)), []
+    evidence, found = Evidence(1, [0.0] * len(FAULTY)), []
     for number, (sums, names) in enumerate(steps):
-        evidence.sums[: len(sums)], evidence.names[: len(names)] = sums, names
-        fault = judge.step(1_000_000_000 + number * 200_000_000, evidence)
+        evidence.sums[: len(sums)], evidence._found[: len(names)] = sums, names
+        fault = judge.step(1_000_000_000 + number * 200_000_000, evidence, **given)
         fault = judge.fault if isinstance(judge, Suspicion) else fault
         found.append("" if fault is None else str(fault.reason))
     return found
@@ -82,6 +109,21 @@ def test_a_verdict_needs_enough_evidence_and_a_lead_or_patience() -> None:
     assert judged(verdict(), clear, ([9.9], [9.9])) == ["motors-reversed", ""]
 
 
+def test_what_explains_far_better_needs_half_of_the_evidence() -> None:
+    verdict = FaultVerdict(MotionConfig(evidence=10.0, lead=3.0, lead_s=0.4))
+    assert judged(verdict, ([5.0, 5.0], [10.0, 80.0])) == ["motor-reversed"]
+    assert judged(verdict, ([5.0, 4.9], [10.0, 80.0])) == [""], "of the fault that does"
+    assert judged(verdict, ([5.0, 5.0], [10.0, 79.9])) == [""]
+
+
+def test_once_a_hold_goes_on_for_long_half_as_much_evidence_more_is_asked_for() -> None:
+    verdict = FaultVerdict(MotionConfig(evidence=10.0, lead=3.0, lead_s=0.4))
+    assert judged(verdict, ([14.9, 4.0], [40.0, 7.0]), late=True) == [""]
+    assert judged(verdict, ([15.0, 4.0], [40.0, 7.0]), late=True) == ["motors-reversed"]
+    assert judged(verdict, ([7.4], [120.0]), late=True) == [""]
+    assert judged(verdict, ([7.5], [120.0]), late=True) == ["motors-reversed"]
+
+
 def test_a_suspicion_needs_some_evidence_and_a_lead_of_one_fault_for_long() -> None:
     def suspicion() -> Suspicion:
         return Suspicion(MotionConfig(early_evidence=5.0, lead=3.0, early_lasts_s=0.4))
@@ -90,7 +132,7 @@ def test_a_suspicion_needs_some_evidence_and_a_lead_of_one_fault_for_long() -> N
     assert judged(suspicion(), one, one, one, one) == ["", "", "motors-reversed", "motors-reversed"]
     assert judged(suspicion(), one, one, other, other, other) == ["", "", "", "", "motor-reversed"]
     assert judged(suspicion(), *[([5.0, 5.0], [13.0, 10.0])] * 3) == ["", "", "motors-reversed"], "of just as much"
-    weak, gone = ([4.9, 0.0], [9.0, 0.0]), ([3.7, 0.0], [9.0, 0.0])
+    weak, gone = ([9.0, 0.0], [4.9, 0.0]), ([9.0, 0.0], [3.7, 0.0])
     assert judged(suspicion(), weak, weak, weak, weak) == [""] * 4
     assert judged(suspicion(), one, one, gone, one, one) == [""] * 5, "it begins anew"
     cleared = suspicion()
@@ -99,7 +141,7 @@ def test_a_suspicion_needs_some_evidence_and_a_lead_of_one_fault_for_long() -> N
 
 
 def test_a_suspicion_outlasts_evidence_that_sinks_a_little() -> None:
-    kept, less = ([3.75, 0.0], [9.0, 0.0]), ([5.0, 0.0], [9.0, 0.0])
+    kept, less = ([1.0, 0.0], [3.75, 0.0]), ([1.0, 0.0], [5.0, 0.0])
     suspicion = Suspicion(MotionConfig(early_evidence=5.0, lead=3.0, early_lasts_s=0.4))
     assert judged(suspicion, less, kept, kept, kept) == ["", "", "motors-reversed", "motors-reversed"]
 
@@ -130,7 +172,7 @@ def lying(t_s: float) -> tuple[float, float]:
 @pytest.mark.parametrize("motor", ["port", "starboard"])
 def test_a_dead_motor_that_hardly_moves_the_boat_is_likely_though_not_sure(motor: str) -> None:
     boat = MotionBoat(faults=(f"{motor}-motor",))
-    found = boat.run(15.0, lying)
+    found = boat.run(8.5, lying)
     likely = boat.monitor.likely
     assert found is None and likely is not None and likely.reason is Reason.MOTOR_DEAD
     assert ("motor", motor) in likely.detail
@@ -140,7 +182,7 @@ def test_a_dead_motor_that_hardly_moves_the_boat_is_likely_though_not_sure(motor
 
 def test_nothing_is_likely_on_a_sound_boat_or_without_a_heading() -> None:
     boat = MotionBoat(faults=("port-motor",))
-    boat.run(15.0, lying)
+    boat.run(8.5, lying)
     assert boat.monitor.likely is not None
     boat.blind = True
     boat.run(1.5)

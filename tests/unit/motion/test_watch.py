@@ -232,10 +232,23 @@ def test_the_monitor_gets_what_is_known(monkeypatch: pytest.MonkeyPatch) -> None
     watch.note_station(STATION)
     assert seen == [
         heading,
-        (1, (0.1, 0.2), (3.0, -2.0), silent, {"holding": False}),
-        (2, (0.3, 0.4), None, frozenset(), {"holding": True}),
+        (1, (0.1, 0.2), (3.0, -2.0), silent, {"holding": False, "late": False}),
+        (2, (0.3, 0.4), None, frozenset(), {"holding": True, "late": False}),
     ]
     assert len(begun) == 2, "each hold begins anew, and no tick of it"
+
+
+def test_a_hold_is_late_for_the_monitor_after_30_s(monkeypatch: pytest.MonkeyPatch) -> None:
+    boat, late = SuspectedBoat(monkeypatch), []
+    monkeypatch.setattr(MotionMonitor, "step", lambda *_, **given: late.append(given["late"]))
+    boat.run(30.0)
+    assert not any(late)
+    boat.run(0.2)
+    assert late[-1]
+    boat.watch.note_station(None)
+    boat.run(0.1)
+    boat.run(0.1)
+    assert not late[-1]
 
 
 def test_the_distance_gets_the_command_and_the_current(monkeypatch: pytest.MonkeyPatch) -> None:
