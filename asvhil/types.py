@@ -358,13 +358,17 @@ class WaveMotion:
 
 @record
 class Station:
-    """The pose to keep, in the local NED frame, at the time of the tick; and its velocity, where it moves."""
+    """The pose to keep, in the local NED frame, at the time of the tick; and its velocity, where it moves.
+
+    `of_weather`: its heading is not one that was asked for, but what the weather is thought to want.
+    """
 
     n_m: float
     e_m: float
     psi_rad: float
     vn_mps: float = 0.0
     ve_mps: float = 0.0
+    of_weather: bool = False
 
     @property
     def moves(self) -> bool:

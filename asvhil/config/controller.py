@@ -46,10 +46,10 @@ class MpcConfig(Section):
     """The optimal control problem of every `*-mpc` controller, and the iterations that its default solver may take.
 
     Solvers are capped by iterations and never by time, so that two runs agree. The weight set in use depends on where
-    the boat is (`near`, `along`, `far`, `position_only`).
+    the boat is (`near`, `along`, `far`, `position_only`), and on whether its heading is the weather's (`weather`).
     """
 
-    before_it_came = (("effort", "precise"), ("least_thrust", 0.0), ("thrust_slew", 0.0))
+    before_it_came = (("effort", "precise"), ("least_thrust", 0.0), ("thrust_slew", 0.0), ("weather", None))
 
     stages: int = Field(default=20, ge=2, le=200, description="Number of stages of the horizon, one input pair each.")
     first_step_s: Positive = Field(
@@ -75,6 +75,14 @@ class MpcConfig(Section):
     along: MpcWeights = Field(
         default=MpcWeights(heading=5000.0, slew=4.0),
         description="Weights near the station where wind and disturbance act along the boat.",
+    )
+    weather: MpcWeights | None = Field(
+        default=MpcWeights(heading=30.0, velocity=20.0, slew=90.0, terminal_position_s=100.0),
+        description=(
+            "Weights near the station while its heading follows the weather (`supervisor.heading.policy`), without "
+            "heading trim: a light heading weight lets a small turn and the weather itself bring the boat back, in the "
+            "place of the motors. null: `near` and `along`, as with a fixed heading."
+        ),
     )
     far: MpcWeights = Field(
         default=MpcWeights(heading=10.0, terminal_position_s=1.0),

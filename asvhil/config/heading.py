@@ -26,15 +26,20 @@ class HeadingConfig(Section):
         ),
     )
     time_constant_s: Positive = Field(
-        default=90.0, le=1000.0, description="Time constant over which the weather's force is averaged."
+        default=60.0,
+        le=1000.0,
+        description="Time constant over which the weather's force is averaged; a quarter of it for the wind.",
     )
     deadband_deg: Positive = Field(
-        default=10.0,
+        default=8.0,
         le=90.0,
         description="The station's heading stays where it is until the weather's is off by more than this.",
     )
     turn_deg_per_min: Positive = Field(
         default=30.0,
         le=60.0,
-        description="How fast the station's heading follows then; three times as fast when a hold begins.",
+        description=(
+            "How fast the station's heading follows then; a fifth of it in the last degrees, three times as fast when "
+            "a hold begins."
+        ),
     )

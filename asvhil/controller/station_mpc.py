@@ -58,6 +58,7 @@ class StationMpc:
         self._plan: Array | None = None
         self._wanted = self._input = self._neutral()
         self._position_only = False
+        self._weather: MpcWeights | None = None
         self._side_load_mps2: float | None = None
         self._ticks = 0
         self.new_station()
@@ -107,6 +108,7 @@ class StationMpc:
         psi_rad = self._heading_error_rad(estimate.psi_rad - station.psi_rad)
         distance_m = math.hypot(x, y)
         self._near = distance_m < (self.config.far_radius_m if self._near else self.config.near_radius_m)
+        self._weather = self.config.weather if station.of_weather else None
         self._update_trim(psi_rad)
         state = (x, y, psi_rad, *nu, *estimate.motor)
         wind_here = ned_to_body(station.psi_rad, *air)
@@ -125,6 +127,9 @@ class StationMpc:
     def _update_trim(self, psi_rad: float) -> None:
         """Integrate the heading error into the trim, once the boat has been near for some time."""
         config = self.config
+        if self._weather is not None:  # where the boat lies in the weather tells more than where its station points
+            self.trim_rad = self._near_s = 0.0
+            return
         self._near_s = self._near_s + self._period_s if self._near else 0.0
         settled = self._near_s > TRIM_WAITS * config.trim_time_s
         if settled and not self._position_only and abs(psi_rad) < TRIM_WITHIN_RAD:
@@ -151,6 +156,8 @@ class StationMpc:
             return packed(config.position_only)
         if not self._near:
             return packed(config.far)
+        if self._weather is not None:
+            return packed(self._weather)
         # Slower swings keep the boat nearly as near as motors at their limits do, the more so the greater the load.
         least_slew = min(EFFORTS[config.effort] * (self._side_load_mps2 or 0.0), EFFORT_SLEW_MAX)
         # The cost is linear in its weights, so a mean of the two is a problem of the same kind.

@@ -18,6 +18,9 @@ EVERY_NS = 1_000_000_000
 GAP_NS = 5_000_000_000  # without an estimate for so long the average begins anew
 CALM_RADPS = math.radians(2.0)  # the disturbance of a boat that turns so fast counts half
 TURN_S = 10.0  # time constant with which a turn is forgotten: the error of the model in it stays that long
+WIND_SHARE = 0.25  # of the time constant: a wind is measured, and what is left over is made out slowly
+CALM_S = 8.0  # for so long nothing was left over, as it were: the first seconds of a hold have the errors of the way
+DOUBT_MPS2 = 0.015  # of the disturbance ahead: so much may be the error of the thrust, or of the wind's load
 LEAST_MPS2 = 0.004  # of the mean acceleration: in less weather no heading is better than another
 
 
@@ -25,9 +28,11 @@ class WeatherHeading:
     """Averages wind and disturbance, and finds where the boat, at rest with its motors neutral, is pushed astern alone.
 
     A boat whose station moves is looked at in that motion, so that the water's drag is part of the weather. The force
-    is the model's acceleration in the mean wind, and the disturbance to the side: current, waves, and what the model
-    does not know of the wind. Ahead the disturbance has the errors of the thrust as well, which come and go; to the
-    side no motor pushes. So what the current does ahead is left out, until the boat has turned to it.
+    is the model's acceleration in the mean wind, and the disturbance: current, waves, and what the model does not know
+    of the wind. To the side all of it counts, since no motor pushes there. Ahead it has the errors of the thrust as
+    well, which come and go: there it counts beyond what these may be, and where it comes from the same side as the
+    weather that has been found. Left out, a boat that lies in a current would be thought to feel the wind alone, and a
+    small push to the side to take a large turn.
     """
 
     def __init__(self, model: Dynamics, time_constant_s: float) -> None:
@@ -56,23 +61,29 @@ class WeatherHeading:
         if self._t_ns is None or t_ns - self._t_ns >= GAP_NS:
             self._t_ns = self._since_ns = t_ns
             self._wind[:] = self._disturbance[:] = 0.0
-            self._turn_rate2 = self._weight_s = 0.0
+            self._turn_rate2, self._weight_s, self._bow_rad = 0.0, CALM_S, None
         elapsed_s = (t_ns - self._t_ns) * 1e-9
         if t_ns > self._since_ns and elapsed_s < EVERY_NS * 1e-9:
             return self._bow_rad
         # A mean of all there is at first, then a low-pass filter.
         known_s = (t_ns - self._since_ns) * 1e-9 + EVERY_NS * 1e-9
         step_s = max(elapsed_s, EVERY_NS * 1e-9)
-        gain = min(step_s / min(known_s, self._time_constant_s), 1.0)
+        gain = min(step_s / min(known_s, WIND_SHARE * self._time_constant_s), 1.0)
         self._t_ns = t_ns
         air = (0.0, 0.0) if wind is None else (wind.vn_mps, wind.ve_mps)
         self._wind += gain * (np.array(air) - self._wind)
-        _, sway = ned_to_body(estimate.psi_rad, *estimate.disturbance[:2])
-        side = body_to_ned(estimate.psi_rad, 0.0, sway)
-        self._disturbance[:2] += self._share(step_s, estimate.r_radps) * (np.array(side) - self._disturbance[:2])
+        share = self._share(step_s, estimate.r_radps)
+        self._disturbance[:2] += share * (np.array(self._counted(estimate)) - self._disturbance[:2])
         self._evaluate()
         self._bow_rad = self._bow()
         return self._bow_rad
+
+    def _counted(self, estimate: Estimate) -> tuple[float, float]:
+        """What of the disturbance (m/s^2, north and east) is taken for weather."""
+        ahead, sway = ned_to_body(estimate.psi_rad, *estimate.disturbance[:2])
+        agrees = self._bow_rad is not None and ahead * math.cos(self._bow_rad - estimate.psi_rad) < 0.0
+        certain = math.copysign(max(abs(ahead) - DOUBT_MPS2, 0.0), ahead) if agrees else 0.0
+        return body_to_ned(estimate.psi_rad, certain, sway)
 
     def _share(self, step_s: float, r_radps: float) -> float:
         """How much of the average is this sample of the disturbance: the less, the more the boat has turned of late."""

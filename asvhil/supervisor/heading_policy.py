@@ -11,6 +11,8 @@ from asvhil.types import Station, changed
 LEAST_CHANGE_RAD = math.radians(1.0)  # of a station's heading from one sample to the next: less is a turn, as here
 SETTLES = 1.5  # time constants of the weather in which a new hold follows what becomes known of it,
 SETTLES_FASTER = 3.0  # and how many times as fast as later
+CALMLY = 0.2  # of the turning rate, within the dead band
+HURRIES_ON = 0.4  # of the dead band, down to which a turn that began beyond it is quick
 THERE_RAD = math.radians(0.5)  # a turn ends this near to the weather's heading
 
 
@@ -21,8 +23,8 @@ class HeadingPolicy:
         self._config = config
         self.policy: str = config.policy
         self._first = True
-        self._turning = False
-        self._settled_ns = 0
+        self._turning = self._hurries = False
+        self._settled_ns: int | None = None
         self._astern = False
         self._t_ns = 0
 
@@ -33,12 +35,16 @@ class HeadingPolicy:
 
     def begin(self) -> None:
         """A hold begins, or its station is another one: the first turn is made at once."""
-        self._first = True
+        self._first, self._settled_ns = True, None
 
     def turned(self, t_ns: int, station: Station, bow_rad: float | None) -> Station:
         """The station with the heading of this tick; `bow_rad`: the one with the weather on the bow, where known."""
         elapsed_s, self._t_ns = (t_ns - self._t_ns) * 1e-9, t_ns
-        if self.policy == "fixed" or bow_rad is None:
+        if self._settled_ns is None:
+            self._settled_ns = t_ns + round(SETTLES * self._config.time_constant_s * 1e9)
+        if self.policy == "fixed":
+            return changed(station, of_weather=False) if station.of_weather else station
+        if bow_rad is None:
             return station
         if self._first:
             nearer_astern = math.cos(bow_rad - station.psi_rad) < 0.0
@@ -47,15 +53,16 @@ class HeadingPolicy:
         off_rad = wrap_rad(wanted_rad - station.psi_rad)
         if self._first:
             self._first, self._turning = False, True
-            self._settled_ns = t_ns + round(SETTLES * self._config.time_constant_s * 1e9)
-            return changed(station, psi_rad=wrap_rad(wanted_rad))
+            return changed(station, psi_rad=wrap_rad(wanted_rad), of_weather=True)
         if abs(off_rad) > math.radians(self._config.deadband_deg):
             self._turning = True
         if not self._turning:
             return station
         settling = t_ns < self._settled_ns
-        faster = SETTLES_FASTER if settling else 1.0
-        most_rad = faster * math.radians(self._config.turn_deg_per_min) / 60.0 * elapsed_s
+        # The last degrees are turned slowly, so that in steady weather no turn is a quick one.
+        self._hurries = abs(off_rad) > (HURRIES_ON if self._hurries else 1.0) * math.radians(self._config.deadband_deg)
+        share = SETTLES_FASTER if settling else 1.0 if self._hurries else CALMLY
+        most_rad = share * math.radians(self._config.turn_deg_per_min) / 60.0 * elapsed_s
         self._turning = settling or abs(off_rad) > max(THERE_RAD, most_rad)
         turn_rad = min(max(off_rad, -most_rad), most_rad)
         return changed(station, psi_rad=wrap_rad(station.psi_rad + turn_rad))

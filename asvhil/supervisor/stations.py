@@ -33,7 +33,8 @@ def station_of_origin(station: Station, point_m: tuple[float, float]) -> Station
     if point_m == (0.0, 0.0):
         return station
     n_m, e_m = body_to_ned(station.psi_rad, *point_m)
-    return changed(station, n_m=station.n_m - n_m, e_m=station.e_m - e_m)
+    # The point is there at this heading alone, so that it may not be as light a matter as the weather's heading is.
+    return changed(station, n_m=station.n_m - n_m, e_m=station.e_m - e_m, of_weather=False)
 
 
 def station_of_point(station: Station, point_m: tuple[float, float]) -> Station:

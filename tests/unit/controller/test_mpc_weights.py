@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from asvhil.config import MpcConfig
+from asvhil.config import MpcConfig, MpcWeights
 from asvhil.controller.solvers.problem import StationProblem
 from asvhil.controller.solvers.sqp import Sqp
 from asvhil.controller.station_mpc import StationMpc
@@ -92,6 +92,27 @@ def test_heading_weighs_more_where_there_is_no_side_load_to_carry(wind, disturba
     controller = StationMpc(MODEL, config, 0.2, noted)
     assert controller.step(estimate(np.zeros(8), disturbance), wind, ORIGIN).ok
     assert noted.seen[0][2] == pytest.approx(0.2 * heading, rel=1e-6)
+
+
+def test_a_heading_of_the_weather_has_weights_of_its_own_near_the_station_and_no_trim():
+    ours = MpcWeights(heading=30.0)
+    of_weather = Station(n_m=0.0, e_m=0.0, psi_rad=0.0, of_weather=True)
+    noted = NotedWeights()
+    controller = StationMpc(MODEL, MpcConfig(near=LIGHT, along=HEAVY, weather=ours, trim_time_s=4.0), 0.2, noted)
+    off = estimate((0.0, 0.5, 0.2, 0, 0, 0, 0, 0))
+    for _ in range(40):
+        controller.step(off, air(0.0, 6.0), of_weather)
+    assert noted.seen[-1][2] == pytest.approx(0.2 * 30.0)
+    assert controller.trim_rad == 0.0
+    for _ in range(40):
+        controller.step(off, air(0.0, 6.0), ORIGIN)  # fixed from now on
+    assert noted.seen[-1][2] == pytest.approx(0.2 * 200.0)
+    assert controller.trim_rad < 0.0
+    controller.step(estimate((-20.0, 0.0, 0.2, 0, 0, 0, 0, 0)), None, of_weather)
+    assert noted.seen[-1][2] == pytest.approx(0.2 * MpcConfig().far.heading)
+    without = StationMpc(MODEL, MpcConfig(near=LIGHT, along=HEAVY, weather=None), 0.2, noted)
+    without.step(off, air(0.0, 6.0), of_weather)
+    assert noted.seen[-1][2] == pytest.approx(0.2 * 200.0)
 
 
 def test_a_gust_from_abeam_does_not_flip_the_weights():

@@ -6,7 +6,7 @@ import pytest
 
 from asvhil.config import load_config
 from asvhil.dynamics.rigid_body import SimplifiedDynamics
-from asvhil.estimator.weather import GAP_NS, LEAST_MPS2, WeatherHeading
+from asvhil.estimator.weather import DOUBT_MPS2, GAP_NS, LEAST_MPS2, WeatherHeading
 from asvhil.geo import body_to_ned, wrap_rad
 from asvhil.types import Estimate, Wind
 
@@ -26,6 +26,7 @@ class Sea:
         wind: tuple[float, float] | None,
         *,
         psi_deg: float = 0.0,
+        ahead_mps2: float = 0.0,
         sway_mps2: float = 0.0,
         r_degps: float = 0.0,
     ) -> float | None:
@@ -33,11 +34,19 @@ class Sea:
         found, psi_rad = None, math.radians(psi_deg)
         for _ in range(round(seconds * 20)):
             self.t_ns += S // 20
-            found = self.finder.step(self.t_ns, self.estimate(psi_rad, sway_mps2, r_degps), self.wind(wind))
+            found = self.finder.step(self.t_ns, self.estimate(psi_rad, sway_mps2, r_degps, ahead_mps2), self.wind(wind))
         return None if found is None else math.degrees(found)
 
-    def estimate(self, psi_rad: float, sway_mps2: float = 0.0, r_degps: float = 0.0, *, valid: bool = True) -> Estimate:
-        d_n, d_e = body_to_ned(psi_rad, 0.0, sway_mps2)
+    def estimate(
+        self,
+        psi_rad: float,
+        sway_mps2: float = 0.0,
+        r_degps: float = 0.0,
+        ahead_mps2: float = 0.0,
+        *,
+        valid: bool = True,
+    ) -> Estimate:
+        d_n, d_e = body_to_ned(psi_rad, ahead_mps2, sway_mps2)
         return Estimate(
             t_ns=self.t_ns, n_m=0.0, e_m=0.0, psi_rad=psi_rad, u_mps=0.0, v_mps=0.0, r_radps=math.radians(r_degps),
             motor=(0.0, 0.0), std=(0.0,) * 6, disturbance=(d_n, d_e, 0.0), valid=valid,
@@ -71,6 +80,24 @@ def test_what_pushes_to_the_side_turns_it_until_nothing_does() -> None:
     assert abs(found - psi_deg) < 0.5  # there nothing is left to the side
 
 
+def test_what_is_left_over_ahead_counts_where_it_agrees_and_beyond_what_the_thrust_may_be_wrong() -> None:
+    """With a current on the bow a small push to the side turns it a little; without it, by far more."""
+    turned = {}
+    for ahead_mps2 in (0.1, 0.0, -0.8 * DOUBT_MPS2, -0.1):
+        found = Sea().wait(300.0, (2.0, 180.0), ahead_mps2=ahead_mps2, sway_mps2=0.008)
+        assert found is not None
+        turned[ahead_mps2] = abs(found)
+    assert turned[0.1] == turned[0.0] == turned[-0.8 * DOUBT_MPS2] > 30.0
+    assert 2.0 < turned[-0.1] < 6.0
+
+
+def test_of_what_is_left_over_in_the_first_seconds_little_is_believed() -> None:
+    young = Sea(60.0).wait(3.0, (3.0, 180.0), sway_mps2=0.03)
+    later = Sea(60.0).wait(60.0, (3.0, 180.0), sway_mps2=0.03)
+    assert young is not None and later is not None
+    assert abs(young) < 0.75 * abs(later)
+
+
 def test_with_no_wind_and_nothing_left_over_no_heading_is_better() -> None:
     assert Sea().wait(5.0, (0.0, 0.0)) is None
     assert Sea().wait(5.0, None, sway_mps2=0.5 * LEAST_MPS2) is None
@@ -78,14 +105,18 @@ def test_with_no_wind_and_nothing_left_over_no_heading_is_better() -> None:
     assert found == pytest.approx(-90.0, abs=1.0)
 
 
-def test_it_is_averaged_over_the_time_constant() -> None:
+def test_a_wind_is_averaged_over_a_quarter_of_the_time_constant_and_what_is_left_over_over_all_of_it() -> None:
     sea = Sea(60.0)
     sea.wait(300.0, (4.0, 180.0))
-    after_10_s = sea.wait(10.0, (4.0, 90.0))
-    after_5_min = sea.wait(290.0, (4.0, 90.0))
-    assert after_10_s is not None and after_5_min is not None
-    assert -20.0 < after_10_s < -3.0
-    assert after_5_min == pytest.approx(-90.0, abs=5.0)
+    after_3_s = sea.wait(3.0, (4.0, 90.0))
+    after_1_min = sea.wait(57.0, (4.0, 90.0))
+    assert after_3_s is not None and after_1_min is not None
+    assert -20.0 < after_3_s < -3.0
+    assert after_1_min == pytest.approx(-90.0, abs=5.0)
+    pushed = sea.wait(30.0, (4.0, 90.0), psi_deg=-90.0, sway_mps2=0.04)
+    later = sea.wait(270.0, (4.0, 90.0), psi_deg=-90.0, sway_mps2=0.04)
+    assert pushed is not None and later is not None
+    assert 0.55 < math.sin(math.radians(pushed + 90.0)) ** 2 / math.sin(math.radians(later + 90.0)) ** 2 < 1.0
 
 
 def test_at_first_all_that_there_is_counts_alike() -> None:

@@ -55,7 +55,7 @@ def wrapped(degrees: float) -> float:
 def test_within_the_dead_band_nothing_turns() -> None:
     held = Held()
     held.wait(30.0, 40.0)
-    for gust_deg in (49.0, 31.0, 45.0, 40.0):
+    for gust_deg in (47.0, 33.0, 45.0, 40.0):
         assert held.wait(60.0, gust_deg) == pytest.approx(40.0, abs=0.6)
 
 
@@ -63,7 +63,29 @@ def test_beyond_it_the_heading_follows_no_faster_than_it_may_and_all_the_way() -
     held = Held(turn_deg_per_min=20.0)
     held.wait(30.0, 0.0)
     assert held.wait(60.0, 90.0) == pytest.approx(20.0, abs=0.1)
-    assert held.wait(240.0, 90.0) == pytest.approx(90.0, abs=0.6)
+    assert held.wait(260.0, 90.0) == pytest.approx(90.0, abs=0.6)
+
+
+def test_the_last_degrees_of_a_turn_are_slow() -> None:
+    held = Held(turn_deg_per_min=30.0, deadband_deg=10.0)
+    held.wait(30.0, 0.0)
+    assert held.wait(20.0, 14.0) == pytest.approx(10.0, abs=0.2)  # 30 degrees a minute, to 4 degrees off
+    assert held.wait(20.0, 14.0) == pytest.approx(12.0, abs=0.2)  # 6 degrees a minute
+    assert held.wait(60.0, 14.0) == pytest.approx(14.0, abs=0.6)
+
+
+def test_the_station_says_that_its_heading_is_the_weathers() -> None:
+    held = Held(policy="fixed")
+    held.wait(1.0, 40.0)
+    assert not held.station.of_weather
+    held.policy.choose("bow")
+    held.wait(1.0, None)
+    assert not held.station.of_weather, "nothing is known of the weather"
+    held.wait(1.0, 40.0)
+    assert held.station.of_weather
+    held.policy.choose("fixed")
+    held.wait(1.0, 40.0)
+    assert not held.station.of_weather
 
 
 def test_while_a_hold_is_young_it_follows_in_the_dead_band_too_and_three_times_as_fast() -> None:
