@@ -1,0 +1,76 @@
+"""The bench of headings that follow the weather: its figures, its verdicts, and a short run."""
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from asvhil.errors import AsvhilError
+from bench.weather_heading import cases, config_of, floor_n2, run, stored, table, turn_deg, verdicts
+
+WEATHER = {"wind_mps": 6, "current_mps": 0.0, "waves": False}
+
+
+def test_a_turn_is_the_span_within_a_minute() -> None:
+    slow, quick = np.radians(np.linspace(0.0, 60.0, 241)), np.radians([170.0] * 120 + [-170.0] * 120)
+    assert turn_deg(slow, 1.0) == pytest.approx(14.75, abs=0.1)  # 60 samples of 0.25 degrees a second
+    assert turn_deg(quick, 1.0) == pytest.approx(20.0)
+    assert turn_deg(quick[:30], 1.0) == 0.0
+
+
+def test_the_floor_of_wind_alone_is_half_its_load_and_of_wind_and_current_the_drag_too() -> None:
+    assert floor_n2(config_of(WEATHER | {"kind": "bow", "seed": 1})) == pytest.approx((0.5 * 0.5 * 36.0) ** 2, rel=0.01)
+    both = floor_n2(config_of({"kind": "bow", "seed": 1, "wind_mps": 2, "current_mps": 0.4, "waves": False}))
+    assert both == pytest.approx((0.5 * (51.3 * 0.4 + 72.4 * 0.16)) ** 2, rel=0.15)
+
+
+def test_all_that_is_asked_for_is_run() -> None:
+    whole = cases(range(51, 56))
+    assert len(whole) == len({json.dumps(case, sort_keys=True) for case in whole})
+    assert [sum(case["kind"] == kind for case in whole) for kind in ("bow", "fixed", "veer")] == [150, 30, 15]
+
+
+def test_what_was_asked_for_is_told_beside_what_was_reached() -> None:
+    figures = {"max_m": 0.6, "turn_deg": 4.0, "off_deg": 2.0, "held": 1.0}
+    runs = [
+        {"kind": "bow", "seed": 1, "mean_m": 0.3, "thrust_n2": 100.0} | WEATHER | figures,
+        {"kind": "bow", "seed": 2, "mean_m": 0.55, "thrust_n2": 300.0} | WEATHER | figures | {"turn_deg": 12.5},
+        {"kind": "fixed", "seed": 1, "mean_m": 2.0, "thrust_n2": 4000.0} | WEATHER | figures,
+        {"kind": "veer", "seed": 1, "mean_m": 0.5, "thrust_n2": 400.0} | WEATHER | figures | {"max_m": 1.6},
+    ]
+    text = "\n".join(verdicts(runs))
+    assert "held throughout | 2 of 2 runs" in text
+    assert "0.5 m to 6 m/s | 1 of 2 runs, worst 0.55 m" in text
+    assert "1 of 2 runs, mean 1/20, worst 1/13" in text
+    assert "in a minute | 1 of 2 runs, worst 12.5°" in text
+    assert "within 1.5 m | 0 of 1 runs, worst 1.60 m" in text
+    row = next(line for line in table(runs) if line.startswith("| 6 |"))
+    assert row.startswith("| 6 | 0.0 | no | 0.43, 0.55 | 0.5 | 200 | 1/20 | 1/49 | 12.5 |")
+
+
+def test_runs_of_other_settings_are_not_taken_for_these(tmp_path: Path) -> None:
+    file = tmp_path / "runs.json"
+    assert stored(file, []) == []
+    file.write_text('{"set": ["controller.name=sd-mpc"], "runs": []}')
+    assert stored(file, ["controller.name=sd-mpc"]) == []
+    with pytest.raises(AsvhilError, match=r"runs\.json: its runs are of --set \['controller\.name=sd-mpc'\]"):
+        stored(file, [])
+
+
+def test_a_short_run_has_all_figures() -> None:
+    near = ("controller.name=backstepping", "plant.start_n_m=0", "plant.start_e_m=0")
+    found = run(WEATHER | {"kind": "veer", "seed": 31}, near, to_s=12.0, from_s=9.0)
+    assert found["held"] == 1.0 and 0.0 < found["mean_m"] <= found["max_m"] < 15.0
+    assert found["thrust_n2"] > 0.0 and all(math.isfinite(found[key]) for key in ("turn_deg", "off_deg"))
+
+
+@pytest.mark.thorough
+def test_in_wind_and_current_the_boat_lies_still_for_a_twentieth_of_the_thrust() -> None:
+    runs = [
+        run({"kind": kind, "seed": 31, "wind_mps": 6, "current_mps": 0.2, "waves": True}) for kind in ("bow", "fixed")
+    ]
+    assert runs[0]["mean_m"] < 0.5 < runs[1]["mean_m"]
+    assert runs[0]["thrust_n2"] < runs[1]["thrust_n2"] / 20.0
+    assert runs[0]["turn_deg"] < 10.0
