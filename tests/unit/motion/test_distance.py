@@ -144,6 +144,31 @@ def test_the_limit_counts_for_the_most_of_the_last_10_s(at_limit_s: float, reaso
     assert found is not None and found.reason is reason
 
 
+def test_at_the_edges_of_what_is_allowed() -> None:
+    """Exactly so far, so strong a current, so long ago, so often at the limit, so near, and turned by so much."""
+    watch = DistanceWatch(MotionConfig(), VESSEL)
+    watch.step(1, at(0.0), STATION, (0.0, 0.0))
+    turned = replace(STATION, psi_rad=LEAST_CHANGE_RAD)
+    assert watch.step(2, at(8.0), turned, (0.0, 0.0)) is None and watch.farther_m == 8.0, "not another station"
+    strong = (watch._strong_mps, 0.0)
+    assert watch.step(3, at(4.1), turned, (0.0, 0.0), strong) is not None
+
+    procedure = ProcedureConfig(enabled=True, r_s_m=15.0, turn_radius_m=8.0)
+    near = DistanceWatch(MotionConfig(), VESSEL, procedure)
+    near.step(1, at(15.0), STATION, (0.0, 0.0))
+    assert near.step(2, at(23.1), STATION, (0.0, 0.0)) is not None, "no approach begins here, and no turn"
+
+    often = DistanceWatch(MotionConfig(), VESSEL)
+    for tick in range(1, 10):
+        often.step(tick, at(0.0), STATION, (1.0, 1.0) if tick <= 7 else (0.0, 0.0))
+    found = often.step(10, at(9.0), STATION, (0.0, 0.0))
+    assert found is not None and found.reason is Reason.BEYOND_MOTORS, "7 of 10"
+    ago = DistanceWatch(MotionConfig(), VESSEL)
+    ago.step(1, at(0.0), STATION, (0.0, 0.0))
+    found = ago.step(10_000_000_001, at(9.0), STATION, (1.0, 1.0))
+    assert found is not None and found.reason is Reason.DRIFTED_OFF, "1 of 2"
+
+
 def test_it_tells_how_much_farther_off_the_boat_is() -> None:
     boat = Leaving()
     assert boat.watch.farther_m == 0.0

@@ -46,6 +46,9 @@ def test_a_step_of_less_weight_tells_less_and_at_the_most_less() -> None:
     evidence = of(1, 2)
     add(evidence, -1.0, 0.0, 49.0, weight=0.25)
     assert evidence.sums.tolist() == [0.1, 0.1] and evidence.names.tolist() == [0.25, 10.0]
+    other = of(1, 1)
+    other.add(np.array([0.0, 0.3]))
+    assert other.sums.tolist() == [0.3], "of full weight, if nothing is said"
     add(evidence, -1.0, -1.2, -51.0, weight=0.25)
     assert evidence.sums.tolist() == pytest.approx([0.05, 0.0])
     assert evidence.names.tolist() == pytest.approx([0.2, 0.0])

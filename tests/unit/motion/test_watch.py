@@ -163,8 +163,8 @@ def test_a_late_suspicion_is_told_and_taken_back_and_ends_nothing_after_that(mon
 
 @pytest.mark.parametrize(
     ("share", "size_mps", "ends"),
-    [(0.3, 0.15, True), (0.5, 0.15, False), (1.0, 0.15, False), (1.0, 0.02, True)],
-    ids=["seen just now", "half of them", "all of them", "the filter is always on, in calm water"],
+    [(0.3, 0.15, True), (0.5, 0.15, False), (1.0, 0.15, False), (1.0, 0.04, False), (1.0, 0.02, True)],
+    ids=["seen just now", "half of them", "all of them", "just rough", "the filter is always on, in calm water"],
 )
 def test_in_waves_an_early_suspicion_ends_a_hold_no_sooner_than_a_late_one(
     share: float, size_mps: float, ends: bool, monkeypatch: pytest.MonkeyPatch
@@ -188,6 +188,40 @@ def test_a_late_suspicion_ends_the_hold_of_a_boat_that_leaves(monkeypatch: pytes
     assert found is not None and found.reason is Reason.MOTOR_DEAD
     boat.suspects = False
     assert boat.run(30.0) is not None, "what has ended a hold stands"
+
+
+def test_at_the_edges_of_time_and_distance(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A hold begins with the second tick here: `since` is 50 ms less than what was run."""
+    told = SuspectedBoat(monkeypatch, "supervisor.motion.sense_s=20")
+    told.run(20.05)
+    told.likely = LIKELY
+    told.run(0.05)
+    assert told.watch.notes, "just 20 s"
+    ended = SuspectedBoat(monkeypatch, "supervisor.motion.sense_s=20")
+    ended.run(20.05)
+    ended.suspects = True
+    assert ended.run(0.05) is not None, "just as long"
+    away = SuspectedBoat(monkeypatch)
+    away.run(40.0)
+    away.suspects, away.off_m = True, 6.0
+    assert away.run(0.05) is not None, "just as far"
+
+
+def test_it_is_taken_back_after_more_than_20_s(monkeypatch: pytest.MonkeyPatch) -> None:
+    boat = SuspectedBoat(monkeypatch)
+    boat.run(40.0)
+    boat.suspects = True
+    boat.run(0.05)
+    boat.suspects = False
+    boat.run(20.0)
+    assert boat.watch.notes
+    boat.run(0.05)
+    assert not boat.watch.notes
+
+
+def test_the_monitor_has_the_limits_of_the_config() -> None:
+    monitor = MotionWatch(load_config("sitl", ("supervisor.motion.evidence=9",)))._monitor
+    assert monitor._verdict._config.evidence == 9.0
 
 
 def test_a_boat_that_swings_about_the_limit_is_told_once(monkeypatch: pytest.MonkeyPatch) -> None:
