@@ -27,7 +27,7 @@ KEPT = 0.75  # of the evidence for a suspicion: with less it ends
 # Times what is asked for, in a fault's sum and in that of its name, at which it is not waited for: a boat that answers
 # so wrong gathers way.
 SOON, BY_FAR = 0.5, 8.0
-LATER = 1.5  # times the evidence, once a hold goes on for long
+LATER = 1.5  # times the evidence, once a hold goes on for long, and in waves
 UNLED = 2.0  # times as long a suspicion lasts before it needs no lead
 # Beside a sensor's own noise: waves, and a velocity that is some tenths of a second old.
 VELOCITY_NOISE, YAW_NOISE = 1.3, 2.0
@@ -163,7 +163,8 @@ class MotionMonitor:
         """What is wrong, once there is enough evidence; `command` is what the motors got since the last tick.
 
         `ailing`: the kinds of measurement whose sensor is silent or frozen. While nothing is held there is no evidence,
-        and motion and current are followed. `late`: the hold goes on for long, and more evidence is asked for.
+        and motion and current are followed. `late`: more evidence is asked for, since the hold has gone on for long, or
+        in waves.
         """
         velocity, heading = self._velocity, self._heading
         if velocity is None or heading is None or t_ns - heading.t_ns > OLD_NS:

@@ -63,9 +63,12 @@ class MotionWatch:
                 self._velocity = measurement
         wind_ned = None if wind is None else (wind.vn_mps, wind.ve_mps)
         station = self._station
+        # What is wired wrong shows at once. Later gusts and waves alone may look like a fault, by chance, and in waves
+        # they may from the first; but a boat that has one does not stay where it is.
+        rough = waves is not None and waves.share >= ROUGH_SHARE and waves.velocity_std_mps >= ROUGH_MPS
         since_s = 0.0 if self._begin_ns is None else (t_ns - self._begin_ns) * 1e-9
-        young = since_s <= self._config.sense_s
-        fault = self._monitor.step(t_ns, command, wind_ned, ailing, holding=station is not None, late=not young)
+        early = not rough and since_s <= self._config.sense_s
+        fault = self._monitor.step(t_ns, command, wind_ned, ailing, holding=station is not None, late=not early)
         place = None
         if estimate is not None and estimate.valid:
             place = self._carried.step(t_ns, None if GroundVelocity in ailing else self._velocity, estimate)
@@ -79,10 +82,6 @@ class MotionWatch:
             away = self._distance.step(t_ns, place, station, command, current, doubt_m)
         if self._begin_ns is None:
             self._begin_ns = t_ns
-        # What is wired wrong shows at once. Later gusts and waves alone may look like a fault, by chance, and in waves
-        # they may from the first; but a boat that has one does not stay where it is.
-        rough = waves is not None and waves.share >= ROUGH_SHARE and waves.velocity_std_mps >= ROUGH_MPS
-        early = young and not rough
         likely = self._monitor.likely if early and since_s <= LIKELY_S else None
         self._note(t_ns, fault or away, likely)
         confirmed = (fault is not None and early) or away is not None

@@ -272,7 +272,7 @@ def test_the_monitor_gets_what_is_known(monkeypatch: pytest.MonkeyPatch) -> None
     assert len(begun) == 2, "each hold begins anew, and no tick of it"
 
 
-def test_a_hold_is_late_for_the_monitor_after_30_s(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_hold_is_late_for_the_monitor_after_30_s_and_in_waves(monkeypatch: pytest.MonkeyPatch) -> None:
     boat, late = SuspectedBoat(monkeypatch), []
     monkeypatch.setattr(MotionMonitor, "step", lambda *_, **given: late.append(given["late"]))
     boat.run(30.0)
@@ -283,6 +283,9 @@ def test_a_hold_is_late_for_the_monitor_after_30_s(monkeypatch: pytest.MonkeyPat
     boat.run(0.1)
     boat.run(0.1)
     assert not late[-1]
+    boat.waves = WaveMotion(peak_hz=0.3, velocity_std_mps=0.1, yaw_std_radps=0.04, share=1.0)
+    boat.run(0.05)
+    assert late[-1]
 
 
 def test_the_distance_gets_the_command_and_the_current(monkeypatch: pytest.MonkeyPatch) -> None:
