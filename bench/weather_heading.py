@@ -36,6 +36,7 @@ from asvhil.study.page import write_page
 from asvhil.study.trials.trial import NO_SLOW_ERROR
 from asvhil.types import Phase
 from bench.ending import end_in_words
+from bench.weather_heading_figure import draw
 
 WINDS_MPS, CURRENTS_MPS, VEERING_MPS = (2, 4, 6, 8, 10), (0.0, 0.2, 0.4), (2, 6, 10)
 TOWARD_DEG, CURRENT_TOWARD_DEG, ACROSS_DEG = 90.0, 0.0, 0.0
@@ -165,7 +166,7 @@ def floor_n2(config: Config) -> float:
 def table(runs: list[Run], overrides: tuple[str, ...] = ()) -> list[str]:
     """Of each weather the mean over the seeds, the worst seed, the thrust beside the fixed heading's, and the floor."""
     heads = (
-        *("wind (m/s)", "current (m/s)", "waves", "mean distance, worst seed (m)", "asked (m)", "thrust squared (N²)"),
+        *("wind (m/s)", "current (m/s)", "waves", "seeds", "mean distance, worst seed (m)", "thrust squared (N²)"),
         *("of the fixed heading's", "floor of that", "turn in a minute, worst (°)", "heading off (°)"),
         "fixed: mean distance (m)",
     )
@@ -177,10 +178,7 @@ def table(runs: list[Run], overrides: tuple[str, ...] = ()) -> list[str]:
             of[one["kind"]].append(one)
     for (wind_mps, current_mps, waves), of in sorted(weathers.items()):
         bow = [one for one in of["bow"] if one["held"] == 1.0]
-        if not bow or len(bow) < len(of["bow"]):
-            rows.append(
-                f"| {wind_mps} | {current_mps} | {'yes' if waves else 'no'} | not held by all seeds |" + " |" * 7
-            )
+        if not bow:
             continue
         fixed = [one for one in of["fixed"] if one["held"] == 1.0]
         thrust_n2 = fmean(one["thrust_n2"] for one in bow)
@@ -189,8 +187,8 @@ def table(runs: list[Run], overrides: tuple[str, ...] = ()) -> list[str]:
             fixed_n2 = fmean(one["thrust_n2"] for one in fixed)
             ratios = [f"1/{fixed_n2 / part:.0f}" for part in (thrust_n2, floor_n2(config_of(bow[0], overrides)))]
         means = [one["mean_m"] for one in bow]
-        cells = [f"{wind_mps}", f"{current_mps}", "yes" if waves else "no", f"{fmean(means):.2f}, {max(means):.2f}"]
-        cells += [f"{asked_mean_m(wind_mps)}", f"{thrust_n2:.0f}", *ratios]
+        cells = [f"{wind_mps}", f"{current_mps}", "yes" if waves else "no", f"{len(bow)}"]
+        cells += [f"{fmean(means):.2f}, {max(means):.2f}", f"{thrust_n2:.0f}", *ratios]
         cells += [f"{max(one['turn_deg'] for one in bow):.1f}", f"{fmean(one['off_deg'] for one in bow):.1f}"]
         cells += [f"{fmean(one['mean_m'] for one in fixed):.2f}" if fixed else ""]
         rows.append(f"| {' | '.join(cells)} |")
@@ -202,14 +200,13 @@ def _veers(runs: list[Run]) -> list[str]:
         return []
     rows = [
         "",
-        "| veering wind (m/s) | largest distance of each seed (m) | mean (m) | held |",
-        "| --- | --- | --- | --- |",
+        "| veering wind (m/s) | largest distance of each seed (m) | mean (m) |",
+        "| --- | --- | --- |",
     ]
     for wind_mps in sorted({one["wind_mps"] for one in runs}):
         of = [one for one in runs if one["wind_mps"] == wind_mps and one["held"] > 0.0]
         largest = ", ".join(f"{one['max_m']:.2f}" for one in of)
-        held = fmean(one["held"] for one in runs if one["wind_mps"] == wind_mps)
-        rows.append(f"| {wind_mps} | {largest} | {fmean(one['mean_m'] for one in of):.2f} | {held:.2f} |")
+        rows.append(f"| {wind_mps} | {largest} | {fmean(one['mean_m'] for one in of):.2f} |")
     return rows
 
 
@@ -256,8 +253,7 @@ def stored(file: Path, overrides: list[str]) -> list[Run]:
     found = json.loads(file.read_text(encoding="utf-8"))
     if found["set"] != overrides:
         raise AsvhilError(f"{file}: its runs are of --set {found['set']}, not of {overrides}: name another file")
-    runs: list[Run] = found["runs"]
-    return runs
+    return list(found["runs"])
 
 
 def main() -> None:
@@ -267,17 +263,16 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, nargs=2, default=(51, 55), metavar=("FIRST", "LAST"))
     parser.add_argument("--kinds", nargs="+", default=list(TO_S), choices=TO_S)
     parser.add_argument("--quick", action="store_true", help="one weather, the first seed")
+    parser.add_argument("--stored", action="store_true", help="run nothing: the page of what the JSON file holds")
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE")
     asked = parser.parse_args()
-    first, last = asked.seeds
-    seeds = range(first, (first if asked.quick else last) + 1)
+    seeds = range(asked.seeds[0], asked.seeds[0 if asked.quick else 1] + 1)
     file = asked.json or (None if asked.out is None else asked.out / "weather-heading.json")
-    overrides = tuple(asked.set)
-    runs = [] if file is None else stored(file, asked.set)
+    overrides, runs = tuple(asked.set), [] if file is None else stored(file, asked.set)
     use_compiler()
     wanted = [case for case in cases(seeds, quick=asked.quick) if case["kind"] in asked.kinds]
     missing = [case for case in wanted if not any(case.items() <= one.items() for one in runs)]
-    for number, case in enumerate(missing, 1):
+    for number, case in enumerate([] if asked.stored else missing, 1):
         start_s = time.monotonic()
         runs.append(one := run(case, overrides))
         told = " ".join(f"{key}={value:.3g}" if isinstance(value, float) else f"{value}" for key, value in one.items())
@@ -292,7 +287,11 @@ def main() -> None:
     print(text)
     if asked.out is not None:
         parts = made_of(("simplant/lockstep.py",), run_files("sitl", overrides))
-        before = len(wanted) - len(missing)  # made by an earlier call, and who knows by which code
+        draw(shown, lambda one: floor_n2(config_of(one, overrides)), asked.out / "weather-heading.png")
+        text += "\n![Distance and thrust of each run](weather-heading.png)\n"
+        before = (
+            len(shown) if asked.stored else len(wanted) - len(missing)
+        )  # made by an earlier call, and who knows by which code
         write_page(asked.out / "weather-heading.md", text, mark_of(parts, before))
 
 

@@ -9,6 +9,7 @@ import pytest
 
 from asvhil.errors import AsvhilError
 from bench.weather_heading import cases, config_of, floor_n2, run, stored, table, turn_deg, verdicts
+from bench.weather_heading_figure import draw
 
 WEATHER = {"wind_mps": 6, "current_mps": 0.0, "waves": False}
 
@@ -32,7 +33,7 @@ def test_all_that_is_asked_for_is_run() -> None:
     assert [sum(case["kind"] == kind for case in whole) for kind in ("bow", "fixed", "veer")] == [150, 30, 15]
 
 
-def test_what_was_asked_for_is_told_beside_what_was_reached() -> None:
+def test_what_was_asked_for_is_told_beside_what_was_reached_and_drawn(tmp_path: Path) -> None:
     figures = {"max_m": 0.6, "turn_deg": 4.0, "off_deg": 2.0, "held": 1.0}
     runs = [
         {"kind": "bow", "seed": 1, "mean_m": 0.3, "thrust_n2": 100.0} | WEATHER | figures,
@@ -46,8 +47,10 @@ def test_what_was_asked_for_is_told_beside_what_was_reached() -> None:
     assert "1 of 2 runs, mean 1/20, worst 1/13" in text
     assert "in a minute | 1 of 2 runs, worst 12.5°" in text
     assert "within 1.5 m | 0 of 1 runs, worst 1.60 m" in text
+    draw(runs, lambda one: 81.0, tmp_path / "runs.png")
+    assert (tmp_path / "runs.png").read_bytes().startswith(b"\x89PNG")
     row = next(line for line in table(runs) if line.startswith("| 6 |"))
-    assert row.startswith("| 6 | 0.0 | no | 0.43, 0.55 | 0.5 | 200 | 1/20 | 1/49 | 12.5 |")
+    assert row.startswith("| 6 | 0.0 | no | 2 | 0.43, 0.55 | 200 | 1/20 | 1/49 | 12.5 |")
 
 
 def test_runs_of_other_settings_are_not_taken_for_these(tmp_path: Path) -> None:
@@ -61,7 +64,7 @@ def test_runs_of_other_settings_are_not_taken_for_these(tmp_path: Path) -> None:
 
 def test_a_short_run_has_all_figures() -> None:
     near = ("controller.name=backstepping", "plant.start_n_m=0", "plant.start_e_m=0")
-    found = run(WEATHER | {"kind": "veer", "seed": 31}, near, to_s=12.0, from_s=9.0)
+    found = run(WEATHER | {"kind": "veer", "seed": 31}, near, to_s=10.5, from_s=8.5)
     assert found["held"] == 1.0 and 0.0 < found["mean_m"] <= found["max_m"] < 15.0
     assert found["thrust_n2"] > 0.0 and all(math.isfinite(found[key]) for key in ("turn_deg", "off_deg"))
 
