@@ -13,7 +13,6 @@ from asvhil.collect import collect
 from asvhil.commands.cli import app, main
 from asvhil.config import load_config
 from asvhil.config.mean_wind import parse_wind
-from asvhil.preflight.calibration import calibrate
 from asvhil.sitl import run_lockstep
 
 # Bias of the simulated compass (A) and its B to E: as config/bream.yaml has them.
@@ -30,26 +29,25 @@ def turns(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def test_the_deviation_of_the_compass_and_the_turn_of_the_vane_are_found(turns: Path) -> None:
-    found = calibrate(turns)
-    assert found.compass is not None and found.vane is not None and not found.missing
-    errors = [abs(a - b) for a, b in zip(found.compass.deviation_deg, DEVIATION_DEG, strict=True)]
-    assert errors[0] < 1.5 and max(errors[1:]) < 0.8
-    assert all(error < 4.0 * std for error, std in zip(errors, found.compass.std_deg, strict=True))
-    assert found.vane.offset_deg == pytest.approx(TURNED_DEG, abs=5.0)
-
-
-def test_the_keys_that_it_writes_make_a_config(turns: Path, tmp_path: Path) -> None:
+def test_the_deviation_of_the_compass_and_the_turn_of_the_vane_are_found(turns: Path, tmp_path: Path) -> None:
     written, figures = tmp_path / "boat.yaml", tmp_path / "figures.json"
     (tmp_path / "base.yaml").write_text(json.dumps(load_config("sitl-bream").model_dump(mode="json")))
     arguments = ["calibrate", str(turns), "-o", str(written), "--base", "base.yaml", "--json", str(figures)]
     result = CliRunner().invoke(app, arguments)
     assert result.exit_code == 0, result.output
-    config = load_config(written)
-    keys = yaml.safe_load(written.read_text())["estimator"]
+    found = json.loads(figures.read_text())
+    compass, vane = found["compass"], found["vane"]
+    assert compass["sectors"] == 12 and not found["missing"]
+    errors = [abs(a - b) for a, b in zip(compass["deviation_deg"], DEVIATION_DEG, strict=True)]
+    assert errors[0] < 1.5 and max(errors[1:]) < 0.8
+    assert all(error < 4.0 * std for error, std in zip(errors, compass["std_deg"], strict=True))
+    assert vane["offset_deg"] == pytest.approx(TURNED_DEG, abs=5.0)
+    # The keys that it writes make a config.
+    config, keys = load_config(written), yaml.safe_load(written.read_text())["estimator"]
     assert list(config.estimator.ekf.compass.deviation_deg) == keys["ekf"]["compass"]["deviation_deg"]
+    assert keys["ekf"]["compass"]["deviation_deg"] == pytest.approx(compass["deviation_deg"], abs=0.006)
     assert config.estimator.wind.vane_offset_deg == keys["wind"]["vane_offset_deg"]
-    assert json.loads(figures.read_text())["compass"]["sectors"] == 12
+    assert keys["wind"]["vane_offset_deg"] == pytest.approx(vane["offset_deg"], abs=0.06)
 
 
 @pytest.mark.parametrize(

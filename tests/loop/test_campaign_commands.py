@@ -138,6 +138,7 @@ def test_on_a_cluster_that_loses_a_worker_it_is_the_same(whole):
         assert shown(whole / "cluster") == shown(whole / "whole")
 
 
+@pytest.mark.thorough
 def test_a_search_that_is_killed_goes_on_to_the_same_bits(tmp_path):
     def start(folder: Path) -> subprocess.Popen:
         return subprocess.Popen([sys.executable, "-m", "tests.support.tuning_runs", str(folder)], cwd=ROOT)

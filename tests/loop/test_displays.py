@@ -130,12 +130,14 @@ def end(run: Run) -> tuple[int, str]:
     ("make", "code", "words", "note"),
     [
         (full_disk, 2, "asvhil: standard output: No space left on device\n", "display: No space left on device"),
-        (closed, 0, "", ""),
+        pytest.param(closed, 0, "", "", marks=pytest.mark.thorough),
         (pipe_whose_reader_leaves, 0, "", "display: Broken pipe"),
         (pipe_that_nobody_reads, 0, "", "display: takes nothing for more than 2 s"),
-        (terminal_that_nobody_reads, 0, "", "display: takes nothing for more than 2 s"),
+        pytest.param(
+            terminal_that_nobody_reads, 0, "", "display: takes nothing for more than 2 s", marks=pytest.mark.thorough
+        ),
         (terminal_that_hangs_up, 2, "asvhil: standard output: Input/output error\n", "terminal: hung up"),
-        (suspended, 0, "", ""),
+        pytest.param(suspended, 0, "", "", marks=pytest.mark.thorough),
     ],
 )
 def test_a_hold_outlives_its_display(

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from itertools import pairwise
 
+import pytest
+
 from asvhil.config import load_config
 from asvhil.simplant.lockstep import Lockstep
 from asvhil.study.trials.trial import NO_SLOW_ERROR, run_trial
@@ -17,6 +19,7 @@ def across(speed_mps: float, *keys: str) -> tuple[str, ...]:
     return *wind, "plant.start_n_m=-2", "plant.start_e_m=0", "plant.seed=81", *NO_SLOW_ERROR, *keys
 
 
+@pytest.mark.thorough
 def test_less_effort_has_fewer_reversals_and_less_full_thrust() -> None:
     found = {}
     for effort in ("precise", "normal", "gentle"):

@@ -21,7 +21,7 @@ def abrupt(base: str, kind: str, duration_s: float, *overrides: str) -> dict[str
     ("base", "kind", "duration_s", "named"),
     [
         ("sitl-bream", "gnss-jump", 5.0, "gnss position"),
-        ("sitl-bream", "heading-jump", 5.0, "compass"),
+        pytest.param("sitl-bream", "heading-jump", 5.0, "compass", marks=pytest.mark.thorough),
         pytest.param("sitl-bream", "gnss-frozen", 10.0, "gnss position", marks=pytest.mark.thorough),
         pytest.param("sitl-bream", "heading-silent", 15.0, "compass", marks=pytest.mark.thorough),
         ("sitl-bream", "anemometer-stuck", 12.0, "anemometer"),

@@ -34,6 +34,7 @@ def trusting(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.usefixtures("trusting")
+@pytest.mark.thorough
 def test_a_filter_that_takes_it_for_independent_leaves_the_station() -> None:
     assert distance_m(FUSED) > 1.0
 
@@ -42,5 +43,6 @@ def test_the_filter_as_shipped_keeps_the_station() -> None:
     assert distance_m(FUSED) < 0.4
 
 
+@pytest.mark.thorough
 def test_the_receiver_s_velocity_is_used_as_shipped_and_has_no_such_error() -> None:
     assert distance_m() < 0.5  # what is left is the white noise of that velocity, added up

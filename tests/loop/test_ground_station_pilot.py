@@ -20,7 +20,7 @@ from asvhil.types import Frame, Inputs, Outputs, Phase
 from tests.support.copies import on_a_copy
 from tests.support.loop import STATION_DEG, GroundStationLoop
 
-MOMENTS = [40, pytest.param(200, marks=pytest.mark.thorough)]  # of all ways together
+MOMENTS = [20, pytest.param(200, marks=pytest.mark.thorough)]  # of all ways together
 MANUAL, HOLD = 0, 4
 LINKS = ("his own link", "the autopilot's link", "a routed link", "the operator's port")
 STATION = (255, 240)

@@ -13,7 +13,7 @@ from asvhil.types import Inputs, Outputs, Phase
 from tests.support.copies import on_a_copy
 
 MANUAL, HOLD = 0, 4
-MOMENTS = [30, pytest.param(200, marks=pytest.mark.thorough)]
+MOMENTS = [20, pytest.param(200, marks=pytest.mark.thorough)]
 
 
 class Witness:

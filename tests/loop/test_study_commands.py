@@ -93,6 +93,7 @@ def test_the_approach_leaves_figures_and_tracks(tmp_path):
     )
 
 
+@pytest.mark.thorough
 def test_a_field_test_leaves_tables_beside_the_papers_and_the_way(tmp_path):
     done = study("field-tests", "--quick", "--test", "wamv 2", "-o", ".", "--json", "out.json", cwd=tmp_path)
     assert (done.status, done.err) == (0, "")
@@ -132,6 +133,7 @@ def test_a_mistake_is_one_line(arguments, words, tmp_path):
     refused(said, words)
 
 
+@pytest.mark.thorough
 def test_the_estimator_study_on_one_set_of_sensors(tmp_path):
     done = study("estimator", "--quick", "--sensors", "BREAM", "-o", "out", "--json", "figures.json", cwd=tmp_path)
     assert (done.status, done.err) == (0, "")

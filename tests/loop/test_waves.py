@@ -19,6 +19,7 @@ SEA = (
 )
 
 
+@pytest.mark.thorough
 def test_the_wave_filter_more_than_halves_the_penalty_score() -> None:
     """Of a sea in which the motors work against every wave without it; a seed that is in no table."""
     scores = {}

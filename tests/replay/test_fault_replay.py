@@ -123,6 +123,7 @@ def test_it_notices_what_it_notices_on_a_boat_with_the_fault(logs: Logs, config:
         assert found.recorded_holds[0]["to_s"] > 29.0
 
 
+@pytest.mark.thorough
 def test_neither_the_pilot_nor_the_outputs_are_blamed_for_what_was_edited(logs: Logs) -> None:
     """Neutral in a fail-safe, and a hold that goes on afterwards, though the record's motors ran all the time."""
     found = reaction(logs("sitl", seconds=60.0), "gnss-silent@10:28s")

@@ -104,6 +104,7 @@ def test_whatever_the_last_bits_of_blas_and_daqp_are(
 
 
 @pytest.mark.skipif(platform.machine() != "x86_64", reason="the features that are switched off are those of x86-64")
+@pytest.mark.thorough
 def test_a_log_of_plain_loops_in_waves_replays_to_the_byte(tmp_path: Path) -> None:
     python(RECORD, str(tmp_path / "log.mcap"), *WIND, *WAVES, **PLAIN_LOOPS)
     result = replay(tmp_path / "log.mcap")

@@ -20,15 +20,15 @@ from asvhil.sitl import run_lockstep
 @pytest.fixture(scope="module")
 def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("run") / "log.mcap"
-    run_lockstep(load_config("sitl", ("recorder.segment_s=10",)), path, 35.0)
+    run_lockstep(load_config("sitl", ("recorder.segment_s=10",)), path, 22.0)
     return path
 
 
 @pytest.mark.parametrize("named", ["first", "folder"])
 def test_every_tick_is_exact(log: Path, named: str) -> None:
-    assert len(list(log.parent.glob("log*.mcap"))) == 4
+    assert len(list(log.parent.glob("log*.mcap"))) == 3
     result = replay(log if named == "first" else log.parent)
-    assert result.mismatch is None and result.compared == result.ticks == 703 and not result.truncated
+    assert result.mismatch is None and result.compared == result.ticks == 443 and not result.truncated
 
 
 def test_a_later_segment_alone_is_not_replayed(log: Path) -> None:
@@ -44,13 +44,13 @@ def test_commands_take_the_folder(log: Path, tmp_path: Path) -> None:
 
     run("log", "info", str(log.parent), "--json", str(tmp_path / "info.json"))
     told = json.loads((tmp_path / "info.json").read_text())
-    assert told["segments"] == 4 and told["whole"] and told["ticks"] == 703
+    assert told["segments"] == 3 and told["whole"] and told["ticks"] == 443
     run("log", "export", str(log.parent), str(tmp_path / "run.csv"))
-    assert len((tmp_path / "run.csv").read_text().splitlines()) == 704
+    assert len((tmp_path / "run.csv").read_text().splitlines()) == 444
     run("log", "recover", str(log.parent), "-o", str(tmp_path / "all.mcap"))
-    assert replay(tmp_path / "all.mcap").compared == 703
-    assert "703 ticks bit-exact" in " ".join(run("replay", str(log.parent)).split())
-    assert read_run(log.parent).ticks == 703
+    assert replay(tmp_path / "all.mcap").compared == 443
+    assert "443 ticks bit-exact" in " ".join(run("replay", str(log.parent)).split())
+    assert read_run(log.parent).ticks == 443
 
 
 @pytest.mark.parametrize("key", ["segment_mb=0.5", "segment_s=1", "segment_mb=-1"])

@@ -119,6 +119,7 @@ def test_train_and_evaluate_leave_figures_and_pictures(run: Run, folder: Path) -
     assert words.count("at rest: still air ") == 2
 
 
+@pytest.mark.thorough
 def test_an_interrupted_training_resumes_to_the_same_bits(run: Run, folder: Path) -> None:
     order = ["train", "nnsem", "run.csv", *OF_CSV, "--iterations", "600", "--seed", "4"]  # validated and kept after 500
     checkpoint = folder / "cut.npz.checkpoint"

@@ -278,6 +278,7 @@ def test_the_box_qp_finds_the_corner_the_edge_and_the_inside():
 
 
 @pytest.mark.skipif(find_spec("mpc") is None, reason="the package mpc is not installed: make test does it")
+@pytest.mark.thorough
 def test_it_takes_the_steps_of_the_package_mpc(tmp_path):
     config = load_config("sitl", ("controller.mpc.last_step_s=0.2",))
     cases = [pack(state, w) for state in list(STATES.values())[1:] for w in (CONFIG.far, CONFIG.near)]

@@ -122,7 +122,7 @@ def test_robustness_in_short(tmp_path):
 
 def test_learned_models_in_short(tmp_path):
     learned = {"NNSEM-MPC": ("controller.name=nnsem-mpc",)}
-    keys = {"rows": ["3", "5"], "seeds": (1,), "patterns": 2, "starts": 1, "window_s": (5.0, 6.0)}
+    keys = {"rows": ["3", "5"], "seeds": (1,), "patterns": 2, "starts": 1, "window_s": (3.5, 4.5)}
     run = run_into(tmp_path / "trials.jsonl", workers=0)
     found = study_learned_loop(run, learned=learned, under=["as shipped", "second boat"], **keys)
     names = {"NNSEM-MPC", TRUE, CRUDE, off_name(1), off_name(2)}

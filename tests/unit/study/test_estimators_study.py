@@ -112,6 +112,7 @@ def test_a_jump_moves_the_raw_estimate_by_its_size_and_it_comes_back() -> None:
     assert none["moved_m"] < 0.5 and none["recovery_s"] == 0.0
 
 
+@pytest.mark.thorough
 def test_a_source_that_falls_silent_and_one_that_is_replaced_are_flags() -> None:
     silent = run_abrupt(
         "sitl-bream", ("plant.faults=[{kind: anemometer, from_s: 12, until_s: 15}]",), 12.0, 3.0, AFTER_S
@@ -121,6 +122,7 @@ def test_a_source_that_falls_silent_and_one_that_is_replaced_are_flags() -> None
     assert other["flags"]["source of position"] == pytest.approx(0.3, abs=0.1) and other["held"]
 
 
+@pytest.mark.thorough
 def test_a_boat_that_drifts_away_is_lost() -> None:
     kept = run_survival("sitl-bream", (), (8.0, 12.0), 20.0)
     assert not kept["lost"] and kept["held"] == 1.0 and 0.0 < kept["max_distance_m"] < 20.0

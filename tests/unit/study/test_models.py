@@ -165,6 +165,7 @@ def test_the_row_at_nnsems_time_needs_nnsem_whichever_run_trained_it(flat: Path,
     assert (rows["node"]["iterations"], rows["node, NNSEM's time"]["iterations"]) == (4, 1)
 
 
+@pytest.mark.thorough
 def test_models_of_another_study_are_refused(flat: Path, rough: Path, tmp_path: Path) -> None:
     study(flat, tmp_path, "nnsem", "node")
     with pytest.raises(ModelError, match=r"node-1-1\.npz: trained with iterations 4, this study asks for 5; remove it"):

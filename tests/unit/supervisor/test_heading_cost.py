@@ -29,7 +29,7 @@ def cost_in(name: str, speed_mps: float, toward_deg: float) -> HeadingCost:
 @pytest.mark.parametrize(
     ("name", "speed_mps", "toward_deg"),
     [
-        ("sitl", 4.0, 70.0),
+        pytest.param("sitl", 4.0, 70.0, marks=pytest.mark.thorough),
         pytest.param("sitl-second", 3.0, 90.0, marks=pytest.mark.thorough),
         pytest.param("sitl-blueboat", 3.0, 90.0, marks=pytest.mark.thorough),
         ("sitl-blueboat", 6.0, 90.0),

@@ -136,6 +136,7 @@ def test_wrong_slopes_are_what_the_trained_network_has_of_them() -> None:
     assert total > 0.01 and found.item() == pytest.approx(total, rel=1e-6)
 
 
+@pytest.mark.thorough
 def test_a_price_on_wrong_slopes_takes_the_dip_out_of_the_thrust() -> None:
     plain, priced = (
         fit("nnsem", DATA, options=chosen_options("nnsem", 0.2, paired=True, iterations=1500, rate=5e-3, monotone=m))
@@ -186,6 +187,7 @@ def test_skip_terms_from_sd_are_its_rates_in_still_air() -> None:
         np.testing.assert_allclose(ours, rates.derivative(nu, thrust, np.zeros(2)), atol=1e-12)
 
 
+@pytest.mark.thorough
 def test_weight_decay_holds_networks_at_nothing_and_skip_terms_where_they_start() -> None:
     def trained(decay: float) -> dict[str, np.ndarray]:
         options = chosen_options("lagnet", 0.2, iterations=120, members=1, from_sd=True, weight_decay=decay)
@@ -213,6 +215,7 @@ def test_the_robust_loss_is_the_square_of_small_errors_and_lets_go_of_large_ones
     assert alone.item() == pytest.approx(0.0009 * np.log(1.0 + e.item() / 0.0009), rel=1e-12)
 
 
+@pytest.mark.thorough
 def test_a_robust_training_is_not_drawn_aside_by_a_span_that_no_model_can_know() -> None:
     # For a fifth of the record the motors did the opposite of what they were told.
     spoilt = []

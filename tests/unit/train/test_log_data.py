@@ -13,7 +13,6 @@ from asvhil.io.sensors.decoder import Decoder
 from asvhil.logs.encoding import decode_outputs
 from asvhil.logs.reader import LogFile
 from asvhil.logs.recorder import Recorder
-from asvhil.logs.replay import replay
 from asvhil.sitl import run_lockstep
 from asvhil.train.dataset import Segment, dataset_from_logs, truth_from_log
 from asvhil.train.log_data import smooth_velocity
@@ -49,19 +48,16 @@ BOATS: dict[str, tuple[str, ...]] = {
 }
 
 
-@pytest.fixture(scope="session", params=BOATS)
-def log(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A run in 2 m/s of wind toward east, by a controller that costs little and needs no trained model."""
+@pytest.fixture(scope="module", params=BOATS)
+def run(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[Measurement]]:
+    """The log of a run in 2 m/s of wind toward east, and what the backseat measured meanwhile.
+
+    By a controller that costs little and needs no trained model.
+    """
     name = request.param
     overrides = ("controller.name=loiter", "plant.weather.wind={speed_mps: 2, toward_deg: 90}", *BOATS[name])
     path = tmp_path_factory.mktemp("logs") / f"{name}.mcap"
     seconds = BREAM_S if name == "sitl-bream" else DURATION_S
-    run_lockstep(load_config("sitl-vn300" if name == "vn300-alone" else name, overrides), path, seconds)
-    return path
-
-
-def measured_by_the_backseat(log: Path, monkeypatch: pytest.MonkeyPatch) -> list[Measurement]:
-    """What the decoder of the backseat gives in a replay of the log."""
     found: list[Measurement] = []
     decode = Decoder.decode
 
@@ -70,10 +66,15 @@ def measured_by_the_backseat(log: Path, monkeypatch: pytest.MonkeyPatch) -> list
         found.extend(measurements)
         return measurements
 
-    with monkeypatch.context() as patch:
+    with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Decoder, "decode", noted)
-        assert replay(log).mismatch is None
-    return found
+        run_lockstep(load_config("sitl-vn300" if name == "vn300-alone" else name, overrides), path, seconds)
+    return path, found
+
+
+@pytest.fixture
+def log(run: tuple[Path, list[Measurement]]) -> Path:
+    return run[0]
 
 
 def off_deg(a: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -85,10 +86,11 @@ def toward_deg(segment: Segment) -> float:
     return math.degrees(math.atan2(east, north))
 
 
-def test_the_samples_and_their_times_are_those_of_the_backseat(log: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_samples_and_their_times_are_those_of_the_backseat(run: tuple[Path, list[Measurement]]) -> None:
+    log, measured = run
     start_ns = next(iter(LogFile(log).ticks()))[0].t_ns
     rows: dict[str, list[tuple[float, ...]]] = {"heading": [], "yaw_rate": [], "velocity": [], "wind": []}
-    for m in measured_by_the_backseat(log, monkeypatch):
+    for m in measured:
         t_s = (m.t_ns - start_ns) * 1e-9
         match m:
             case Heading():
@@ -127,7 +129,7 @@ def test_heading_and_wind_of_the_training_data_are_those_of_the_estimate(log: Pa
         assert abs(off_deg(np.radians(toward_deg(segment)), np.arctan2(east, north))) < 2.0, source
 
 
-@pytest.mark.parametrize("log", ["sitl"], indirect=True)
+@pytest.mark.parametrize("run", ["sitl"], indirect=True)
 def test_a_velocity_is_put_to_the_origin_of_the_boat_and_to_its_own_time(log: Path, tmp_path: Path) -> None:
     """The same bytes under a config that says of the velocity's source where it is, and how late."""
     whole = LogFile(log)
