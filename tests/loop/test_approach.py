@@ -41,6 +41,7 @@ def test_from_sixty_metres_off_the_station_is_reached_and_kept(bearing_deg, head
     assert not outcome.lost and outcome.chatters == 0
 
 
+@pytest.mark.thorough
 def test_a_boat_that_a_squall_drives_beyond_r_d_starts_over():
     """35 m/s for 25 s are more than the motors can meet; after it the boat takes a path again, and comes back."""
     start = Start(seed=3, bearing_rad=math.pi, psi_rad=0.0, toward_rad=math.pi / 2)
@@ -65,6 +66,7 @@ def test_starts_are_the_same_for_the_same_seed():
     assert draw_starts(2, 5) == draw_starts(3, 5)[:2]
 
 
+@pytest.mark.thorough
 def test_the_study_counts_what_was_lost_and_is_taken_up_again(tmp_path):
     """Two runs whose motors are too weak to get anywhere are lost, and told one by one."""
     weak = ("vehicle.vessel.thrust_curve=[[-1.0, -1.0], [0.0, 0.0], [1.0, 1.0]]", "controller.on_other_hull=use")

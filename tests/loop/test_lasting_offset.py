@@ -33,6 +33,7 @@ def test_the_boat_comes_back_from_beside_its_station_within_a_minute(start_m, to
     assert abs(after_m) < 0.1
 
 
+@pytest.mark.thorough
 def test_by_its_distance_alone_it_would_stay_there():
     """What the key is for; with the weights of the published scores, which are chosen by distance alone."""
     assert east_m("plant.start_e_m=0.3") > 0.28

@@ -37,6 +37,7 @@ def test_along_the_wind_the_station_is_kept_within_decimetres(wind: tuple[float,
     assert distance_m <= 0.6 and abs(heading_mean_deg) <= 1.0
 
 
+@pytest.mark.thorough
 def test_across_the_wind_the_boat_swings_and_stays() -> None:
     loop = Lockstep(config("plant.weather.wind.speed_mps=6", "plant.weather.wind.toward_deg=90"))
     distance_m, heading_mean_deg, heading_std_deg = settled(loop, 90.0, 45.0)

@@ -19,6 +19,7 @@ from tests.support.paths import ROOT
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
 FENCE = re.compile(r"^```(?:sh|sh tested)?\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 YAML = re.compile(r"^```yaml\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+COMMAND = get_command(app)
 GENERATED = {"cli.md", "configuration.md"}
 RUN_ELSEWHERE = {"extending.md"}  # with its files, by tests/loop/test_extending_page.py
 
@@ -47,7 +48,7 @@ def test_a_shown_command_is_taken(line: str) -> None:
     words = shlex.split(line, comments=True)[1:]
     if "..." in words:
         words.remove("...")
-    command, name = get_command(app), "asvhil"
+    command, name = COMMAND, "asvhil"
     while True:
         context = command.make_context(name, list(words))
         if not hasattr(command, "resolve_command"):

@@ -20,7 +20,7 @@ from asvhil.simplant.plant import Plant
 from asvhil.types import Frame
 from tests.support.paths import DATA
 
-MANY = 250_000
+MANY = 120_000
 OURS = AutopilotLinkConfig(endpoint="udpin:127.0.0.1:0")
 TLOG = DATA / "ardurover-4.6.3-json-boat-drive.tlog"
 

@@ -120,6 +120,7 @@ def test_robustness_in_short(tmp_path):
     assert again == found  # nothing was run anew: the times are those of the first
 
 
+@pytest.mark.thorough
 def test_learned_models_in_short(tmp_path):
     learned = {"NNSEM-MPC": ("controller.name=nnsem-mpc",)}
     keys = {"rows": ["3", "5"], "seeds": (1,), "patterns": 2, "starts": 1, "window_s": (3.5, 4.5)}

@@ -184,6 +184,7 @@ def test_models_of_another_study_are_refused(flat: Path, rough: Path, tmp_path: 
         study(flat, tmp_path, "nnsem")
 
 
+@pytest.mark.thorough
 def test_rows_in_waves_are_trained_and_scored_on_logs_in_waves(flat: Path, rough: Path, tmp_path: Path) -> None:
     waves = Logs(train=((rough,),), test=(rough,))
     lagnet = "lagnet: map, lag, mirror, skip (single) (waves)"

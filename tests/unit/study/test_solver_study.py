@@ -37,6 +37,7 @@ def study():
     return found, told
 
 
+@pytest.mark.thorough
 def test_both_drive_the_approach_near_the_optimum(study):
     found, _ = study
     for row in found["solvers"].values():
