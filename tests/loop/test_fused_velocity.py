@@ -39,6 +39,7 @@ def test_a_filter_that_takes_it_for_independent_leaves_the_station() -> None:
     assert distance_m(FUSED) > 1.0
 
 
+@pytest.mark.thorough
 def test_the_filter_as_shipped_keeps_the_station() -> None:
     assert distance_m(FUSED) < 0.4
 

@@ -31,6 +31,7 @@ def test_a_runaway_is_ended_before_it_is_far(base: str, name: str) -> None:
     assert verdict["met"] and verdict["named"], result
 
 
+@pytest.mark.thorough
 def test_without_the_watch_it_runs_away() -> None:
     """The same boat, so that the test above is not passed by one that would have been held."""
     keys = (*FAULTS["both motors reversed"].keys, *HELD, "supervisor.motion.on_fault=off")

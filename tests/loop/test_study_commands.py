@@ -81,6 +81,7 @@ def test_the_solvers_side_by_side(tmp_path):
     assert "| own SQP (default) |" in done.out and (tmp_path / "out" / "solvers.png").exists()
 
 
+@pytest.mark.thorough
 def test_the_approach_leaves_figures_and_tracks(tmp_path):
     weak = "vehicle.vessel.thrust_curve=[[-1.0, -1.0], [0.0, 0.0], [1.0, 1.0]]"
     boat = ("--set", weak, "--set", "controller.on_other_hull=use")

@@ -148,9 +148,9 @@ class SecondWay:
     "way",
     [
         SecondWay(0.0),
-        SecondWay(0.3),
+        pytest.param(SecondWay(0.3), marks=pytest.mark.thorough),
         SecondWay(1.4, lost=5),
-        SecondWay(3.0),
+        pytest.param(SecondWay(3.0), marks=pytest.mark.thorough),
         SecondWay(0.1, stalls=((12.0, 15.0), (18.0, 24.0))),
     ],
     ids=["at once", "0.3 s", "1.4 s and lossy", "3 s", "stalled"],

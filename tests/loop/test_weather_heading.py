@@ -40,6 +40,7 @@ def kept(policy: str, log: Path | None = None) -> tuple[float, float, float]:
     return float(np.mean(distances)), float(np.mean(np.square(commands))), math.degrees(outputs.station.psi_rad)
 
 
+@pytest.mark.thorough
 def test_with_the_bow_to_the_weather_the_boat_lies_still(tmp_path: Path) -> None:
     fixed, bow = kept("fixed"), kept("bow", tmp_path / "log.mcap")
     assert fixed[2] == 0.0

@@ -163,19 +163,19 @@ def test_the_command_tells_and_writes_it(logs: Logs, tmp_path: Path) -> None:
         app,
         [
             "replay",
-            str(logs("sitl", seconds=60.0)),
+            str(logs("sitl", seconds=45.0)),
             "--fault",
-            "gnss-silent@20",
+            "gnss-silent@8",
             "--fault",
-            "anemometer@30:5s",
+            "anemometer@22:5s",
             "--json",
             str(out),
         ],
     )
     assert result.exit_code == 0, result.output
     figures = json.loads(out.read_text())
-    assert figures["faults"] == ["gnss-silent@20", "anemometer@30:5s"] and figures["edited_frames"] > 100
-    assert figures["first_difference"]["t_s"] == pytest.approx(20.1, abs=0.2)
+    assert figures["faults"] == ["gnss-silent@8", "anemometer@22:5s"] and figures["edited_frames"] > 100
+    assert figures["first_difference"]["t_s"] == pytest.approx(8.1, abs=0.2)
     assert figures["holds"][0]["ended"] == "failsafe: position or heading is stale"
     assert {note["subject"] for note in figures["notes"]} >= {"gnss position", "anemometer"}
     text = " ".join(result.output.split())

@@ -35,9 +35,9 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     "command",
     [
         "asvhil --help",
-        "asvhil --version",
+        pytest.param("asvhil --version", marks=pytest.mark.thorough),
         "asvhil report run.mcap",
-        "asvhil replay run.mcap --json exact.json",
+        pytest.param("asvhil replay run.mcap --json exact.json", marks=pytest.mark.thorough),
         "asvhil sitl --lockstep --duration 2 --no-picture --log full.mcap",
         "asvhil check sitl --timeout 1 --set links.autopilot.endpoint=udpin:127.0.0.1:0",
         "asvhil run sitl --duration 1 --log none.mcap --set links.autopilot.endpoint=udpin:127.0.0.1:0"

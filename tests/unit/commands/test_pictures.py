@@ -74,6 +74,7 @@ def test_sitl_says_before_the_run_that_there_is_no_place_for_its_picture(
     assert [path.name for path in tmp_path.iterdir()] == ["run.png"]  # no log, and no folder for one
 
 
+@pytest.mark.thorough
 def test_a_picture_of_a_training_that_fails_leaves_the_model(
     log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -183,7 +183,7 @@ def test_the_kind_is_chosen_in_the_config(kind: str, made: type) -> None:
     assert type(build_estimator(config(kind), MODEL)) is made
 
 
-@pytest.mark.parametrize("kind", ["fir", "raw"])
+@pytest.mark.parametrize("kind", ["fir", pytest.param("raw", marks=pytest.mark.thorough)])
 def test_the_loop_runs_and_replays_on_it(kind: str, tmp_path: Path) -> None:
     settings = config(kind)
     run_lockstep(settings, tmp_path / "log.mcap", 12.0)

@@ -130,6 +130,7 @@ def test_logs_of_another_study_are_refused_by_the_setting_that_differs(tmp_path:
 # --- models ------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 def test_an_interrupted_study_ends_in_the_same_figures(flat: Path, tmp_path: Path) -> None:
     whole = study(flat, tmp_path / "whole", "nnsem", "node")
     assert list(whole) == ["nnsem", "node", "node, NNSEM's time", "hold the initial value"]

@@ -399,6 +399,7 @@ MANOEUVRES = tuple(slice_segment(part, 0, 300) for part in DATA.segments)
 WITH_DRIFTS = dataclasses.replace(DATA, segments=(*MANOEUVRES, *DRIFTS))
 
 
+@pytest.mark.thorough
 def test_sd_takes_its_wind_loads_from_the_spans_with_the_motors_off() -> None:
     checks = [
         at_rest(FittedSd(fit_sd(data)[0].tolist(), 0.2), WIND_REACH, VESSEL).worst.error for data in (DATA, WITH_DRIFTS)
