@@ -61,6 +61,8 @@ class FaultVerdict:
 class Suspicion:
     """The same fault with some evidence and before the others for seconds: what comes by chance comes and goes.
 
+    Seconds in which nothing was learned, since a sensor ails, do not count.
+
     Evidence that sinks a little below what is asked goes on with it, and what has been first for twice the time needs
     no lead: a dead motor is told from two dead ones by what the other one does, and that may be little.
     """
@@ -68,23 +70,25 @@ class Suspicion:
     def __init__(self, config: MotionConfig) -> None:
         self._config = config
         self._best: int | None = None
-        self._since_ns = 0
+        self._lasted_s = 0.0
         self.fault: Explanation | None = None
 
     def reset(self) -> None:
         """Nothing is known."""
         self._best = self.fault = None
 
-    def step(self, t_ns: int, evidence: Evidence) -> None:
-        """Judge what has been found until now: `fault`, None while it is not enough."""
+    def step(self, dt_s: float, evidence: Evidence) -> None:
+        """Judge what has been found until now, for so long: `fault`, None while it is not enough."""
         best, lead = _leader(evidence)
         found, most = evidence.names[best], self._config.early_evidence
         if best != self._best or found < KEPT * most:
             self.reset()
             if found < most:
                 return
-            self._best, self._since_ns = best, t_ns
-        lasted_s, asked_s = (t_ns - self._since_ns) * 1e-9, self._config.early_lasts_s
+            self._best, self._lasted_s = best, 0.0
+        else:
+            self._lasted_s += dt_s
+        lasted_s, asked_s = self._lasted_s + 1e-6, self._config.early_lasts_s  # a sum of steps may lack a last bit
         if (lasted_s >= asked_s and lead >= self._config.lead) or lasted_s >= UNLED * asked_s:
             self.fault = FAULTY[best].fault
 
@@ -143,7 +147,7 @@ class MotionMonitor:
     @property
     def likely(self) -> Explanation | None:
         """What may be wrong, by less evidence than `step` asks for: to be told, and not to end a hold by."""
-        return self._suspicion.fault if self._roughness < LEAST_ROUGH else None
+        return self._suspicion.fault
 
     @property
     def current_ned(self) -> tuple[float, float]:
@@ -187,8 +191,11 @@ class MotionMonitor:
         self._t_ns = t_ns
         self._follow(heading.psi_rad, dt_s)
         self._bank.predict(dt_s, heading.psi_rad, wind_ned)
-        self._weigh(ailing, holding)
-        self._suspicion.step(t_ns, self._evidence)
+        counted = self._weigh(ailing, holding)
+        if self._roughness >= LEAST_ROUGH:
+            self._suspicion.reset()
+        elif counted:
+            self._suspicion.step(dt_s, self._evidence)
         return self._verdict.step(t_ns, self._evidence, late=late)
 
     def _follow(self, heading_rad: float, dt_s: float) -> None:
@@ -198,8 +205,8 @@ class MotionMonitor:
             self._jump_rad = math.exp(-dt_s / JUMP_TIME_S) * (self._jump_rad + apart_rad)
         self._last_rad, self._turned_rad = heading_rad, 0.0
 
-    def _weigh(self, ailing: frozenset[type], holding: bool) -> None:
-        """Correct the bank, and add to the evidence."""
+    def _weigh(self, ailing: frozenset[type], holding: bool) -> bool:
+        """Correct the bank, and add to the evidence: whether that counted."""
         velocity, rate = self._velocity, self._yaw_rate
         assert velocity is not None
         log, squares = self._bank.correct(
@@ -210,9 +217,10 @@ class MotionMonitor:
         # In waves no hypothesis predicts well, readings are off for seconds on end, and each tells that much less.
         self._roughness += ROUGH_GAIN * (max(1.0, float(squares.min()) / 3.0) - self._roughness)
         if ailing or not holding or abs(self._jump_rad) > JUMP_RAD:
-            return
+            return False
         self._evidence.add(log, self._roughness**-ROUGH_POWER)
         none = self._evidence.sums <= 0.0
         if none.any():
             which = np.concatenate([np.zeros(len(SOUND), dtype=bool), none])
             self._bank.restart(which, self._evidence.best_sound)
+        return True

@@ -87,8 +87,11 @@ def judged(judge: FaultVerdict | Suspicion, *steps: tuple[list[float], list[floa
     evidence, found = Evidence(1, [0.0] * len(FAULTY)), []
     for number, (sums, names) in enumerate(steps):
         evidence.sums[: len(sums)], evidence._found[: len(names)] = sums, names
-        fault = judge.step(1_000_000_000 + number * 200_000_000, evidence, **given)
-        fault = judge.fault if isinstance(judge, Suspicion) else fault
+        if isinstance(judge, Suspicion):
+            judge.step(0.2, evidence)
+            fault = judge.fault
+        else:
+            fault = judge.step(1_000_000_000 + number * 200_000_000, evidence, **given)
         found.append("" if fault is None else str(fault.reason))
     return found
 

@@ -206,8 +206,28 @@ def test_in_waves_each_step_tells_less(steps: Steps) -> None:
 
 @pytest.mark.parametrize(("rough", "is_told"), [(1.09, True), (1.1, False)])
 def test_nothing_is_likely_where_readings_are_off_by_a_tenth_more(steps: Steps, rough: float, is_told: bool) -> None:
-    steps.monitor._suspicion.fault, steps.monitor._roughness = FAULTY[0].fault, rough
+    steps.favour(2, 2.0)
+    for _ in range(30):
+        steps.step()
+    assert steps.monitor.likely is not None
+    steps.monitor._roughness, steps.bank.squares[:] = rough, 3.0 * rough
+    steps.step()
     assert (steps.monitor.likely is not None) is is_told
+    steps.monitor._roughness, steps.bank.squares[:] = 1.0, 3.0
+    steps.step()
+    assert (steps.monitor.likely is not None) is is_told, "it begins anew"
+
+
+def test_time_without_evidence_makes_nothing_likely(steps: Steps) -> None:
+    steps.favour(2, 2.0)
+    for _ in range(20):
+        steps.step()
+    for _ in range(30):
+        steps.step(ailing=frozenset({GroundVelocity}))
+    assert steps.monitor.likely is None
+    for _ in range(10):
+        steps.step()
+    assert steps.monitor.likely is not None
 
 
 def test_a_fault_without_evidence_starts_anew_like_the_best_sound_hypothesis(steps: Steps) -> None:
