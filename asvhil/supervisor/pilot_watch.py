@@ -37,9 +37,13 @@ class PilotWatch:
         self._sent: deque[MotorPulses] = deque()
 
     def begin(self, t_ns: int, status: FrontseatStatus) -> None:
-        """The motors are ours from now on: as the sticks stand now they are at rest."""
+        """The motors are ours from now on: as the sticks stand now they are at rest.
+
+        Where they were ours until now, the echo of what was sent last is still on its way.
+        """
         self._engaged_ns = self._ours_ns = t_ns
-        self._sent.clear()
+        while self._sent and self._sent[0].t_ns < t_ns - self._echo_ns:
+            self._sent.popleft()
         self._stick_baseline = {channel: _channel(status, channel) or CENTRE_US for channel in self._stick_channels}
         self._before_us = _motor_sticks(status)
 
