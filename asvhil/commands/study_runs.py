@@ -270,7 +270,8 @@ def estimator(
 def safety(
     output: OutOption = RUNS,
     holds: Annotated[
-        str, typer.Option(help="Which winds and seeds: reporting, or tuning or judging, which chose the limits.")
+        str,
+        typer.Option(help="Which winds and seeds: reporting, or tuning, judging or revising, which chose the limits."),
     ] = "reporting",
     fault: Annotated[list[str], typer.Option(help="One fault by its name in the table; repeatable.")] = [],  # noqa: B006
     healthy: Annotated[bool, typer.Option(help="Healthy boats too.")] = True,

@@ -39,7 +39,7 @@ AT = {"since_s": 10.0, "thrust_s": 9.0, "farther_m": 1.0}
 def test_all_sets_have_winds_and_seeds_of_their_own() -> None:
     for of in (WINDS, SEEDS):
         all_of_them = [each for part in of for each in of[part]]
-        assert len(set(all_of_them)) == len(all_of_them) == 9
+        assert len(set(all_of_them)) == len(all_of_them) == 12
 
 
 def test_every_fault_comes_with_every_boat_start_wind_and_seed() -> None:
