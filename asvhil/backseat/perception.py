@@ -32,6 +32,7 @@ from asvhil.types import (
     Learned,
     Measurement,
     Note,
+    Position,
     PredictionError,
     Station,
     TrueWind,
@@ -42,7 +43,12 @@ from asvhil.types import (
 )
 
 NOT_THE_ESTIMATORS = frozenset({FrontseatStatus, ApparentWind, BowWind, TrueWind})
-WATCHED: dict[str, type] = {NAMES["velocity"]: GroundVelocity, NAMES["heading"]: Heading, NAMES["yaw_rate"]: YawRate}
+WATCHED: dict[str, type] = {
+    NAMES["position"]: Position,
+    NAMES["velocity"]: GroundVelocity,
+    NAMES["heading"]: Heading,
+    NAMES["yaw_rate"]: YawRate,
+}
 DEAD = frozenset({sensor_health.SILENT, sensor_health.FROZEN})
 REMEMBERED_NS = 30_000_000_000  # for so long a measured wind is a better guess than the disturbance
 

@@ -8,13 +8,13 @@ from asvhil.motion.carried import CarriedWatch
 from asvhil.motion.distance import DistanceWatch
 from asvhil.motion.monitor import MotionMonitor
 from asvhil.supervisor.reasons import Explanation, describe
-from asvhil.types import Estimate, GroundVelocity, Measurement, Note, Station, WaveMotion, Wind
+from asvhil.types import Estimate, GroundVelocity, Measurement, Note, Position, Station, WaveMotion, Wind
 
 SUBJECT = "motion"
 ROUGH_SHARE, ROUGH_MPS = 0.5, 0.04  # of the waves that the wave filter takes out, and their size: rough from there on
-LIKELY_S = (
-    20.0  # after a hold has begun what is likely is told: later chance has had time to make as much of a sound boat
-)
+# After a hold has begun what is likely is told: later chance has had time to make as much of a sound boat.
+LIKELY_S = 20.0
+FOUND_AGAIN_NS = 3_000_000_000  # after a receiver has come back the estimate goes to where the boat is
 FORGET_S = 20.0  # a fault without enough evidence for this long was a chance
 
 
@@ -39,6 +39,7 @@ class MotionWatch:
         self._is_sure = False  # or is it told alone
         self._ended = False
         self._begin_ns: int | None = None
+        self._placeless_ns: int | None = None  # when the receiver was silent or frozen last
         self._seen_ns = 0  # when there was enough evidence last, or the boat was too far off
 
     def step(
@@ -68,7 +69,8 @@ class MotionWatch:
         rough = waves is not None and waves.share >= ROUGH_SHARE and waves.velocity_std_mps >= ROUGH_MPS
         since_s = 0.0 if self._begin_ns is None else (t_ns - self._begin_ns) * 1e-9
         early = not rough and since_s <= self._config.sense_s
-        fault = self._monitor.step(t_ns, command, wind_ned, ailing, holding=station is not None, late=not early)
+        ails = ailing - {Position}  # which the monitor does without
+        fault = self._monitor.step(t_ns, command, wind_ned, ails, holding=station is not None, late=not early)
         place = None
         if estimate is not None and estimate.valid:
             place = self._carried.step(t_ns, None if GroundVelocity in ailing else self._velocity, estimate)
@@ -77,6 +79,8 @@ class MotionWatch:
         if station is None:
             return None
         away = None
+        if self._receiver_is_back(t_ns, ailing):
+            self._distance.begin()  # how far off the boat has got meanwhile says nothing of the motors
         if self._keeps_station and place is not None:
             current, doubt_m = self._monitor.current_ned, self._carried.off_m
             away = self._distance.step(t_ns, place, station, command, current, doubt_m)
@@ -90,6 +94,13 @@ class MotionWatch:
         if ends and self._found is not None:
             self._ended = True
         return self._found if self._ended else None
+
+    def _receiver_is_back(self, t_ns: int, ailing: frozenset[type]) -> bool:
+        """Whether the boat's place is known again, and has been for no more than a moment."""
+        if Position in ailing:
+            self._placeless_ns = t_ns
+            return False
+        return self._placeless_ns is not None and t_ns - self._placeless_ns <= FOUND_AGAIN_NS
 
     def _note(self, t_ns: int, sure: Explanation | None, likely: Explanation | None) -> None:
         """Keep what was found first; what is sure takes the place of what is likely. No evidence for long: a chance."""

@@ -9,7 +9,7 @@ from asvhil.motion.distance import DistanceWatch
 from asvhil.motion.monitor import MotionMonitor
 from asvhil.motion.watch import MotionWatch
 from asvhil.supervisor.reasons import Explanation, Reason, describe, explain
-from asvhil.types import Estimate, GroundVelocity, Heading, Station, WaveMotion, Wind
+from asvhil.types import Estimate, GroundVelocity, Heading, Position, Station, WaveMotion, Wind
 
 STATION = Station(n_m=0.0, e_m=0.0, psi_rad=0.0)
 
@@ -21,7 +21,14 @@ class Drift:
         self.watch = MotionWatch(load_config("sitl", overrides))
         self.t_ns = 0
 
-    def run(self, seconds: float, station: Station | None = STATION, *, valid: bool = True) -> Explanation | None:
+    def run(
+        self,
+        seconds: float,
+        station: Station | None = STATION,
+        *,
+        valid: bool = True,
+        ailing: frozenset[type] = frozenset(),
+    ) -> Explanation | None:
         found = None
         for _ in range(round(seconds * 20)):
             self.t_ns += 50_000_000
@@ -29,7 +36,7 @@ class Drift:
                 t_ns=self.t_ns, n_m=self.t_ns * 1e-9, e_m=0.0, psi_rad=0.0, u_mps=0.0, v_mps=0.0, r_radps=0.0,
                 motor=(), std=(), disturbance=(0.0, 0.0, 0.0), valid=valid,
             )  # fmt: skip
-            found = self.watch.step(self.t_ns, (), (0.0, 0.0), None, estimate, frozenset())
+            found = self.watch.step(self.t_ns, (), (0.0, 0.0), None, estimate, ailing)
             self.watch.note_station(station)
         return found
 
@@ -42,6 +49,18 @@ def test_a_finding_ends_the_hold_and_is_noted_while_it_lasts() -> None:
     assert [(note.subject, note.ok) for note in drift.watch.notes] == [("motion", False)]
     drift.run(0.1, None)
     assert drift.watch.notes == ()
+
+
+def test_what_a_boat_has_drifted_without_its_receiver_is_not_held_against_the_motors() -> None:
+    """It is told at once, with the first position after it; the boat is off by then, and is brought back."""
+    drift = Drift()
+    assert drift.run(4.0, ailing=frozenset({Position})) is None
+    assert drift.run(10.0) is None, "8 m from where it was 3 s after the receiver came back"
+    found = drift.run(1.5)
+    assert found is not None and found.reason is Reason.DRIFTED_OFF, "who drifts on is let go"
+    other = Drift()
+    assert other.run(4.0, ailing=frozenset({Heading})) is None
+    assert other.run(5.0) is not None, "another sensor's failure is none of the place"
 
 
 def test_told_alone() -> None:
