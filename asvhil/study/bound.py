@@ -65,6 +65,9 @@ class Guess:
     skew_rad: float = 0.0
 
 
+INTERRUPTED = "NonIpopt_Exception_Thrown"  # by Ctrl-C, which CasADi keeps to itself
+
+
 def bound(
     model: Dynamics,
     wind_mps: float,
@@ -82,7 +85,10 @@ def bound(
         on_start(number, starts)
         first = _first(model, size, wind_mps, toward_rad, guess)
         found = solver(x0=first, lbx=lower, ubx=upper, lbg=0.0, ubg=0.0)
-        if solver.stats()["success"]:
+        stats = solver.stats()
+        if stats["return_status"] == INTERRUPTED:
+            raise KeyboardInterrupt
+        if stats["success"]:
             orbits.append(_orbit(np.array(found["x"]).ravel(), size))
     if not orbits:
         raise RuntimeError(f"no periodic motion was found in a wind of {wind_mps:g} m/s")

@@ -83,9 +83,10 @@ def _run_pool(
     function: Function, waiting: deque[Job], processes: int, isolate: bool
 ) -> Generator[tuple[Job, Done], None, list[Job]]:
     """Empties `waiting`, or returns the jobs that were handed out when a process died."""
+    others = set(multiprocessing.active_children())
     context = multiprocessing.get_context("spawn")
-    stop, token = context.Event(), uuid.uuid4().hex
-    pool = ProcessPoolExecutor(processes, context, initializer=_obey, initargs=(stop,))
+    token = uuid.uuid4().hex
+    pool = ProcessPoolExecutor(processes, context, initializer=_obey)
     running: dict[Future[Done], Job] = {}
     try:
         while waiting or running:
@@ -101,7 +102,9 @@ def _run_pool(
             raise AsvhilError(words) from None
         return list(running.values())
     except BaseException:
-        stop.set()  # runs that have begun are not waited for
+        # Runs that have begun are not waited for, nor asked: within a solver no Python runs for a minute on end.
+        for worker in set(multiprocessing.active_children()) - others:
+            worker.kill()
         raise
     finally:
         pool.shutdown(wait=True, cancel_futures=True)
@@ -238,13 +241,13 @@ def _timed_on_worker(function: Function, arguments: tuple[Any, ...], isolate: bo
     return timed(function, arguments, isolate, token)
 
 
-def _obey(stop: Any) -> None:
-    """In a worker process, before its first job: end when stopped, or when the study's process has ended in any way."""
+def _obey() -> None:
+    """In a worker process, before its first job: end when the study's process has ended in any way."""
     parent = multiprocessing.parent_process()
 
     def watch() -> None:
-        while not stop.wait(WATCH_S) and parent is not None and parent.is_alive():
-            pass
+        while parent is not None and parent.is_alive():
+            time.sleep(WATCH_S)
         os._exit(1)
 
     # Was held back at the start; what a run starts may still be interrupted by it.

@@ -1,5 +1,6 @@
 """Jobs for the tests of the study runner: importable, so that other processes find them."""
 
+import ctypes
 import os
 import sys
 import time
@@ -35,12 +36,19 @@ def linger(number: int, folder: str) -> dict[str, float]:
     return result
 
 
+def holds_on(number: int, folder: str) -> dict[str, float]:
+    """As a solver in C that does not let Python run."""
+    result = square(number, folder)
+    ctypes.PyDLL(None).sleep(600)
+    return result
+
+
 def jobs(folder: Path, count: int, group: str = "squares") -> list[Job]:
     return [Job(key=f"square {n}", group=group, arguments=(n, str(folder))) for n in range(1, count + 1)]
 
 
 if __name__ == "__main__":  # a study that never ends by itself, for the test that kills it
     place = Path(sys.argv[1])
-    from tests.support.study_jobs import linger as lasting
+    from tests.support import study_jobs
 
-    run_jobs(lasting, jobs(place, 6), place / "store.jsonl", workers=2)
+    run_jobs(getattr(study_jobs, sys.argv[2]), jobs(place, 6), place / "store.jsonl", workers=2)

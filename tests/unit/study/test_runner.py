@@ -213,7 +213,7 @@ def test_all_that_a_run_in_lockstep_loads_is_in_the_version_of_the_code_or_excep
 def test_a_study_that_is_killed_leaves_no_process_and_goes_on_where_it_was(tmp_path, number):
     store = tmp_path / "store.jsonl"
     study = subprocess.Popen(
-        [sys.executable, "-m", "tests.support.study_jobs", str(tmp_path)],
+        [sys.executable, "-m", "tests.support.study_jobs", str(tmp_path), "linger"],
         cwd=ROOT,
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
@@ -235,7 +235,7 @@ def test_a_study_that_is_killed_leaves_no_process_and_goes_on_where_it_was(tmp_p
 
 def test_ctrl_c_while_its_processes_start_is_told_by_the_study_alone(tmp_path):
     study = subprocess.Popen(
-        [sys.executable, "-m", "tests.support.study_jobs", str(tmp_path)],
+        [sys.executable, "-m", "tests.support.study_jobs", str(tmp_path), "linger"],
         cwd=ROOT,
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
@@ -250,6 +250,24 @@ def test_ctrl_c_while_its_processes_start_is_told_by_the_study_alone(tmp_path):
         study.kill()
         study.wait()
     assert words.count("Traceback") <= 1 and "spawn_main" not in words, words
+
+
+def test_ctrl_c_ends_a_run_that_does_not_let_python_run(tmp_path):
+    study = subprocess.Popen(
+        [sys.executable, "-m", "tests.support.study_jobs", str(tmp_path), "holds_on"],
+        cwd=ROOT,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
+    try:
+        wait_until(lambda: len(ran(tmp_path)) == 2, 60.0)
+        study.send_signal(signal.SIGINT)
+        assert study.wait(timeout=30.0) != 0
+    finally:
+        for pid in children(study.pid):
+            os.kill(pid, signal.SIGKILL)
+        study.kill()
+        study.wait()
 
 
 def children(pid: int) -> list[int]:
