@@ -55,6 +55,7 @@ ELSEWHERE = {
     "asvhil hold": "a daemon; tests/loop/test_realtime.py",
     "python -m bench.autopilot_script": "a real ArduRover",
     "python -m bench.overrides": "a real ArduRover",
+    "python -m bench.mutants": "mutmut, which `make mutants` installs",
     "python -m bench.guardian": "ends daemons by signals itself; tests/loop/test_guardian_in_the_loop.py",
     "python -m bench.effort_front": "the table of a campaign of an hour; tests/unit/test_benchmark_ends.py",
 }
@@ -86,8 +87,9 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         (folder / name).symlink_to(ROOT / name)
     (folder / "models").symlink_to(ROOT / "config" / "models")
     (folder / "docs" / "results").mkdir(parents=True)
-    for name in ("run.mcap", "log.mcap", "test-2mps-45deg.mcap"):
-        run_lockstep(load_config("sitl", ("controller.name=loiter",)), folder / name, 20.0)
+    (folder / "collect").mkdir()
+    for name, config in (("run.mcap", "sitl"), ("log.mcap", "sitl"), ("test-2mps-45deg.mcap", "sitl-bream")):
+        run_lockstep(load_config(config, ("controller.name=loiter",)), folder / name, 75.0)
     return folder
 
 
@@ -103,8 +105,8 @@ def test_it_begins_and_ends_when_it_is_told_to(words: list[str], folder: Path) -
     terminal, tty = pty.openpty()
     said: list[bytes] = []
     process = subprocess.Popen(
-        [*begin, *(INSTEAD.get(word, word) for word in words[1:])],
-        cwd=folder,
+        [*begin, *map(filled_in, words[1:])],
+        cwd=folder / "collect" if words[1] == "collect" else folder,  # what it writes another reads
         stdin=tty,
         stdout=tty,
         stderr=tty,
@@ -130,6 +132,15 @@ def test_it_begins_and_ends_when_it_is_told_to(words: list[str], folder: Path) -
     assert "Traceback" not in text, text
     assert status in ((0,) if ended_itself else (0, INTERRUPTED)), (status, text)
     assert text.strip(), "whatever takes more than 2 s shows how far it is"
+
+
+def filled_in(word: str) -> str:
+    """What stands for the reader's own, alone, behind `KEY=`, or at the begin of a command in quotes."""
+    return re.sub(
+        rf"^({'|'.join(map(re.escape, INSTEAD))})(?=$| )|(?<==)({'|'.join(INSTEAD)})$",
+        lambda found: INSTEAD[found[0]],
+        word,
+    )
 
 
 def read(terminal: int, said: list[bytes]) -> None:
