@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import math
 import os
 from pathlib import Path
 from statistics import fmean
@@ -22,13 +21,13 @@ import numpy as np
 from asvhil.backseat.build import build_backseat, build_controller, build_model
 from asvhil.config import load_config
 from asvhil.controller.protocol import Controller
-from asvhil.geo import LocalFrame, wrap_rad
 from asvhil.logs.metrics import motor_figures
 from asvhil.machine_code.compiler import use_compiler
 from asvhil.simplant.lockstep import Lockstep
 from asvhil.study.trials.trial import NO_SLOW_ERROR
 from asvhil.types import Control, Estimate, Phase, Station, Wind, changed
 from bench.ending import end_in_words
+from bench.off_station import off_station
 
 ANGLES_DEG = {"along": 0.0, "across": 90.0}
 
@@ -65,7 +64,6 @@ def run(case: dict[str, Any], overrides: tuple[str, ...], window_s: tuple[float,
     if not case["known"]:
         model = build_model(config)
         loop.backseat = build_backseat(config, model=model, controller=Unaware(build_controller(config, model)))
-    origin = LocalFrame(lat_deg=config.plant.origin_lat_deg, lon_deg=config.plant.origin_lon_deg)
     distances, headings, commands, held, moving = [], [], [], 0, 0
     from_s, to_s = window_s
     for tick in range(round(to_s * config.daemon.tick_hz)):
@@ -77,10 +75,9 @@ def run(case: dict[str, Any], overrides: tuple[str, ...], window_s: tuple[float,
         if station is None or frame is None:
             continue
         moving += station.moves
-        n_m, e_m = origin.to_ned(*frame.to_geodetic(station.n_m, station.e_m))
-        truth = loop.plant.truth
-        distances.append(math.hypot(truth.n_m - n_m, truth.e_m - e_m))
-        headings.append(math.degrees(wrap_rad(truth.psi_rad - station.psi_rad)))
+        distance_m, off_deg = off_station(loop, station, frame)
+        distances.append(distance_m)
+        headings.append(off_deg)
         if outputs.control is not None:
             commands.append((t_s, *outputs.control.command, 1.0))
     ticks = (to_s - from_s) * config.daemon.tick_hz

@@ -27,7 +27,7 @@ from asvhil.config import Config, load_config
 from asvhil.dynamics.arrays import Array
 from asvhil.dynamics.rigid_body import RigidBody
 from asvhil.errors import AsvhilError
-from asvhil.geo import LocalFrame, ned_to_body, wrap_rad
+from asvhil.geo import ned_to_body
 from asvhil.logs.metrics import motor_figures
 from asvhil.machine_code.compiler import use_compiler
 from asvhil.simplant.lockstep import Lockstep
@@ -36,6 +36,7 @@ from asvhil.study.page import write_page
 from asvhil.study.trials.trial import NO_SLOW_ERROR
 from asvhil.types import Phase
 from bench.ending import end_in_words
+from bench.off_station import off_station
 from bench.weather_heading_figure import draw
 
 WINDS_MPS, CURRENTS_MPS, VEERING_MPS = (2, 4, 6, 8, 10), (0.0, 0.2, 0.4), (2, 6, 10)
@@ -88,7 +89,6 @@ def run(case: Run, overrides: tuple[str, ...] = (), to_s: float | None = None, f
     """A case with its figures: distance (m), thrust squared (N^2), turns and heading errors (deg), share held."""
     config = config_of(case, overrides)
     loop, end_s = Lockstep(config), TO_S[case["kind"]] if to_s is None else to_s
-    origin = LocalFrame(lat_deg=config.plant.origin_lat_deg, lon_deg=config.plant.origin_lon_deg)
     rows, turned, commands = [], [], []
     for tick in range(round(end_s * config.daemon.tick_hz)):
         t_s = tick / config.daemon.tick_hz
@@ -96,15 +96,13 @@ def run(case: Run, overrides: tuple[str, ...] = (), to_s: float | None = None, f
             share = min(max((t_s - VEER_FROM_S) / VEER_S, 0.0), 1.0)
             loop.plant.weather.set_wind(case["wind_mps"], TOWARD_DEG + share * VEER_DEG)
         _, outputs = loop.tick()
-        truth, station, frame = loop.plant.truth, outputs.station, loop.backseat.frame
+        station, frame = outputs.station, loop.backseat.frame
         if t_s < from_s:
             continue
         if station is None or frame is None or outputs.phase is not Phase.HOLD:
             break
-        n_m, e_m = origin.to_ned(*frame.to_geodetic(station.n_m, station.e_m))
-        port_n, starboard_n = truth.thrust_n
-        off_deg = math.degrees(wrap_rad(truth.psi_rad - station.psi_rad))
-        distance_m = math.hypot(truth.n_m - n_m, truth.e_m - e_m)
+        port_n, starboard_n = loop.plant.truth.thrust_n
+        distance_m, off_deg = off_station(loop, station, frame)
         rows.append((distance_m, 0.5 * (port_n**2 + starboard_n**2), off_deg))
         if t_s >= max(TURNED_S, from_s):
             turned.append(station.psi_rad)
@@ -289,9 +287,8 @@ def main() -> None:
         parts = made_of(("simplant/lockstep.py",), run_files("sitl", overrides))
         draw(shown, lambda one: floor_n2(config_of(one, overrides)), asked.out / "weather-heading.png")
         text += "\n![Distance and thrust of each run](weather-heading.png)\n"
-        before = (
-            len(shown) if asked.stored else len(wanted) - len(missing)
-        )  # made by an earlier call, and who knows by which code
+        # Made by an earlier call, and who knows by which code.
+        before = len(shown) if asked.stored else len(wanted) - len(missing)
         write_page(asked.out / "weather-heading.md", text, mark_of(parts, before))
 
 

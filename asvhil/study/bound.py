@@ -34,6 +34,7 @@ THRUST = 0.3  # of the first guesses, of full thrust ahead
 STARTS = 40  # guesses: the eight of the lists above, the rest drawn
 SEED = 1
 ALIKE = 1e-3  # of the best score: orbits that near are counted as the same
+INTERRUPTED = "NonIpopt_Exception_Thrown"  # of the solver, by Ctrl-C, which CasADi keeps to itself
 SMOOTH = 1e-6  # under the roots: the score has corners at zero
 
 
@@ -63,9 +64,6 @@ class Guess:
     swing_rad: float
     thrust: float = THRUST
     skew_rad: float = 0.0
-
-
-INTERRUPTED = "NonIpopt_Exception_Thrown"  # by Ctrl-C, which CasADi keeps to itself
 
 
 def bound(

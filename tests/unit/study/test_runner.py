@@ -209,65 +209,54 @@ def test_all_that_a_run_in_lockstep_loads_is_in_the_version_of_the_code_or_excep
     assert loaded - covered == NOT_DECISIVE
 
 
-@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGINT])
-def test_a_study_that_is_killed_leaves_no_process_and_goes_on_where_it_was(tmp_path, number):
-    store = tmp_path / "store.jsonl"
+@contextlib.contextmanager
+def study_of(function: str, folder: Path, **popen):
+    """A study of two processes, in one of its own, that would go on for long."""
     study = subprocess.Popen(
-        [sys.executable, "-m", "tests.support.study_jobs", str(tmp_path), "linger"],
+        [sys.executable, "-m", "tests.support.study_jobs", str(folder), function],
         cwd=ROOT,
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
+        text=True,
+        **popen,
     )
     try:
+        yield study
+    finally:
+        for pid in children(study.pid):
+            os.kill(pid, signal.SIGKILL)
+        study.kill()
+        study.communicate()
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGINT])
+def test_a_study_that_is_killed_leaves_no_process_and_goes_on_where_it_was(tmp_path, number):
+    store = tmp_path / "store.jsonl"
+    with study_of("linger", tmp_path) as study:
         wait_until(lambda: len(ran(tmp_path)) == 4 and store.read_text().count("\n") == 2, 60.0)
         workers = children(study.pid)
         assert len(workers) >= 2
         study.send_signal(number)
         study.communicate(timeout=60.0)  # ends only when all that share its output have ended
         wait_until(lambda: not any(Path(f"/proc/{pid}").exists() for pid in workers), 60.0)
-    finally:
-        study.kill()
-        study.wait()
     finished = run_jobs(square, jobs(tmp_path, 6), store, workers=0)
     assert squares(finished) == [1.0, 4.0, 9.0, 16.0, 25.0, 36.0]
     assert ran(tmp_path).count(1) == ran(tmp_path).count(2) == 1
 
 
 def test_ctrl_c_while_its_processes_start_is_told_by_the_study_alone(tmp_path):
-    study = subprocess.Popen(
-        [sys.executable, "-m", "tests.support.study_jobs", str(tmp_path), "linger"],
-        cwd=ROOT,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-        start_new_session=True,
-    )
-    try:
+    with study_of("linger", tmp_path, start_new_session=True) as study:
         wait_until(lambda: len(children(study.pid)) >= 3, 60.0)  # the one that keeps count of semaphores among them
         os.killpg(study.pid, signal.SIGINT)  # as a terminal does
         words, _ = study.communicate(timeout=60.0)
-    finally:
-        study.kill()
-        study.wait()
     assert words.count("Traceback") <= 1 and "spawn_main" not in words, words
 
 
 def test_ctrl_c_ends_a_run_that_does_not_let_python_run(tmp_path):
-    study = subprocess.Popen(
-        [sys.executable, "-m", "tests.support.study_jobs", str(tmp_path), "holds_on"],
-        cwd=ROOT,
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-    )
-    try:
+    with study_of("holds_on", tmp_path) as study:
         wait_until(lambda: len(ran(tmp_path)) == 2, 60.0)
         study.send_signal(signal.SIGINT)
         assert study.wait(timeout=30.0) != 0
-    finally:
-        for pid in children(study.pid):
-            os.kill(pid, signal.SIGKILL)
-        study.kill()
-        study.wait()
 
 
 def children(pid: int) -> list[int]:
