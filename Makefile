@@ -42,9 +42,10 @@ $(STAMPS)/base: pyproject.toml constraints.txt
 	@$(INSTALL) -e '.[sim]'
 	@mkdir -p $(STAMPS) && touch $@
 
+# Of what the tests need a small part is imported, and compiled when it is.
 $(STAMPS)/test: $(STAMPS)/base
 	@echo "adding what the tests need: up to 6 GB, several minutes ..."
-	@$(INSTALL) $(if $(TORCH_INDEX),--extra-index-url $(TORCH_INDEX)) -e '.[train,dev]'
+	@$(INSTALL) --no-compile $(if $(TORCH_INDEX),--extra-index-url $(TORCH_INDEX)) -e '.[train,dev]'
 	@touch $@
 
 # The package that the paper's first solver came from asks for an old NumPy, which it does not need.
@@ -56,8 +57,8 @@ $(STAMPS)/peer: $(STAMPS)/test constraints-peer.txt
 # MAVProxy wants a desktop's worth of packages; headless it needs none of them.
 $(STAMPS)/mavproxy: $(STAMPS)/base constraints-mavproxy.txt
 	@echo "adding MAVProxy as a peer ..."
-	@$(PYTHON) -m venv --clear .venv-mavproxy
-	@.venv-mavproxy/bin/python -m pip --disable-pip-version-check install -qq --no-deps -r constraints-mavproxy.txt
+	@$(PYTHON) -m venv --clear --without-pip .venv-mavproxy
+	@$(PIP) --python .venv-mavproxy/bin/python install --no-compile -qq --no-deps -r constraints-mavproxy.txt
 	@touch $@
 
 sitl: $(STAMPS)/base
@@ -65,7 +66,8 @@ sitl: $(STAMPS)/base
 	@command -v asvhil > /dev/null || echo "next: . $(BIN)/activate   puts the command asvhil on the PATH of this terminal"
 
 # Lint and types take one core for a minute: beside the tests, and told after them.
-test: $(STAMPS)/test
+test: $(STAMPS)/base
+	@$(MAKE) -s -j2 $(STAMPS)/peer $(STAMPS)/mavproxy
 	@nice -n 5 $(MAKE) -s lint > $(VENV)/lint.txt 2>&1 & beside=$$!; \
 	$(MAKE) -s unit; tests=$$?; \
 	wait $$beside; lint=$$?; echo "lint and types:"; cat $(VENV)/lint.txt; \

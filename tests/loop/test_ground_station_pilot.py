@@ -18,7 +18,7 @@ from asvhil.io.mavlink.frames import FrameSplitter, decode, dialect
 from asvhil.supervisor.reasons import Reason
 from asvhil.types import Frame, Inputs, Outputs, Phase
 from tests.support.copies import on_a_copy
-from tests.support.loop import STATION_DEG, GroundStationLoop
+from tests.support.loop import PLAIN_CONTROLLER, STATION_DEG, GroundStationLoop
 
 MOMENTS = [20, pytest.param(200, marks=pytest.mark.thorough)]  # of all ways together
 MANUAL, HOLD = 0, 4
@@ -27,7 +27,7 @@ STATION = (255, 240)
 THRESHOLD_US = 60
 COMMON = (
     "supervisor.engage=command",
-    "controller.name=backstepping",
+    PLAIN_CONTROLLER,
     "plant.frontseat.rc_receiver=false",
     "plant.frontseat.ready_after_s=1.5",
 )

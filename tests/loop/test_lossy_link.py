@@ -5,7 +5,7 @@ import pytest
 from asvhil.config import load_config
 from asvhil.io.mavlink.frames import decode, dialect
 from asvhil.types import Frame, Outputs, Phase
-from tests.support.loop import GroundStationLoop
+from tests.support.loop import PLAIN_CONTROLLER, GroundStationLoop
 from tests.support.lossy_link import check_start, hold_start
 
 
@@ -45,7 +45,7 @@ class WithoutRequests(GroundStationLoop):
     """Requests for ATTITUDE, which then comes at the autopilot's own 1 Hz, get lost until a time (s)."""
 
     def __init__(self, until_s: float) -> None:
-        super().__init__(load_config("sitl", ("supervisor.engage=command",)))
+        super().__init__(load_config("sitl", (PLAIN_CONTROLLER, "supervisor.engage=command")))
         self._until_ns = self.t_ns + round(until_s * 1e9)
 
     def deliver(self, frames: tuple[Frame, ...]) -> None:

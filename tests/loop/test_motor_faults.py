@@ -14,6 +14,7 @@ from asvhil.simplant.plant import Plant
 from asvhil.supervisor.reasons import Explanation, Reason, describe, explain
 from asvhil.types import Frame, Phase
 from tests.support.copies import on_a_copy
+from tests.support.loop import PLAIN_CONTROLLER
 from tests.support.lossy_plant import PlantBehindLink, losing, losing_messages
 from tests.support.motor_faults import BLIND_REASON, WIRED, WRONG, Trial
 
@@ -107,7 +108,7 @@ def test_wiring_that_changes_while_holding_is_a_fault_though_the_change_is_told(
 
 
 def test_a_hold_waits_until_the_wiring_is_read_and_begins_once_it_has_been_given_up() -> None:
-    loop = Lockstep(load_config("sitl"))
+    loop = Lockstep(load_config("sitl", (PLAIN_CONTROLLER,)))
     loop.plant = cast(Plant, PlantBehindLink(loop.plant, losing_messages(NO_ANSWER)))
     reasons = [loop.tick()[1].health.code for _ in range(400)]
     assert Reason.WIRING_UNREAD in reasons and reasons[-1] == Reason.HOLDING
@@ -269,7 +270,7 @@ def test_a_boat_that_is_set_right_is_held(
     config: str, overrides: list[str], loss: float, late_ms: int, lost: tuple[str, ...]
 ) -> None:
     chance = random.Random(5)
-    loop = Lockstep(load_config(config, tuple(overrides)))
+    loop = Lockstep(load_config(config, (PLAIN_CONTROLLER, *overrides)))
 
     def late_or_lost(frame: Frame) -> list[Frame]:
         return [replace(frame, t_ns=frame.t_ns + late_ms * 1_000_000)] if chance.random() >= loss else []

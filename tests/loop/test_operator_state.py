@@ -9,7 +9,7 @@ from asvhil.io.mavlink.frames import dialect
 from asvhil.operator.encoding import encode_neutral, encode_presence, encode_question, encode_release
 from asvhil.operator.state_arrays import read_state
 from asvhil.types import Frame, Phase
-from tests.support.loop import STATION_DEG, GroundStationLoop
+from tests.support.loop import PLAIN_CONTROLLER, STATION_DEG, GroundStationLoop
 
 ACTIVE, STANDBY = dialect.MAV_STATE_ACTIVE, dialect.MAV_STATE_STANDBY
 CRITICAL, EMERGENCY = dialect.MAV_STATE_CRITICAL, dialect.MAV_STATE_EMERGENCY
@@ -21,7 +21,7 @@ class StateLoop(GroundStationLoop):
     deaf = False
 
     def __init__(self) -> None:
-        super().__init__(load_config("sitl", ("supervisor.engage=command",)))
+        super().__init__(load_config("sitl", (PLAIN_CONTROLLER, "supervisor.engage=command")))
         self.say(encode_presence())
         self.wait(6.0)
         assert self.frontseat.set_mode(0) and self.frontseat.arm(True)

@@ -11,6 +11,7 @@ from asvhil.simplant.lockstep import Lockstep
 from asvhil.supervisor.reasons import Reason, describe, explain
 from asvhil.types import Inputs, Outputs, Phase
 from tests.support.copies import on_a_copy
+from tests.support.loop import PLAIN_CONTROLLER
 
 MANUAL, HOLD = 0, 4
 MOMENTS = [20, pytest.param(200, marks=pytest.mark.thorough)]
@@ -62,7 +63,7 @@ def tick_until(loop: Lockstep, phase: Phase, limit: int = 200) -> None:
 def test_the_pilot_has_the_boat_in_the_tick_that_hears_of_it(act: str, moments: int) -> None:
     """Each time a copy of the boat is taken over; at every tenth the boat itself, which is asked to hold again."""
     chance = random.Random(f"pilot {act}")
-    loop = Lockstep(load_config("sitl", ("controller.name=backstepping",)))
+    loop = Lockstep(load_config("sitl", (PLAIN_CONTROLLER,)))
     tick_until(loop, Phase.HOLD)
     for moment in range(moments):
         for _ in range(chance.randrange(3, 20)):
@@ -116,7 +117,7 @@ def hold_again(loop: Lockstep) -> None:
 
 
 def test_the_boat_is_the_pilots_the_moment_overrides_are_released() -> None:
-    loop = Lockstep(load_config("sitl"))
+    loop = Lockstep(load_config("sitl", (PLAIN_CONTROLLER,)))
     tick_until(loop, Phase.HOLD)
     for _ in range(100):
         loop.tick()
@@ -127,7 +128,7 @@ def test_the_boat_is_the_pilots_the_moment_overrides_are_released() -> None:
 
 
 def test_hold_is_answered_by_an_ack_and_refused_with_a_reason() -> None:
-    loop = Lockstep(load_config("sitl", ("supervisor.engage=command",)))
+    loop = Lockstep(load_config("sitl", (PLAIN_CONTROLLER, "supervisor.engage=command")))
     for _ in range(100):
         loop.tick()
     loop.inject("operator", encode_hold(loop.config.links.autopilot, None, None, None), "127.0.0.1:9")
@@ -146,7 +147,7 @@ def test_hold_is_answered_by_an_ack_and_refused_with_a_reason() -> None:
 @pytest.mark.parametrize("port", ["autopilot", "anemometer", "operator"])
 def test_a_megabyte_of_noise_while_holding(port: str) -> None:
     noise = random.Random(f"noise {port}")
-    loop = Lockstep(load_config("sitl"))
+    loop = Lockstep(load_config("sitl", (PLAIN_CONTROLLER,)))
     tick_until(loop, Phase.HOLD)
     peer = "10.0.0.9:5" if port != "anemometer" else ""
     for _ in range(128):
@@ -161,7 +162,7 @@ def test_a_megabyte_of_noise_while_holding(port: str) -> None:
 def test_noise_in_the_autopilots_own_byte_stream_loses_little() -> None:
     """On a serial line noise and frames share one stream."""
     noise = random.Random("stream")
-    loop = Lockstep(load_config("sitl"))
+    loop = Lockstep(load_config("sitl", (PLAIN_CONTROLLER,)))
     tick_until(loop, Phase.HOLD)
     for _ in range(200):
         loop.inject("autopilot", noise.randbytes(512))
@@ -177,7 +178,7 @@ def long_hold(confirmation: int, number: int) -> bytes:
 @pytest.mark.parametrize("again", ["confirmation", "same bytes", "numbered anew", "set-point"])
 def test_a_hold_that_is_repeated_does_not_undo_the_pilots_word(again: str) -> None:
     """The station missed our answer and repeats its command, 0.8 s after the pilot has taken the boat back."""
-    loop = Lockstep(load_config("sitl", ("supervisor.engage=command",)))
+    loop = Lockstep(load_config("sitl", (PLAIN_CONTROLLER, "supervisor.engage=command")))
     peer = "10.0.0.1:14550"
     for _ in range(140):
         loop.tick()

@@ -12,7 +12,7 @@ from asvhil.types import Frame, Phase
 from tests.loop.test_wirings import BLUEBOAT, turns_as_commanded
 from tests.support.autopilot_script import HOLD, MANUAL, NEUTRAL, PATH, SCRIPT
 from tests.support.dock import Dock, bad, of
-from tests.support.loop import STATION_DEG, GroundStationLoop
+from tests.support.loop import DEFAULT_CONTROLLER, PLAIN_CONTROLLER, STATION_DEG, GroundStationLoop
 from tests.support.settled import settled
 
 WAY = ("links.autopilot.output=script", "plant.frontseat.script=true", "plant.frontseat.mygcs_system_id=255")
@@ -24,7 +24,14 @@ class ScriptLoop(GroundStationLoop):
     def __init__(self, *overrides: str, armed: bool = True, script: str | None = SCRIPT, **parameters: float) -> None:
         values = {"SCR_ENABLE": 1, "FS_THR_ENABLE": 0, **parameters}
         wired = f"plant.frontseat.parameters={values!r}".replace("'", "")
-        settings = ("supervisor.engage=command", "plant.frontseat.rc_receiver=false", wired, *WAY, *overrides)
+        settings = (
+            PLAIN_CONTROLLER,
+            "supervisor.engage=command",
+            "plant.frontseat.rc_receiver=false",
+            wired,
+            *WAY,
+            *overrides,
+        )
         super().__init__(load_config("sitl", settings))
         if script is None:
             del self.frontseat.files[PATH]
@@ -63,7 +70,7 @@ def test_the_station_is_kept() -> None:
 
 
 def test_a_blueboat_is_held_with_nothing_changed() -> None:
-    loop = ScriptLoop(**{name: float(value) for name, value in BLUEBOAT.items()}).held()
+    loop = ScriptLoop(DEFAULT_CONTROLLER, **{name: float(value) for name, value in BLUEBOAT.items()}).held()
     turns_as_commanded(loop.plant, loop.step)
     notes = {note.subject: note for note in loop.step().health.notes}
     assert notes["outputs"].ok and "parameters" not in notes and loop.step().phase is Phase.HOLD

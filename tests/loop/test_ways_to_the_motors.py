@@ -16,6 +16,7 @@ from asvhil.sitl import run_lockstep
 from asvhil.supervisor.reasons import Reason, describe, explain
 from asvhil.types import Frame, Phase
 from tests.support.copies import on_a_copy
+from tests.support.loop import DEFAULT_CONTROLLER, PLAIN_CONTROLLER
 from tests.support.settled import NO_BIAS, settled
 
 FREE = "plant.frontseat.parameters={SERVO1_FUNCTION: 0, SERVO3_FUNCTION: 0, SERVO5_FUNCTION: 94}"
@@ -31,7 +32,7 @@ NEUTRAL = (1500, 1500)
 
 def config(way: str, *overrides: str) -> Config:
     name, *own = WAYS[way]
-    return load_config(name, (NO_BIAS, *own, *overrides))
+    return load_config(name, (PLAIN_CONTROLLER, NO_BIAS, *own, *overrides))
 
 
 class SeveredLoop(Lockstep):
@@ -67,13 +68,15 @@ class SeveredLoop(Lockstep):
     [pytest.param(way, marks=pytest.mark.thorough if way in ("rc_override", "set_servo") else ()) for way in WAYS],
 )
 def test_the_station_is_kept(way: str) -> None:
-    distance_m, heading_mean_deg, _ = settled(SeveredLoop(config(way)), 65.0, 45.0)
+    distance_m, heading_mean_deg, _ = settled(SeveredLoop(config(way, DEFAULT_CONTROLLER)), 65.0, 45.0)
     assert distance_m <= 0.6 and abs(heading_mean_deg) <= 1.0
 
 
 @pytest.mark.thorough
 def test_across_the_wind_with_a_px4_too() -> None:
-    loop = SeveredLoop(config("set_actuator", "plant.weather.wind.speed_mps=6", "plant.weather.wind.toward_deg=90"))
+    loop = SeveredLoop(
+        config("set_actuator", DEFAULT_CONTROLLER, "plant.weather.wind.speed_mps=6", "plant.weather.wind.toward_deg=90")
+    )
     distance_m, heading_mean_deg, heading_std_deg = settled(loop, 120.0, 60.0)
     assert distance_m < 3.0 and abs(heading_mean_deg) < 3.0 and 5.0 < heading_std_deg < 16.0
 

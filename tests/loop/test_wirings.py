@@ -16,6 +16,7 @@ from asvhil.simplant.lockstep import Lockstep
 from asvhil.simplant.plant import Plant
 from asvhil.supervisor.reasons import Reason
 from asvhil.types import Outputs, Phase
+from tests.support.loop import DEFAULT_CONTROLLER
 from tests.support.motor_faults import Trial
 
 WIRING = re.compile(r"SERVO\d+_(FUNCTION|REVERSED|TRIM|MIN|MAX)|RC\d+_(REVERSED|TRIM|MIN|MAX)|RCMAP_\w+|MOT_PWM_TYPE")
@@ -125,7 +126,7 @@ def becomes_of(trial: Trial) -> str:
 
 def is_held_as_it_is_wired_or_refused(values: dict[str, float], output: str) -> None:
     way = f"links.autopilot.output={output}"
-    became = becomes_of(Trial(fixed(values, way), way))
+    became = becomes_of(Trial(fixed(values, way), DEFAULT_CONTROLLER, way))
     event(became)
     assert became != "ended", "what can be read is not found out by driving"
 
@@ -149,7 +150,7 @@ def test_so_it_is_of_many_wirings(values: dict[str, float], output: str) -> None
 @pytest.mark.parametrize("output", ["rc_override", "manual_control"])
 def test_a_blueboat_is_held_as_it_is_wired(output: str) -> None:
     way = f"links.autopilot.output={output}"
-    assert becomes_of(Trial(fixed(BLUEBOAT, way), way)) == "holds"
+    assert becomes_of(Trial(fixed(BLUEBOAT, way), DEFAULT_CONTROLLER, way)) == "holds"
 
 
 def is_so_with_a_px4(values: dict[str, float]) -> None:

@@ -6,10 +6,10 @@ import pytest
 
 from asvhil.config import load_config
 from asvhil.types import Phase
-from tests.support.loop import STATION_DEG, GroundStationLoop
+from tests.support.loop import PLAIN_CONTROLLER, STATION_DEG, GroundStationLoop
 
 MANUAL = 0
-SETTINGS = ("supervisor.engage=command", "plant.frontseat.rc_receiver=false")
+SETTINGS = (PLAIN_CONTROLLER, "supervisor.engage=command", "plant.frontseat.rc_receiver=false")
 
 
 def loop_without_receiver(*overrides: str) -> GroundStationLoop:

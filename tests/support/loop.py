@@ -15,6 +15,9 @@ from asvhil.types import Inputs, Outputs
 from tests.support.messages import messages, overrides_us
 
 GROUND_STATION = "10.0.0.9:14550"
+# For tests of what the controller plays no part in: no model, no optimisation, and so a third of the time.
+PLAIN_CONTROLLER = "controller.name=backstepping"
+DEFAULT_CONTROLLER = "controller.name=lagnet-mpc"
 STATION_DEG = (40.4237, -86.9212)  # latitude and longitude of the simulated boat's start
 
 

@@ -9,7 +9,7 @@ from asvhil.config import load_config
 from asvhil.simplant.plant import Plant
 from asvhil.supervisor.reasons import Reason
 from asvhil.types import Outputs, Phase
-from tests.support.loop import STATION_DEG, GroundStationLoop
+from tests.support.loop import PLAIN_CONTROLLER, STATION_DEG, GroundStationLoop
 from tests.support.lossy_plant import PlantBehindLink, losing_messages
 
 # What may be wrong: parameters of the vehicle, and the reason that is found without reading them.
@@ -43,7 +43,12 @@ class Trial(GroundStationLoop):
 
     def __init__(self, parameters: dict[str, float], *overrides: str, lost: Collection[str] = ()) -> None:
         values = ", ".join(f"{name}: {value}" for name, value in parameters.items())
-        settings = ("supervisor.engage=command", f"plant.frontseat.parameters={{{values}}}", *overrides)
+        settings = (
+            PLAIN_CONTROLLER,
+            "supervisor.engage=command",
+            f"plant.frontseat.parameters={{{values}}}",
+            *overrides,
+        )
         super().__init__(load_config("sitl", settings))
         self.plant = cast(Plant, PlantBehindLink(self.plant, losing_messages(lost)))
         self.wait(11.0 if "PARAM_VALUE" in lost else 7.0)  # until what does not answer is given up

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable
 from asvhil.config import load_config
 from asvhil.simplant.plant import Plant
 from asvhil.types import Frame, Outputs, Phase
-from tests.support.loop import GroundStationLoop
+from tests.support.loop import PLAIN_CONTROLLER, GroundStationLoop
 from tests.support.lossy_plant import Way, whole
 
 S = 1_000_000_000
@@ -25,7 +25,7 @@ class SharedLoop(GroundStationLoop):
     """
 
     def __init__(self, *overrides: str, config: str = "sitl") -> None:
-        super().__init__(load_config(config, ("supervisor.engage=command", *overrides)))
+        super().__init__(load_config(config, (PLAIN_CONTROLLER, "supervisor.engage=command", *overrides)))
         self.talk: Talk = lambda tick, t_ns: ()
         self.way: Way = whole
         self.sent: list[bytes] = []  # to the autopilot, in the last tick
