@@ -3,6 +3,8 @@
 import itertools
 from pathlib import Path
 
+import pytest
+
 from tests.support.arduino_driver import Board, mutated, wrong_directions, wrong_speeds
 
 
@@ -12,6 +14,7 @@ def test_one_wrong_level_is_caught(tmp_path: Path) -> None:
     assert wrong.startswith("45.0:")
 
 
+@pytest.mark.thorough
 def test_two_swapped_levels_are_caught(tmp_path: Path) -> None:
     elf = mutated(
         tmp_path,
@@ -27,6 +30,7 @@ def test_no_debouncing_is_caught(tmp_path: Path) -> None:
     assert len(wrong_speeds(elf, (6.0,), "4 150")) == 2
 
 
+@pytest.mark.thorough
 def test_a_dead_time_instead_of_a_rest_is_caught(tmp_path: Path) -> None:
     """It takes the bounces of an opening for closures."""
     old = "if (open_ && now_us - opened_us_ >= config::debounce_open_us) rested_ = true;"
@@ -41,6 +45,7 @@ def test_a_mean_that_forgets_the_quarter_turn_is_caught(tmp_path: Path) -> None:
     assert len(wrong_directions(elf)) >= 12
 
 
+@pytest.mark.thorough
 def test_a_slow_report_is_caught(tmp_path: Path) -> None:
     elf = mutated(tmp_path, "config.h", ("report_us = 200000;", "report_us = 206000;"))
     with Board(elf) as board:

@@ -19,6 +19,7 @@ from asvhil.logs.encoding import decode_outputs
 from asvhil.logs.reader import LogFile
 from asvhil.logs.replay import replay
 from asvhil.types import Inputs, Outputs, Phase
+from tests.support.loop import PLAIN_CONTROLLER
 from tests.support.processes import Bench, bench
 from tests.support.waiting import wait_until
 
@@ -131,7 +132,7 @@ def end(run: Run) -> tuple[int, str]:
     [
         (full_disk, 2, "asvhil: standard output: No space left on device\n", "display: No space left on device"),
         pytest.param(closed, 0, "", "", marks=pytest.mark.thorough),
-        (pipe_whose_reader_leaves, 0, "", "display: Broken pipe"),
+        pytest.param(pipe_whose_reader_leaves, 0, "", "display: Broken pipe", marks=pytest.mark.thorough),
         (pipe_that_nobody_reads, 0, "", "display: takes nothing for more than 2 s"),
         pytest.param(
             terminal_that_nobody_reads, 0, "", "display: takes nothing for more than 2 s", marks=pytest.mark.thorough
@@ -143,7 +144,7 @@ def end(run: Run) -> tuple[int, str]:
 def test_a_hold_outlives_its_display(
     make: Callable[[Bench], Run], code: int, words: str, note: str, tmp_path: Path
 ) -> None:
-    with bench(tmp_path) as at, held(at, make) as run:
+    with bench(tmp_path, PLAIN_CONTROLLER) as at, held(at, make) as run:
         run.broken()
         broken_ns = time.time_ns()
         time.sleep(HELD_S)
@@ -163,7 +164,10 @@ def test_a_hold_outlives_its_display(
 
 
 def test_a_hang_up_ends_the_run_in_order_where_the_config_says_so(tmp_path: Path) -> None:
-    with bench(tmp_path, "daemon.terminal_lost=release") as at, held(at, terminal_that_hangs_up) as run:
+    with (
+        bench(tmp_path, PLAIN_CONTROLLER, "daemon.terminal_lost=release") as at,
+        held(at, terminal_that_hangs_up) as run,
+    ):
         run.broken()
         end_s = time.monotonic() + 10.0
         while run.child.poll() is None and time.monotonic() < end_s:

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from tests.support.deaths import DEATHS, LINKS
+from tests.support.loop import PLAIN_CONTROLLER
 from tests.support.paths import ROOT
 from tests.support.processes import Process, bench
 
@@ -30,7 +31,9 @@ def guardian_of(daemon: Process) -> int:
     return 0
 
 
-@pytest.mark.parametrize("link", LINKS)
+@pytest.mark.parametrize(
+    "link", [pytest.param(link, marks=[pytest.mark.thorough] * (link in ("udpout", "tcp"))) for link in LINKS]
+)
 def test_the_motors_are_neutral_at_once_however_a_daemon_dies(link: str, tmp_path: Path) -> None:
     words = [sys.executable, "-m", "bench.guardian", "--link", link, "--deaths", str(len(DEATHS)), "--raw"]
     done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=False, timeout=150.0)
@@ -41,7 +44,7 @@ def test_the_motors_are_neutral_at_once_however_a_daemon_dies(link: str, tmp_pat
 
 
 def test_a_guardian_that_dies_is_told_and_the_hold_goes_on(tmp_path: Path) -> None:
-    with bench(tmp_path) as at, at.plant(), at.daemon() as daemon:
+    with bench(tmp_path, PLAIN_CONTROLLER) as at, at.plant(), at.daemon() as daemon:
         daemon.wait_for(lambda s: s["phase"] == "hold", 20.0)
         first = guardian_of(daemon)
         assert first
@@ -58,7 +61,7 @@ def test_a_guardian_that_dies_is_told_and_the_hold_goes_on(tmp_path: Path) -> No
 
 
 def test_the_hold_ends_with_its_guardian_where_the_config_says_so(tmp_path: Path) -> None:
-    with bench(tmp_path, "daemon.guardian_lost=release") as at, at.plant(), at.daemon() as daemon:
+    with bench(tmp_path, PLAIN_CONTROLLER, "daemon.guardian_lost=release") as at, at.plant(), at.daemon() as daemon:
         daemon.wait_for(lambda s: s["phase"] == "hold", 20.0)
         os.kill(guardian_of(daemon), signal.SIGKILL)
         status = daemon.wait_for(lambda s: s["phase"] == "standby", 3.0)

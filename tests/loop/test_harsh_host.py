@@ -16,6 +16,7 @@ import pytest
 
 from asvhil.logs.reader import LogFile
 from asvhil.logs.replay import replay
+from tests.support.loop import PLAIN_CONTROLLER
 from tests.support.processes import Process, bench
 
 pytestmark = pytest.mark.real_time
@@ -47,7 +48,7 @@ def test_a_clock_that_is_stepped_by_an_hour_either_way_changes_nothing(tmp_path:
     (tmp_path / "sitecustomize.py").write_text(STEPPED)
     paths = os.pathsep.join([str(tmp_path), *filter(None, [os.environ.get("PYTHONPATH")])])
     env = {"PYTHONPATH": paths, "CLOCK_STEP": str(steps)}
-    with bench(tmp_path) as at, at.plant(), at.daemon(env) as daemon:
+    with bench(tmp_path, PLAIN_CONTROLLER) as at, at.plant(), at.daemon(env) as daemon:
         daemon.wait_for(lambda s: s["phase"] == "hold", 20.0)
         for step in AHEAD_AND_BACK:
             steps.write_text(step)
@@ -74,10 +75,10 @@ def busy(processes: int) -> Iterator[None]:
 
 @pytest.mark.alone
 def test_with_all_cores_taken_twice_over_the_hold_goes_on_or_ends_in_neutral(tmp_path: Path) -> None:
-    with bench(tmp_path) as at, at.plant(), at.daemon() as daemon:
+    with bench(tmp_path, PLAIN_CONTROLLER) as at, at.plant(), at.daemon() as daemon:
         daemon.wait_for(lambda s: s["phase"] == "hold", 20.0)
         with busy(2 * (os.cpu_count() or 1)):
-            found = phases_for(daemon, 8.0)
+            found = phases_for(daemon, 5.0)
         status = daemon.wait_for(lambda _: True, 20.0)
         assert found <= {"hold", "failsafe", "standby"} and "hold" in found
         if status["phase"] != "hold":
@@ -107,7 +108,7 @@ def test_a_file_system_that_fills_up_ends_the_log_and_not_the_hold(tmp_path: Pat
     if mounted.returncode != 0:
         pytest.skip("this machine lets nobody mount")
     try:
-        with bench(small) as at, at.plant(), at.daemon() as daemon:
+        with bench(small, PLAIN_CONTROLLER) as at, at.plant(), at.daemon() as daemon:
             daemon.wait_for(lambda s: s["phase"] == "hold", 20.0)
             status = daemon.wait_for(lambda s: "log" in s["notes"], 30.0)
             assert status["notes"]["log"] == "recording stopped: No space left on device"

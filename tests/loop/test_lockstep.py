@@ -110,6 +110,7 @@ def test_a_run_ends_with_neutral_and_release() -> None:
     assert loop.plant.truth.outputs_us == (1500, 1500)
 
 
+@pytest.mark.thorough
 def test_the_small_boat_with_fast_motors_keeps_its_station_too() -> None:
     # Its motor lag is shorter than the steps of the prediction: a rule for the step that ignores that parks the boat.
     loop = Lockstep(load_config("sitl-bream", (NO_BIAS,)))

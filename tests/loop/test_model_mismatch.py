@@ -15,7 +15,7 @@ def keys() -> tuple[str, ...]:
     return (*(f"plant.vessel.{name}={value}" for name, value in vessel.items()), *OTHER_BOAT)
 
 
-@pytest.mark.parametrize("choice", ["tell", "release"])
+@pytest.mark.parametrize("choice", ["release", pytest.param("tell", marks=pytest.mark.thorough)])
 def test_a_model_of_another_boat_is_told_or_ends_the_hold(choice: str) -> None:
     loop = Lockstep(load_config("sitl", (*keys(), f"estimator.monitor.on_mismatch={choice}")))
     told_ticks = 0

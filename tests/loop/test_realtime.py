@@ -88,7 +88,7 @@ def test_kill_9_leaves_neutral_motors_and_a_readable_log(tmp_path: Path) -> None
         assert replay(at.log).mismatch is None
 
 
-@pytest.mark.parametrize("name", ["sitl", "sitl-px4"])
+@pytest.mark.parametrize("name", ["sitl", pytest.param("sitl-px4", marks=pytest.mark.thorough)])
 def test_real_time_over_udp_keeps_the_station(name: str, tmp_path: Path) -> None:
     config = load_config(name, ("plant.sensors.gnss.slow_bias_m=0", "plant.start_n_m=-5.0"))
     statuses: list[dict[str, object]] = []

@@ -83,7 +83,7 @@ def test_the_wind_of_a_plugin_is_measured_logged_replayed_and_trained_from(tmp_p
 @pytest.mark.parametrize(
     ("command", "options"),
     [
-        (["train", "sd"], ("--plugin", "wind.py")),
+        pytest.param(["train", "sd"], ("--plugin", "wind.py"), marks=pytest.mark.thorough),
         (["evaluate", "nowhere.npz", "--data"], ("--allow-recorded-plugins",)),
     ],
 )

@@ -54,6 +54,7 @@ def told(outputs: Outputs) -> list[str]:
     return [m.text for m in messages if m is not None and m.get_type() == "STATUSTEXT"]
 
 
+@pytest.mark.thorough
 def test_a_station_is_kept_by_the_vn300_with_the_autopilots_position_switched_off() -> None:
     """The autopilot never gets a position: it says so, streams zeros, and is armed by force, as a pilot would do."""
     loop = Lockstep(config("plant.frontseat.ready_after_s=100000", "supervisor.engage=command"))

@@ -14,11 +14,11 @@ CONFIG = ("controller.name=backstepping",)
 
 
 def test_holds_come_back_after_each_fault(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(soak, "EVERY_S", 80.0)
-    monkeypatch.setattr(soak, "LOST_S", 40.0)
+    monkeypatch.setattr(soak, "EVERY_S", 65.0)
+    monkeypatch.setattr(soak, "LOST_S", 30.0)
     seconds = []
-    run = run_soak(load_config("sitl", CONFIG), 0.045, 3, seconds.append)
-    assert len(run["faults"]) == 1 and seconds[-1] == 162
+    run = run_soak(load_config("sitl", CONFIG), 0.0367, 3, seconds.append)
+    assert len(run["faults"]) == 1 and seconds[-1] == 132
     assert judge(run)["met"] and judge(run)["lost"] == []
     assert run["held_share"] > 0.9
     assert "Lost for good: 0" in markdown({"run": run, "verdict": judge(run)})

@@ -23,6 +23,7 @@ def without_cost(path: Path) -> dict:
     return figures
 
 
+@pytest.mark.thorough
 def test_six_tests_killed_in_the_middle_end_like_those_that_were_not(tmp_path):
     arguments = ("six-tests", "--quick", *TWO_LAWS)
     whole = study(*arguments, "-o", "whole", "--json", "figures.json", cwd=tmp_path)

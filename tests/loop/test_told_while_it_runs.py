@@ -12,6 +12,7 @@ import pytest
 
 from asvhil.io.mavlink.frames import FrameSplitter, decode, dialect
 from asvhil.io.mavlink.texts import TextReader
+from tests.support.loop import PLAIN_CONTROLLER
 from tests.support.ports import free_port
 from tests.support.processes import Process, bench, sets
 
@@ -19,7 +20,7 @@ pytestmark = pytest.mark.real_time
 
 
 def test_a_log_that_ends_early_is_told_while_the_hold_goes_on(tmp_path: Path) -> None:
-    with bench(tmp_path) as at, at.plant(), at.daemon() as daemon:
+    with bench(tmp_path, PLAIN_CONTROLLER) as at, at.plant(), at.daemon() as daemon:
         daemon.wait_for(lambda s: s["phase"] == "hold", 20.0)
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as operator:
             operator.connect(("127.0.0.1", at.operator_port))

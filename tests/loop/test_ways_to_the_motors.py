@@ -81,7 +81,9 @@ def test_across_the_wind_with_a_px4_too() -> None:
     assert distance_m < 3.0 and abs(heading_mean_deg) < 3.0 and 5.0 < heading_std_deg < 16.0
 
 
-@pytest.mark.parametrize("way", ["manual_control", "set_servo", "set_actuator"])
+@pytest.mark.parametrize(
+    "way", ["set_servo", *(pytest.param(way, marks=pytest.mark.thorough) for way in ("manual_control", "set_actuator"))]
+)
 def test_a_log_replays_to_the_bit(way: str, tmp_path: Path) -> None:
     run_lockstep(config(way), tmp_path / "log.mcap", 20.0)
     result = replay(tmp_path / "log.mcap")

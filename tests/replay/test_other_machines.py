@@ -72,6 +72,7 @@ def without_fma() -> dict[str, str]:
     return WITHOUT_FMA
 
 
+@pytest.mark.thorough
 def test_a_log_of_another_blas_replays_to_the_byte(tmp_path: Path) -> None:
     a = np.random.default_rng(0).normal(size=(120, 40))
     here = hashlib.sha256((a.T @ a).tobytes()).hexdigest()

@@ -25,6 +25,7 @@ from asvhil.links.clock import Clock
 from asvhil.logs.opening import open_recorder
 from asvhil.simplant.plant import Truth
 from asvhil.simplant.server import PlantServer
+from tests.support.loop import PLAIN_CONTROLLER
 from tests.support.ports import free_port
 from tests.support.waiting import until
 
@@ -46,7 +47,9 @@ def config_of(link: str, folder: Path, *overrides: str) -> Config:
     }[link]
     keys = (f"links.autopilot.endpoint={ends[0]}", f"plant.links.autopilot={ends[1]}", "links.anemometer=null")
     keys = (*keys, "plant.links.anemometer=null", "links.reconnect_max_s=0.2")
-    return load_config("sitl", (*keys, f"links.operator.endpoint=udpin:127.0.0.1:{free_port()}", *overrides))
+    return load_config(
+        "sitl", (PLAIN_CONTROLLER, *keys, f"links.operator.endpoint=udpin:127.0.0.1:{free_port()}", *overrides)
+    )
 
 
 def die(how: str, words: int) -> None:

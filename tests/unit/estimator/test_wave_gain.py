@@ -31,12 +31,14 @@ def test_the_gain_is_that_of_the_kalman_filter_once_it_has_settled(peak_hz: floa
     factor = unit * shaping.noise_factor(a, omega * STEP_S)
     q = np.diag([1e-6 * STEP_S, WALKS[0] ** 2 * STEP_S, WALKS[1] ** 2 * STEP_S, 0.0, 0.0, 0.0, 0.0])
     q[3:, 3:] = factor @ factor.T
-    p = np.eye(STATES)
-    for _ in range(20_000):
+    p, settled = np.eye(STATES), False
+    while not settled:
+        before = p
         p = f @ p @ f.T + q
         k = np.linalg.solve(h @ p @ h.T + r, h @ p).T
         keep = np.eye(STATES) - k @ h
         p = keep @ p @ keep.T + k @ r @ k.T
+        settled = np.allclose(p, before, rtol=1e-11, atol=1e-16)
     assert gain_of(peak_hz, wave_std) == pytest.approx(k, rel=1e-6, abs=1e-9)
 
 

@@ -115,7 +115,7 @@ def test_random_bytes(make: Callable[[], Subject], seed: int) -> None:
 @pytest.mark.parametrize("alphabet", [b"\xfa\xfd\xfe\x00\x01\x08", b"$*,\r\nVNINS0123456789.-", b"\xfa\x7f\xff\x80"])
 def test_bytes_that_look_like_beginnings(make: Callable[[], Subject], alphabet: bytes) -> None:
     noise, subject = random.Random(3), make()
-    for _ in range(MANY // 4000):
+    for _ in range(MANY // 8000):
         subject.feed(bytes(noise.choices(alphabet, k=4000)))
 
 

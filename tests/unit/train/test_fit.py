@@ -420,6 +420,7 @@ def test_the_noise_of_a_drifts_first_velocity_is_not_taken_for_drag_and_wind() -
 @pytest.mark.parametrize(
     ("kind", "iterations"), [("nnsem", 300), pytest.param("lagnet", 100, marks=pytest.mark.thorough)]
 )
+@pytest.mark.thorough
 def test_a_weight_on_the_rates_at_rest_teaches_the_wind_loads_of_the_drifts(kind: str, iterations: int) -> None:
     chosen = {"iterations": iterations, "still": True, "rate": 0.01}
     worst = []
@@ -430,6 +431,7 @@ def test_a_weight_on_the_rates_at_rest_teaches_the_wind_loads_of_the_drifts(kind
 
 
 @pytest.mark.parametrize("paired", [True, pytest.param(False, marks=pytest.mark.thorough)])
+@pytest.mark.thorough
 def test_a_grown_network_answers_the_motors_as_before_and_the_wind_anew(paired: bool, tmp_path: Path) -> None:
     base = fit("nnsem", DATA, options=chosen_options("nnsem", 0.2, iterations=100))  # with a scaling of its own
     save_model(tmp_path / "base.npz", base)
