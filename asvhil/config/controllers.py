@@ -23,7 +23,7 @@ from asvhil.config.registry import CONTROLLERS, SOLVERS, ControllerKind, Operato
 from asvhil.config.vehicle import VesselConfig
 
 DEGREE = math.pi / 180.0
-_SETS = (("NEAR", "near"), ("ALONG", "along"), ("FAR", "far"), ("POSN", "position_only"))
+_SETS = (("NEAR", "near"), ("ALONG", "along"), ("WTHR", "weather"), ("FAR", "far"), ("POSN", "position_only"))
 _WEIGHTS = (
     ("POS", "position", 1e4),
     ("SIDE", "sideways", 1.0),

@@ -15,7 +15,8 @@ import importlib
 import importlib.metadata
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any, Generic, TypeVar
+from types import NoneType
+from typing import Any, Generic, TypeVar, get_args
 
 from pydantic import BaseModel
 
@@ -108,6 +109,12 @@ class SearchRange:
     factor: float = 4.0
 
 
+def _without_none(annotation: Any) -> Any:
+    """The model of a section that may be null."""
+    models = [model for model in get_args(annotation) if model is not NoneType]
+    return models[0] if len(models) == 1 else annotation
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ControllerKind(Kind):
     """A controller (`controller.name`): `build(settings, config, model)` returns a `Controller`.
@@ -131,7 +138,7 @@ class ControllerKind(Kind):
                 if field_info is None:
                     path = ".".join(parameter.path)
                     raise ValueError(f"parameter {parameter.name}: the settings of {self.name} have no {path}")
-                model = field_info.annotation
+                model = _without_none(field_info.annotation)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

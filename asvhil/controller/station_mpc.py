@@ -24,7 +24,7 @@ ALTERNATE_STARTS = (0.0, 0.7, -0.7)  # of full ahead (positive) or astern, both 
 TRIM_WAITS = 0.5  # of the trim time that the boat must be near first, or errors of the approach stay in it for minutes
 TRIM_WITHIN_RAD = 0.5  # larger heading errors are transients and would wind up the trim
 TUNED = (
-    *("effort", "near", "along", "far", "position_only"),
+    *("effort", "near", "along", "weather", "far", "position_only"),
     *("near_radius_m", "far_radius_m", "trim_time_s", "trim_max_rad"),
 )
 TURN_HYSTERESIS_RAD = 0.3  # the turning direction is kept up to this far past half a turn

@@ -42,7 +42,7 @@ class Tunables:
         self._config = config
         self._controller = controller if isinstance(controller, Tunable) else None
         rows = self._rows_of(config) if self._controller is not None else []
-        self._rows = {row.name: (section, row) for section, row in rows}
+        self._rows = {row.name: (section, row) for section, row in rows if _is_set(config, section, row)}
 
     @staticmethod
     def _rows_of(config: ControllerConfig) -> list[tuple[str, OperatorParameter]]:
@@ -87,3 +87,11 @@ class Tunables:
         self._config = config
         self._controller.retune(config)
         return None
+
+
+def _is_set(config: ControllerConfig, section: str, row: OperatorParameter) -> bool:
+    """Whether the setting is there: a set of weights may be null, and then has none."""
+    at: Any = getattr(config, section)
+    for key in row.path[:-1]:
+        at = getattr(at, key)
+    return at is not None

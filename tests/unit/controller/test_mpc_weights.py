@@ -3,10 +3,12 @@
 import numpy as np
 import pytest
 
-from asvhil.config import MpcConfig, MpcWeights
+from asvhil.config import MpcConfig, MpcWeights, load_config
+from asvhil.config.registry import CONTROLLERS
 from asvhil.controller.solvers.problem import StationProblem
 from asvhil.controller.solvers.sqp import Sqp
 from asvhil.controller.station_mpc import StationMpc
+from asvhil.operator.tunables import Tunables
 from asvhil.types import Station
 from tests.support.mpc_bench import HEAVY, LIGHT, MODEL, ORIGIN, air, estimate
 
@@ -178,3 +180,18 @@ def test_another_station_has_no_offset_yet():
 def test_limits_must_rise(name):
     with pytest.raises(ValueError, match=f"{name} needs two rising"):
         MpcConfig(**{name: (0.9, 0.01)})
+
+
+@pytest.mark.parametrize("row", CONTROLLERS.find("lagnet-mpc").parameters, ids=lambda row: row.name)
+def test_what_an_operator_sets_is_what_the_running_controller_uses(row):
+    controller = StationMpc(MODEL, MpcConfig(), 0.2)
+    tunables = Tunables(load_config("sitl").controller, controller)
+    before = controller.config
+    wanted = 0.9 * tunables.value(row.name) or 2.0
+    if row.choices:
+        wanted = row.least
+    assert tunables.set(row.name, wanted) is None
+    at = controller.config
+    for key in row.path:
+        at = getattr(at, key)
+    assert controller.config != before and row.on_link(at) == pytest.approx(wanted)

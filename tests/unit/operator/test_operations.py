@@ -61,6 +61,16 @@ def test_a_choice_is_a_number_on_the_link() -> None:
     assert tunables.value("MPC_EFFORT") == 2.0
 
 
+def test_a_set_of_weights_that_the_config_has_not_has_no_parameters() -> None:
+    tunables = Tunables(load_config("sitl").controller, Retuned())
+    assert tunables.value("W_WTHR_HDG") == 30.0
+    assert tunables.set("W_WTHR_HDG", 60.0) is None and tunables.value("W_WTHR_HDG") == 60.0
+    without = Tunables(load_config("sitl", ("controller.mpc.weather=null",)).controller, Retuned())
+    assert set(tunables.names) - set(without.names) == {
+        f"W_WTHR_{what}" for what in ("POS", "SIDE", "HDG", "VEL", "SLEW", "TERM")
+    }
+
+
 class Bench:
     def __init__(self) -> None:
         tunables = Tunables(CONFIG.controller, Retuned())
