@@ -49,7 +49,13 @@ class MpcConfig(Section):
     the boat is (`near`, `along`, `far`, `position_only`), and on whether its heading is the weather's (`weather`).
     """
 
-    before_it_came = (("effort", "precise"), ("least_thrust", 0.0), ("thrust_slew", 0.0), ("weather", None))
+    before_it_came = (
+        ("effort", "precise"),
+        ("least_thrust", 0.0),
+        ("thrust_slew", 0.0),
+        ("weather", None),
+        ("sideways_heading", None),
+    )
 
     stages: int = Field(default=20, ge=2, le=200, description="Number of stages of the horizon, one input pair each.")
     first_step_s: Positive = Field(
@@ -61,6 +67,13 @@ class MpcConfig(Section):
     near: MpcWeights = Field(
         default=MpcWeights(heading=350.0, velocity=0.0, terminal_position_s=140.0),
         description="Weights near the station, with a side load to carry or an offset to remove.",
+    )
+    sideways_heading: NonNegative | None = Field(
+        default=120.0,
+        description=(
+            "Most heading weight of `near` while the station moves across its heading: no motor pushes that way, so "
+            "the boat follows by turns to either side. null: that of `near`."
+        ),
     )
     effort: Literal["precise", "normal", "gentle"] = Field(
         default="normal",

@@ -27,6 +27,9 @@ TUNED = (
     *("effort", "near", "along", "weather", "far", "position_only"),
     *("near_radius_m", "far_radius_m", "trim_time_s", "trim_max_rad"),
 )
+# How fast a station moves across its heading where `sideways_heading` begins to hold, and holds: below the first the
+# weather is the greater load.
+SIDEWAYS_MPS = (0.05, 0.15)
 TURN_HYSTERESIS_RAD = 0.3  # the turning direction is kept up to this far past half a turn
 
 
@@ -160,8 +163,13 @@ class StationMpc:
             return packed(self._weather)
         # Slower swings keep the boat nearly as near as motors at their limits do, the more so the greater the load.
         least_slew = min(EFFORTS[config.effort] * (self._side_load_mps2 or 0.0), EFFORT_SLEW_MAX)
-        # The cost is linear in its weights, so a mean of the two is a problem of the same kind.
-        return share * packed(config.near, least_slew) + (1.0 - share) * packed(config.along, self._thrust_slew)
+        # The cost is linear in its weights, so a mean of two is a problem of the same kind.
+        near = packed(config.near, least_slew)
+        sideways = _ramp(abs(moves[1]), SIDEWAYS_MPS)
+        if sideways and config.sideways_heading is not None and config.sideways_heading < config.near.heading:
+            freer = config.near.model_copy(update={"heading": config.sideways_heading})
+            near = sideways * packed(freer, least_slew) + (1.0 - sideways) * near
+        return share * near + (1.0 - share) * packed(config.along, self._thrust_slew)
 
     def _update_side_load(
         self, wind: tuple[float, float], disturbance: tuple[float, float, float], moves: tuple[float, float]

@@ -195,3 +195,19 @@ def test_what_an_operator_sets_is_what_the_running_controller_uses(row):
     for key in row.path:
         at = getattr(at, key)
     assert controller.config != before and row.on_link(at) == pytest.approx(wanted)
+
+
+def test_a_station_that_moves_across_its_heading_lets_the_boat_swing():
+    """As a lighter heading weight of `near` would, where it moves so; else nothing changes."""
+    at = estimate((0.2, -0.5, 0.15, 0, 0, 0, 0, 0))
+    near = MpcConfig().near
+    as_before = MpcConfig(sideways_heading=None)
+    light = MpcConfig(sideways_heading=None, near=near.model_copy(update={"heading": 120.0}))
+
+    def cost(config, vn_mps, ve_mps):
+        station = Station(n_m=0.0, e_m=0.0, psi_rad=0.0, vn_mps=vn_mps, ve_mps=ve_mps)
+        return StationMpc(MODEL, config, 0.2).step(at, None, station).cost
+
+    assert cost(MpcConfig(), 0.0, 0.3) == cost(light, 0.0, 0.3) < cost(as_before, 0.0, 0.3)
+    assert cost(MpcConfig(), 0.3, 0.04) == cost(as_before, 0.3, 0.04)
+    assert cost(light, 0.0, -0.1) < cost(MpcConfig(), 0.0, -0.1) < cost(as_before, 0.0, -0.1)
