@@ -36,8 +36,12 @@ SUPERVISOR = tuple(
         "motor_sticks",
         "neutral",
         "pilot_first",
+        "point_of_the_boat",
+        "station_motion",
+        "station_steps",
         "stations",
         "watched_sticks",
+        "weather_heading",
     )
 )
 MODULES = {
@@ -68,6 +72,7 @@ MODULES = {
     "asvhil/supervisor/heading_policy.py": ("tests/unit/supervisor/test_heading_policy.py",),
     "asvhil/supervisor/mode_request.py": SUPERVISOR,
     "asvhil/supervisor/pilot_watch.py": SUPERVISOR,
+    "asvhil/supervisor/station_motion.py": SUPERVISOR,
     "asvhil/supervisor/stations.py": SUPERVISOR,
     "asvhil/supervisor/supervisor.py": SUPERVISOR,
 }

@@ -43,7 +43,7 @@ class HeadingPolicy:
         if self._settled_ns is None:
             self._settled_ns = t_ns + round(SETTLES * self._config.time_constant_s * 1e9)
         if self.policy == "fixed":
-            return changed(station, of_weather=False) if station.of_weather else station
+            return changed(station, of_weather=False)
         if bow_rad is None:
             return station
         if self._first:

@@ -177,11 +177,12 @@ class Supervisor:
 
     def _turn(self, situation: Situation, station_changed: bool) -> None:
         """Turn the station that is held as its heading policy says."""
-        if self._held is None or self._station is None:
+        held = self._held
+        if held is None:
             return
         if station_changed:
             self._heading.begin()
-        self._station = self._heading.turned(situation.t_ns, self._station, situation.bow_rad)
+        self._station = self._heading.turned(situation.t_ns, held, situation.bow_rad)
 
     def _link_ok(self, situation: Situation) -> bool:
         """Whether the autopilot was heard lately."""
@@ -285,7 +286,6 @@ class Supervisor:
             self._pilot.begin(situation.t_ns, situation.status)
         self._phase, self._why = Phase.PREPARE, explain(Reason.STOPPED)
         self._stopped = True
-        self._failing_since_ns = None
         self._next_station = None
         self._arming_help.end()
         self._mode.forget()  # what was going on before the hold shall not go on by itself either

@@ -47,6 +47,7 @@ class SupervisorBench:
         self.fault: Explanation | None = None
         self.unverified: Explanation | None = None
         self.station_sticks: tuple[StationSticks, ...] = ()  # since the last tick
+        self.bow_rad: float | None = None
 
     def hold(self, **fields: float) -> Explanation | None:
         """Ask to hold; the answer."""
@@ -77,6 +78,7 @@ class SupervisorBench:
             motion=self.motion,
             control_ok=self.control_ok,
             sent=self.sent,
+            bow_rad=self.bow_rad,
         )
         self.control_ok, self.sent, self.station_sticks = None, None, ()
         return self.supervisor.step(situation, requests)

@@ -94,6 +94,7 @@ def test_sticks_are_given_back_once_and_need_no_more(kind: str) -> None:
 def test_held_outputs_are_let_go_by_saying_neutral_for_three_seconds(kind: str, neutral: list[object]) -> None:
     way = output(kind)
     assert "has no time-out" in way.hazard
+    assert way.data_to_send(0) == []  # nobody is there yet
     way.on_connect(0)  # whoever was there before may have died with the motors running
     assert said(way.data_to_send(0)) == neutral
     way.drive(1600, 1600)

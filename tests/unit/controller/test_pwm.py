@@ -156,6 +156,15 @@ def test_a_motor_pauses_at_neutral_before_it_turns_the_other_way() -> None:
     assert limiter.step(850 * MS, (0.1, -0.1)) == (1508, 1492)  # 1 ms later, by 8000 us/s
 
 
+@pytest.mark.parametrize("pause_s", [0.3, 5.0])
+def test_the_pause_is_as_long_as_the_config_says_to_the_nanosecond(pause_s: float) -> None:
+    limiter = PulseLimiter(PwmConfig(reversal_pause_s=pause_s))
+    limiter.step(0, (0.2, 0.0))
+    limiter.step(50 * MS, (0.2, 0.0))
+    over_ns = 100 * MS + round(pause_s * 1000 * MS)
+    assert [limiter.step(t_ns, (-0.2, 0.0))[0] for t_ns in (100 * MS, over_ns - 1, over_ns)] == [1500, 1500, 1499]
+
+
 def test_a_release_does_not_shorten_the_pause_and_the_first_turn_needs_none() -> None:
     limiter = PulseLimiter(PwmConfig(reversal_pause_s=0.3))
     limiter.step(0, (0.0, 0.0))

@@ -85,7 +85,7 @@ def test_the_station_says_that_its_heading_is_the_weathers() -> None:
     assert held.station.of_weather
     held.policy.choose("fixed")
     held.wait(1.0, 40.0)
-    assert not held.station.of_weather
+    assert held.station.of_weather is False
 
 
 def test_while_a_hold_is_young_it_follows_in_the_dead_band_too_and_three_times_as_fast() -> None:
@@ -100,10 +100,36 @@ def test_while_a_hold_is_young_it_follows_in_the_dead_band_too_and_three_times_a
     assert held.wait(6.0, 30.0) == pytest.approx(10.0, abs=0.06)
 
 
+@pytest.mark.parametrize(("age_ns", "deg"), [(30_000_000_000 - 1, 5.0), (30_000_000_000, 0.5)])
+def test_a_hold_is_young_for_one_and_a_half_time_constants(age_ns: int, deg: float) -> None:
+    """In 5 s at 90 degrees a minute it reaches the weather 5 degrees off, at 6 degrees a minute it does not."""
+    held = Held(time_constant_s=20.0, turn_deg_per_min=30.0)
+    held.wait(0.0, 0.0)
+    begun_ns = held.t_ns
+    held.wait(25.0, 0.0)
+    turned = held.policy.turned(begun_ns + age_ns, held.station, math.radians(5.0))
+    assert math.degrees(turned.psi_rad) == pytest.approx(deg)
+
+
+def test_what_is_left_of_a_young_holds_turn_within_the_dead_band_is_turned_slowly() -> None:
+    held = Held(turn_deg_per_min=20.0, deadband_deg=10.0)
+    held.wait(0.0, 0.0)
+    assert held.wait(1.5, 8.0) == pytest.approx(1.5, abs=0.06)  # a young hold's 60 degrees a minute
+    assert held.wait(15.0, 8.0) == pytest.approx(2.5, abs=0.1)  # 4 degrees a minute
+
+
+def test_off_by_the_dead_band_itself_nothing_turns_yet() -> None:
+    held = Held(deadband_deg=45.0)
+    held.wait(30.0, 0.0)
+    assert held.wait(10.0, 45.0) == 0.0
+    assert held.wait(10.0, 45.001) > 0.0
+
+
 def test_a_policy_that_is_new_turns_at_once() -> None:
     policy = HeadingPolicy(HeadingConfig(policy="bow"))
     station = Station(n_m=0.0, e_m=0.0, psi_rad=0.0)
-    assert policy.turned(TICK_NS, station, 1.0).psi_rad == 1.0
+    station = policy.turned(TICK_NS, station, 1.0)
+    assert station.psi_rad == 1.0 and policy.turned(2 * TICK_NS, station, 1.0) == station
 
 
 def test_it_turns_the_short_way_across_south() -> None:

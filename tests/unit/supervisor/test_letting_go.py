@@ -11,7 +11,7 @@ from asvhil.config import SupervisorConfig
 from asvhil.supervisor.reasons import Explanation, Reason, explain
 from asvhil.supervisor.situation import StationSticks
 from asvhil.supervisor.supervisor import NAMED_LATER_NS, RELEASE_REPEATS, Decision
-from asvhil.types import Phase
+from asvhil.types import Phase, Radio
 from tests.support.supervisor_bench import ESTIMATE, SupervisorBench, status
 
 S_MS = 1_000
@@ -49,6 +49,7 @@ ENDS: dict[str, tuple[dict[str, Any], bool]] = {  # and whether neutral goes bef
         {"station_sticks": (StationSticks(t_ns=0, sender=(255, 190), channels=((1, 1700),)),)},
         True,
     ),
+    "transmitter": ({"status": status(rc_us=(1600, 1500, 1400, 1500), radio=Radio.LOST)}, True),
     "outputs": ({"fault": explain(Reason.OUTPUTS_DIFFER)}, True),
     "motion": ({"motion": explain(Reason.DRIFTED_OFF, metres=9.0)}, True),
     "stranger": ({"stranger": STRANGER}, True),
@@ -60,6 +61,13 @@ def test_a_release_is_said_three_times_and_neutral_with_it_but_to_a_pilot(name: 
     spoil, neutral_first = ENDS[name]
     expected = BOTH if neutral_first else RELEASE
     assert ends(holding(), spoil) == [expected] * RELEASE_REPEATS + [NOTHING] * (8 - RELEASE_REPEATS)
+
+
+@pytest.mark.parametrize("name", ENDS)
+def test_what_ends_a_hold_comes_before_what_would_have_it_wait(name: str) -> None:
+    """The estimate is lost in the same tick, for which the hold alone would go on with neutral motors."""
+    spoil, neutral_first = ENDS[name]
+    assert ends(holding(), {**spoil, "estimate": None})[0] == (BOTH if neutral_first else RELEASE)
 
 
 @pytest.mark.parametrize("name", ["outputs", "pilot's stick"])

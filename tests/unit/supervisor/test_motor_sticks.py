@@ -85,9 +85,15 @@ def test_commands_may_be_shown_for_the_time_of_an_echo_after_they_were_replaced(
 def test_a_hold_that_follows_another_knows_what_that_one_sent_last() -> None:
     """It was taken for a stick that had moved: the echo of the last hold's command, where thrust had just changed."""
     sticks = Sticks()
-    for after_ns, us in ((8 * S, (1600, 1400)), (10 * S - 50 * MS, (1900, 1750)), (10 * S, (1900, 1900))):
+    for after_ns, us in (
+        (8 * S, (1600, 1400)),
+        (9 * S + 10 * MS, (1650, 1350)),
+        (10 * S - 50 * MS, (1900, 1750)),
+        (10 * S, (1900, 1900)),
+    ):
         sticks.sends(after_ns, us)
     sticks.pilot.begin(T_NS + 10 * S + 10 * MS, sticks.status(T_NS + 10 * S, (1900, 1750)))
+    assert sticks.shows(10 * S + 10 * MS, (1650, 1350)) is None, "as old as an echo may be"
     sticks.sends(10 * S + 50 * MS, (1200, 1880))
     assert sticks.shows(10 * S + 60 * MS, (1900, 1900)) is None
     assert sticks.shows(10 * S + 60 * MS, (1600, 1400)) == stick_moved(1), "sent longer ago than an echo may last"

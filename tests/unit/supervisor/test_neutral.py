@@ -10,7 +10,7 @@ from asvhil.config import SupervisorConfig
 from asvhil.supervisor.reasons import Reason, explain
 from asvhil.supervisor.situation import StationSticks
 from asvhil.supervisor.supervisor import RELEASE_REPEATS, Decision
-from asvhil.types import NeutralCommand, Phase, ReleaseCommand
+from asvhil.types import FrontseatStatus, NeutralCommand, Phase, ReleaseCommand
 from tests.support.supervisor_bench import SupervisorBench, status
 
 
@@ -75,27 +75,55 @@ def test_it_ends_the_failsafe_too_and_no_recovery_follows() -> None:
     assert is_neutral(stop(bench)) and is_neutral(bench.step(20_000))
 
 
-ENDS: dict[str, dict[str, Any]] = {
-    "disarmed": {"status": status(armed=False)},
-    "mode": {"status": status(mode="HOLD")},
-    "stick": {"status": status(rc_us=(1500, 1700, 1500, 1500))},
-    "motor's stick": {"status": status(rc_us=(1500, 1500, 1900, 1500))},
-    "station's stick": {"station_sticks": (StationSticks(t_ns=0, sender=(255, 190), channels=((1, 1700),)),)},
-    "heartbeat": {"age_s": 3.0},
-    "mode unknown": {"age_s": 6.0, "heard_age_s": 0.1},
-    "stranger": {"stranger": explain(Reason.TWO_VEHICLES, system=1)},
-    "outputs": {"fault": explain(Reason.OUTPUTS_DIFFER)},
+ENDS: dict[str, tuple[dict[str, Any], bool]] = {  # and whether neutral goes before the release: not to a pilot
+    "disarmed": ({"status": status(armed=False)}, False),
+    "mode": ({"status": status(mode="HOLD")}, False),
+    "stick": ({"status": status(rc_us=(1500, 1700, 1500, 1500))}, False),
+    "motor's stick": ({"status": status(rc_us=(1500, 1500, 1900, 1500))}, False),
+    "station's stick": ({"station_sticks": (StationSticks(t_ns=0, sender=(255, 190), channels=((1, 1700),)),)}, True),
+    "heartbeat": ({"age_s": 3.0}, True),
+    "mode unknown": ({"age_s": 6.0, "heard_age_s": 0.1}, True),
+    "stranger": ({"stranger": explain(Reason.TWO_VEHICLES, system=1)}, True),
+    "outputs": ({"fault": explain(Reason.OUTPUTS_DIFFER)}, True),
 }
 
 
 @pytest.mark.parametrize("name", ENDS)
 def test_the_pilot_and_a_lost_link_end_it_for_good(name: str) -> None:
     bench = stopped()
-    for key, value in ENDS[name].items():
+    spoil, neutral_first = ENDS[name]
+    for key, value in spoil.items():
         setattr(bench, key, value)
     decision = bench.step()
-    assert decision.phase is Phase.STANDBY and decision.release and not decision.drive
+    assert (decision.phase, decision.drive) == (Phase.STANDBY, False)
+    assert (decision.neutral, decision.release) == (neutral_first, True)
     assert all(bench.step().phase is Phase.STANDBY for _ in range(5))
+
+
+def stick_2(us: int) -> FrontseatStatus:
+    return status(rc_us=(1500, us, 1500, 1500))
+
+
+def test_a_stick_counts_from_where_it_was_when_the_motors_were_taken_not_from_the_stop() -> None:
+    """It counts once it is more than 60 us off: what is short of that before a stop is not forgiven by it."""
+    bench = SupervisorBench()
+    assert bench.hold() is None
+    for us in (1530, 1560):
+        bench.status = stick_2(us)
+        assert is_neutral(stop(bench)) and is_neutral(bench.step())
+    bench.status = stick_2(1561)
+    assert bench.step().why == explain(Reason.STICK_MOVED, channel=2)
+
+
+def test_where_nothing_held_yet_a_stick_counts_from_where_it_was_at_the_stop() -> None:
+    station = {"lat_deg": 40.0, "lon_deg": -86.0, "heading_deg": 0.0}
+    bench = SupervisorBench(SupervisorConfig.model_validate({"engage": "auto", "station": station}))
+    bench.status = status(armed=False)
+    assert bench.step().prepare
+    bench.status = stick_2(1900)
+    assert is_neutral(stop(bench)) and is_neutral(bench.step())
+    bench.status = stick_2(1839)
+    assert bench.step().why == explain(Reason.STICK_MOVED, channel=2)
 
 
 def test_a_mode_that_was_taken_is_not_given_back_after_it() -> None:

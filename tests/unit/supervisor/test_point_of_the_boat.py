@@ -8,8 +8,8 @@ from dataclasses import replace
 import pytest
 
 from asvhil.config import SupervisorConfig
-from asvhil.supervisor.reasons import Reason
-from asvhil.types import Station
+from asvhil.supervisor.reasons import Reason, explain
+from asvhil.types import Phase, Station
 from tests.support.supervisor_bench import ESTIMATE, FRAME, SupervisorBench
 
 AHEAD = (4.0, 0.0)
@@ -46,6 +46,20 @@ def test_a_place_that_is_named_and_moves_are_of_the_point_and_it_turns_in_its_pl
     assert place(decision.station) == pytest.approx((14.0, 5.0), abs=1e-3)
     assert at.move(n_m=12.0) is None
     assert place(at.step().station) == pytest.approx((16.0, 5.0), abs=1e-3)
+
+
+def test_where_the_boat_is_not_known_its_point_is_neither() -> None:
+    at = bench()
+    at.estimate = None
+    assert at.hold() == explain(Reason.NO_ESTIMATE)
+    decision = at.step()
+    assert decision.station is None and decision.point is None
+    at.estimate = ESTIMATE
+    assert at.hold() is None
+    before = at.step()
+    at.estimate = None
+    after = at.step()
+    assert after.phase is Phase.FAILSAFE and (after.station, after.point) == (before.station, before.point)
 
 
 def test_neither_the_point_nor_the_origin_may_be_outside_the_fence() -> None:

@@ -12,6 +12,7 @@ from asvhil.types import CourseCommand, HoldCommand, LeaderMessage, MoveCommand,
 from tests.support.supervisor_bench import ESTIMATE, FRAME, SupervisorBench
 
 HERE = (ESTIMATE.n_m, ESTIMATE.e_m)
+FENCE = tuple(FRAME.to_geodetic(n, e) for n, e in ((-10.0, -10.0), (5.0, -10.0), (5.0, 10.0), (-10.0, 10.0)))
 
 
 class Moving(SupervisorBench):
@@ -61,7 +62,9 @@ def test_a_course_moves_the_station_and_tells_so() -> None:
     station = bench.wait(10.0)
     assert place(station) == pytest.approx((0.0, 3.0), abs=0.02)
     assert (station.vn_mps, station.ve_mps) == pytest.approx((0.0, 0.3))
-    assert not bench.step().station_changed and bench.note == "0.3 m/s toward 90"
+    decision = bench.step()
+    assert not decision.station_changed and bench.note == "0.3 m/s toward 90"
+    assert decision.course == CourseCommand(t_ns=bench.t_ns, speed_mps=0.3, course_rad=math.pi / 2, way_m=0.0, leader=0)
     assert bench.course(speed_mps=0.0) is None
     station = bench.wait(0.1)
     assert not station.moves and bench.wait(5.0) == station and bench.note is None
@@ -132,8 +135,7 @@ def test_the_station_waits_while_the_estimate_is_not_known() -> None:
 
 
 def test_the_station_does_not_leave_the_fence() -> None:
-    corners = [FRAME.to_geodetic(n, e) for n, e in ((-10.0, -10.0), (5.0, -10.0), (5.0, 10.0), (-10.0, 10.0))]
-    bench = Moving(geofence=tuple(corners))
+    bench = Moving(geofence=FENCE)
     bench.course(speed_mps=0.8)
     station = bench.wait(20.0)
     assert 4.9 < station.n_m <= 5.0 and not station.moves and "outside the geofence" in (bench.note or "")
@@ -199,11 +201,35 @@ def test_the_station_is_never_faster_than_allowed() -> None:
     assert bench.note == "system 42 is faster than 0.5 m/s"
 
 
+def test_the_station_goes_to_where_its_leader_lies() -> None:
+    bench = Moving()
+    bench.course(leader=42)
+    assert place(bench.led(20.0, 0.0, 0.0, (HERE[0] - 1.0, HERE[1] + 2.0))) == pytest.approx((-1.0, 2.0), abs=0.01)
+
+
 def test_a_leader_that_is_too_far_or_beyond_the_fence_is_not_followed() -> None:
     bench = Moving(max_distance_m=50.0)
     bench.course(leader=42)
     bench.leader(200.0, 0.0, 0.1, 0.0)
     assert not bench.wait(1.0).moves and "is not followed: station is 199 m away" in (bench.note or "")
+    bench = Moving(geofence=FENCE)
+    bench.course(leader=42)
+    bench.leader(HERE[0], 12.0, 0.1, 0.0)
+    assert not bench.wait(1.0).moves and "outside the geofence" in (bench.note or "")
+
+
+@pytest.mark.parametrize("lost", ["estimate", "frame", "hold"])
+def test_a_leader_is_not_heeded_without_a_station_or_a_place_of_the_boat(lost: str) -> None:
+    bench = Moving()
+    bench.course(leader=42)
+    station = bench.wait(1.0)
+    if lost == "hold":
+        bench.release()
+    else:
+        setattr(bench, lost, None)
+    bench.leader(HERE[0] + 1.0, HERE[1], 0.3, 0.0)
+    bench.frame, bench.estimate = FRAME, ESTIMATE
+    assert bench.step().station == (None if lost == "hold" else station)
 
 
 def test_a_speed_ends_following() -> None:
@@ -230,9 +256,11 @@ def test_set_points_with_a_velocity_lead_the_station() -> None:
         decision = bench.step(0, move)
         assert decision.answers == (None,) and not decision.station_changed
     assert place(station) == pytest.approx((2.7, 0.0), abs=0.05) and station.vn_mps == 0.3
-    far = MoveCommand(t_ns=bench.t_ns, n_m=HERE[0] + 20.0, e_m=HERE[1], velocity_mps=(0.3, 0.0))
+    turn = MoveCommand(t_ns=bench.t_ns, n_m=HERE[0] + 2.7, e_m=HERE[1], psi_rad=-1.0, velocity_mps=(0.3, 0.0))
+    assert bench.step(0, turn).answers == (None,) and bench.wait(0.1).psi_rad == -1.0
+    far = MoveCommand(t_ns=bench.t_ns, n_m=HERE[0] + 20.0, e_m=HERE[1], psi_rad=2.0, velocity_mps=(0.3, 0.0))
     (refusal,) = bench.step(0, far).answers
-    assert refusal is not None and refusal.reason is Reason.LEADER_JUMPED
+    assert refusal is not None and refusal.reason is Reason.LEADER_JUMPED and bench.wait(0.1).psi_rad == -1.0
     assert bench.move(n_m=HERE[0], e_m=HERE[1]) is None, "a set-point without a velocity puts it there"
     station = bench.wait(0.5)
     assert place(station) == (0.0, 0.0) and not station.moves

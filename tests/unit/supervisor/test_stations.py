@@ -97,6 +97,26 @@ def test_a_boat_that_is_kept_by_its_origin_is_where_it_is_to_the_bit() -> None:
     assert place_of_point(ESTIMATE, (0.0, 0.0)) is ESTIMATE
 
 
+@pytest.mark.parametrize(
+    ("velocities", "most_m"),
+    [((0.0, 0.0), 0.05), ((0.2, 0.0), 0.5), ((0.0, 0.2), 0.5), ((0.2, 0.2), 0.5)],
+    ids=["rests", "stops", "sets off", "moves"],
+)
+@pytest.mark.parametrize("toward", [(1.0, 0.0), (0.0, -1.0)])
+def test_a_station_leaps_that_is_farther_off_than_its_motion_of_a_tick(
+    velocities: tuple[float, float], most_m: float, toward: tuple[float, float]
+) -> None:
+    before, after = (Station(n_m=0.0, e_m=0.0, psi_rad=1.0, ve_mps=ve_mps) for ve_mps in velocities)
+    for off_m, leaps in ((most_m, False), (most_m * 1.001, True)):
+        assert has_leapt(replace(after, n_m=off_m * toward[0], e_m=off_m * toward[1]), before) is leaps
+
+
+def test_a_heading_that_the_place_depends_on_is_not_the_weathers() -> None:
+    follows = replace(HELD, of_weather=True)
+    assert station_of_origin(follows, ASTERN).of_weather is False
+    assert station_of_origin(follows, (0.0, 0.0)).of_weather is True
+
+
 def test_an_origin_that_goes_round_the_point_leaps_nowhere() -> None:
     before = station_of_origin(HELD, ASTERN)
     assert not has_leapt(station_of_origin(replace(HELD, psi_rad=1.01), ASTERN), before)

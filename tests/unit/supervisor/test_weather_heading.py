@@ -1,0 +1,54 @@
+"""The heading of the station that is held follows the weather, as the config or the operator says."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from asvhil.config import SupervisorConfig
+from asvhil.supervisor.supervisor import Decision
+from asvhil.types import HeadingCommand
+from tests.support.supervisor_bench import ESTIMATE, SupervisorBench
+
+LONG_MS = 200_000
+
+
+def bench(policy: str, bow_rad: float) -> SupervisorBench:
+    found = SupervisorBench(SupervisorConfig.model_validate({"heading": {"policy": policy}}))
+    found.bow_rad = bow_rad
+    return found
+
+
+def choose(at: SupervisorBench, policy: str) -> Decision:
+    return at.step(50, HeadingCommand(t_ns=at.t_ns, policy=policy))
+
+
+def heading(decision: Decision) -> float:
+    assert decision.station is not None
+    return decision.station.psi_rad
+
+
+def test_a_station_that_is_taken_up_or_moved_has_the_weathers_heading_at_once_and_keeps_it_in_the_dead_band() -> None:
+    at = bench("bow", 1.0)
+    assert at.hold() is None
+    assert heading(at.step()) == pytest.approx(1.0) == heading(at.step(LONG_MS))
+    at.bow_rad = 1.1
+    assert heading(at.step(LONG_MS)) == pytest.approx(1.0)
+    assert at.move(n_m=5.0) is None
+    assert heading(at.step()) == pytest.approx(1.1)
+
+
+def test_another_policy_is_granted_in_every_phase_and_told() -> None:
+    at = bench("fixed", 1.0)
+    assert at.step().heading_policy == "fixed"
+    decision = choose(at, "stern")
+    assert (decision.answers, decision.heading_policy, decision.station) == ((None,), "stern", None)
+    assert at.hold() is None
+    assert heading(at.step()) == pytest.approx(1.0 - math.pi)
+    decision = choose(at, "bow")
+    assert decision.answers == (None,) and heading(decision) == pytest.approx(1.0)
+    assert heading(choose(at, "fixed")) == pytest.approx(1.0)
+    at.bow_rad = 2.0
+    assert heading(at.step(LONG_MS)) == pytest.approx(1.0)
+    assert at.hold(psi_rad=ESTIMATE.psi_rad) is None and heading(at.step()) == ESTIMATE.psi_rad
