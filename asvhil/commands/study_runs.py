@@ -271,8 +271,10 @@ def safety(
     output: OutOption = RUNS,
     holds: Annotated[
         str,
-        typer.Option(help="Which winds and seeds: reporting, or tuning, judging or revising, which chose the limits."),
-    ] = "reporting",
+        typer.Option(
+            help="Which winds and seeds: confirming, or tuning, judging, revising or reporting, which chose the limits."
+        ),
+    ] = "confirming",
     fault: Annotated[list[str], typer.Option(help="One fault by its name in the table; repeatable.")] = [],  # noqa: B006
     healthy: Annotated[bool, typer.Option(help="Healthy boats too.")] = True,
     every: Annotated[int, typer.Option(min=1, help="One in so many of the holds alone.")] = 1,

@@ -29,8 +29,8 @@ class MotionConfig(Section):
         le=100.0,
         description=(
             "How much likelier a fault must be than a sound boat, as the natural logarithm of the ratio of their "
-            "likelihoods since it began, of which each fifth of a second counts for 0.4 at the most. Lower: sooner; "
-            "higher: fewer false alarms where hull or waves differ much."
+            "likelihoods since it began, of which each fifth of a second counts for 0.4 at the most, and in calm water "
+            "for 0.8. Lower: sooner; higher: fewer false alarms where hull or waves differ much."
         ),
     )
     early_evidence: float = Field(

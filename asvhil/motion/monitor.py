@@ -11,6 +11,7 @@ from asvhil.geo import wrap_rad
 from asvhil.motion.bank import Bank
 from asvhil.motion.evidence import Evidence
 from asvhil.motion.filter import BankNoise
+from asvhil.motion.fit import Fit
 from asvhil.motion.hypotheses import FAULTY, SOUND
 from asvhil.supervisor.reasons import Explanation
 from asvhil.types import GroundVelocity, Heading, Measurement, YawRate
@@ -20,9 +21,7 @@ OLD_NS = 1_000_000_000  # a heading this old is none
 JUMP_RAD = math.radians(25.0)  # a heading this far off the turn that the gyro tells has jumped
 JUMP_TIME_S = 10.0  # time constant at which that is forgotten
 GAP_S = 1.0  # a step this long begins anew
-ROUGH_POWER = 4  # by how much less each tick then tells
-ROUGH_GAIN = 0.05  # of a step, on how rough the water is
-LEAST_ROUGH = 1.1  # from there on little evidence is none: no hypothesis predicts well
+LEAST_ROUGH = 1.1  # from this roughness on little evidence is none: no hypothesis predicts well
 KEPT = 0.75  # of the evidence for a suspicion: with less it ends
 # Times what is asked for, in a fault's sum and in that of its name, at which it is not waited for: a boat that answers
 # so wrong gathers way.
@@ -61,7 +60,8 @@ class FaultVerdict:
 class Suspicion:
     """The same fault with some evidence and before the others for seconds: what comes by chance comes and goes.
 
-    Seconds in which nothing was learned, since a sensor ails, do not count.
+    Seconds in which nothing was learned, since a sensor ails, or in which the fault does not explain what is seen, do
+    not count.
 
     Evidence that sinks a little below what is asked goes on with it, and what has been first for twice the time needs
     no lead: a dead motor is told from two dead ones by what the other one does, and that may be little.
@@ -121,7 +121,7 @@ class MotionMonitor:
         self._t_ns: int | None = None  # of the last step; None before the first
         self._lagged_ns = 0
         self._verdict, self._suspicion = FaultVerdict(config), Suspicion(config)
-        self._roughness = 1.0
+        self._fit = Fit(len(SOUND) + len(FAULTY))
         self._last_rad = self._turned_rad = self._jump_rad = 0.0  # heading of the last step, the turn since, a jump
 
     def on_measurement(self, measurement: Measurement) -> None:
@@ -142,6 +142,7 @@ class MotionMonitor:
         self._evidence.reset()
         self._verdict.reset()
         self._suspicion.reset()
+        self._fit.begin()
         self._bank.restart(np.ones(len(SOUND) + len(FAULTY), dtype=bool), 0)
 
     @property
@@ -191,10 +192,10 @@ class MotionMonitor:
         self._t_ns = t_ns
         self._follow(heading.psi_rad, dt_s)
         self._bank.predict(dt_s, heading.psi_rad, wind_ned)
-        counted = self._weigh(ailing, holding)
-        if self._roughness >= LEAST_ROUGH:
+        counted = self._weigh(dt_s, ailing, holding)
+        if self._fit.roughness >= LEAST_ROUGH:
             self._suspicion.reset()
-        elif counted:
+        elif counted and self._fit.explains(len(SOUND) + _leader(self._evidence)[0]):
             self._suspicion.step(dt_s, self._evidence)
         return self._verdict.step(t_ns, self._evidence, late=late)
 
@@ -205,20 +206,21 @@ class MotionMonitor:
             self._jump_rad = math.exp(-dt_s / JUMP_TIME_S) * (self._jump_rad + apart_rad)
         self._last_rad, self._turned_rad = heading_rad, 0.0
 
-    def _weigh(self, ailing: frozenset[type], holding: bool) -> bool:
+    def _weigh(self, dt_s: float, ailing: frozenset[type], holding: bool) -> bool:
         """Correct the bank, and add to the evidence: whether that counted."""
         velocity, rate = self._velocity, self._yaw_rate
         assert velocity is not None
+        moved = GroundVelocity in self._fresh - ailing
+        turned = rate is not None and YawRate in self._fresh - ailing
         log, squares = self._bank.correct(
-            (velocity.vn_mps, velocity.ve_mps) if GroundVelocity in self._fresh - ailing else None,
-            rate.r_radps if rate is not None and YawRate in self._fresh - ailing else None,
+            (velocity.vn_mps, velocity.ve_mps) if moved else None,
+            rate.r_radps if rate is not None and turned else None,
         )
         self._fresh.clear()
-        # In waves no hypothesis predicts well, readings are off for seconds on end, and each tells that much less.
-        self._roughness += ROUGH_GAIN * (max(1.0, float(squares.min()) / 3.0) - self._roughness)
+        self._fit.add(squares, 2 * moved + turned, dt_s)
         if ailing or not holding or abs(self._jump_rad) > JUMP_RAD:
             return False
-        self._evidence.add(log, self._roughness**-ROUGH_POWER)
+        self._evidence.add(log, self._fit.weight)
         none = self._evidence.sums <= 0.0
         if none.any():
             which = np.concatenate([np.zeros(len(SOUND), dtype=bool), none])

@@ -20,7 +20,7 @@ THRUST_S, FARTHER_M = 15.0, 10.0  # asked for: ended, or told, within this thrus
 
 def study_safety(
     run: Run,
-    part: str = "reporting",
+    part: str = "confirming",
     *,
     faults: Iterable[str] = tuple(FAULTS),
     with_healthy: bool = True,

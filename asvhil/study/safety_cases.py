@@ -20,18 +20,20 @@ ENGAGED_S = 4.2  # after power-on the simulated boat is armed and engaged; a cur
 CURRENT_MPS = 2.5
 # The monitor's limits were chosen by the holds of all but the last part, and by earlier ones: 2 m/s toward 180, 5
 # toward 45 and 6 toward 270 degrees, seeds 11 to 13; 3.5 toward 145, 4.5 toward 265 and 6 toward 20, seeds 31 to 33.
-# The page has the figures of `reporting`, which chose nothing.
+# The page has the figures of `confirming`, which chose nothing.
 WINDS: dict[str, tuple[tuple[float, float], ...]] = {  # m/s, toward degrees
     "tuning": ((3.0, 0.0), (6.0, 90.0), (4.0, 225.0)),
     "judging": ((3.0, 200.0), (5.0, 110.0), (6.0, 330.0)),
     "revising": ((3.0, 300.0), (4.5, 70.0), (5.5, 190.0)),
     "reporting": ((3.5, 160.0), (5.0, 20.0), (6.0, 245.0)),
+    "confirming": ((3.0, 120.0), (4.5, 285.0), (6.0, 200.0)),
 }
 SEEDS: dict[str, tuple[int, ...]] = {
     "tuning": (1, 2, 3),
     "judging": (21, 22, 23),
     "revising": (41, 42, 43),
     "reporting": (51, 52, 53),
+    "confirming": (61, 62, 63),
 }
 STARTS = {"5 m off": 5.0, "from the station": 0.0}
 

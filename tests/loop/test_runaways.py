@@ -12,7 +12,7 @@ from asvhil.logs.reader import LogFile
 from asvhil.logs.replay import replay
 from asvhil.sitl import run_lockstep
 from asvhil.study.safety import judge
-from asvhil.study.safety_cases import FAULTS, start_keys, wind_keys
+from asvhil.study.safety_cases import CHOP, FAULTS, start_keys, wind_keys
 from asvhil.study.trials.safety import run_hold
 from asvhil.types import Phase
 
@@ -29,6 +29,22 @@ def test_a_runaway_is_ended_before_it_is_far(base: str, name: str) -> None:
     result = run_hold(base, (*fault.keys, *HELD), 20.0)
     verdict = judge(fault, result)
     assert verdict["met"] and verdict["named"], result
+
+
+def test_a_dead_motor_is_named_in_time_while_the_boat_lies_nearly_still() -> None:
+    """In calm water little evidence is enough, since all else is predicted well: it took 20 s of thrust once."""
+    fault = FAULTS["port motor dead"]
+    keys = (*fault.keys, *wind_keys(3.5, 160.0, 51), *start_keys(0.0, 0.0))
+    verdict = judge(fault, run_hold("sitl", keys, 21.0))
+    assert verdict["met"] and verdict["named"], verdict
+
+
+@pytest.mark.thorough
+def test_chop_is_not_told_for_a_dead_motor() -> None:
+    """By evidence it was, after 18.6 s; but the filter of a boat with a dead motor predicts this one badly."""
+    keys = (*CHOP, *wind_keys(3.5, 160.0, 51), *start_keys(5.0, 50.0 * 51 + 160.0))
+    result = run_hold("sitl", keys, 19.0)
+    assert result["begun"] and result["ended_s"] is None and not result["told"], result
 
 
 @pytest.mark.thorough

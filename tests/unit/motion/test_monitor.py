@@ -188,7 +188,7 @@ def test_nothing_is_likely_on_a_sound_boat_or_without_a_heading() -> None:
     boat.run(8.5, lying)
     assert boat.monitor.likely is not None
     boat.blind = True
-    boat.run(1.5)
+    boat.run(1.5, lying, holding=False)
     assert boat.monitor.likely is None
     sound = MotionBoat()
     for _ in range(60):

@@ -29,7 +29,7 @@ class ToldBank:
         self.made = (hypotheses, vessel, noise)
         self.calls: list[tuple[Any, ...]] = []
         self.log: Array = np.zeros(COUNT)
-        self.squares: Array = np.full(COUNT, 3.0)
+        self.squares: Array = np.full(COUNT, 0.75)  # of three readings, as between calm water and chop
         self.current_ned = (0.7, -0.2)
 
     def reset(self, velocity_ned: tuple[float, float], yaw_rate: float) -> None:
@@ -210,12 +210,55 @@ def test_nothing_is_likely_where_readings_are_off_by_a_tenth_more(steps: Steps, 
     for _ in range(30):
         steps.step()
     assert steps.monitor.likely is not None
-    steps.monitor._roughness, steps.bank.squares[:] = rough, 3.0 * rough
+    steps.monitor._fit.roughness, steps.bank.squares[:] = rough, 3.0 * rough
     steps.step()
     assert (steps.monitor.likely is not None) is is_told
-    steps.monitor._roughness, steps.bank.squares[:] = 1.0, 3.0
+    steps.monitor._fit.roughness, steps.bank.squares[:] = 1.0, 3.0
     steps.step()
     assert (steps.monitor.likely is not None) is is_told, "it begins anew"
+
+
+def test_a_fault_that_does_not_explain_what_is_seen_is_not_likely(steps: Steps) -> None:
+    """The time in which its filter predicts badly does not count, whatever the others do."""
+    steps.favour(2, 2.0)
+    steps.bank.squares[len(SOUND) + 2] = 30.0
+    for _ in range(40):
+        steps.step()
+    assert steps.monitor.likely is None
+    steps.bank.squares[len(SOUND) + 2] = 0.75
+    for _ in range(100):
+        steps.step()
+    assert steps.monitor.likely is not None
+
+
+def test_in_calm_water_a_step_comes_to_tell_twice_as_much(steps: Steps) -> None:
+    steps.bank.squares[:] = 0.0
+    steps.step()
+    assert counted_by(steps, 1) == pytest.approx(0.1)
+    assert counted_by(steps, 60) == pytest.approx(0.2)
+    steps.monitor.begin()
+    assert counted_by(steps, 1) == pytest.approx(0.1), "of another hold it must be shown again"
+
+
+@pytest.mark.parametrize("with_rate", [True, False])
+def test_what_a_reading_is_off_by_is_shared_by_those_that_came(
+    monkeypatch: pytest.MonkeyPatch, *, with_rate: bool
+) -> None:
+    """One that does not come is not one that is right."""
+    steps = Steps(monkeypatch, with_rate=with_rate)
+    steps.bank.squares[:] = 0.3 * (3 if with_rate else 2)
+    steps.step()
+    assert counted_by(steps, 60) == pytest.approx(0.1)
+
+
+def counted_by(steps: Steps, count: int) -> float:
+    """What the last of so many steps added to a sum, each of which tells 0.1."""
+    steps.favour(2, 0.1)
+    before = 0.0
+    for _ in range(count):
+        before = float(steps.sums[2])
+        steps.step()
+    return float(steps.sums[2]) - before
 
 
 def test_time_without_evidence_makes_nothing_likely(steps: Steps) -> None:

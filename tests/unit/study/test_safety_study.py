@@ -39,15 +39,15 @@ AT = {"since_s": 10.0, "thrust_s": 9.0, "farther_m": 1.0}
 def test_all_sets_have_winds_and_seeds_of_their_own() -> None:
     for of in (WINDS, SEEDS):
         all_of_them = [each for part in of for each in of[part]]
-        assert len(set(all_of_them)) == len(all_of_them) == 12
+        assert len(set(all_of_them)) == len(all_of_them) == 15
 
 
 def test_every_fault_comes_with_every_boat_start_wind_and_seed() -> None:
-    counts = Counter((fault.name, case.boat, start) for fault, start, case in runaways("reporting"))
+    counts = Counter((fault.name, case.boat, start) for fault, start, case in runaways("confirming"))
     assert set(counts.values()) == {9} and len(counts) == len(FAULTS) * 2 * 2
 
 
-@pytest.mark.parametrize("part", ["tuning", "reporting"])
+@pytest.mark.parametrize("part", ["tuning", "confirming"])
 def test_at_least_300_healthy_holds_and_all_configs_load(part: str) -> None:
     cases = list(healthy(part))
     assert len(cases) >= 300
