@@ -178,6 +178,7 @@ class FrontseatStatus:
     not. `keeps_override`: no receiver takes the place of an override that has ended, and its last value stands.
     `rc_ns` and `outputs_ns` are when the values came; 0: never. `arming_fault`: why it would not arm, by the
     autopilot's own words; empty where it would, or is armed, or nothing is known. `battery_percent`: of the charge;
+    `battery_a`: the current that is drawn; `battery_ns`: when they came, 0: never;
     `fix` (GPS_FIX_TYPE) and `satellites`: of the autopilot's first receiver; None where the autopilot does not tell.
     """
 
@@ -199,6 +200,8 @@ class FrontseatStatus:
     arming_fault: str = ""
     battery_v: float | None = None
     battery_percent: float | None = None
+    battery_a: float | None = None
+    battery_ns: int = 0
     fix: int | None = None
     satellites: int | None = None
 
@@ -482,6 +485,21 @@ class DockingWindow:
 
 
 @record
+class EnergyUse:
+    """What the boat takes from its battery (`asvhil/supervisor/energy.py`); None where it is not known.
+
+    Energy of the hold so far (Wh), power now, its mean over the last minutes (W), and hours until the battery is empty
+    at that mean. `by`: how the power is known, `measured` or `curve`; empty where it is not.
+    """
+
+    hold_wh: float | None = None
+    power_w: float | None = None
+    mean_w: float | None = None
+    hours_left: float | None = None
+    by: str = ""
+
+
+@record
 class Learned:
     """The factors by which the vessel model is corrected (`dynamics.corrected.FACTORS`) and their standard deviations.
 
@@ -518,3 +536,4 @@ class Outputs:
     waves: WaveMotion | None = None
     docking: DockingWindow | None = None
     learned: Learned | None = None
+    energy: EnergyUse | None = None

@@ -46,6 +46,8 @@ class VehicleStatus:
         self._rc_ns = self._outputs_ns = 0
         self._battery_v: float | None = None
         self._battery_percent: float | None = None
+        self._battery_a: float | None = None
+        self._battery_ns = 0
         self._fix: tuple[int | None, int | None] = (None, None)
 
     def restart(self) -> None:
@@ -84,6 +86,8 @@ class VehicleStatus:
             arming_fault="" if self.armed else self.arming_fault,
             battery_v=self._battery_v,
             battery_percent=self._battery_percent,
+            battery_a=self._battery_a,
+            battery_ns=self._battery_ns,
             fix=self._fix[0],
             satellites=self._fix[1],
         )
@@ -120,6 +124,8 @@ class VehicleStatus:
         health = m.onboard_control_sensors_health
         self._battery_v = 1e-3 * m.voltage_battery if 0 < m.voltage_battery < NO_VOLTAGE else None
         self._battery_percent = float(m.battery_remaining) if m.battery_remaining >= 0 else None
+        self._battery_a = 0.01 * m.current_battery if m.current_battery >= 0 else None  # -1: not measured
+        self._battery_ns = t_ns
         self.transmitter.on_sys_status(t_ns, m.onboard_control_sensors_present, health)
         self.arming_checks.on_sys_status(m.onboard_control_sensors_enabled, health)
         return self.status(t_ns)

@@ -13,11 +13,12 @@ from asvhil.motion.watch import MotionWatch
 from asvhil.operator.operations import Readings
 from asvhil.supervisor.battery_watch import BatteryWatch
 from asvhil.supervisor.docking import DockingWatch
+from asvhil.supervisor.energy import EnergyWatch
 from asvhil.supervisor.heading_cost import HeadingCostWatch
 from asvhil.supervisor.reasons import describe
 from asvhil.supervisor.situation import Situation, StationSticks
 from asvhil.supervisor.supervisor import Decision
-from asvhil.types import DockingWindow, Frame, FrontseatStatus, Health, Inputs, Learned, Note, Outputs, Phase
+from asvhil.types import DockingWindow, EnergyUse, Frame, FrontseatStatus, Health, Inputs, Learned, Note, Outputs, Phase
 
 
 class Backseat:
@@ -32,6 +33,7 @@ class Backseat:
         battery: BatteryWatch,
         heading_cost: HeadingCostWatch | None,
         docking: DockingWatch | None,
+        energy: EnergyWatch | None,
         command: Command,
         actuation: Actuation,
         near_m: float,
@@ -41,6 +43,7 @@ class Backseat:
         self._battery = battery
         self._heading_cost = heading_cost
         self._docking = docking
+        self._energy = energy
         self._perception = perception
         self._command = command
         self._actuation = actuation
@@ -79,12 +82,16 @@ class Backseat:
         if self._docking is not None:
             held = decision.station if decision.phase is Phase.HOLD else None
             docking = self._docking.step(t_ns, seen.estimate, held)
+        pulses_us = self._actuation.pulses_us
+        energy: EnergyUse | None = None
+        if self._energy is not None:
+            energy = self._energy.step(t_ns, seen.status, pulses_us, held=decision.phase is Phase.HOLD)
         outside = (*self._autopilot.notes, *self._actuation.notes, *self._perception.notes(t_ns))
         notes = (*outside, *decision.notes, *self._motion.notes, *self._battery.notes, *cost, *self._command.notes)
         frames += self._autopilot.data_to_send(t_ns)
         frames += self._perception.data_to_send(t_ns)
         switches, sources = self._perception.switches(t_ns), self._perception.sources(t_ns)
-        readings = Readings(wind=seen.wind, pulses_us=self._actuation.pulses_us, sources=sources, docking=docking)
+        readings = Readings(wind=seen.wind, pulses_us=pulses_us, sources=sources, docking=docking, energy=energy)
         frames += self._command.data_to_send(situation, decision, control, switches, notes, readings)
         return Outputs(
             t_ns=t_ns,
@@ -94,7 +101,7 @@ class Backseat:
             wind=seen.wind,
             station=decision.station,
             control=control,
-            pwm_us=self._actuation.pulses_us,
+            pwm_us=pulses_us,
             health=self._health(decision, seen, notes, sources),
             origin_deg=None if seen.frame is None else (seen.frame.lat_deg, seen.frame.lon_deg),
             model_error=model_error,
@@ -102,6 +109,7 @@ class Backseat:
             waves=seen.waves,
             docking=docking,
             learned=learned,
+            energy=energy,
         )
 
     def release_to_pilot(self, t_ns: int) -> list[Frame]:

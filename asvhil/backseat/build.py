@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 from asvhil.autopilot.mavlink_autopilot import MavlinkAutopilot
@@ -17,7 +18,7 @@ from asvhil.config.ports import ANEMOMETER
 from asvhil.config.registry import AUTOPILOTS, CONTROLLERS, ESTIMATORS
 from asvhil.controller.procedure import Procedure
 from asvhil.controller.protocol import Controller
-from asvhil.controller.pwm import Limiter, PulseLimiter
+from asvhil.controller.pwm import Limiter, PulseLimiter, command_of_pulse
 from asvhil.dynamics.corrected import CorrectedModel
 from asvhil.dynamics.protocol import Dynamics
 from asvhil.dynamics.rigid_body import SimplifiedDynamics
@@ -41,6 +42,7 @@ from asvhil.operator.station_parameters import STATION_PARAMETERS
 from asvhil.operator.tunables import Tunables
 from asvhil.supervisor.battery_watch import BatteryWatch
 from asvhil.supervisor.docking import DockingWatch
+from asvhil.supervisor.energy import EnergyWatch
 from asvhil.supervisor.heading_cost import HeadingCostWatch
 from asvhil.supervisor.station_motion import fastest_mps
 from asvhil.supervisor.supervisor import Supervisor
@@ -226,7 +228,7 @@ def build_backseat(
     """
     config.check_plugins()
     model = model or build_model(config, file)
-    pwm, link = config.vehicle.pwm, build_link(config)
+    pwm, power, link = config.vehicle.pwm, config.vehicle.power, build_link(config)
     controller = controller or build_controller(config, model)
     return Backseat(
         autopilot=link,
@@ -235,6 +237,7 @@ def build_backseat(
         battery=BatteryWatch(config.supervisor.battery),
         heading_cost=HeadingCostWatch(config.believed_vessel) if config.supervisor.heading_cost else None,
         docking=DockingWatch() if config.supervisor.docking else None,
+        energy=None if power is None else EnergyWatch(power, partial(command_of_pulse, pwm)),
         command=build_command(config, controller),
         actuation=Actuation(
             autopilot=link,

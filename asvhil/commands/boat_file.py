@@ -79,6 +79,8 @@ vehicle:
     astern_us: {astern_us}
     neutral_us: {neutral_us}
     ahead_us: {ahead_us}
+  # What the battery gives (docs/operation.md): the hours left, where the autopilot measures its current.
+  # power: {{capacity_wh: 1200}}
 
 links:
 {_autopilot_lines(boat)}

@@ -82,6 +82,11 @@ def _rows(look: dict[str, Any]) -> list[tuple[str, str]]:
         from asvhil.daemon.status import docking_text
 
         rows.append(("docking window", docking_text(docking["open_s"], docking["stays"])))
+    energy = look.get("energy")
+    if energy is not None:
+        from asvhil.daemon.status import energy_text
+
+        rows.append(("energy", energy_text(energy)))
     station = look.get("station")
     if station is not None:
         place = f"{station['lat_deg']:.7f}, {station['lon_deg']:.7f}, heading {station['heading_deg']:.1f} deg"

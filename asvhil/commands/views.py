@@ -239,6 +239,8 @@ def print_summary(console: Any, figures: dict[str, Any]) -> None:
     speed_text = f"; {factor:.{0 if factor > 2 else 2}f} times real time" if factor else ""
     say(console, f"{figures['ticks']} ticks, {figures['overruns']} overruns; {timing}{phases}{speed_text}")
     say(console, f"sources at the end: {sources_text(figures['sources'])}")
+    if figures["energy_wh"] is not None:
+        say(console, f"energy from the battery, {figures['energy_by']}: {figures['energy_wh']:.2f} Wh in all holds")
     shares = shares_text(figures["source_shares"])
     if shares:
         say(console, f"sources, of the time: {shares}")

@@ -49,6 +49,7 @@ from asvhil.config.plant_sensors import (
     SensorsConfig,
 )
 from asvhil.config.plant_weather import CurrentConfig, WavesConfig, WeatherConfig, WindConfig, WindSpreadConfig
+from asvhil.config.power import PowerConfig
 from asvhil.config.registry import (
     AutopilotKind,
     ControllerKind,
@@ -112,6 +113,7 @@ __all__ = [
     "OutputKind",
     "PlantConfig",
     "PlantMotorsConfig",
+    "PowerConfig",
     "ProcedureConfig",
     "PwmConfig",
     "Px4HilConfig",

@@ -52,6 +52,8 @@ UNITS = {
     "m": "m",
     "s": "s",
     "v": "V",
+    "wh": "Wh",
+    "w": "W",
 }
 WORDS = {"number": "number", "integer": "integer", "boolean": "true or false", "string": "text", "null": "null"}
 

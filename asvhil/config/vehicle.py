@@ -8,6 +8,7 @@ from itertools import pairwise
 from pydantic import Field, model_validator
 
 from asvhil.config.base import NonNegative, Positive, Section, ServoUs
+from asvhil.config.power import PowerConfig
 
 
 class CouplingConfig(Section):
@@ -218,8 +219,13 @@ class PwmConfig(Section):
 
 
 class VehicleConfig(Section):
-    """One boat: its name, its hull and motors, and its motor outputs."""
+    """One boat: its name, its hull and motors, its motor outputs, and what it takes from its battery."""
 
     name: str = Field(description="Name of the boat. Model files are bound to it: NAME-nnsem.npz and the like.")
     vessel: VesselConfig = Field(description="Hull and motors.")
     pwm: PwmConfig = Field(default=PwmConfig(), description="Motor outputs.")
+    power: PowerConfig | None = Field(
+        default=None, description="Power from the battery; null: neither energy nor hours left are told."
+    )
+
+    left_out_if_empty = ("power",)

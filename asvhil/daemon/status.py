@@ -22,7 +22,7 @@ from asvhil.geo import wrap_rad
 from asvhil.io.sensors.dropped import dropped_of
 from asvhil.supervisor.docking_odds import HORIZONS_S
 from asvhil.supervisor.reasons import remedy
-from asvhil.types import FrontseatStatus, Learned, Outputs
+from asvhil.types import EnergyUse, FrontseatStatus, Learned, Outputs
 
 COLOURS = {"hold": "green", "standby": "yellow", "prepare": "cyan", "failsafe": "red"}
 
@@ -83,6 +83,7 @@ def status_of(outputs: Outputs, links: dict[str, str], start_ns: int, overruns: 
         "docking": (
             {"open_s": outputs.docking.open_s, "stays": list(outputs.docking.stays)} if outputs.docking else None
         ),
+        "energy": _energy(outputs.energy),
         "learned": _learned(outputs.learned),
         "pwm_us": list(outputs.pwm_us) if outputs.pwm_us else None,
         "autopilot_clock_s": outputs.autopilot_clock.offset_ns * 1e-9 if outputs.autopilot_clock else None,
@@ -93,6 +94,13 @@ def status_of(outputs: Outputs, links: dict[str, str], start_ns: int, overruns: 
         "links": links,
         "overruns": overruns,
     }
+
+
+def _energy(use: EnergyUse | None) -> dict[str, Any] | None:
+    """What is taken from the battery, and how the power is known."""
+    if use is None:
+        return None
+    return {"hold_wh": use.hold_wh, "mean_w": use.mean_w, "hours_left": use.hours_left, "by": use.by}
 
 
 def _learned(learned: Learned | None) -> dict[str, Any] | None:
@@ -131,6 +139,9 @@ def render(status: dict[str, Any], title: str) -> Group:
     docking = status.get("docking")
     if docking is not None:
         table.add_row("docking window", docking_text(docking["open_s"], docking["stays"]))
+    energy = status.get("energy")
+    if energy is not None:
+        table.add_row("energy", energy_text(energy))
     learned = status.get("learned")
     if learned is not None:
         table.add_row("learned", learned["text"] + (f"; frozen: {learned['frozen']}" if learned["frozen"] else ""))
@@ -208,3 +219,13 @@ def docking_text(open_s: float | None, stays: Sequence[float]) -> str:
         return "not open"
     likely = ", ".join(f"{h:.0f} s: {100.0 * p:.0f} %" for h, p in zip(HORIZONS_S, stays, strict=False))
     return f"open for {open_s:.0f} s" + (f"; stays open for another {likely}" if likely else "")
+
+
+def energy_text(energy: dict[str, Any]) -> str:
+    """What is taken from the battery in words, such as "12.3 Wh in this hold, 246 W (curve), 2.1 h left"."""
+    forms = (
+        ("hold_wh", "{:.1f} Wh in this hold"),
+        ("mean_w", f"{{:.0f}} W ({energy['by']})"),
+        ("hours_left", "{:.1f} h left"),
+    )
+    return ", ".join(form.format(energy[key]) for key, form in forms if energy[key] is not None) or "not known yet"

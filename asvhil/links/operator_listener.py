@@ -20,7 +20,8 @@ from asvhil.links.link import why
 from asvhil.links.operator_client import KINDS, RESEND_S, called, with_key
 from asvhil.operator.encoding import encode_presence, encode_question
 from asvhil.operator.reports import PHASES
-from asvhil.operator.state_arrays import DOCKING_FIELDS, STATE_ID, read_state
+from asvhil.operator.state_arrays import DOCKING_FIELDS, ENERGY_FIELDS, STATE_ID, read_state
+from asvhil.supervisor.energy import CURVE, MEASURED
 from asvhil.types import Frame
 
 STATES = {
@@ -111,6 +112,7 @@ class OperatorListener:
         look["heading_error_deg"] = values.get("head_err")
         look["solve_ms"] = values.get("solve_ms")
         look["docking"] = _docking(values)
+        look["energy"] = _energy(values)
         return look
 
     def _messages(self, link: Any, until_s: float) -> Iterator[Any]:
@@ -141,6 +143,15 @@ def _docking(values: dict[str, float]) -> dict[str, Any] | None:
     if open_s is None:
         return None
     return {"open_s": open_s or None, "stays": [likely for likely in stays if likely is not None] if open_s else []}
+
+
+def _energy(values: dict[str, float]) -> dict[str, Any] | None:
+    """Wh of the hold, mean power, hours left, each None where not told, and how the power is known; None: no news."""
+    if not any(name in values for name in ENERGY_FIELDS):
+        return None
+    hold_wh, mean_w, hours_left, measured = (values.get(name) for name in ENERGY_FIELDS)
+    by = "" if measured is None else MEASURED if measured else CURVE
+    return {"hold_wh": hold_wh, "mean_w": mean_w, "hours_left": hours_left, "by": by}
 
 
 def _take_text(look: Look, text: str | None) -> None:

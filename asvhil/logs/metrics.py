@@ -15,6 +15,7 @@ from asvhil.supervisor.docking import (
     DOCKING_SECTOR_DEG,
     DOCKING_SPEED_MPS,
 )
+from asvhil.supervisor.energy import CURVE, MEASURED
 from asvhil.supervisor.heading_policy import LEAST_CHANGE_RAD
 from asvhil.supervisor.stations import LEAP_M, TURN_M
 from asvhil.types import record
@@ -226,6 +227,18 @@ def motor_figures(command: Array) -> dict[str, float | None]:
         "change_per_s": 0.5 * change / elapsed_s if elapsed_s else None,
         "saturated_share": float((np.abs(command[:, 1:3]) >= SATURATED_FROM).mean(axis=0).max()),
     }
+
+
+def energy_figures(energy: Array) -> dict[str, Any]:
+    """Energy from the battery, of rows (t_s, Wh of the hold so far, 1 measured or 0 by the curve, hold), NaN: unknown.
+
+    `energy_wh` is of all the holds together, None where it is not known of one; `energy_by` tells how the power was
+    known, None where it never was.
+    """
+    last = [energy[energy[:, 3] == number][-1, 1] for number in np.unique(energy[:, 3])]
+    by = [name for name, value in ((CURVE, 0.0), (MEASURED, 1.0)) if (energy[:, 2] == value).any()]
+    known = len(last) > 0 and bool(np.isfinite(last).all())
+    return {"energy_wh": float(np.sum(last)) if known else None, "energy_by": " and ".join(by) or None}
 
 
 def _runs(inside: NDArray[np.bool_], track: MotionTrack) -> list[tuple[int, int]]:

@@ -86,6 +86,7 @@ COMPARED: tuple[tuple[str, int, tuple[str, ...]], ...] = (
         )
     ),
     ("energy", 4, ("energy",)),
+    ("energy from the battery (Wh)", 2, ("energy_wh",)),
     ("reversals per minute", 2, ("reversals_per_min",)),
     ("change of command per second", 3, ("change_per_s",)),
     ("wind, mean (m/s)", 2, ("wind", "estimated", "speed_mps", "mean")),
@@ -167,11 +168,16 @@ def _work(figures: Mapping[str, Any]) -> Table:
     return [
         ["", ""],
         ["energy (mean squared command)", _number(figures["energy"], 4)],
+        *([] if figures["energy_by"] is None else [_energy(figures)]),
         ["reversals of a motor per minute", _number(figures["reversals_per_min"], 2)],
         ["change of a motor's command per second", _number(figures["change_per_s"], 3)],
         ["time in each phase", phases],
         *([] if figures["learned"] is None else [["learned of the model", figures["learned"]["text"]]]),
     ]
+
+
+def _energy(figures: Mapping[str, Any]) -> list[str]:
+    return [f"energy from the battery, {figures['energy_by']} (Wh)", _number(figures["energy_wh"], 2)]
 
 
 def _spans(run: RunLog) -> list[dict[str, Any]]:
@@ -202,7 +208,9 @@ def _holds(figures: Mapping[str, Any]) -> Table:
     """The figures of each hold, of a run with several."""
     if len(figures["holds"]) < 2:
         return [[]]
-    rows: Table = [["hold", "length (s)", "way", "distance (m)", "heading error (deg)", "ps", "docking (s)", "energy"]]
+    rows: Table = [
+        ["hold", "length (s)", "way", "distance (m)", "heading error (deg)", "ps", "docking (s)", "energy", "Wh"]
+    ]
     for hold in figures["holds"]:
         for way in WAYS:
             part = hold[way]
@@ -218,6 +226,7 @@ def _holds(figures: Mapping[str, Any]) -> Table:
                     _number(part["penalty_score"], 2),
                     _number(hold["docking"][way]["longest_s"], 0),
                     _number(hold["energy"], 4),
+                    _number(hold["energy_wh"], 2),
                 ]
             )
     return rows

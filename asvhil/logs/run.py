@@ -24,6 +24,7 @@ from asvhil.logs.metrics import MotionTrack
 from asvhil.logs.plugins import check_decoding
 from asvhil.logs.reader import LogFile, Timing
 from asvhil.logs.replay import config_of
+from asvhil.supervisor.energy import MEASURED
 from asvhil.types import (
     Frame,
     GroundVelocity,
@@ -87,6 +88,9 @@ class RunLog:
     wind_origin: str | None  # of the last of them: "sensor", or "disturbance" where none has measured it
     pwm: Array  # rows of (t_s, port us, starboard us), NaN where released
     command: Array  # rows of (t_s, port, starboard in [-1, 1], number of the hold), one per solution
+    energy: (
+        Array  # rows of (t_s, Wh of the hold so far, 1 measured or 0 by the curve, number of the hold), NaN: unknown
+    )
     plans: list[tuple[float, Array]]  # (t_s, rows of t, n, e, psi)
     model_error: Array  # rows of (t_s, u, v, r one step ahead, u, v, r at the horizon, ok)
     phases_s: dict[str, float]
@@ -168,6 +172,7 @@ class RunReader:
             wind_origin=reading.wind_origin,
             pwm=_rows(reading.pwm, 3),
             command=_rows(reading.command, 4),
+            energy=_rows(reading.energy, 4),
             plans=reading.plans,
             model_error=_rows(reading.model_error, 8),
             phases_s={phase: round(count * tick_s, 3) for phase, count in sorted(reading.phases.items())},
@@ -271,6 +276,7 @@ class _Reading:
         self.wind_origin: str | None = None
         self.pwm: list[tuple[float, ...]] = []
         self.command: list[tuple[float, ...]] = []
+        self.energy: list[tuple[float, ...]] = []
         self.plans: list[tuple[float, Array]] = []
         self.model_error: list[tuple[float, ...]] = []
         self.phases: Counter[str] = Counter()
@@ -298,6 +304,9 @@ class _Reading:
             self.wind.append((t_s, math.hypot(vn, ve), math.atan2(ve, vn), hold))
             self.wind_origin = outputs.wind.origin
         self.pwm.append((t_s, *(outputs.pwm_us or (math.nan, math.nan))))
+        if hold and (use := outputs.energy) is not None:
+            measured = float(use.by == MEASURED) if use.by else math.nan
+            self.energy.append((t_s, math.nan if use.hold_wh is None else use.hold_wh, measured, hold))
         if outputs.control is not None:
             self.command.append((t_s, *outputs.control.command, hold))
             if outputs.control.plan and (not self.plans or t_s - self.plans[-1][0] >= self._plan_every_s):

@@ -13,6 +13,7 @@ from asvhil.logs.holds import PhaseSpan
 from asvhil.logs.metrics import (
     MotionTrack,
     docking_figures,
+    energy_figures,
     motor_figures,
     score,
     settled_from_s,
@@ -112,14 +113,16 @@ def started(run: RunLog) -> str | None:
 
 
 def _of_holds(run: RunLog, number: int | None, from_s: float) -> dict[str, Any]:
-    """Scores from a time on, docking windows and motors of one hold, of all where `number` is None."""
+    """Scores from a time on, docking windows, motors and energy of one hold, of all where `number` is None."""
     held = {name: None if track is None else track.of_hold(number) for name, track in tracks(run).items()}
     scored = {name: None if track is None or not len(track.t_s) else track for name, track in held.items()}
     command = run.command[run.command[:, 3] > 0] if number is None else run.command[run.command[:, 3] == number]
+    energy = run.energy if number is None else run.energy[run.energy[:, 3] == number]
     return {
         **{name: None if track is None else score(track.errors, from_s) for name, track in scored.items()},
         "docking": {name: None if track is None else docking_figures(track) for name, track in scored.items()},
         **motor_figures(command),
+        **energy_figures(energy),
     }
 
 

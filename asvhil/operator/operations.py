@@ -16,7 +16,7 @@ from asvhil.operator.tunables import Tunables
 from asvhil.supervisor.reasons import Explanation, Reason, describe
 from asvhil.supervisor.situation import Situation
 from asvhil.supervisor.supervisor import Decision, Request
-from asvhil.types import Control, DockingWindow, Frame, Note, ParameterChange, Phase, Wind, record
+from asvhil.types import Control, DockingWindow, EnergyUse, Frame, Note, ParameterChange, Phase, Wind, record
 
 # Whoever ended the hold so has the motors, or nobody wants them to turn.
 ENDED_BY_PEOPLE = {
@@ -36,14 +36,15 @@ class _Unanswered:
 
 @record
 class Readings:
-    """What is told to displays beside the situation: the wind, both pulses if they are ours, sources by quantity, and
-    the docking window of a station that is held.
+    """What is told to displays beside the situation: the wind, both pulses if they are ours, sources by quantity, the
+    docking window of a station that is held, and what is taken from the battery.
     """
 
     wind: Wind | None = None
     pulses_us: tuple[int, int] | None = None
     sources: tuple[tuple[str, str], ...] = ()
     docking: DockingWindow | None = None
+    energy: EnergyUse | None = None
 
 
 NO_READINGS = Readings()
@@ -147,7 +148,7 @@ class Operations:
         known: dict[str, Any] = {"phase": decision.phase, "solve_ms": self._session.solve_ms}
         known |= {"why": decision.why, "notes": self._notes, "computer": self._session.computer}
         known |= {"adrift": self._adrift_in is not None}
-        known |= {"docking": readings.docking}
+        known |= {"docking": readings.docking, "energy": readings.energy}
         if self._control is not None:
             known |= {"iterations": float(self._control.iterations), "control_ok": self._control.ok}
         if station is not None and point is not None and estimate is not None and frame is not None:
@@ -176,6 +177,7 @@ class Operations:
             pulses_us=readings.pulses_us,
             sources=readings.sources,
             docking=readings.docking,
+            energy=readings.energy,
             solve_ms=self._session.solve_ms,
             origin_deg=None if frame is None else (frame.lat_deg, frame.lon_deg),
             **known,

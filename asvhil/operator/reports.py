@@ -11,9 +11,9 @@ from asvhil import __version__
 from asvhil.io.mavlink.frames import dialect
 from asvhil.operator.encoding import STATION_ONLY
 from asvhil.operator.goto import DENIED, IGNORE_VELOCITY
-from asvhil.operator.state_arrays import BoatState, docking_values, state_arrays
+from asvhil.operator.state_arrays import BoatState, docking_values, energy_values, state_arrays
 from asvhil.supervisor.reasons import Explanation, describe
-from asvhil.types import DockingWindow, Note, Phase, record
+from asvhil.types import DockingWindow, EnergyUse, Note, Phase, record
 
 INFO, NOTICE, WARNING = dialect.MAV_SEVERITY_INFO, dialect.MAV_SEVERITY_NOTICE, dialect.MAV_SEVERITY_WARNING
 ACCEPTED = int(dialect.MAV_RESULT_ACCEPTED)
@@ -66,6 +66,7 @@ class OperatorReport:
     computer: Any = None
     boat: BoatState = BoatState()
     docking: DockingWindow | None = None
+    energy: EnergyUse | None = None
 
     def texts(self) -> list[tuple[int, str]]:
         """The phase and its reason, mode and sources, then the notes: (severity, text)."""
@@ -162,7 +163,7 @@ class Reports:
 
 def _rows(report: OperatorReport) -> Sequence[tuple[bytes, float]]:
     """Names of at most 10 bytes, and values; those that are not known are left out."""
-    docking = docking_values(report.docking)
+    optional = docking_values(report.docking) | energy_values(report.energy)
     rows = (
         (b"phase", float(PHASES.index(report.phase))),
         (b"dist_err", report.distance_m),
@@ -170,7 +171,7 @@ def _rows(report: OperatorReport) -> Sequence[tuple[bytes, float]]:
         (b"solve_ms", report.solve_ms),
         (b"solve_iter", report.iterations),
         (b"solve_ok", float(report.control_ok)),
-        *((name.encode(), value) for name, value in docking.items() if value is not None),
+        *((name.encode(), value) for name, value in optional.items() if value is not None),
     )
     return [row for row in rows if math.isfinite(row[1])]
 

@@ -12,12 +12,15 @@ from typing import Any
 
 from asvhil.geo import wrap_rad
 from asvhil.io.mavlink.frames import dialect
-from asvhil.types import Control, DockingWindow, Estimate, Station, Wind, record
+from asvhil.supervisor.energy import MEASURED
+from asvhil.types import Control, DockingWindow, EnergyUse, Estimate, Station, Wind, record
 
 STATE_ID, PLAN_ID = 1, 2  # DEBUG_FLOAT_ARRAY.array_id
 CELLS = 58
 # Seconds that the docking window has been open, 0 while it is not, and how likely it stays open for another 30 s ...
 DOCKING_FIELDS = ("dock_open", "dock_30", "dock_60", "dock_150")
+# Energy of the hold (Wh), mean power (W), hours left, and whether the power is measured (1) or by the curve (0).
+ENERGY_FIELDS = ("hold_wh", "mean_w", "hours_left", "w_measured")
 # In their order in the array; what is not known is NaN. Metres are in the local NED frame, `origin_*` is where it is:
 # the sum of two floats, as one tells degrees to half a metre only. `wind_*` is the velocity of the air over ground.
 STATE_FIELDS = (
@@ -29,6 +32,7 @@ STATE_FIELDS = (
     *("armed", "battery_v", "battery_percent", "fix", "satellites"),
     *("origin_lat_deg", "origin_lat_rest_deg", "origin_lon_deg", "origin_lon_rest_deg"),
     *DOCKING_FIELDS,
+    *ENERGY_FIELDS,
 )
 PLAN_ROW = 3  # north and east (m), heading (degrees)
 PLAN_ROWS = CELLS // PLAN_ROW
@@ -57,6 +61,7 @@ class BoatState:
     origin_deg: tuple[float, float] | None = None
     sources: tuple[tuple[str, str], ...] = ()
     docking: DockingWindow | None = None
+    energy: EnergyUse | None = None
 
     def words(self) -> list[tuple[str, str]]:
         """(subject, text): the autopilot's mode, and the source of each quantity."""
@@ -116,6 +121,7 @@ def _values(state: BoatState) -> dict[str, float]:
         known |= {"port_us": float(state.pulses_us[0]), "starboard_us": float(state.pulses_us[1])}
     known |= {"armed": state.armed, "battery_v": state.battery_v, "battery_percent": state.battery_percent}
     known |= docking_values(state.docking)
+    known |= energy_values(state.energy)
     known |= {"fix": state.fix, "satellites": state.satellites}
     for axis, degrees in zip(("lat", "lon"), state.origin_deg or (), strict=False):
         near = struct.unpack("<f", struct.pack("<f", degrees))[0]
@@ -129,6 +135,14 @@ def docking_values(window: DockingWindow | None) -> dict[str, float | None]:
         return {}
     stays = (0.0,) * 3 if window.open_s is None else window.stays
     return dict(zip(DOCKING_FIELDS, (window.open_s or 0.0, *stays), strict=False))
+
+
+def energy_values(use: EnergyUse | None) -> dict[str, float | None]:
+    """The `ENERGY_FIELDS`, None where they are not known; none where nothing is to be told of the battery."""
+    if use is None:
+        return {}
+    measured = float(use.by == MEASURED) if use.by else None
+    return dict(zip(ENERGY_FIELDS, (use.hold_wh, use.mean_w, use.hours_left, measured), strict=True))
 
 
 def _array(t_us: int, name: bytes, array_id: int, values: list[float]) -> Any:

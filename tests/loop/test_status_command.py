@@ -33,6 +33,9 @@ def test_a_daemon_tells_how_it_is(tmp_path: Path) -> None:
         lines = dict(line.split(": ", 1) for line in status(*at.sets).stdout.splitlines())
         assert lines["phase"] == "hold: holding" and "MiB" in lines["computer"] and " m, " in lines["to the station"]
         assert look["docking"].keys() == {"open_s", "stays"} and "open" in lines["docking window"]
+        assert (
+            look["energy"]["by"] == "curve" and look["energy"]["hold_wh"] > 0.0 and "Wh in this hold" in lines["energy"]
+        )
         assert lines["mode"] == "MANUAL, armed" and lines["receiver and battery"].startswith("3D fix")
         # 300 m north, across the wind.
         far = ("hold", "--at", "40.4264,-86.9212", "--heading", "90", "--config", "sitl", *at.sets)

@@ -91,6 +91,7 @@ function state() {
     ["uncertainty", known ? `${show(boat.position_std_m, 2, "m")}, ${show(boat.heading_std_deg, 1, "°")}${boat.estimate_ok === 0 ? ", not valid" : ""}` : "–"],
     ["station", place],
     ["docking window", dockingText(boat)],
+    ["energy", energyText(boat)],
     ["true wind", wind],
     ["solver", known && boat.solve_iterations !== null ? `${boat.solve_ok ? "solved" : "no solution"}, ${boat.solve_iterations} iterations, ${show(boat.solve_ms, 1, "ms")}` : "–"],
     ["controller", facts?.controller ?? "–"],
@@ -107,6 +108,13 @@ function dockingText(boat) {
   const likely = [[30, boat.dock_30], [60, boat.dock_60], [150, boat.dock_150]].filter(([, p]) => p !== null);
   const stays = likely.map(([seconds, p]) => `${seconds} s: ${Math.round(100 * p)} %`).join(", ");
   return `open for ${Math.round(boat.dock_open)} s${stays ? `; stays open for another ${stays}` : ""}`;
+}
+
+function energyText(boat) {
+  const by = boat.w_measured ? "measured" : "curve";
+  const parts = [[boat.hold_wh, 1, "Wh in this hold"], [boat.mean_w, 0, `W (${by})`], [boat.hours_left, 1, "h left"]];
+  const known = parts.filter(([value]) => value !== null && value !== undefined);
+  return known.map(([value, digits, unit]) => `${value.toFixed(digits)} ${unit}`).join(", ") || "–";
 }
 
 function windText(boat) {

@@ -37,5 +37,18 @@ def test_the_battery_is_read(
     link.receive(frame(beat, 1_000_000_000))
     ((message, status),) = link.receive(frame(told, 2_000_000_000))
     assert message == "SYS_STATUS" and isinstance(status, FrontseatStatus)
-    assert status.battery_percent == percent
+    assert status.battery_percent == percent and status.battery_ns == 2_000_000_000
+    assert status.battery_a is None, "-1: not measured"
     assert status.battery_v == (None if volts is None else pytest.approx(volts))
+
+
+@pytest.mark.parametrize(("centiamperes", "amperes"), [(-1, None), (0, 0.0), (1234, 12.34)])
+def test_the_current_is_read_where_it_is_measured(centiamperes: int, amperes: float | None) -> None:
+    link = build_link(load_config("sitl"))
+    kind = dialect.MAV_AUTOPILOT_ARDUPILOTMEGA
+    beat = dialect.MAVLink_heartbeat_message(dialect.MAV_TYPE_SURFACE_BOAT, kind, 81, 0, 4, 3)
+    told = dialect.MAVLink_sys_status_message(0, 0, 0, 0, 12_600, centiamperes, -1, 0, 0, 0, 0, 0, 0)
+    link.receive(frame(beat, 1_000_000_000))
+    ((_, status),) = link.receive(frame(told, 2_000_000_000))
+    assert isinstance(status, FrontseatStatus)
+    assert status.battery_a == (None if amperes is None else pytest.approx(amperes))

@@ -29,7 +29,7 @@ def test_show_tells_where_each_key_is_set(tmp_path: Path) -> None:
 
 
 def test_show_of_a_part_and_of_what_is_set(tmp_path: Path) -> None:
-    assert call("config", "show", "sitl", "plant.weather.wind.speed_mps", cwd=tmp_path).out == "3.0   # line 29\n"
+    assert call("config", "show", "sitl", "plant.weather.wind.speed_mps", cwd=tmp_path).out == "3.0   # line 36\n"
     set_ = call("config", "show", "sitl", "--set-only", cwd=tmp_path).out
     tree = parse_yaml(set_, "").tree
     assert tree["plant"]["seed"] == 1 and "daemon" not in tree and "monitor" not in tree["estimator"]

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from asvhil.errors import LogError
 from asvhil.logs import encoding
 from asvhil.logs.encoding import decode_outputs, encode_outputs, first_difference
-from asvhil.types import DockingWindow, Outputs
+from asvhil.types import DockingWindow, EnergyUse, Outputs
 from tests.support.log_samples import sample_outputs
 
 
@@ -56,8 +56,9 @@ def test_record_starts_as_written_here() -> None:
 def test_finite_outputs_take_the_fast_way_whatever_is_absent(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(encoding, "_spell_non_finite", None)
     outputs = sample_outputs(1)
-    closed = DockingWindow(open_s=None)
-    for record in (outputs, dataclasses.replace(outputs, docking=closed), sample_outputs(2, control=False)):
+    closed, unknown = DockingWindow(open_s=None), EnergyUse(power_w=1.0 / 3.0, by="curve")
+    partly = dataclasses.replace(outputs, docking=closed, energy=unknown)
+    for record in (outputs, partly, sample_outputs(2, control=False)):
         assert decode_outputs(encode_outputs(record)) == record
     with pytest.raises(TypeError):
         encode_outputs(with_cost(math.nan))

@@ -12,6 +12,7 @@ from asvhil.io.mavlink.frames import decode, dialect
 from asvhil.operator.encoding import encode_move, encode_neutral, encode_question
 from asvhil.operator.reports import OperatorReport
 from asvhil.operator.state_arrays import (
+    ENERGY_FIELDS,
     PLAN_ROWS,
     STATE_FIELDS,
     BoatState,
@@ -20,7 +21,7 @@ from asvhil.operator.state_arrays import (
     state_arrays,
 )
 from asvhil.supervisor.reasons import Reason, describe, explain
-from asvhil.types import Control, DockingWindow, Frame, MoveCommand, NeutralCommand, Station, Wind
+from asvhil.types import Control, DockingWindow, EnergyUse, Frame, MoveCommand, NeutralCommand, Station, Wind
 from tests.support.operator_bench import CONFIG, GCS, Bench, acks
 from tests.support.supervisor_bench import ESTIMATE
 
@@ -41,6 +42,7 @@ STATE = BoatState(
     origin_deg=(40.42371234, -86.92123456),
     sources=(("wind", "anemometer.MWV"), ("heading", "")),
     docking=DockingWindow(open_s=12.5, stays=(0.5, 0.25, 0.125)),
+    energy=EnergyUse(hold_wh=12.25, power_w=90.0, mean_w=120.0, hours_left=3.5, by="measured"),
 )
 
 
@@ -55,6 +57,7 @@ def test_what_is_known_arrives_and_what_is_not_is_none() -> None:
         "battery_percent"
     ]
     assert (told["n_m"], told["station_n_m"], told["port_us"], told["fix"]) == (1.0, 4.0, 1625.0, 3.0)
+    assert tuple(told[name] for name in ENERGY_FIELDS) == (12.25, 120.0, 3.5, 1.0)
     assert (told["dock_open"], told["dock_30"], told["dock_150"]) == (12.5, 0.5, 0.125)
     assert told["distance_m"] == pytest.approx(5.0) and told["heading_error_deg"] == pytest.approx(math.degrees(1.0))
     assert told["station_heading_deg"] == pytest.approx(360.0 - math.degrees(0.5), abs=1e-4)

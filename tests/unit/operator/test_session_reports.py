@@ -11,8 +11,9 @@ from hypothesis import strategies as st
 from asvhil.io.mavlink.frames import decode, dialect
 from asvhil.io.mavlink.texts import TextReader, Texts
 from asvhil.operator.reports import OperatorReport
+from asvhil.operator.state_arrays import ENERGY_FIELDS
 from asvhil.supervisor.reasons import Reason, describe, explain
-from asvhil.types import EVERYONE, DockingWindow, Frame, ParameterChange, Phase
+from asvhil.types import EVERYONE, DockingWindow, EnergyUse, Frame, ParameterChange, Phase
 from tests.support.operator_bench import GCS, NAMES, POSITION_ONLY, Bench, S, acks, messages
 
 # --- messages ---------------------------------------------------------------------------------------------------------
@@ -133,6 +134,26 @@ def test_the_docking_window_is_told_as_far_as_it_is_known(window: DockingWindow 
     heard = bench.hear(OperatorReport(phase=Phase.HOLD, docking=window))
     values = {m.name: m.value for m in heard if m.get_type() == "NAMED_VALUE_FLOAT"}
     assert {name: value for name, value in values.items() if name.startswith("dock")} == told
+
+
+@pytest.mark.parametrize(
+    ("use", "told"),
+    [
+        (None, {}),
+        (EnergyUse(), {}),
+        (EnergyUse(hold_wh=0.5, by="curve"), {"hold_wh": 0.5, "w_measured": 0.0}),
+        (
+            EnergyUse(hold_wh=2.5, power_w=50.0, mean_w=40.0, hours_left=6.25, by="measured"),
+            {"hold_wh": 2.5, "mean_w": 40.0, "hours_left": 6.25, "w_measured": 1.0},
+        ),
+    ],
+)
+def test_the_energy_is_told_as_far_as_it_is_known(use: EnergyUse | None, told: dict[str, float]) -> None:
+    bench = Bench()
+    bench.say(dialect.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3))
+    heard = bench.hear(OperatorReport(phase=Phase.HOLD, energy=use))
+    values = {m.name: m.value for m in heard if m.get_type() == "NAMED_VALUE_FLOAT"}
+    assert {name: value for name, value in values.items() if name in ENERGY_FIELDS} == told
 
 
 def test_frames_are_numbered() -> None:
