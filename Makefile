@@ -115,7 +115,7 @@ $(STAMPS)/mutants: $(STAMPS)/test
 # SAMPLE=60: of each module so many mutants, drawn by SEED, in place of all; SECONDS_EACH: most for one module.
 SAMPLE ?= 0
 SEED ?= 1
-SECONDS_EACH ?= 300
+SECONDS_EACH ?= 600
 mutants: $(STAMPS)/mutants
 	@$(BIN)/python -m bench.mutants --least 0.9 --sample $(SAMPLE) --seed $(SEED) --seconds $(SECONDS_EACH)
 
