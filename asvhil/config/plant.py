@@ -29,7 +29,7 @@ class FrontseatConfig(Section):
     """The simulated autopilot; the defaults follow a real ArduRover with its dead zones removed.
 
     `delivered` puts a boat's own parameters in their place. A simulated PX4 takes system_id, boot_s, ready_after_s,
-    rc_receiver, loop_hz, parameters, px4_version and px4_outputs from here.
+    rc_receiver, current_sensor, loop_hz, parameters, px4_version and px4_outputs from here.
     """
 
     firmware: Literal["4.6", "4.7"] = Field(
@@ -77,6 +77,13 @@ class FrontseatConfig(Section):
     )
     ready_after_s: NonNegative = Field(default=3.0, description="Time from power-on until it has a position.")
     rc_receiver: bool = Field(default=True, description="Whether a transmitter with sticks at rest is on.")
+    current_sensor: bool = Field(
+        default=False,
+        description=(
+            "Whether it measures the battery's current: what vehicle.power gives for the motors' signals. false: "
+            "SYS_STATUS has -1, as that of an autopilot without a current sensor."
+        ),
+    )
     override_timeout_s: Positive = Field(
         default=2.9, description="RC_OVERRIDE_TIME: without overrides for this long the sticks are the pilot's again."
     )
@@ -89,6 +96,8 @@ class FrontseatConfig(Section):
     loop_hz: Positive = Field(default=50.0, description="Rate of its main loop (SCHED_LOOP_RATE).")
     rc1_dz_us: int = Field(default=0, ge=0, le=200, description="Dead zone of the port motor's stick (RC1_DZ).")
     rc3_dz_us: int = Field(default=0, ge=0, le=200, description="Dead zone of the starboard motor's stick (RC3_DZ).")
+
+    left_out_if_empty = ("current_sensor",)
 
 
 class ArduPilotJsonConfig(Section):

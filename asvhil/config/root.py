@@ -63,6 +63,9 @@ class Config(Section):
     def _check_across(self, info: ValidationInfo) -> Config:
         if self.supervisor.engage == "auto" and self.supervisor.station is None:
             raise ValueError("supervisor.station is needed where supervisor.engage is auto")
+        power = self.vehicle.power
+        if self.plant.frontseat.current_sensor and (power is None or power.power_curve is None):
+            raise ValueError("plant.frontseat.current_sensor: the current comes from vehicle.power.power_curve; set it")
         link = self.links.autopilot
         kind = AUTOPILOTS.get(link.profile)
         if kind is not None and self.supervisor.control_mode not in kind.modes:

@@ -133,6 +133,7 @@ class Plant:
         ]
         self._moored: Moored | None = None
         self._has_receiver = plant.frontseat.rc_receiver
+        self._power = config.vehicle.power if plant.frontseat.current_sensor else None
         self._transmitter_lost = False
 
     @property
@@ -223,7 +224,8 @@ class Plant:
                 self._transmitter_lost = not self._transmitter_lost
                 self.frontseat.set_receiver(not self._transmitter_lost)
             if self._loop.take_due(self._t_ns):
-                self.frontseat.set_battery(BATTERY_V if faults.battery_v is None else faults.battery_v)
+                drawn_w = None if self._power is None else self._power.drawn_w(vessel.motor_commands)
+                self.frontseat.set_battery(BATTERY_V if faults.battery_v is None else faults.battery_v, drawn_w)
                 self._navigation.sample(self._t_ns, self.motion, faults.of("autopilot"))
                 sent += self._autopilot.loop(self._t_ns)
                 self._drive(faults)

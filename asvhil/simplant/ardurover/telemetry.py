@@ -116,8 +116,8 @@ class RoverTelemetry(VehicleTelemetry):
             present |= d.MAV_SYS_STATUS_SENSOR_RC_RECEIVER
             enabled |= d.MAV_SYS_STATUS_SENSOR_RC_RECEIVER
             healthy |= 0 if rover.radio_silent else d.MAV_SYS_STATUS_SENSOR_RC_RECEIVER
-        mv = round(1000.0 * rover.battery_v)
-        return d.MAVLink_sys_status_message(present, enabled, healthy, 0, mv, -1, -1, 0, 0, 0, 0, 0, 0)
+        mv, centiamperes = self._battery()
+        return d.MAVLink_sys_status_message(present, enabled, healthy, 0, mv, centiamperes, -1, 0, 0, 0, 0, 0, 0)
 
     def _autopilot_version(self, t_ns: int) -> Any:
         none = [0] * 8

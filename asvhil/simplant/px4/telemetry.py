@@ -122,8 +122,10 @@ class Px4Telemetry(VehicleTelemetry):
         healthy = present | (d.MAV_SYS_STATUS_PREARM_CHECK if vehicle.checks_pass() else 0)
         if not vehicle.has_fix(t_ns):
             healthy &= ~d.MAV_SYS_STATUS_SENSOR_GPS
-        mv = round(1000.0 * vehicle.battery_v)
-        return d.MAVLink_sys_status_message(present, sensors | radio, healthy, 0, mv, -1, -1, 0, 0, 0, 0, 0, 0)
+        mv, centiamperes = self._battery()
+        return d.MAVLink_sys_status_message(
+            present, sensors | radio, healthy, 0, mv, centiamperes, -1, 0, 0, 0, 0, 0, 0
+        )
 
     def _extended_sys_state(self, t_ns: int) -> Any:
         """A rover is on the ground while it is disarmed."""

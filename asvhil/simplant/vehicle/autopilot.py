@@ -39,6 +39,7 @@ class Vehicle(Protocol):
     texts: list[tuple[int, str]]
     servo_us: list[int]
     battery_v: float
+    battery_a: float | None
 
     @property
     def rc(self) -> RcInputs: ...
@@ -145,9 +146,10 @@ class SimulatedAutopilot(ABC):
         """The pilot's transmitter comes into, or goes out of, range."""
         self._vehicle.rc.set_receiver(self._vehicle.t_ns, present)
 
-    def set_battery(self, volts: float) -> None:
-        """The voltage of the battery."""
+    def set_battery(self, volts: float, watts: float | None) -> None:
+        """The voltage of the battery, and what is drawn from it; None: there is no current sensor."""
         self._vehicle.battery_v = volts
+        self._vehicle.battery_a = None if watts is None else watts / volts
 
     def set_mode(self, number: int) -> bool:
         """The pilot's mode switch; False where the vehicle refuses."""

@@ -20,6 +20,7 @@ class PoweredVehicle:
         self.texts: list[tuple[int, str]] = []
         self.servo_us = [0] * 16
         self.battery_v = BATTERY_V
+        self.battery_a: float | None = None  # None: it has no current sensor
 
     def restart(self, t_ns: int) -> None:
         """Power on: everything but the parameters and the pilot's sticks is reset."""

@@ -16,6 +16,7 @@ from asvhil.simplant.boat.vessel import Vessel
 from asvhil.simplant.vehicle.autopilot import Vehicle
 
 U32 = 0xFFFFFFFF
+I16_MAX = 0x7FFF
 
 
 class VehicleTelemetry:
@@ -48,6 +49,11 @@ class VehicleTelemetry:
     def _lat_lon(self, n_m: float, e_m: float) -> tuple[int, int]:
         lat_deg, lon_deg = self._origin.to_geodetic(n_m, e_m)
         return round(lat_deg * 1e7), round(lon_deg * 1e7)
+
+    def _battery(self) -> tuple[int, int]:
+        """Voltage (mV) and current (10 mA; -1: not measured) of SYS_STATUS."""
+        volts, amperes = self._vehicle.battery_v, self._vehicle.battery_a
+        return round(1000.0 * volts), -1 if amperes is None else min(round(100.0 * amperes), I16_MAX)
 
     def _nothing(self, t_ns: int) -> None:
         return None

@@ -42,3 +42,10 @@ def test_a_config_without_it_keeps_its_hash_and_an_empty_one_is_some() -> None:
 def test_the_curve_of_the_blueboat(command: float, watts: float) -> None:
     power = load_config("blueboat").vehicle.power
     assert power is not None and power.drawn_w((command, command)) == pytest.approx(watts)
+
+
+def test_a_simulated_sensor_needs_the_curve() -> None:
+    with pytest.raises(ConfigError, match=r"plant\.frontseat\.current_sensor: .*vehicle\.power\.power_curve"):
+        load_config("sitl-bream", ("plant.frontseat.current_sensor=true", "vehicle.power={capacity_wh: 9}"))
+    plain = json.loads(load_config("sitl-bream").canonical_json())
+    assert "current_sensor" not in plain["plant"]["frontseat"], "its hash is as before"
