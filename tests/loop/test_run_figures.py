@@ -57,6 +57,8 @@ def test_holds_failsafe_and_release_are_reported_apart(two_holds: RunLog) -> Non
     assert first["to_s"] < failsafe["from_s"] < failsafe["to_s"] < after_failsafe["at_s"] < second["from_s"]
     assert second["to_s"] < by_operator["at_s"]
     assert (first["number"], second["number"]) == (1, 2)
+    assert first["energy_wh"] > 0.0 < second["energy_wh"]
+    assert figures["energy_wh"] == pytest.approx(first["energy_wh"] + second["energy_wh"])
     assert "stale" in failsafe["reason"] and first["ended"] == f"failsafe: {failsafe['reason']}"
     assert after_failsafe["after"] == "failsafe" and by_operator["code"] == "released"
     assert (first["stations"], second["stations"]) == (1, 2), "the second station was moved"

@@ -67,6 +67,7 @@ def test_the_page_has_holds_failsafe_releases_and_their_reasons(page: Path) -> N
         ("fail-safe", "position or heading is stale"),
         ("released", "autopilot heartbeat lost"),
         ("hold 2", "standby: released by the operator"),
+        ("energy from the battery, curve (Wh)",),
     ):
         assert any(all(word in one for word in words) for one in rows), words
     assert any("gnss position" in one and "silent" in one for one in rows), "events with their reasons"

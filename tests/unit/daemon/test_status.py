@@ -5,8 +5,9 @@ import io
 
 from rich.console import Console
 
-from asvhil.daemon.status import render, shares_text, status_of
+from asvhil.daemon.status import energy_text, render, shares_text, status_of
 from asvhil.supervisor.reasons import Reason, describe, explain, remedy
+from asvhil.types import EnergyUse
 from tests.support.log_samples import sample_outputs
 
 
@@ -36,6 +37,17 @@ def test_the_status_has_what_the_sensors_have_dropped_by_cause() -> None:
     console = Console(file=io.StringIO(), width=200)
     console.print(render(status, "asvhil"))
     assert "3 bad checksum, 1 out of range" in console.file.getvalue()  # type: ignore[attr-defined]
+
+
+def test_the_status_has_what_is_taken_from_the_battery() -> None:
+    use = EnergyUse(hold_wh=12.34, power_w=300.0, mean_w=245.6, hours_left=2.05, by="curve")
+    status = status_of(dataclasses.replace(sample_outputs(5), energy=use), {}, 0, 0)
+    assert status["energy"] == {"hold_wh": 12.34, "mean_w": 245.6, "hours_left": 2.05, "by": "curve"}
+    console = Console(file=io.StringIO(), width=200)
+    console.print(render(status, "asvhil"))
+    assert "12.3 Wh in this hold, 246 W (curve), 2.0 h left" in console.file.getvalue()  # type: ignore[attr-defined]
+    assert energy_text({"hold_wh": None, "mean_w": None, "hours_left": None, "by": ""}) == "not known yet"
+    assert status_of(sample_outputs(5), {}, 0, 0)["energy"] is None
 
 
 def test_shares_of_sources_name_what_changed_and_never_round_to_all_or_nothing() -> None:

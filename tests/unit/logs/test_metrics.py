@@ -12,6 +12,7 @@ from asvhil.logs.metrics import (
     circular_deg,
     docking_figures,
     docking_windows,
+    energy_figures,
     motor_figures,
     score,
     wind_figures,
@@ -126,6 +127,23 @@ def test_reversals_and_changes_of_the_motors() -> None:
     apart = motor_figures(rows([0.5, 0.5, -0.5, -0.5], [1, 1, 2, 2]))
     assert apart["reversals_per_min"] == apart["change_per_s"] == 0.0
     assert set(motor_figures(rows([], [])).values()) == {None}
+
+
+@pytest.mark.parametrize(
+    ("rows", "energy_wh", "energy_by"),
+    [
+        ([], None, None),
+        ([(0.0, math.nan, math.nan, 1)], None, None),
+        ([(0.0, 1.0, 0.0, 1), (1.0, 2.5, 0.0, 1)], 2.5, "curve"),
+        ([(0.0, 1.0, 0.0, 1), (1.0, 2.5, 1.0, 1), (9.0, 0.0, 1.0, 2), (10.0, 4.0, 1.0, 2)], 6.5, "curve and measured"),
+        ([(0.0, 1.0, 1.0, 1), (9.0, math.nan, math.nan, 2)], None, "measured"),  # of the second hold nothing is known
+    ],
+)
+def test_the_energy_of_all_holds_is_the_sum_of_their_last(
+    rows: list[tuple[float, ...]], energy_wh: float | None, energy_by: str | None
+) -> None:
+    found = energy_figures(np.array(rows, dtype=float).reshape(-1, 4))
+    assert found == {"energy_wh": energy_wh, "energy_by": energy_by}
 
 
 def test_the_wind_of_no_rows_is_none() -> None:
