@@ -33,6 +33,13 @@ class MpcWeights(Section):
     velocity: NonNegative = Field(
         default=0.1, description="Weight of the squared velocities u, v (1/(m/s)^2) and r (1/(rad/s)^2)."
     )
+    yaw_rate: NonNegative | None = Field(
+        default=None,
+        description=(
+            "Weight of the squared r alone, for a boat that must turn slowly: 10000 counts 5 deg/s as much as 9 m of "
+            "distance. null: as `velocity`."
+        ),
+    )
     slew: NonNegative = Field(
         default=0.05, description="Weight of the squared change of each input from one stage to the next."
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Callable
 
@@ -167,8 +168,8 @@ class StationMpc:
         near = packed(config.near, least_slew)
         sideways = _ramp(abs(moves[1]), SIDEWAYS_MPS)
         if sideways and config.sideways_heading is not None and config.sideways_heading < config.near.heading:
-            freer = config.near.model_copy(update={"heading": config.sideways_heading})
-            near = sideways * packed(freer, least_slew) + (1.0 - sideways) * near
+            freer = packed(_with_heading(config.near, config.sideways_heading), least_slew)
+            near = sideways * freer + (1.0 - sideways) * near
         return share * near + (1.0 - share) * packed(config.along, self._thrust_slew)
 
     def _update_side_load(
@@ -270,6 +271,12 @@ class StationMpc:
             if abs(self._psi_rad) > math.pi + TURN_HYSTERESIS_RAD:
                 self._psi_rad = wrap_rad(self._psi_rad)
         return self._psi_rad
+
+
+@functools.lru_cache(maxsize=8)
+def _with_heading(weights: MpcWeights, heading: float) -> MpcWeights:
+    """The same object each time: a problem remembers what it has made of its last sets of weights."""
+    return weights.model_copy(update={"heading": heading})
 
 
 def _ramp(value: float, limits: tuple[float, float]) -> float:

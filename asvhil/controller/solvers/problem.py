@@ -201,7 +201,8 @@ class StationProblem:
         for known, q in self._weights_of:
             if known is weights:
                 return q
-        heading_and_velocity = [weights.heading, *[weights.velocity] * 3]
+        yaw_rate = weights.velocity if weights.yaw_rate is None else weights.yaw_rate
+        heading_and_velocity = [weights.heading, weights.velocity, weights.velocity, yaw_rate]
         axes = np.array([1.0, weights.sideways])
         q = np.outer(self.steps_s, [*(weights.position * axes), *heading_and_velocity])
         q[-1] += [*(weights.terminal_position_s * axes), *heading_and_velocity]
