@@ -12,6 +12,9 @@ EFFORT_PARAMETER = "MPC_EFFORT"
 # Least slew weight of the near set per m/s^2 of side load, by effort: chosen from the front in docs/results/effort.md.
 EFFORTS: dict[str, float] = {"precise": 0.0, "normal": 150.0, "gentle": 1000.0}
 EFFORT_SLEW_MAX = 40.0  # beyond, the boat swings farther and its motors work hardly less
+# The same of a model whose input is thrust, of which a change is less than that of the command that gives it.
+EFFORTS_OF_THRUST: dict[str, float] = {**EFFORTS, "gentle": 5000.0}
+EFFORT_SLEW_MAX_OF_THRUST = 80.0
 
 
 class MpcWeights(Section):
@@ -87,8 +90,9 @@ class MpcConfig(Section):
         description=(
             "How much the motors may work near the station against a load across its heading: the least slew weight "
             "of `near`, in proportion to the side load. `precise` keeps the configured one; with `normal` and `gentle` "
-            f"it is at least {EFFORTS['normal']:g} and {EFFORTS['gentle']:g} per m/s^2, {EFFORT_SLEW_MAX:g} at most: "
-            "fewer reversals, less time at full thrust, a wider swing."
+            f"it is at least {EFFORTS['normal']:g} and {EFFORTS['gentle']:g} per m/s^2, {EFFORT_SLEW_MAX:g} at most "
+            f"(models whose input is thrust: `gentle` {EFFORTS_OF_THRUST['gentle']:g}, {EFFORT_SLEW_MAX_OF_THRUST:g} "
+            "at most): fewer reversals, less time at full thrust, a wider swing."
         ),
     )
     # Near too, but with no load across the heading to carry.

@@ -9,7 +9,8 @@ from collections.abc import Callable
 import numpy as np
 
 from asvhil.config import Config, ControllerConfig, MpcConfig, MpcWeights
-from asvhil.config.controller import EFFORT_SLEW_MAX, EFFORTS
+from asvhil.config.controller import EFFORT_SLEW_MAX, EFFORT_SLEW_MAX_OF_THRUST, EFFORTS, EFFORTS_OF_THRUST
+from asvhil.controller.plan_shift import shift_matrix
 from asvhil.controller.solvers.choice import choose_solver
 from asvhil.controller.solvers.motor_limits import UNLIMITED, MotorLimits
 from asvhil.controller.solvers.problem import Solution, Solver, StationProblem
@@ -55,6 +56,8 @@ class StationMpc:
         self._shift = shift_matrix(self._problem.times_s, period_s)
         of_thrust = model.input_of_command((0.5, 0.5)) != (0.5, 0.5)  # a model of the command has the dead band in it
         self._least_thrust, self._thrust_slew = (config.least_thrust, config.thrust_slew) if of_thrust else (0.0, 0.0)
+        of_command = EFFORTS, EFFORT_SLEW_MAX
+        self._efforts = (EFFORTS_OF_THRUST, EFFORT_SLEW_MAX_OF_THRUST) if of_thrust else of_command
         self.reset()
 
     def reset(self) -> None:
@@ -163,7 +166,8 @@ class StationMpc:
         if self._weather is not None:
             return packed(self._weather)
         # Slower swings keep the boat nearly as near as motors at their limits do, the more so the greater the load.
-        least_slew = min(EFFORTS[config.effort] * (self._side_load_mps2 or 0.0), EFFORT_SLEW_MAX)
+        by_load, most = self._efforts
+        least_slew = min(by_load[config.effort] * (self._side_load_mps2 or 0.0), most)
         # The cost is linear in its weights, so a mean of two is a problem of the same kind.
         near = packed(config.near, least_slew)
         sideways = _ramp(abs(moves[1]), SIDEWAYS_MPS)
@@ -283,16 +287,6 @@ def _ramp(value: float, limits: tuple[float, float]) -> float:
     """0 up to the first limit, 1 from the second, linear between."""
     low, high = limits
     return min(max((value - low) / (high - low), 0.0), 1.0)
-
-
-def shift_matrix(times_s: Array, elapsed_s: float) -> Array:
-    """S (stages, stages) with S @ plan = the plan seen elapsed_s later: means over the moved grid, the end held."""
-    begin, end = times_s[:-1], times_s[1:].copy()
-    end[-1] = math.inf
-    moved_begin, moved_end = times_s[:-1] + elapsed_s, times_s[1:] + elapsed_s
-    overlap = np.minimum(moved_end[:, None], end[None, :]) - np.maximum(moved_begin[:, None], begin[None, :])
-    matrix: Array = np.maximum(overlap, 0.0) / np.diff(times_s)[:, None]
-    return matrix
 
 
 def build(settings: MpcConfig, config: Config, model: Dynamics) -> StationMpc:

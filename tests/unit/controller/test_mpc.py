@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from asvhil.backseat.build import build_model
 from asvhil.config import MpcConfig, MpcWeights, load_config
 from asvhil.controller.solvers.choice import choose_solver
 from asvhil.controller.solvers.motor_limits import MotorLimits
@@ -259,10 +260,23 @@ def test_a_cap_and_the_pause_of_a_reversal_are_bounds_of_the_plan():
     assert problem.bounds(p)[1].tolist() == [[0.5, 0.0], [0.5, 0.0], [0.5, 0.5]]
 
 
-@pytest.mark.parametrize(("effort", "slew"), [("precise", 2.0), ("normal", 3.0), ("gentle", 20.0)])
-def test_the_effort_is_the_least_slew_weight_by_the_side_load(effort, slew):
-    """At the station with 0.02 m/s^2 of disturbance across its heading: all weight is on the near set."""
-    mpc = StationMpc(MODEL, MpcConfig(effort=effort, near=MpcWeights(slew=2.0)), 0.2)
+@pytest.mark.parametrize(
+    ("controller", "effort", "slew"),
+    [
+        ("sd-mpc", "precise", 2.0),
+        ("sd-mpc", "normal", 3.0),
+        ("sd-mpc", "gentle", 80.0),
+        ("nnsem-mpc", "normal", 3.0),
+        ("nnsem-mpc", "gentle", 20.0),
+    ],
+)
+def test_the_effort_is_the_least_slew_weight_by_the_side_load(controller, effort, slew):
+    """At the station with 0.02 m/s^2 of disturbance across its heading: all weight is on the near set.
+
+    The input of SD is thrust, that of NNSEM is the command.
+    """
+    model = build_model(load_config("sitl", (f"controller.name={controller}",)))
+    mpc = StationMpc(model, MpcConfig(effort=effort, near=MpcWeights(slew=2.0)), 0.2)
     packed = []
     pack = mpc._problem.pack
     mpc._problem.pack = lambda *given: packed.append(pack(*given)) or packed[-1]

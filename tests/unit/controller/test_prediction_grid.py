@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from asvhil.config import MpcConfig, MpcWeights
+from asvhil.controller.plan_shift import shift_matrix
 from asvhil.controller.solvers.problem import StationProblem
-from asvhil.controller.station_mpc import shift_matrix
 from asvhil.dynamics.integrate import advance, integrate, substeps
 from tests.support.mpc_bench import GRID_S, MODEL, TanhModel
 
