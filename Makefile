@@ -88,14 +88,15 @@ firmware-sim: firmware
 	@$(MAKE) -s -C tests/firmware/host
 
 # Without the tools of the firmware and of the page their tests are skipped, and say so; where CI is set they fail.
-# Meanwhile the tests are compiled, once, before the four processes that need them would all do so.
+# Meanwhile the tests are compiled, once, before the processes that need them would all do so.
 # Tests in virtual time share all cores, and give way to those in real time, which run beside them, three at a time: they
 # mostly wait. Only the files that have some are read for these.
 REAL_TIME := grep -rl --include='test_*.py' 'mark.real_time' tests
 unit: $(STAMPS)/test $(STAMPS)/peer $(STAMPS)/mavproxy
-	@$(BIN)/pytest -q --collect-only > /dev/null 2>&1 & compiling=$$!; \
+	@$(BIN)/pytest -q --collect-only tests/unit > /dev/null 2>&1 & units=$$!; \
+	$(BIN)/pytest -q --collect-only --ignore=tests/unit > /dev/null 2>&1 & others=$$!; \
 	tools=0; $(MAKE) -s firmware-sim || tools=1; tests/page/install-tools.sh || tools=1; \
-	wait $$compiling; test $$tools -eq 0 -o -z "$$CI"
+	wait $$units $$others; test $$tools -eq 0 -o -z "$$CI"
 	@$(BIN)/pytest -q -n 3 --dist worksteal -m "real_time and not thorough" $$($(REAL_TIME)) > $(VENV)/real-time.txt 2>&1 & beside=$$!; \
 	nice -n 5 $(BIN)/pytest -q -n auto --maxprocesses 4 --dist worksteal -m "not real_time and not thorough"; ahead=$$?; \
 	echo "beside these, in real time:"; \

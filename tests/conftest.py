@@ -23,10 +23,11 @@ os.environ.setdefault(SWITCH, f"{tempfile.gettempdir()}/asvhil-tests-{os.getuid(
 # Tests send these to what they start, which would inherit that a shell in the background, or nohup, ignores them.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 signal.signal(signal.SIGHUP, signal.SIG_DFL)
-LOOPS = {"hil", "loop", "page", "replay"}  # folders of tests that run long enough for machine code to pay
+# Folders of tests that run long enough for machine code to pay.
+LOOPS = {"hil", "loop", "page", "replay", "study", "train"}
 
 # Neither what an example takes nor how fast examples are drawn may decide a test: a busy machine is slow at both.
-settings.register_profile("any load", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.register_profile("any load", deadline=None, suppress_health_check=[HealthCheck.too_slow], max_examples=40)
 settings.load_profile("any load")
 
 

@@ -66,6 +66,7 @@ def test_starts_are_the_same_for_the_same_seed():
     assert draw_starts(2, 5) == draw_starts(3, 5)[:2]
 
 
+@pytest.mark.thorough
 def test_the_study_counts_what_was_lost_and_is_taken_up_again(tmp_path):
     """Two runs whose motors are too weak to get anywhere are lost, and told one by one."""
     weak = ("vehicle.vessel.thrust_curve=[[-1.0, -1.0], [0.0, 0.0], [1.0, 1.0]]", "controller.on_other_hull=use")

@@ -11,6 +11,7 @@ from asvhil.logs.opening import open_recorder
 from asvhil.logs.replay import replay
 from asvhil.simplant.lockstep import Lockstep
 from asvhil.types import Phase
+from tests.support.loop import PLAIN_CONTROLLER
 
 
 def test_a_boat_that_is_carried_out_is_let_go_and_the_log_replays(tmp_path: Path) -> None:
@@ -20,6 +21,7 @@ def test_a_boat_that_is_carried_out_is_let_go_and_the_log_replays(tmp_path: Path
     frame = LocalFrame(lat_deg=station.lat_deg, lon_deg=station.lon_deg)
     corners = [frame.to_geodetic(n, e) for n, e in ((-30.0, -30.0), (-30.0, 5.0), (30.0, 5.0), (30.0, -30.0))]
     keys = (
+        PLAIN_CONTROLLER,
         f"supervisor.geofence={json.dumps(corners)}",
         *("plant.start_n_m=15", "plant.start_e_m=-12"),
         *("plant.weather.current.speed_mps=2.5", "plant.weather.current.toward_deg=90"),

@@ -19,6 +19,7 @@ from asvhil.supervisor.reasons import Reason
 from asvhil.types import Frame, Inputs, Outputs, Phase
 from tests.support.copies import on_a_copy
 from tests.support.loop import PLAIN_CONTROLLER, STATION_DEG, GroundStationLoop
+from tests.support.parts import one_in
 
 MOMENTS = [20, pytest.param(200, marks=pytest.mark.thorough)]  # of all ways together
 MANUAL, HOLD = 0, 4
@@ -192,7 +193,7 @@ def move_a_stick(loop: PilotLoop, link: str, chance: random.Random) -> None:
 
 
 @pytest.mark.parametrize("link", LINKS)
-@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.parametrize("way", one_in(3, WAYS))
 def test_sticks_that_rest_a_little_off_centre_do_not_end_it(way: str, link: str) -> None:
     chance = random.Random(f"rest {way} {link}")
     loop = ready(way)
@@ -234,7 +235,7 @@ def test_who_the_autopilot_would_not_obey_does_not_end_it(way: str, link: str) -
 
 @pytest.mark.parametrize(("high", "system", "ends"), [(255, 255, True), (255, 254, True), (255, 253, False),
                                                       (0, 254, True), (0, 255, False)])  # fmt: skip
-@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.parametrize("way", one_in(3, WAYS))
 def test_since_4_7_a_range_of_stations_has_the_boat(way: str, high: int, system: int, ends: bool) -> None:
     parameters = f"{{FS_THR_ENABLE: 0, SCR_ENABLE: 1, MAV_GCS_SYSID_HI: {high}}}"
     firmware = ("plant.frontseat.firmware='4.7'", f"plant.frontseat.parameters={parameters}")
@@ -250,7 +251,7 @@ def test_since_4_7_a_range_of_stations_has_the_boat(way: str, high: int, system:
             break
 
 
-@pytest.mark.parametrize("way", ["rc_override", "manual_control"])
+@pytest.mark.parametrize("way", one_in(2, ["rc_override", "manual_control"]))
 @pytest.mark.parametrize("end", ["release", "mode", "disarmed", "shutdown", "crash"])
 def test_without_a_receiver_the_motors_do_not_run_on_after_a_hold(way: str, end: str) -> None:
     """On an ArduRover the last override stands after its release: it has to be neutral by then."""

@@ -156,6 +156,7 @@ def test_the_mode_is_taken_and_given_back(by: str) -> None:
     assert rover.rover.mode == 4 and loop.outputs.phase is Phase.STANDBY
 
 
+@pytest.mark.thorough
 def test_the_heading_follows_the_weather_once_an_operator_wants_it() -> None:
     """By the parameter, while a station is held across the wind; the boat turns to it, and is nearer than before."""
     keys = ("plant.weather.wind.speed_mps=6", "plant.weather.wind.toward_deg=90", "plant.sensors.gnss.slow_bias_m=0")

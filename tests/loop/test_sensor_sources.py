@@ -133,7 +133,7 @@ def test_a_station_is_kept_by_an_nmea_receiver_and_a_magnetic_compass() -> None:
     assert dict(outputs.health.counters)["gnss.bad"] == 0
 
 
-@pytest.mark.parametrize("overrides", [(), NMEA])
+@pytest.mark.parametrize("overrides", [pytest.param((), marks=pytest.mark.thorough), NMEA])
 def test_a_run_on_these_sensors_replays_to_the_byte(tmp_path: Path, overrides: tuple[str, ...]) -> None:
     fault = "plant.faults=[{kind: ins, from_s: 8, until_s: 10}, {kind: nmea, from_s: 12, until_s: 12.5}]"
     run_lockstep(config(fault, *overrides), tmp_path / "log.mcap", 20.0)

@@ -65,6 +65,7 @@ def outputs(*overrides: str, seconds: float) -> list[Outputs]:
     ],
     ids=["along", "across"],
 )
+@pytest.mark.thorough
 def test_in_calm_water_nothing_changes(keys: tuple[str, ...]) -> None:
     assert outputs(*keys, seconds=30.0) == outputs(*keys, "estimator.waves.mode=off", seconds=30.0)
 

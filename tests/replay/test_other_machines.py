@@ -112,6 +112,7 @@ def test_a_log_of_plain_loops_in_waves_replays_to_the_byte(tmp_path: Path) -> No
     assert result.mismatch is None and result.compared == 503
 
 
+@pytest.mark.thorough
 def test_a_processor_without_fma_follows_the_record(log: Path, without_fma: dict[str, str], tmp_path: Path) -> None:
     code = "from asvhil.commands.cli import main; main()"
     out = python(code, "replay", str(log), "--json", str(tmp_path / "out.json"), **without_fma)

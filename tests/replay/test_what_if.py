@@ -39,6 +39,7 @@ def test_another_controller_asks_for_other_commands_of_the_same_boat(run_logs: R
     assert picture.read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.thorough
 def test_another_filter_sees_another_way(run_logs: Runs) -> None:
     """A filter that takes the receiver at its word is moved about by it."""
     found = replay_what_if(

@@ -12,7 +12,7 @@ from asvhil.logs.opening import open_recorder
 from asvhil.operator.encoding import encode_release
 from asvhil.sitl import run_lockstep
 from asvhil.types import Frame, Phase
-from tests.support.loop import STATION_DEG, GroundStationLoop
+from tests.support.loop import PLAIN_CONTROLLER, STATION_DEG, GroundStationLoop
 
 
 class _Deafened(GroundStationLoop):
@@ -46,7 +46,7 @@ def record_procedure(log: Path) -> None:
 
 def record_two_holds(log: Path) -> None:
     """A hold that a fail-safe ends and a second one, in which the station is moved, until the operator's release."""
-    config = load_config("sitl", ("supervisor.engage=command", "plant.weather.wind.toward_deg=60"))
+    config = load_config("sitl", (PLAIN_CONTROLLER, "supervisor.engage=command", "plant.weather.wind.toward_deg=60"))
     recorder = open_recorder(config, log, "lockstep", threaded=False)
     loop = _Deafened(config, recorder)
     loop.wait(6.0)

@@ -100,6 +100,7 @@ def test_a_browser_shows_it_and_asks_nobody(page: Path, tmp_path: Path) -> None:
     assert np.count_nonzero(red) > 300, "the fail-safe stands in red, and the figures are there"
 
 
+@pytest.mark.thorough
 def test_two_logs_side_by_side(
     run_logs: Runs, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -100,6 +100,7 @@ def test_the_patterns_put_every_coefficient_off_by_thirty_percent():
     assert set(COEFFICIENTS) == set(type(VESSEL).model_fields) - {"motor_arm_m", "motor_lag_s", "coupling"}
 
 
+@pytest.mark.thorough
 def test_robustness_in_short(tmp_path):
     keys = {"rows": ["5"], "seeds": (1,), "window_s": (5.0, 6.0)}
     main, run = ("controller.name=nnsem-mpc",), run_into(tmp_path / "trials.jsonl", workers=0)

@@ -98,6 +98,7 @@ def test_recovery_is_when_it_stays_good() -> None:
     assert abrupt.recovery_s(np.zeros(300, dtype=bool), hz) is None
 
 
+@pytest.mark.thorough
 def test_a_jump_moves_the_raw_estimate_by_its_size_and_it_comes_back() -> None:
     keys = (
         "estimator.kind=raw",
