@@ -142,6 +142,7 @@ def test_size(elf: Path) -> None:
     assert 5.0 < flash < 60.0 and 5.0 < ram < 50.0
 
 
+@pytest.mark.thorough
 def test_a_clean_tree_builds_in_one_go(tmp_path: Path) -> None:
     copy = tmp_path / "firmware"
     shutil.copytree(FIRMWARE, copy, ignore=shutil.ignore_patterns("build"))

@@ -24,6 +24,7 @@ def test_two_swapped_levels_are_caught(tmp_path: Path) -> None:
     assert [wrong.partition(":")[0] for wrong in wrong_directions(elf)] == ["67.5", "90.0"]
 
 
+@pytest.mark.thorough
 def test_no_debouncing_is_caught(tmp_path: Path) -> None:
     elf = mutated(tmp_path, "config.h", ("debounce_open_us = 2000;", "debounce_open_us = 0;"))
     assert wrong_speeds(elf, (6.0,)) == []  # a clean contact hides it
@@ -40,6 +41,7 @@ def test_a_dead_time_instead_of_a_rest_is_caught(tmp_path: Path) -> None:
     assert wrong_speeds(elf, (6.0,), "4 150") != []
 
 
+@pytest.mark.thorough
 def test_a_mean_that_forgets_the_quarter_turn_is_caught(tmp_path: Path) -> None:
     elf = mutated(tmp_path, "vane.cpp", ("sum.y += COS[quarter_back(position)];", "sum.y += COS[position];"))
     assert len(wrong_directions(elf)) >= 12

@@ -78,6 +78,7 @@ def test_a_campaign_leaves_table_summary_figure_and_a_log_that_replays(whole):
     assert done.returncode == 0, done.stdout + done.stderr
 
 
+@pytest.mark.thorough
 def test_a_campaign_that_is_killed_twice_ends_like_one_that_was_not(whole):
     store = whole / "cut" / "winds.jsonl"
     for least in (1, 3):
@@ -158,6 +159,7 @@ def test_a_search_that_is_killed_goes_on_to_the_same_bits(tmp_path):
     assert lines(store) == lines(tmp_path / "whole" / "tune.jsonl") == 11 + 1 + 2
 
 
+@pytest.mark.thorough
 def test_tuning_tells_both_sets_of_winds_and_leaves_the_search(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(tuning, "TRAINING", WindSet(winds=((4.0, 30.0), (5.0, 60.0)), seeds=(1,)))
     monkeypatch.setattr(tuning, "HELD_OUT", WindSet(winds=((3.0, 20.0), (3.0, 40.0)), seeds=(2,)))

@@ -137,7 +137,13 @@ def end(run: Run) -> tuple[int, str]:
         pytest.param(
             terminal_that_nobody_reads, 0, "", "display: takes nothing for more than 2 s", marks=pytest.mark.thorough
         ),
-        (terminal_that_hangs_up, 2, "asvhil: standard output: Input/output error\n", "terminal: hung up"),
+        pytest.param(
+            terminal_that_hangs_up,
+            2,
+            "asvhil: standard output: Input/output error\n",
+            "terminal: hung up",
+            marks=pytest.mark.thorough,
+        ),
         pytest.param(suspended, 0, "", "", marks=pytest.mark.thorough),
     ],
 )

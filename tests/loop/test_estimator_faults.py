@@ -27,7 +27,7 @@ def abrupt(base: str, kind: str, duration_s: float, *overrides: str) -> dict[str
         pytest.param("sitl-bream", "anemometer-stuck", 12.0, "anemometer", marks=pytest.mark.thorough),
         pytest.param("sitl-vn300", "gnss-jump", 5.0, "gnss position", marks=pytest.mark.thorough),
         pytest.param("sitl-vn300", "heading-jump", 5.0, "compass", marks=pytest.mark.thorough),
-        ("sitl-vn300", "gnss-frozen", 10.0, "gnss position"),
+        pytest.param("sitl-vn300", "gnss-frozen", 10.0, "gnss position", marks=pytest.mark.thorough),
     ],
 )
 def test_the_estimate_stays_where_the_boat_is_and_the_note_names_the_sensor(

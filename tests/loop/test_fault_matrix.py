@@ -1,6 +1,6 @@
 """The fault matrix: what breaks, on the approach, settled, and across the wind, and what is promised for it.
 
-One of each fault's three runs is made, of every fourth one it is replayed through the fault, bit by bit; the two others
+One of each fault's three runs is made, of every eighth one it is replayed through the fault, bit by bit; the two others
 of each, and the other replays, are thorough tests. A boat is
 brought to where a fault begins once, with a log; each fault is broken in on a copy of it, and a copy of the backseat is
 given what the log has of that.
@@ -35,7 +35,7 @@ def cases() -> Iterator[ParameterSet]:
             name = f"{fault.name}-{phase}"
             if number % len(PHASES) != at:
                 yield pytest.param(fault, phase, False, marks=pytest.mark.thorough, id=name)
-            elif number % 4 == 0:
+            elif number % 8 == 0:
                 yield pytest.param(fault, phase, True, id=name)
             else:
                 yield pytest.param(fault, phase, False, id=name)

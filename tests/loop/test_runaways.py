@@ -15,6 +15,7 @@ from asvhil.study.safety import judge
 from asvhil.study.safety_cases import CHOP, FAULTS, start_keys, wind_keys
 from asvhil.study.trials.safety import run_hold
 from asvhil.types import Phase
+from tests.support.parts import one_in
 
 HELD = (*wind_keys(4.0, 120.0, 5), *start_keys(5.0, 200.0))
 
@@ -22,7 +23,10 @@ HELD = (*wind_keys(4.0, 120.0, 5), *start_keys(5.0, 200.0))
 @pytest.mark.parametrize("base", ["sitl", "sitl-bream"])
 @pytest.mark.parametrize(
     "name",
-    ["both motors reversed", "motors swapped", "port motor reversed", "compass off by 180°", "compass off by 90°"],
+    one_in(
+        2,
+        ["both motors reversed", "motors swapped", "port motor reversed", "compass off by 90°", "compass off by 180°"],
+    ),
 )
 def test_a_runaway_is_ended_before_it_is_far(base: str, name: str) -> None:
     fault = FAULTS[name]

@@ -40,7 +40,7 @@ class SlowPlant(GroundStationLoop):
 @pytest.mark.parametrize(
     ("from_s", "until_s", "pace", "config"),
     [
-        (13.0, 18.0, 0.6, "sitl"),
+        pytest.param(13.0, 18.0, 0.6, "sitl", marks=pytest.mark.thorough),
         (15.0, 16.5, 0.05, "sitl-px4"),
         *(
             pytest.param(*cell, marks=pytest.mark.thorough)

@@ -152,6 +152,7 @@ def test_an_interrupted_study_ends_in_the_same_figures(flat: Path, tmp_path: Pat
         assert all(np.array_equal(a.weights[name], b.weights[name]) for name in a.weights)
 
 
+@pytest.mark.thorough
 def test_the_row_at_nnsems_time_needs_nnsem_whichever_run_trained_it(flat: Path, tmp_path: Path) -> None:
     assert list(study(flat, tmp_path, "node")) == ["node", "hold the initial value"]
     study(flat, tmp_path, "nnsem")
