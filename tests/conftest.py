@@ -27,7 +27,7 @@ signal.signal(signal.SIGHUP, signal.SIG_DFL)
 LOOPS = {"hil", "loop", "page", "replay", "study", "train"}
 
 # Neither what an example takes nor how fast examples are drawn may decide a test: a busy machine is slow at both.
-settings.register_profile("any load", deadline=None, suppress_health_check=[HealthCheck.too_slow], max_examples=40)
+settings.register_profile("any load", deadline=None, suppress_health_check=[HealthCheck.too_slow], max_examples=30)
 settings.load_profile("any load")
 
 

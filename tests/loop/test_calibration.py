@@ -29,6 +29,7 @@ def turns(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
+@pytest.mark.thorough
 def test_the_deviation_of_the_compass_and_the_turn_of_the_vane_are_found(turns: Path, tmp_path: Path) -> None:
     written, figures = tmp_path / "boat.yaml", tmp_path / "figures.json"
     (tmp_path / "base.yaml").write_text(json.dumps(load_config("sitl-bream").model_dump(mode="json")))

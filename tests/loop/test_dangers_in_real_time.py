@@ -220,7 +220,11 @@ def test_a_danger_ends_the_hold_in_its_time_with_the_motors_neutral(group: str, 
 @pytest.mark.parametrize(
     ("row", "faults"),
     [
-        ("both motors reversed", "{kind: port-motor-reversed}, {kind: starboard-motor-reversed}"),
+        pytest.param(
+            "both motors reversed",
+            "{kind: port-motor-reversed}, {kind: starboard-motor-reversed}",
+            marks=pytest.mark.thorough,
+        ),
         ("compass off by 45 degrees or more", "{kind: compass-turned, size: 180}"),
     ],
 )

@@ -12,6 +12,7 @@ from asvhil.types import Frame, Outputs, Phase
 from tests.loop.test_ground_station_pilot import PilotLoop
 from tests.loop.test_ways_to_the_motors import NEUTRAL, WAYS, SeveredLoop, config, driven
 from tests.support.copies import on_a_copy
+from tests.support.parts import one_in
 
 STEP_NS = 50_000_000
 
@@ -52,7 +53,9 @@ def driven_without_receiver(way: str) -> PilotLoop:
 
 
 @pytest.mark.parametrize("way", ["rc_override", "manual_control", "script"])
-@pytest.mark.parametrize("lost", [(), (0,), (0, 1), (3,), (4, 5)])
+@pytest.mark.parametrize(
+    "lost", [(0, 1), *(pytest.param(lost, marks=pytest.mark.thorough) for lost in ((), (0,), (3,), (4, 5)))]
+)
 def test_without_a_receiver_the_motors_do_not_run_on(way: str, lost: tuple[int, ...]) -> None:
     """Neutral goes alone, long before the release, with which it would have no effect; some of it may get lost."""
     loop = driven_without_receiver(way)
@@ -96,7 +99,7 @@ def test_a_pilot_who_takes_the_motors_gets_no_neutral_from_the_dead() -> None:
     assert 0 < len(loop.backseat.last_words(loop.t_ns)) < neutral_and_release
 
 
-@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.parametrize("way", one_in(2, WAYS))
 def test_making_them_up_changes_nothing(way: str, tmp_path: Path) -> None:
     def outputs_of(*, asked: bool) -> list[bytes]:
         loop, found = SeveredLoop(config(way)), list[Outputs]()

@@ -195,7 +195,11 @@ def test_engage_auto_waits_for_the_mistake_to_be_mended_and_never_arms() -> None
 # --- the pilot is never taken for a fault, nor a fault for him ------------------------------------------------
 
 
-@pytest.mark.parametrize("lost", [(), NO_ANSWER, BLIND], ids=["all", "no PARAM_VALUE", "nor RC_CHANNELS"])
+@pytest.mark.parametrize(
+    "lost",
+    [(), pytest.param(NO_ANSWER, marks=pytest.mark.thorough), BLIND],
+    ids=["all", "no PARAM_VALUE", "nor RC_CHANNELS"],
+)
 @pytest.mark.parametrize(
     ("act", "why"), [("mode", explain(Reason.MODE_CHANGED, mode="HOLD")), ("disarm", explain(Reason.DISARMED))]
 )

@@ -36,7 +36,7 @@ def assert_same(own: Any, other: Any, where: str, leave_out: tuple[str, ...] = (
     return 0
 
 
-@pytest.mark.parametrize("name", ["two_holds", "bream", "procedure"])
+@pytest.mark.parametrize("name", ["two_holds", "bream", pytest.param("procedure", marks=pytest.mark.thorough)])
 def test_an_independent_script_has_the_same_figures(name: str, run_logs: Callable[[str], Path]) -> None:
     log = run_logs(name)
     other = independent(log)

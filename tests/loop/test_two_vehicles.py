@@ -147,7 +147,7 @@ class SecondWay:
 @pytest.mark.parametrize(
     "way",
     [
-        SecondWay(0.0),
+        pytest.param(SecondWay(0.0), marks=pytest.mark.thorough),
         pytest.param(SecondWay(0.3), marks=pytest.mark.thorough),
         SecondWay(1.4, lost=5),
         pytest.param(SecondWay(3.0), marks=pytest.mark.thorough),

@@ -130,7 +130,7 @@ def test_without_descent_the_search_ends(monkeypatch):
     ("state", "near"),
     [
         ("start of the six tests", False),
-        ("abeam", True),
+        pytest.param("abeam", True, marks=pytest.mark.thorough),
         ("on station", True),
         *(
             pytest.param(state, near, marks=pytest.mark.thorough)

@@ -18,6 +18,7 @@ from asvhil.dynamics.weights import load_model, read_model
 from asvhil.types import Estimate, Station, Wind
 from tests.support.dual import jacobian
 from tests.support.model_samples import HALF, KINDS, points, sample
+from tests.support.parts import one_in
 from tests.support.paths import ROOT
 
 COUNT = 400
@@ -63,7 +64,7 @@ def casadi_function(name: str) -> ca.Function:
     return ca.Function("f", [x, a, wind], [x_dot, ca.densify(jacobian)], {"cse": True})
 
 
-@every_model
+@pytest.mark.parametrize("name", one_in(2, MODELS))
 def test_numpy_and_casadi_agree_in_value_and_jacobian(name: str) -> None:
     model, function = MODELS[name], casadi_function(name)
     x, a, wind = inputs(name, COUNT, seed=2)

@@ -48,7 +48,13 @@ BOATS: dict[str, tuple[str, ...]] = {
 }
 
 
-@pytest.fixture(scope="module", params=BOATS)
+MORE_OF_THE_SHIPPED = ("sitl", "sitl-vn300")
+
+
+@pytest.fixture(
+    scope="module",
+    params=[pytest.param(boat, marks=[pytest.mark.thorough] * (boat in MORE_OF_THE_SHIPPED)) for boat in BOATS],
+)
 def run(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[Measurement]]:
     """The log of a run in 2 m/s of wind toward east, and what the backseat measured meanwhile.
 
