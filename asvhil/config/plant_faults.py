@@ -19,6 +19,7 @@ DEFAULT_SIZE = {
     "starboard-motor-weak": 0.3,
     "battery": 10.5,
 }
+MOST_TOLD_V = 65.5  # SYS_STATUS has 16 bits of millivolts, of which the highest means unknown
 OF_ONE_DEVICE = frozenset(
     {
         *("gnss-jump", "gnss-frozen", "gnss-silent", "imu-silent"),
@@ -95,6 +96,8 @@ class FaultConfig(Section):
             raise ValueError(f"only {', '.join(DEFAULT_SIZE)} have a size, {self.kind} has none")
         if self.kind.endswith("-weak") and not 0.0 <= self.magnitude <= 1.0:
             raise ValueError(f"the size of {self.kind} is a share of the thrust, between 0 and 1")
+        if self.kind == "battery" and not 0.0 < self.magnitude < MOST_TOLD_V:
+            raise ValueError(f"the size of battery is a voltage above 0 and below {MOST_TOLD_V:g} V")
         if self.device is not None and self.kind not in OF_ONE_DEVICE:
             raise ValueError(f"a device can be named for {', '.join(sorted(OF_ONE_DEVICE))}, not for {self.kind}")
         return self

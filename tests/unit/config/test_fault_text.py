@@ -37,6 +37,9 @@ def test_what_is_understood(text: str, fault: FaultConfig) -> None:
         ("gnss-jump@-1", "greater than or equal to 0"),
         ("gnss-silent@60:5m", "have a size, gnss-silent has none"),
         ("port-motor-weak@60:7", "a share of the thrust, between 0 and 1"),
+        ("battery@60:0V", "a voltage above 0 and below 65.5 V"),
+        ("battery@60:-1", "a voltage above 0 and below 65.5 V"),
+        ("battery@60:70V", "a voltage above 0 and below 65.5 V"),
     ],
 )
 def test_what_is_not_is_told_in_one_line(text: str, words: str) -> None:
