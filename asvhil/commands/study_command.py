@@ -34,6 +34,12 @@ SchedulerOption = Annotated[
         metavar="ADDRESS", help="A Dask scheduler, as tcp://HOST:8786; its workers run in place of processes."
     ),
 ]
+ConfirmOption = Annotated[
+    int,
+    typer.Option(
+        min=0, help="So many of the stored runs that other code made are run again, to see whether they change."
+    ),
+]
 QuickOption = Annotated[bool, typer.Option("--quick", help="A short run of every part, to see that it works.")]
 
 Figures = dict[str, Any]
@@ -74,18 +80,22 @@ def study_command(prepare: Callable[..., Study]) -> Callable[..., None]:
         for note in study.notes:
             say(console, note)
         check_output(output, study.stem, json_)
-        outdated = 0
+        outdated = again = changed = 0
         with watching(console, study.title, resumes=study.resumes) as tell:
 
             def counted(progress: StudyProgress) -> None:
-                nonlocal outdated
+                nonlocal outdated, again, changed
                 outdated += progress.outdated
+                again += progress.again
+                changed += progress.changed
                 tell(progress)
 
             figures = study.figures(counted)
-        mark = "" if study.made_of is None else mark_of(study.made_of, outdated)
+        mark = "" if study.made_of is None else mark_of(study.made_of, outdated, again, changed)
         draw = None if study.draw is None else functools.partial(study.draw, figures)
         finish(console, output, study.stem, figures, study.text, json_, draw, mark)
+        if again:
+            say(console, f"{again} runs of older code were run again: {changed} came out otherwise")
         failure = study.failure(figures)
         if failure is not None:
             raise failure

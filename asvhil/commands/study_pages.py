@@ -14,6 +14,7 @@ from asvhil.errors import AsvhilError
 SHIPPED = Path(__file__).resolve().parents[2] / "docs" / "results"
 MEANINGS = {
     "fresh": "made by the present code, configs and models",
+    "confirmed": "of older code, and enough of its runs came out the same when the present code ran them again",
     "older": "than what decides it, which has changed since",
     "unmarked": "made by a command that did not yet say by which code",
     "by people": "as a whole; nothing tells whether it still holds",
@@ -24,7 +25,7 @@ def pages(
     folder: Annotated[Path, typer.Argument(help="Folder of pages; the project's own by default.")] = SHIPPED,
     json_: JsonOption = None,
 ) -> None:
-    """List pages of results: fresh, older than what decides them (and what changed), or written by people."""
+    """List pages of results: fresh, confirmed, older than what decides them (what changed), or written by people."""
     from rich.console import Console
     from rich.table import Table
 

@@ -12,6 +12,7 @@ from asvhil.commands.options import SetOption
 from asvhil.commands.study_command import (
     RUNS,
     ConfigOption,
+    ConfirmOption,
     ModelsOption,
     OutOption,
     QuickOption,
@@ -44,6 +45,7 @@ def six_tests(
     ] = None,
     config: ConfigOption = "sitl",
     workers: WorkersOption = None,
+    confirm: ConfirmOption = 0,
     quick: QuickOption = False,
     set_: SetOption = [],  # noqa: B006
 ) -> Study:
@@ -67,7 +69,7 @@ def six_tests(
 
     def figures(tell: Tell) -> dict[str, Any]:
         found = study_six_tests(
-            run_into(output / "trials.jsonl", workers=workers, tell=tell),
+            run_into(output / "trials.jsonl", workers=workers, tell=tell, confirm=confirm),
             controllers=chosen,
             rows=rows,
             seeds=range(1, 2 if quick or not noise else seeds + 1),
@@ -98,6 +100,7 @@ def approach(
     runs: Annotated[int, typer.Option(min=1, help="Random starts.")] = 100,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the starts.")] = 1,
     workers: WorkersOption = None,
+    confirm: ConfirmOption = 0,
     quick: QuickOption = False,
     set_: SetOption = [],  # noqa: B006
 ) -> Study:
@@ -112,7 +115,7 @@ def approach(
 
     def figures(tell: Tell) -> dict[str, Any]:
         found, outcomes[:] = study_approach(
-            run_into(output / "approach.jsonl", workers=workers, tell=tell),
+            run_into(output / "approach.jsonl", workers=workers, tell=tell, confirm=confirm),
             min(runs, 4) if quick else runs,
             seed,
             overrides=tuple(set_),
@@ -138,6 +141,7 @@ def robustness(
     models: ModelsOption = None,
     config: ConfigOption = "sitl",
     workers: WorkersOption = None,
+    confirm: ConfirmOption = 0,
     quick: QuickOption = False,
     set_: SetOption = [],  # noqa: B006
 ) -> Study:
@@ -153,7 +157,7 @@ def robustness(
 
     def figures(tell: Tell) -> dict[str, Any]:
         return study_robustness(
-            run_into(output / "trials.jsonl", workers=workers, tell=tell),
+            run_into(output / "trials.jsonl", workers=workers, tell=tell, confirm=confirm),
             controller=controller,
             rows=rows,
             seeds=range(1, 2 if quick else seeds + 1),
@@ -184,6 +188,7 @@ def learned_loop(
     models: ModelsOption = None,
     config: ConfigOption = "sitl",
     workers: WorkersOption = None,
+    confirm: ConfirmOption = 0,
     quick: QuickOption = False,
     set_: SetOption = [],  # noqa: B006
 ) -> Study:
@@ -203,7 +208,7 @@ def learned_loop(
 
     def figures(tell: Tell) -> dict[str, Any]:
         return study_learned_loop(
-            run_into(output / "trials.jsonl", workers=workers, tell=tell),
+            run_into(output / "trials.jsonl", workers=workers, tell=tell, confirm=confirm),
             learned=learned,
             under=names,
             rows=rows,
@@ -233,6 +238,7 @@ def estimator(
     seeds: SeedsOption = 5,
     sensors: Annotated[list[str], typer.Option(help="One set of sensors by name; repeatable.")] = [],  # noqa: B006
     workers: WorkersOption = None,
+    confirm: ConfirmOption = 0,
     quick: QuickOption = False,
     set_: SetOption = [],  # noqa: B006
 ) -> Study:
@@ -248,7 +254,7 @@ def estimator(
     traces: dict[str, Any] = {}  # for the picture alone
 
     def figures(tell: Tell) -> dict[str, Any]:
-        run = run_into(output / "estimator.jsonl", workers=workers, tell=tell)
+        run = run_into(output / "estimator.jsonl", workers=workers, tell=tell, confirm=confirm)
         found = study_estimators(run, plan=plan, sets=sets, overrides=tuple(set_))
         traces["traces"] = found.pop("traces")
         return found
@@ -280,6 +286,7 @@ def safety(
     every: Annotated[int, typer.Option(min=1, help="One in so many of the holds alone.")] = 1,
     seconds: Annotated[float, typer.Option(min=1.0, help="Length of the healthy boats' holds (s).")] = 120.0,
     workers: WorkersOption = None,
+    confirm: ConfirmOption = 0,
     quick: QuickOption = False,
     set_: SetOption = [],  # noqa: B006
 ) -> Study:
@@ -295,7 +302,7 @@ def safety(
 
     def figures(tell: Tell) -> dict[str, Any]:
         return study_safety(
-            run_into(output / "safety.jsonl", workers=workers, tell=tell),
+            run_into(output / "safety.jsonl", workers=workers, tell=tell, confirm=confirm),
             part,
             faults=faults,
             with_healthy=healthy,
@@ -319,6 +326,7 @@ def field_tests(
     seeds: SeedsOption = 10,
     test: Annotated[list[str], typer.Option(help="One test by its name in the table; repeatable.")] = [],  # noqa: B006
     workers: WorkersOption = None,
+    confirm: ConfirmOption = 0,
     quick: QuickOption = False,
     set_: SetOption = [],  # noqa: B006
 ) -> Study:
@@ -334,7 +342,7 @@ def field_tests(
 
     def figures(tell: Tell) -> dict[str, Any]:
         found = study_field_tests(
-            run_into(output / "field-tests.jsonl", workers=workers, tell=tell),
+            run_into(output / "field-tests.jsonl", workers=workers, tell=tell, confirm=confirm),
             names=names,
             seeds=range(1, 2 if quick else seeds + 1),
             duration_s=QUICK_S if quick else DURATION_S,

@@ -25,6 +25,7 @@ WITHOUT_SAY = frozenset(
     + [f"study/{name}.py" for name in ("__init__", "runner", "executors", "store", "page", "code_version", "made_of")]
 )
 BEGIN, END = "<!-- made of ", " -->"
+ENOUGH = 20  # runs that came out the same: were one in seven changed, a draw of 20 would miss it once in 20 times
 
 Digests = Mapping[str, str]
 
@@ -33,8 +34,9 @@ Digests = Mapping[str, str]
 class PageState:
     """A page and whether it is as its command would make it now.
 
-    `state` is "fresh"; "older", with the parts that have `changed`; "unmarked": made by a command that did not yet say
-    of what; or "by people", who wrote all of it. `code` is the digest of all parts.
+    `state` is "fresh"; "confirmed": its runs are of older code, and enough of them, drawn at random, were run again by
+    the present code and came out the same; "older", with the parts that have `changed`; "unmarked": made by a command
+    that did not yet say of what; or "by people", who wrote all of it. `code` is the digest of all parts.
     """
 
     page: str
@@ -69,12 +71,19 @@ def run_files(base: str, *choices: tuple[str, ...]) -> list[Path]:
     return files
 
 
-def mark_of(parts: Digests, runs_of_other_code: int = 0) -> str:
-    """The lines at the top of the figures that say what they were made of."""
-    others = f"; {runs_of_other_code} of its runs may be of other code" if runs_of_other_code else ""
-    tree = {"runs_of_other_code": runs_of_other_code, "parts": dict(parts)}
-    words = f"Made by code `{_whole(parts)}`{others}. `asvhil study pages` says whether that is still the code."
-    return f"{BEGIN}{json.dumps(tree)}{END}\n{words}\n\n"
+def mark_of(parts: Digests, runs_of_other_code: int = 0, again: int = 0, changed: int = 0) -> str:
+    """The lines at the top of the figures that say what they were made of.
+
+    `again` runs of other code were run again by this code, of which `changed` came out otherwise.
+    """
+    tree = {"runs_of_other_code": runs_of_other_code, "again": again, "changed": changed, "parts": dict(parts)}
+    words = f"Made by code `{_whole(parts)}`"
+    if runs_of_other_code:
+        words += f"; {runs_of_other_code} of its runs are of other code"
+    if again:
+        came = f"{changed} of them came out otherwise" if changed else "each came out the same, to the last digit"
+        words += f"; {again} that were of other code, drawn at random, were run again by this one: {came}"
+    return f"{BEGIN}{json.dumps(tree)}{END}\n{words}. `asvhil study pages` says whether that is still the code.\n\n"
 
 
 def state_of(page: Path, name: str) -> PageState:
@@ -88,12 +97,16 @@ def state_of(page: Path, name: str) -> PageState:
     try:
         tree = json.loads(mark.removeprefix(BEGIN).removesuffix(END))
         then, others = dict(tree["parts"]), int(tree["runs_of_other_code"])
+        again, differ = int(tree.get("again", 0)), int(tree.get("changed", 0))
     except (ValueError, KeyError, TypeError):
         return PageState(page=name, state="unmarked", changed=("its mark cannot be read",))
     changed = [part for part, digest in then.items() if _now(part) != digest]
-    if others:
+    if differ:
+        changed.append(f"{differ} of {again} runs of other code came out otherwise when run again")
+    elif others and again < ENOUGH:
         changed.append(f"{others} runs of other code")
-    return PageState(page=name, state="older" if changed else "fresh", changed=tuple(changed), code=_whole(then))
+    state = "older" if changed else "confirmed" if others else "fresh"
+    return PageState(page=name, state=state, changed=tuple(changed), code=_whole(then))
 
 
 def _whole(parts: Digests) -> str:

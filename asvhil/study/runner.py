@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import json
 import os
+import random
 import time
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import ExitStack, closing
 from pathlib import Path
+from typing import Any
 
 from asvhil.study.code_version import code_version
 from asvhil.study.executors import (
@@ -33,6 +36,7 @@ class StudyProgress:
 
     `note` is a remark on the store, given once at the start. `part` names the part of the study that is counted, if it
     is not the whole. `outdated`: how many stored runs, made by other code, are taken as they are; given once too.
+    `again` of these were run again, and came out the same but for `changed`; given once, at the end.
     """
 
     done: int
@@ -42,12 +46,15 @@ class StudyProgress:
     note: str = ""
     part: str = ""
     outdated: int = 0
+    again: int = 0
+    changed: int = 0
 
 
 @record
 class Finished:
     """Results in the order of the jobs, time of each group (s), and the number of runs made by other code.
 
+    `outdated` of them are taken as they are, `again` were run again by this code, and `changed` of those differ then.
     `errors` has by its key the error of each job that failed, whose result is empty; only isolated jobs fail so.
     `idle_s` is the mean time for which a process waited for its next run, None where that is not known; `elapsed_s` and
     `runs_now` are of this call alone.
@@ -57,6 +64,8 @@ class Finished:
     group_s: dict[str, float]
     processes: int
     outdated: int
+    again: int = 0
+    changed: int = 0
     errors: dict[str, str] = dataclasses.field(default_factory=dict)
     idle_s: float | None = None
     elapsed_s: float = 0.0
@@ -75,10 +84,18 @@ def run_into(
     scheduler: str | None = None,
     isolate: bool = False,
     retry: bool = False,
+    confirm: int = 0,
 ) -> Run:
     """`run_jobs` with one store, as a function that studies call."""
     return functools.partial(
-        run_jobs, store=store, workers=workers, tell=tell, scheduler=scheduler, isolate=isolate, retry=retry
+        run_jobs,
+        store=store,
+        workers=workers,
+        tell=tell,
+        scheduler=scheduler,
+        isolate=isolate,
+        retry=retry,
+        confirm=confirm,
     )
 
 
@@ -92,23 +109,30 @@ def run_jobs(
     scheduler: str | None = None,
     isolate: bool = False,
     retry: bool = False,
+    confirm: int = 0,
 ) -> Finished:
     """`function(*arguments)` for each job whose key the store does not hold yet; results must be JSON-able.
 
     Processes: `workers`, all cores where None, none but this one where 0; or the workers of the Dask cluster whose
     scheduler has the address `scheduler`. Results come back as JSON reads them, so that they do not depend on whether
     they were stored. With `isolate` an error is stored as what came of a job, and `retry` runs those again that had
-    one; else it is raised after ending the other processes. Raises AsvhilError where the store is damaged, cannot be
-    written or belongs to another study that is running, and where the cluster cannot be used.
+    one; else it is raised after ending the other processes. Of the stored runs that other code made, so many are drawn
+    at random and run again that `confirm` are known; what comes of them replaces what was stored. Raises AsvhilError
+    where the store is damaged, cannot be written or belongs to another study that is running, and where the cluster
+    cannot be used.
     """
     with ExitStack() as stack:
         kept = stack.enter_context(opened(store))
         missing = [job for job in _unique(jobs) if _is_missing(kept.runs.get(job.key), isolate, retry)]
+        older, told = _taken(jobs, kept.runs, {job.key for job in missing})
+        share = min(len(older), max(0, confirm - len(told)))
+        drawn = random.Random(code_version()).sample(older, share)
+        before = {job.key: kept.runs[job.key] for job in drawn}
+        outdated = len(older) - len(drawn)
+        missing += drawn
         client = stack.enter_context(connected(scheduler)) if scheduler is not None and missing else None
         processes = threads_of(client) if client else 1 if workers == 0 else workers or os.cpu_count() or 1
         tally = _Tally(jobs, kept.runs, {job.key for job in missing}, processes)
-        taken = [kept.runs[key] for key in {job.key for job in jobs} - {job.key for job in missing}]
-        outdated = sum(run.code != code_version() for run in taken)
         tell(dataclasses.replace(tally.progress(), note=kept.note, outdated=outdated))
         begin_s = time.monotonic()
         outcomes: Outcomes
@@ -123,8 +147,15 @@ def run_jobs(
                 run = StoredRun(
                     code=done.code, wall_s=done.wall_s, result=done.result, error=done.error, idle_s=done.idle_s
                 )
+                if job.key in before:
+                    same = _alike(before[job.key], run)
+                    told.append(same)
+                    run = dataclasses.replace(run, same=same)
                 tally.add(job, kept.add(job.key, run))
                 tell(tally.progress())
+        again, changed = len(told), told.count(False)
+        if again:
+            tell(dataclasses.replace(tally.progress(), again=again, changed=changed))
         elapsed_s = time.monotonic() - begin_s
     lines = {job.key: kept.runs[job.key] for job in jobs}
     waited = [line.idle_s for line in lines.values() if line.idle_s is not None]
@@ -133,6 +164,8 @@ def run_jobs(
         group_s=dict(tally.spent),
         processes=processes,
         outdated=outdated,
+        again=again,
+        changed=changed,
         errors={key: line.error for key, line in lines.items() if line.error},
         idle_s=sum(waited) / len(waited) if waited else None,
         elapsed_s=elapsed_s,
@@ -146,6 +179,32 @@ def _unique(jobs: Iterable[Job]) -> list[Job]:
 
 def _is_missing(run: StoredRun | None, isolate: bool, retry: bool) -> bool:
     return run is None or bool(run.error and (retry or not isolate))
+
+
+def _taken(jobs: Sequence[Job], runs: dict[str, StoredRun], missing: set[str]) -> tuple[list[Job], list[bool]]:
+    """Jobs whose stored run is of other code; and, of those of this code, what is known of runs that were of other."""
+    older, told = [], []
+    for job in _unique(jobs):
+        run = None if job.key in missing else runs[job.key]
+        if run is None:
+            continue
+        if run.code != code_version():
+            older.append(job)
+        elif run.same is not None:
+            told.append(run.same)
+    return older, told
+
+
+def _alike(stored: StoredRun, run: StoredRun) -> bool:
+    """Whether a run came out as what is stored, to the last digit, but for how long it took (`..._ms`)."""
+    result = json.loads(json.dumps(run.result))  # as it will be stored: tuples are lists, and keys texts
+    return stored.error == run.error and _without_times(stored.result) == _without_times(result)
+
+
+def _without_times(tree: Any) -> Any:
+    if isinstance(tree, dict):
+        return {name: _without_times(part) for name, part in tree.items() if not name.endswith("_ms")}
+    return [_without_times(part) for part in tree] if isinstance(tree, list) else tree
 
 
 class _Tally:

@@ -20,7 +20,8 @@ class StoredRun:
     """A run that is done: its result, or the error that it ended with, in one line.
 
     `wall_s` is the time of the run itself, `idle_s` that for which its process had waited for it since the run before;
-    None where it was the first of its process.
+    None where it was the first of its process. `same`: whether it came out as the run of other code that was stored
+    before; None where there was none.
     """
 
     code: str
@@ -28,6 +29,7 @@ class StoredRun:
     result: Result
     error: str = ""
     idle_s: float | None = None
+    same: bool | None = None
 
 
 class Store:
@@ -43,6 +45,8 @@ class Store:
         row: dict[str, Any] = {"key": key, "code": run.code, "wall_s": round(run.wall_s, 3)}
         if run.idle_s is not None:
             row["idle_s"] = round(run.idle_s, 5)
+        if run.same is not None:
+            row["same"] = run.same
         row |= {"error": run.error} if run.error else {"result": run.result}
         text = json.dumps(row)
         self._file.write(text + "\n")
@@ -105,5 +109,10 @@ def _run_of(row: dict[str, Any]) -> StoredRun:
     error = str(row.get("error", ""))
     result = {} if error else row["result"]
     return StoredRun(
-        code=row["code"], wall_s=float(row["wall_s"]), result=result, error=error, idle_s=row.get("idle_s")
+        code=row["code"],
+        wall_s=float(row["wall_s"]),
+        result=result,
+        error=error,
+        idle_s=row.get("idle_s"),
+        same=row.get("same"),
     )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import hashlib
+import json
 import math
 import os
 import tempfile
@@ -98,9 +99,16 @@ def run_trial(config: Config, from_s: float, to_s: float, recorder: Recorder | N
 
 
 def run_key(config: Config) -> str:
-    """Hashes of the config and of its model file: all that a run in lockstep depends on, except the code."""
+    """Hashes of the config and of its model file: all that a run in lockstep depends on, except the code.
+
+    Only what differs from the defaults counts, so that a key which is new in the code leaves the runs of before their
+    keys; a default that has another value is a change of the code.
+    """
+    tree = config.model_dump(mode="json", exclude_defaults=True)
+    tree["plugins"] = [[Path(plugin.file).name, plugin.sha256] for plugin in config.plugins]
+    digest = hashlib.sha256(json.dumps(tree, sort_keys=True).encode()).hexdigest()[:16]
     file = model_file(config)
-    return f"{config.content_hash()} {'physics' if file is None else _file_hash(file)}"
+    return f"{digest} {'physics' if file is None else _file_hash(file)}"
 
 
 def run_named_trial(base: str, overrides: tuple[str, ...], window_s: tuple[float, float]) -> dict[str, Any]:

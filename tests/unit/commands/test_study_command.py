@@ -70,10 +70,27 @@ def test_a_page_says_what_it_was_made_of_and_how_many_runs_were_made_before(
     page = Path("out/tides.md")
     for figures, others in ((resumed, 2), (study_of().figures, 0)):
         done = CliRunner().invoke(command_of(study_of(figures=figures, made_of={"config": "abc"}), []), [])
-        assert (
-            done.exit_code == 0 and f'made of {{"runs_of_other_code": {others}, "parts": {{"config"' in page.read_text()
-        )
-        assert ("2 of its runs may be of other code" in page.read_text()) == bool(others)
+        assert done.exit_code == 0 and f'made of {{"runs_of_other_code": {others}, "again": 0' in page.read_text()
+        assert ("2 of its runs are of other code" in page.read_text()) == bool(others)
+
+
+def test_a_page_and_the_terminal_say_what_came_of_runs_that_were_run_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+
+    def confirming(tell: Tell) -> dict[str, Any]:
+        tell(StudyProgress(done=2, total=30, outdated=5))
+        tell(StudyProgress(done=30, total=30, again=25, changed=1))
+        return {"height_m": 2.0}
+
+    done = CliRunner().invoke(command_of(study_of(figures=confirming, made_of={"config": "abc"}), []), [])
+    assert "25 runs of older code were run again: 1 came out otherwise" in done.output
+    text = Path("out/tides.md").read_text()
+    assert '"runs_of_other_code": 5, "again": 25, "changed": 1' in text
+    assert (
+        "25 that were of other code, drawn at random, were run again by this one: 1 of them came out otherwise" in text
+    )
 
 
 def test_nothing_begins_where_its_files_cannot_be_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

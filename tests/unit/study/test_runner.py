@@ -42,6 +42,50 @@ def test_results_are_in_the_order_of_the_jobs_and_what_is_stored_is_not_run_agai
     assert again.results[:5] == first.results
 
 
+def code(monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+    for module in (executors, runner):
+        monkeypatch.setattr(module, "code_version", lambda: name)
+
+
+def timed_square(number: int, folder: str) -> dict[str, float]:
+    return {key: value for key, value in square(number, folder).items() if key != "pid"} | {
+        "spent_ms": float(len(folder))
+    }
+
+
+def otherwise_from_four(number: int, folder: str) -> dict[str, float]:
+    """The same to three but for the time that it took; from four on another result."""
+    result = timed_square(number, folder)
+    return {"square": result["square"] * (1.0 if number < 4 else 2.0), "spent_ms": 7.0}
+
+
+def test_runs_of_other_code_are_drawn_run_again_and_counted_once_for_all(tmp_path, monkeypatch):
+    store, told = tmp_path / "store.jsonl", []
+    code(monkeypatch, "old")
+    run_jobs(timed_square, jobs(tmp_path, 3), store, workers=0)
+    code(monkeypatch, "new")
+    first = run_jobs(otherwise_from_four, jobs(tmp_path, 3), store, workers=0, confirm=2, tell=told.append)
+    assert (first.outdated, first.again, first.changed) == (1, 2, 0) and len(ran(tmp_path)) == 5
+    assert [(now.outdated, now.again) for now in (told[0], told[-1])] == [(1, 0), (0, 2)]
+    later = run_jobs(otherwise_from_four, jobs(tmp_path, 3), store, workers=0)
+    assert (later.outdated, later.again, later.changed) == (1, 2, 0) and len(ran(tmp_path)) == 5
+    more = run_jobs(otherwise_from_four, jobs(tmp_path, 3), store, workers=0, confirm=9)
+    assert (more.outdated, more.again, more.changed) == (0, 3, 0) and sorted(ran(tmp_path)) == [1, 1, 2, 2, 3, 3]
+    code(monkeypatch, "newer")
+    assert run_jobs(timed_square, jobs(tmp_path, 3), store, workers=0).again == 0
+
+
+def test_a_run_that_comes_out_otherwise_is_counted_and_takes_the_place_of_the_older(tmp_path, monkeypatch):
+    store = tmp_path / "store.jsonl"
+    code(monkeypatch, "old")
+    run_jobs(timed_square, jobs(tmp_path, 5), store, workers=0)
+    code(monkeypatch, "new")
+    found = run_jobs(otherwise_from_four, jobs(tmp_path, 5), store, workers=0, confirm=5)
+    assert (found.outdated, found.again, found.changed) == (0, 5, 2)
+    assert squares(found) == [1.0, 4.0, 9.0, 32.0, 50.0]
+    assert run_jobs(otherwise_from_four, jobs(tmp_path, 5), store, workers=0).changed == 2
+
+
 def test_the_same_run_asked_for_twice_is_run_once(tmp_path):
     finished = run_jobs(square, jobs(tmp_path, 2) + jobs(tmp_path, 2), tmp_path / "store.jsonl", workers=0)
     assert squares(finished) == [1.0, 4.0, 1.0, 4.0] and ran(tmp_path) == [1, 2]
