@@ -5,9 +5,10 @@ from __future__ import annotations
 import typer
 
 from asvhil.commands.study_bound import bound
+from asvhil.commands.study_learned import boat_models, changed_boats, learned_loop
 from asvhil.commands.study_models import models
 from asvhil.commands.study_pages import pages
-from asvhil.commands.study_runs import approach, estimator, field_tests, learned_loop, robustness, safety, six_tests
+from asvhil.commands.study_runs import approach, estimator, field_tests, robustness, safety, six_tests
 from asvhil.commands.study_soak import soak
 from asvhil.commands.study_solvers import solvers
 
@@ -21,6 +22,8 @@ for command in (
     approach,
     robustness,
     learned_loop,
+    boat_models,
+    changed_boats,
     estimator,
     safety,
     field_tests,

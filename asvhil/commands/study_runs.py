@@ -176,63 +176,6 @@ def robustness(
 
 
 @study_command
-def learned_loop(
-    output: OutOption = RUNS,
-    seeds: SeedsOption = 5,
-    row: RowOption = [],  # noqa: B006
-    under: Annotated[
-        list[str],
-        typer.Option(help="One circumstance by its name in the tables; repeatable. As shipped by default."),
-    ] = [],  # noqa: B006
-    patterns: Annotated[int, typer.Option(min=1, help="Patterns of wrong parameters.")] = 4,
-    models: ModelsOption = None,
-    config: ConfigOption = "sitl",
-    workers: WorkersOption = None,
-    confirm: ConfirmOption = 0,
-    quick: QuickOption = False,
-    set_: SetOption = [],  # noqa: B006
-) -> Study:
-    """Learned models in the loop beside SD-MPC with true, guessed and wrong parameters; on changed boats as well."""
-    from asvhil.study.bound import STARTS
-    from asvhil.study.circumstances import AS_SHIPPED, circumstances
-    from asvhil.study.learned_loop import LEARNED, markdown, study_learned_loop
-    from asvhil.study.made_of import made_of, run_files
-    from asvhil.study.rows import FROM_S, QUICK_S, ROWS, TO_S, checked
-    from asvhil.study.runner import run_into
-    from asvhil.study.six_tests import controller_overrides
-
-    overrides = tuple(set_)
-    names = checked(under or [AS_SHIPPED], circumstances(config, overrides), "--under")
-    rows = checked(row, ROWS, "--row")
-    learned = {name: controller_overrides(name, models, config, overrides) for name in LEARNED}
-
-    def figures(tell: Tell) -> dict[str, Any]:
-        return study_learned_loop(
-            run_into(output / "trials.jsonl", workers=workers, tell=tell, confirm=confirm),
-            learned=learned,
-            under=names,
-            rows=rows,
-            seeds=range(1, 2 if quick else seeds + 1),
-            patterns=min(patterns, 2) if quick else patterns,
-            starts=2 if quick else STARTS,
-            window_s=QUICK_S if quick else (FROM_S, TO_S),
-            base=config,
-            overrides=overrides,
-        )
-
-    return Study(
-        title="learned models",
-        stem=stem_of("learned-loop", quick),
-        figures=figures,
-        text=markdown,
-        made_of=made_of(
-            ("study/learned_loop.py", "study/circumstances.py"),
-            run_files(config, *learned.values()),
-        ),
-    )
-
-
-@study_command
 def estimator(
     output: OutOption = RUNS,
     seeds: SeedsOption = 5,

@@ -27,7 +27,7 @@ from asvhil.types import record
 
 INTERVALS = 60
 SUBSTEPS = 2  # of an interval: the motor lag must not gain by the error of the integrator
-PERIODS_S = (4.0, 16.0)  # bounds of the free period; longer ones held several cycles, and no better ones, when tried
+PERIODS_S = (4.0, 32.0)  # of the free period: a boat with weak motors is best at 20 s in a strong wind
 STARTS_S = (5.5, 8.0, 11.5, 15.0)
 SWINGS_RAD = (0.06, 0.18)
 THRUST = 0.3  # of the first guesses, of full thrust ahead

@@ -13,6 +13,7 @@ from asvhil.study.safety_cases import heavy, weak
 SECOND = "sitl-second"
 TRUE_VESSEL = "plant.vessel"
 AS_SHIPPED = "as shipped"
+SECOND_BOAT = "second boat"
 # Without what makes up for a wrong model: as in the paper.
 BARE = ("controller.mpc.disturbance_feedforward=false", "controller.mpc.trim_max_rad=0")
 CHOP = ("plant.weather.waves.orbital_std_mps=0.07", "plant.weather.waves.yaw_std_radps=0.02")
@@ -62,7 +63,7 @@ def circumstances(base: str, overrides: Keys = ()) -> dict[str, Keys]:
     }
     second = load_config(SECOND)
     if second.vehicle.name == config.vehicle.name:
-        found["second boat"] = second_boat(second)
+        found[SECOND_BOAT] = second_boat(second)
     for name, change in CHANGES.items():
         found[name] = (vessel_override(vessel.model_copy(update=change(vessel)), TRUE_VESSEL),)
     return found

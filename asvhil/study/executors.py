@@ -34,11 +34,15 @@ Function = Callable[..., dict[str, Any]]
 
 @record
 class Job:
-    """One run. `key` identifies everything that its result depends on; `group` names runs of about the same time."""
+    """One run. `key` identifies everything that its result depends on; `group` names runs of about the same time.
+
+    `code` is the digest of what decides it, where that is less than all code that decides runs.
+    """
 
     key: str
     group: str
     arguments: tuple[Any, ...]  # of the function, picklable
+    code: str = ""
 
 
 @record

@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 
 from asvhil.config import VesselConfig, load_config
-from asvhil.study.bound import STARTS, boat_hash, run_named_bound
+from asvhil.study.boat_bounds import STARTS, bounds_of_boats
 from asvhil.study.circumstances import AS_SHIPPED, Keys, circumstances
 from asvhil.study.comparison import Held, Scores, compare, run_setups, vessel_override
 from asvhil.study.robustness import crude_vessel
-from asvhil.study.rows import FROM_S, ROWS, TO_S, along_the_wind, title
-from asvhil.study.runner import Job, Run
+from asvhil.study.rows import FROM_S, ROWS, TO_S, title
+from asvhil.study.runner import Run
 from asvhil.study.six_tests import MAIN, cost_figures
 from asvhil.study.statistics import count_of_seeds, in_digits, mean_ci95, other_code, plus_minus
 
@@ -80,7 +80,8 @@ def study_learned_loop(
     overrides: Keys = (),
 ) -> dict[str, Any]:
     """Each of `learned` (all its config keys, by name) beside SD-MPC with the physics of the simulated boat, a crude
-    guess and each wrong pattern of those of the config, in each row, under each circumstance of `under` by name.
+    guess and, as shipped, each wrong pattern of those of the config, in each row, under each circumstance of `under` by
+    name.
 
     `starts` are those of the search for each bound, which regrets are ratios to.
     """
@@ -91,20 +92,22 @@ def study_learned_loop(
     beliefs = {CRUDE: crude_vessel(vessel)} | {off_name(n): off_vessel(vessel, n) for n in numbers}
     wrong = {name: (*physics, vessel_override(believed)) for name, believed in beliefs.items()}
     setups: dict[str, Keys] = {}
+    names: dict[str, list[str]] = {}
     for under_what in under:
         keys = known[under_what]
         true = (*physics, vessel_override(load_config(base, (*overrides, *keys)).plant_vessel))
+        tried = [*learned, TRUE, *(wrong if under_what == AS_SHIPPED else [CRUDE])]
+        names[under_what] = tried
         controllers = {**learned, TRUE: true, **wrong}
-        setups |= {_setup(under_what, name): (*own, *keys) for name, own in controllers.items()}
+        setups |= {_setup(under_what, name): (*controllers[name], *keys) for name in tried}
     scores, held, finished = run_setups(run, setups, rows, seeds, window_s, base=base)
-    bounds = _bounds(run, [known[name] for name in under], rows, starts, base, overrides)
-    names = [*learned, TRUE, *wrong]
+    bounds = bounds_of_boats(run, [known[name] for name in under], rows, starts, base, overrides)
     return {
         "window_s": list(window_s),
         "seeds": list(seeds),
         "patterns": {str(n): signs(n) for n in numbers},
         "under": {
-            name: {row: _cell(name, row, names, scores, held, bounds[known[name], row]) for row in rows}
+            name: {row: _cell(name, row, names[name], scores, held, bounds[known[name], row]) for row in rows}
             for name in under
         },
         "cost": cost_figures(finished),
@@ -113,32 +116,6 @@ def study_learned_loop(
 
 def _setup(under_what: str, controller: str) -> str:
     return f"{controller}, {under_what}"
-
-
-def _bounds(
-    run: Run, boats: Iterable[Keys], rows: Iterable[str], starts: int, base: str, overrides: Keys
-) -> dict[tuple[Keys, str], float | None]:
-    """The bound of each boat, by its config keys, in each row; None along the wind, where it is zero."""
-    cases: dict[tuple[Keys, str], Job] = {}
-    for keys in boats:
-        config = load_config(base, (*overrides, *keys))
-        coupling, motors = config.plant_vessel.coupling, config.plant.motors
-        lopsided = motors is not None or (coupling is not None and coupling.y_g_m != 0.0)
-        for row in rows:
-            if along_the_wind(row):
-                continue
-            speed_mps, toward_deg = ROWS[row]
-            toward_deg = toward_deg if lopsided else abs(toward_deg)
-            key = f"bound {boat_hash(config)} {speed_mps:g}@{toward_deg:g} {starts}"
-            arguments = (base, (*overrides, *keys), speed_mps, math.radians(toward_deg), starts)
-            cases[keys, row] = Job(key=key, group="bounds", arguments=arguments)
-    found = run(run_named_bound, list(cases.values())).results if cases else []
-    at_hand = dict(zip(cases, found, strict=True))
-    return {
-        (keys, row): at_hand[keys, row]["penalty_score"] if (keys, row) in at_hand else None
-        for keys in boats
-        for row in rows
-    }
 
 
 def _cell(
@@ -192,10 +169,10 @@ def markdown(study: Mapping[str, Any]) -> str:
         "means with half of their 95 % interval. All share solver, weights and horizon, as they are set for learned "
         "models. True: the physics of the simulated boat itself, which nobody has of a real one; crude: a guess from "
         f"mass, arm and thrust curve; 30 % off: every coefficient, in {len(patterns)} patterns (lowest and highest "
-        f"score). The verdict is on {MAIN}: whether it is the lowest but for the true physics, or within the interval "
-        "of the difference to the lowest; whether it is below the crude guess, and below how many patterns; its ratio "
-        "to the true physics, and to the bound of that boat in that wind. Let go: without the motors for a part of "
-        "the window, which is no score."
+        f"score; as shipped alone). The verdict is on {MAIN}: whether it is the lowest but for the true physics, or "
+        "within the interval of the difference to the lowest; whether it is below the crude guess, and below how many "
+        "patterns; its ratio to the true physics, and to the bound of that boat in that wind. Let go: without the "
+        "motors for a part of the window, which is no score."
     )
     parts = [about]
     for name, rows in study["under"].items():
@@ -230,14 +207,15 @@ def _line(row: str, cell: Mapping[str, Any], learned: Iterable[str], patterns: i
 
     off = [part["ps"] for name, part in cell["controllers"].items() if name.startswith(OFF_NAME)]
     means = sorted(math.inf if figure is None else figure["mean"] for figure in off)
-    spread = " to ".join("let go" if math.isinf(mean) else f"{mean:.2f}" for mean in (means[0], means[-1]))
+    ends = (means[0], means[-1]) if means else ()
+    spread = " to ".join("let go" if math.isinf(mean) else f"{mean:.2f}" for mean in ends) or "-"
     verdict = cell["verdict"]
     told = ["-"] * 5
     if verdict is not None:
         told = [
             "yes" if verdict["lowest"] else f"**no**, {verdict['best']}",
             _yes(verdict["below_crude"]),
-            f"{len(verdict['below_off'])} of {patterns}",
+            f"{len(verdict['below_off'])} of {patterns}" if off else "-",
             in_digits(verdict["to_true"]),
             in_digits(verdict["regret"]),
         ]

@@ -145,7 +145,11 @@ def run_jobs(
         with closing(outcomes) as runs:
             for job, done in runs:
                 run = StoredRun(
-                    code=done.code, wall_s=done.wall_s, result=done.result, error=done.error, idle_s=done.idle_s
+                    code=job.code or done.code,
+                    wall_s=done.wall_s,
+                    result=done.result,
+                    error=done.error,
+                    idle_s=done.idle_s,
                 )
                 if job.key in before:
                     same = _alike(before[job.key], run)
@@ -188,7 +192,7 @@ def _taken(jobs: Sequence[Job], runs: dict[str, StoredRun], missing: set[str]) -
         run = None if job.key in missing else runs[job.key]
         if run is None:
             continue
-        if run.code != code_version():
+        if run.code != (job.code or code_version()):
             older.append(job)
         elif run.same is not None:
             told.append(run.same)

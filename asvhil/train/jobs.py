@@ -90,13 +90,15 @@ def origin_of(paths: Sequence[Path]) -> DataOrigin:
 
 
 def simulated_vessel(paths: Sequence[Path]) -> VesselConfig | None:
-    """The vessel whose equations the logs obey; None for CSV files and for logs of a real boat.
+    """The vessel whose equations the logs obey; None for CSV files, a real boat, and where no vessel has them.
 
-    A log of the simulated boat holds its truth. The vessel of a real boat's config is a guess, and no reference.
+    A log of the simulated boat holds its truth. The vessel of a real boat's config is a guess, and no reference; a wind
+    load or motors of the plant's own are in no vessel.
     """
     if is_csv(paths) or not len(read_log_series(paths[0]).truth.t_s):
         return None
-    return config_of(LogFile(paths[0]), paths[0], known_only=True).vehicle.vessel
+    config = config_of(LogFile(paths[0]), paths[0], known_only=True)
+    return config.plant_vessel if config.plant.wind_load is None and config.plant.motors is None else None
 
 
 def train_command(

@@ -145,7 +145,17 @@ def test_every_study_has_the_same_options_for_the_same_things() -> None:
     found = {command.callback.__name__: inspect.signature(command.callback) for command in app.registered_commands}
     assert list(found) == [
         *("models", "bound", "six_tests", "solvers", "approach"),
-        *("robustness", "learned_loop", "estimator", "safety", "field_tests", "soak", "pages"),
+        *(
+            "robustness",
+            "learned_loop",
+            "boat_models",
+            "changed_boats",
+            "estimator",
+            "safety",
+            "field_tests",
+            "soak",
+            "pages",
+        ),
     ]
     del found["pages"]  # no study, but about what they left
     for signature in found.values():

@@ -130,7 +130,8 @@ def test_learned_models_in_short(tmp_path):
     names = {"NNSEM-MPC", TRUE, CRUDE, off_name(1), off_name(2)}
     shipped, second = found["under"]["as shipped"], found["under"]["second boat"]
     for rows in (shipped, second):
-        assert set(rows) == {"3", "5"} and set(rows["5"]["controllers"]) == names
+        assert set(rows) == {"3", "5"}
+        assert set(rows["5"]["controllers"]) == (names if rows is shipped else {"NNSEM-MPC", TRUE, CRUDE})
         assert rows["3"]["bound"] is None and rows["3"]["verdict"]["regret"] is None
         mean = rows["5"]["controllers"]["NNSEM-MPC"]["ps"]["mean"]
         assert rows["5"]["verdict"]["regret"] == mean / rows["5"]["bound"]

@@ -44,6 +44,7 @@ def idle(monkeypatch):
         ("approach", "approach"),
         ("robustness", "robustness"),
         ("learned-loop", "learned-loop"),
+        ("boat-models", "boat-models"),
         ("estimator", "estimator"),
         ("models", "models"),
     ],
@@ -92,6 +93,7 @@ def test_a_picture_that_fails_takes_no_table_with_it(tmp_path):
         (["solvers", "--horizon", "1e9"], "--horizon 1e+09: 0.4 to 40 s are expected"),
         (["robustness", "--models", "typo"], "--models typo: no such folder"),
         (["learned-loop", "--models", "typo"], "--models typo: no such folder"),
+        (["changed-boats", "--boat-models", "typo"], "typo/wamv16-second-boat-lagnet.npz: no model of this boat"),
         (["bound", "--wind", "3@90", "--wind", "6@"], "--wind 6@: SPEED@DEG is expected"),
     ],
 )

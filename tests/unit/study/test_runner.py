@@ -1,6 +1,7 @@
 """The runner of studies: stored runs are kept, unfinished ones run again, and no process is left."""
 
 import contextlib
+import dataclasses
 import fcntl
 import json
 import os
@@ -84,6 +85,18 @@ def test_a_run_that_comes_out_otherwise_is_counted_and_takes_the_place_of_the_ol
     assert (found.outdated, found.again, found.changed) == (0, 5, 2)
     assert squares(found) == [1.0, 4.0, 9.0, 32.0, 50.0]
     assert run_jobs(otherwise_from_four, jobs(tmp_path, 5), store, workers=0).changed == 2
+
+
+def test_a_job_with_code_of_its_own_is_older_only_when_that_changes(tmp_path, monkeypatch):
+    def bounds(version: str) -> list[Job]:
+        return [dataclasses.replace(job, code=version) for job in jobs(tmp_path, 2)]
+
+    store = tmp_path / "store.jsonl"
+    code(monkeypatch, "old")
+    run_jobs(timed_square, bounds("a"), store, workers=0)
+    code(monkeypatch, "new")
+    assert run_jobs(timed_square, bounds("a"), store, workers=0).outdated == 0
+    assert run_jobs(timed_square, bounds("b"), store, workers=0).outdated == 2
 
 
 def test_the_same_run_asked_for_twice_is_run_once(tmp_path):
