@@ -23,7 +23,8 @@ def markdown(study: Mapping[str, Any]) -> str:
     lines = [
         f"CMA-ES with seed {settings['seed']}; a candidate is scored over [{from_s:g}, {to_s:g}] s by the geometric "
         f"mean of 1 + ps, less 1 (typical ps), over {_cases(settings['training'])}. Held out: "
-        f"{_cases(settings['held_out'])}. Means of ps with half of their 95 % interval.",
+        f"{_cases(settings['held_out'])}. Means of ps with half of their 95 % interval. The search has no bounds: the "
+        "first range sets the step of its first generation.",
         "",
         "| controller | candidates | winds | typical ps, config | tuned | mean ps, config | tuned |",
         "|" + " --- |" * 7,
@@ -37,9 +38,11 @@ def markdown(study: Mapping[str, Any]) -> str:
                 f"| {plus_minus(old)} | {plus_minus(new)} |"
             )
     for name, search in searches.items():
-        lines += ["", f"### {name}", "", "```yaml"]
-        lines += [f"{key}: {value:g}" for key, value in search["best"]["values"].items()]
-        lines += ["```"]
+        lines += ["", f"### {name}", "", "| key | start | tuned | first range | in it |", "|" + " --- |" * 5]
+        start, best = search["generations"][0][0]["values"], search["best"]["values"]
+        for key, (low, high) in search["settings"]["first_ranges"].items():
+            inside = "yes" if low <= best[key] <= high else "no"
+            lines.append(f"| {key} | {start[key]:g} | {best[key]:g} | {low:g} to {high:g} | {inside} |")
     return "\n".join(lines) + "\n"
 
 
