@@ -39,6 +39,7 @@ def six_tests(
     noise: Annotated[
         bool, typer.Option(help="Sensor noise and gusts; without them one seed, in a table apart.")
     ] = True,
+    receiver_error: Annotated[bool, typer.Option(help="The slow error of the receiver, as the config has it.")] = True,
     models: ModelsOption = None,
     bounds: Annotated[
         Path | None, typer.Option(help="bound.json of `study bound`; the shipped one by default.")
@@ -52,6 +53,7 @@ def six_tests(
     """All controllers over the paper's six tests, their mirrors and diagonals."""
     from asvhil.config import load_config
     from asvhil.config.registry import CONTROLLERS
+    from asvhil.study.boat_bounds import STARTS
     from asvhil.study.made_of import made_of, run_files
     from asvhil.study.rows import FROM_S, QUICK_S, ROWS, TO_S, checked
     from asvhil.study.runner import run_into
@@ -77,6 +79,8 @@ def six_tests(
             window_s=QUICK_S if quick else (FROM_S, TO_S),
             base=config,
             bounds=limits,
+            slow_error=receiver_error,
+            own_starts=0 if not noise else 2 if quick else STARTS,
         )
         return found | {"left_out": left_out}
 

@@ -13,7 +13,8 @@ from asvhil.config import load_config
 from asvhil.config.mean_wind import parse_wind
 from asvhil.dynamics.weights import read_model
 from asvhil.errors import AsvhilError, ConfigError
-from asvhil.study.circumstances import CHANGES, SECOND_BOAT, Keys, circumstances
+from asvhil.study.circumstances import CHANGES, SECOND_BOAT, circumstances
+from asvhil.study.rows import Keys
 from asvhil.study.runner import Job, Run
 from asvhil.study.six_tests import MAIN, labelled
 from asvhil.train.jobs import DT_S, train_command

@@ -8,9 +8,9 @@ from typing import Any
 
 from asvhil.config import load_config
 from asvhil.study.boat_bounds import STARTS, bounds_of_boats
-from asvhil.study.circumstances import Keys, circumstances
+from asvhil.study.circumstances import circumstances
 from asvhil.study.comparison import run_setups
-from asvhil.study.rows import FROM_S, ROWS, TO_S, title
+from asvhil.study.rows import FROM_S, ROWS, TO_S, Keys, title
 from asvhil.study.runner import Run
 from asvhil.study.six_tests import MAIN, cost_figures
 from asvhil.study.statistics import count_of_seeds, in_digits, mean_ci95, other_code, plus_minus

@@ -12,10 +12,10 @@ import numpy as np
 
 from asvhil.config import VesselConfig, load_config
 from asvhil.study.boat_bounds import STARTS, bounds_of_boats
-from asvhil.study.circumstances import AS_SHIPPED, Keys, circumstances
+from asvhil.study.circumstances import AS_SHIPPED, circumstances
 from asvhil.study.comparison import Held, Scores, compare, run_setups, vessel_override
 from asvhil.study.robustness import crude_vessel
-from asvhil.study.rows import FROM_S, ROWS, TO_S, title
+from asvhil.study.rows import FROM_S, ROWS, TO_S, Keys, title
 from asvhil.study.runner import Run
 from asvhil.study.six_tests import MAIN, cost_figures
 from asvhil.study.statistics import count_of_seeds, in_digits, mean_ci95, other_code, plus_minus

@@ -11,6 +11,7 @@ from asvhil.errors import ConfigError
 from asvhil.study.runner import Job
 from asvhil.study.trials.trial import NO_NOISE, NO_SLOW_ERROR, run_key
 
+Keys = tuple[str, ...]  # of a config, as KEY=VALUE
 FROM_S, TO_S = 60.0, 360.0
 QUICK_S = (10.0, 16.0)  # to see that it works
 ROWS: dict[str, tuple[float, float]] = {  # m/s, blowing toward degrees from the station's heading
@@ -43,13 +44,18 @@ def wind_of(row: str) -> str:
     return f"{speed_mps:g}@{abs(toward_deg):g}"
 
 
-def row_overrides(row: str, seed: int, *, noise: bool = True, heading_deg: float = 0.0) -> tuple[str, ...]:
-    """The config keys of one run of a row at a station of that heading; without `noise` no gusts, no sensor noise."""
+def row_overrides(
+    row: str, seed: int, *, noise: bool = True, heading_deg: float = 0.0, slow_error: bool = False
+) -> tuple[str, ...]:
+    """The config keys of one run of a row at a station of that heading; without `noise` no gusts, no sensor noise.
+
+    With `slow_error` the receiver has its slow error, and the filter looks for it, as the config has both.
+    """
     speed_mps, toward_deg = ROWS[row]
     if heading_deg:  # at none the direction stays as the row has it: stored runs are known by it
         toward_deg = from_north_deg(toward_deg, heading_deg)
     return (
-        *NO_SLOW_ERROR,
+        *(() if slow_error else NO_SLOW_ERROR),
         f"plant.seed={seed}",
         f"plant.weather.wind.speed_mps={speed_mps}",
         f"plant.weather.wind.toward_deg={toward_deg}",

@@ -200,15 +200,16 @@ def _taken(jobs: Sequence[Job], runs: dict[str, StoredRun], missing: set[str]) -
 
 
 def _alike(stored: StoredRun, run: StoredRun) -> bool:
-    """Whether a run came out as what is stored, to the last digit, but for how long it took (`..._ms`)."""
+    """Whether a run came out as what is stored, to the last digit, but for times that it took and for new figures."""
     result = json.loads(json.dumps(run.result))  # as it will be stored: tuples are lists, and keys texts
-    return stored.error == run.error and _without_times(stored.result) == _without_times(result)
+    return stored.error == run.error and _holds(result, stored.result)
 
 
-def _without_times(tree: Any) -> Any:
-    if isinstance(tree, dict):
-        return {name: _without_times(part) for name, part in tree.items() if not name.endswith("_ms")}
-    return [_without_times(part) for part in tree] if isinstance(tree, list) else tree
+def _holds(tree: Any, older: Any) -> bool:
+    """Whether all of `older` is in `tree` as it was, but for times (`..._ms`)."""
+    if isinstance(older, dict) and isinstance(tree, dict):
+        return all(name.endswith("_ms") or _holds(tree.get(name), part) for name, part in older.items())
+    return bool(tree == older)
 
 
 class _Tally:

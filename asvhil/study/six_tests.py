@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -11,7 +12,9 @@ from asvhil.config import load_config
 from asvhil.config.mean_wind import station_heading_deg
 from asvhil.config.registry import CONTROLLERS, ControllerKind
 from asvhil.errors import ConfigError
-from asvhil.study.rows import FROM_S, ROWS, TO_S, refuse_own, row_overrides, trial_job, wind_of
+from asvhil.study.boat_bounds import bound_job
+from asvhil.study.bound import run_named_bound
+from asvhil.study.rows import FROM_S, ROWS, TO_S, along_the_wind, refuse_own, row_overrides, trial_job, wind_of
 from asvhil.study.runner import Finished, Run
 from asvhil.study.statistics import mean_ci95, mean_of_all
 from asvhil.study.trials.trial import run_named_trial
@@ -19,6 +22,7 @@ from asvhil.study.trials.trial import run_named_trial
 OURS = ("LagNet-MPC", "NNSEM-MPC")
 # It knows the equations and parameters of the boat, as nobody does of a real one: shown apart, not compared.
 REFERENCE = "SD-MPC (true physics)"
+WORK = ("reversals_per_min_most", "change_per_s")  # of `metrics.motor_figures`
 MAIN = "LagNet-MPC"  # the default controller
 
 
@@ -84,23 +88,30 @@ def study_six_tests(
     window_s: tuple[float, float] = (FROM_S, TO_S),
     base: str = "sitl",
     bounds: Mapping[str, float] | None = None,
+    slow_error: bool = False,
+    own_starts: int = 0,
 ) -> dict[str, Any]:
     """The table of all runs.
 
-    `controllers` as `available` gives them. `bounds` are penalty scores by wind (`bound.read_bounds`). ConfigError
-    where a config key of a controller is one that the rows set.
+    `controllers` as `available` gives them. `bounds` are penalty scores by wind (`bound.read_bounds`). With
+    `slow_error` the receiver has its slow error. With `own_starts`, starts of each search, the bound of each run's own
+    mean wind across the station's heading is found as well. ConfigError where a config key of a controller is one that
+    the rows set.
     """
     rows, seeds = list(rows), list(seeds)
     headings_deg = {}
     for label, keys in controllers.items():
         headings_deg[label] = station_heading_deg(load_config(base, keys))
-        refuse_own(keys, row_overrides(next(iter(ROWS)), 1, noise=noise))
+        refuse_own(keys, row_overrides(next(iter(ROWS)), 1, noise=noise, slow_error=slow_error))
     names = [(row, label, seed) for seed in seeds for row in rows for label in controllers]
     jobs = [
         trial_job(
             label,
             base,
-            (*controllers[label], *row_overrides(row, seed, noise=noise, heading_deg=headings_deg[label])),
+            (
+                *controllers[label],
+                *row_overrides(row, seed, noise=noise, heading_deg=headings_deg[label], slow_error=slow_error),
+            ),
             window_s,
         )
         for row, label, seed in names
@@ -110,14 +121,36 @@ def study_six_tests(
         {"row": row, "controller": label, "seed": seed, **result}
         for (row, label, seed), result in zip(names, finished.results, strict=True)
     ]
+    if own_starts:
+        _add_own_bounds(run, runs, controllers, headings_deg, base, own_starts)
     return {
         "window_s": list(window_s),
         "seeds": sorted(set(seeds)),
         "noise": noise,
+        "slow_error": noise and slow_error,
         "base": base,
         **tabulate(runs, bounds or {}),
         "cost": cost_figures(finished),
     }
+
+
+def _add_own_bounds(
+    run: Run,
+    runs: Sequence[dict[str, Any]],
+    controllers: Mapping[str, tuple[str, ...]],
+    headings_deg: Mapping[str, float],
+    base: str,
+    starts: int,
+) -> None:
+    """`own_bound` of each run in a row across the wind: that of the mean wind that it had, rounded to what moves it."""
+    across = [one for one in runs if not along_the_wind(one["row"])]
+    jobs = []
+    for one in across:
+        label, wind = one["controller"], one["wind"]
+        toward_deg = math.remainder(wind["toward_deg"] - headings_deg[label], 360.0)
+        jobs.append(bound_job(base, controllers[label], round(wind["speed_mps"], 1), round(toward_deg), starts))
+    for one, found in zip(across, run(run_named_bound, jobs).results if jobs else [], strict=True):
+        one["own_bound"] = found["penalty_score"]
 
 
 def cost_figures(finished: Finished) -> dict[str, Any]:
@@ -189,9 +222,26 @@ def _cell(runs: Sequence[Mapping[str, Any]], limit: float) -> dict[str, Any]:
         "truth": truth,
         "measured": _errors([run["measured"] for run in runs]),
         "regret": ps / limit if limit > 0.0 and ps is not None else None,
+        "own_regret": _own_regret(runs),
+        "arrived_s": mean_of_all([run.get("arrived_s") for run in runs]),
+        "motors": {
+            name: mean_of_all([run["motors"][name] for run in runs])
+            for name in ("reversals_per_min_most", "change_per_s")
+        },
         "energy_n2": mean_ci95([run["energy_n2"] for run in runs]),
         "held": min(run["held"] for run in runs),
     }
+
+
+def _own_regret(runs: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """The mean over the seeds of each run's score over the bound of its own mean wind."""
+    ratios = [
+        run["truth"]["penalty_score"] / run["own_bound"]
+        if run.get("own_bound") and run["truth"]["penalty_score"] is not None
+        else None
+        for run in runs
+    ]
+    return mean_of_all(ratios)
 
 
 def _errors(parts: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
@@ -203,6 +253,7 @@ def _errors(parts: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     farthest = [part["max_settled"] for part in distance]
     return {
         "penalty_score": mean_of_all([part["penalty_score"] for part in parts]),
+        "vrx_score": mean_of_all([part["vrx_score"] for part in parts]),
         "e_d_m": mean_of_all([part["mean"] for part in distance]),
         "s_d_m": mean_of_all([part["std"] for part in distance]),
         "e_h_deg": mean_of_all([part["mean"] for part in heading]),

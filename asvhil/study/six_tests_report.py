@@ -15,6 +15,7 @@ from asvhil.study.comparison import held_words
 from asvhil.study.rows import along_the_wind, title
 from asvhil.study.six_tests import MAIN, OURS, REFERENCE
 from asvhil.study.statistics import count_of_seeds, in_digits, other_code, plus_minus
+from asvhil.study.trials.trial import ARRIVED_M
 
 CUT = 2.2  # end of the axis, in times the highest bar of an MPC: a controller that fails must not set the scale
 
@@ -23,16 +24,31 @@ def report(study: Mapping[str, Any]) -> str:
     """All tables and the verdict of each row."""
     from_s, to_s = study["window_s"]
     rows = list(study["rows"])
-    weather = "gusts and sensor noise on, slow GNSS bias off" if study["noise"] else "no gusts and no sensor noise"
+    error = "with its slow error, as shipped" if study["slow_error"] else "without a slow error"
+    weather = f"gusts and sensor noise, the receiver {error}" if study["noise"] else "no gusts and no sensor noise"
     bounded = [row for row in rows if study["bounds"].get(row)]
     parts = [
         f"Window [{from_s:g}, {to_s:g}] s, {count_of_seeds(study['seeds'])}, {weather}; errors against the truth.",
         "Penalty score ps = e_d + s_d + |e_h| + s_h (m, degrees): mean ± half of the 95 % interval, lowest in bold; "
-        "in brackets mean distance and magnitude of the mean heading error.",
+        "in brackets mean distance, magnitude of the mean heading error, and s_h, the spread of the heading.",
         _table(study, _score, rows),
         *held_words(_not_held(study), "no winner of its row"),
         *_words(study),
     ]
+    if study["noise"]:
+        words = "The same by the boat's own estimate, as a real boat is scored, receiver and all:"
+        parts += [words, _table(study, lambda cell, best: plus_minus(cell["measured"]["penalty_score"]), rows)]
+    parts += [
+        "VRX's score, the mean of d + 0.75^d |dψ| (m, rad), against the truth:",
+        _table(study, lambda cell, best: plus_minus(cell["truth"]["vrx_score"], 3), rows),
+    ]
+    owned = [row for row in rows if any(cell["own_regret"]["mean"] is not None for cell in study["rows"][row].values())]
+    if owned:
+        words = (
+            "Regret by each run's own wind: ps over the bound of the mean wind that the run had, held steady; mean of "
+            "the runs."
+        )
+        parts += [words, _table(study, lambda cell, best: plus_minus(cell["own_regret"], 3), owned)]
     if bounded:
         words = (
             "Regret: ps over the bound of the mean wind, held steady (`asvhil study bound`). In gusts ps can be below "
@@ -42,8 +58,13 @@ def report(study: Mapping[str, Any]) -> str:
     parts += [
         "Maximum distance to the station within the window, over all seeds (m).",
         _table(study, lambda cell, best: in_digits(cell["truth"]["max_distance_m"]), rows),
+        f"The way in: seconds until the boat is first within {ARRIVED_M:g} m of the station.",
+        _table(study, lambda cell, best: plus_minus(cell["arrived_s"], 1), rows),
         "Energy: mean squared thrust of a motor (1000 N²).",
         _table(study, _energy, rows),
+        "Reversals a minute of the motor that has more of them, and mean magnitude of the change of a command per "
+        "second (of full thrust):",
+        _table(study, _work, rows),
         *study.get("left_out", []),
         _cost(study),
     ]
@@ -140,13 +161,20 @@ def _score(cell: Mapping[str, Any], best: bool) -> str:
     truth = cell["truth"]
     text = plus_minus(truth["penalty_score"])
     text = f"**{text}**" if best else text
-    return f"{text} ({in_digits(truth['e_d_m']['mean'])} m, {in_digits(truth['abs_e_h_deg']['mean'])}°)"
+    parts = [f"{in_digits(truth['e_d_m']['mean'])} m"]
+    parts += [f"{in_digits(truth[name]['mean'])}°" for name in ("abs_e_h_deg", "s_h_deg")]
+    return f"{text} ({', '.join(parts)})"
 
 
 def _energy(cell: Mapping[str, Any], best: bool) -> str:
     energy = cell["energy_n2"]
     thousands = {"mean": energy["mean"] * 1e-3, "ci95": None if energy["ci95"] is None else energy["ci95"] * 1e-3}
     return plus_minus(thousands)
+
+
+def _work(cell: Mapping[str, Any], best: bool) -> str:
+    motors = cell["motors"]
+    return f"{in_digits(motors['reversals_per_min_most']['mean'], 1)}, {in_digits(motors['change_per_s']['mean'])}"
 
 
 def _not_held(study: Mapping[str, Any]) -> list[dict[str, Any]]:

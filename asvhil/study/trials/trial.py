@@ -31,6 +31,7 @@ NO_SLOW_ERROR = (
     "links.autopilot.position_source=GLOBAL_POSITION_INT",
     "estimator.ekf.position_bias_std_m=0",
 )
+ARRIVED_M = 2.0  # from the station: the way in is over
 NO_NOISE = (
     "plant.weather.wind.gust_along=0",
     "plant.weather.wind.gust_across=0",
@@ -50,8 +51,10 @@ def run_trial(config: Config, from_s: float, to_s: float, recorder: Recorder | N
     """Scores over [from_s, to_s] since the first tick, against truth and as measured, and the work of the motors.
 
     Scores are those of `metrics.score`, `motors` those of `metrics.motor_figures`; `energy_n2` is the mean squared
-    thrust of one motor (N^2). `held` is the share of the window in which the controller had the motors. With a recorder
-    it is written to a log. Raises ConfigError where the config has no station to keep.
+    thrust of one motor (N^2), `wind` the mean true wind over the window (m/s, blowing toward degrees from north).
+    `held` is the share of the window in which the controller had the motors. `arrived_s` is the time of the first tick
+    within `ARRIVED_M` of the station, None where there is none. With a recorder it is written to a log. Raises
+    ConfigError where the config has no station to keep.
     """
     at = config.supervisor.station
     if at is None:
@@ -62,7 +65,8 @@ def run_trial(config: Config, from_s: float, to_s: float, recorder: Recorder | N
     psi_rad = math.radians(at.heading_deg)
     truth_rows: list[tuple[float, float, float]] = []
     measured_rows: list[tuple[float, float, float]] = []
-    thrust_n2 = held = ticks = 0.0
+    thrust_n2 = held = ticks = wind_n_mps = wind_e_mps = 0.0
+    arrived_s: float | None = None
     control_ms: list[float] = []
     commands: list[tuple[float, float, float, float]] = []
     for tick in range(1, round(to_s * config.daemon.tick_hz) + 1):
@@ -71,9 +75,10 @@ def run_trial(config: Config, from_s: float, to_s: float, recorder: Recorder | N
         elapsed_ms = (time.perf_counter() - start_s) * 1e3
         t_s = tick / config.daemon.tick_hz
         truth = loop.plant.truth
-        truth_rows.append(
-            (t_s, math.hypot(truth.n_m - n_m, truth.e_m - e_m), math.degrees(wrap_rad(truth.psi_rad - psi_rad)))
-        )
+        off_m = math.hypot(truth.n_m - n_m, truth.e_m - e_m)
+        if arrived_s is None and off_m <= ARRIVED_M:
+            arrived_s = t_s
+        truth_rows.append((t_s, off_m, math.degrees(wrap_rad(truth.psi_rad - psi_rad))))
         estimate, station = outputs.estimate, outputs.station
         if estimate is not None and station is not None:
             distance_m = math.hypot(estimate.n_m - station.n_m, estimate.e_m - station.e_m)
@@ -85,13 +90,20 @@ def run_trial(config: Config, from_s: float, to_s: float, recorder: Recorder | N
         if t_s >= from_s:
             ticks += 1
             held += outputs.phase is Phase.HOLD
+            wind_n_mps += truth.wind_n_mps
+            wind_e_mps += truth.wind_e_mps
             thrust_n2 += 0.5 * (truth.thrust_n[0] ** 2 + truth.thrust_n[1] ** 2)
     return {
         "truth": _score(truth_rows, from_s),
         "measured": _score(measured_rows, from_s),
         "energy_n2": thrust_n2 / ticks,
         "motors": motor_figures(np.array(commands)),
+        "wind": {
+            "speed_mps": math.hypot(wind_n_mps, wind_e_mps) / ticks,
+            "toward_deg": math.degrees(math.atan2(wind_e_mps, wind_n_mps)),
+        },
         "held": held / ticks,
+        "arrived_s": arrived_s,
         "control_tick_ms": {"p50": float(np.percentile(control_ms, 50)), "p99": float(np.percentile(control_ms, 99))}
         if control_ms
         else None,

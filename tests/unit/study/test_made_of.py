@@ -54,7 +54,7 @@ def test_a_study_is_of_what_it_imports_and_a_run_of_all_that_decides_it() -> Non
     loop = set(made_of.made_of(("study/six_tests.py",)))
     assert {part for part in DECISIVE if part != "study/trials"} <= loop
     assert {"study/trials/trial.py", "study/rows.py", "study/statistics.py", "study/six_tests.py"} <= loop
-    assert not loop & {"study/soak.py", "study/bound.py", "study/runner.py", "dashboard", "commands", "train"}
+    assert not loop & {"study/soak.py", "study/field_tests.py", "study/runner.py", "dashboard", "commands", "train"}
     named = {name for file in COMMANDS.glob("*.py") for name in re.findall(r'"(study/\w+\.py)"', file.read_text())}
     assert len(named) >= 15 and all((code_version.PACKAGE / name).is_file() for name in named)
     alone = set(made_of.made_of(("study/bound.py",)))

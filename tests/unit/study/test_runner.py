@@ -87,6 +87,21 @@ def test_a_run_that_comes_out_otherwise_is_counted_and_takes_the_place_of_the_ol
     assert run_jobs(otherwise_from_four, jobs(tmp_path, 5), store, workers=0).changed == 2
 
 
+def with_a_new_figure(number: int, folder: str) -> dict[str, float]:
+    return timed_square(number, folder) | {"cube": float(number**3)}
+
+
+def test_a_figure_that_is_new_is_no_change(tmp_path, monkeypatch):
+    store = tmp_path / "store.jsonl"
+    code(monkeypatch, "old")
+    run_jobs(timed_square, jobs(tmp_path, 3), store, workers=0)
+    code(monkeypatch, "new")
+    found = run_jobs(with_a_new_figure, jobs(tmp_path, 3), store, workers=0, confirm=2)
+    assert (found.again, found.changed) == (2, 0)
+    code(monkeypatch, "newer")
+    assert run_jobs(timed_square, jobs(tmp_path, 3), store, workers=0, confirm=3).changed == 2  # a figure is gone
+
+
 def test_a_job_with_code_of_its_own_is_older_only_when_that_changes(tmp_path, monkeypatch):
     def bounds(version: str) -> list[Job]:
         return [dataclasses.replace(job, code=version) for job in jobs(tmp_path, 2)]

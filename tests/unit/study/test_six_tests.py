@@ -23,10 +23,11 @@ from asvhil.study.rows import (
     trial_job,
     wind_of,
 )
-from asvhil.study.runner import run_into
+from asvhil.study.runner import Finished, run_into
 from asvhil.study.six_tests import REFERENCE, available, labelled, study_six_tests, tabulate, verdict
 from asvhil.study.six_tests_report import draw_bars, report, verdict_line
 from asvhil.study.statistics import plus_minus
+from asvhil.study.trials.trial import run_named_trial
 from tests.support.paths import ROOT
 
 MODELS = ROOT / "config" / "models"
@@ -38,6 +39,7 @@ def run(row: str, controller: str, seed: int, ps: float, e_h_deg: float = 0.1, h
         "distance_m": {"mean": ps / 4, "std": ps / 8, "max": 14.3, "max_settled": ps / 2 + seed},
         "heading_deg": {"mean": e_h_deg, "std": ps / 2},
         "penalty_score": ps,
+        "vrx_score": ps / 3,
     }
     measured = {**errors, "penalty_score": ps + 0.5}
     return {
@@ -47,6 +49,10 @@ def run(row: str, controller: str, seed: int, ps: float, e_h_deg: float = 0.1, h
         "truth": errors,
         "measured": measured,
         "energy_n2": 1000.0 * seed,
+        "motors": {"reversals_per_min_most": 10.0 + seed, "change_per_s": 0.25},
+        "arrived_s": 20.0 + seed,
+        "wind": {"speed_mps": 3.0, "toward_deg": 90.0},
+        "own_bound": 0.8 * ps if row == "5" else None,
         "held": held,
     }
 
@@ -63,6 +69,7 @@ STUDY = {
     "window_s": [60.0, 360.0],
     "seeds": [1, 2],
     "noise": True,
+    "slow_error": True,
     **tabulate(RUNS, {"3@90": 3.6}),
     "cost": {"process_s": {"LagNet-MPC": 90.0}, "processes": 2, "minutes": 0.75, "runs_of_other_code": 3},
     "left_out": ["NODE-MPC is left out: no model"],
@@ -220,14 +227,22 @@ def test_the_figures_of_a_cell_by_hand():
 def test_the_report_holds_what_it_should():
     text = report(json.loads(json.dumps(STUDY)))
     tables = [part for part in text.split("\n\n") if part.startswith("|")]
-    assert len(tables) == 4  # score, regret, maximum distance, energy
+    # ps, ps as measured, VRX's, regret of the own wind and of the row's, greatest distance, way in, energy, work
+    assert len(tables) == 9
     for table in tables:
         assert len({line.count("|") for line in table.splitlines()}) == 1
         assert f"*{REFERENCE}, reference* |" in table.splitlines()[0]
-    assert "| 5 (3 m/s toward 90°) | **4.50 ± 6.35** (1.12 m, 0.10°) |" in tables[0]
-    assert tables[1].splitlines()[2:] == ["| 5 (3 m/s toward 90°) | 1.250 | 1.417 | 0.833 |"]
+    assert "| 5 (3 m/s toward 90°) | **4.50 ± 6.35** (1.12 m, 0.10°, 2.25°) |" in tables[0]
+    assert "| 5 (3 m/s toward 90°) | 5.00 ± 6.35 |" in tables[1] and "| 1.500 ± 2.118 |" in tables[2]
+    assert tables[3].splitlines()[2:] == ["| 5 (3 m/s toward 90°) | 1.250 ± 0.000 | 1.250 ± 0.000 | 1.250 ± 0.000 |"]
+    assert tables[4].splitlines()[2:] == ["| 5 (3 m/s toward 90°) | 1.250 | 1.417 | 0.833 |"]
     assert "NODE-MPC is left out: no model" in text and "3 runs were made by another version of the code" in text
-    assert "| 1 (3 m/s toward 0°) | 1.50 ± 6.35 | 1.50 ± 6.35 |  |" in tables[3]
+    assert "| 1 (3 m/s toward 0°) | 21.5 ± 6.4 | 21.5 ± 6.4 |  |" in tables[6]
+    assert "| 1 (3 m/s toward 0°) | 1.50 ± 6.35 | 1.50 ± 6.35 |  |" in tables[7]
+    assert "| 1 (3 m/s toward 0°) | 11.5, 0.25 | 11.5, 0.25 |  |" in tables[8]
+    assert "the receiver with its slow error" in text
+    plain = report({**json.loads(json.dumps(STUDY)), "noise": False, "slow_error": False})
+    assert "no gusts and no sensor noise" in plain and "by the boat's own estimate" not in plain
 
 
 def test_the_bars_are_drawn_with_and_without_gaps(tmp_path):
@@ -271,6 +286,38 @@ def test_a_run_is_another_with_other_weights_wind_seed_or_window(tmp_path):
     assert len(different) == 5
 
 
+def test_the_receivers_slow_error_is_as_the_config_has_it_or_off():
+    shipped = load_config("sitl")
+    with_error, without = (load_config("sitl", row_overrides("5", 1, slow_error=on)) for on in (True, False))
+    assert with_error.plant.sensors.gnss == shipped.plant.sensors.gnss and with_error.estimator == shipped.estimator
+    assert with_error.plant.sensors.gnss.slow_bias_m > 0.0 == without.plant.sensors.gnss.slow_bias_m
+    assert (
+        load_config("sitl", row_overrides("5", 1, slow_error=True, noise=False)).plant.sensors.gnss.slow_bias_m == 0.0
+    )
+
+
+def test_each_run_is_held_against_the_bound_of_the_wind_that_it_had():
+    asked, winds = [], ((5.84, 1.3), (6.26, 181.2))
+
+    def given(function, jobs):
+        if function is run_named_trial:
+            results = [run("6", "LOITER", 1, ps) for ps in (12.0, 15.0)]
+            for result, (speed_mps, toward_deg) in zip(results, winds, strict=True):
+                result["wind"] = {"speed_mps": speed_mps, "toward_deg": toward_deg}
+                del result["row"]
+        else:
+            asked.extend(jobs)
+            results = [{"penalty_score": 10.0}, {"penalty_score": 12.0}]
+        return Finished(results=results, group_s={}, processes=1, outdated=0)
+
+    keys = ("supervisor.station.heading_deg=90", "controller.name=loiter")
+    found = study_six_tests(given, controllers={"LOITER": keys}, rows=["6"], seeds=[1, 2], own_starts=4)
+    assert [job.key.split()[-2:] for job in asked] == [["5.8@89", "4"], ["6.3@91", "4"]]
+    assert found["rows"]["6"]["LOITER"]["own_regret"]["mean"] == pytest.approx((1.2 + 1.25) / 2)
+    for result in (run("1", "LOITER", 1, 1.0), run("1", "LOITER", 2, 1.0)):
+        assert tabulate([result], {})["rows"]["1"]["LOITER"]["own_regret"]["mean"] is None
+
+
 def test_two_controllers_in_short(tmp_path):
     seen = []
     found = study_six_tests(
@@ -284,6 +331,7 @@ def test_two_controllers_in_short(tmp_path):
     assert (seen[-1].done, seen[-1].total, seen[-1].remaining_s) == (4, 4, 0.0)
     line = found["rows"]["1"]
     assert set(line) == {"backstepping", "LOITER"} and set(line["LOITER"]["ps_by_seed"]) == {"1", "2"}
+    assert all(cell["arrived_s"]["mean"] is None for cell in line.values())
     # Seconds after the start both are still on their way from 14 m off.
     assert all(5.0 < cell["truth"]["e_d_m"]["mean"] < 14.4 for cell in line.values())
     assert set(labelled()) >= set(found["cost"]["process_s"])
