@@ -35,6 +35,9 @@ def six_tests(
     output: OutOption = RUNS,
     seeds: SeedsOption = 5,
     controller: Annotated[list[str], typer.Option(help="One controller by its name in the table; repeatable.")] = [],  # noqa: B006
+    solver: Annotated[
+        list[str], typer.Option(help="Each controller, an MPC, with this solver; repeatable. A table apart.")
+    ] = [],  # noqa: B006
     row: RowOption = [],  # noqa: B006
     noise: Annotated[
         bool, typer.Option(help="Sensor noise and gusts; without them one seed, in a table apart.")
@@ -52,12 +55,12 @@ def six_tests(
 ) -> Study:
     """All controllers over the paper's six tests, their mirrors and diagonals."""
     from asvhil.config import load_config
-    from asvhil.config.registry import CONTROLLERS
+    from asvhil.config.registry import CONTROLLERS, SOLVERS
     from asvhil.study.boat_bounds import STARTS
     from asvhil.study.made_of import made_of, run_files
     from asvhil.study.rows import FROM_S, QUICK_S, ROWS, TO_S, checked
     from asvhil.study.runner import run_into
-    from asvhil.study.six_tests import available, labelled, study_six_tests
+    from asvhil.study.six_tests import available, labelled, study_six_tests, with_solvers
     from asvhil.study.six_tests_report import draw_bars, report
 
     load_config(config, tuple(set_))  # and the plug-ins that it names
@@ -67,6 +70,9 @@ def six_tests(
     chosen, left_out = available(labels, models, config, tuple(set_))
     if not chosen:
         raise ConfigError("; ".join([*left_out, "no controller is left to run"]))
+    page = "six-tests-solvers" if solver else "six-tests" if noise else "six-tests-no-noise"
+    if solver:
+        chosen = with_solvers(chosen, checked(solver, [kind.name for kind in SOLVERS], "--solver"), config)
     limits, note = bounds_at_hand(bounds, config, tuple(set_))
 
     def figures(tell: Tell) -> dict[str, Any]:
@@ -86,7 +92,7 @@ def six_tests(
 
     return Study(
         title="six tests",
-        stem=stem_of("six-tests" if noise else "six-tests-no-noise", quick),
+        stem=stem_of(page, quick),
         figures=figures,
         text=report,
         draw=draw_bars,

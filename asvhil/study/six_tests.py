@@ -11,6 +11,7 @@ from asvhil.backseat.build import model_file
 from asvhil.config import load_config
 from asvhil.config.mean_wind import station_heading_deg
 from asvhil.config.registry import CONTROLLERS, ControllerKind
+from asvhil.controller.solvers.choice import choose_solver
 from asvhil.errors import ConfigError
 from asvhil.study.boat_bounds import bound_job
 from asvhil.study.bound import run_named_bound
@@ -76,6 +77,20 @@ def available(
                 raise
             left_out.append(f"{label} is left out: {error}; give --models DIR with {model}.npz in it")
     return found, left_out
+
+
+def with_solvers(
+    controllers: Mapping[str, tuple[str, ...]], solvers: Iterable[str], base: str
+) -> dict[str, tuple[str, ...]]:
+    """Each controller that solves the MPC's problem with each of these solvers. ConfigError where one cannot."""
+    found = {}
+    for label, keys in controllers.items():
+        for solver in solvers:
+            if not labelled()[label].solves:
+                raise ConfigError(f"--solver {solver}: {label} solves no problem; choose an MPC with --controller")
+            found[f"{label}, {solver}"] = (*keys, f"controller.solver={solver}")
+            choose_solver(load_config(base, found[f"{label}, {solver}"]).controller)
+    return found
 
 
 def study_six_tests(
@@ -223,6 +238,7 @@ def _cell(runs: Sequence[Mapping[str, Any]], limit: float) -> dict[str, Any]:
         "measured": _errors([run["measured"] for run in runs]),
         "regret": ps / limit if limit > 0.0 and ps is not None else None,
         "own_regret": _own_regret(runs),
+        "first_steps_ms": mean_of_all([(run.get("control_tick_ms") or {}).get("first") for run in runs]),
         "arrived_s": mean_of_all([run.get("arrived_s") for run in runs]),
         "motors": {
             name: mean_of_all([run["motors"][name] for run in runs])

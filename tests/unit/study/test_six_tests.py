@@ -24,7 +24,7 @@ from asvhil.study.rows import (
     wind_of,
 )
 from asvhil.study.runner import Finished, run_into
-from asvhil.study.six_tests import REFERENCE, available, labelled, study_six_tests, tabulate, verdict
+from asvhil.study.six_tests import REFERENCE, available, labelled, study_six_tests, tabulate, verdict, with_solvers
 from asvhil.study.six_tests_report import draw_bars, report, verdict_line
 from asvhil.study.statistics import plus_minus
 from asvhil.study.trials.trial import run_named_trial
@@ -51,6 +51,7 @@ def run(row: str, controller: str, seed: int, ps: float, e_h_deg: float = 0.1, h
         "energy_n2": 1000.0 * seed,
         "motors": {"reversals_per_min_most": 10.0 + seed, "change_per_s": 0.25},
         "arrived_s": 20.0 + seed,
+        "control_tick_ms": {"p50": 2.0, "p99": 4.0, "first": 8.0 + seed},
         "wind": {"speed_mps": 3.0, "toward_deg": 90.0},
         "own_bound": 0.8 * ps if row == "5" else None,
         "held": held,
@@ -227,8 +228,8 @@ def test_the_figures_of_a_cell_by_hand():
 def test_the_report_holds_what_it_should():
     text = report(json.loads(json.dumps(STUDY)))
     tables = [part for part in text.split("\n\n") if part.startswith("|")]
-    # ps, ps as measured, VRX's, regret of the own wind and of the row's, greatest distance, way in, energy, work
-    assert len(tables) == 9
+    # ps, ps as measured, VRX's, regret of the own wind and of the row's, greatest distance, way in, energy, work, time
+    assert len(tables) == 10
     for table in tables:
         assert len({line.count("|") for line in table.splitlines()}) == 1
         assert f"*{REFERENCE}, reference* |" in table.splitlines()[0]
@@ -240,6 +241,7 @@ def test_the_report_holds_what_it_should():
     assert "| 1 (3 m/s toward 0°) | 21.5 ± 6.4 | 21.5 ± 6.4 |  |" in tables[6]
     assert "| 1 (3 m/s toward 0°) | 1.50 ± 6.35 | 1.50 ± 6.35 |  |" in tables[7]
     assert "| 1 (3 m/s toward 0°) | 11.5, 0.25 | 11.5, 0.25 |  |" in tables[8]
+    assert "| 1 (3 m/s toward 0°) | 9.5 ± 6.4 | 9.5 ± 6.4 |  |" in tables[9]
     assert "the receiver with its slow error" in text
     plain = report({**json.loads(json.dumps(STUDY)), "noise": False, "slow_error": False})
     assert "no gusts and no sensor noise" in plain and "by the boat's own estimate" not in plain
@@ -316,6 +318,19 @@ def test_each_run_is_held_against_the_bound_of_the_wind_that_it_had():
     assert found["rows"]["6"]["LOITER"]["own_regret"]["mean"] == pytest.approx((1.2 + 1.25) / 2)
     for result in (run("1", "LOITER", 1, 1.0), run("1", "LOITER", 2, 1.0)):
         assert tabulate([result], {})["rows"]["1"]["LOITER"]["own_regret"]["mean"] is None
+
+
+def test_each_mpc_is_run_with_each_solver_and_others_are_refused():
+    mpcs = available(["NNSEM-MPC"], None, "sitl", ())[0]
+    found = with_solvers(mpcs, ["sqp", "ipopt"], "sitl")
+    solvers = {label: load_config("sitl", keys).controller.solver for label, keys in found.items()}
+    assert solvers == {"NNSEM-MPC, sqp": "sqp", "NNSEM-MPC, ipopt": "ipopt"}
+    with pytest.raises(ConfigError, match="--solver ipopt: LOITER solves no problem"):
+        with_solvers(available(["LOITER"], None, "sitl", ())[0], ["ipopt"], "sitl")
+    runs = [run("5", label, seed, ps) for label, ps in zip(found, (4.0, 5.0), strict=True) for seed in (1, 2)]
+    text = report({**STUDY, **tabulate(runs, {})})
+    assert "NNSEM-MPC, sqp has the lowest mean ps" in text
+    assert "baseline wins" not in text and "No baseline" not in text
 
 
 def test_two_controllers_in_short(tmp_path):
