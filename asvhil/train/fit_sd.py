@@ -33,6 +33,7 @@ CURVED_LOWER = np.array([*[-20.0] * CURVE, *[0.0] * SHARES])
 CURVED_UPPER = np.array([*[20.0] * CURVE, *[1.0] * SHARES])
 CURVED_START = np.array([*[0.0] * CURVE, 0.3, 0.1])
 WIND = tuple(PARAMETERS.index(name) for name in ("wind_surge", "wind_sway", "wind_yaw"))
+LEAST_DAMPING = 1e-12  # parameters that the data cannot tell apart make the equations singular without any
 SD_ITERATIONS = 60  # at most; a dozen usually do
 
 
@@ -98,6 +99,11 @@ def load_rates(loads: Array, wind: Array) -> Array:
     still = np.zeros((*wind.shape[:-1], 3))
     rates: Array = FittedSd(parameters.tolist(), 1.0).derivative(still, np.zeros_like(wind), wind)
     return rates
+
+
+def eased(damping: float) -> float:
+    """The damping after a step that lessened the cost."""
+    return max(0.3 * damping, LEAST_DAMPING)
 
 
 def _fit(
@@ -175,7 +181,7 @@ def _fit(
         if np.isfinite(cost) and cost < costs[-1]:
             done = costs[-1] - cost < TOLERANCE * costs[-1]
             parameters, shift, error, jacobian = trial, trial_shift, trial_error, trial_jacobian
-            damping *= 0.3
+            damping = eased(damping)
             costs.append(cost)
         else:
             done, damping = damping > 1e8, 10.0 * damping

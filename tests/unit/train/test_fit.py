@@ -18,7 +18,7 @@ from asvhil.errors import ConfigError, ModelError
 from asvhil.train.at_rest import at_rest, rates_at_rest, thrust_dip
 from asvhil.train.evaluate import HOLD, Case, evaluate
 from asvhil.train.fit import fit, fit_many
-from asvhil.train.fit_sd import fit_sd, skip_of_sd, wind_loads
+from asvhil.train.fit_sd import eased, fit_sd, skip_of_sd, wind_loads
 from asvhil.train.models import Batch, LagNetTrainee, NnsemTrainee
 from asvhil.train.ode import KnodeTrainee, NodeTrainee
 from asvhil.train.openloop import open_loop
@@ -406,6 +406,17 @@ def test_sd_takes_its_wind_loads_from_the_spans_with_the_motors_off() -> None:
         at_rest(FittedSd(fit_sd(data)[0].tolist(), 0.2), WIND_REACH, VESSEL).worst.error for data in (DATA, WITH_DRIFTS)
     ]
     assert checks[0] > 1.0 and checks[1] < 0.3  # among manoeuvres they make up for the thrust
+
+
+def test_what_the_data_cannot_tell_apart_does_not_end_a_fit() -> None:
+    """A real boat's records without wind gave two parameters the same column, and 28 good steps in a row."""
+    damping, without = 1e-2, 1e-2
+    for _ in range(60):
+        damping, without = eased(damping), 0.3 * without
+    normal = np.full((2, 2), 577.346602)
+    with pytest.raises(np.linalg.LinAlgError):
+        np.linalg.solve(normal + without * np.diag(np.diag(normal)), np.ones(2))
+    assert np.isfinite(np.linalg.solve(normal + damping * np.diag(np.diag(normal)), np.ones(2))).all()
 
 
 def test_the_noise_of_a_drifts_first_velocity_is_not_taken_for_drag_and_wind() -> None:
