@@ -12,6 +12,7 @@ from pymavlink import mavutil
 
 from asvhil.config import load_config
 from asvhil.errors import AsvhilError, LogError
+from asvhil.logs import export
 from asvhil.logs.encoding import decode_outputs
 from asvhil.logs.export import COLUMNS, export_log
 from asvhil.logs.info import log_info
@@ -19,7 +20,7 @@ from asvhil.logs.reader import LogFile
 from asvhil.logs.run import read_run
 from asvhil.logs.tlog import read_tlog
 from asvhil.sitl import run_lockstep
-from asvhil.types import Phase
+from asvhil.types import Phase, Station, changed
 from tests.support.log_damage import chunk_spans
 
 SPAN_S = 12.0
@@ -89,6 +90,19 @@ def test_tables_have_a_row_for_each_tick(log: Path, tmp_path: Path) -> None:
     assert [{k: v or None for k, v in row.items()} for row in both[0]] == [
         {k: v or None for k, v in row.items()} for row in both[1]
     ]  # an empty text and no text are the same in CSV
+
+
+def test_a_station_that_moves_has_its_velocity_in_the_row(log: Path) -> None:
+    ticks = [decode_outputs(data) for _, data in LogFile(log).ticks() if data is not None]
+    outputs = next(tick for tick in reversed(ticks) if tick.station is not None)
+    moving = changed(outputs, station=Station(n_m=1.0, e_m=2.0, psi_rad=0.5, vn_mps=0.3, ve_mps=-0.1))
+    for tick, velocity in (
+        (moving, (0.3, -0.1)),
+        (outputs, (0.0, 0.0)),
+        (changed(outputs, station=None), (None, None)),
+    ):
+        row = dict(zip(COLUMNS, export._row(tick, 0, None, None), strict=True))
+        assert (row["station_vn_mps"], row["station_ve_mps"]) == velocity
 
 
 def test_a_log_without_its_end_is_exported_as_far_as_it_goes(log: Path, tmp_path: Path) -> None:
