@@ -117,6 +117,7 @@ def run_key(config: Config) -> str:
     """
     tree = config.model_dump(mode="json", exclude_defaults=True)
     tree["plugins"] = [[Path(plugin.file).name, plugin.sha256] for plugin in config.plugins]
+    tree.get("controller", {}).pop("model", None)  # its content counts, not the folder that it is in
     digest = hashlib.sha256(json.dumps(tree, sort_keys=True).encode()).hexdigest()[:16]
     file = model_file(config)
     return f"{digest} {'physics' if file is None else _file_hash(file)}"

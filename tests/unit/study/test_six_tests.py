@@ -286,6 +286,9 @@ def test_a_run_is_another_with_other_weights_wind_seed_or_window(tmp_path):
     other.write_bytes(file.read_bytes() + b"x")
     different = {key(), key(row="6"), key(seed=2), key(to_s=120.0), key(keys=(keys[0], f"controller.model={other}"))}
     assert len(different) == 5
+    elsewhere = tmp_path / "elsewhere.npz"
+    shutil.copy(file, elsewhere)
+    assert key(keys=(keys[0], f"controller.model={elsewhere}")) == key()
 
 
 def test_the_receivers_slow_error_is_as_the_config_has_it_or_off():
