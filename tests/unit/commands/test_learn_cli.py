@@ -150,7 +150,7 @@ def test_an_interrupted_training_resumes_to_the_same_bits(run: Run, folder: Path
 def test_options_reach_the_training(run: Run, folder: Path) -> None:
     code, _, err = run(
         "train", "lagnet", "run.csv", *OF_CSV, "-o", "opt.npz", "--iterations", "30", "--members", "2", "--width", "5",
-        "--horizon", "2", "--moving-share", "0.5", "--validation-share", "0", "--no-mirror", "--batch", "8",
+        "--horizon", "2", "--moving-share", "0.5", "--validation-share", "0", "--no-mirror", "--batch", "8", "--force",
         "--json", "opt.json",
     )  # fmt: skip
     assert (code, err) == (0, "")
