@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from types import MappingProxyType
 from typing import Any
 
 from asvhil.config import AutopilotLinkConfig
@@ -12,41 +10,55 @@ from asvhil.config.controller import EFFORT_PARAMETER, EFFORTS
 from asvhil.config.heading import POLICIES
 from asvhil.io.mavlink.frames import dialect
 from asvhil.operator.encoding import encode_hold, encode_move, encode_neutral, encode_parameter, encode_release
-from asvhil.operator.station_parameters import POLICY_PARAMETER
+from asvhil.operator.station_parameters import COURSE_PARAMETER, POLICY_PARAMETER, SPEED_PARAMETER, WAY_PARAMETER
 from asvhil.types import record
 
 MOST_M = 5000.0  # beyond it a click means nothing; the daemon's own limits come before
+FASTEST_MPS = 10.0  # likewise of a station
 # Controls that choose one of several words: the daemon's parameter, whose value is the word's place.
 CHOICES = {"policy": (POLICY_PARAMETER, POLICIES), "effort": (EFFORT_PARAMETER, tuple(EFFORTS))}
-ACTIONS = ("hold", "neutral", "release", "move", "heading", *CHOICES)
+# What each control needs beside its name.
+NEEDS = {
+    **{"hold": set(), "neutral": set(), "release": set(), "stay": set()},
+    **{"move": {"n_m", "e_m"}, "heading": {"heading_deg"}, "drift": {"speed_mps", "course_deg"}},
+    **{name: {name} for name in CHOICES},
+}
 
 
 @record
 class PageControl:
     """An action with what it needs: `place_m` north and east in the local frame, `heading_deg` clockwise from north,
-    or the word that is chosen.
+    the word that is chosen, or the velocity of a station that moves, as speed (m/s) and course (degrees from north).
     """
 
     action: str
     place_m: tuple[float, float] | None = None
     heading_deg: float | None = None
     chosen: str | None = None
+    velocity: tuple[float, float] | None = None
 
     @property
     def mav_cmd(self) -> int | None:
-        """The command that the daemon acknowledges; None for a set-point or a choice, which show in what it tells."""
+        """The command that the daemon acknowledges; None for a set-point, which shows in what it tells."""
         return {
             "hold": dialect.MAV_CMD_DO_REPOSITION,
             "neutral": dialect.MAV_CMD_COMPONENT_ARM_DISARM,
             "release": dialect.MAV_CMD_NAV_GUIDED_ENABLE,
         }.get(self.action)
 
-    def is_shown_by(
-        self, station_m: tuple[float, float, float] | None, choices: Mapping[str, str | None] = MappingProxyType({})
-    ) -> bool:
-        """Whether the station (north, east in m, heading in degrees) or the choices are what was asked for."""
+    @property
+    def settings(self) -> tuple[tuple[str, float], ...]:
+        """What it sets of the daemon's parameters, in turn: of a motion the speed, which starts it, comes last."""
         if self.chosen is not None:
-            return choices.get(self.action) == self.chosen
+            parameter, words = CHOICES[self.action]
+            return ((parameter, float(words.index(self.chosen))),)
+        if self.velocity is not None:
+            speed_mps, course_deg = self.velocity
+            return ((COURSE_PARAMETER, course_deg), (WAY_PARAMETER, 0.0), (SPEED_PARAMETER, speed_mps))
+        return ((SPEED_PARAMETER, 0.0),) if self.action == "stay" else ()
+
+    def is_shown_by(self, station_m: tuple[float, float, float] | None) -> bool:
+        """Whether the station (north, east in m, heading in degrees) is what was asked for."""
         if station_m is None:
             return False
         if self.place_m is not None and math.dist(self.place_m, station_m[:2]) > 0.02:
@@ -58,7 +70,8 @@ class PageControl:
         at = "" if self.place_m is None else " to {:.1f} m north, {:.1f} m east".format(*self.place_m)
         heading = "" if self.heading_deg is None else f" {self.heading_deg:.0f} deg"
         chosen = "" if self.chosen is None else f" {self.chosen}"
-        return f"{self.action}{at}{heading}{chosen}"
+        velocity = "" if self.velocity is None else " {:g} m/s toward {:.0f} deg".format(*self.velocity)
+        return f"{self.action}{at}{heading}{chosen}{velocity}"
 
 
 def read_control(body: Any) -> PageControl:
@@ -66,9 +79,9 @@ def read_control(body: Any) -> PageControl:
     if not isinstance(body, dict):
         raise ValueError("a control is a JSON object")
     action = body.get("action")
-    if action not in ACTIONS:
-        raise ValueError(f"action must be one of {', '.join(ACTIONS)}")
-    needs = {"move": {"n_m", "e_m"}, "heading": {"heading_deg"}}.get(action, {action} & set(CHOICES))
+    if not isinstance(action, str) or action not in NEEDS:
+        raise ValueError(f"action must be one of {', '.join(NEEDS)}")
+    needs = NEEDS[action]
     odd = set(body) - {"action"} - needs
     if odd:
         raise ValueError(f"{action} takes no {', '.join(sorted(odd))}")
@@ -87,24 +100,29 @@ def read_control(body: Any) -> PageControl:
         if not 0.0 <= values["heading_deg"] <= 360.0:
             raise ValueError("heading_deg must be 0 to 360")
         return PageControl(action=action, heading_deg=values["heading_deg"] % 360.0)
+    if action == "drift":
+        if not 0.0 < values["speed_mps"] <= FASTEST_MPS:
+            raise ValueError(f"speed_mps must be above 0, and at most {FASTEST_MPS:g}")
+        if not 0.0 <= values["course_deg"] <= 360.0:
+            raise ValueError("course_deg must be 0 to 360")
+        return PageControl(action=action, velocity=(values["speed_mps"], values["course_deg"] % 360.0))
     return PageControl(action=action)
 
 
-def encode_control(control: PageControl, config: AutopilotLinkConfig) -> bytes:
-    """The frame that asks the daemon for it."""
+def encode_control(control: PageControl, config: AutopilotLinkConfig) -> tuple[bytes, ...]:
+    """The frames that ask the daemon for it, each to be sent once the one before is granted."""
+    if control.settings:
+        return tuple(encode_parameter(config, name, value) for name, value in control.settings)
     match control.action:
         case "hold":
-            return encode_hold(config, None, None, None)
+            return (encode_hold(config, None, None, None),)
         case "neutral":
-            return encode_neutral(config)
+            return (encode_neutral(config),)
         case "release":
-            return encode_release(config)
-        case name if control.chosen is not None:
-            parameter, words = CHOICES[name]
-            return encode_parameter(config, parameter, float(words.index(control.chosen)))
+            return (encode_release(config),)
         case _:
             psi_rad = None if control.heading_deg is None else math.radians(control.heading_deg)
-            return encode_move(config, control.place_m, psi_rad)
+            return (encode_move(config, control.place_m, psi_rad),)
 
 
 def _number(body: dict[str, Any], name: str) -> float:

@@ -7,6 +7,7 @@ import contextlib
 import socket
 import time
 from collections.abc import Callable
+from functools import partial
 
 from asvhil.config import Config
 from asvhil.config.link_spec import parse_spec
@@ -34,6 +35,7 @@ RARELY_ASKED = (
 )
 AGAIN_S = 0.3
 ANSWER_S = 2.0
+GRANTED, NO_ANSWER = "granted", "no answer from the daemon"
 REFUSAL_S = 5.5  # the daemon repeats the same refusal of a set-point no more often
 
 
@@ -90,28 +92,43 @@ class DaemonClient:
             return await self._ask(control)
 
     async def _ask(self, control: PageControl) -> tuple[bool, str]:
-        data = renumbered(encode_control(control, self._config), self._next_number())
-        began_s = end_s = self._clock()
-        end_s += ANSWER_S
-        mav_cmd = control.mav_cmd
-        granted = asyncio.get_running_loop().create_future()
-        if mav_cmd is not None:
-            self._acks[mav_cmd] = granted
+        frames = [renumbered(data, self._next_number()) for data in encode_control(control, self._config)]
+        if control.mav_cmd is not None:
+            return await self._command(control.mav_cmd, *frames)
+        if not control.settings:
+            return await self._until_shown(frames[0], lambda _: control.is_shown_by(self._picture.station_m))
+        for (name, value), data in zip(control.settings, frames, strict=True):
+            is_set = partial(self._picture.tells_setting, name, value)
+            granted, words = await self._until_shown(data, is_set)
+            if not granted:
+                return False, words
+        return True, GRANTED
+
+    async def _command(self, mav_cmd: int, data: bytes) -> tuple[bool, str]:
+        """Send a command until it is acknowledged."""
+        began_s = self._clock()
+        granted = self._acks[mav_cmd] = asyncio.get_running_loop().create_future()
         try:
-            while self._clock() < end_s:
+            while self._clock() < began_s + ANSWER_S:
                 self._send(data)
                 with contextlib.suppress(TimeoutError):
                     result = await asyncio.wait_for(asyncio.shield(granted), AGAIN_S)
-                    return result == 0, "granted" if result == 0 else self._words(began_s) or f"MAV_RESULT {result}"
-                if mav_cmd is None and control.is_shown_by(self._picture.station_m, self._picture.choices):
-                    return True, "granted"
-                if mav_cmd is None and self._refusal[0] >= began_s:
-                    return False, self._refusal[1]
+                    return result == 0, GRANTED if result == 0 else self._words(began_s) or f"MAV_RESULT {result}"
         finally:
-            if mav_cmd is not None:
-                self._acks.pop(mav_cmd, None)
-        said = self._words(began_s - REFUSAL_S) if mav_cmd is None else ""
-        return False, said or "no answer from the daemon"
+            self._acks.pop(mav_cmd, None)
+        return False, NO_ANSWER
+
+    async def _until_shown(self, data: bytes, is_shown: Callable[[float], bool]) -> tuple[bool, str]:
+        """Send what has no acknowledgement until it shows, in what was told since a time of day, or is refused."""
+        began_s = self._clock()
+        while self._clock() < began_s + ANSWER_S:
+            self._send(data)
+            await asyncio.sleep(AGAIN_S)
+            if is_shown(began_s):
+                return True, GRANTED
+            if self._refusal[0] >= began_s:
+                return False, self._refusal[1]
+        return False, self._words(began_s - REFUSAL_S) or NO_ANSWER
 
     def _words(self, since_s: float) -> str:
         return self._refusal[1] if self._refusal[0] >= since_s else ""

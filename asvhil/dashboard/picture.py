@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections import deque
 from typing import Any
@@ -13,6 +14,7 @@ from asvhil.io.mavlink.texts import TextReader
 from asvhil.links.operator_listener import STATES, computer_status
 from asvhil.operator.reports import PHASES
 from asvhil.operator.state_arrays import PLAN_ID, STATE_ID, read_plan, read_state
+from asvhil.supervisor.reasons import Reason, describe, explain
 
 STALE_S = 0.6  # since the last answer: three questions in vain, and shown well within a second
 NOTE_S = 4.0  # a note that is no longer among the answers is gone
@@ -21,6 +23,8 @@ HISTORY_ROWS = 900
 EVENTS = 200
 WORDS = ("mode", "sources")
 HISTORY_FIELDS = ("n_m", "e_m", "distance_m", "heading_error_deg", "port", "starboard")
+# What looks like a note, and is the answer to a request.
+ANSWERS = {describe(explain(reason)) for reason in (Reason.NO_STATION_HELD, Reason.NOTHING_TO_STOP)}
 Json = dict[str, Any]
 
 
@@ -42,6 +46,7 @@ class BoatPicture:
         self._station_deg: Json | None = None
         self._computer: Json | None = None
         self._choices: dict[str, str | None] = dict.fromkeys(CHOICES)
+        self._settings: dict[str, tuple[float, float]] = {}  # the daemon's parameters: when they were told, value
         self._words: dict[str, str] = {}
         self._notes: dict[str, tuple[str, bool, float]] = {}  # subject: text, ok, when it was heard last
         self._events: deque[Json] = deque(maxlen=EVENTS)
@@ -69,6 +74,7 @@ class BoatPicture:
             case "ONBOARD_COMPUTER_STATUS":
                 self._computer = computer_status(message)
             case "PARAM_VALUE":
+                self._settings[message.param_id] = t_s, message.param_value
                 for action, (name, words) in CHOICES.items():
                     if message.param_id == name and 0 <= message.param_value < len(words):
                         self._choices[action] = words[int(message.param_value)]
@@ -76,6 +82,11 @@ class BoatPicture:
                 text = self._texts.receive(message)
                 if text is not None:
                     self._on_text(t_s, text, ok=message.severity >= dialect.MAV_SEVERITY_NOTICE)
+
+    def tells_setting(self, name: str, value: float, since_s: float) -> bool:
+        """Whether the daemon has told since then that a parameter has a value, as exactly as a float of the link."""
+        told_s, told = self._settings.get(name, (-math.inf, math.nan))
+        return told_s >= since_s and math.isclose(told, value, rel_tol=1e-5, abs_tol=1e-6)
 
     def is_note(self, text: str) -> bool:
         """Whether a text is about a note that stands."""
@@ -105,7 +116,9 @@ class BoatPicture:
     def _on_text(self, t_s: float, text: str, *, ok: bool) -> None:
         """SUBJECT: TEXT, as an answer or because something has changed; or a text without a subject."""
         subject, separator, rest = text.partition(": ")
-        if separator and subject in [phase.value for phase in PHASES]:
+        if text in ANSWERS:
+            self._tell(t_s, text, ok=ok)
+        elif separator and subject in [phase.value for phase in PHASES]:
             if (self._phase, self._reason) != (subject, rest):
                 self._tell(t_s, text, ok=subject != "failsafe")
             self._phase, self._reason = subject, rest

@@ -33,6 +33,7 @@ STATE_FIELDS = (
     *("origin_lat_deg", "origin_lat_rest_deg", "origin_lon_deg", "origin_lon_rest_deg"),
     *DOCKING_FIELDS,
     *ENERGY_FIELDS,
+    *("station_vn_mps", "station_ve_mps"),  # over ground; 0 while it rests, or waits for the boat
 )
 PLAN_ROW = 3  # north and east (m), heading (degrees)
 PLAN_ROWS = CELLS // PLAN_ROW
@@ -108,6 +109,7 @@ def _values(state: BoatState) -> dict[str, float]:
     if state.point is not None:
         known |= {"station_n_m": state.point.n_m, "station_e_m": state.point.e_m}
         known |= {"station_heading_deg": math.degrees(state.point.psi_rad) % 360.0}
+        known |= {"station_vn_mps": state.point.vn_mps, "station_ve_mps": state.point.ve_mps}
     if station is not None and estimate is not None:
         known |= {"distance_m": math.hypot(estimate.n_m - station.n_m, estimate.e_m - station.e_m)}
         known |= {"heading_error_deg": math.degrees(wrap_rad(estimate.psi_rad - station.psi_rad))}

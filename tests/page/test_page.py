@@ -35,7 +35,7 @@ pytestmark = [
 ]
 SIZES = ((390, 844), (820, 1180), (1280, 800))
 THEMES = ("light", "dark")
-CONTROLS = ("neutral", "hold", "release", "heading", "policy", "effort")
+CONTROLS = ("neutral", "hold", "release", "heading", "drift", "stay", "policy", "effort")
 KINDS_ASKED = ("COMMAND_LONG", "COMMAND_INT")
 
 
@@ -169,6 +169,26 @@ def test_an_operator_sees_the_boat_moves_the_station_stops_the_motors_and_notice
             wait_for_text(lambda: page.inner_text("#answer"), f"{name}: granted".__eq__, 8.0)
             wait_for_text(lambda name=name: page.input_value(f"#{name}"), chosen.__eq__, 3.0)
 
+        # The station moves, unless too fast; map and words show it. By keys here: Enter in a field is the button.
+        wait_for_value(told["distance"], lambda metres: metres < 2.0, 60.0)
+        moves = re.compile(r"\nmoves at 0\.30 m/s toward 60°$")
+        map_text = lambda: page.get_attribute("#map-picture", "aria-label")  # noqa: E731
+        page.fill("#drift-speed", "5")
+        page.fill("#drift-course", "60")
+        page.press("#drift-course", "Enter")
+        assert page.inner_text("#confirm-text").startswith("Have the station move at 5 m/s toward 60°")
+        page.click("#confirm-yes")
+        wait_for_text(lambda: page.inner_text("#answer"), lambda text: text.startswith("drift: a station at 5.00"), 8.0)
+        assert page.locator(".moving").count() == 0 and "wrong" in (page.get_attribute("#answer", "class") or "")
+        page.fill("#drift-speed", "0.3")
+        page.click("#drift")
+        page.click("#confirm-yes")
+        wait_for_text(lambda: page.inner_text("#answer"), "drift: granted".__eq__, 8.0)
+        wait_for_text(lambda: page.inner_text("#state-station"), lambda text: bool(moves.search(text)), 5.0)
+        assert map_text().endswith("The station moves at 0.30 m/s toward 60 degrees.")
+        angle = re.search(r"rotate\((.*)\)", page.get_attribute(".moving", "transform") or "")
+        assert angle is not None and float(angle[1]) == pytest.approx(60.0, abs=0.1)
+
         # Looked at in all sizes, by people and by axe-core, while the boat is under way.
         for theme in THEMES:
             for width, height in SIZES:
@@ -180,15 +200,27 @@ def test_an_operator_sees_the_boat_moves_the_station_stops_the_motors_and_notice
                 wide = page.evaluate("document.documentElement.scrollWidth")
                 assert wide <= width, f"{theme} {width}: scrolls sideways to {wide}"
                 assert serious_faults(page) == [], (theme, width)
-        wait_for_value(told["distance"], lambda metres: metres < 2.0, 60.0)
+        wait_for_text(lambda: page.inner_text("#notes"), lambda text: "moving station: 0.3 m/s toward 60" in text, 5.0)
+        page.click("#stay")
+        page.click("#confirm-no")
+        page.wait_for_timeout(700)
+        assert page.locator(".moving").count() == 1
+        page.click("#stay")
+        page.click("#confirm-yes")
+        wait_for_text(lambda: page.inner_text("#answer"), "stay: granted".__eq__, 8.0)
+        wait_for_text(page.locator(".moving").count, "0".__eq__, 5.0)
+        assert "moves" not in page.inner_text("#state-station") + map_text()
 
-        # Neutral, pressed twice.
+        # Neutral, pressed twice; and no station moves that is not held.
         page.click("#neutral")
         page.click("#neutral")
         wait_for_text(lambda: page.inner_text("#answer"), "neutral: granted".__eq__, 8.0)
         stopped = daemon.wait_for(lambda s: s["phase"] == "prepare", 5.0)
         assert stopped["pwm_us"] == [1500, 1500]
         wait_for_text(told["reason"], lambda text: text.startswith("neutral"), 5.0)
+        page.click("#drift")
+        assert page.inner_text("#answer") == "No station is held: hold first, then have it move."
+        assert page.is_hidden("#confirm")
         wait_for_text(lambda: page.inner_text("#events"), lambda text: "neutral, asked for by 127.0.0.1" in text, 5.0)
 
         # The daemon is killed: what is shown is old within a second.
@@ -205,7 +237,7 @@ def test_an_operator_sees_the_boat_moves_the_station_stops_the_motors_and_notice
         page.wait_for_timeout(300)
         assert "OLD DATA" in page.inner_text("#stale") and page.evaluate("document.body.classList.contains('old')")
         keep_picture(page, "stale")
-        assert troubles == []
+        assert len(troubles) == 1 and "409 (Conflict)" in troubles[0], "the refusal of a speed"
         assert all(url.startswith((root, root.replace("http:", "ws:"))) for url in asked), asked
     assert neutral_ticks(at.log) and set(neutral_ticks(at.log)) == {(1500, 1500)}, "in the tick that took it"
 

@@ -3,6 +3,7 @@
 import { Chart, Motors } from "./charts.js";
 import { Controls } from "./controls.js";
 import { BoatMap } from "./map.js";
+import { velocityOf } from "./motion.js";
 
 const OLD_MS = 600; // as the dashboard has it
 const KEPT_S = 900;
@@ -89,7 +90,7 @@ function state() {
     ["battery", known && boat.battery_v !== null ? `${boat.battery_v.toFixed(1)} V${boat.battery_percent === null ? "" : `, ${boat.battery_percent} %`}` : "–"],
     ["heading, speed", known ? `${showCourse(boat.heading_deg)}, ${boat.u_mps === null ? "–" : Math.hypot(boat.u_mps, boat.v_mps).toFixed(2)} m/s` : "–"],
     ["uncertainty", known ? `${show(boat.position_std_m, 2, "m")}, ${show(boat.heading_std_deg, 1, "°")}${boat.estimate_ok === 0 ? ", not valid" : ""}` : "–"],
-    ["station", place],
+    ["station", place + motionText(boat)],
     ["docking window", dockingText(boat)],
     ["energy", energyText(boat)],
     ["true wind", wind],
@@ -100,6 +101,11 @@ function state() {
     ["recorder", log ? log.text : computer && computer.disk_free_mib !== null ? `recording, ${computer.disk_free_mib} MiB free` : "–"],
     ["computer", computer ? computerText(computer) : "–"],
   ];
+}
+
+function motionText(boat) {
+  const { speed, toward } = velocityOf(boat);
+  return speed ? `\nmoves at ${speed.toFixed(2)} m/s toward ${showCourse(toward)}` : "";
 }
 
 function dockingText(boat) {

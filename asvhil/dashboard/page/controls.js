@@ -28,6 +28,13 @@ export class Controls {
       const heading = Number($("heading-wish").value);
       this.confirm(`Turn the station to a heading of ${heading}°?`, { action: "heading", heading_deg: heading });
     });
+    $("drift-form").addEventListener("submit", (event) => {
+      event.preventDefault();
+      const [speed, course] = [Number($("drift-speed").value), Number($("drift-course").value)];
+      this.confirmMotion(`Have the station move at ${speed} m/s toward ${course}°, until told otherwise? The boat goes with it.`,
+        { action: "drift", speed_mps: speed, course_deg: course });
+    });
+    $("stay").addEventListener("click", () => this.confirmMotion("Have the station stay where it is now?", { action: "stay" }));
     for (const [name, question] of Object.entries(CHOICES)) {
       $(name).addEventListener("change", () => this.confirm(question($(name).selectedOptions[0].textContent), { action: name, [name]: $(name).value }));
     }
@@ -48,7 +55,7 @@ export class Controls {
   get open() { return Boolean(this.facts?.controllable && this.token); }
 
   show() {
-    for (const id of ["neutral", "hold", "release", "heading"]) $(id).disabled = !this.open;
+    for (const id of ["neutral", "hold", "release", "heading", "drift", "stay"]) $(id).disabled = !this.open;
     this.showChoices();
     $("token-form").hidden = this.open || !this.facts?.controllable;
     $("locked").textContent = !this.facts ? "" : !this.facts.controllable ? "This page only shows: it was started without controls." :
@@ -77,6 +84,11 @@ export class Controls {
     const warn = away > far ? ` That is beyond the ${far} m of the config, and will be refused.` : "";
     this.confirm(`Move the station to ${away.toFixed(1)} m from the boat?${warn}`, { action: "move", n_m: n, e_m: e });
     return true;
+  }
+
+  confirmMotion(text, body) {
+    if (typeof this.live?.boat.station_n_m !== "number") this.say("No station is held: hold first, then have it move.", false);
+    else this.confirm(text, body);
   }
 
   // An emergency has no time for a dialog: pressed twice.

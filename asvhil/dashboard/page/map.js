@@ -1,5 +1,6 @@
 // The map in local metres, north up: boat, track, station, radii, predicted path, fence, wind.
 
+import { velocityOf } from "./motion.js";
 import { Drawing, points } from "./svg.js";
 
 const SIZE = 420;
@@ -130,6 +131,19 @@ export class BoatMap {
     const reach = Math.max(facts.length_m * k, 24);
     d.node("station", "circle", { class: "station", cx: sx, cy: sy, r: 7 });
     d.node("towards", "line", { class: "station", x1: sx, y1: sy, x2: sx + reach * Math.sin(psi), y2: sy - reach * Math.cos(psi) });
+    this.motion(d, sx, sy, boat);
+  }
+
+  // Where the station goes, longer the faster it is.
+  motion(d, sx, sy, boat) {
+    const { speed, toward } = velocityOf(boat);
+    if (!speed) return;
+    const long = Math.min(30 + 100 * speed, 120);
+    const at = `translate(${sx.toFixed(1)} ${sy.toFixed(1)}) rotate(${toward.toFixed(1)})`;
+    d.node("moving", "path", { class: "moving", transform: at, d: `M0 -9V${-long}M-7 ${9 - long}L0 ${-long}L7 ${9 - long}` });
+    const [right, down] = [Math.sin(toward * RAD), -Math.cos(toward * RAD)];
+    const anchor = right > 0.3 ? "start" : right < -0.3 ? "end" : "middle";
+    d.node("movingtext", "text", { x: sx + right * (long + 6), y: sy + down * (long + 12) + 4, "text-anchor": anchor }, `${speed.toFixed(2)} m/s`);
   }
 
   boat(d, bx, by, k, heading, facts) {
@@ -154,7 +168,9 @@ export class BoatMap {
 
   describe(boat, held, distance) {
     const where = held ? `${distance.toFixed(1)} m from the station` : "no station is held";
-    const text = `Map, north up: the boat heads ${Math.round(boat.heading_deg ?? 0)} degrees, ${where}.`;
+    const { speed, toward } = velocityOf(boat);
+    const moves = speed ? ` The station moves at ${speed.toFixed(2)} m/s toward ${Math.round(toward) % 360} degrees.` : "";
+    const text = `Map, north up: the boat heads ${Math.round(boat.heading_deg ?? 0)} degrees, ${where}.${moves}`;
     if (this.picture.getAttribute("aria-label") !== text) this.picture.setAttribute("aria-label", text);
   }
 }

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from asvhil.dashboard.controls import encode_control, read_control
+from asvhil.dashboard.controls import PageControl, encode_control, read_control
 from asvhil.io.mavlink.frames import decode
 from asvhil.types import Frame, HoldCommand, MoveCommand, NeutralCommand, ReleaseCommand
 from tests.support.operator_bench import CONFIG, Bench
@@ -15,9 +15,20 @@ from tests.support.operator_bench import CONFIG, Bench
 
 def asked(body: Any) -> Any:
     """What the daemon takes a control for."""
-    data = encode_control(read_control(body), CONFIG)
+    (data,) = encode_control(read_control(body), CONFIG)
     (request,) = Bench().link.receive(Frame(t_ns=1, port="operator", data=data, peer="page:1"))
     return request.command
+
+
+def settings_of(control: PageControl) -> list[tuple[str, float]]:
+    """The parameters that a control's frames set, in turn; `settings` says the same."""
+    found = []
+    for data in encode_control(control, CONFIG):
+        message = decode(data)
+        assert message is not None and message.get_type() == "PARAM_SET"
+        found.append((message.param_id, message.param_value))
+    assert found == list(control.settings)
+    return found
 
 
 def test_each_control_is_what_it_says() -> None:
@@ -42,12 +53,16 @@ def test_each_control_is_what_it_says() -> None:
 def test_a_choice_sets_the_parameter_of_the_daemon(action: str, parameter: str, words: tuple[str, ...]) -> None:
     for place, word in enumerate(words):
         control = read_control({"action": action, action: word})
-        message = decode(encode_control(control, CONFIG))
-        assert message is not None and message.get_type() == "PARAM_SET"
-        assert (message.param_id, message.param_value) == (parameter, place)
-        assert control.is_shown_by(None, {action: word}) and control.mav_cmd is None
-        assert not control.is_shown_by((0.0, 0.0, 0.0), {action: None}) and not control.is_shown_by(None)
+        assert settings_of(control) == [(parameter, place)] and control.mav_cmd is None
         assert control.describe() == f"{action} {word}"
+
+
+def test_a_motion_sets_the_parameters_that_the_command_sets_and_the_speed_last() -> None:
+    drift = read_control({"action": "drift", "speed_mps": 0.25, "course_deg": 360})
+    assert settings_of(drift) == [("ST_COURSE", 0.0), ("ST_WAY", 0.0), ("ST_SPEED", 0.25)]
+    assert drift.mav_cmd is None and drift.describe() == "drift 0.25 m/s toward 0 deg"
+    stay = read_control({"action": "stay"})
+    assert settings_of(stay) == [("ST_SPEED", 0.0)] and stay.describe() == "stay"
 
 
 @pytest.mark.parametrize(
@@ -60,6 +75,12 @@ def test_a_choice_sets_the_parameter_of_the_daemon(action: str, parameter: str, 
         *({"action": "heading", "heading_deg": -1}, {"action": "heading", "heading_deg": 361}),
         *({"action": "heading", "heading_deg": math.inf}, {"action": "heading", "heading_deg": 1, "x": 2}),
         *({"action": "policy"}, {"action": "policy", "policy": "sideways"}, {"action": "policy", "policy": 1}),
+        *({"action": "drift", "speed_mps": 0.2}, {"action": "drift", "course_deg": 1, "speed_mps": 0}),
+        *({"action": "drift", "speed_mps": 1e39, "course_deg": 1}, {"action": "stay", "speed_mps": 0}),
+        *(
+            {"action": "drift", "speed_mps": 0.2, "course_deg": 361},
+            {"action": "drift", "speed_mps": -1, "course_deg": 1},
+        ),
         *({"action": "effort", "effort": None}, {"action": "effort", "effort": "gentle", "policy": "bow"}),
     ],
 )

@@ -73,6 +73,26 @@ def test_choices_are_those_that_the_daemon_tells_and_unknown_until_then() -> Non
     assert told("W_NEAR_HEAD", 1.0)["effort"] == "precise"
 
 
+def test_a_setting_is_told_from_when_it_was_asked_for_on() -> None:
+    bench = PictureBench()
+    assert not bench.picture.tells_setting("ST_SPEED", 0.0, 0.0)
+    bench.hear(dialect.MAVLink_param_value_message(b"ST_SPEED", 0.3, 9, 40, 3))
+    told_s = bench.t_s
+    assert bench.picture.tells_setting("ST_SPEED", 0.3, told_s), "as exactly as a float of the link tells it"
+    assert not bench.picture.tells_setting("ST_SPEED", 0.3, told_s + 0.1)
+    assert not bench.picture.tells_setting("ST_SPEED", 0.2999, told_s)
+    assert not bench.picture.tells_setting("ST_COURSE", 0.3, told_s)
+
+
+def test_a_refusal_with_a_colon_is_no_note() -> None:
+    bench = PictureBench()
+    for _ in range(2):
+        bench.say("no station is held: send a hold command first", WARNING)
+        assert not bench.picture.is_note("no station is held: send a hold command first")
+    assert bench.live()["notes"] == []
+    assert bench.events() == ["no station is held: send a hold command first"] * 2
+
+
 def test_before_anything_is_heard_it_says_so() -> None:
     live = PictureBench().live()
     assert live["stale"] is True and live["age_s"] is None and live["trouble"] == "no answer yet"
@@ -81,8 +101,10 @@ def test_before_anything_is_heard_it_says_so() -> None:
 
 def test_state_plan_and_phase_are_those_of_the_messages() -> None:
     bench = PictureBench()
-    bench.hear(*state_arrays(0, HELD), heartbeat(2, 4))
+    moving = replace(HELD, point=Station(n_m=4.0, e_m=-2.0, psi_rad=0.5, vn_mps=0.25, ve_mps=-0.5))
+    bench.hear(*state_arrays(0, moving), heartbeat(2, 4))
     live = bench.live()
+    assert (live["boat"]["station_vn_mps"], live["boat"]["station_ve_mps"]) == (0.25, -0.5)
     assert (live["stale"], live["age_s"], live["phase"], live["state"]) == (False, 0.0, "hold", "active")
     assert (
         live["boat"]["distance_m"] == 5.0 and live["boat"]["port_us"] == 1550.0 and live["boat"]["wind_n_mps"] is None
