@@ -11,6 +11,7 @@ from asvhil.commands.study_pages import pages
 from asvhil.commands.study_runs import approach, estimator, field_tests, robustness, safety, six_tests
 from asvhil.commands.study_soak import soak
 from asvhil.commands.study_solvers import solvers
+from asvhil.commands.study_waves import waves
 
 app = typer.Typer(no_args_is_help=True, help="Studies behind the tables under docs/results.")
 
@@ -24,6 +25,7 @@ for command in (
     learned_loop,
     boat_models,
     changed_boats,
+    waves,
     estimator,
     safety,
     field_tests,

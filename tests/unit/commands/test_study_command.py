@@ -150,6 +150,7 @@ def test_every_study_has_the_same_options_for_the_same_things() -> None:
             "learned_loop",
             "boat_models",
             "changed_boats",
+            "waves",
             "estimator",
             "safety",
             "field_tests",
