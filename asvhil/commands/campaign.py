@@ -8,7 +8,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from asvhil.commands.study_command import RUNS, OutOption, SchedulerOption, Study, WorkersOption, study_command
+from asvhil.commands.study_command import (
+    RUNS,
+    ConfirmOption,
+    OutOption,
+    SchedulerOption,
+    Study,
+    WorkersOption,
+    study_command,
+)
 from asvhil.errors import AsvhilError
 
 if TYPE_CHECKING:
@@ -25,16 +33,18 @@ def campaign(
     workers: WorkersOption = None,
     scheduler: SchedulerOption = None,
     retry: Annotated[bool, typer.Option("--retry", help="Run those again that failed.")] = False,
+    confirm: ConfirmOption = 0,
 ) -> Study:
     """Many seeded runs over winds, boats, sensors, faults, controllers or any key: Parquet, summary, worst cases.
 
     docs/campaigns.md describes the file. The same command resumes one that was interrupted.
     """
     from asvhil.study.campaigns.campaign import run_campaign
-    from asvhil.study.campaigns.design import check
+    from asvhil.study.campaigns.design import check, files_of
     from asvhil.study.campaigns.report import draw, markdown
     from asvhil.study.campaigns.spec import read_spec, runs_of
     from asvhil.study.campaigns.table import check_parts
+    from asvhil.study.made_of import made_of
     from asvhil.study.runner import run_into
 
     settings, path, lines = read_spec(spec)
@@ -45,7 +55,13 @@ def campaign(
 
     def figures(tell: Tell) -> dict[str, Any]:
         run = run_into(
-            output / f"{stem}.jsonl", workers=workers, tell=tell, scheduler=scheduler, isolate=True, retry=retry
+            output / f"{stem}.jsonl",
+            workers=workers,
+            tell=tell,
+            scheduler=scheduler,
+            isolate=True,
+            retry=retry,
+            confirm=confirm,
         )
         with tempfile.TemporaryDirectory() as folder:  # what is stored of the logs is the logs
             again = run_into(Path(folder) / "logs.jsonl", workers=workers)
@@ -65,5 +81,5 @@ def campaign(
         draw=lambda found, picture: draw(found, rows, picture),
         notes=(f"{path}: {runs_of(settings)} runs",),
         failure=failure,
-        made_of=None,
+        made_of=made_of(("study/campaigns/campaign.py",), [path, *files_of(settings)]),
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import hashlib
 import itertools
@@ -18,6 +19,7 @@ from asvhil.config.told import Lines
 from asvhil.errors import AsvhilError, ConfigError
 from asvhil.study.campaigns.shorthands import VESSEL, assignments, base_value, keys_of
 from asvhil.study.campaigns.spec import CONFIG, OWN, CampaignSpec, ParameterSpec
+from asvhil.study.made_of import run_files
 from asvhil.study.runner import Job
 from asvhil.study.trials.trial import run_key
 from asvhil.types import record
@@ -97,6 +99,16 @@ def job_of(run: PlannedRun, window_s: tuple[float, float]) -> Job:
     model = _model(run.base, tuple(one for one in run.overrides if one.startswith(MODEL_KEYS)))
     key = f"campaign {digest} {model} {window_s[0]:g}-{window_s[1]:g}"
     return Job(key=key, group=run.variant or "runs", arguments=(run.base, run.overrides, window_s))
+
+
+def files_of(spec: CampaignSpec) -> list[Path]:
+    """The configs, plug-ins and model files behind the runs, each once; nothing of a run that cannot be."""
+    choices = {(one.base, tuple(key for key in one.overrides if key.startswith(MODEL_KEYS))) for one in plan(spec)}
+    found: set[Path] = set()
+    for base, keys in choices:
+        with contextlib.suppress(AsvhilError):
+            found.update(run_files(base, keys))
+    return sorted(found)
 
 
 def check(spec: CampaignSpec, path: Path, lines: Lines) -> None:

@@ -12,7 +12,7 @@ import pytest
 from asvhil.config import load_config
 from asvhil.errors import ConfigError
 from asvhil.study.campaigns.campaign import cost_of, run_campaign, summary_of, variants_of
-from asvhil.study.campaigns.design import check, job_of, plan
+from asvhil.study.campaigns.design import check, files_of, job_of, plan
 from asvhil.study.campaigns.sensitivity import sensitivities
 from asvhil.study.campaigns.spec import CampaignSpec, ParameterSpec, read_spec, runs_of
 from asvhil.study.runner import Finished, run_into
@@ -97,6 +97,22 @@ def test_a_run_is_known_by_all_that_it_depends_on(tmp_path):
     keys = {job_of(run, (1.0, 2.0)).key for run in runs}
     assert len(keys) == 8 and keys == {job_of(run, (1.0, 2.0)).key for run in runs}
     assert job_of(runs[0], (1.0, 3.0)).key not in keys
+
+
+def test_the_files_behind_the_runs_are_those_of_all_controllers_and_configs(tmp_path):
+    text = """
+design: {kind: grid}
+parameters:
+  config: [sitl, sitl-bream]
+variants:
+  learned: {controller.name: lagnet-mpc}
+  none: {controller.name: loiter}
+  gone: {controller.name: nnsem-mpc, controller.model: no-such.npz}
+"""
+    read, _, _ = read_spec(written(tmp_path, text))
+    assert [file.name for file in files_of(read)] == [
+        *("bream.yaml", "bream-lagnet.npz", "wamv16-lagnet.npz", "sitl-bream.yaml", "sitl.yaml", "wamv16.yaml"),
+    ]
 
 
 def test_parameters_are_values_or_ranges():
