@@ -169,6 +169,20 @@ class Radio(enum.StrEnum):
 
 
 @record
+class BatterySum:
+    """The batteries of which the autopilot tells voltage and current, together; at `t_ns` the oldest of them was heard.
+
+    `lowest_percent`: of the charge; `used_wh`: since the autopilot's start, or a battery's own; None: not all tell it.
+    """
+
+    t_ns: int
+    number: int
+    power_w: float
+    lowest_percent: float | None
+    used_wh: float | None
+
+
+@record
 class FrontseatStatus:
     """What the autopilot says of itself. Servo and RC values in microseconds, index 0 is channel 1; 0: no value.
 
@@ -178,7 +192,7 @@ class FrontseatStatus:
     not. `keeps_override`: no receiver takes the place of an override that has ended, and its last value stands.
     `rc_ns` and `outputs_ns` are when the values came; 0: never. `arming_fault`: why it would not arm, by the
     autopilot's own words; empty where it would, or is armed, or nothing is known. `battery_percent`: of the charge;
-    `battery_a`: the current that is drawn; `battery_ns`: when they came, 0: never;
+    `battery_a`: the current that is drawn; `battery_ns`: when they came, 0: never; `batteries`: each by itself, summed;
     `fix` (GPS_FIX_TYPE) and `satellites`: of the autopilot's first receiver; None where the autopilot does not tell.
     """
 
@@ -202,6 +216,7 @@ class FrontseatStatus:
     battery_percent: float | None = None
     battery_a: float | None = None
     battery_ns: int = 0
+    batteries: BatterySum | None = None
     fix: int | None = None
     satellites: int | None = None
 

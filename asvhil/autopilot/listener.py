@@ -61,7 +61,7 @@ class AutopilotListener:
         self._operators = Parser()
         self._output = make_output(config, pwm, rules.wiring({}))
         self._streams = StreamRequester(
-            config.streams_hz,
+            config.requested_hz,
             config.autopilot_system_id,
             self._us,
             component_id=config.autopilot_component_id,
@@ -94,6 +94,7 @@ class AutopilotListener:
             dialect.MAVLINK_MSG_ID_RC_CHANNELS: self._vehicle.on_rc_channels,
             dialect.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW: self._vehicle.on_servo_output,
             dialect.MAVLINK_MSG_ID_SYS_STATUS: self._vehicle.on_sys_status,
+            dialect.MAVLINK_MSG_ID_BATTERY_STATUS: self._vehicle.on_battery,
             dialect.MAVLINK_MSG_ID_STATUSTEXT: self._vehicle.on_text,
             dialect.MAVLINK_MSG_ID_ATTITUDE: self._on_attitude,
             dialect.MAVLINK_MSG_ID_SYSTEM_TIME: self._note_boot_time,

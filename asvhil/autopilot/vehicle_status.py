@@ -7,6 +7,7 @@ from operator import attrgetter
 from typing import Any
 
 from asvhil.autopilot.arming_checks import ArmingChecks
+from asvhil.autopilot.batteries import Batteries
 from asvhil.autopilot.motor_outputs import IGNORE_CHANNEL
 from asvhil.autopilot.parameter_watch import ParameterWatch
 from asvhil.autopilot.transmitter import Transmitter
@@ -48,6 +49,7 @@ class VehicleStatus:
         self._battery_percent: float | None = None
         self._battery_a: float | None = None
         self._battery_ns = 0
+        self._batteries = Batteries()
         self._fix: tuple[int | None, int | None] = (None, None)
 
     def restart(self) -> None:
@@ -55,6 +57,7 @@ class VehicleStatus:
         self.ready = False
         self.transmitter.restart()
         self.arming_checks.restart()
+        self._batteries.restart()
 
     @property
     def keeps_override(self) -> bool:
@@ -67,6 +70,9 @@ class VehicleStatus:
         """As a handler of a message gives it."""
         self.arming_fault = self.arming_checks.fault(t_ns)
         wiring = self._parameters.wiring
+        batteries = self._batteries.sum(t_ns)
+        # SYS_STATUS tells the charge of the first alone (ArduPilot).
+        lowest = None if batteries is None or batteries.number == 1 else batteries.lowest_percent
         status = FrontseatStatus(
             t_ns=t_ns,
             armed=self.armed,
@@ -85,9 +91,10 @@ class VehicleStatus:
             radio=self.transmitter.radio,
             arming_fault="" if self.armed else self.arming_fault,
             battery_v=self._battery_v,
-            battery_percent=self._battery_percent,
+            battery_percent=self._battery_percent if lowest is None else lowest,
             battery_a=self._battery_a,
             battery_ns=self._battery_ns,
+            batteries=batteries,
             fix=self._fix[0],
             satellites=self._fix[1],
         )
@@ -128,6 +135,11 @@ class VehicleStatus:
         self._battery_ns = t_ns
         self.transmitter.on_sys_status(t_ns, m.onboard_control_sensors_present, health)
         self.arming_checks.on_sys_status(m.onboard_control_sensors_enabled, health)
+        return self.status(t_ns)
+
+    def on_battery(self, t_ns: int, m: Any) -> Sequence[FrontseatStatus]:
+        """BATTERY_STATUS."""
+        self._batteries.receive(t_ns, m)
         return self.status(t_ns)
 
     def on_fix(self, m: Any) -> None:

@@ -10,7 +10,8 @@ from asvhil.config.base import Positive, Section
 
 
 class BatteryConfig(Section):
-    """The watch over the battery of motors and autopilot, by what the autopilot tells of it (SYS_STATUS).
+    """The watch over the battery of motors and autopilot, by what the autopilot tells of it (SYS_STATUS; of several
+    batteries the lowest charge, by BATTERY_STATUS).
 
     The autopilot's own fail-safe (BATT_FS_LOW_ACT, COM_LOW_BAT_ACT) goes on beside it: where it changes the mode, that
     ends the hold.

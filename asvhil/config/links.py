@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo, model_validator
 
 from asvhil.config.autopilots import outputs_of
-from asvhil.config.base import LinkSpecText, MavlinkId, Positive, Section, is_stored, known_only
+from asvhil.config.base import LinkSpecText, MavlinkId, NonNegative, Positive, Section, is_stored, known_only
 from asvhil.config.chosen import NamedIn
 from asvhil.config.link_spec import shared_place
 from asvhil.config.mavlink import GroundStationLinkConfig, LinkName, MavlinkLinkConfig, RoutingConfig
@@ -85,6 +85,22 @@ class AutopilotLinkConfig(MavlinkLinkConfig):
             "(asvhil/config/autopilots.py). 0 or null: not asked for. What `sources` lists is asked for in any case."
         ),
     )
+
+    battery_hz: NonNegative = Field(
+        default=1.0,
+        description=(
+            "Rate to request for BATTERY_STATUS, which tells of each battery by itself (an ArduPilot of one in turn), "
+            "unless streams_hz has it. 0: not asked for."
+        ),
+    )
+    left_out_if_empty = ("battery_hz",)
+    before_it_came = (("battery_hz", 0.0),)
+
+    @property
+    def requested_hz(self) -> dict[str, float]:
+        """The rates of all messages to request; that of the batteries, which nothing waits for, comes last."""
+        batteries = {"BATTERY_STATUS": self.battery_hz} if self.battery_hz else {}
+        return self.streams_hz | {name: hz for name, hz in batteries.items() if name not in self.streams_hz}
 
     @property
     def overrides_sticks(self) -> bool:

@@ -13,8 +13,8 @@ from asvhil.config.base import NonNegative, Positive, Section
 class PowerConfig(Section):
     """What the boat takes from its battery: with it a hold tells its energy (Wh), and the hours that are left.
 
-    Where the autopilot measures the battery's current (SYS_STATUS), that counts and the curve does not; `power: {}` is
-    then enough for the energy, and `capacity_wh` for the hours.
+    Where the autopilot measures the batteries' current (BATTERY_STATUS, or SYS_STATUS), that counts and the curve does
+    not; `power: {}` is then enough for the energy, and `capacity_wh` for the hours.
     """
 
     power_curve: tuple[tuple[float, float], ...] | None = Field(
@@ -28,7 +28,10 @@ class PowerConfig(Section):
         default=0.0, description="What all but the motors takes from the same battery: computers, sensors, radios."
     )
     capacity_wh: Positive | None = Field(
-        default=None, description="Usable energy of the full battery. null: unknown, and the hours left are not told."
+        default=None,
+        description=(
+            "Usable energy of the full battery, of several in all. null: unknown, and the hours left are not told."
+        ),
     )
 
     @model_validator(mode="after")

@@ -133,6 +133,7 @@ class Plant:
         ]
         self._moored: Moored | None = None
         self._has_receiver = plant.frontseat.rc_receiver
+        self._drawn_ns = t_ns  # until then the battery has given what it has
         self._power = config.vehicle.power if plant.frontseat.current_sensor else None
         self._transmitter_lost = False
 
@@ -225,7 +226,9 @@ class Plant:
                 self.frontseat.set_receiver(not self._transmitter_lost)
             if self._loop.take_due(self._t_ns):
                 drawn_w = None if self._power is None else self._power.drawn_w(vessel.motor_commands)
-                self.frontseat.set_battery(BATTERY_V if faults.battery_v is None else faults.battery_v, drawn_w)
+                volts = BATTERY_V if faults.battery_v is None else faults.battery_v
+                self.frontseat.set_battery(volts, drawn_w, (self._t_ns - self._drawn_ns) * 1e-9)
+                self._drawn_ns = self._t_ns
                 self._navigation.sample(self._t_ns, self.motion, faults.of("autopilot"))
                 sent += self._autopilot.loop(self._t_ns)
                 self._drive(faults)

@@ -49,6 +49,7 @@ class EnergyWatch:
         self._power_w: float | None = None  # from the last tick on
         self._by = ""
         self._since_start = _Sum()
+        self._before_wh = 0.0  # what had been used before, by what the autopilot counts
         self._of_hold: _Sum | None = None
         self._forget()
 
@@ -65,12 +66,13 @@ class EnergyWatch:
             self._of_hold = _Sum() if held else None
             self._forget()
         self._power_w, self._by = self._drawn(t_ns, status, pulses_us)
+        used_wh = self._used_wh(status)
         mean_w = self._mean_w if self._known_s >= LEAST_S else None
         return EnergyUse(
             hold_wh=None if self._of_hold is None else self._of_hold.wh,
             power_w=self._power_w,
             mean_w=mean_w,
-            hours_left=self._hours_left(status, mean_w),
+            hours_left=self._hours_left(status, mean_w, used_wh),
             by=self._by,
         )
 
@@ -91,9 +93,9 @@ class EnergyWatch:
     ) -> tuple[float | None, str]:
         """Power (W) from now on, and by what it is known; None where it is not."""
         if status is not None:
-            volts, amperes = status.battery_v, status.battery_a
-            if volts is not None and amperes is not None and t_ns - status.battery_ns < STALE_NS:
-                return volts * amperes, MEASURED
+            measured_w = _measured_w(t_ns, status)
+            if measured_w is not None:
+                return measured_w, MEASURED
             if pulses_us is None and t_ns - status.outputs_ns < STALE_NS:
                 pulses_us = status.motors_us  # somebody else's
         if pulses_us is None:
@@ -101,12 +103,33 @@ class EnergyWatch:
         power_w = self._power.drawn_w((self._command_of(pulses_us[0]), self._command_of(pulses_us[1])))
         return power_w, "" if power_w is None else CURVE
 
-    def _hours_left(self, status: FrontseatStatus | None, mean_w: float | None) -> float | None:
-        """By the charge that the autopilot tells, or by what a full battery has given since the start."""
-        capacity_wh, used_wh = self._power.capacity_wh, self._since_start.wh
+    def _used_wh(self, status: FrontseatStatus | None) -> float | None:
+        """Since the autopilot's start, where it counts; else since ours. An autopilot that reboots counts from 0."""
+        told_wh = None if status is None or status.batteries is None else status.batteries.used_wh
+        since_wh = self._since_start.wh
+        if told_wh is not None:
+            self._before_wh = max(self._before_wh, told_wh - (since_wh or 0.0))
+            since_wh = since_wh or 0.0
+        return None if since_wh is None else since_wh + self._before_wh
+
+    def _hours_left(self, status: FrontseatStatus | None, mean_w: float | None, used_wh: float | None) -> float | None:
+        """By the charge that the autopilot tells, or by what a full battery has given."""
+        capacity_wh = self._power.capacity_wh
         if capacity_wh is None or not mean_w:
             return None
         percent = None if status is None else status.battery_percent
         if percent is not None:
             return 0.01 * percent * capacity_wh / mean_w
         return None if used_wh is None else max(0.0, capacity_wh - used_wh) / mean_w
+
+
+def _measured_w(t_ns: int, status: FrontseatStatus) -> float | None:
+    """What the autopilot measures, of all its batteries; by SYS_STATUS where that tells of no less than all."""
+    told = status.batteries
+    if told is not None and t_ns - told.t_ns < STALE_NS:
+        return told.power_w
+    volts, amperes = status.battery_v, status.battery_a
+    alone = told is None or told.number == 1
+    if not alone or volts is None or amperes is None or t_ns - status.battery_ns >= STALE_NS:
+        return None
+    return volts * amperes

@@ -55,6 +55,7 @@ class RoverTelemetry(VehicleTelemetry):
             d.MAVLINK_MSG_ID_SCALED_IMU2: self._scaled_imu2,
             d.MAVLINK_MSG_ID_GPS_RAW_INT: self._gps_raw,
             d.MAVLINK_MSG_ID_SYSTEM_TIME: self._system_time,
+            d.MAVLINK_MSG_ID_BATTERY_STATUS: self._battery_status,
             d.MAVLINK_MSG_ID_EKF_STATUS_REPORT: self._ekf_status,
             d.MAVLINK_MSG_ID_LOCAL_POSITION_NED: self._local_position,
         }

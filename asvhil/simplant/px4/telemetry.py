@@ -36,6 +36,7 @@ RATES_HZ = {
     dialect.MAVLINK_MSG_ID_RC_CHANNELS: 5.0,
     dialect.MAVLINK_MSG_ID_VFR_HUD: 4.0,
     dialect.MAVLINK_MSG_ID_ESTIMATOR_STATUS: 0.5,
+    dialect.MAVLINK_MSG_ID_BATTERY_STATUS: 0.5,
 }
 
 
@@ -68,6 +69,7 @@ class Px4Telemetry(VehicleTelemetry):
             d.MAVLINK_MSG_ID_RC_CHANNELS: self._rc_channels_where_heard,
             d.MAVLINK_MSG_ID_GPS_RAW_INT: self._gps_raw,
             d.MAVLINK_MSG_ID_SYSTEM_TIME: self._system_time,
+            d.MAVLINK_MSG_ID_BATTERY_STATUS: self._battery_status,
         }
         self.on_request = {
             d.MAVLINK_MSG_ID_ACTUATOR_OUTPUT_STATUS: self._actuator_output_status,
@@ -126,6 +128,16 @@ class Px4Telemetry(VehicleTelemetry):
         return d.MAVLink_sys_status_message(
             present, sensors | radio, healthy, 0, mv, centiamperes, -1, 0, 0, 0, 0, 0, 0
         )
+
+    def _battery_status(self, t_ns: int) -> Any:
+        """As recorded: without a current sensor -1 A, and no charge used; the energy is never told."""
+        d, vehicle = dialect, self._px4
+        mv, centiamperes = self._battery()
+        if vehicle.battery_a is None:
+            centiamperes = -100
+        used_mah = round(1000.0 * vehicle.used_ah)
+        function, kind = d.MAV_BATTERY_FUNCTION_ALL, d.MAV_BATTERY_TYPE_LIPO
+        return self._battery_message(function, kind, mv, centiamperes, used_mah, -1)
 
     def _extended_sys_state(self, t_ns: int) -> Any:
         """A rover is on the ground while it is disarmed."""

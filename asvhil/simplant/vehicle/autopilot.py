@@ -40,6 +40,8 @@ class Vehicle(Protocol):
     servo_us: list[int]
     battery_v: float
     battery_a: float | None
+    used_ah: float
+    used_wh: float
 
     @property
     def rc(self) -> RcInputs: ...
@@ -146,10 +148,13 @@ class SimulatedAutopilot(ABC):
         """The pilot's transmitter comes into, or goes out of, range."""
         self._vehicle.rc.set_receiver(self._vehicle.t_ns, present)
 
-    def set_battery(self, volts: float, watts: float | None) -> None:
-        """The voltage of the battery, and what is drawn from it; None: there is no current sensor."""
-        self._vehicle.battery_v = volts
-        self._vehicle.battery_a = None if watts is None else watts / volts
+    def set_battery(self, volts: float, watts: float | None, elapsed_s: float) -> None:
+        """The voltage of the battery, what is drawn from it (None: there is no current sensor), and for how long."""
+        vehicle, hours = self._vehicle, elapsed_s / 3600.0
+        vehicle.battery_v = volts
+        vehicle.battery_a = None if watts is None else watts / volts
+        vehicle.used_ah += (vehicle.battery_a or 0.0) * hours
+        vehicle.used_wh += (watts or 0.0) * hours
 
     def set_mode(self, number: int) -> bool:
         """The pilot's mode switch; False where the vehicle refuses."""

@@ -21,6 +21,7 @@ class PoweredVehicle:
         self.servo_us = [0] * 16
         self.battery_v = BATTERY_V
         self.battery_a: float | None = None  # None: it has no current sensor
+        self.used_ah = self.used_wh = 0.0
 
     def restart(self, t_ns: int) -> None:
         """Power on: everything but the parameters and the pilot's sticks is reset."""
@@ -30,4 +31,5 @@ class PoweredVehicle:
         self.rc.restart(self.boot_ns)
         self.armed = self.changed = False
         self.texts.clear()
+        self.used_ah = self.used_wh = 0.0
         self.servo_us[:] = [0] * 16

@@ -17,6 +17,7 @@ from asvhil.simplant.vehicle.autopilot import Vehicle
 
 U32 = 0xFFFFFFFF
 I16_MAX = 0x7FFF
+NO_CELL_MV = 0xFFFF
 
 
 class VehicleTelemetry:
@@ -54,6 +55,24 @@ class VehicleTelemetry:
         """Voltage (mV) and current (10 mA; -1: not measured) of SYS_STATUS."""
         volts, amperes = self._vehicle.battery_v, self._vehicle.battery_a
         return round(1000.0 * volts), -1 if amperes is None else min(round(100.0 * amperes), I16_MAX)
+
+    def _battery_status(self, t_ns: int) -> Any:
+        """One battery of unknown cells, as recorded of an ArduRover: its whole voltage is in the place of the first."""
+        vehicle = self._vehicle
+        mv, centiamperes = self._battery()
+        used = (-1, -1)
+        if vehicle.battery_a is not None:
+            used = round(1000.0 * vehicle.used_ah), round(36.0 * vehicle.used_wh)
+        return self._battery_message(dialect.MAV_BATTERY_FUNCTION_UNKNOWN, 0, mv, centiamperes, *used)
+
+    @staticmethod
+    def _battery_message(function: int, kind: int, mv: int, centiamperes: int, used_mah: int, used_hj: int) -> Any:
+        """BATTERY_STATUS of battery 0; what no autopilot here knows has the mark of that."""
+        cells = [mv, *[NO_CELL_MV] * 9]
+        charge = dialect.MAV_BATTERY_CHARGE_STATE_OK
+        return dialect.MAVLink_battery_status_message(
+            0, function, kind, I16_MAX, cells, centiamperes, used_mah, used_hj, -1, 0, charge
+        )
 
     def _nothing(self, t_ns: int) -> None:
         return None

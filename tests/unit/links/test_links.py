@@ -25,7 +25,9 @@ from asvhil.types import (
 )
 
 MS, S = 1_000_000, 1_000_000_000
-CONFIG = AutopilotLinkConfig(endpoint="udpin:127.0.0.1:0", streams_hz={"ATTITUDE": 20.0, "GLOBAL_POSITION_INT": 10.0})
+CONFIG = AutopilotLinkConfig(
+    endpoint="udpin:127.0.0.1:0", battery_hz=0.0, streams_hz={"ATTITUDE": 20.0, "GLOBAL_POSITION_INT": 10.0}
+)
 AUTOPILOT = dialect.MAVLink(None, srcSystem=1, srcComponent=1)
 
 

@@ -47,12 +47,24 @@ def test_by_default_every_stream_comes_at_1_hz() -> None:
         "SCALED_IMU2",
         "GPS_RAW_INT",
         "SYSTEM_TIME",
+        "BATTERY_STATUS",
         "EKF_STATUS_REPORT",
         "LOCAL_POSITION_NED",
     }
     for name in names:
         seen = times(log, name)
         assert len(seen) == 10 and seen[-1] - seen[0] == pytest.approx(9.0)
+
+
+@pytest.mark.parametrize(("sensor", "known"), [("false", False), ("true", True)])
+def test_its_battery_is_told_as_recorded(sensor: str, known: bool) -> None:
+    boat = Boat(f"plant.frontseat.current_sensor={sensor}", "vehicle.power.hotel_w=1260")
+    told = of(boat.run(6.0), "BATTERY_STATUS")[-1]
+    assert (told.id, told.battery_function, told.type, told.temperature) == (0, 0, 0, 32767)
+    assert told.voltages == [12_600, *[65_535] * 9] and told.voltages_ext == [0] * 4
+    assert (told.battery_remaining, told.time_remaining, told.charge_state, told.fault_bitmask) == (-1, 0, 1, 0)
+    used = (told.current_battery, told.current_consumed, told.energy_consumed)
+    assert used == ((10_000, 167, 76) if known else (-1, -1, -1)), "100 A for 6 s at 12.6 V, in 10 mA, mAh, 100 J"
 
 
 def test_readiness_is_told_by_the_ekf_flags_and_positions_wait_for_it() -> None:

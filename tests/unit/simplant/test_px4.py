@@ -404,3 +404,13 @@ def test_a_reboot_forgets_streams_mode_arming_and_actuators() -> None:
     log = boat.run(3.0)
     assert of(log, "HEARTBEAT")[0].custom_mode == LOITER and len(times(log, "ATTITUDE")) > 30
     assert boat.arm() == ACCEPTED and boat.outputs() == (1500, 1500)
+
+
+@pytest.mark.parametrize(("sensor", "used"), [("false", (-100, 0, -1)), ("true", (10_000, 139, -1))])
+def test_its_battery_is_told_as_recorded(sensor: str, used: tuple[int, int, int]) -> None:
+    """Without a sensor the current is -1 A, and no charge has been used; energy is never told. 100 A for 5 s."""
+    boat = Px4Boat(f"plant.frontseat.current_sensor={sensor}", "vehicle.power.hotel_w=1260")
+    told = of(boat.run(7.0), "BATTERY_STATUS")[-1]
+    assert (told.id, told.battery_function, told.type, told.voltages[:2]) == (0, 1, 1, [12_600, 65_535])
+    assert told.current_consumed == pytest.approx(used[1], abs=60)
+    assert (told.current_battery, told.energy_consumed) == (used[0], used[2])

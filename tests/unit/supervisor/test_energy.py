@@ -8,7 +8,7 @@ import pytest
 
 from asvhil.config import PowerConfig
 from asvhil.supervisor.energy import BLIND_S, LEAST_S, MEAN_S, EnergyWatch
-from asvhil.types import EnergyUse, FrontseatStatus
+from asvhil.types import BatterySum, EnergyUse, FrontseatStatus
 from tests.support.supervisor_bench import status
 
 S = 1_000_000_000
@@ -37,6 +37,8 @@ class Boat:
             self.t_ns += S
             if told is not None and not silent:
                 told = replace(told, battery_ns=self.t_ns, outputs_ns=self.t_ns)
+                if told.batteries is not None:
+                    told = replace(told, batteries=replace(told.batteries, t_ns=self.t_ns))
             self.told = self.watch.step(self.t_ns, told, pulses_us, held=held)
         return self.told
 
@@ -128,3 +130,30 @@ def test_while_others_drive_the_motors_are_what_the_autopilot_reports() -> None:
     assert boat.run(1, None, piloted, held=False).power_w == pytest.approx(340.0)
     assert boat.run(5, None, replace(piloted, outputs_ns=boat.t_ns), held=False, silent=True).power_w is None
     assert boat.run(1, (1500, 1500), piloted).power_w == 0.0, "ours are what was sent"
+
+
+def batteries(number: int, used_wh: float | None = None) -> FrontseatStatus:
+    """SYS_STATUS of the first battery, 60 W, and the batteries together, 150 W."""
+    told = BatterySum(t_ns=0, number=number, power_w=150.0, lowest_percent=None, used_wh=used_wh)
+    return replace(status(), battery_v=15.0, battery_a=4.0, batteries=told)
+
+
+@pytest.mark.parametrize(("number", "then"), [(1, (60.0, "measured")), (2, (600.0, "curve"))])
+def test_all_batteries_count_and_one_of_several_does_not_for_all(number: int, then: tuple[float, str]) -> None:
+    boat = Boat()
+    told = batteries(number)
+    assert boat.run(1, (1900, 1900), told).power_w == 150.0
+    # BATTERY_STATUS of one falls silent, while SYS_STATUS goes on.
+    for _ in range(5):
+        old = replace(told, batteries=replace(told.batteries, t_ns=boat.t_ns - 5 * S), battery_ns=boat.t_ns)
+        use = boat.run(1, (1900, 1900), old, silent=True)
+    assert (use.power_w, use.by) == then
+
+
+def test_what_was_used_before_this_program_began_is_gone_and_a_reboot_gives_nothing_back() -> None:
+    """100 Wh, of which 40 were used before: 360 s at 150 W later there are 45, so 0.3 h."""
+    boat = Boat(power_curve=None, capacity_wh=100.0)
+    boat.run(1, (1900, 1900), batteries(1, used_wh=40.0))
+    assert boat.run(360, (1900, 1900), batteries(1)).hours_left == pytest.approx(0.3)
+    assert boat.run(1, (1900, 1900), batteries(1, used_wh=0.0)).hours_left == pytest.approx(0.3, abs=1e-3)
+    assert boat.run(1, (1900, 1900), batteries(1, used_wh=70.0)).hours_left == pytest.approx(0.2)

@@ -1,0 +1,67 @@
+"""The batteries of a vehicle, as BATTERY_STATUS tells of them: a message for each, by its `id`. Sans-IO."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from asvhil.types import BatterySum, record
+
+NO_CELL = (0, 0xFFFF)  # mV: without a measurement, in `voltages_ext` and in `voltages`
+FORGOTTEN_NS = 60_000_000_000  # a battery that has been silent for so long is not there any more
+WH_PER_HECTOJOULE = 100.0 / 3600.0
+
+
+@record
+class _Reading:
+    t_ns: int
+    power_w: float
+    percent: float | None
+    used_wh: float | None
+
+
+class Batteries:
+    """Readings of those that have a current sensor. What tells no voltage or no current is as silent: a battery without
+    a sensor never counts, and one that has lost it makes the sum old, and later leaves it.
+    """
+
+    def __init__(self) -> None:
+        self._readings: dict[int, _Reading] = {}
+
+    def restart(self) -> None:
+        """The autopilot has rebooted: which it has is told anew."""
+        self._readings.clear()
+
+    def receive(self, t_ns: int, m: Any) -> None:
+        """BATTERY_STATUS. Its charge and consumption count from the autopilot's start, or from a battery's own."""
+        volts = 1e-3 * sum(mv for mv in (*m.voltages, *m.voltages_ext) if mv not in NO_CELL)
+        if volts <= 0.0 or m.current_battery < 0:  # -1: not measured; PX4 says -100 as well
+            return
+        if m.energy_consumed >= 0:
+            used_wh = m.energy_consumed * WH_PER_HECTOJOULE
+        else:  # PX4 counts the charge alone
+            used_wh = 1e-3 * m.current_consumed * volts if m.current_consumed >= 0 else None
+        self._readings[m.id] = _Reading(
+            t_ns=t_ns,
+            power_w=volts * 0.01 * m.current_battery,
+            percent=float(m.battery_remaining) if m.battery_remaining >= 0 else None,
+            used_wh=used_wh,
+        )
+
+    def sum(self, t_ns: int) -> BatterySum | None:
+        """All together, as old as the oldest of them; None where none measures a current."""
+        self._readings = {i: one for i, one in self._readings.items() if t_ns - one.t_ns < FORGOTTEN_NS}
+        readings = [self._readings[i] for i in sorted(self._readings)]
+        if not readings:
+            return None
+        percents = [one.percent for one in readings if one.percent is not None]
+        power_w = used_wh = 0.0
+        for one in readings:  # `sum` of floats is another one in a newer Python
+            power_w += one.power_w
+            used_wh += one.used_wh or 0.0
+        return BatterySum(
+            t_ns=min(one.t_ns for one in readings),
+            number=len(readings),
+            power_w=power_w,
+            lowest_percent=min(percents) if len(percents) == len(readings) else None,
+            used_wh=None if any(one.used_wh is None for one in readings) else used_wh,
+        )
