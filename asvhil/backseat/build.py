@@ -21,7 +21,7 @@ from asvhil.controller.protocol import Controller
 from asvhil.controller.pwm import Limiter, PulseLimiter, command_of_pulse
 from asvhil.dynamics.corrected import CorrectedModel
 from asvhil.dynamics.protocol import Dynamics
-from asvhil.dynamics.rigid_body import SimplifiedDynamics
+from asvhil.dynamics.rigid_body import SimplifiedDynamics, ThrustCurve
 from asvhil.dynamics.weights import load_model
 from asvhil.errors import ModelError, OtherHullError
 from asvhil.estimator.ekf import Ekf
@@ -214,6 +214,19 @@ def build_firmware_watch(config: Config) -> FirmwareWatch:
     return FirmwareWatch(ANEMOMETER, link.firmware if link is not None else None)
 
 
+def build_heading_cost(config: Config) -> HeadingCostWatch | None:
+    """What tells the cost of a station's heading, in W too where the boat's power is known; None if not asked for."""
+    if not config.supervisor.heading_cost:
+        return None
+    power, curve = config.vehicle.power, ThrustCurve(config.believed_vessel.thrust_curve)
+
+    def power_of(thrust_n: float) -> float | None:
+        command = curve.command(0.5 * thrust_n)
+        return None if power is None else power.drawn_w((command, command))
+
+    return HeadingCostWatch(config.believed_vessel, power_of)
+
+
 def build_backseat(
     config: Config,
     file: Path | None = None,
@@ -235,7 +248,7 @@ def build_backseat(
         perception=build_perception(config, model, link),
         motion=MotionWatch(config),
         battery=BatteryWatch(config.supervisor.battery),
-        heading_cost=HeadingCostWatch(config.believed_vessel) if config.supervisor.heading_cost else None,
+        heading_cost=build_heading_cost(config),
         docking=DockingWatch() if config.supervisor.docking else None,
         energy=None if power is None else EnergyWatch(power, partial(command_of_pulse, pwm)),
         command=build_command(config, controller),

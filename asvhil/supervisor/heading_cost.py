@@ -4,7 +4,8 @@ A steady load to the side can only be borne by swinging: the thrust, ahead and a
 side. With the thrust F that can be given both ways and a side load Y the heading swings by about asin(Y / F), and the
 boat runs up and down by F / m for as long as a swing takes at the yaw moment N of opposite thrusts: by a distance in
 proportion to (F / m) / (N / I) times a power of the swing. The factors are fitted to the physical bound of the WAM-V
-(`asvhil study bound`), the best that any controller could do in a steady wind.
+(`asvhil study bound`), the best that any controller could do in a steady wind. The electrical power of that is what the
+thrust takes ahead for half of the time and astern for the other; that of a boat along the weather, the mean thrust's.
 """
 
 from __future__ import annotations
@@ -30,13 +31,20 @@ CHANGED = 0.2  # of what was told last: less is not told anew
 @record
 class HeadingCost:
     """Of one heading: mean distance (m) and standard deviation of the heading (rad) at the least, mean thrust along the
-    boat over what the motors can give (0 to 1), and whether the station can be held at all.
+    boat over what the motors can give (0 to 1), and whether the station can be held at all. `thrusts_n`: of both motors
+    together, each for half of the time.
     """
 
     distance_m: float
     swing_rad: float
     thrust: float
     can_be_held: bool
+    thrusts_n: tuple[float, float]
+
+    @property
+    def lies_still(self) -> bool:
+        """Whether the weather on the side is too little to be seen among gusts and waves."""
+        return self.can_be_held and self.swing_rad < STILL_RAD
 
 
 def heading_cost(vessel: VesselConfig, ahead_mps2: float, abeam_mps2: float) -> HeadingCost:
@@ -49,24 +57,35 @@ def heading_cost(vessel: VesselConfig, ahead_mps2: float, abeam_mps2: float) -> 
     side_n = abs(abeam_mps2) * m_v
     if both_ways_n <= 0.0 or side_n >= both_ways_n * math.sin(MOST_RAD):
         return HeadingCost(
-            distance_m=math.inf, swing_rad=math.inf, thrust=min(abs(mean_n) / limit_n, 1.0), can_be_held=False
+            distance_m=math.inf,
+            swing_rad=math.inf,
+            thrust=min(abs(mean_n) / limit_n, 1.0),
+            can_be_held=False,
+            thrusts_n=(mean_n, mean_n),
         )
     swing_rad = math.asin(side_n / both_ways_n)
     turn_radps2 = vessel.motor_arm_m * (ahead_n + astern_n) / (vessel.inertia_yaw_kgm2 + vessel.added_inertia_yaw_kgm2)
     run_m = both_ways_n / m_u / turn_radps2
+    swings_n = 0.0 if swing_rad < STILL_RAD else both_ways_n
     return HeadingCost(
         distance_m=DISTANCE * run_m * math.pow(swing_rad, POWER),
         swing_rad=SWING * swing_rad,
         thrust=abs(mean_n) / limit_n,
         can_be_held=True,
+        thrusts_n=(mean_n + swings_n, mean_n - swings_n),
     )
 
 
 class HeadingCostWatch:
-    """Tells of a station that is held what its heading costs; nothing where the boat can lie still."""
+    """Tells of a station that is held what its heading costs; nothing where the boat can lie still.
 
-    def __init__(self, vessel: VesselConfig) -> None:
+    `power_of` gives the electrical power (W) of the boat at a thrust (N) of both motors together, None where that is
+    not known.
+    """
+
+    def __init__(self, vessel: VesselConfig, power_of: Callable[[float], float | None] = lambda thrust_n: None) -> None:
         self._vessel = vessel
+        self._power_of = power_of
         self._told: HeadingCost | None = None
         self._looked: tuple[int, float] | None = None  # when, at which heading
         self._notes: tuple[Note, ...] = ()
@@ -92,24 +111,48 @@ class HeadingCostWatch:
         self._looked = t_ns, station.psi_rad
         if self._told is None or _differ(cost, self._told):
             self._told = cost
-            self._notes = _notes(cost)
+            self._notes = self._tell(cost, station.psi_rad + math.atan2(push_mps2[1], push_mps2[0]), push_at)
         return self._notes
+
+    def _tell(
+        self, cost: HeadingCost, along_rad: float, push_at: Callable[[float], tuple[float, float] | None]
+    ) -> tuple[Note, ...]:
+        """`along_rad`: where the weather pushes to."""
+        if cost.lies_still:
+            return ()
+        along = [push_at(wrap_rad(along_rad + turn)) for turn in (0.0, math.pi)]  # stern to it, bow to it
+        powers = [self._power_w(heading_cost(self._vessel, push[0], 0.0)) for push in along if push is not None]
+        least_w = min((power_w for power_w in powers if power_w is not None), default=None)
+        return _notes(cost, self._power_w(cost), least_w)
+
+    def _power_w(self, cost: HeadingCost) -> float | None:
+        """Mean power; None where it is not known, or the boat is not held."""
+        one, other = (self._power_of(thrust_n) for thrust_n in cost.thrusts_n)
+        return None if one is None or other is None or not cost.can_be_held else 0.5 * (one + other)
 
 
 def _differ(a: HeadingCost, b: HeadingCost) -> bool:
-    if a.can_be_held != b.can_be_held or (a.swing_rad < STILL_RAD) != (b.swing_rad < STILL_RAD):
+    if a.can_be_held != b.can_be_held or a.lies_still != b.lies_still:
         return True
     return a.can_be_held and abs(a.distance_m - b.distance_m) > CHANGED * b.distance_m
 
 
-def _notes(cost: HeadingCost) -> tuple[Note, ...]:
+def _notes(cost: HeadingCost, power_w: float | None, least_w: float | None) -> tuple[Note, ...]:
+    """`power_w`: at the station's heading; `least_w`: along the weather, on the better side."""
     if not cost.can_be_held:
-        text = "this weather drives the boat off at the station's heading; turn it to the weather, or end the hold"
+        turned = "" if least_w is None else f" ({_watts(least_w)} W at least)"
+        text = "this weather drives the boat off at the station's heading; turn it to the weather"
+        text += f"{turned}, or end the hold"
         return (Note(subject=SUBJECT, text=text, ok=False),)
-    if cost.swing_rad < STILL_RAD:
-        return ()
+    takes = "" if power_w is None else f", for some {_watts(power_w)} W"
+    still = "" if least_w is None else f", for {_watts(least_w)} W at least"
     text = (
         f"the weather is on the side: at best {cost.distance_m:.1f} m off, {math.degrees(cost.swing_rad):.0f} deg to "
-        "either side, motors ahead and astern by turns; turned to it the boat would lie still"
+        f"either side, motors ahead and astern by turns{takes}; turned to it the boat would lie still{still}"
     )
     return (Note(subject=SUBJECT, text=text, ok=True),)
+
+
+def _watts(power_w: float) -> str:
+    """To tens from a hundred on: it is known no better."""
+    return f"{round(power_w, -1 if power_w >= 100.0 else 0):.0f}"

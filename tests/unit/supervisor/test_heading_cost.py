@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import math
+import re
+from collections.abc import Callable
 from itertools import pairwise
 
 import numpy as np
 import pytest
 
+from asvhil.backseat.build import build_heading_cost
 from asvhil.config import load_config
 from asvhil.study.bound import bound, plant_dynamics
 from asvhil.supervisor.heading_cost import EVERY_NS, HeadingCost, HeadingCostWatch, heading_cost
@@ -51,6 +54,52 @@ def test_with_the_weather_ahead_or_astern_it_lies_still_and_works_as_the_load_is
     # 18 N of load: 481 N ahead can be given, 186 N astern.
     assert cost_in("sitl", 6.0, 180.0).thrust == pytest.approx(18.0 / 481.0)
     assert cost_in("sitl", 6.0, 0.0).thrust == pytest.approx(18.0 / 186.0)
+
+
+@pytest.mark.parametrize(
+    ("name", "speed_mps", "toward_deg", "watts"),
+    [
+        # The mean power of the bound's orbits by the power curves of both boats (`bound`, 2 starts).
+        *(("sitl", 3.0, 90.0, 873.0), ("sitl", 6.0, 90.0, 900.0), ("sitl", 9.0, 90.0, 860.0)),
+        *(
+            ("sitl-blueboat", 3.0, 90.0, 599.0),
+            ("sitl-blueboat", 6.0, 90.0, 567.0),
+            ("sitl-blueboat", 9.0, 90.0, 527.0),
+        ),
+    ],
+)
+def test_the_power_is_near_that_of_the_bound(name: str, speed_mps: float, toward_deg: float, watts: float) -> None:
+    config = load_config(name)
+    toward = math.radians(toward_deg)
+    wind = np.array([speed_mps * math.cos(toward), speed_mps * math.sin(toward)])
+    push = plant_dynamics(config).derivative(np.zeros(5), np.zeros(2), wind)
+    watch = build_heading_cost(config)
+    assert watch is not None
+    (note,) = watch.step(EVERY_NS, STATION, lambda psi_rad: (float(push[0]), float(push[1])))
+    (told,) = re.findall(r"for some (\d+) W", note.text)
+    assert float(told) == pytest.approx(watts, rel=0.2)
+
+
+def test_power_is_told_of_the_stations_heading_and_of_the_weathers_better_side() -> None:
+    """At 0.2 W/N and 1 W; bow and stern to the weather another force pushes than at the station's heading."""
+    pushes = {0.0: (0.0, 0.05), 90.0: (0.03, 0.001), -90.0: (-0.02, 0.001)}
+    mass_kg = VESSEL.mass_kg + VESSEL.added_mass_surge_kg
+
+    def told(power_of: Callable[[float], float | None], push: tuple[float, float] = pushes[0.0]) -> str:
+        watch = HeadingCostWatch(VESSEL, power_of)
+        at = {**pushes, 0.0: push}
+        (note,) = watch.step(EVERY_NS, STATION, lambda psi_rad: at[round(math.degrees(psi_rad))])
+        return note.text
+
+    swings_n = 2.0 * -VESSEL.thrust_curve[0][1]
+    text = told(lambda thrust_n: 0.2 * abs(thrust_n) + 1.0)
+    assert f"by turns, for some {0.2 * swings_n + 1.0:.0f} W; turned to it" in text
+    assert text.endswith(f"the boat would lie still, for {0.2 * 0.02 * mass_kg + 1.0:.0f} W at least")
+    assert told(lambda thrust_n: max(thrust_n, 0.0)).endswith("for 0 W at least"), "astern, with the stern to it"
+    assert told(lambda thrust_n: 1234.0).endswith("for 1230 W at least")
+    assert "(5 W at least)" in told(lambda thrust_n: 5.0, (0.0, 0.25)), "what the heading takes that drives it off"
+    for text in (told(lambda thrust_n: None), told(lambda thrust_n: None, (0.0, 0.25))):
+        assert " W" not in text
 
 
 def test_more_weather_costs_more_until_the_station_cannot_be_held() -> None:
