@@ -96,7 +96,8 @@ class GroundVelocity:
     """Velocity of the antenna over ground, NED.
 
     `fused`: from a filter that has fused it with position, and whose error therefore stays the same for minutes, or of
-    a time that is in doubt; a receiver's own velocity (Doppler) is independent of its position.
+    a time that is in doubt; a receiver's own velocity (Doppler) is independent of its position. `age_ns`: how old it
+    was at `t_ns`, by the date that it came with. The filter takes it as of `t_ns`; training takes the age away.
     """
 
     t_ns: int
@@ -104,6 +105,7 @@ class GroundVelocity:
     ve_mps: float
     arm_m: tuple[float, float] = (0.0, 0.0)
     fused: bool = False
+    age_ns: int = 0
 
 
 @record

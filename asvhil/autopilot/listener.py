@@ -103,7 +103,7 @@ class AutopilotListener:
             dialect.MAVLINK_MSG_ID_PARAM_VALUE: self.parameters.receive,
             dialect.MAVLINK_MSG_ID_PARAM_ERROR: lambda t_ns, m: self.parameters.on_error(m),
             dialect.MAVLINK_MSG_ID_AUTOPILOT_VERSION: lambda t_ns, m: None,
-            **MavlinkSensors(lambda: self._vehicle.ready, self._pace.was_late).handlers,
+            **MavlinkSensors(lambda: self._vehicle.ready, self._pace.was_late, self._pace.age_ns).handlers,
         }
 
     # --- in ------------------------------------------------------------------------------------------------

@@ -1,4 +1,6 @@
-"""Whether the autopilot's clock keeps pace with ours: a simulation on a busy computer does not, and a queue delays it.
+"""The autopilot's clock beside ours: how old what it dates is, and whether it keeps pace.
+
+A simulation on a busy computer does not keep pace, and a queue delays what it says.
 
 What a slow simulation loses is lost for good: a boat that goes at 2 m/s by its own clock is a metre behind after half a
 second that it has not lived through. A filter that believes the velocity would take that for the receiver's slow error.
@@ -15,6 +17,7 @@ LASTING_NS = 15_000_000_000  # until the filter has believed the position again,
 FORGET_NS = 30_000_000_000
 TOLD_NS = 500_000_000
 STEP_NS = 1_000_000_000
+OLDEST_NS = 500_000_000  # a fix that seems older is dated by another clock, or waited with all else
 
 
 class Pace:
@@ -43,6 +46,16 @@ class Pace:
             self._late_ns = t_ns
         if not self._past or t_ns - self._past[-1][0] >= STEP_NS:
             _keep(self._past, t_ns, best_ns, FORGET_NS)
+
+    def age_ns(self, t_ns: int, boot_us: int) -> int:
+        """How old what the autopilot dates so was at t_ns; 0 where its clock is not known, or the date makes no sense.
+
+        Its clock is told by the message of the last seconds with the least delay: a delay that all have is not counted.
+        """
+        if not self._best or t_ns - self._heard_ns > BEST_NS:
+            return 0
+        age_ns = t_ns + self._best[0][1] - boot_us * 1000
+        return age_ns if 0 < age_ns <= OLDEST_NS else 0
 
     def was_late(self, t_ns: int) -> bool:
         """Whether a message of the last 15 s was later than one of the 5 s before it, by more than a radio makes it."""

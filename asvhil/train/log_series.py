@@ -123,6 +123,7 @@ class _Reader:
                 case YawRate():
                     self.yaw_rate.append((t_s, m.r_radps))
                 case GroundVelocity():
+                    t_s = self._t_s(m.t_ns - m.age_ns)
                     self.velocity.append((t_s, m.vn_mps, m.ve_mps, *m.arm_m))
                 case ApparentWind():
                     self.wind.append((t_s, m.speed_mps, m.from_rad, 1.0, 1.0))

@@ -21,7 +21,7 @@ HIGHRES_ACCEL_XY = 0b11  # bits of fields_updated
 HIGHRES_GYRO_Z = 0b100000
 
 
-def _raw_fix(t_ns: int, m: Any, *, late: bool) -> Found:
+def _raw_fix(t_ns: int, m: Any, *, late: bool, age_ns: int) -> Found:
     """GPS_RAW_INT or GPS2_RAW; the velocity is that of speed and course over ground, where both are known."""
     lat_deg, lon_deg = m.lat * 1e-7, m.lon * 1e-7
     if not is_place(lat_deg, lon_deg):
@@ -32,7 +32,7 @@ def _raw_fix(t_ns: int, m: Any, *, late: bool) -> Found:
     course_rad = math.radians(m.cog * 0.01)
     speed_mps = m.vel * 0.01
     vn_mps, ve_mps = speed_mps * math.cos(course_rad), speed_mps * math.sin(course_rad)
-    return position, GroundVelocity(t_ns=t_ns, vn_mps=vn_mps, ve_mps=ve_mps, fused=late)
+    return position, GroundVelocity(t_ns=t_ns, vn_mps=vn_mps, ve_mps=ve_mps, fused=late, age_ns=age_ns)
 
 
 def _scaled_imu(t_ns: int, m: Any) -> Found:
@@ -49,11 +49,18 @@ class MavlinkSensors:
 
     `ready` tells whether the autopilot's own estimator is: until then its position and attitude are guesses. `late`:
     whether its messages have come late, so that a velocity times our time is not the way that the boat has gone.
+    `age_ns`: how old at our time is what it dates so (us since its start).
     """
 
-    def __init__(self, ready: Callable[[], bool], late: Callable[[int], bool] = lambda t_ns: False) -> None:
+    def __init__(
+        self,
+        ready: Callable[[], bool],
+        late: Callable[[int], bool] = lambda t_ns: False,
+        age_ns: Callable[[int, int], int] = lambda t_ns, boot_us: 0,
+    ) -> None:
         self._ready = ready
         self._late = late
+        self._age_ns = age_ns
         self._h_acc_m = 0.0
         self._last_fixes: dict[int, tuple[int, ...]] = {}  # time and content, by message
         self.handlers: dict[int, Callable[[int, Any], Found]] = {
@@ -90,10 +97,12 @@ class MavlinkSensors:
         stays 0 or stands still. Two fixes of a receiver that works differ in some digit.
         """
         message, fix = m.get_msgId(), (m.time_usec, m.lat, m.lon, m.alt, m.vel, m.cog)
-        if m.fix_type < dialect.GPS_FIX_TYPE_3D_FIX or fix == self._last_fixes.get(message):
+        last = self._last_fixes.get(message)
+        if m.fix_type < dialect.GPS_FIX_TYPE_3D_FIX or fix == last:
             return ()
         self._last_fixes[message] = fix
-        return _raw_fix(t_ns, m, late=self._late(t_ns))
+        dated = last is not None and m.time_usec > last[0]
+        return _raw_fix(t_ns, m, late=self._late(t_ns), age_ns=self._age_ns(t_ns, m.time_usec) if dated else 0)
 
     def _attitude_quaternion(self, t_ns: int, m: Any) -> Found:
         w, x, y, z = m.q1, m.q2, m.q3, m.q4

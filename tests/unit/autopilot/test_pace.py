@@ -79,3 +79,23 @@ def test_a_restart_and_a_clock_that_stands_still() -> None:
     for k in range(1000):
         pace.take(k * 50 * MS, 0)
     assert pace.lost_s(50 * S) == 0.0
+
+
+def test_a_fix_is_as_old_as_the_autopilots_clock_says() -> None:
+    pace = Pace()
+    assert pace.age_ns(0, 0) == 0  # nothing is known of its clock
+    feed(pace, 0.0, 20.0, late_s=0.05, jitter_s=0.03)
+    boot_us = round(1e6 * 119.80)  # the fix of 0.2 s ago; the least delay of all messages, 0.05 s, is in both
+    assert pace.age_ns(20 * S, boot_us) == pytest.approx(0.15 * S, abs=0.005 * S)
+
+
+@pytest.mark.parametrize("boot_us", [0, 10**15, 130_000_000, 119_000_000])
+def test_a_date_by_another_clock_is_none(boot_us: int) -> None:
+    """None at all, of the day, of the future, and older than any fix is."""
+    pace = Pace()
+    feed(pace, 0.0, 20.0)
+    assert pace.age_ns(20 * S, boot_us) == 0
+    assert pace.age_ns(20 * S, 119_900_000) == pytest.approx(0.1 * S, abs=1000 * MS // 1000)
+    assert pace.age_ns(26 * S, 125_900_000) == 0  # its clock has not been heard for long
+    pace.restart()
+    assert pace.age_ns(20 * S, 119_900_000) == 0

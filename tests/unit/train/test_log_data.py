@@ -104,7 +104,9 @@ def test_the_samples_and_their_times_are_those_of_the_backseat(run: tuple[Path, 
             case YawRate():
                 rows["yaw_rate"].append((t_s, m.r_radps))
             case GroundVelocity():
-                rows["velocity"].append((t_s, m.vn_mps, m.ve_mps))
+                rows["velocity"].append(
+                    (t_s - m.age_ns * 1e-9, m.vn_mps, m.ve_mps)
+                )  # as of the fix, not of its message
             case ApparentWind():
                 rows["wind"].append((t_s, m.speed_mps, m.from_rad, 1.0, 1.0))
             case FrontseatStatus():
@@ -114,11 +116,24 @@ def test_the_samples_and_their_times_are_those_of_the_backseat(run: tuple[Path, 
     for name, expected in rows.items():
         series, table = getattr(used, name), np.array(expected)
         assert len(table) > 4.0 * DURATION_S, name
-        assert np.array_equal(series.t_s, table[:, 0]), name
+        assert np.allclose(series.t_s, table[:, 0], rtol=0.0, atol=1e-9), name
         values = series.values - table[:, 1:]
         if name == "heading":  # continuous in the series
             values = (values + math.pi) % (2.0 * math.pi) - math.pi
         assert np.abs(values).max() < 1e-12, name
+
+
+def test_the_velocity_is_dated_by_its_fix(log: Path) -> None:
+    """Against the truth a velocity fits best at its own time; by its arrival it would be late by most of a fix."""
+    used = read_log_series(log)
+    t_s, velocity = used.velocity.t_s[5:-5], used.velocity.values[5:-5]
+
+    def off(late_s: float) -> float:
+        truth = interpolate(used.truth, t_s - late_s)
+        return float(np.sqrt(np.mean((velocity - rotate(truth[:, 3], truth[:, :2])) ** 2)))
+
+    lates_s = np.arange(-0.3, 0.31, 0.02)
+    assert abs(lates_s[np.argmin([off(late_s) for late_s in lates_s])]) < 0.07
 
 
 def test_heading_and_wind_of_the_training_data_are_those_of_the_estimate(log: Path) -> None:

@@ -59,6 +59,22 @@ def test_a_fix_is_told_by_its_content_where_its_time_stands_still(kind: type, ti
     assert [len(measurements) for measurements in found] == [2, 0, 0, 2, 0, 2, 2]
 
 
+@pytest.mark.parametrize("kind", [d.MAVLink_gps_raw_int_message, d.MAVLink_gps2_raw_message])
+def test_a_fix_has_the_age_that_its_time_tells_but_not_where_that_stands_still(kind: type) -> None:
+    ardurover = link()
+
+    def age_ms(at_ms: int, time_ms: int, vel: int) -> float:
+        attitude = d.MAVLink_attitude_message(at_ms, 0.0, 0.0, 1.0, 0.0, 0.0, 0.1)
+        data = b"".join(bytes(one.pack(AUTOPILOT)) for one in (attitude, gps(kind, 1000 * time_ms, 3, vel=vel)))
+        found = ardurover.receive(Frame(t_ns=(at_ms + 30) * 1_000_000, port="autopilot", data=data))
+        [velocity] = [m for _, m in found if isinstance(m, GroundVelocity)]
+        assert velocity.t_ns == (at_ms + 30) * 1_000_000
+        return velocity.age_ns * 1e-6
+
+    fixes = [(1000, 900, 250), (1200, 1100, 250), (1400, 1299, 251), (1600, 1299, 252), (1800, 0, 253), (2000, 1990, 1)]
+    assert [age_ms(*fix) for fix in fixes] == [0.0, 100.0, 101.0, 0.0, 0.0, 10.0]
+
+
 def test_a_boat_that_lies_still_has_a_new_fix_with_each_new_time() -> None:
     ardurover = link()
     times_us = (1000, 1000, 2000, 3000, 3000, 1000)  # the last one after a reboot
