@@ -16,8 +16,6 @@ from tests.support.paths import ROOT
 
 MODELS = sorted((ROOT / "config" / "models").glob("*.npz"))
 CONFIGS = {"wamv16": "sitl", "bream": "sitl-bream", "blueboat": "sitl-blueboat"}
-# Wrong at rest, as docs/models.md says: each leaves this list with the training that makes it right.
-WRONG = {"wamv16-node", "wamv16-knode", "bream-nnsem"}
 VESSEL = load_config("sitl").vehicle.vessel
 WIND_REACH = np.array([10.0, 10.0])
 
@@ -26,15 +24,7 @@ def test_there_are_shipped_models() -> None:
     assert len(MODELS) >= 11
 
 
-@pytest.mark.parametrize(
-    "path",
-    [
-        pytest.param(path, marks=pytest.mark.xfail(strict=True, reason="not trained for rest") if wrong else ())
-        for path in MODELS
-        for wrong in [path.stem in WRONG]
-    ],
-    ids=lambda path: path.stem,
-)
+@pytest.mark.parametrize("path", MODELS, ids=lambda path: path.stem)
 def test_a_shipped_model_is_right_where_a_station_is_kept(path) -> None:
     model = read_model(path)
     check = at_rest(model.dynamics(), model.scaling.half[5:], load_config(CONFIGS[model.vehicle]).vehicle.vessel)
