@@ -26,10 +26,12 @@ class Batteries:
 
     def __init__(self) -> None:
         self._readings: dict[int, _Reading] = {}
+        self._sum: BatterySum | None = None  # of these; it is asked for with every status, several times in a tick
 
     def restart(self) -> None:
         """The autopilot has rebooted: which it has is told anew."""
         self._readings.clear()
+        self._sum = None
 
     def receive(self, t_ns: int, m: Any) -> None:
         """BATTERY_STATUS. Its charge and consumption count from the autopilot's start, or from a battery's own."""
@@ -46,9 +48,15 @@ class Batteries:
             percent=float(m.battery_remaining) if m.battery_remaining >= 0 else None,
             used_wh=used_wh,
         )
+        self._sum = self._added(t_ns)
 
     def sum(self, t_ns: int) -> BatterySum | None:
         """All together, as old as the oldest of them; None where none measures a current."""
+        if self._sum is not None and t_ns - self._sum.t_ns >= FORGOTTEN_NS:
+            self._sum = self._added(t_ns)
+        return self._sum
+
+    def _added(self, t_ns: int) -> BatterySum | None:
         self._readings = {i: one for i, one in self._readings.items() if t_ns - one.t_ns < FORGOTTEN_NS}
         readings = [self._readings[i] for i in sorted(self._readings)]
         if not readings:
