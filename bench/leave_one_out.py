@@ -88,6 +88,7 @@ def main() -> int:
     parser.add_argument("--recipe", action="append", choices=list(RECIPES), help="repeatable; all by default")
     parser.add_argument("-o", "--output", type=Path, default=Path("runs/leave-one-out"))
     parser.add_argument("--workers", type=int)
+    parser.add_argument("--confirm", type=int, default=0, help="stored trainings of older code to make again (0)")
     parser.add_argument("--json", type=Path)
     given = parser.parse_args()
     if len(given.records) < 3:
@@ -105,6 +106,7 @@ def main() -> int:
     run = run_into(
         given.output / "left-out.jsonl",
         workers=given.workers,
+        confirm=given.confirm,
         tell=lambda now: print(f"{now.done} of {now.total}", file=sys.stderr, flush=True),
     )
     results = dict(zip(names, run(left_out, jobs).results, strict=True))
