@@ -3,9 +3,10 @@
     python -m bench.leave_one_out RUN.csv ... --columns NAME --vehicle NAME [-o FOLDER] [--recipe NAME] [--json FILE]
 
 Each record is left out in turn: errors of rollouts over it of 50 s, or, where it is too short for one, of the longest
-multiple of 5 s that it holds. A recipe's score is the mean over the records of its errors as shares of ASKED, mean over
-u, v and r. What is recommended is the recipe with the lowest score; where the interval of its difference from a plainer
-one (one that stands before it here) holds zero, the plainer one. Runs are kept in FOLDER and not made again.
+multiple of 5 s that it holds. A record's score is its errors as shares of ASKED, mean over u, v and r; a recipe's is
+the geometric mean of its records', which differ by a factor of 20, so that no record decides alone. What is recommended
+is the recipe with the lowest score; where the interval of its ratio to a plainer one (one that stands before it here)
+holds 1, the plainer one. Runs are kept in FOLDER and not made again.
 """
 
 from __future__ import annotations
@@ -13,16 +14,17 @@ from __future__ import annotations
 import argparse
 import hashlib
 import json
+import math
 import sys
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from asvhil.errors import AsvhilError, LogError
 from asvhil.study.made_of import made_of
 from asvhil.study.runner import Job, run_into
-from asvhil.study.statistics import mean_ci95, plus_minus
+from asvhil.study.statistics import mean_ci95
 from asvhil.train.evaluate import HOLD
 from asvhil.train.jobs import DT_S, evaluate_command, train_command
 from asvhil.train.options import chosen_options
@@ -37,6 +39,7 @@ RECIPES: dict[str, tuple[str, Mapping[str, Any]]] = {  # the plainer ones first
     "LagNet, plain": ("lagnet", {}),
     "LagNet, nothing held back": ("lagnet", {"validation_share": 0.0}),
     "LagNet, half in motion": ("lagnet", {"moving_share": 0.5, "validation_share": 0.0}),
+    "LagNet, four networks": ("lagnet", {"members": 4}),
     "LagNet, windows of 10 s": ("lagnet", {**LONG, "iterations": 4000}),
     "LagNet, robust from SD": (
         "lagnet",
@@ -70,14 +73,25 @@ def left_out(recipe: str, out: str, others: tuple[str, ...], columns: str, vehic
 
 def recommended(scores: Mapping[str, Mapping[str, float]]) -> str:
     """The recipe with the lowest mean score, or a plainer one that is not told from it; scores by recipe and record."""
-    best = min(scores, key=lambda name: mean_ci95(list(scores[name].values()))["mean"])
+    best = min(scores, key=lambda name: _mean_log(scores[name].values())["mean"])
     for name in scores:
         if name == best:
             break
-        behind = mean_ci95([scores[name][record] - scores[best][record] for record in scores[best]])
+        behind = _mean_log(scores[name][record] / scores[best][record] for record in scores[best])
         if behind["ci95"] is None or behind["mean"] <= behind["ci95"]:
             return name
     return best
+
+
+def _mean_log(values: Iterable[float]) -> dict[str, Any]:
+    return mean_ci95([math.log(value) for value in values])
+
+
+def _mean_ratio(scores: Mapping[str, float], others: Mapping[str, float]) -> dict[str, float | None]:
+    """The geometric mean of the ratios to another recipe's scores, and the ends of its 95 % interval."""
+    log = _mean_log(scores[record] / others[record] for record in others)
+    ends = [None if log["ci95"] is None else math.exp(log["mean"] + sign * log["ci95"]) for sign in (-1.0, 1.0)]
+    return {"ratio": math.exp(log["mean"]), "from": ends[0], "to": ends[1]}
 
 
 def main() -> int:
@@ -131,6 +145,7 @@ def _figures(results: Mapping[tuple[str, Path], Any], chosen: Sequence[str], rec
         recipe: {record: sum(one[axis] / ASKED[axis] for axis in ASKED) / len(ASKED) for record, one in part.items()}
         for recipe, part in errors.items()
     }
+    best = recommended(scores)
     return {
         "asked": ASKED,
         "horizon_s": horizons,
@@ -138,8 +153,9 @@ def _figures(results: Mapping[tuple[str, Path], Any], chosen: Sequence[str], rec
         "errors": errors,
         "hold": hold,
         "scores": scores,
-        "mean_score": {recipe: mean_ci95(list(part.values())) for recipe, part in scores.items()},
-        "recommended": recommended(scores),
+        "score": {recipe: math.exp(_mean_log(part.values())["mean"]) for recipe, part in scores.items()},
+        "to_recommended": {recipe: _mean_ratio(part, scores[best]) for recipe, part in scores.items()},
+        "recommended": best,
     }
 
 
@@ -151,8 +167,12 @@ def _markdown(figures: Mapping[str, Any]) -> str:
         cells = [figures["errors"][recipe][record] for recipe in recipes] + [figures["hold"][record]]
         texts = [" / ".join(f"{cell[axis]:.3f}" for axis in ASKED) for cell in cells]
         lines.append(f"| {record} | {horizon_s:g} | " + " | ".join(texts) + " |")
-    means = [plus_minus(figures["mean_score"][recipe]) for recipe in recipes]
-    lines.append("| mean score | | " + " | ".join(means) + " | |")
+    lines.append("| score | | " + " | ".join(f"{figures['score'][recipe]:.2f}" for recipe in recipes) + " | |")
+    ratios = [figures["to_recommended"][recipe] for recipe in recipes]
+    texts = [
+        "" if one["from"] is None else f"{one['ratio']:.2f} ({one['from']:.2f} to {one['to']:.2f})" for one in ratios
+    ]
+    lines.append("| ratio to the recommended | | " + " | ".join(texts) + " | |")
     short = ", ".join(figures["too_short"])
     return "\n".join(
         [*lines, "", f"Recommended: {figures['recommended']}." + (f" Too short: {short}." if short else "")]
