@@ -10,6 +10,7 @@ from asvhil.config.controller import (
     MpcWeights,
     ProcedureConfig,
     SlidingModeConfig,
+    SoftLimits,
     SteeringConfig,
 )
 from asvhil.config.controllers import ControllerConfig
@@ -125,6 +126,7 @@ __all__ = [
     "SensorLinkConfig",
     "SensorsConfig",
     "SlidingModeConfig",
+    "SoftLimits",
     "SourceConfig",
     "SourcesConfig",
     "StationConfig",

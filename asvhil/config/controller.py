@@ -17,6 +17,16 @@ EFFORTS_OF_THRUST: dict[str, float] = {**EFFORTS, "gentle": 5000.0}
 EFFORT_SLEW_MAX_OF_THRUST = 80.0
 
 
+class SoftLimits(Section):
+    """Bounds of the state that the MPC leaves only at a price, `soft` of the weights in use; by default those of a
+    docking window.
+    """
+
+    heading_deg: Positive = Field(default=17.0, description="Heading error within which an excess costs nothing.")
+    speed_mps: Positive = Field(default=0.3, description="The same of the surge and sway velocities.")
+    yaw_rate_degps: Positive = Field(default=3.0, description="The same of the yaw rate.")
+
+
 class MpcWeights(Section):
     """One set of weights of the MPC's quadratic cost, in the station's axes.
 
@@ -45,6 +55,13 @@ class MpcWeights(Section):
     )
     slew: NonNegative = Field(
         default=0.05, description="Weight of the squared change of each input from one stage to the next."
+    )
+    soft: NonNegative = Field(
+        default=0.0,
+        description=(
+            "Weight of the squared excess over each of `controller.mpc.soft_limits`, as a share of the limit: 100 "
+            "counts twice the limit as much as 10 m of distance."
+        ),
     )
     terminal_position_s: NonNegative = Field(
         default=60.0,
@@ -138,6 +155,13 @@ class MpcConfig(Section):
         ),
     )
     lasting_offset_time_s: Positive = Field(default=8.0, description="Time constant of that offset's low-pass.")
+    soft_limits: SoftLimits | None = Field(
+        default=None,
+        description=(
+            "Heading error, speed and yaw rate beyond which the weights' `soft` counts, for a boat whose docking "
+            "window is to stay open. null: no such limits."
+        ),
+    )
     near_radius_m: Positive = Field(default=4.0, description="Distance within which the boat counts as near.")
     far_radius_m: Positive = Field(
         default=10.0, description="Distance beyond which a boat that was near no longer is; above near_radius_m."

@@ -78,11 +78,12 @@ BOATS: dict[str, tuple[str, ...]] = {
     "wamv": (
         BELIEVED,
         "controller.procedure={enabled: true, r_s_m: 10, r_d_m: 20}",
-        # Slow enough for a docking window, and content with a metre: the receiver's slow error is not worth a turn.
-        "controller.mpc.offset_m=[1.0, 2.0]",
-        "controller.mpc.near.slew=60",
-        "controller.mpc.near.velocity=100",
-        "controller.mpc.along.velocity=100",
+        # Within the bounds of a docking window at any turn, but for a boat that has been carried 3 m off: it returns.
+        "controller.mpc.soft_limits={}",
+        "controller.mpc.near.soft=5000",
+        "controller.mpc.along.soft=5000",
+        "controller.mpc.near_radius_m=1.5",
+        "controller.mpc.far_radius_m=3.2",
     ),
 }
 NO_SENSOR = ("links.anemometer=null",)

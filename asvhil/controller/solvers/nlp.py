@@ -12,8 +12,9 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from asvhil.controller.solvers.graphs import HEAD, POSE_AND_VELOCITY, excess_of, target_of
 from asvhil.controller.solvers.outcome import bounded, failure, rolled_out
-from asvhil.controller.solvers.problem import HEAD, POSE_AND_VELOCITY, Solution, StationProblem, target_of
+from asvhil.controller.solvers.problem import Solution, StationProblem
 from asvhil.dynamics.arrays import Array
 from asvhil.types import record
 
@@ -38,7 +39,7 @@ def transcribe(problem: StationProblem, carry_input: bool) -> NonlinearProgram:
     input_at = first[:-1] + n + carry + np.arange(2)
     x, p = ca.SX.sym("x", stages * width + n + carry), ca.SX.sym("p", problem.n_parameters)
     wind, push, previous, reference, slew = p[n : n + 2], p[n + 2 : n + 5], p[n + 5 : n + 7], p[n + 7], p[n + 8]
-    moves = p[n + 9 : n + HEAD]
+    moves, soft = p[n + 9 : n + 11], p[n + HEAD - 1]
 
     def part(at: Any) -> Any:
         return x[int(at[0]) : int(at[-1]) + 1]
@@ -61,6 +62,8 @@ def transcribe(problem: StationProblem, carry_input: bool) -> NonlinearProgram:
         pose = ca.vertcat(moves * float(problem.times_s[k + 1]), reference)
         error = reached - target_of(pose, moves, reached[2])
         cost += ca.dot(q, error**2) + slew * ca.sumsqr(a - before)
+        if problem.soft_limits is not None:
+            cost += soft * float(step_s) * ca.sumsqr(excess_of(error, problem.soft_limits))
     symbols = {"x": x, "p": p, "f": cost, "g": ca.vertcat(*constraints)}
     return NonlinearProgram(symbols=symbols, state_at=state_at, carried_at=carried_at, input_at=input_at)
 

@@ -3,10 +3,12 @@
 In the station's frame (station at the origin, heading 0), with s = (x, y, psi, u, v, r, motors ...):
 
     min  sum_k h_k l(s_k+1) + l_N(s_N) + w_slew sum_k |a_k - a_k-1|^2,   a_-1 the input applied last
-    l   = w_pos (x_e^2 + w_y y_e^2) + w_psi (psi - psi_t)^2 + w_vel (u_e^2 + v_e^2 + r^2)
+    l   = w_pos (x_e^2 + w_y y_e^2) + w_psi (psi - psi_t)^2 + w_vel (u_e^2 + v_e^2 + r^2) + w_soft l_s
     l_N = t_N (x_e^2 + w_y y_e^2)   + w_psi (psi - psi_t)^2 + w_vel (u_e^2 + v_e^2 + r^2)
     s_k+1 = F(s_k, a_k, h_k),  input_lower <= a_k <= input_upper, and no further from a_-1 than the slew limit of the
     motor outputs lets a_k be by the end of its stage, nor of another sign within the pause of a reversal
+
+    l_s = sum_e (max(|e| - e_max, 0) / e_max)^2 of e = psi - psi_t, u_e, v_e, r where soft limits e_max are set, or 0
 
 A station that moves has the velocity c in the frame of its present pose. It has moved by c t_k when stage k ends, and
 the boat's velocity is relative to it: (x_e, y_e) = (x, y) - c t_k, (u_e, v_e) = (u, v) - R(psi)^T c. Where it does not,
@@ -16,26 +18,31 @@ change of them rebuilds nothing.
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Sequence
-from typing import Any, Protocol
+from typing import Protocol
 
 import casadi as ca
 import numpy as np
 
 from asvhil.config import MpcConfig, MpcWeights
+from asvhil.controller.solvers.graphs import (
+    HEAD,
+    LIMITED,
+    POSE_AND_VELOCITY,
+    limits_of,
+    over_the_horizon,
+    parameter_count,
+)
 from asvhil.controller.solvers.motor_limits import UNLIMITED, MotorLimits
 from asvhil.dynamics.arrays import Array
-from asvhil.dynamics.buffers import bind, fastest
+from asvhil.dynamics.buffers import bind
 from asvhil.dynamics.integrate import advance, motion_derivative, substeps
 from asvhil.dynamics.protocol import Dynamics
 from asvhil.geo import ned_to_body
 from asvhil.types import record
 
 FULL_TURN = 2.0  # of a motor command, from astern to ahead: a slew limit that allows it within a stage has no effect
-REMEMBERED = 4  # sets of weights, and of functions
-HEAD = 11  # parameters between the state and the weights
-POSE_AND_VELOCITY = 6  # x, y, psi, u, v, r: the states that carry a cost
+REMEMBERED = 4  # sets of weights
 
 
 @record
@@ -85,7 +92,8 @@ class StationProblem:
         self._paused = int(np.count_nonzero(self.times_s[:-1] < limits.reversal_pause_s))
         reach = limits.rate_per_s * self.times_s[1:]  # of the motor command, by the end of each stage
         self._reach: Array | None = None if reach[0] >= FULL_TURN else reach
-        self.n_parameters = _parameters(self.n_state, self.stages)
+        self.n_parameters = parameter_count(self.n_state, self.stages)
+        self.soft_limits = None if config.soft_limits is None else limits_of(config.soft_limits)
         self._weights_of: list[tuple[MpcWeights, Array]] = []
         self._build(model)
 
@@ -108,7 +116,8 @@ class StationProblem:
         if len(state) != self.n_state:
             raise ValueError(f"the state has {len(state)} entries, the model needs {self.n_state}")
         slew = max(weights.slew, least_slew)
-        head = np.array([*state, *wind, *disturbance, *previous_input, heading_reference_rad, slew, *moves_mps])
+        reference = heading_reference_rad
+        head = np.array([*state, *wind, *disturbance, *previous_input, reference, slew, *moves_mps, weights.soft])
         return np.concatenate([head, self._state_weights(weights), self._substeps_s])
 
     def ahead(
@@ -174,12 +183,24 @@ class StationProblem:
     def unpack_cost(self, parameters: Array) -> tuple[Array, float, Array, float]:
         """State weights (stages, 6), heading reference (rad), previous input (2) and slew weight of the parameters."""
         i = self.n_state + 5
-        weights = parameters[i + 6 : -self.stages].reshape(self.stages, POSE_AND_VELOCITY)
+        weights = parameters[self.n_state + HEAD : -self.stages].reshape(self.stages, POSE_AND_VELOCITY)
         return weights, float(parameters[i + 2]), parameters[i : i + 2], float(parameters[i + 3])
 
     def moves(self, parameters: Array) -> bool:
         """Whether the station has a velocity."""
-        return bool(parameters[self.n_state + 9 : self.n_state + HEAD].any())
+        return bool(parameters[self.n_state + 9 : self.n_state + 11].any())
+
+    def soft_weights(self, parameters: Array) -> Array | None:
+        """Weight of each squared excess over a soft limit after each stage (stages, 4); None where there are none."""
+        weight = float(parameters[self.n_state + HEAD - 1])
+        if self.soft_limits is None or weight == 0.0:
+            return None
+        return np.outer(self.steps_s, weight / np.square(self.soft_limits))
+
+    def excess(self, errors: Array) -> Array:
+        """By how much psi, u, v and r of errors after each stage (stages, 6) are beyond their soft limits, signed."""
+        part = errors[:, LIMITED]
+        return part - np.clip(part, -np.array(self.soft_limits), self.soft_limits)
 
     def targets(self, parameters: Array, states: Array) -> Array:
         """What the states after each stage (stages, n) are to be, (stages, 6), where the boat has their headings."""
@@ -215,7 +236,8 @@ class StationProblem:
         w, d = ca.SX.sym("w", 2), ca.SX.sym("d", 3)
         after = advance(model, s, a, w, d, h, 1)
         self.substep = ca.Function("substep", [s, a, w, d, h], [after], {"cse": True})
-        self.rollout, self.linearised = _over_the_horizon(self.substep.serialize(), tuple(self.substep_counts))
+        built = over_the_horizon(self.substep.serialize(), tuple(self.substep_counts), self.soft_limits)
+        self.rollout, self.linearised = built
 
         self._state, self._after, self._applied = np.zeros(n), np.zeros(n), np.zeros(2)
         self._wind, self._disturbance, self._step_s, self._side = np.zeros(2), np.zeros(3), np.zeros(1), np.zeros(1)
@@ -226,120 +248,3 @@ class StationProblem:
         side = ca.Function("side_acceleration", [w, d, moves], [motion_derivative(model, along, neutral, w, d)[4]])
         self._moves = np.zeros(2)
         self._evaluate_side = bind(side, [self._wind, self._disturbance, self._moves], [self._side])
-
-
-def _parameters(n_state: int, stages: int) -> int:
-    """How many there are: state, wind, disturbance, previous input, reference, slew weight and the station's velocity;
-    of each stage the weights of its state and the length of its substeps.
-    """
-    return n_state + HEAD + (POSE_AND_VELOCITY + 1) * stages
-
-
-def target_of(pose: Any, moves: Any, psi: Any) -> Any:
-    """What the first six states are to be where the station has a pose and a velocity, and the boat a heading."""
-    u, v = ca.cos(psi) * moves[0] + ca.sin(psi) * moves[1], ca.cos(psi) * moves[1] - ca.sin(psi) * moves[0]
-    return ca.vertcat(pose, u, v, 0)
-
-
-@functools.lru_cache(maxsize=REMEMBERED)
-def _over_the_horizon(serialized: str, counts: tuple[int, ...]) -> tuple[ca.Function, ca.Function]:
-    """`rollout` and `linearised` of a substep, for stages of so many substeps.
-
-    Remembered by what they are made of, since backseats of one model are built again and again: in a replay, in each
-    run of a study. They call the functions of a substep and of a stage, so that machine code stays small.
-    """
-    substep = ca.Function.deserialize(serialized)
-    first, further = _tangents(substep)
-    stage_cost, stage_adjoint = _stage(substep.size1_out(0))
-    n, stages = substep.size1_out(0), len(counts)
-    p, inputs = ca.MX.sym("p", _parameters(n, stages)), ca.MX.sym("U", 2 * stages)
-    wind, disturbance = p[n : n + 2], p[n + 2 : n + 5]
-    previous, reference, slew = p[n + 5 : n + 7], p[n + 7], p[n + 8]
-    moves, q, lengths = p[n + 9 : n + HEAD], p[n + HEAD : -stages], p[-stages:]
-    weights = [q[POSE_AND_VELOCITY * k : POSE_AND_VELOCITY * (k + 1)] for k in range(stages)]
-    a = [previous, *(inputs[2 * k : 2 * k + 2] for k in range(stages))]
-
-    state = tangent_state = p[:n]
-    states, tangent_states, blocks = [state], [state], []
-    for k, count in enumerate(counts):
-        held = a[k + 1], wind, disturbance, lengths[k]
-        for _ in range(count):
-            state = substep(state, *held)
-        tangent_state, block = first(tangent_state, *held)
-        for _ in range(count - 1):
-            tangent_state, block = further(tangent_state, block, *held)
-        states.append(state)
-        tangent_states.append(tangent_state)
-        blocks.append(block)
-
-    elapsed_s, targets = ca.MX(0.0), []
-    for k, count in enumerate(counts):
-        elapsed_s += count * lengths[k]
-        targets.append((ca.vertcat(moves * elapsed_s, reference), moves))
-
-    def cost_of(trajectory: list[ca.MX]) -> ca.MX:
-        cost = ca.MX(0.0)
-        for k in range(stages):
-            cost = stage_cost(cost, trajectory[k + 1], weights[k], *targets[k], a[k], a[k + 1], slew)
-        return cost
-
-    adjoint, change, slopes = ca.MX.zeros(n), ca.MX.zeros(2), []
-    for k in range(stages - 1, -1, -1):
-        of_stage = tangent_states[k + 1], blocks[k], weights[k], *targets[k], a[k], a[k + 1], slew
-        slope, adjoint, change = stage_adjoint(adjoint, change, *of_stage)
-        slopes.append(slope)
-    gradient = ca.vertcat(*reversed(slopes))
-
-    rollout = ca.Function("rollout", [p, inputs], [ca.vertcat(*states), cost_of(states)])
-    rows = ca.vertcat(*(ca.vec(block.T) for block in blocks))
-    linearised = [ca.vertcat(*tangent_states), rows, cost_of(tangent_states), gradient]
-    return fastest(rollout), fastest(ca.Function("linearised", [p, inputs], linearised))
-
-
-def _tangents(substep: ca.Function) -> tuple[ca.Function, ca.Function]:
-    """The state after a substep and the block [d/ds | d/da] of it: of a stage's first substep, and of one after others.
-
-    The second takes the block of those before it. Differentiating all substeps at once would take a hundred times as
-    long.
-    """
-    state, *held = substep.sx_in()
-    n = state.size1()
-    after = substep(state, *held)
-    jacobian = ca.jacobian(after, ca.vertcat(state, held[0]))
-    block = ca.SX.sym("block", n, n + 2)
-    chained = jacobian[:, :n] @ block + ca.horzcat(ca.SX(n, n), jacobian[:, n:])
-    first = ca.Function("first_tangent", [state, *held], [after, ca.densify(jacobian)], {"cse": True})
-    further = ca.Function("further_tangent", [state, block, *held], [after, ca.densify(chained)], {"cse": True})
-    return first, further
-
-
-def _stage(n: int) -> tuple[ca.Function, ca.Function]:
-    """The cost up to a stage, and half of its gradient by the stage's input: by the adjoint, from the last stage back.
-
-    The second gives the adjoint of the stage before, and the price of the change of input into this one, too.
-    """
-    s, q, slew = ca.SX.sym("s", n), ca.SX.sym("q", POSE_AND_VELOCITY), ca.SX.sym("slew")
-    pose, moves = ca.SX.sym("pose", 3), ca.SX.sym("c", 2)
-    a_before, a, cost_before = ca.SX.sym("a0", 2), ca.SX.sym("a", 2), ca.SX.sym("cost")
-    error = s[:POSE_AND_VELOCITY] - target_of(pose, moves, s[2])
-    cost = cost_before + (ca.dot(q, error**2) + slew * ca.sumsqr(a - a_before))
-    arguments = [s, q, pose, moves, a_before, a, slew]
-    cost_of = ca.Function("stage_cost", [cost_before, *arguments], [cost])
-
-    adjoint_after, change_after = ca.SX.sym("adjoint", n), ca.SX.sym("change", 2)
-    block = ca.SX.sym("block", n, n + 2)
-    pull = q * error
-    turn = pull[4] * (ca.cos(s[2]) * moves[0] + ca.sin(s[2]) * moves[1]) - pull[3] * (
-        ca.cos(s[2]) * moves[1] - ca.sin(s[2]) * moves[0]
-    )
-    pull[2] += turn  # of the velocity that the station has in body axes, by the heading
-    adjoint = adjoint_after + ca.vertcat(pull, ca.SX(n - POSE_AND_VELOCITY, 1))
-    change = slew * (a - a_before)
-    slope = block[:, n:].T @ adjoint + change - change_after
-    adjoint_of = ca.Function(
-        "stage_adjoint",
-        [adjoint_after, change_after, s, block, *arguments[1:]],
-        [slope, ca.densify(block[:, :n].T @ adjoint), change],
-        {"cse": True},
-    )
-    return cost_of, adjoint_of

@@ -8,8 +8,9 @@ from collections.abc import Sequence
 import daqp
 import numpy as np
 
+from asvhil.controller.solvers.graphs import LIMITED, POSE_AND_VELOCITY
 from asvhil.controller.solvers.outcome import bounded, failure
-from asvhil.controller.solvers.problem import POSE_AND_VELOCITY, Solution, StationProblem
+from asvhil.controller.solvers.problem import Solution, StationProblem
 from asvhil.dynamics import ordered
 from asvhil.dynamics.arrays import Array, is_finite
 from asvhil.dynamics.buffers import bind
@@ -21,6 +22,7 @@ TOLERANCE = 3e-4  # stop when the slope predicts a decrease of less than this pa
 USUAL = 3  # steps that suffice for a plan warm-started in each tick; more are taken only for a large decrease
 COARSE = 1e-3  # the tolerance of further steps
 DAMPING = 1e-9  # of the Hessian's mean diagonal: keeps it definite if an input has no weight
+SIDES = 8  # QPs a step at most, to find beyond which soft limits it leads
 QP_SOLVED = 1  # daqp's exit flag for an optimal solution
 # Of full thrust: what a step of the inputs is rounded to, a hundredth of a pulse's resolution, and how near to the
 # middle between two such values the answer of another machine may lie beyond it.
@@ -56,6 +58,7 @@ class Sqp:
         difference = np.eye(width) - np.eye(width, k=-2)
         self._smoothing = difference.T @ difference
         self._lower, self._upper = np.full(width, problem.lower), np.full(width, problem.upper)
+        self._ones = np.ones((stages, POSE_AND_VELOCITY))
         self._moves = False  # the station
         self._no_rows = np.zeros((0, width))
         self._inequality = np.zeros(width, dtype=np.int32)
@@ -75,6 +78,7 @@ class Sqp:
         self._p[:] = parameters
         self._moves = problem.moves(self._p)
         weights, _, _, slew = problem.unpack_cost(self._p)
+        soft = problem.soft_weights(self._p)
         root = np.sqrt(weights)
         smoothing = slew * self._smoothing
 
@@ -89,7 +93,7 @@ class Sqp:
             if solved:
                 self._u[:] = u
                 self._linearise()
-            step, slope = self._step(u, root, smoothing)
+            step, slope = self._step(u, root, soft, smoothing)
             if step is None:
                 status = "the QP failed"
                 break
@@ -118,7 +122,7 @@ class Sqp:
         self._roll()
         return float(self._cost[0])
 
-    def _step(self, u: Array, root: Array, smoothing: Array) -> tuple[Array | None, float]:
+    def _step(self, u: Array, root: Array, soft: Array | None, smoothing: Array) -> tuple[Array | None, float]:
         """The step of a QP within the bounds and the cost's slope along it, where u was linearised; None: it failed."""
         for block, gains, next_gains in self._chain:
             np.dot(block, gains, out=next_gains)
@@ -127,17 +131,64 @@ class Sqp:
         if not (is_finite(hessian) and is_finite(self._gradient)):
             return None, 0.0
         lower, upper = self._lower - u, self._upper - u
-        step, _, flag, answer = daqp.solve(hessian, self._gradient, self._no_rows, upper, lower, self._inequality)
-        if flag != QP_SOLVED or not is_finite(step):
+        if soft is None:
+            step, multipliers = self._solved(hessian, self._gradient, lower, upper)
+            beyond = None
+        else:
+            step, multipliers, beyond = self._softly(hessian, soft, lower, upper)
+        if step is None:
             return None, 0.0
         after, in_doubt = _rounded(u + step)
         if in_doubt:
             try:
-                after, _ = _rounded(u + self._in_order(root, smoothing, lower, upper, answer["lam"]))
+                after, _ = _rounded(u + self._in_order(root, soft, beyond, smoothing, lower, upper, multipliers))
             except ordered.SingularMatrix:
                 return None, 0.0
         step = bounded(after, self._lower, self._upper) - u
         return step, 2.0 * float(np.add.reduce(self._gradient * step))
+
+    def _solved(self, hessian: Array, gradient: Array, lower: Array, upper: Array) -> tuple[Array | None, Array]:
+        """The solution of a box QP and its multipliers; None where daqp has none."""
+        step, _, flag, answer = daqp.solve(hessian, gradient, self._no_rows, upper, lower, self._inequality)
+        return (step if flag == QP_SOLVED and is_finite(step) else None), answer["lam"]
+
+    def _softly(self, hessian: Array, soft: Array, lower: Array, upper: Array) -> tuple[Array | None, Array, Array]:
+        """The same with soft limits, and on which side each state is beyond its own after it: 1, -1 or 0 (stages, 4).
+
+        The cost of an excess is quadratic on either side of a limit. A QP takes each state to be on the side that it
+        had in the last one, until all are where they were taken to be (a semismooth Newton method). If that does not
+        end, the QP with the states as they are now has the cost's gradient, and so a step that lowers it.
+        """
+        errors, rows = self._limited()
+        most = np.array(self._problem.soft_limits)
+        now = _sides(errors, most)
+        smooth = self._gradient - self._pull(rows, soft, errors, now)
+        beyond, first = now, None
+        for _ in range(SIDES):
+            of_excess = np.abs(beyond) * soft
+            matrix = hessian + rows.T @ (of_excess.ravel()[:, None] * rows)
+            step, multipliers = self._solved(matrix, smooth + self._pull(rows, soft, errors, beyond), lower, upper)
+            if step is None:
+                break
+            first = first or (step, multipliers, beyond)
+            after = _sides(errors + (rows @ step).reshape(errors.shape), most)
+            if np.array_equal(after, beyond):
+                return step, multipliers, beyond
+            beyond = after
+        return first or (None, multipliers, beyond)
+
+    def _pull(self, rows: Array, soft: Array, errors: Array, beyond: Array) -> Array:
+        """Half of the gradient by the inputs of the cost of an excess, of states on these sides of their limits."""
+        excess = np.abs(beyond) * errors - beyond * np.array(self._problem.soft_limits)
+        pull: Array = rows.T @ (soft * excess).ravel()
+        return pull
+
+    def _limited(self) -> tuple[Array, Array]:
+        """The errors that have a soft limit (stages, 4), and the Jacobian of them all in one column by the inputs."""
+        reached = self._x_tangent.reshape(-1, self._problem.n_state)[1:]
+        errors = reached[:, :POSE_AND_VELOCITY] - self._problem.targets(self._p, reached)
+        jacobian = self._jacobian(self._ones).reshape(len(errors), POSE_AND_VELOCITY, -1)
+        return errors[:, LIMITED], jacobian[:, LIMITED].reshape(-1, jacobian.shape[-1])
 
     def _jacobian(self, root: Array) -> Array:
         """Of the weighted states after each stage, all in one column, by the inputs (6 * stages, 2 * stages)."""
@@ -151,15 +202,32 @@ class Sqp:
             weighted[:, 4] += root[:, 4, None] * moves[:, 0] * turns
         return weighted.reshape(-1, weighted.shape[-1])
 
-    def _in_order(self, root: Array, smoothing: Array, lower: Array, upper: Array, multipliers: Array) -> Array:
+    def _in_order(
+        self,
+        root: Array,
+        soft: Array | None,
+        beyond: Array | None,
+        smoothing: Array,
+        lower: Array,
+        upper: Array,
+        multipliers: Array,
+    ) -> Array:
         """The step of the QP in one order of operations, with the bounds active that have a multiplier."""
         for block, gains, next_gains in self._chain:
             next_gains[:] = ordered.product(block, gains)
         jacobian = self._jacobian(root)
         hessian = _damped(ordered.product(jacobian.T, jacobian) + smoothing)
+        gradient = self._gradient
+        if soft is not None and beyond is not None:
+            errors, rows = self._limited()
+            most = np.array(self._problem.soft_limits)
+            now = _sides(errors, most)
+            change = np.abs(beyond) * errors - beyond * most - (np.abs(now) * errors - now * most)
+            gradient = gradient + ordered.product(rows.T, (soft * change).ravel())
+            hessian = hessian + ordered.product(rows.T, (np.abs(beyond) * soft).ravel()[:, None] * rows)
         step: Array = np.where(multipliers > 0.0, upper, np.where(multipliers < 0.0, lower, 0.0))
         free = multipliers == 0.0
-        pull = self._gradient + ordered.product(hessian, step)
+        pull = gradient + ordered.product(hessian, step)
         step[free] = ordered.solve(hessian[np.ix_(free, free)], -pull[free])
         return step
 
@@ -180,6 +248,11 @@ class Sqp:
             share = -0.5 * slope * length / bend if bend < np.inf else 0.0  # False for NaN too
             length *= min(max(share, least), most)
         return None
+
+
+def _sides(errors: Array, most: Array) -> Array:
+    """Beyond which limit each error is: 1 above the upper one, -1 below the lower one, 0 between them."""
+    return (errors > most).astype(float) - (errors < -most)
 
 
 def _damped(hessian: Array) -> Array:

@@ -13,8 +13,9 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from asvhil.controller.solvers.graphs import LIMITED, POSE_AND_VELOCITY
 from asvhil.controller.solvers.outcome import bounded, failure, rolled_out
-from asvhil.controller.solvers.problem import POSE_AND_VELOCITY, Solution, StationProblem
+from asvhil.controller.solvers.problem import Solution, StationProblem
 from asvhil.dynamics.arrays import Array
 from asvhil.dynamics.integrate import advance
 from asvhil.types import record
@@ -31,6 +32,7 @@ class Terms:
 
     parameters: Array
     weights: Array  # (stages, 6) of the states after each stage
+    soft: Array | None  # (stages, 4) of the excess of psi, u, v and r over their soft limits
     previous: Array  # (2,)
     slew: float
     wind: Tensor
@@ -63,6 +65,7 @@ class TorchLqr:
         terms = Terms(
             parameters=np.asarray(parameters, dtype=float),
             weights=weights,
+            soft=problem.soft_weights(parameters),
             previous=previous,
             slew=slew,
             wind=torch.tensor(parameters[n : n + 2], dtype=torch.float64),
@@ -122,6 +125,12 @@ class TorchLqr:
         moves, gains = np.zeros((problem.stages, 2)), np.zeros((problem.stages, 2, n + 2))
         targets = problem.targets(terms.parameters, states[1:])
         errors = states[1:, :POSE_AND_VELOCITY] - targets
+        weights, pulls = terms.weights, terms.weights * errors
+        if terms.soft is not None:
+            excess = problem.excess(errors)
+            weights = weights.copy()
+            weights[:, LIMITED] += terms.soft * (excess != 0.0)
+            pulls[:, LIMITED] += terms.soft * excess
         # d error / d state: a station's velocity in body axes depends on the heading.
         slopes = np.tile(np.eye(POSE_AND_VELOCITY), (problem.stages, 1, 1))
         slopes[:, 3, 2], slopes[:, 4, 2] = -targets[:, 4], targets[:, 3]
@@ -133,8 +142,8 @@ class TorchLqr:
         b_z[n:] = np.eye(2)
         for k in reversed(range(problem.stages)):
             # The cost of the state after this stage belongs to the value there. All of it halved.
-            value_x[carried] += slopes[k].T @ (terms.weights[k] * errors[k])
-            value_xx[carried, carried] += slopes[k].T @ (terms.weights[k][:, None] * slopes[k])
+            value_x[carried] += slopes[k].T @ pulls[k]
+            value_xx[carried, carried] += slopes[k].T @ (weights[k][:, None] * slopes[k])
             a_z[:n, :n], b_z[:n] = blocks[k, :, :n], blocks[k, :, n:]
             change = terms.slew * (inputs[k] - before[k])
             q_x, q_u = a_z.T @ value_x, b_z.T @ value_x + change
@@ -186,6 +195,8 @@ class TorchLqr:
         errors = new_states[1:, :POSE_AND_VELOCITY] - problem.targets(terms.parameters, new_states[1:])
         changes = np.diff(np.concatenate([terms.previous[None], new_inputs]), axis=0)
         cost = float((terms.weights * errors**2).sum() + terms.slew * (changes**2).sum())
+        if terms.soft is not None:
+            cost += float((terms.soft * problem.excess(errors) ** 2).sum())
         return new_states, new_inputs, cost
 
 

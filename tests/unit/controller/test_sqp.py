@@ -7,6 +7,7 @@ import pytest
 
 from asvhil.config import MpcConfig, load_config
 from asvhil.controller.solvers import sqp as sqp_module
+from asvhil.controller.solvers.graphs import HEAD
 from asvhil.controller.solvers.problem import StationProblem
 from asvhil.controller.solvers.sqp import Sqp
 from asvhil.dynamics.integrate import substeps
@@ -50,7 +51,7 @@ def ipopt():
             state = PROBLEM.substep(state, a, p[n : n + 2], p[n + 2 : n + 5], step_s / count)
         gaps.append(state - states[n * k : n * k + n])
         state = states[n * k : n * k + n]
-        q = p[n + 11 + 6 * k : n + 17 + 6 * k]
+        q = p[n + HEAD + 6 * k :][:6]
         cost += ca.dot(q, (state[:6] - ca.vertcat(0, 0, p[n + 7], 0, 0, 0)) ** 2) + p[n + 8] * ca.sumsqr(a - last)
     nlp = {"x": ca.vertcat(inputs, states), "p": p, "f": cost, "g": ca.vertcat(*gaps)}
     solver = ca.nlpsol("ipopt", "ipopt", nlp, {"print_time": False, "ipopt": {"print_level": 0, "max_iter": 200}})
@@ -216,7 +217,7 @@ def test_the_solution_in_order_is_that_of_daqp(monkeypatch):
     def spy(hessian, gradient, rows, upper, lower, sense):
         found = daqp.solve(hessian, gradient, rows, upper, lower, sense)
         weights, _, _, slew = PROBLEM.unpack_cost(SOLVER._p)
-        exact = SOLVER._in_order(np.sqrt(weights), slew * SOLVER._smoothing, lower, upper, found[3]["lam"])
+        exact = SOLVER._in_order(np.sqrt(weights), None, None, slew * SOLVER._smoothing, lower, upper, found[3]["lam"])
         off.append(np.abs(found[0] - exact).max())
         return found
 

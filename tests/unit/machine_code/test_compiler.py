@@ -12,7 +12,7 @@ import pytest
 
 from asvhil.backseat.build import build_model
 from asvhil.config import load_config
-from asvhil.controller.solvers import problem as horizon
+from asvhil.controller.solvers import graphs
 from asvhil.controller.solvers.problem import StationProblem
 from asvhil.dynamics import buffers
 from asvhil.estimator import covariance
@@ -29,10 +29,10 @@ pytestmark = pytest.mark.skipif(shutil.which("cc") is None and "CI" not in os.en
 def no_compiler_afterwards() -> Iterator[None]:
     before = buffers._evaluator
     buffers.evaluate_with(None)
-    horizon._over_the_horizon.cache_clear()
+    graphs.over_the_horizon.cache_clear()
     yield
     buffers.evaluate_with(before)
-    horizon._over_the_horizon.cache_clear()
+    graphs.over_the_horizon.cache_clear()
 
 
 def wavy() -> ca.Function:
