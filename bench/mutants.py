@@ -68,6 +68,7 @@ MODULES = {
     "asvhil/motion/watch.py": ("tests/unit/motion/test_watch.py", "tests/unit/motion/test_carried.py"),
     "asvhil/supervisor/arming_help.py": SUPERVISOR,
     "asvhil/supervisor/battery_watch.py": ("tests/unit/supervisor/test_battery_watch.py",),
+    "asvhil/supervisor/conditions.py": SUPERVISOR,
     "asvhil/supervisor/geofence.py": ("tests/unit/supervisor/test_geofence.py",),
     "asvhil/supervisor/heading_policy.py": ("tests/unit/supervisor/test_heading_policy.py",),
     "asvhil/supervisor/mode_request.py": SUPERVISOR,

@@ -6,9 +6,8 @@ import math
 from collections.abc import Sequence
 
 from asvhil.config import SupervisorConfig
-from asvhil.geo import LocalFrame
 from asvhil.supervisor.arming_help import ArmingHelp
-from asvhil.supervisor.geofence import Geofence
+from asvhil.supervisor.conditions import Conditions
 from asvhil.supervisor.heading_policy import HeadingPolicy
 from asvhil.supervisor.mode_request import ModeRequest
 from asvhil.supervisor.pilot_watch import PilotWatch
@@ -16,7 +15,6 @@ from asvhil.supervisor.reasons import Explanation, Reason, explain
 from asvhil.supervisor.situation import Situation
 from asvhil.supervisor.station_motion import LeaderReport, StationMotion
 from asvhil.supervisor.stations import (
-    place_of_point,
     station_of_config,
     station_of_hold,
     station_of_move,
@@ -25,7 +23,6 @@ from asvhil.supervisor.stations import (
 )
 from asvhil.types import (
     CourseCommand,
-    Estimate,
     FrontseatStatus,
     HeadingCommand,
     HoldCommand,
@@ -34,7 +31,6 @@ from asvhil.types import (
     NeutralCommand,
     Note,
     Phase,
-    Radio,
     ReleaseCommand,
     Station,
     changed,
@@ -104,7 +100,7 @@ class Supervisor:
         self._station: Station | None = None
         self._heading = HeadingPolicy(config.heading)
         self._motion = StationMotion(config.moving, fastest_mps)
-        self._fence = Geofence(config.geofence)
+        self._conditions = Conditions(config)
         self._most_m = config.max_distance_m  # by the last hold command: how far off a station may be
         self._auto_pending = config.engage == "auto"
         self._failing_since_ns: int | None = None
@@ -139,7 +135,7 @@ class Supervisor:
         releasing = self._phase is Phase.STANDBY and self._release_left > 0
         neutral_alone = self._release_left > RELEASE_REPEATS
         self._release_left -= releasing
-        link_ok = self._link_ok(situation)
+        link_ok = self._conditions.link_ok(situation)
         mode = situation.status.mode if situation.status and link_ok else None
         return Decision(
             phase=self._phase,
@@ -171,9 +167,10 @@ class Supervisor:
         held, frame = self._held, situation.frame
         if held is None or frame is None:
             return
-        at, steered = self._place(situation), self._phase is Phase.HOLD
+        at, steered = self._conditions.place(situation), self._phase is Phase.HOLD
         boat_m = (at.n_m, at.e_m) if at is not None and at.valid and steered else None
-        self._station = self._motion.step(situation.t_ns, held, boat_m, lambda after: self._outside(after, frame))
+        outside = self._conditions.outside
+        self._station = self._motion.step(situation.t_ns, held, boat_m, lambda after: outside(after, frame))
 
     def _turn(self, situation: Situation, station_changed: bool) -> None:
         """Turn the station that is held as its heading policy says."""
@@ -184,15 +181,9 @@ class Supervisor:
             self._heading.begin()
         self._station = self._heading.turned(situation.t_ns, held, situation.bow_rad)
 
-    def _link_ok(self, situation: Situation) -> bool:
-        """Whether the autopilot was heard lately."""
-        age_s = situation.heartbeat_age_s if situation.heard_age_s is None else situation.heard_age_s
-        return age_s is not None and age_s <= self._config.heartbeat_timeout_s
-
-    @staticmethod
-    def _mode_known(situation: Situation, timeout_s: float) -> bool:
-        """Whether the autopilot has told its mode and arming lately."""
-        return situation.heartbeat_age_s is not None and situation.heartbeat_age_s <= timeout_s
+    def _hidden(self, situation: Situation) -> int | None:
+        """The channel of a stick that cannot be seen, and so not obeyed."""
+        return None if situation.status is None else self._pilot.hidden(situation.status)
 
     # --- requests ------------------------------------------------------------------------------------------
 
@@ -222,7 +213,7 @@ class Supervisor:
     def _hold(self, command: HoldCommand, situation: Situation) -> Explanation | None:
         """Take up a station. Returns None, or why not."""
         self._go_on(situation)  # what the pilot does in this tick comes before what is asked for in it
-        refusal = self._why_not(situation, situation.fault) or situation.slow
+        refusal = self._conditions.why_not(situation, situation.fault, self._hidden(situation)) or situation.slow
         pilot_first = self._pilot_ns is not None and situation.t_ns - self._pilot_ns < PILOT_FIRST_NS
         if refusal is None and pilot_first:
             refusal = explain(Reason.PILOT_FIRST)
@@ -230,11 +221,11 @@ class Supervisor:
             refusal = self._help_arming(command.t_ns, situation.status) or refusal
         if refusal is not None:
             return refusal
-        status, estimate, frame = situation.status, self._place(situation), situation.frame
+        status, estimate, frame = situation.status, self._conditions.place(situation), situation.frame
         assert status is not None and estimate is not None and frame is not None
         station = station_of_hold(command, estimate, frame)
         most_m = max(self._config.max_distance_m, command.within_m)
-        refusal = too_far(station, estimate, most_m) or self._outside(station, frame)
+        refusal = too_far(station, estimate, most_m) or self._conditions.outside(station, frame)
         if refusal is not None:
             return refusal
         self._most_m = most_m
@@ -248,23 +239,23 @@ class Supervisor:
 
     def _lead(self, message: LeaderMessage, situation: Situation) -> None:
         """Take in where the leader is, if the station that is held is to follow that one."""
-        held, estimate, frame = self._held, self._place(situation), situation.frame
+        held, estimate, frame = self._held, self._conditions.place(situation), situation.frame
         if held is None or estimate is None or frame is None or message.system_id != self._motion.leader:
             return
         n_m, e_m = self._motion.place_of(*frame.to_ned(message.lat_deg, message.lon_deg), message.velocity_mps)
         station = changed(held, n_m=n_m, e_m=e_m)
-        why_not = too_far(station, estimate, self._most_m) or self._outside(station, frame)
+        why_not = too_far(station, estimate, self._most_m) or self._conditions.outside(station, frame)
         why_not = why_not or self._motion.report(_reported(message.t_ns, station, message.velocity_mps))
         if why_not is not None:
             self._motion.refuse(message.t_ns, why_not)
 
     def _move(self, command: MoveCommand, situation: Situation) -> Explanation | None:
         """Move the station that is held. Returns None, or why not."""
-        held, estimate, frame = self._held, self._place(situation), situation.frame
+        held, estimate, frame = self._held, self._conditions.place(situation), situation.frame
         if held is None or estimate is None or frame is None:
             return explain(Reason.NO_STATION_HELD)
         station = station_of_move(command, held, frame)
-        refusal = too_far(station, estimate, self._most_m) or self._outside(station, frame)
+        refusal = too_far(station, estimate, self._most_m) or self._conditions.outside(station, frame)
         if refusal is not None:
             return refusal
         if command.velocity_mps is None:
@@ -290,66 +281,6 @@ class Supervisor:
         self._arming_help.end()
         self._mode.forget()  # what was going on before the hold shall not go on by itself either
         return None
-
-    def _why_not(self, situation: Situation, fault: Explanation | None) -> Explanation | None:
-        """Why a hold cannot begin; `fault`: of the motors, where it counts."""
-        status = situation.status
-        if situation.stranger is not None:
-            return situation.stranger
-        if status is None or not self._link_ok(situation):
-            return explain(Reason.NO_HEARTBEAT)
-        if not self._mode_known(situation, self._config.heartbeat_timeout_s):
-            return explain(Reason.MODE_UNKNOWN)
-        if fault is not None:
-            return fault
-        hidden = self._pilot.hidden(status)
-        if hidden is not None:
-            return explain(Reason.STICK_HIDDEN, channel=hidden)
-        if not status.armed:
-            return explain(Reason.NOT_ARMED, hint=status.arming_fault)
-        if self._is_transmitter_lost(status):
-            return explain(Reason.TRANSMITTER_LOST)
-        lost = self._lost_station(situation)
-        if lost is not None:
-            return lost
-        if status.mode != self._config.control_mode and not self._config.take_mode:
-            return explain(Reason.WRONG_MODE, mode=status.mode, needed=self._config.control_mode)
-        if situation.estimate is None or not situation.estimate.valid:
-            return explain(Reason.NO_ESTIMATE)
-        return self._left_fence(situation)
-
-    def _outside(self, station: Station, frame: LocalFrame) -> Explanation | None:
-        """Why the point of the boat, or its origin, would not be where it may be."""
-        origin = station_of_origin(station, self._config.point_m)
-        places = dict.fromkeys(((station.n_m, station.e_m), (origin.n_m, origin.e_m)))
-        refusals = (self._fence.refusal("station", place, frame) for place in places)
-        return next((refusal for refusal in refusals if refusal is not None), None)
-
-    def _place(self, situation: Situation) -> Estimate | None:
-        """The estimate, with the place of the point of the boat that is kept at the station."""
-        return None if situation.estimate is None else place_of_point(situation.estimate, self._config.point_m)
-
-    def _left_fence(self, situation: Situation) -> Explanation | None:
-        """Why the boat is not where it may be. Where it is unknown, other watches have the word."""
-        estimate, frame = situation.estimate, situation.frame
-        if estimate is None or frame is None or not estimate.valid:
-            return None
-        return self._fence.refusal("boat", (estimate.n_m, estimate.e_m), frame)
-
-    def _is_transmitter_lost(self, status: FrontseatStatus) -> bool:
-        return status.radio is Radio.LOST and self._config.transmitter_lost == "release"
-
-    def _lost_station(self, situation: Situation) -> Explanation | None:
-        """The ground station of a pilot without a transmitter, once it was heard and is silent.
-
-        One that was never heard is lost by nobody: an autopilot need not pass on the heartbeats of other links.
-        """
-        timeout_s, status = self._config.ground_station_timeout_s, situation.status
-        if timeout_s is None or situation.station_age_s is None or situation.station_age_s <= timeout_s:
-            return None
-        return (
-            None if status is not None and status.has_transmitter else explain(Reason.STATION_LOST, seconds=timeout_s)
-        )
 
     def _help_arming(self, t_ns: int, status: FrontseatStatus | None) -> Explanation | None:
         """Send neutral to a boat that is armed with nothing else; what to do meanwhile, None where it is not one."""
@@ -377,14 +308,14 @@ class Supervisor:
     def _prepare(self, situation: Situation) -> None:
         """engage: auto. Wait for readiness, ask for mode and arming with neutral sticks, then hold, once."""
         status, frame = situation.status, situation.frame
-        hidden = self._pilot.hidden(status) if status is not None else None
+        hidden = self._hidden(situation)
         why_not = situation.stranger or situation.fault
         if why_not is None and hidden is not None:
             why_not = explain(Reason.STICK_HIDDEN, channel=hidden)
         if why_not is not None:
             self._wait(why_not)
             return
-        ready = status is not None and self._link_ok(situation) and status.ready
+        ready = status is not None and self._conditions.link_ok(situation) and status.ready
         located = situation.estimate is not None and situation.estimate.valid
         if status is None or frame is None or not ready or not located:
             self._wait(explain(Reason.WAITING_FOR_AUTOPILOT))
@@ -397,7 +328,7 @@ class Supervisor:
         at = self._config.station
         assert at is not None  # held by the config's validation
         station = station_of_config(at, frame)
-        outside = self._outside(station, frame) or self._left_fence(situation)
+        outside = self._conditions.outside(station, frame) or self._conditions.left_fence(situation)
         if outside is not None:
             self._wait(outside)
             return
@@ -422,7 +353,7 @@ class Supervisor:
 
     def _await_arming(self, situation: Situation) -> None:
         """Go on sending neutral while the boat waits to be armed, and for the hold command after that."""
-        alive = situation.status is not None and self._link_ok(situation)
+        alive = situation.status is not None and self._conditions.link_ok(situation)
         failure = self._arming_help.failure(situation) if alive else explain(Reason.NO_HEARTBEAT)
         if failure is not None:
             theirs = failure.reason in THEIRS
@@ -433,7 +364,8 @@ class Supervisor:
     def _await_mode(self, situation: Situation) -> None:
         """Hold once the mode that was asked for stands; give up where something has changed, or after a while."""
         status = situation.status
-        refusal = self._why_not(situation, None)  # a fault of the outputs is none yet: they follow once the mode stands
+        # A fault of the outputs is none yet: they follow once the mode stands.
+        refusal = self._conditions.why_not(situation, None, self._hidden(situation))
         if refusal is not None:
             self._let_go(refusal, neutral_first=True)
             return
@@ -453,7 +385,7 @@ class Supervisor:
         """Go on sending neutral while the pilot leaves the motors to us and the autopilot is heard."""
         if self._is_ended(situation):
             return
-        lost = self._unheard(situation)
+        lost = self._conditions.unheard(situation)
         if lost is not None:
             self._let_go(lost, neutral_first=True)
 
@@ -461,7 +393,7 @@ class Supervisor:
         """Whether the pilot has taken the boat, or something that does not pass has given it back."""
         t_ns, status = situation.t_ns, situation.status
         act = self._pilot.act(status, situation.station_sticks)
-        if act is None and status is not None and self._is_transmitter_lost(status):
+        if act is None and status is not None and self._conditions.is_transmitter_lost(status):
             self._let_go(explain(Reason.TRANSMITTER_LOST), neutral_first=True)
             return True
         if act is not None:
@@ -469,8 +401,8 @@ class Supervisor:
             # Where the station's messages and ours set the same channels, ours would stand until its next one.
             self._let_go(act, neutral_first=act.reason is Reason.STATION_STICK)
             return True
-        ends = situation.stranger or self._lost_station(situation) or situation.fault or situation.motion
-        ends = ends or self._left_fence(situation)
+        ends = situation.stranger or self._conditions.lost_station(situation) or situation.fault or situation.motion
+        ends = ends or self._conditions.left_fence(situation)
         if ends is not None:
             if ends.reason is Reason.SCRIPT_LET_GO:  # by the pilot's act, which it sees first
                 self._pilot_ns = t_ns
@@ -517,17 +449,9 @@ class Supervisor:
             self._why = situation.stranger
         self._ended_ns = None
 
-    def _unheard(self, situation: Situation) -> Explanation | None:
-        """What the autopilot no longer tells, without which nobody knows whether the motors are still ours."""
-        if not self._link_ok(situation):
-            return explain(Reason.HEARTBEAT_LOST)
-        if not self._mode_known(situation, self._config.mode_timeout_s):
-            return explain(Reason.MODE_UNKNOWN)
-        return None
-
     def _failing(self, situation: Situation) -> Explanation | None:
         """What is missing to steer by."""
-        unheard = self._unheard(situation)
+        unheard = self._conditions.unheard(situation)
         if unheard is not None:
             return unheard
         if situation.estimate is None or not situation.estimate.valid:
