@@ -195,6 +195,7 @@ class FrontseatStatus:
     `rc_ns` and `outputs_ns` are when the values came; 0: never. `arming_fault`: why it would not arm, by the
     autopilot's own words; empty where it would, or is armed, or nothing is known. `battery_percent`: of the charge;
     `battery_a`: the current that is drawn; `battery_ns`: when they came, 0: never; `batteries`: each by itself, summed;
+    `battery_complaint`: what is wrong with which of them by the autopilot's judgement, empty where nothing is;
     `fix` (GPS_FIX_TYPE) and `satellites`: of the autopilot's first receiver; None where the autopilot does not tell.
     """
 
@@ -219,6 +220,7 @@ class FrontseatStatus:
     battery_a: float | None = None
     battery_ns: int = 0
     batteries: BatterySum | None = None
+    battery_complaint: str = ""
     fix: int | None = None
     satellites: int | None = None
 

@@ -4,11 +4,21 @@ from __future__ import annotations
 
 from typing import Any
 
+from asvhil.io.mavlink.frames import dialect
 from asvhil.types import BatterySum, record
 
 NO_CELL = (0, 0xFFFF)  # mV: without a measurement, in `voltages_ext` and in `voltages`
 FORGOTTEN_NS = 60_000_000_000  # a battery that has been silent for so long is not there any more
 WH_PER_HECTOJOULE = 100.0 / 3600.0
+# MAV_BATTERY_CHARGE_STATE that are no well battery's, and how bad each is; the others: unknown, well and charging.
+COMPLAINTS = {
+    dialect.MAV_BATTERY_CHARGE_STATE_LOW: "low",
+    dialect.MAV_BATTERY_CHARGE_STATE_CRITICAL: "critical",
+    dialect.MAV_BATTERY_CHARGE_STATE_EMERGENCY: "critical, an emergency",
+    dialect.MAV_BATTERY_CHARGE_STATE_UNHEALTHY: "not healthy",
+    dialect.MAV_BATTERY_CHARGE_STATE_FAILED: "failed",
+}
+FAULT = "MAV_BATTERY_FAULT"
 
 
 @record
@@ -27,14 +37,21 @@ class Batteries:
     def __init__(self) -> None:
         self._readings: dict[int, _Reading] = {}
         self._sum: BatterySum | None = None  # of these; it is asked for with every status, several times in a tick
+        self._complaints: dict[int, tuple[int, str]] = {}  # when, and what
 
     def restart(self) -> None:
         """The autopilot has rebooted: which it has is told anew."""
         self._readings.clear()
+        self._complaints.clear()
         self._sum = None
 
     def receive(self, t_ns: int, m: Any) -> None:
         """BATTERY_STATUS. Its charge and consumption count from the autopilot's start, or from a battery's own."""
+        complaint = _complaint(m.charge_state, m.fault_bitmask)
+        if complaint:
+            self._complaints[m.id] = t_ns, complaint
+        else:
+            self._complaints.pop(m.id, None)
         volts = 1e-3 * sum(mv for mv in (*m.voltages, *m.voltages_ext) if mv not in NO_CELL)
         if volts <= 0.0 or m.current_battery < 0:  # -1: not measured; PX4 says -100 as well
             return
@@ -56,6 +73,13 @@ class Batteries:
             self._sum = self._added(t_ns)
         return self._sum
 
+    def complaint(self, t_ns: int) -> str:
+        """What is wrong with which battery, by the autopilot's judgement; empty where it has none."""
+        if not self._complaints:
+            return ""
+        self._complaints = {i: one for i, one in self._complaints.items() if t_ns - one[0] < FORGOTTEN_NS}
+        return "; ".join(f"battery {i + 1} {text}" for i, (_, text) in sorted(self._complaints.items()))
+
     def _added(self, t_ns: int) -> BatterySum | None:
         self._readings = {i: one for i, one in self._readings.items() if t_ns - one.t_ns < FORGOTTEN_NS}
         readings = [self._readings[i] for i in sorted(self._readings)]
@@ -73,3 +97,15 @@ class Batteries:
             lowest_percent=min(percents) if len(percents) == len(readings) else None,
             used_wh=None if any(one.used_wh is None for one in readings) else used_wh,
         )
+
+
+def _complaint(charge_state: int, faults: int) -> str:
+    """Such as "critical (over temperature)"; empty for a battery of which the autopilot says nothing bad."""
+    names = []
+    for bit in range(faults.bit_length()):
+        if faults >> bit & 1:
+            known = dialect.enums[FAULT].get(1 << bit)
+            name = f"fault {1 << bit}" if known is None else known.name
+            names.append(name.removeprefix(f"{FAULT}_").removeprefix("BATTERY_FAULT_").replace("_", " ").lower())
+    state = COMPLAINTS.get(charge_state, "faulty" if names else "")
+    return f"{state} ({', '.join(names)})" if names else state

@@ -95,6 +95,7 @@ class VehicleStatus:
             battery_a=self._battery_a,
             battery_ns=self._battery_ns,
             batteries=batteries,
+            battery_complaint=self._batteries.complaint(t_ns),
             fix=self._fix[0],
             satellites=self._fix[1],
         )

@@ -11,7 +11,7 @@ from asvhil.config.base import Positive, Section
 
 class BatteryConfig(Section):
     """The watch over the battery of motors and autopilot, by what the autopilot tells of it (SYS_STATUS; of several
-    batteries the lowest charge, by BATTERY_STATUS).
+    batteries the lowest charge, by BATTERY_STATUS, and what that finds wrong with one).
 
     The autopilot's own fail-safe (BATT_FS_LOW_ACT, COM_LOW_BAT_ACT) goes on beside it: where it changes the mode, that
     ends the hold.

@@ -39,7 +39,7 @@ class BatteryWatch:
         return () if self._low is None else (Note(subject=SUBJECT, text=describe(self._low), ok=False),)
 
     def _reading(self, status: FrontseatStatus) -> Explanation | None:
-        """What is low; None where nothing is, or nothing is told."""
+        """What is low or wrong; None where nothing is, or nothing is told."""
         config = self._config
         readings = (
             (status.battery_percent, config.low_percent, "{:.0f} %"),
@@ -48,4 +48,6 @@ class BatteryWatch:
         for value, least, form in readings:
             if value is not None and least is not None and value < least:
                 return explain(Reason.BATTERY_LOW, reading=form.format(value), limit=form.format(least))
+        if status.battery_complaint:
+            return explain(Reason.BATTERY_COMPLAINT, complaint=status.battery_complaint)
         return None

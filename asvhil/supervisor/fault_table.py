@@ -215,15 +215,15 @@ SECTIONS: dict[str, tuple[FaultRow, ...]] = {
         _row("its fail-safe changes the mode", "mode in its heartbeat", RELEASE, 0.3, (Reason.MODE_CHANGED,)),
         _row(
             "battery low",
-            "charge below {supervisor.battery.low_percent:g} % or voltage below `supervisor.battery.low_v`, for "
-            "{supervisor.battery.lasts_s:g} s",
+            "charge below {supervisor.battery.low_percent:g} %, voltage below `supervisor.battery.low_v`, or state and "
+            "faults in BATTERY_STATUS, for {supervisor.battery.lasts_s:g} s",
             told="note `battery`; `supervisor.battery.on_low: release` ends the hold",
             todo=WORDS[Reason.BATTERY_LOW].remedy,
         ),
         _row(
             "battery low, where that ends a hold",
             "the same, with `supervisor.battery.on_low: release`",
-            *(NEUTRAL, 12.0, (Reason.BATTERY_LOW,)),
+            *(NEUTRAL, 12.0, (Reason.BATTERY_LOW, Reason.BATTERY_COMPLAINT)),
         ),
         _row("emergency stop of the motors", _READBACK, NEUTRAL, 3.0, _STOPPED),
         _row("an output loses its function", _READBACK, NEUTRAL, 6.0, _WIRING),

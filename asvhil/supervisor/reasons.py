@@ -85,6 +85,7 @@ class Reason(enum.StrEnum):
     DRIFTED_OFF = "drifted-off"
     MODEL_MISMATCH = "model-mismatch"
     BATTERY_LOW = "battery-low"
+    BATTERY_COMPLAINT = "battery-complaint"
     # Why a request makes no sense
     GUIDED_ENABLE_VALUE = "guided-enable-value"
     COMMAND_INT_ONLY = "command-int-only"
@@ -361,6 +362,10 @@ WORDS: Mapping[Reason, Words] = {
     Reason.BATTERY_LOW: Words(
         text="the battery is low: {reading}, less than {limit}",
         remedy="Take the boat home. supervisor.battery sets the limits.",
+    ),
+    Reason.BATTERY_COMPLAINT: Words(
+        text="the autopilot says: {complaint}",
+        remedy="Take the boat home and look at that battery. The autopilot's own limits judge it (BATT_*, BAT*).",
     ),
     Reason.GUIDED_ENABLE_VALUE: Words(
         text="param1 must be 0 or 1", remedy="NAV_GUIDED_ENABLE: 1 holds the station here, 0 releases."

@@ -81,11 +81,15 @@ class Vehicle:
         hectojoules: int = 720,
         percent: int = 80,
         source: tuple[int, int] = (1, 1),
+        state: int = 1,
+        faults: int = 0,
     ) -> FrontseatStatus | None:
         cells = [12_000, *[NONE] * 9] if cells is None else cells
         used = (centiamperes, mah, hectojoules, percent)
         # Temperature, type and function are of no use here; 0 s: the time that is left is not told.
-        told = dialect.MAVLink_battery_status_message(number, 0, 0, 0x7FFF, cells, *used, 0, 1, ext or [0] * 4)
+        told = dialect.MAVLink_battery_status_message(
+            number, 0, 0, 0x7FFF, cells, *used, 0, state, ext or [0] * 4, 0, faults
+        )
         mav = dialect.MAVLink(None, srcSystem=source[0], srcComponent=source[1])
         sent = Frame(t_ns=at_s * S, port=AUTOPILOT, data=told.pack(mav))
         return self.status(self.link.receive(sent))
@@ -175,3 +179,35 @@ def test_what_real_autopilots_have_sent_is_read() -> None:
     px4 = {"cells": [15_300, *[NONE] * 9], "centiamperes": -100, "mah": 0, "hectojoules": -1, "percent": 50}
     status = Vehicle().tell(2, **px4)
     assert status is not None and status.batteries is None
+
+
+@pytest.mark.parametrize(
+    ("told", "complaint"),
+    [
+        *(({"state": state}, "") for state in (0, 1, 7)),  # undefined, well, charging
+        ({"state": 2}, "battery 1 low"),
+        ({"state": 3}, "battery 1 critical"),
+        ({"state": 4}, "battery 1 critical, an emergency"),
+        ({"state": 5}, "battery 1 failed"),
+        ({"state": 6}, "battery 1 not healthy"),
+        ({"state": 6, "centiamperes": -1}, "battery 1 not healthy"),  # without a current sensor too
+        ({"faults": 16}, "battery 1 faulty (over temperature)"),
+        ({"state": 3, "faults": 1 | 64}, "battery 1 critical (deep discharge, incompatible voltage)"),
+        ({"faults": 1 << 31}, "battery 1 faulty (fault 2147483648)"),  # of a later version of MAVLink
+        ({"state": 200}, ""),
+    ],
+)
+def test_what_is_wrong_with_a_battery_is_read(told: dict[str, Any], complaint: str) -> None:
+    status = Vehicle().tell(2, **told)
+    assert status is not None and status.battery_complaint == complaint
+
+
+def test_complaints_are_of_each_battery_until_it_is_well_or_silent() -> None:
+    vehicle = Vehicle()
+    vehicle.tell(2, number=1, state=3)
+    both = vehicle.tell(3, state=2)
+    assert both is not None and both.battery_complaint == "battery 1 low; battery 2 critical"
+    well = vehicle.tell(4)
+    assert well is not None and well.battery_complaint == "battery 2 critical"
+    assert vehicle.tell_sys_status(61, 80).battery_complaint == "battery 2 critical"
+    assert vehicle.tell_sys_status(62, 80).battery_complaint == ""

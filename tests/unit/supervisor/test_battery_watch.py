@@ -64,6 +64,7 @@ def test_a_sag_under_thrust_is_not_low() -> None:
         (replace(status(), battery_v=11.6), False),
         (replace(status(), battery_v=12.6, battery_percent=19.0), True),
         (replace(status(), battery_percent=20.0), False),
+        (replace(FULL, battery_complaint="battery 1 critical"), True),
     ],
 )
 def test_what_counts_as_low(told: FrontseatStatus | None, low: bool) -> None:
@@ -80,3 +81,12 @@ def test_a_hold_ends_where_the_config_says_so() -> None:
     fault = battery.watch.fault
     assert fault is not None and fault.reason is Reason.BATTERY_LOW
     assert dict(fault.detail) == {"reading": "10.9 V", "limit": "11.5 V"}
+
+
+def test_what_the_autopilot_says_is_wrong_ends_a_hold_where_the_config_says_so() -> None:
+    battery = Battery(on_low="release")
+    battery.run(6.0, replace(FULL, battery_complaint="battery 2 not healthy"))
+    fault = battery.watch.fault
+    assert fault is not None and fault.reason is Reason.BATTERY_COMPLAINT
+    (note,) = battery.watch.notes
+    assert note.text == "the autopilot says: battery 2 not healthy" and not note.ok
