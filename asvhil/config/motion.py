@@ -71,7 +71,8 @@ class MotionConfig(Section):
         default=8.0,
         description=(
             "A hold ends once the boat is this much farther from the station than it has been since the hold began, "
-            "or the station was moved. A boat that was fast then may go on for as far as it needs to stop."
+            "or the station was moved. A boat that was fast then may go on for as far as it needs to stop, one that "
+            "approaches by the procedure twice its turn_radius_m farther."
         ),
     )
     farther_share: NonNegative = Field(

@@ -79,8 +79,9 @@ class DistanceWatch:
         self._least_m = distance_m
         self._allowed_m = max(self._config.farther_m, self._config.farther_share * distance_m, stopping_m)
         if self._approach is not None and distance_m > self._approach.r_s_m:
-            # A path that begins with the station astern goes once round, on the far side of it at worst.
-            self._allowed_m = max(self._allowed_m, 2.0 * self._approach.turn_radius_m)
+            # A path that begins with the station astern goes once round, on the far side of it at worst; the boat may
+            # be off that path as off its station.
+            self._allowed_m += 2.0 * self._approach.turn_radius_m
         self._past.clear()
 
 

@@ -97,7 +97,7 @@ def test_a_new_hold_at_the_same_station_begins_anew(begin: bool) -> None:
 
 def test_the_procedure_has_room_for_a_turn_with_the_station_astern() -> None:
     procedure = ProcedureConfig(enabled=True, r_s_m=15.0, turn_radius_m=8.0)
-    for start_m, room_m in ((24.0, 16.0), (14.0, 8.0)):  # within r_s there is no approach, and no room for it
+    for start_m, room_m in ((24.0, 8.0 + 16.0), (14.0, 8.0)):  # within r_s there is no approach, and no room for it
         path = Path(start_m)
         path.watch = DistanceWatch(MotionConfig(), VESSEL, procedure)
         assert path.to(start_m + room_m - 0.2) is None

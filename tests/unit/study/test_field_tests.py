@@ -9,6 +9,7 @@ import pytest
 from asvhil.config import load_config
 from asvhil.study.field_tests import ASKED, BASES, R_D_M, TESTS, figures_of_test, overrides_of_test
 from asvhil.study.field_tests_report import markdown
+from asvhil.study.trials.field import run_field_test
 
 
 def run(distance_m: float = 1.0, longest_s: float | None = 300.0, handover_s: float | None = 40.0) -> dict[str, Any]:
@@ -67,6 +68,12 @@ def test_starts_differ_by_seed_and_test_and_are_the_same_again() -> None:
 
     assert start("wamv 1", 1) == start("wamv 1", 1)
     assert len({start(name, seed) for name in TESTS for seed in range(1, 6)}) == 5 * len(TESTS)
+
+
+def test_an_approach_that_begins_with_a_turn_away_is_not_ended_as_a_boat_that_drifts_off() -> None:
+    """Seed 10: the path's first turn leads 16 m farther off, twice its radius, and the boat is not exactly on it."""
+    found = run_field_test(BASES["bream"], overrides_of_test("bream 1", 10), 60.0, traces=False)
+    assert found["handover_s"] is not None
 
 
 def test_a_limit_is_kept_by_the_mean_as_measured() -> None:
