@@ -79,9 +79,12 @@ BOATS: dict[str, tuple[str, ...]] = {
         BELIEVED,
         "controller.procedure={enabled: true, r_s_m: 10, r_d_m: 20}",
         # Within the bounds of a docking window at any turn, but for a boat that has been carried 3 m off: it returns.
+        # The slew weights save two reversals of three.
         "controller.mpc.soft_limits={}",
         "controller.mpc.near.soft=5000",
         "controller.mpc.along.soft=5000",
+        "controller.mpc.near.slew=30",
+        "controller.mpc.along.slew=30",
         "controller.mpc.near_radius_m=1.5",
         "controller.mpc.far_radius_m=3.2",
     ),
