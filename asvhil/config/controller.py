@@ -227,6 +227,16 @@ class MpcConfig(Section):
             raise ValueError("near_radius_m < far_radius_m must hold")
         return self
 
+    @model_validator(mode="after")
+    def _check_soft_limits(self) -> MpcConfig:
+        sets = ("near", "along", "weather", "far", "position_only")
+        soft = [name for name in sets if (weights := getattr(self, name)) is not None and weights.soft > 0.0]
+        if soft and self.soft_limits is None:
+            raise ValueError(f"{soft[0]}.soft has no effect without soft_limits: give these, as soft_limits: {{}}")
+        if self.soft_limits is not None and not soft:
+            raise ValueError("soft_limits have no effect where soft is 0 in all weights: give near.soft, as 5000")
+        return self
+
 
 class ManoeuvresConfig(Section):
     """The manoeuvres of `asvhil collect`, which make training data around the station, and their geofence."""

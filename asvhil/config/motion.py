@@ -72,7 +72,8 @@ class MotionConfig(Section):
         description=(
             "A hold ends once the boat is this much farther from the station than it has been since the hold began, "
             "or the station was moved. A boat that was fast then may go on for as far as it needs to stop, one that "
-            "approaches by the procedure twice its turn_radius_m farther."
+            "approaches by the procedure twice its turn_radius_m farther; with the procedure it need not end within "
+            "r_d_m and those of the station, from where the approach starts over."
         ),
     )
     farther_share: NonNegative = Field(

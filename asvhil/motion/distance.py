@@ -32,6 +32,9 @@ class DistanceWatch:
         mass_kg = vessel.mass_kg + vessel.added_mass_surge_kg
         self._braking_mps2 = BRAKING * 2.0 * abs(vessel.thrust_curve[0][1]) / mass_kg
         self._strong_mps = STRONG * vessel.speed_ahead_mps()
+        # Beyond r_d_m the approach starts over: that far off, and on the way round to its path, is where the procedure
+        # means the boat to be.
+        self._of_procedure_m = 0.0 if approach is None else approach.r_d_m + 2.0 * approach.turn_radius_m
         self._least_m = self._allowed_m = self.farther_m = 0.0
         self._station: Station | None = None
         self._past: deque[tuple[int, bool]] = deque()  # (time, whether a motor was at its limit)
@@ -66,6 +69,8 @@ class DistanceWatch:
         self.farther_m = distance_m - self._least_m + doubt_m
         is_strong = math.hypot(*current_ned) >= self._strong_mps
         if self.farther_m <= (IN_STRONG if is_strong else 1.0) * self._allowed_m:
+            return None
+        if distance_m <= self._of_procedure_m and not is_strong and doubt_m == 0.0:
             return None
         share = sum(at_limit for _, at_limit in self._past) / len(self._past)
         reason = Reason.BEYOND_MOTORS if share >= SHARE else Reason.DRIFTED_OFF

@@ -179,8 +179,7 @@ class Sqp:
 
     def _pull(self, rows: Array, soft: Array, errors: Array, beyond: Array) -> Array:
         """Half of the gradient by the inputs of the cost of an excess, of states on these sides of their limits."""
-        excess = np.abs(beyond) * errors - beyond * np.array(self._problem.soft_limits)
-        pull: Array = rows.T @ (soft * excess).ravel()
+        pull: Array = rows.T @ (soft * _excess(errors, np.array(self._problem.soft_limits), beyond)).ravel()
         return pull
 
     def _limited(self) -> tuple[Array, Array]:
@@ -222,7 +221,7 @@ class Sqp:
             errors, rows = self._limited()
             most = np.array(self._problem.soft_limits)
             now = _sides(errors, most)
-            change = np.abs(beyond) * errors - beyond * most - (np.abs(now) * errors - now * most)
+            change = _excess(errors, most, beyond) - _excess(errors, most, now)
             gradient = gradient + ordered.product(rows.T, (soft * change).ravel())
             hessian = hessian + ordered.product(rows.T, (np.abs(beyond) * soft).ravel()[:, None] * rows)
         step: Array = np.where(multipliers > 0.0, upper, np.where(multipliers < 0.0, lower, 0.0))
@@ -253,6 +252,12 @@ class Sqp:
 def _sides(errors: Array, most: Array) -> Array:
     """Beyond which limit each error is: 1 above the upper one, -1 below the lower one, 0 between them."""
     return (errors > most).astype(float) - (errors < -most)
+
+
+def _excess(errors: Array, most: Array, sides: Array) -> Array:
+    """By how much each error is beyond its limit, taken to be on one of its `_sides`; negative if it is not there."""
+    excess: Array = np.abs(sides) * errors - sides * most
+    return excess
 
 
 def _damped(hessian: Array) -> Array:

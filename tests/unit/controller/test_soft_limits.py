@@ -19,11 +19,12 @@ from asvhil.types import Estimate, Station
 from tests.unit.controller.test_sqp import MODEL, STATES, captured_qp
 from tests.unit.controller.test_sqp import PROBLEM as UNLIMITED
 
-CONFIG = MpcConfig(soft_limits=SoftLimits())
+WITHOUT = MpcConfig().near
+# So much weight that what depends on the limits shows.
+SOFT = WITHOUT.model_copy(update={"soft": 300.0})
+CONFIG = MpcConfig(soft_limits=SoftLimits(), near=SOFT)
 PROBLEM = StationProblem(MODEL, CONFIG)
 SOLVER = Sqp(PROBLEM)
-# So much weight that what depends on the limits shows.
-SOFT = CONFIG.near.model_copy(update={"soft": 300.0})
 MOVES = (0.25, -0.2)
 
 
@@ -44,7 +45,7 @@ def errors_of(p, u):
 @pytest.mark.parametrize("name", STATES)
 def test_the_cost_adds_the_squared_excess_as_a_share_of_each_limit(name, moves):
     u = np.random.default_rng(7).uniform(-0.3, 0.9, size=40)
-    with_limits, without = (pack(name, weights, moves=moves) for weights in (SOFT, CONFIG.near))
+    with_limits, without = (pack(name, weights, moves=moves) for weights in (SOFT, WITHOUT))
     excess = 0.0
     for step_s, (_, _, psi, surge, sway, r) in zip(PROBLEM.steps_s, errors_of(with_limits, u), strict=True):
         for error, most in ((psi, math.radians(17.0)), (surge, 0.3), (sway, 0.3), (r, math.radians(3.0))):
@@ -103,8 +104,8 @@ def test_all_solvers_agree(moves):
 @pytest.mark.parametrize("name", STATES)
 def test_without_a_weight_the_plan_is_that_without_limits_to_the_last_bit(name):
     start = np.full((20, 2), 0.3)
-    found = SOLVER.solve(pack(name, CONFIG.near), start, 6)
-    plain = Sqp(UNLIMITED).solve(pack(name, CONFIG.near, UNLIMITED), start, 6)
+    found = SOLVER.solve(pack(name, WITHOUT), start, 6)
+    plain = Sqp(UNLIMITED).solve(pack(name, WITHOUT, UNLIMITED), start, 6)
     assert np.array_equal(found.inputs, plain.inputs) and found.cost == plain.cost
 
 
@@ -146,7 +147,6 @@ def test_a_boat_beside_its_station_plans_a_turn_within_the_limit():
     limits = "controller.mpc.soft_limits={}"
     soft = "controller.mpc.near.soft=5000"
     assert most_deg_per_s() > 6.0
-    assert most_deg_per_s(limits) > 6.0  # limits alone have no weight
     assert most_deg_per_s(limits, soft, "controller.mpc.along.soft=5000") < 4.0
 
 
@@ -154,3 +154,14 @@ def test_a_boat_beside_its_station_plans_a_turn_within_the_limit():
 def test_a_limit_of_zero_is_refused_by_name(key):
     with pytest.raises(ConfigError, match=rf"controller\.mpc\.soft_limits\.{key}"):
         load_config("sitl", (f"controller.mpc.soft_limits={{{key}: 0}}",))
+
+
+@pytest.mark.parametrize("weights", ["near", "along", "weather", "far", "position_only"])
+def test_a_soft_weight_without_limits_is_refused_by_name(weights):
+    with pytest.raises(ConfigError, match=rf"{weights}\.soft has no effect without soft_limits"):
+        load_config("sitl", (f"controller.mpc.{weights}.soft=100",))
+
+
+def test_limits_without_a_soft_weight_are_refused():
+    with pytest.raises(ConfigError, match=r"soft_limits have no effect .* near\.soft"):
+        load_config("sitl", ("controller.mpc.soft_limits={}", "controller.mpc.weather=null"))

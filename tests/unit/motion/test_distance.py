@@ -15,6 +15,7 @@ from asvhil.types import Estimate, Station
 
 VESSEL = load_config("sitl").vehicle.vessel
 STATION = Station(n_m=0.0, e_m=0.0, psi_rad=0.0)
+PROCEDURE = ProcedureConfig(enabled=True, r_s_m=15.0, r_d_m=20.0, turn_radius_m=8.0)
 
 
 def at(n_m: float, u_mps: float = 0.0) -> Estimate:
@@ -96,13 +97,30 @@ def test_a_new_hold_at_the_same_station_begins_anew(begin: bool) -> None:
 
 
 def test_the_procedure_has_room_for_a_turn_with_the_station_astern() -> None:
-    procedure = ProcedureConfig(enabled=True, r_s_m=15.0, turn_radius_m=8.0)
-    for start_m, room_m in ((24.0, 8.0 + 16.0), (14.0, 8.0)):  # within r_s there is no approach, and no room for it
-        path = Path(start_m)
-        path.watch = DistanceWatch(MotionConfig(), VESSEL, procedure)
-        assert path.to(start_m + room_m - 0.2) is None
-        found = path.to(start_m + room_m + 0.3)
-        assert found is not None and found.reason is Reason.DRIFTED_OFF
+    path = Path(24.0)
+    path.watch = DistanceWatch(MotionConfig(), VESSEL, PROCEDURE)
+    assert path.to(24.0 + 8.0 + 16.0 - 0.2) is None
+    found = path.to(24.0 + 8.0 + 16.0 + 0.3)
+    assert found is not None and found.reason is Reason.DRIFTED_OFF
+
+
+@pytest.mark.parametrize("start_m", [0.0, 14.0])
+def test_the_procedure_may_start_over_before_the_hold_ends(start_m: float) -> None:
+    """A station that was kept within 8 m of r_d_m would never be approached again."""
+    path = Path(start_m)
+    path.watch = DistanceWatch(MotionConfig(), VESSEL, PROCEDURE)
+    assert path.to(20.0 + 16.0 - 0.2) is None
+    found = path.to(20.0 + 16.0 + 0.3)
+    assert found is not None and found.reason is Reason.DRIFTED_OFF
+
+
+def test_no_procedure_is_waited_for_in_a_strong_current_or_where_the_place_is_in_doubt() -> None:
+    strong = (DistanceWatch(MotionConfig(), VESSEL)._strong_mps, 0.0)
+    for current, doubt_m, most_m in ((strong, 0.0, 4.0), ((0.0, 0.0), 0.5, 7.5)):
+        watch = DistanceWatch(MotionConfig(), VESSEL, PROCEDURE)
+        watch.step(1, at(0.0), STATION, (0.0, 0.0))
+        assert watch.step(2, at(most_m - 0.1), STATION, (0.0, 0.0), current, doubt_m) is None
+        assert watch.step(3, at(most_m + 0.1), STATION, (0.0, 0.0), current, doubt_m) is not None
 
 
 class Leaving:
@@ -153,8 +171,8 @@ def test_at_the_edges_of_what_is_allowed() -> None:
     strong = (watch._strong_mps, 0.0)
     assert watch.step(3, at(4.1), turned, (0.0, 0.0), strong) is not None
 
-    procedure = ProcedureConfig(enabled=True, r_s_m=15.0, turn_radius_m=8.0)
-    near = DistanceWatch(MotionConfig(), VESSEL, procedure)
+    small = PROCEDURE.model_copy(update={"r_d_m": 15.1, "turn_radius_m": 2.0})
+    near = DistanceWatch(MotionConfig(), VESSEL, small)
     near.step(1, at(15.0), STATION, (0.0, 0.0))
     assert near.step(2, at(23.1), STATION, (0.0, 0.0)) is not None, "no approach begins here, and no turn"
 
