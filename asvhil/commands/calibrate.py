@@ -11,6 +11,7 @@ import typer
 from asvhil.commands.options import JsonOption, PluginOption, RecordedPluginsOption
 from asvhil.commands.views import check_writable, progress, say, write_json, writing
 from asvhil.errors import AsvhilError, ConfigError
+from asvhil.files import write_text
 
 
 def calibrate(
@@ -42,7 +43,7 @@ def calibrate(
     text = (f"base: {base}\n" if base else "") + found.yaml()
     if output is not None:
         with writing(output, "--output "):
-            output.write_text(text, encoding="utf-8")
+            write_text(output, text)
     write_json(json_, dataclasses.asdict(found))
     if found.compass is not None:
         for name, value, std in zip(COEFFICIENTS, found.compass.deviation_deg, found.compass.std_deg, strict=True):

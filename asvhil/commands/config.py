@@ -12,6 +12,7 @@ import typer
 from asvhil.commands.options import ConfigArgument, SetOption
 from asvhil.commands.views import check_writable, say, write_json, writing
 from asvhil.errors import ConfigError
+from asvhil.files import write_text
 
 if TYPE_CHECKING:
     from asvhil.config.told import Lines
@@ -116,7 +117,7 @@ def schema(output: FileOption = None) -> None:
         typer.echo(text)
         return
     with writing(output, "--output "):
-        output.write_text(text + "\n", encoding="utf-8")
+        write_text(output, text + "\n")
     typer.echo(f"{output}: name it in the first line of a config: # yaml-language-server: $schema={output}")
 
 

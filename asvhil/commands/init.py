@@ -16,6 +16,7 @@ from asvhil.commands.options import JsonOption
 from asvhil.commands.quantities import quantity
 from asvhil.commands.views import check_writable, say, write_json, writing
 from asvhil.errors import ConfigError
+from asvhil.files import write_text
 
 if TYPE_CHECKING:
     from asvhil.commands.boat_file import OwnBoat
@@ -105,7 +106,7 @@ def init(
     _prove(texts)
     for path, text in texts.items():
         with writing(path):
-            path.write_text(text, encoding="utf-8")
+            write_text(path, text)
     vessel = load_config(target).vehicle.vessel
     write_json(json_, {"files": [str(target), str(twin)], "vessel": vessel.model_dump(mode="json")})
     _tell(console, boat, vessel, target, twin)

@@ -20,6 +20,7 @@ from asvhil.commands.views import (
     writing,
 )
 from asvhil.errors import ConfigError
+from asvhil.files import replacement, write_text
 
 
 def report(
@@ -71,10 +72,10 @@ def _report_page(logs: list[Path], html: Path | None, json_: Path | None, pictur
             bar.update(task, description="report: drawing")
             page = report_page(*reported)
             with writing(html, "--html "):
-                html.write_text(page.html, encoding="utf-8")
+                write_text(html, page.html)
             for name, png in page.pictures:
-                with writing(file := html.with_name(f"{html.stem}-{name}.png")):
-                    file.write_bytes(png)
+                with writing(file := html.with_name(f"{html.stem}-{name}.png")), replacement(file) as part:
+                    part.write_bytes(png)
     if picture is not None:
         draw_run(reported[0].run, picture, reported[0].title)
     first, *others = reported

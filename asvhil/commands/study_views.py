@@ -12,6 +12,7 @@ import typer
 
 from asvhil.commands.views import check_writable, progress, say, write_json, writing
 from asvhil.errors import AsvhilError, is_interrupt
+from asvhil.files import write_text
 from asvhil.study.page import head_of, write_page
 
 if TYPE_CHECKING:
@@ -88,7 +89,7 @@ def finish(
         folder(output)
         file = output / f"{stem}.json"
         with writing(file):
-            file.write_text(json.dumps(figures, indent=1) + "\n", encoding="utf-8")
+            write_text(file, json.dumps(figures, indent=1) + "\n")
         page = output / f"{stem}.md"
         with writing(page):
             write_page(page, text, mark)

@@ -15,6 +15,7 @@ import typer
 
 from asvhil.commands.display import Display
 from asvhil.errors import AsvhilError, ConfigError
+from asvhil.files import write_text
 
 if TYPE_CHECKING:
     from asvhil.config import Config
@@ -315,7 +316,7 @@ def write_json(path: Path | None, figures: dict[str, Any]) -> None:
     """Write the file of --json, if there is one. AsvhilError."""
     if path is not None:
         with writing(path, "--json "):
-            path.write_text(json.dumps(figures, indent=2) + "\n", encoding="utf-8")
+            write_text(path, json.dumps(figures, indent=2) + "\n")
 
 
 @contextmanager

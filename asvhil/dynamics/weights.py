@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import os
 import zipfile
 import zlib
 from collections.abc import Callable, Mapping
@@ -24,6 +23,7 @@ from asvhil.dynamics.node import Node
 from asvhil.dynamics.ordered import product
 from asvhil.dynamics.protocol import Dynamics
 from asvhil.errors import ModelError, OtherHullError
+from asvhil.files import replacement
 from asvhil.types import record
 
 FORMAT = 1
@@ -91,12 +91,10 @@ def save_model(path: Path, model: TrainedModel) -> None:
         **{f"weights.{name}": value for name, value in model.weights.items()},
     }
     _checked({name: np.asarray(value) for name, value in arrays.items()}, path)
-    partial = path.with_name(f".{path.name}.partial")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with partial.open("wb") as file:
+        with replacement(path) as part, part.open("wb") as file:
             np.savez(file, **arrays)
-        os.replace(partial, path)
     except OSError as error:
         raise ModelError(f"{path}: cannot be written ({error.strerror})") from None
 

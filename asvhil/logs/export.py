@@ -12,10 +12,10 @@ from mcap.records import Message
 
 from asvhil.config.ports import AUTOPILOT
 from asvhil.errors import AsvhilError, LogError
+from asvhil.files import whole_file
 from asvhil.geo import LocalFrame
 from asvhil.io.mavlink.frames import Parser, decode, dialect, message_id
 from asvhil.logs.encoding import decode_outputs
-from asvhil.logs.new_file import whole_file
 from asvhil.logs.one_file import LogChannel
 from asvhil.logs.reader import LogFile, Timing, decode_timing
 from asvhil.logs.recorder import OUTPUTS_TOPIC, TIMING_TOPIC

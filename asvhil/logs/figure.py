@@ -7,6 +7,7 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 from asvhil.errors import AsvhilError
+from asvhil.files import replacement
 
 FORMATS = (".png", ".svg", ".pdf")
 
@@ -16,6 +17,7 @@ def save_figure(figure: Figure, path: Path, dpi: int = 110) -> None:
     if path.suffix.lower() not in FORMATS:
         raise AsvhilError(f"{path}: a picture ends in {', '.join(FORMATS)}")
     try:
-        figure.savefig(path, dpi=dpi)
+        with replacement(path) as part:
+            figure.savefig(part, dpi=dpi)
     except OSError as error:
         raise AsvhilError(f"{path}: cannot be written ({error.strerror or error})") from None

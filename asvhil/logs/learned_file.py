@@ -8,7 +8,6 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-import os
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -18,6 +17,7 @@ from asvhil.config import Config
 from asvhil.dynamics.corrected import FACTORS
 from asvhil.errors import AsvhilError, ConfigError
 from asvhil.estimator.learned_words import learned_text
+from asvhil.files import write_text
 from asvhil.types import Learned, Outputs, record
 
 FORMAT = 1
@@ -85,14 +85,9 @@ class LearnedKeeper:
             "ended": datetime.fromtimestamp(self._t_ns * 1e-9, UTC).strftime("%Y-%m-%d %H:%M UTC"),
         }
         path = learned_path(self._config)
-        partial = path.with_name(f".{path.name}.partial")
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            with partial.open("w", encoding="utf-8") as file:
-                file.write(json.dumps(tree, indent=2) + "\n")
-                file.flush()
-                os.fsync(file.fileno())
-            os.replace(partial, path)
+            write_text(path, json.dumps(tree, indent=2) + "\n", sync=True)
         except OSError as error:
             raise AsvhilError(f"{path}: what was learned cannot be written ({error.strerror})") from None
         return path

@@ -39,9 +39,9 @@ from mcap.writer import CompressionType, Writer
 from asvhil import __version__
 from asvhil.config.ports import ANEMOMETER, AUTOPILOT, GNSS, INS, OPERATOR
 from asvhil.errors import LogError
+from asvhil.files import sync_folder
 from asvhil.logs.encoding import encode_outputs
 from asvhil.logs.foxglove import LOG_TOPIC, SCHEMAS, TOPIC_SCHEMAS, convert_outputs, log_message
-from asvhil.logs.new_file import sync_folder
 from asvhil.logs.segments import segment_path
 from asvhil.types import Frame, Inputs, Outputs
 

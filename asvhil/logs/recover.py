@@ -13,7 +13,7 @@ from mcap.writer import CompressionType, Writer
 
 from asvhil import __version__
 from asvhil.errors import LogError
-from asvhil.logs.new_file import whole_file
+from asvhil.files import whole_file
 from asvhil.logs.reader import LogFile
 from asvhil.logs.recorder import INPUTS_TOPIC, LAYOUT, LAYOUT_RECORD, OUTPUTS_TOPIC, PROFILE
 from asvhil.types import record

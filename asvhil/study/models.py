@@ -22,6 +22,7 @@ from asvhil.dynamics.integrate import advance, substeps
 from asvhil.dynamics.protocol import Dynamics
 from asvhil.dynamics.weights import TrainedModel, read_model, save_model
 from asvhil.errors import ModelError
+from asvhil.files import write_text
 from asvhil.study.model_jobs import IN_WAVES, TrainingJob, chosen_jobs
 from asvhil.study.model_logs import Logs, Tell, wave_figures
 from asvhil.study.page import write_page
@@ -112,7 +113,7 @@ def study_models(
     if True in seas:
         result["waves"] = {**_extent(seas[True]), **wave_figures()}
     out.mkdir(parents=True, exist_ok=True)
-    (out / "models.json").write_text(json.dumps(result, indent=1, sort_keys=True) + "\n")
+    write_text(out / "models.json", json.dumps(result, indent=1, sort_keys=True) + "\n")
     write_page(out / "models.md", markdown(table), mark)
     calm = {name: models[0] for name, (sea, models) in rows.items() if sea is seas[False]}
     _draw(calm, seas[False], out / "models.png")

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 from asvhil.errors import AsvhilError
+from asvhil.files import replacement
 
 MARKER = "<!-- figures: everything below is written by the command -->"
 
@@ -27,10 +27,5 @@ def write_page(page: Path, text: str, mark: str = "") -> None:
     The bytes above the marker are kept.
     """
     content = head_of(page) + f"{MARKER}\n\n{mark}{text}".encode()
-    target = page.resolve()
-    draft = target.with_name(f".{target.name}.tmp")
-    try:
-        draft.write_bytes(content)
-        os.replace(draft, target)
-    finally:
-        draft.unlink(missing_ok=True)
+    with replacement(page) as part:
+        part.write_bytes(content)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import os
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -13,6 +12,7 @@ import numpy as np
 
 from asvhil.config import load_config
 from asvhil.errors import AsvhilError, ConfigError
+from asvhil.files import write_text
 from asvhil.study.rows import trial_job
 from asvhil.study.runner import Job, Run
 from asvhil.study.search_spaces import Parameter, overrides_of, spaces
@@ -245,6 +245,4 @@ def _candidate(row: Mapping[str, Any]) -> dict[str, Any]:
 
 def _save(path: Path, found: Mapping[str, Any]) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
-    beside = path.with_suffix(".part")
-    beside.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
-    os.replace(beside, path)
+    write_text(path, json.dumps(found, indent=1) + "\n")

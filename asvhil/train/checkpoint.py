@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -13,6 +12,7 @@ import numpy as np
 from asvhil.dynamics.arrays import Array
 from asvhil.dynamics.weights import read_arrays
 from asvhil.errors import ModelError
+from asvhil.files import replacement
 from asvhil.types import record
 
 
@@ -28,14 +28,12 @@ class Checkpoint:
 
 def write_checkpoint(path: Path, checkpoint: Checkpoint) -> None:
     """Write a checkpoint atomically. ModelError if it cannot be written."""
-    partial = path.with_name(f".{path.name}.partial")
     head = json.dumps({"key": checkpoint.key, "iteration": checkpoint.iteration, "curve": checkpoint.curve})
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with partial.open("wb") as file:
+        with replacement(path) as part, part.open("wb") as file:
             arrays: dict[str, Any] = dict(checkpoint.arrays)
             np.savez(file, head=np.array(head), **arrays)
-        os.replace(partial, path)
     except OSError as error:
         raise ModelError(f"{path}: cannot be written ({error.strerror})") from None
 

@@ -20,6 +20,7 @@ CORE = [
     "errors",
     "types",
     "geo",
+    "files",
     "config",
     "supervisor",
     "io",
@@ -46,7 +47,7 @@ SHELL = [
     "__main__",
 ]
 ORDER = CORE + SHELL
-LOOSE = {"errors", "types", "geo", "collect", "sitl", "__main__", "__init__"}
+LOOSE = {"errors", "types", "geo", "files", "collect", "sitl", "__main__", "__init__"}
 MOST_ROOMS = 28
 IMPURE = {"asyncio", "socket", "serial", "serial_asyncio_fast", "time", "datetime", "random", "threading", "subprocess"}
 EVERYWHERE_FORBIDDEN = {"pymavlink.mavutil"}

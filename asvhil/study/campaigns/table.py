@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from asvhil.errors import AsvhilError
+from asvhil.files import replacement
 from asvhil.study.campaigns.design import PlannedRun
 from asvhil.study.campaigns.spec import CampaignSpec
 
@@ -70,12 +70,8 @@ def write_parquet(spec: CampaignSpec, rows: Sequence[Row], path: Path) -> None:
         pa.array([_cell(row[field.name], field.type == pa.string()) for row in rows], field.type) for field in fields
     ]
     table = pa.Table.from_arrays(columns, schema=pa.schema(fields, {"campaign": spec.canonical_json()}))
-    beside = path.with_name(f".{path.name}.tmp")
-    try:
-        pq.write_table(table, beside, compression="zstd")
-        os.replace(beside, path)
-    finally:
-        beside.unlink(missing_ok=True)
+    with replacement(path) as part:
+        pq.write_table(table, part, compression="zstd")
 
 
 def _cell(value: Any, as_text: bool) -> Any:

@@ -1,0 +1,69 @@
+"""Files that have their name only once they are whole: new ones, and ones that take the place of another."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+
+@contextmanager
+def whole_file(target: Path) -> Iterator[Path]:
+    """A file beside the target to write to, which takes its name at the end, and is on the disk then.
+
+    OSError, FileExistsError where the target is there already: unlike `replacement`, this never takes the place of
+    another file. After an error nothing is left.
+    """
+    part = target.with_name(f"{target.name}.part")
+    try:
+        yield part
+        os.link(part, target)
+        sync_folder(target.parent)
+    finally:
+        part.unlink(missing_ok=True)
+
+
+@contextmanager
+def replacement(path: Path, *, sync: bool = False) -> Iterator[Path]:
+    """A file to write to, which takes the place of the one at `path`, if there is one, when it is whole.
+
+    Until then, and after any error, what was there stays as it was. A link stays a link to what is replaced. A pipe, a
+    device such as /dev/stdout, and a file in a folder that takes no new ones are written to themselves. With `sync` the
+    file is on the disk before it has its name, so that a power cut leaves the old or the new one. OSError.
+    """
+    target = path.resolve()
+    if path.exists() and not (path.is_file() and os.access(target.parent, os.W_OK)):
+        yield path
+        return
+    part = target.with_name(f".{target.stem}.{os.getpid()}.part{target.suffix}")
+    try:
+        yield part
+        if target.exists():
+            part.chmod(target.stat().st_mode & 0o7777)
+        if sync:
+            _sync(part, os.O_RDONLY)
+        os.replace(part, target)
+        if sync:
+            sync_folder(target.parent)
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def write_text(path: Path, text: str, *, sync: bool = False) -> None:
+    """Write a text as a `replacement`, in UTF-8. OSError."""
+    with replacement(path, sync=sync) as part:
+        part.write_text(text, encoding="utf-8")
+
+
+def sync_folder(folder: Path) -> None:
+    """Sync the folder, so that the name of a new file is on the disk too."""
+    _sync(folder, os.O_RDONLY | os.O_DIRECTORY)
+
+
+def _sync(path: Path, flags: int) -> None:
+    fd = os.open(path, flags)
+    try:
+        os.fsync(fd)
+    finally:
+        os.close(fd)
