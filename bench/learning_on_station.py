@@ -25,12 +25,12 @@ from typing import Any
 
 from asvhil.config import VesselConfig, find_shipped, load_config
 from asvhil.dynamics.weights import read_model, save_model
-from asvhil.study.circumstances import CHOP, TRUE_VESSEL
+from asvhil.study.circumstances import TRUE_VESSEL
 from asvhil.study.comparison import vessel_override
 from asvhil.study.robustness import NO_SENSOR
 from asvhil.study.rows import FROM_S, TO_S, row_overrides, trial_job
 from asvhil.study.runner import Job, run_into
-from asvhil.study.safety_cases import MODERATE, heavy, weak, wind_keys
+from asvhil.study.safety_cases import CHOP, MODERATE, heavy, weak, wind_keys
 from asvhil.study.trials.trial import NO_SLOW_ERROR, run_named_trial
 from bench.ending import end_in_words
 

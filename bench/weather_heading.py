@@ -33,6 +33,7 @@ from asvhil.machine_code.compiler import use_compiler
 from asvhil.simplant.lockstep import Lockstep
 from asvhil.study.made_of import made_of, mark_of, run_files
 from asvhil.study.page import write_page
+from asvhil.study.safety_cases import CHOP
 from asvhil.study.trials.trial import NO_SLOW_ERROR
 from asvhil.types import Phase
 from bench.ending import end_in_words
@@ -41,7 +42,6 @@ from bench.weather_heading_figure import draw
 
 WINDS_MPS, CURRENTS_MPS, VEERING_MPS = (2, 4, 6, 8, 10), (0.0, 0.2, 0.4), (2, 6, 10)
 TOWARD_DEG, CURRENT_TOWARD_DEG, ACROSS_DEG = 90.0, 0.0, 0.0
-CHOP = ("plant.weather.waves.orbital_std_mps=0.07", "plant.weather.waves.yaw_std_radps=0.02")
 FROM_S, TURNED_S, MINUTE_S = 60.0, 90.0, 60.0
 TO_S = {"bow": 150.0, "fixed": 120.0, "veer": 420.0}
 VEER_FROM_S, VEER_S, VEER_DEG = 90.0, 300.0, 90.0

@@ -10,7 +10,14 @@ from asvhil.config.controller import EFFORT_PARAMETER, EFFORTS
 from asvhil.config.heading import POLICIES
 from asvhil.io.mavlink.frames import dialect
 from asvhil.operator.encoding import encode_hold, encode_move, encode_neutral, encode_parameter, encode_release
-from asvhil.operator.station_parameters import COURSE_PARAMETER, POLICY_PARAMETER, SPEED_PARAMETER, WAY_PARAMETER
+from asvhil.operator.station_parameters import (
+    COURSE_PARAMETER,
+    COURSE_PARAMETERS,
+    FOLLOW_PARAMETER,
+    POLICY_PARAMETER,
+    SPEED_PARAMETER,
+    WAY_PARAMETER,
+)
 from asvhil.types import record
 
 MOST_M = 5000.0  # beyond it a click means nothing; the daemon's own limits come before
@@ -21,14 +28,17 @@ CHOICES = {"policy": (POLICY_PARAMETER, POLICIES), "effort": (EFFORT_PARAMETER, 
 NEEDS = {
     **{"hold": set(), "neutral": set(), "release": set(), "stay": set()},
     **{"move": {"n_m", "e_m"}, "heading": {"heading_deg"}, "drift": {"speed_mps", "course_deg"}},
+    **{"follow": {"system_id"}},
     **{name: {name} for name in CHOICES},
 }
+MAY_HAVE = {"drift": {"way_m"}}
 
 
 @record
 class PageControl:
     """An action with what it needs: `place_m` north and east in the local frame, `heading_deg` clockwise from north,
-    the word that is chosen, or the velocity of a station that moves, as speed (m/s) and course (degrees from north).
+    the word that is chosen, the velocity of a station that moves, as speed (m/s) and course (degrees from north), and
+    its way in `way_m` (0: without an end), or the MAVLink system id of a `leader`.
     """
 
     action: str
@@ -36,6 +46,8 @@ class PageControl:
     heading_deg: float | None = None
     chosen: str | None = None
     velocity: tuple[float, float] | None = None
+    way_m: float = 0.0
+    leader: int | None = None
 
     @property
     def mav_cmd(self) -> int | None:
@@ -54,7 +66,9 @@ class PageControl:
             return ((parameter, float(words.index(self.chosen))),)
         if self.velocity is not None:
             speed_mps, course_deg = self.velocity
-            return ((COURSE_PARAMETER, course_deg), (WAY_PARAMETER, 0.0), (SPEED_PARAMETER, speed_mps))
+            return ((COURSE_PARAMETER, course_deg), (WAY_PARAMETER, self.way_m), (SPEED_PARAMETER, speed_mps))
+        if self.leader is not None:
+            return ((FOLLOW_PARAMETER, float(self.leader)),)
         return ((SPEED_PARAMETER, 0.0),) if self.action == "stay" else ()
 
     def is_shown_by(self, station_m: tuple[float, float, float] | None) -> bool:
@@ -71,7 +85,9 @@ class PageControl:
         heading = "" if self.heading_deg is None else f" {self.heading_deg:.0f} deg"
         chosen = "" if self.chosen is None else f" {self.chosen}"
         velocity = "" if self.velocity is None else " {:g} m/s toward {:.0f} deg".format(*self.velocity)
-        return f"{self.action}{at}{heading}{chosen}{velocity}"
+        way = f" for {self.way_m:g} m" if self.way_m else ""
+        leader = "" if self.leader is None else f" system {self.leader}"
+        return f"{self.action}{at}{heading}{chosen}{velocity}{way}{leader}"
 
 
 def read_control(body: Any) -> PageControl:
@@ -81,8 +97,8 @@ def read_control(body: Any) -> PageControl:
     action = body.get("action")
     if not isinstance(action, str) or action not in NEEDS:
         raise ValueError(f"action must be one of {', '.join(NEEDS)}")
-    needs = NEEDS[action]
-    odd = set(body) - {"action"} - needs
+    needs, may_have = NEEDS[action], MAY_HAVE.get(action, set())
+    odd = set(body) - {"action"} - needs - may_have
     if odd:
         raise ValueError(f"{action} takes no {', '.join(sorted(odd))}")
     if action in CHOICES:
@@ -90,7 +106,7 @@ def read_control(body: Any) -> PageControl:
         if body.get(action) not in words:
             raise ValueError(f"{action} must be one of {', '.join(words)}")
         return PageControl(action=action, chosen=body[action])
-    values = {name: _number(body, name) for name in sorted(needs)}
+    values = {name: _number(body, name) for name in sorted(needs | may_have & set(body))}
     if action == "move":
         place_m = (values["n_m"], values["e_m"])
         if math.hypot(*place_m) > MOST_M:
@@ -105,7 +121,15 @@ def read_control(body: Any) -> PageControl:
             raise ValueError(f"speed_mps must be above 0, and at most {FASTEST_MPS:g}")
         if not 0.0 <= values["course_deg"] <= 360.0:
             raise ValueError("course_deg must be 0 to 360")
-        return PageControl(action=action, velocity=(values["speed_mps"], values["course_deg"] % 360.0))
+        way_m = values.get("way_m", 0.0)
+        if not 0.0 <= way_m <= MOST_M:
+            raise ValueError(f"way_m must be 0, for no end, or at most {MOST_M:g}")
+        return PageControl(action=action, velocity=(values["speed_mps"], values["course_deg"] % 360.0), way_m=way_m)
+    if action == "follow":
+        most = COURSE_PARAMETERS[FOLLOW_PARAMETER]
+        if values["system_id"] != round(values["system_id"]) or not 1 <= values["system_id"] <= most:
+            raise ValueError(f"system_id must be a whole number from 1 to {most:g}")
+        return PageControl(action=action, leader=round(values["system_id"]))
     return PageControl(action=action)
 
 

@@ -9,7 +9,7 @@ from asvhil.config import Config, VesselConfig, load_config
 from asvhil.study.comparison import vessel_override
 from asvhil.study.robustness import NO_SENSOR
 from asvhil.study.rows import Keys
-from asvhil.study.safety_cases import heavy, weak
+from asvhil.study.safety_cases import CHOP, heavy, weak
 
 SECOND = "sitl-second"
 TRUE_VESSEL = "plant.vessel"
@@ -17,7 +17,6 @@ AS_SHIPPED = "as shipped"
 SECOND_BOAT = "second boat"
 # Without what makes up for a wrong model: as in the paper.
 BARE = ("controller.mpc.disturbance_feedforward=false", "controller.mpc.trim_max_rad=0")
-CHOP = ("plant.weather.waves.orbital_std_mps=0.07", "plant.weather.waves.yaw_std_radps=0.02")
 
 
 def slow(vessel: VesselConfig) -> dict[str, Any]:

@@ -35,7 +35,7 @@ pytestmark = [
 ]
 SIZES = ((390, 844), (820, 1180), (1280, 800))
 THEMES = ("light", "dark")
-CONTROLS = ("neutral", "hold", "release", "heading", "drift", "stay", "policy", "effort")
+CONTROLS = ("neutral", "hold", "release", "heading", "drift", "stay", "follow", "policy", "effort")
 KINDS_ASKED = ("COMMAND_LONG", "COMMAND_INT")
 
 
@@ -210,6 +210,20 @@ def test_an_operator_sees_the_boat_moves_the_station_stops_the_motors_and_notice
         wait_for_text(lambda: page.inner_text("#answer"), "stay: granted".__eq__, 8.0)
         wait_for_text(page.locator(".moving").count, "0".__eq__, 5.0)
         assert "moves" not in page.inner_text("#state-station") + map_text()
+
+        # For a way, after which it stays by itself; and after a vehicle that nobody hears.
+        page.fill("#drift-way", "2.4")
+        page.click("#drift")
+        assert page.inner_text("#confirm-text").startswith("Have the station move at 0.3 m/s toward 60°, for 2.4 m?")
+        page.click("#confirm-yes")
+        wait_for_text(lambda: page.inner_text("#answer"), "drift: granted".__eq__, 8.0)
+        wait_for_text(page.locator(".moving").count, "1".__eq__, 5.0)
+        wait_for_text(page.locator(".moving").count, "0".__eq__, 20.0)
+        page.fill("#follow-system", "42")
+        page.click("#follow")
+        page.click("#confirm-yes")
+        wait_for_text(lambda: page.inner_text("#answer"), "follow: granted".__eq__, 8.0)
+        wait_for_text(lambda: page.inner_text("#notes"), lambda text: "system 42 is not heard" in text, 8.0)
 
         # Neutral, pressed twice; and no station moves that is not held.
         page.click("#neutral")

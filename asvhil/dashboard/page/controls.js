@@ -30,9 +30,16 @@ export class Controls {
     });
     $("drift-form").addEventListener("submit", (event) => {
       event.preventDefault();
-      const [speed, course] = [Number($("drift-speed").value), Number($("drift-course").value)];
-      this.confirmMotion(`Have the station move at ${speed} m/s toward ${course}°, until told otherwise? The boat goes with it.`,
-        { action: "drift", speed_mps: speed, course_deg: course });
+      const [speed, course, way] = ["speed", "course", "way"].map((name) => Number($(`drift-${name}`).value));
+      const end = way > 0 ? `for ${way} m` : "until told otherwise";
+      this.confirmMotion(`Have the station move at ${speed} m/s toward ${course}°, ${end}? The boat goes with it.`,
+        { action: "drift", speed_mps: speed, course_deg: course, way_m: way });
+    });
+    $("follow-form").addEventListener("submit", (event) => {
+      event.preventDefault();
+      const system = Number($("follow-system").value);
+      this.confirmMotion(`Have the station follow system ${system}, by its FOLLOW_TARGET messages? The boat goes with it.`,
+        { action: "follow", system_id: system });
     });
     $("stay").addEventListener("click", () => this.confirmMotion("Have the station stay where it is now?", { action: "stay" }));
     for (const [name, question] of Object.entries(CHOICES)) {
@@ -55,7 +62,7 @@ export class Controls {
   get open() { return Boolean(this.facts?.controllable && this.token); }
 
   show() {
-    for (const id of ["neutral", "hold", "release", "heading", "drift", "stay"]) $(id).disabled = !this.open;
+    for (const id of ["neutral", "hold", "release", "heading", "drift", "stay", "follow"]) $(id).disabled = !this.open;
     this.showChoices();
     $("token-form").hidden = this.open || !this.facts?.controllable;
     $("locked").textContent = !this.facts ? "" : !this.facts.controllable ? "This page only shows: it was started without controls." :

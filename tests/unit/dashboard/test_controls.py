@@ -61,6 +61,11 @@ def test_a_motion_sets_the_parameters_that_the_command_sets_and_the_speed_last()
     drift = read_control({"action": "drift", "speed_mps": 0.25, "course_deg": 360})
     assert settings_of(drift) == [("ST_COURSE", 0.0), ("ST_WAY", 0.0), ("ST_SPEED", 0.25)]
     assert drift.mav_cmd is None and drift.describe() == "drift 0.25 m/s toward 0 deg"
+    ends = read_control({"action": "drift", "speed_mps": 0.25, "course_deg": 90, "way_m": 40})
+    assert settings_of(ends) == [("ST_COURSE", 90.0), ("ST_WAY", 40.0), ("ST_SPEED", 0.25)]
+    assert ends.describe() == "drift 0.25 m/s toward 90 deg for 40 m"
+    follow = read_control({"action": "follow", "system_id": 42})
+    assert settings_of(follow) == [("ST_FOLLOW", 42.0)] and follow.describe() == "follow system 42"
     stay = read_control({"action": "stay"})
     assert settings_of(stay) == [("ST_SPEED", 0.0)] and stay.describe() == "stay"
 
@@ -81,6 +86,9 @@ def test_a_motion_sets_the_parameters_that_the_command_sets_and_the_speed_last()
             {"action": "drift", "speed_mps": 0.2, "course_deg": 361},
             {"action": "drift", "speed_mps": -1, "course_deg": 1},
         ),
+        *({"action": "drift", "speed_mps": 0.2, "course_deg": 1, "way_m": way} for way in (-1, 5001, None, math.nan)),
+        *({"action": "follow"}, {"action": "stay", "way_m": 1}, {"action": "heading", "heading_deg": 1, "way_m": 1}),
+        *({"action": "follow", "system_id": number} for number in (0, 256, 1.5, "1", True, math.inf)),
         *({"action": "effort", "effort": None}, {"action": "effort", "effort": "gentle", "policy": "bow"}),
     ],
 )
