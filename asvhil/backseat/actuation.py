@@ -9,9 +9,9 @@ from asvhil.autopilot.protocol import Autopilot
 from asvhil.backseat.cadence import Cadence
 from asvhil.controller.protocol import Controller
 from asvhil.controller.pwm import Limiter
+from asvhil.supervisor.decision import Decision
 from asvhil.supervisor.reasons import Explanation
 from asvhil.supervisor.situation import MotorPulses, StationSticks
-from asvhil.supervisor.supervisor import Decision
 from asvhil.types import Control, Estimate, Frame, FrontseatStatus, Note, Phase, Wind, changed
 
 

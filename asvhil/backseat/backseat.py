@@ -12,12 +12,12 @@ from asvhil.geo import LocalFrame
 from asvhil.motion.watch import MotionWatch
 from asvhil.operator.operations import Readings
 from asvhil.supervisor.battery_watch import BatteryWatch
+from asvhil.supervisor.decision import Decision
 from asvhil.supervisor.docking import DockingWatch
 from asvhil.supervisor.energy import EnergyWatch
 from asvhil.supervisor.heading_cost import HeadingCostWatch
 from asvhil.supervisor.reasons import describe
 from asvhil.supervisor.situation import Situation, StationSticks
-from asvhil.supervisor.supervisor import Decision
 from asvhil.types import DockingWindow, EnergyUse, Frame, FrontseatStatus, Health, Inputs, Learned, Note, Outputs, Phase
 
 

@@ -6,8 +6,9 @@ from collections.abc import Iterable
 
 from asvhil.io.sensors.sources import Switch
 from asvhil.operator.operations import Operations, Readings
+from asvhil.supervisor.decision import Decision
 from asvhil.supervisor.situation import Situation
-from asvhil.supervisor.supervisor import Decision, Supervisor
+from asvhil.supervisor.supervisor import Supervisor
 from asvhil.types import Control, Frame, Note
 
 

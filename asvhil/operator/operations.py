@@ -13,9 +13,9 @@ from asvhil.operator.session import OperatorRequest, OperatorSession
 from asvhil.operator.state_arrays import BoatState
 from asvhil.operator.station_parameters import PLACE_PARAMETERS, request_of_change, station_value
 from asvhil.operator.tunables import Tunables
+from asvhil.supervisor.decision import Decision, Request
 from asvhil.supervisor.reasons import Explanation, Reason, describe
 from asvhil.supervisor.situation import Situation
-from asvhil.supervisor.supervisor import Decision, Request
 from asvhil.types import Control, DockingWindow, EnergyUse, Frame, Note, ParameterChange, Phase, Wind, record
 
 # Whoever ended the hold so has the motors, or nobody wants them to turn.

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from asvhil.config import SupervisorConfig
 from asvhil.supervisor.arming_help import ArmingHelp
 from asvhil.supervisor.conditions import Conditions
+from asvhil.supervisor.decision import Decision, Request
 from asvhil.supervisor.heading_policy import HeadingPolicy
 from asvhil.supervisor.mode_request import ModeRequest
 from asvhil.supervisor.pilot_watch import PilotWatch
@@ -29,12 +30,10 @@ from asvhil.types import (
     LeaderMessage,
     MoveCommand,
     NeutralCommand,
-    Note,
     Phase,
     ReleaseCommand,
     Station,
     changed,
-    record,
 )
 
 RELEASE_REPEATS = 3  # datagrams get lost
@@ -43,41 +42,6 @@ PILOT_FIRST_NS = 1_000_000_000  # a hold command that comes so soon was sent bef
 # Why neutral is sent no longer to a boat that is to be armed: somebody else has its sticks.
 THEIRS = (Reason.TRANSMITTER_HEARD, Reason.MODE_CHANGED, Reason.OVERRIDE_NOT_FOLLOWED, Reason.STICK_MOVED)
 NAMED_LATER_NS = 10_000_000_000  # after a hold has ended for what another vehicle said, until that is known for another
-
-Request = HoldCommand | MoveCommand | CourseCommand | LeaderMessage | HeadingCommand | NeutralCommand | ReleaseCommand
-
-
-@record
-class Decision:
-    """What this tick may do with the motors, why, and the answers to what was asked.
-
-    `drive`: the controller's command. `neutral`: neutral pulses. `release`: give the channels back, after the
-    neutral pulses where both are set. With none of them say nothing. `prepare` asks for mode and arming (simulation
-    only), `ask_mode` for a mode alone.
-    `answers`: for each request in turn None where it is granted, or why not; `begun`: a hold was granted.
-    `station` is that of the boat's origin, None while none is held; `point`: where the point of the boat that is kept
-    there (`supervisor.point_m`) shall be, which is what operators say and are told. `station_changed`: it is another
-    one than in the last tick, and not the same that has turned with the weather or has moved on its course.
-    `control_ok`: the latest solution, but for that of this tick, could be used. `link_ok`: the autopilot is heard.
-    """
-
-    phase: Phase
-    why: Explanation
-    station: Station | None
-    point: Station | None = None
-    station_changed: bool = False
-    answers: tuple[Explanation | None, ...] = ()
-    begun: bool = False
-    drive: bool = False
-    neutral: bool = False
-    release: bool = False
-    prepare: bool = False
-    ask_mode: str | None = None
-    heading_policy: str = "fixed"
-    course: CourseCommand | None = None
-    notes: tuple[Note, ...] = ()
-    link_ok: bool = False
-    control_ok: bool = True
 
 
 class Supervisor:

@@ -4,9 +4,10 @@ from dataclasses import replace
 
 from asvhil.config import SupervisorConfig
 from asvhil.geo import LocalFrame
+from asvhil.supervisor.decision import Decision, Request
 from asvhil.supervisor.reasons import Explanation
 from asvhil.supervisor.situation import MotorPulses, Situation, StationSticks
-from asvhil.supervisor.supervisor import Decision, Request, Supervisor
+from asvhil.supervisor.supervisor import Supervisor
 from asvhil.types import Estimate, FrontseatStatus, HoldCommand, MoveCommand, ReleaseCommand
 
 MS = 1_000_000

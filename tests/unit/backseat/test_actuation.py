@@ -9,9 +9,9 @@ from asvhil.backseat.actuation import Actuation
 from asvhil.backseat.build import build_cadence, build_link, build_motor_check
 from asvhil.config import load_config
 from asvhil.controller.pwm import PulseLimiter
+from asvhil.supervisor.decision import Decision
 from asvhil.supervisor.reasons import Reason, explain
 from asvhil.supervisor.situation import MotorPulses, StationSticks
-from asvhil.supervisor.supervisor import Decision
 from asvhil.types import Control, Estimate, Frame, Phase, Station, Wind
 from tests.support.supervisor_bench import status
 

@@ -21,9 +21,9 @@ from asvhil.operator.station_parameters import (
     station_value,
 )
 from asvhil.operator.tunables import Tunables
+from asvhil.supervisor.decision import Decision, Request
 from asvhil.supervisor.reasons import Explanation, Reason, describe, explain
 from asvhil.supervisor.situation import Situation
-from asvhil.supervisor.supervisor import Decision, Request
 from asvhil.types import (
     CourseCommand,
     Frame,

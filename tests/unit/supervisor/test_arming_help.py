@@ -5,9 +5,10 @@ from dataclasses import replace
 import pytest
 
 from asvhil.config import SupervisorConfig
+from asvhil.supervisor.decision import Decision
 from asvhil.supervisor.reasons import Reason, explain
 from asvhil.supervisor.situation import MotorPulses, StationSticks
-from asvhil.supervisor.supervisor import Decision, Supervisor
+from asvhil.supervisor.supervisor import Supervisor
 from asvhil.types import Phase, Radio
 from tests.support.supervisor_bench import SupervisorBench, status
 

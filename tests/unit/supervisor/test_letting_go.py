@@ -8,9 +8,10 @@ from typing import Any
 import pytest
 
 from asvhil.config import SupervisorConfig
+from asvhil.supervisor.decision import Decision
 from asvhil.supervisor.reasons import Explanation, Reason, explain
 from asvhil.supervisor.situation import StationSticks
-from asvhil.supervisor.supervisor import NAMED_LATER_NS, RELEASE_REPEATS, Decision
+from asvhil.supervisor.supervisor import NAMED_LATER_NS, RELEASE_REPEATS
 from asvhil.types import Phase, Radio
 from tests.support.supervisor_bench import ESTIMATE, SupervisorBench, status
 

@@ -7,9 +7,10 @@ from typing import Any
 import pytest
 
 from asvhil.config import SupervisorConfig
+from asvhil.supervisor.decision import Decision
 from asvhil.supervisor.reasons import Reason, explain
 from asvhil.supervisor.situation import StationSticks
-from asvhil.supervisor.supervisor import RELEASE_REPEATS, Decision
+from asvhil.supervisor.supervisor import RELEASE_REPEATS
 from asvhil.types import FrontseatStatus, NeutralCommand, Phase, ReleaseCommand
 from tests.support.supervisor_bench import SupervisorBench, status
 

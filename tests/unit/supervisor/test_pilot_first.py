@@ -7,9 +7,9 @@ from dataclasses import replace
 import pytest
 
 from asvhil.config import SupervisorConfig
+from asvhil.supervisor.decision import Decision
 from asvhil.supervisor.reasons import Explanation, Reason, explain
 from asvhil.supervisor.situation import MotorPulses, StationSticks
-from asvhil.supervisor.supervisor import Decision
 from asvhil.types import FrontseatStatus, HoldCommand, MoveCommand, Phase, Radio
 from tests.support.supervisor_bench import ESTIMATE, SupervisorBench, status
 

@@ -7,7 +7,7 @@ import math
 import pytest
 
 from asvhil.config import SupervisorConfig
-from asvhil.supervisor.supervisor import Decision
+from asvhil.supervisor.decision import Decision
 from asvhil.types import HeadingCommand
 from tests.support.supervisor_bench import ESTIMATE, SupervisorBench
 
