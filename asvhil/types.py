@@ -174,13 +174,12 @@ class Radio(enum.StrEnum):
 class BatterySum:
     """The batteries of which the autopilot tells voltage and current, together; at `t_ns` the oldest of them was heard.
 
-    `lowest_percent`: of the charge; `used_wh`: since the autopilot's start, or a battery's own; None: not all tell it.
+    `used_wh`: since the autopilot's start, or a battery's own; None: not all tell it.
     """
 
     t_ns: int
     number: int
     power_w: float
-    lowest_percent: float | None
     used_wh: float | None
 
 

@@ -25,23 +25,26 @@ FAULT = "MAV_BATTERY_FAULT"
 class _Reading:
     t_ns: int
     power_w: float
-    percent: float | None
     used_wh: float | None
 
 
 class Batteries:
-    """Readings of those that have a current sensor. What tells no voltage or no current is as silent: a battery without
-    a sensor never counts, and one that has lost it makes the sum old, and later leaves it.
+    """The charge of each, and readings of those that have a current sensor.
+
+    Of the readings, what tells no voltage or no current is as silent: a battery without a sensor never counts, and one
+    that has lost it makes the sum old, and later leaves it.
     """
 
     def __init__(self) -> None:
         self._readings: dict[int, _Reading] = {}
         self._sum: BatterySum | None = None  # of these; it is asked for with every status, several times in a tick
+        self._charges: dict[int, tuple[int, float | None]] = {}  # when, and how many per cent
         self._complaints: dict[int, tuple[int, str]] = {}  # when, and what
 
     def restart(self) -> None:
         """The autopilot has rebooted: which it has is told anew."""
         self._readings.clear()
+        self._charges.clear()
         self._complaints.clear()
         self._sum = None
 
@@ -52,6 +55,7 @@ class Batteries:
             self._complaints[m.id] = t_ns, complaint
         else:
             self._complaints.pop(m.id, None)
+        self._charges[m.id] = t_ns, charge(m.battery_remaining)
         volts = 1e-3 * sum(mv for mv in (*m.voltages, *m.voltages_ext) if mv not in NO_CELL)
         if volts <= 0.0 or m.current_battery < 0:  # -1: not measured; PX4 says -100 as well
             return
@@ -62,7 +66,6 @@ class Batteries:
         self._readings[m.id] = _Reading(
             t_ns=t_ns,
             power_w=volts * 0.01 * m.current_battery,
-            percent=float(m.battery_remaining) if m.battery_remaining >= 0 else None,
             used_wh=used_wh,
         )
         self._sum = self._added(t_ns)
@@ -72,6 +75,13 @@ class Batteries:
         if self._sum is not None and t_ns - self._sum.t_ns >= FORGOTTEN_NS:
             self._sum = self._added(t_ns)
         return self._sum
+
+    def lowest_percent(self, t_ns: int) -> float | None:
+        """The lowest charge of several; None where there is one alone, or none of them tells it."""
+        self._charges = {i: one for i, one in self._charges.items() if t_ns - one[0] < FORGOTTEN_NS}
+        if len(self._charges) < 2:
+            return None
+        return min((percent for _, percent in self._charges.values() if percent is not None), default=None)
 
     def complaint(self, t_ns: int) -> str:
         """What is wrong with which battery, by the autopilot's judgement; empty where it has none."""
@@ -85,7 +95,6 @@ class Batteries:
         readings = [self._readings[i] for i in sorted(self._readings)]
         if not readings:
             return None
-        percents = [one.percent for one in readings if one.percent is not None]
         power_w = used_wh = 0.0
         for one in readings:  # `sum` of floats is another one in a newer Python
             power_w += one.power_w
@@ -94,9 +103,13 @@ class Batteries:
             t_ns=min(one.t_ns for one in readings),
             number=len(readings),
             power_w=power_w,
-            lowest_percent=min(percents) if len(percents) == len(readings) else None,
             used_wh=None if any(one.used_wh is None for one in readings) else used_wh,
         )
+
+
+def charge(battery_remaining: int) -> float | None:
+    """Per cent by `battery_remaining` of SYS_STATUS and BATTERY_STATUS; None where it is not known, which is -1."""
+    return float(battery_remaining) if 0 <= battery_remaining <= 100 else None
 
 
 def _complaint(charge_state: int, faults: int) -> str:

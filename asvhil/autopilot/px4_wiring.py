@@ -49,5 +49,5 @@ def _motor(pwm: PwmConfig, config: MotorOutputConfig, output: int, values: Mappi
     low_us = values.get(f"PWM_MAIN_MIN{output}", ends_us[0])
     high_us = values.get(f"PWM_MAIN_MAX{output}", ends_us[1])
     found = Travel(low_us=low_us, trim_us=0.5 * (low_us + high_us), high_us=high_us, reversed=turned)
-    plain = Travel(low_us=ends_us[0], trim_us=0.5 * sum(ends_us), high_us=ends_us[1], reversed=turned)
+    plain = Travel(low_us=ends_us[0], trim_us=0.5 * (ends_us[0] + ends_us[1]), high_us=ends_us[1], reversed=turned)
     return MotorWiring(output=output, motor=motor, travel=found if found.sound else plain)

@@ -7,7 +7,7 @@ from operator import attrgetter
 from typing import Any
 
 from asvhil.autopilot.arming_checks import ArmingChecks
-from asvhil.autopilot.batteries import Batteries
+from asvhil.autopilot.batteries import FORGOTTEN_NS, Batteries, charge
 from asvhil.autopilot.motor_outputs import IGNORE_CHANNEL
 from asvhil.autopilot.parameter_watch import ParameterWatch
 from asvhil.autopilot.transmitter import Transmitter
@@ -71,8 +71,9 @@ class VehicleStatus:
         self.arming_fault = self.arming_checks.fault(t_ns)
         wiring = self._parameters.wiring
         batteries = self._batteries.sum(t_ns)
+        is_fresh = t_ns - self._battery_ns < FORGOTTEN_NS
         # SYS_STATUS tells the charge of the first alone (ArduPilot).
-        lowest = None if batteries is None or batteries.number == 1 else batteries.lowest_percent
+        charges = (self._battery_percent if is_fresh else None, self._batteries.lowest_percent(t_ns))
         status = FrontseatStatus(
             t_ns=t_ns,
             armed=self.armed,
@@ -90,9 +91,9 @@ class VehicleStatus:
             outputs_ns=self._outputs_ns,
             radio=self.transmitter.radio,
             arming_fault="" if self.armed else self.arming_fault,
-            battery_v=self._battery_v,
-            battery_percent=self._battery_percent if lowest is None else lowest,
-            battery_a=self._battery_a,
+            battery_v=self._battery_v if is_fresh else None,
+            battery_percent=min((percent for percent in charges if percent is not None), default=None),
+            battery_a=self._battery_a if is_fresh else None,
             battery_ns=self._battery_ns,
             batteries=batteries,
             battery_complaint=self._batteries.complaint(t_ns),
@@ -131,7 +132,7 @@ class VehicleStatus:
         """SYS_STATUS."""
         health = m.onboard_control_sensors_health
         self._battery_v = 1e-3 * m.voltage_battery if 0 < m.voltage_battery < NO_VOLTAGE else None
-        self._battery_percent = float(m.battery_remaining) if m.battery_remaining >= 0 else None
+        self._battery_percent = charge(m.battery_remaining)
         self._battery_a = 0.01 * m.current_battery if m.current_battery >= 0 else None  # -1: not measured
         self._battery_ns = t_ns
         self.transmitter.on_sys_status(t_ns, m.onboard_control_sensors_present, health)

@@ -85,7 +85,9 @@ class Backseat:
         pulses_us = self._actuation.pulses_us
         energy: EnergyUse | None = None
         if self._energy is not None:
-            energy = self._energy.step(t_ns, seen.status, pulses_us, held=decision.phase is Phase.HOLD)
+            energy = self._energy.step(
+                t_ns, seen.status, pulses_us, held=decision.phase in (Phase.HOLD, Phase.FAILSAFE)
+            )
         outside = (*self._autopilot.notes, *self._actuation.notes, *self._perception.notes(t_ns))
         notes = (*outside, *decision.notes, *self._motion.notes, *self._battery.notes, *cost, *self._command.notes)
         frames += self._autopilot.data_to_send(t_ns)

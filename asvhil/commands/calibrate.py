@@ -9,7 +9,8 @@ from typing import Annotated
 import typer
 
 from asvhil.commands.options import JsonOption, PluginOption, RecordedPluginsOption
-from asvhil.commands.views import check_writable, progress, say, write_json, writing
+from asvhil.commands.outputs import check_json, check_writable, write_json, writing
+from asvhil.commands.views import progress, say
 from asvhil.errors import AsvhilError, ConfigError
 from asvhil.files import write_text
 
@@ -32,7 +33,7 @@ def calibrate(
     from asvhil.logs.plugins import load_plugins
     from asvhil.preflight.calibration import COEFFICIENTS, calibrate
 
-    check_writable(json_, "--json ")
+    check_json(json_)
     if output is not None:
         _check_output(output, base)
     load_plugins([log], plugin, allow_recorded=allow_recorded_plugins)

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from asvhil.commands.options import ConfigArgument, JsonOption, SetOption
-from asvhil.commands.views import check_writable, say, stage_bar, write_json
+from asvhil.commands.outputs import check_json, write_json
+from asvhil.commands.views import say, stage_bar
 from asvhil.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -58,7 +59,7 @@ def check(
         raise ConfigError("check: --yes goes with --fix")
     if fix and not yes and not sys.stdin.isatty():
         raise ConfigError("check: --fix needs a terminal to confirm; use --yes")
-    check_writable(json_, "--json ")
+    check_json(json_)
     console = Console()
     if not console.is_terminal:
         console = Console(width=PIPE_WIDTH)

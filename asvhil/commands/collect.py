@@ -10,16 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from asvhil.commands.options import ConfigArgument, JsonOption, SetOption
-from asvhil.commands.views import (
-    NEEDS_AUTO,
-    LiveView,
-    check_writable,
-    progress,
-    say,
-    tell_borrowed_hull,
-    twin_hint,
-    write_json,
-)
+from asvhil.commands.outputs import check_json, write_json
+from asvhil.commands.views import NEEDS_AUTO, LiveView, progress, say, tell_borrowed_hull, twin_hint
 from asvhil.errors import AsvhilError, ConfigError
 
 if TYPE_CHECKING:
@@ -51,7 +43,7 @@ def collect(
 
     if realtime and vehicle:
         raise ConfigError("collect: --realtime is the simulated boat, --vehicle the real one: give one of them")
-    check_writable(json_, "--json ")
+    check_json(json_)
     mode: Mode = "vehicle" if vehicle else "realtime" if realtime else "lockstep"
     console = Console()
     settings = load_config(config, tuple(set_))

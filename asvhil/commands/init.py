@@ -13,8 +13,9 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 import typer
 
 from asvhil.commands.options import JsonOption
+from asvhil.commands.outputs import check_json, check_writable, write_json, writing
 from asvhil.commands.quantities import quantity
-from asvhil.commands.views import check_writable, say, write_json, writing
+from asvhil.commands.views import say
 from asvhil.errors import ConfigError
 from asvhil.files import write_text
 
@@ -86,7 +87,7 @@ def init(
     from asvhil.commands.boat_file import boat_text, twin_text
     from asvhil.config import load_config
 
-    check_writable(json_, "--json ")
+    check_json(json_)
     console = Console()
     given = {
         "name": name or (file.stem if file is not None else None),

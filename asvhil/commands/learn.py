@@ -13,8 +13,9 @@ import typer
 
 from asvhil.commands.collect import drive_with_display, refuse_incomplete
 from asvhil.commands.options import ConfigArgument, JsonOption, SetOption
+from asvhil.commands.outputs import check_json, write_json, writing
 from asvhil.commands.train import train_with_bar
-from asvhil.commands.views import check_writable, progress, say, tell_borrowed_hull, write_json, writing
+from asvhil.commands.views import progress, say, tell_borrowed_hull
 from asvhil.errors import AsvhilError, ConfigError
 
 if TYPE_CHECKING:
@@ -90,7 +91,7 @@ def learn(
     if bool(data) != bool(test):
         raise ConfigError("learn: --data and --test go together: a model is not tested on what it was trained on")
     _need_terminal(yes)
-    check_writable(json_, "--json ")
+    check_json(json_)
     settings = load_config(config, tuple(set_))
     tell_borrowed_hull(settings, config, set_)
     name = settings.vehicle.name

@@ -10,7 +10,8 @@ from typing import Annotated, Any
 import typer
 
 from asvhil.commands.options import JsonOption
-from asvhil.commands.views import byte_bar, check_writable, say, write_json
+from asvhil.commands.outputs import check_json, write_json
+from asvhil.commands.views import byte_bar, say
 
 app = typer.Typer(no_args_is_help=True, help="What a log holds; recover a damaged one; export it for other tools.")
 
@@ -26,7 +27,7 @@ def info(log: LogArgument, json_: JsonOption = None) -> None:
 
     from asvhil.logs.info import log_info
 
-    check_writable(json_, "--json ")
+    check_json(json_)
     console = Console()
     with _reading(console, log) as on_bytes:
         figures = log_info(log, on_bytes)
@@ -51,7 +52,7 @@ def recover(
     from asvhil.logs.recover import recover as recover_log
     from asvhil.logs.segments import first_in
 
-    check_writable(json_, "--json ")
+    check_json(json_)
     console = Console()
     log = first_in(log)
     target = output or log.with_name(f"{log.stem}-recovered.mcap")

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from asvhil.commands.options import FaultOption, JsonOption, PluginOption, RecordedPluginsOption, SetOption
-from asvhil.commands.views import check_picture, check_writable, progress, say, write_json
+from asvhil.commands.outputs import check_json, check_picture, write_json
+from asvhil.commands.views import progress, say
 from asvhil.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -66,7 +67,7 @@ def replay(
     if picture is not None and not what_if:
         raise ConfigError("replay: --picture goes with --what-if")
     check_picture(picture)
-    check_writable(json_, "--json ")
+    check_json(json_)
     from asvhil.logs.plugins import load_plugins
     from asvhil.logs.replay import replay as replay_log
 

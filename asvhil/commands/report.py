@@ -8,17 +8,8 @@ from typing import Annotated, Any
 import typer
 
 from asvhil.commands.options import JsonOption
-from asvhil.commands.views import (
-    check_picture,
-    check_writable,
-    print_summary,
-    progress,
-    report_run,
-    say,
-    title_of,
-    write_json,
-    writing,
-)
+from asvhil.commands.outputs import check_json, check_picture, check_writable, write_json, writing
+from asvhil.commands.views import print_summary, progress, report_run, say, title_of
 from asvhil.errors import ConfigError
 from asvhil.files import replacement, write_text
 
@@ -40,7 +31,7 @@ def report(
     """Summarise a log: errors to the station, docking windows, wind, timing; draw it, and compare it."""
     from rich.console import Console
 
-    check_writable(json_, "--json ")
+    check_json(json_)
     check_picture(picture)
     if html is not None and html.suffix.lower() not in (".html", ".htm"):
         raise ConfigError(f"--html {html}: a file that ends in .html is expected")

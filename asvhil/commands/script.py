@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from asvhil.commands.options import SetOption
-from asvhil.commands.views import say, stage_bar, writing
+from asvhil.commands.outputs import writing
+from asvhil.commands.views import say, stage_bar
 from asvhil.errors import AsvhilError, ConfigError
 
 if TYPE_CHECKING:

@@ -9,16 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from asvhil.commands.options import ConfigArgument, FaultOption, JsonOption, LearnedOption, SetOption
-from asvhil.commands.views import (
-    NEEDS_AUTO,
-    LiveView,
-    check_writable,
-    progress,
-    report_run,
-    tell_kept,
-    twin_hint,
-    with_learned,
-)
+from asvhil.commands.outputs import check_json, check_writable
+from asvhil.commands.views import NEEDS_AUTO, LiveView, progress, report_run, tell_kept, twin_hint, with_learned
 from asvhil.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -78,9 +70,10 @@ def sitl(
     settings = with_faults(settings, fault)
     if settings.supervisor.engage != "auto":
         raise ConfigError(f"{config}: {NEEDS_AUTO}{twin_hint(config)}")
+    _check_course(settings)
     if log is not None and picture and log.suffix == ".png":
         raise ConfigError(f"--log {log}: the picture goes there; name the log .mcap, or give --no-picture")
-    check_writable(json_, "--json ")
+    check_json(json_)
     if log is not None and picture and log.parent.is_dir():
         check_writable(log.with_suffix(".png"))
     board = _simulated_arduino(settings, anemometer, arduino, lockstep)
@@ -126,3 +119,15 @@ def _simulated_arduino(
     board = SimulatedArduino(folder)
     board.check()
     return board
+
+
+def _check_course(config: Config) -> None:
+    """ConfigError where the station is to move faster than this boat's may."""
+    from asvhil.supervisor.station_motion import fastest_mps
+
+    at, most_mps = config.supervisor.station, fastest_mps(config.believed_vessel, config.supervisor.moving)
+    if at is not None and at.speed_mps > most_mps:
+        raise ConfigError(
+            f"key supervisor.station.speed_mps: {at.speed_mps:g} m/s, and a station of this boat moves at "
+            f"{most_mps:.2f} m/s at most (supervisor.moving.max_speed_mps, and half of the thrust)"
+        )

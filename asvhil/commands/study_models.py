@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from asvhil.commands.options import JsonOption
+from asvhil.commands.outputs import write_json, writing
 from asvhil.commands.study_command import OutOption
 from asvhil.commands.study_views import check_output, watching
-from asvhil.commands.views import say, write_json, writing
+from asvhil.commands.views import say
 from asvhil.study.model_jobs import ODE_ITERATIONS
 
 if TYPE_CHECKING:

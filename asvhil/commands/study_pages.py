@@ -8,7 +8,8 @@ from typing import Annotated
 import typer
 
 from asvhil.commands.options import JsonOption
-from asvhil.commands.views import check_writable, say, write_json
+from asvhil.commands.outputs import check_json, write_json
+from asvhil.commands.views import say
 from asvhil.errors import AsvhilError
 
 SHIPPED = Path(__file__).resolve().parents[2] / "docs" / "results"
@@ -34,7 +35,7 @@ def pages(
     found = sorted(folder.rglob("*.md"))
     if not found:
         raise AsvhilError(f"{folder}: no pages (*.md) in it; give a folder that a study has written to with -o")
-    check_writable(json_, "--json ")
+    check_json(json_)
     states = [state_of(path, path.relative_to(folder).as_posix()) for path in found]
     states.sort(key=lambda state: list(MEANINGS).index(state.state))
     write_json(json_, {"pages": [state.figures() for state in states]})

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from asvhil.commands.views import check_writable, progress, say, write_json, writing
+from asvhil.commands.outputs import check_json, check_writable, write_json, writing
+from asvhil.commands.views import progress, say
 from asvhil.errors import AsvhilError, is_interrupt
 from asvhil.files import write_text
 from asvhil.study.page import head_of, write_page
@@ -67,7 +68,7 @@ def check_output(output: Path | None, stem: str, json_: Path | None) -> None:
         for ending in ("json", "md", "png"):
             check_writable(output / f"{stem}.{ending}")
         head_of(output / f"{stem}.md")
-    check_writable(json_, "--json ")
+    check_json(json_)
 
 
 def finish(

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 import typer
 
 from asvhil.commands.options import ColumnsOption, JsonOption, PluginOption, RecordedPluginsOption
+from asvhil.commands.outputs import write_json
 from asvhil.commands.signatures import option, parameters_of, with_parameters
-from asvhil.commands.views import progress, say, write_json
+from asvhil.commands.views import progress, say
 from asvhil.errors import AsvhilError, ConfigError
 from asvhil.train.options import CHOICES, NETWORKS, OPTIONS, FitOptions, chosen_options
 

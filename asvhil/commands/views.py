@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-import errno
 import json
-import os
-import tempfile
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import typer
 
 from asvhil.commands.display import Display
-from asvhil.errors import AsvhilError, ConfigError
-from asvhil.files import write_text
+from asvhil.commands.outputs import write_json
 
 if TYPE_CHECKING:
     from asvhil.config import Config
@@ -310,44 +305,3 @@ def tell_kept(keeper: LearnedKeeper) -> None:
     path = keeper.save()
     if path is not None:
         typer.echo(f"asvhil: learned on station: kept in {path}; the next start offers it", err=True)
-
-
-def write_json(path: Path | None, figures: dict[str, Any]) -> None:
-    """Write the file of --json, if there is one. AsvhilError."""
-    if path is not None:
-        with writing(path, "--json "):
-            write_text(path, json.dumps(figures, indent=2) + "\n")
-
-
-@contextmanager
-def writing(file: Path, option: str = "") -> Iterator[None]:
-    """Turn an OSError of writing a file into an AsvhilError that names the option and the file."""
-    try:
-        yield
-    except OSError as error:
-        raise AsvhilError(f"{option}{file}: cannot be written ({error.strerror or error})") from None
-
-
-def check_picture(file: Path | None) -> None:
-    """Check the file of --picture before long work. AsvhilError where it cannot be written, or has no known format."""
-    if file is None:
-        return
-    from asvhil.logs.figure import FORMATS
-
-    if file.suffix.lower() not in FORMATS:
-        raise ConfigError(f"--picture {file}: a file that ends in {', '.join(FORMATS)} is expected")
-    check_writable(file, "--picture ")
-
-
-def check_writable(file: Path | None, option: str = "") -> None:
-    """Check before long work that a file can be written. AsvhilError; no file is left behind."""
-    if file is None:
-        return
-    with writing(file, option):
-        if file.is_dir():
-            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
-        if file.exists():  # not opened: it may be a pipe
-            if not os.access(file, os.W_OK):
-                raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
-        else:
-            tempfile.TemporaryFile(dir=file.parent).close()

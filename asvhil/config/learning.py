@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from asvhil.config.base import NonNegative, Positive, Section
 
@@ -30,13 +30,27 @@ class LearningConfig(Section):
     )
     least: Factor = Field(default=0.5, description="Lower bound of each factor.")
     most: Factor = Field(default=1.5, description="Upper bound of each factor.")
-    prior_std: Positive = Field(default=0.2, description="Standard deviation of a factor of which nothing is known.")
+    prior_std: Positive = Field(
+        default=0.2, le=1.0, description="Standard deviation of a factor that nothing is known of."
+    )
     walk: NonNegative = Field(
-        default=0.004, description="Random walk of each factor (per sqrt(s)): how fast old evidence is forgotten."
+        default=0.004,
+        le=0.1,
+        description="Random walk of each factor (per sqrt(s)): how fast evidence is forgotten.",
     )
     disturbance_walk_mps2: Positive = Field(
-        default=0.006, description="Random walk of the disturbance beside the factors (m/s^2 per sqrt(s))."
+        default=0.006, le=0.1, description="Random walk of the disturbance beside the factors (m/s^2 per sqrt(s))."
     )
     disturbance_yaw_walk_radps2: Positive = Field(
-        default=0.003, description="Random walk of the disturbance in yaw beside the factors (rad/s^2 per sqrt(s))."
+        default=0.003,
+        le=0.1,
+        description="Random walk of the disturbance in yaw beside the factors.",
     )
+
+    @model_validator(mode="after")
+    def _check_bounds(self) -> LearningConfig:
+        if not self.least < self.most:
+            raise ValueError("least < most must hold")
+        if not all(self.least <= factor <= self.most for factor in self.start):
+            raise ValueError(f"each of start must lie within least and most, {self.least:g} to {self.most:g}")
+        return self

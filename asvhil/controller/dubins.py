@@ -30,7 +30,7 @@ class Dubins:
 
     @property
     def length_m(self) -> float:
-        return sum(self.pieces_m)
+        return math.fsum(self.pieces_m)
 
     def pose(self, along_m: float) -> Pose:
         """Pose at an arc length (m), held within the path; the heading in [-pi, pi)."""

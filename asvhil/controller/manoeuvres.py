@@ -50,7 +50,7 @@ def programme(duration_s: float, rng: np.random.Generator) -> tuple[Block, ...]:
     The drifts come last so that a short record, as for the calibration of the compass, has all the turns.
     """
     blocks: list[Block] = []
-    while sum(block.duration_s for block in blocks) < duration_s:
+    while math.fsum(block.duration_s for block in blocks) < duration_s:
         cycle = [_straight(rng, ahead, astern) for ahead, astern in zip(AHEAD, ASTERN, strict=True)]
         cycle += [_circle(rng, pair, way) for pair in CIRCLES for way in (1, -1)]
         cycle += [_zigzag(rng, surge, turn) for surge, turn in ZIGZAGS]
@@ -190,7 +190,7 @@ def _near(rng: np.random.Generator, level: float) -> float:
 
 
 def _block(kind: str, pieces: list[tuple[float, float, float]]) -> Block:
-    return Block(kind=kind, duration_s=sum(piece[0] for piece in pieces), pieces=tuple(pieces))
+    return Block(kind=kind, duration_s=math.fsum(piece[0] for piece in pieces), pieces=tuple(pieces))
 
 
 def _straight(rng: np.random.Generator, ahead: float, astern: float) -> Block:

@@ -54,12 +54,13 @@ class PulseLimiter:
         self._config = config
         self._last_us = (config.neutral_us, config.neutral_us)
         self._t_ns: int | None = None
+        self._spare_us = 0.0  # less than a microsecond of change that a tick before left over
         self._pauses = _ReversalPause(config), _ReversalPause(config)
 
     def reset(self) -> None:
         """Start from neutral at the next step, after the motors were released."""
         self._last_us = (self._config.neutral_us, self._config.neutral_us)
-        self._t_ns = None
+        self._t_ns, self._spare_us = None, 0.0
         for pause in self._pauses:
             pause.stop()
 
@@ -70,15 +71,24 @@ class PulseLimiter:
 
     def step(self, t_ns: int, command: tuple[float, float]) -> tuple[int, int]:
         """Pulse widths (port, starboard) for a command, moved from the last ones no faster than the slew rate."""
-        elapsed_s = 0.0 if self._t_ns is None else min((t_ns - self._t_ns) * 1e-9, 1.0)
-        reach_us = max(1, round(self._config.slew_us_per_s * elapsed_s))
-        self._t_ns = t_ns
+        reach_us = self._reach_us(t_ns)
         port, starboard = (
             pause.step(t_ns, self._approach(last_us, pulse_of_command(self._config, part), reach_us))
             for pause, last_us, part in zip(self._pauses, self._last_us, command, strict=True)
         )
         self._last_us = (port, starboard)
         return self._last_us
+
+    def _reach_us(self, t_ns: int) -> int:
+        """How far a pulse may move in this tick: whole microseconds, whose rate over many ticks is the slew rate."""
+        if self._t_ns is None:
+            self._t_ns = t_ns
+            return 1  # from now on it is known how long a tick takes
+        elapsed_s = min((t_ns - self._t_ns) * 1e-9, 1.0)
+        may_us = self._config.slew_us_per_s * elapsed_s + self._spare_us
+        reach_us = math.floor(may_us + 1e-6)  # 400 is as much as 399.9999999
+        self._t_ns, self._spare_us = t_ns, max(0.0, may_us - reach_us)
+        return reach_us
 
     def _approach(self, last_us: int, wanted_us: int, reach_us: int) -> int:
         neutral_us = self._config.neutral_us

@@ -38,7 +38,7 @@ class FirFilter:
         while len(self._past) < len(self._weights) - 1:
             self._past.append(x)
         self._past.append(x)
-        return sum(h * value for h, value in zip(self._weights, self._past, strict=True))
+        return math.fsum(h * value for h, value in zip(self._weights, self._past, strict=True))
 
 
 class HeldSensors:

@@ -39,7 +39,7 @@ class LearningNotes:
         if not learned.learned_s:
             return ()
         told = self._told
-        if told is None or max(abs(a - b) for a, b in zip(learned.factors, told.factors, strict=True)) > SHOWN:
+        if told is None or _tells_more(learned, told):
             self._told = told = learned
         note = Note(subject=SUBJECT, text=learned_text(told, 100.0 * SHOWN), ok=True)
         weak = self._weak_motors(learned)
@@ -56,6 +56,14 @@ class LearningNotes:
             if factor < limit:
                 found.append(name)
         return tuple(found)
+
+
+def _tells_more(learned: Learned, told: Learned) -> bool:
+    """Whether a factor is another one than was told, or has become known."""
+    pairs = zip(learned.factors, told.factors, strict=True)
+    if max(abs(factor - before) for factor, before in pairs) > SHOWN:
+        return True
+    return any(std <= KNOWN_STD < before for std, before in zip(learned.std, told.std, strict=True))
 
 
 def _weak_text(weak: tuple[str, ...], told: Learned | None) -> str:

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import math
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -22,7 +21,8 @@ from asvhil.types import Learned, Outputs, record
 
 FORMAT = 1
 LEAST_S = 60.0  # of learning: what was learned in less is not kept
-LEAST, MOST = 0.2, 3.0  # of a factor
+MOST_STD = 3.0  # of a factor
+MOST_S = 1e9  # of learning: more than a life of a boat
 
 
 @record
@@ -99,7 +99,7 @@ def read_learned(path: Path, config: Config) -> LearnedFile:
         tree = json.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise ConfigError(f"{path}: cannot be read ({error.strerror})") from None
-    except ValueError:
+    except (ValueError, RecursionError):
         raise ConfigError(f"{path}: damaged: not JSON; take the file that a run has left, or learn anew") from None
     if not isinstance(tree, dict) or tree.get("format") != FORMAT:
         raise ConfigError(f"{path}: not a file of what was learned on station, format {FORMAT}")
@@ -112,11 +112,14 @@ def read_learned(path: Path, config: Config) -> LearnedFile:
     if tree.get("model_sha256") != model_hash(config):
         raise ConfigError(f"{path}: learned with another model than the one in use; learn anew with this one")
     learned = Learned(
-        factors=_numbers(tree, "factors", path, LEAST, MOST),
-        std=_numbers(tree, "std", path, 0.0, MOST),
-        learned_s=_number(tree.get("learned_s"), "learned_s", path, 0.0, math.inf),
+        factors=_numbers(tree, "factors", path, config.learning.least, config.learning.most),
+        std=_numbers(tree, "std", path, 0.0, MOST_STD),
+        learned_s=_number(tree.get("learned_s"), "learned_s", path, 0.0, MOST_S),
     )
-    return LearnedFile(ended=str(tree.get("ended")), learned=learned)
+    ended = tree.get("ended")
+    if not isinstance(ended, str) or not ended.isprintable():
+        raise ConfigError(f"{path}: damaged: ended is {ended!r}, a date is needed")
+    return LearnedFile(ended=ended, learned=learned)
 
 
 @record
@@ -130,12 +133,14 @@ class Offer:
 def offer(config: Config) -> Offer | None:
     """What an earlier run has left; None where there is nothing, or it is in use."""
     path = learned_path(config)
-    if not path.is_file():
-        return None
     try:
+        if not path.is_file():
+            return None
         found = read_learned(path, config)
     except ConfigError as error:
         return Offer(text=str(error), usable=False)
+    except OSError as error:  # a name that no file can have
+        return Offer(text=f"learning.file {path}: cannot be read ({error.strerror})", usable=False)
     if config.learning.enabled and config.learning.start == _start(found):
         return None
     return Offer(text=f"{found.text}; not in use: take it by --learned {path}", usable=True)
@@ -162,5 +167,5 @@ def _numbers(tree: dict[str, Any], name: str, path: Path, least: float, most: fl
 
 def _number(value: Any, name: str, path: Path, least: float, most: float) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float) or not least <= value <= most:
-        raise ConfigError(f"{path}: damaged: {name} is {value!r}, a number from {least:g} to {most:g} is needed")
+        raise ConfigError(f"{path}: damaged: {name} is {value!r:.40}, a number from {least:g} to {most:g} is needed")
     return float(value)

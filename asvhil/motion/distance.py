@@ -6,10 +6,9 @@ import math
 from collections import deque
 
 from asvhil.config import MotionConfig, ProcedureConfig, VesselConfig
-from asvhil.geo import ned_to_body, wrap_rad
-from asvhil.supervisor.heading_policy import LEAST_CHANGE_RAD
+from asvhil.geo import ned_to_body
 from asvhil.supervisor.reasons import Explanation, Reason, explain
-from asvhil.supervisor.stations import has_leapt
+from asvhil.supervisor.stations import is_another
 from asvhil.types import Estimate, Station
 
 SATURATED = 0.95  # of a motor's full command
@@ -58,7 +57,7 @@ class DistanceWatch:
         `doubt_m`: by how much the place is in doubt, which counts as distance.
         """
         distance_m = math.hypot(estimate.n_m - station.n_m, estimate.e_m - station.e_m)
-        if self._station is None or _is_another(station, self._station):
+        if self._station is None or is_another(station, self._station):
             self._start(distance_m, estimate, current_ned)
         self._station = station
         self._least_m = min(self._least_m, distance_m)
@@ -88,11 +87,3 @@ class DistanceWatch:
             # be off that path as off its station.
             self._allowed_m += 2.0 * self._approach.turn_radius_m
         self._past.clear()
-
-
-def _is_another(station: Station, before: Station) -> bool:
-    """Whether a station has been moved, or given another heading, and has not just turned a little with the weather or
-    moved on its course.
-    """
-    moved = has_leapt(station, before)
-    return moved or abs(wrap_rad(station.psi_rad - before.psi_rad)) > LEAST_CHANGE_RAD

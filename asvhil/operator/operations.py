@@ -14,9 +14,20 @@ from asvhil.operator.state_arrays import BoatState
 from asvhil.operator.station_parameters import PLACE_PARAMETERS, request_of_change, station_value
 from asvhil.operator.tunables import Tunables
 from asvhil.supervisor.decision import Decision, Request
-from asvhil.supervisor.reasons import Explanation, Reason, describe
+from asvhil.supervisor.reasons import Explanation, Reason, describe, explain
 from asvhil.supervisor.situation import Situation
-from asvhil.types import Control, DockingWindow, EnergyUse, Frame, Note, ParameterChange, Phase, Wind, record
+from asvhil.types import (
+    Control,
+    CourseCommand,
+    DockingWindow,
+    EnergyUse,
+    Frame,
+    Note,
+    ParameterChange,
+    Phase,
+    Wind,
+    record,
+)
 
 # Whoever ended the hold so has the motors, or nobody wants them to turn.
 ENDED_BY_PEOPLE = {
@@ -141,7 +152,11 @@ class Operations:
             return command
         if command.name in self._tunables:
             return self._tunables.set(command.name, command.value)
-        return request_of_change(command)
+        wanted = request_of_change(command)
+        if isinstance(wanted, CourseCommand) and wanted.leader and wanted.leader in self._session.own_systems:
+            allowed = "0, or the system id of another vehicle"
+            return explain(Reason.PARAMETER_OUT_OF_RANGE, name=command.name, range=allowed)
+        return wanted
 
     def _report(self, situation: Situation, decision: Decision, readings: Readings) -> OperatorReport:
         station, point, estimate, frame = decision.station, decision.point, situation.estimate, situation.frame

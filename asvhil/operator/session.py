@@ -85,6 +85,7 @@ class OperatorSession:
         operator = operator or OperatorLinkConfig()
         self._us = (config.system_id, config.component_id)
         self._autopilot = (config.autopilot_system_id, config.autopilot_component_id)
+        self.own_systems = frozenset({config.system_id, config.autopilot_system_id})  # no station follows these
         self._claim_goto = operator.claim_goto
         self._parser = Parser()
         self._replies = Replies(self._us)

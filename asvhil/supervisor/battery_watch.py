@@ -7,26 +7,36 @@ from asvhil.supervisor.reasons import Explanation, Reason, describe, explain
 from asvhil.types import FrontseatStatus, Note
 
 SUBJECT = "battery"
+TOLD_EVERY_NS = 60_000_000_000  # another figure of what is low: operators are told of each
 
 
 class BatteryWatch:
-    """`step` in each tick with the autopilot's status. What is low stays so until it has been well for as long."""
+    """`step` in each tick with the autopilot's status.
+
+    What is low stays so until it has been well for as long; a charge that is not told any more is not well.
+    """
 
     def __init__(self, config: BatteryConfig) -> None:
         self._config = config
         self._low: Explanation | None = None
         self._turned_ns: int | None = None  # since when the readings have said otherwise
+        self._told_ns = 0
+        self._were_low: tuple[bool, ...] = (False, False)  # which of the readings
 
     def step(self, t_ns: int, status: FrontseatStatus | None) -> None:
         """Take in what the autopilot says."""
-        found = None if status is None else self._reading(status)
+        found = None if status is None else self._worst(status)
+        if found is None and self._low is not None and self._is_missing(status):
+            found = self._low
+        if found is not None and self._low is not None:
+            self._keep_up(t_ns, found)
         if (found is None) == (self._low is None):
             self._turned_ns = None
             return
         if self._turned_ns is None:
             self._turned_ns = t_ns
         if (t_ns - self._turned_ns) * 1e-9 >= self._config.lasts_s:
-            self._low, self._turned_ns = found, None
+            self._low, self._turned_ns, self._told_ns = found, None, t_ns
 
     @property
     def fault(self) -> Explanation | None:
@@ -38,16 +48,44 @@ class BatteryWatch:
         """That it is low."""
         return () if self._low is None else (Note(subject=SUBJECT, text=describe(self._low), ok=False),)
 
-    def _reading(self, status: FrontseatStatus) -> Explanation | None:
-        """What is low or wrong; None where nothing is, or nothing is told."""
-        config = self._config
-        readings = (
-            (status.battery_percent, config.low_percent, "{:.0f} %"),
-            (status.battery_v, config.low_v, "{:.1f} V"),
+    def _worst(self, status: FrontseatStatus) -> Explanation | None:
+        """What is wrong or low; None where nothing is, or nothing is told.
+
+        What the autopilot finds wrong comes first: a battery on fire may be full.
+        """
+        readings = _readings(status)
+        limits = (self._config.low_percent, self._config.low_v)
+        low = tuple(
+            value is not None and least is not None and value < least
+            for (value, _), least in zip(readings, limits, strict=True)
         )
-        for value, least, form in readings:
-            if value is not None and least is not None and value < least:
-                return explain(Reason.BATTERY_LOW, reading=form.format(value), limit=form.format(least))
+        if any(low):
+            self._were_low = low
         if status.battery_complaint:
             return explain(Reason.BATTERY_COMPLAINT, complaint=status.battery_complaint)
+        for (value, form), least, is_low in zip(readings, limits, low, strict=True):
+            if is_low:
+                return explain(Reason.BATTERY_LOW, reading=form.format(value), limit=form.format(least))
         return None
+
+    def _is_missing(self, status: FrontseatStatus | None) -> bool:
+        """Whether a reading that was low is not told any more."""
+        if status is None:
+            return True
+        readings = _readings(status)
+        missing = any(was and value is None for was, (value, _) in zip(self._were_low, readings, strict=True))
+        if not missing:
+            self._were_low = (False, False)
+        return missing
+
+    def _keep_up(self, t_ns: int, found: Explanation) -> None:
+        """Keep the words up with what is read: another complaint at once, another figure seldom."""
+        assert self._low is not None
+        is_other = found.reason is not self._low.reason or found.reason is Reason.BATTERY_COMPLAINT
+        if found != self._low and (is_other or t_ns - self._told_ns >= TOLD_EVERY_NS):
+            self._low, self._told_ns = found, t_ns
+
+
+def _readings(status: FrontseatStatus) -> tuple[tuple[float | None, str], tuple[float | None, str]]:
+    """Charge and voltage, each with its form in words."""
+    return (status.battery_percent, "{:.0f} %"), (status.battery_v, "{:.1f} V")

@@ -30,7 +30,8 @@ class Decision:
     `answers`: for each request in turn None where it is granted, or why not; `begun`: a hold was granted.
     `station` is that of the boat's origin, None while none is held; `point`: where the point of the boat that is kept
     there (`supervisor.point_m`) shall be, which is what operators say and are told. `station_changed`: it is another
-    one than in the last tick, and not the same that has turned with the weather or has moved on its course.
+    one than in the last tick, and not the same that has turned with the weather, or has moved on its course or by
+    centimetres.
     `control_ok`: the latest solution, but for that of this tick, could be used. `link_ok`: the autopilot is heard.
     """
 

@@ -17,7 +17,7 @@ import math
 
 from asvhil.geo import ned_to_body, wrap_rad
 from asvhil.supervisor.docking_odds import stays_open
-from asvhil.supervisor.stations import has_leapt
+from asvhil.supervisor.stations import is_another
 from asvhil.types import DockingWindow, Estimate, Station
 
 DOCKING_SPEED_MPS = 0.5
@@ -82,7 +82,7 @@ class Peaks:
         if variance <= 0.0:
             return 0.0
         crossings = math.sqrt(self._change / variance) / (EVERY_S * math.tau)
-        return crossings * sum(
+        return crossings * math.fsum(
             math.exp(-((self.limit - side * self._mean) ** 2) / (2.0 * variance)) for side in (1.0, -1.0)
         )
 
@@ -133,7 +133,7 @@ class DockingWatch:
 
     def _moved(self, station: Station) -> bool:
         """Whether it is another station than the last one; one that follows the weather or its course is not."""
-        return self._station is not None and has_leapt(station, self._station)
+        return self._station is not None and is_another(station, self._station)
 
     def _sample(self, t_ns: int, estimate: Estimate, station: Station) -> None:
         off_rad = wrap_rad(estimate.psi_rad - station.psi_rad)
@@ -146,7 +146,7 @@ class DockingWatch:
         self._open_s = keep * self._open_s + (EVERY_S if self._open_ns is not None else 0.0)
         if self._open_ns is None or self._known_s < LEAST_S:
             return
-        peaks = sum(signal.rate_per_s for signal in self._signals)
+        peaks = math.fsum(signal.rate_per_s for signal in self._signals)
         ends = math.log((self._ends + PRIOR_ENDS) / (self._open_s + PRIOR_S))
         nearest = max(abs(value) / signal.limit for signal, value in zip(self._signals, values, strict=True))
         calm = max(0.0, CALM_LOG - ends)

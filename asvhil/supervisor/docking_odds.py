@@ -92,7 +92,7 @@ def stays_open(features: Sequence[float]) -> tuple[float, ...]:
 
 def probability(coefficients: Sequence[float], features: Sequence[float]) -> float:
     """Of the logistic regression."""
-    score = sum(c * x for c, x in zip(coefficients, features, strict=True))
+    score = math.fsum(c * x for c, x in zip(coefficients, features, strict=True))
     return 1.0 / (1.0 + math.exp(-min(max(score, -50.0), 50.0)))
 
 

@@ -34,7 +34,7 @@ class HeadingPolicy:
         self.begin()
 
     def begin(self) -> None:
-        """A hold begins, or its station is another one: the first turn is made at once."""
+        """A hold begins, or its station was given a heading: if the weather is known, the first turn is at once."""
         self._first, self._settled_ns = True, None
 
     def turned(self, t_ns: int, station: Station, bow_rad: float | None) -> Station:
@@ -53,7 +53,9 @@ class HeadingPolicy:
         off_rad = wrap_rad(wanted_rad - station.psi_rad)
         if self._first:
             self._first, self._turning = False, True
-            return changed(station, psi_rad=wrap_rad(wanted_rad), of_weather=True)
+            if t_ns < self._settled_ns:  # else it has been calm for long, and the boat lies as it was asked to
+                return changed(station, psi_rad=wrap_rad(wanted_rad), of_weather=True)
+            station = changed(station, of_weather=True)
         if abs(off_rad) > math.radians(self._config.deadband_deg):
             self._turning = True
         if not self._turning:

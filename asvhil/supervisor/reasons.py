@@ -254,7 +254,7 @@ WORDS: Mapping[Reason, Words] = {
         remedy="A slower course; supervisor.moving.max_speed_mps, up to what half of the boat's thrust keeps up with.",
     ),
     Reason.LEADER_JUMPED: Words(
-        text="the leader is {metres:.0f} m from where its last message had it, {most:.0f} m at most",
+        text="the leader is {metres:.0f} m from where the last message that was followed had it, {most:.0f} m at most",
         remedy="Look at the leader's position. To follow it from where it is now: set ST_FOLLOW again.",
     ),
     Reason.OUTSIDE_FENCE: Words(

@@ -16,6 +16,7 @@ LONGEST_TICK_S = 1.0  # a longer time between two ticks is a pause, in which the
 TOLD_EVERY_NS = 10_000_000_000  # the velocity of a leader, which changes with every message
 CATCH_UP_S = 2.0  # time constant with which the station follows where a leader says that it is
 COURSE_LEAST_MPS = 0.1  # a leader that is slower has no course of its own
+COURSE_TIME_S = 5.0  # time constant of the mean velocity that its course is of
 SHARE = 0.5  # of the thrust ahead, which a station's speed may take: the rest is for the weather
 BACK = 0.5  # of the distance at which a station waits: from there it goes on
 Place = tuple[float, float]
@@ -28,7 +29,7 @@ def fastest_mps(vessel: VesselConfig, config: MovingConfig) -> float:
 
 @record
 class LeaderReport:
-    """Where a leader, or a set-point with a velocity, has the station at a time, and its velocity (NED)."""
+    """Where a leader is, or a set-point with a velocity has the station, at a time, and its velocity (NED)."""
 
     t_ns: int
     n_m: float
@@ -50,9 +51,12 @@ class StationMotion:
         self.way_m: float | None = None  # what is left of it
         self.leader = 0  # its system id, 0 for none
         self._report: LeaderReport | None = None
+        self._offset: Place = (0.0, 0.0)  # NED, of the station from where the report is
+        self._mean: LeaderReport | None = None  # of the leader's velocity, for its course
         self._course_of_leader_rad = 0.0
         self._t_ns = 0
-        self._refused_ns = 0
+        self._refused: tuple[int, Reason] | None = None  # the last message that was not followed
+        self._refusal_told_ns = 0
         self._waits = False
         self._told = ""
         self._told_ns = 0
@@ -62,10 +66,16 @@ class StationMotion:
         """A hold begins, or ends: its station rests."""
         self.speed_mps = 0.0
         self.way_m = None
-        self.leader = 0
-        self._report = self._trouble = None
+        self._forget_leader(0)
+        self._trouble = None
         self._waits = False
         self._told = ""
+
+    def _forget_leader(self, leader: int) -> None:
+        """Another one from now on, 0 for none: nothing is known of it."""
+        self.leader = leader
+        self._report = self._mean = self._refused = None
+        self._offset, self._course_of_leader_rad = (0.0, 0.0), 0.0
 
     # --- commands --------------------------------------------------------------------------------------------
 
@@ -75,14 +85,15 @@ class StationMotion:
             if not 0.0 <= command.speed_mps <= self._most_mps:  # a NaN is not
                 return explain(Reason.STATION_TOO_FAST, speed=command.speed_mps, most=self._most_mps)
             self.speed_mps = command.speed_mps
-            self.leader, self._report, self._trouble = 0, None, None
+            self._forget_leader(0)
+            self._trouble = None
         if command.course_rad is not None:
             self.course_rad = command.course_rad
         if command.way_m is not None:
             self.way_m = command.way_m if command.way_m > 0.0 else None
-        if command.leader is not None:
-            self.leader, self._report = command.leader, None
-            self._trouble = f"{self._leader_name} is not heard" if command.leader else None
+        if command.leader or (command.leader == 0 and self.leader):  # no leader after no leader changes nothing
+            self._forget_leader(command.leader)
+            self._trouble = f"{self._name} not heard" if command.leader else None
             self.speed_mps = 0.0
         self._told = ""
         return None
@@ -98,14 +109,24 @@ class StationMotion:
             leader=self.leader,
         )
 
+    def refuse_course(self, why: Explanation) -> None:
+        """The course of the config cannot be followed."""
+        self._trouble = f"stays: {describe(why)}"
+
     def refuse(self, t_ns: int, why: Explanation) -> None:
-        """A report of the leader cannot be followed."""
-        self._refused_ns = t_ns
-        self._trouble = f"{self._leader_name} is not followed: {describe(why)}"
+        """A report of the leader cannot be followed.
+
+        The metres in the words change with every message; the words do so seldom, since operators are told of each.
+        """
+        is_same = self._refused is not None and self._refused[1] is why.reason
+        self._refused = t_ns, why.reason
+        if not is_same or t_ns - self._refusal_told_ns > TOLD_EVERY_NS:
+            self._refusal_told_ns = t_ns
+            self._trouble = f"{self._name} not followed: {describe(why)}"
 
     @property
-    def _leader_name(self) -> str:
-        return f"system {self.leader}" if self.leader else "the leader"
+    def _name(self) -> str:
+        return f"system {self.leader} is" if self.leader else "the set-points are"
 
     def rest(self) -> None:
         """The station is put somewhere, at no velocity: what a set-point had it do before is over."""
@@ -115,34 +136,49 @@ class StationMotion:
     def lead(self, report: LeaderReport) -> Explanation | None:
         """A set-point with a velocity, in the place of a leader that was followed. As `report`."""
         if self.leader:
-            self.leader, self._report = 0, None
+            self._forget_leader(0)
         return self.report(report)
 
-    def report(self, report: LeaderReport) -> Explanation | None:
-        """Where the leader is, or a set-point. Returns None, or why it is not followed."""
-        speed_mps = math.hypot(report.vn_mps, report.ve_mps)
-        before = self._report
-        # A leader that is followed is where it was left; a stream of set-points that comes again is another one.
-        if before is not None and (self.leader or self._is_fresh(report.t_ns)):
-            there = _carried(before, min(report.t_ns, self._fresh_until_ns(before)))
-            jump_m = math.hypot(report.n_m - there[0], report.e_m - there[1])
-            if jump_m > self._config.jump_m:
-                return explain(Reason.LEADER_JUMPED, metres=jump_m, most=self._config.jump_m)
+    def report(
+        self, report: LeaderReport, why_not: Callable[[Place], Explanation | None] = lambda place: None
+    ) -> Explanation | None:
+        """Where the leader is, or a set-point; `why_not` a station cannot be at a place.
+
+        Returns None, or why it is not followed, which leaves all as it was.
+        """
+        jump_m = self._jump_m(report)
+        if jump_m > self._config.jump_m:
+            return explain(Reason.LEADER_JUMPED, metres=jump_m, most=self._config.jump_m)
+        mean = _mean_velocity(self._mean, report)
+        course_rad = self._course_of_leader_rad
+        if math.hypot(mean.vn_mps, mean.ve_mps) >= COURSE_LEAST_MPS:
+            course_rad = math.atan2(mean.ve_mps, mean.vn_mps)
+        offset = self._offset_at(course_rad) if self.leader else (0.0, 0.0)
+        refusal = why_not((report.n_m + offset[0], report.e_m + offset[1]))
+        if refusal is not None:
+            return refusal
         self.speed_mps, self.way_m = 0.0, None
-        self._report = report
-        faster = speed_mps > self._most_mps
-        self._trouble = f"{self._leader_name} is faster than {self._most_mps:.1f} m/s" if faster else None
+        self._report, self._mean, self._course_of_leader_rad, self._offset = report, mean, course_rad, offset
+        self._refused = None
+        faster = math.hypot(report.vn_mps, report.ve_mps) > self._most_mps
+        self._trouble = f"{self._name} faster than {self._most_mps:.1f} m/s" if faster else None
         return None
 
-    def place_of(self, n_m: float, e_m: float, velocity: tuple[float, float]) -> Place:
-        """Where the station of a leader is that is there and has that velocity."""
-        ahead_m, right_m = self._config.offset_m
+    def _jump_m(self, report: LeaderReport) -> float:
+        """How far a report is from the last one, which is taken to have gone on at its velocity, or not at all."""
+        before = self._report
+        # A leader that is followed is where it was left; a stream of set-points that comes again is another one.
+        if before is None or not (self.leader or self._is_fresh(report.t_ns)):
+            return 0.0
+        there = _carried(before, min(report.t_ns, self._fresh_until_ns(before)))
+        places = there, (before.n_m, before.e_m)  # one wrong velocity does not lose it
+        return min(math.hypot(report.n_m - n_m, report.e_m - e_m) for n_m, e_m in places)
+
+    def _offset_at(self, course_rad: float) -> Place:
+        """Of the station from its leader, NED."""
         if self._config.offset_frame == "north":
-            return n_m + ahead_m, e_m + right_m
-        if math.hypot(*velocity) >= COURSE_LEAST_MPS:
-            self._course_of_leader_rad = math.atan2(velocity[1], velocity[0])
-        north_m, east_m = body_to_ned(self._course_of_leader_rad, ahead_m, right_m)
-        return n_m + north_m, e_m + east_m
+            return self._config.offset_m
+        return body_to_ned(course_rad, *self._config.offset_m)
 
     # --- each tick -------------------------------------------------------------------------------------------
 
@@ -156,6 +192,7 @@ class StationMotion:
         elapsed_s, self._t_ns = (t_ns - self._t_ns) * 1e-9, t_ns
         report = self._report
         if report is None and self.speed_mps == 0.0:
+            self._tell_silence()
             self._waits = False
             return changed(station, vn_mps=0.0, ve_mps=0.0) if station.moves else station
         off_m = math.inf if boat_m is None else math.hypot(boat_m[0] - station.n_m, boat_m[1] - station.e_m)
@@ -169,7 +206,7 @@ class StationMotion:
         if why is None:
             return after
         self.speed_mps = 0.0
-        self._trouble = f"stays: {describe(why)}"
+        self._trouble = f"stays, until it is given a speed again: {describe(why)}"
         return changed(station, vn_mps=0.0, ve_mps=0.0)
 
     def _on_course(self, station: Station, elapsed_s: float) -> Station:
@@ -187,10 +224,11 @@ class StationMotion:
     def _after(self, report: LeaderReport, station: Station, elapsed_s: float) -> Station:
         """The station, nearer to where the leader is; its velocity is the leader's, unless it has to catch up."""
         if not self._is_fresh(self._t_ns):
-            if (self._t_ns - self._refused_ns) * 1e-9 > self._config.silence_s:
-                self._trouble = f"{self._leader_name} is silent: it stays"
+            self._tell_silence()
             return changed(station, vn_mps=0.0, ve_mps=0.0)
+        report = _slower(report, self._most_mps)
         n_m, e_m = _carried(report, self._t_ns)
+        n_m, e_m = n_m + self._offset[0], e_m + self._offset[1]
         gain = elapsed_s / (elapsed_s + CATCH_UP_S)
         step_n = report.vn_mps * elapsed_s + gain * (n_m - station.n_m - report.vn_mps * elapsed_s)
         step_e = report.ve_mps * elapsed_s + gain * (e_m - station.e_m - report.ve_mps * elapsed_s)
@@ -199,10 +237,13 @@ class StationMotion:
         if step_m > most_m:
             step_n, step_e = step_n * most_m / step_m, step_e * most_m / step_m
             vn, ve = step_n / elapsed_s, step_e / elapsed_s
-        speed_mps = math.hypot(vn, ve)
-        if speed_mps > self._most_mps:
-            vn, ve = vn * self._most_mps / speed_mps, ve * self._most_mps / speed_mps
         return changed(station, n_m=station.n_m + step_n, e_m=station.e_m + step_e, vn_mps=vn, ve_mps=ve)
+
+    def _tell_silence(self) -> None:
+        """That what was followed, or would have been, says nothing any more."""
+        heard = [one for one in (self._report and self._report.t_ns, self._refused and self._refused[0]) if one]
+        if heard and (self._t_ns - max(heard)) * 1e-9 > self._config.silence_s:
+            self._trouble = f"{self._name} silent: it stays"
 
     def _is_fresh(self, t_ns: int) -> bool:
         return self._report is not None and t_ns <= self._fresh_until_ns(self._report)
@@ -228,6 +269,26 @@ class StationMotion:
             after = f", after system {self.leader}" if self.leader else ""
             self._told, self._told_ns = f"{speed_mps:.2g} m/s toward {course_deg:.0f}{after}", self._t_ns
         return (Note(subject=SUBJECT, text=self._told, ok=True),)
+
+
+def _slower(report: LeaderReport, most_mps: float) -> LeaderReport:
+    """The same, at no more than a speed."""
+    speed_mps = math.hypot(report.vn_mps, report.ve_mps)
+    if speed_mps <= most_mps:
+        return report
+    share = most_mps / speed_mps
+    return changed(report, vn_mps=report.vn_mps * share, ve_mps=report.ve_mps * share)
+
+
+def _mean_velocity(before: LeaderReport | None, report: LeaderReport) -> LeaderReport:
+    """A report with the velocity's exponential mean: a leader nearly at rest has noise for a course."""
+    if before is None:
+        return report
+    elapsed_s = max((report.t_ns - before.t_ns) * 1e-9, 0.0)
+    gain = elapsed_s / (elapsed_s + COURSE_TIME_S)
+    vn_mps = before.vn_mps + gain * (report.vn_mps - before.vn_mps)
+    ve_mps = before.ve_mps + gain * (report.ve_mps - before.ve_mps)
+    return changed(report, vn_mps=vn_mps, ve_mps=ve_mps)
 
 
 def _carried(report: LeaderReport, t_ns: int) -> Place:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 
 from asvhil.config import StationConfig
-from asvhil.geo import LocalFrame, body_to_ned
+from asvhil.geo import LocalFrame, body_to_ned, wrap_rad
+from asvhil.supervisor.heading_policy import LEAST_CHANGE_RAD
 from asvhil.supervisor.reasons import Explanation, Reason, explain
 from asvhil.types import Estimate, HoldCommand, MoveCommand, Station, changed
 
@@ -79,3 +80,15 @@ def has_leapt(station: Station, before: Station) -> bool:
     """Whether a station is elsewhere than in the last tick, and has not just moved on its course or about its point."""
     most_m = LEAP_M if station.moves or before.moves else TURN_M
     return math.hypot(station.n_m - before.n_m, station.e_m - before.e_m) > most_m
+
+
+def is_another(station: Station, before: Station) -> bool:
+    """Whether a station has been moved, or given another heading, and has not just turned a little with the weather or
+    moved on its course.
+    """
+    return has_leapt(station, before) or is_turned(station, before)
+
+
+def is_turned(station: Station, before: Station) -> bool:
+    """Whether a station has been given another heading, by more than it turns with the weather in a sample."""
+    return abs(wrap_rad(station.psi_rad - before.psi_rad)) > LEAST_CHANGE_RAD

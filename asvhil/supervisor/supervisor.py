@@ -16,6 +16,8 @@ from asvhil.supervisor.reasons import Explanation, Reason, explain
 from asvhil.supervisor.situation import Situation
 from asvhil.supervisor.station_motion import LeaderReport, StationMotion
 from asvhil.supervisor.stations import (
+    is_another,
+    is_turned,
     station_of_config,
     station_of_hold,
     station_of_move,
@@ -93,8 +95,13 @@ class Supervisor:
             self._prepare(situation)
         self._go_on(situation)
         self._name_the_end(situation, was_held=was_held)
-        station_changed = self._held != station_before
-        self._turn(situation, station_changed)
+        begun = any(isinstance(r, HoldCommand) and a is None for r, a in zip(requests, answers, strict=True))
+        asked_for = self._held
+        if asked_for is None or station_before is None:
+            station_changed = turned = asked_for is not station_before
+        else:
+            station_changed, turned = is_another(asked_for, station_before), is_turned(asked_for, station_before)
+        self._turn(situation, anew=begun or turned)
         held = self._held
         releasing = self._phase is Phase.STANDBY and self._release_left > 0
         neutral_alone = self._release_left > RELEASE_REPEATS
@@ -108,7 +115,7 @@ class Supervisor:
             point=held,
             station_changed=station_changed,
             answers=answers,
-            begun=any(isinstance(r, HoldCommand) and a is None for r, a in zip(requests, answers, strict=True)),
+            begun=begun,
             drive=self._phase is Phase.HOLD,
             neutral=self._phase in (Phase.PREPARE, Phase.FAILSAFE) or (releasing and self._neutral_first),
             release=releasing and not neutral_alone,
@@ -136,12 +143,12 @@ class Supervisor:
         outside = self._conditions.outside
         self._station = self._motion.step(situation.t_ns, held, boat_m, lambda after: outside(after, frame))
 
-    def _turn(self, situation: Situation, station_changed: bool) -> None:
-        """Turn the station that is held as its heading policy says."""
+    def _turn(self, situation: Situation, *, anew: bool) -> None:
+        """Turn the station that is held as its heading policy says; `anew`: it is to have another heading."""
         held = self._held
         if held is None:
             return
-        if station_changed:
+        if anew:
             self._heading.begin()
         self._station = self._heading.turned(situation.t_ns, held, situation.bow_rad)
 
@@ -204,14 +211,20 @@ class Supervisor:
     def _lead(self, message: LeaderMessage, situation: Situation) -> None:
         """Take in where the leader is, if the station that is held is to follow that one."""
         held, estimate, frame = self._held, self._conditions.place(situation), situation.frame
-        if held is None or estimate is None or frame is None or message.system_id != self._motion.leader:
+        if held is None or estimate is None or frame is None:
             return
-        n_m, e_m = self._motion.place_of(*frame.to_ned(message.lat_deg, message.lon_deg), message.velocity_mps)
-        station = changed(held, n_m=n_m, e_m=e_m)
-        why_not = too_far(station, estimate, self._most_m) or self._conditions.outside(station, frame)
-        why_not = why_not or self._motion.report(_reported(message.t_ns, station, message.velocity_mps))
-        if why_not is not None:
-            self._motion.refuse(message.t_ns, why_not)
+        if not self._motion.leader or message.system_id != self._motion.leader:
+            return
+        n_m, e_m = frame.to_ned(message.lat_deg, message.lon_deg)
+
+        def why_not(place: tuple[float, float]) -> Explanation | None:
+            station = changed(held, n_m=place[0], e_m=place[1])
+            return too_far(station, estimate, self._most_m) or self._conditions.outside(station, frame)
+
+        at = changed(held, n_m=n_m, e_m=e_m)
+        refusal = self._motion.report(_reported(message.t_ns, at, message.velocity_mps), why_not)
+        if refusal is not None:
+            self._motion.refuse(message.t_ns, refusal)
 
     def _move(self, command: MoveCommand, situation: Situation) -> Explanation | None:
         """Move the station that is held. Returns None, or why not."""
@@ -298,7 +311,9 @@ class Supervisor:
             return
         self._engage(situation.t_ns, station, status)
         course = CourseCommand(t_ns=situation.t_ns, speed_mps=at.speed_mps, course_rad=math.radians(at.course_deg))
-        self._motion.choose(course)
+        refusal = self._motion.choose(course)
+        if refusal is not None:
+            self._motion.refuse_course(refusal)
 
     def _wait(self, why: Explanation) -> None:
         """Not yet, or no longer, on the way to a hold by itself."""

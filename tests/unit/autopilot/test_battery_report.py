@@ -110,9 +110,7 @@ def test_batteries_are_summed_and_the_lowest_charge_counts() -> None:
     assert vehicle.tell_sys_status(2, 80).battery_percent == 80.0
     first = vehicle.tell(2)
     assert first is not None and first.battery_percent == 80.0 and first.battery_v == 12.6
-    assert first.batteries == BatterySum(
-        t_ns=2 * S, number=1, power_w=pytest.approx(120.0), lowest_percent=80.0, used_wh=20.0
-    )
+    assert first.batteries == BatterySum(t_ns=2 * S, number=1, power_w=pytest.approx(120.0), used_wh=20.0)
     both = vehicle.tell(3, number=7, centiamperes=250, hectojoules=36, percent=35)
     assert both is not None and both.batteries is not None
     assert (both.batteries.number, both.batteries.power_w) == (2, pytest.approx(150.0))
@@ -122,24 +120,50 @@ def test_batteries_are_summed_and_the_lowest_charge_counts() -> None:
 
 
 @pytest.mark.parametrize(
-    ("told", "watts", "percent", "used_wh"),
+    ("told", "watts", "used_wh"),
     [
-        ({"cells": MANY_CELLS}, 82.5, 80.0, 20.0),
-        ({"cells": [4000] * 10, "ext": [4000, 4000, 0, NONE]}, 480.0, 80.0, 20.0),
-        ({"cells": [0xFFFE, 10_000, *[NONE] * 8]}, 755.34, 80.0, 20.0),  # more volts than one cell can tell
-        ({"hectojoules": -1}, 120.0, 80.0, 6.0),  # PX4: 500 mAh at 12 V
-        ({"hectojoules": -1, "mah": -1, "percent": -1}, 120.0, None, None),
-        ({"centiamperes": 0}, 0.0, 80.0, 20.0),
+        ({"cells": MANY_CELLS}, 82.5, 20.0),
+        ({"cells": [4000] * 10, "ext": [4000, 4000, 0, NONE]}, 480.0, 20.0),
+        ({"cells": [0xFFFE, 10_000, *[NONE] * 8]}, 755.34, 20.0),  # more volts than one cell can tell
+        ({"hectojoules": -1}, 120.0, 6.0),  # PX4: 500 mAh at 12 V
+        ({"hectojoules": -1, "mah": -1, "percent": -1}, 120.0, None),
+        ({"centiamperes": 0}, 0.0, 20.0),
     ],
 )
 def test_cells_are_added_and_marks_of_the_unknown_are_no_values(
-    told: dict[str, Any], watts: float, percent: float | None, used_wh: float | None
+    told: dict[str, Any], watts: float, used_wh: float | None
 ) -> None:
     status = Vehicle().tell(2, **told)
     assert status is not None and status.batteries is not None
     assert status.batteries.power_w == pytest.approx(watts)
-    assert status.batteries.lowest_percent == percent
     assert status.batteries.used_wh == (None if used_wh is None else pytest.approx(used_wh))
+
+
+@pytest.mark.parametrize(
+    ("told", "lowest"),
+    [
+        ({"percent": 35}, 35.0),
+        ({"percent": 4, "centiamperes": -1}, 4.0),  # without a current sensor it does not count for power
+        ({"percent": -1}, 60.0),
+        ({"percent": 120}, 60.0),
+    ],
+)
+def test_the_lowest_charge_is_of_all_that_tell_one(told: dict[str, Any], lowest: float) -> None:
+    vehicle = Vehicle()
+    vehicle.tell_sys_status(2, 80)
+    vehicle.tell(2, percent=60)
+    status = vehicle.tell(3, number=1, **told)
+    assert status is not None and status.battery_percent == lowest
+    vehicle.tell_sys_status(64, 80)
+    status = vehicle.tell(64, percent=60)
+    assert status is not None and status.battery_percent == 80.0, "a silent battery is not there any more"
+
+
+def test_a_charge_that_is_old_is_not_known() -> None:
+    vehicle = Vehicle()
+    vehicle.tell_sys_status(2, 80)
+    told = [vehicle.tell(second) for second in (61, 63)]
+    assert [status.battery_percent for status in told if status is not None] == [80.0, None]
 
 
 @pytest.mark.parametrize(
@@ -174,7 +198,7 @@ def test_what_real_autopilots_have_sent_is_read() -> None:
     ardurover = {"cells": [12_600, *[NONE] * 9], "centiamperes": 0, "mah": 480, "hectojoules": 211, "percent": 85}
     status = Vehicle().tell(2, **ardurover)
     assert status is not None and status.batteries == BatterySum(
-        t_ns=2 * S, number=1, power_w=0.0, lowest_percent=85.0, used_wh=pytest.approx(5.861, abs=1e-3)
+        t_ns=2 * S, number=1, power_w=0.0, used_wh=pytest.approx(5.861, abs=1e-3)
     )
     px4 = {"cells": [15_300, *[NONE] * 9], "centiamperes": -100, "mah": 0, "hectojoules": -1, "percent": 50}
     status = Vehicle().tell(2, **px4)

@@ -99,3 +99,52 @@ def test_a_folder_or_another_file_in_its_place_is_one_line(
         if other is None:
             Path(name).rmdir()
             Path(name).touch()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "kept"),
+    [
+        (("report", "log.mcap", "--json", "log.mcap"), "log.mcap"),
+        (("log", "info", "log.mcap", "--json", "log.mcap"), "log.mcap"),
+        (("replay", "log.mcap", "--json", "log.mcap"), "log.mcap"),
+        (("log", "recover", "log.mcap", "-o", "new.mcap", "--json", "log.mcap"), "log.mcap"),
+        (("report", "log.mcap", "--compare", "other.mcap", "--json", "other.mcap"), "other.mcap"),
+        (("report", "log.html", "--html", "log.html"), "log.html"),
+        (("report", "log.mcap", "--json", "map.yaml"), "map.yaml"),
+        (("calibrate", "log.mcap", "-o", "log.mcap"), "log.mcap"),
+    ],
+)
+def test_what_is_read_is_not_written_over(
+    arguments: tuple[str, ...],
+    kept: str,
+    whole: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    shutil.copytree(whole, tmp_path, dirs_exist_ok=True)
+    for copy in ("other.mcap", "log.html"):
+        shutil.copy(tmp_path / "log.mcap", tmp_path / copy)
+    monkeypatch.chdir(tmp_path)
+    before = Path(kept).read_bytes()
+    code, said = call(arguments, monkeypatch, capfd)
+    assert Path(kept).read_bytes() == before
+    assert code == 2 and len(said.splitlines()) == 1 and kept in said, said
+
+
+def test_a_log_that_has_just_been_written_is_not_written_over(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    run = ("sitl", "--lockstep", "--duration", "1", "--no-picture", "--log", "new.mcap", "--json", "new.mcap")
+    code, said = call(run, monkeypatch, capfd)
+    assert code == 2 and "--json new.mcap: is a log" in said
+    assert Path("new.mcap").read_bytes().startswith(b"\x89MCAP")
+
+
+def test_a_station_that_is_to_be_too_fast_is_refused_before_the_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    code, said = call(("sitl", "--lockstep", "--drift", "2@0", "--no-picture"), monkeypatch, capfd)
+    assert code == 2 and "supervisor.station.speed_mps: 2 m/s" in said and not list(tmp_path.iterdir())

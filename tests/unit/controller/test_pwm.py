@@ -70,6 +70,17 @@ def test_thrust_is_reduced_at_once_and_increased_at_the_slew_rate() -> None:
     assert limiter.neutral() == (1500, 1500)
 
 
+@pytest.mark.parametrize("slew_us_per_s", [4.0, 10.0, 30.0, 37.7, 1000.0])
+def test_the_slew_rate_is_that_of_the_config_over_many_ticks(slew_us_per_s: float) -> None:
+    """At 20 ticks a second a whole microsecond in each would be 20 us/s at the least."""
+    limiter = PulseLimiter(PwmConfig(slew_us_per_s=slew_us_per_s))
+    limiter.step(0, (1.0, 1.0))
+    seconds = min(20, int(300 / slew_us_per_s) or 1) if slew_us_per_s < 1000 else 0.3
+    for tick in range(1, round(20 * seconds) + 1):
+        pulses = limiter.step(tick * 50 * MS, (1.0, 1.0))
+    assert pulses[0] - 1501 == pytest.approx(slew_us_per_s * seconds, abs=1.0) and pulses[0] < 1900
+
+
 @pytest.mark.parametrize(
     ("pulse", "command"),
     [
@@ -158,11 +169,12 @@ def test_a_motor_pauses_at_neutral_before_it_turns_the_other_way() -> None:
 
 @pytest.mark.parametrize("pause_s", [0.3, 5.0])
 def test_the_pause_is_as_long_as_the_config_says_to_the_nanosecond(pause_s: float) -> None:
-    limiter = PulseLimiter(PwmConfig(reversal_pause_s=pause_s))
-    limiter.step(0, (0.2, 0.0))
-    limiter.step(50 * MS, (0.2, 0.0))
     over_ns = 100 * MS + round(pause_s * 1000 * MS)
-    assert [limiter.step(t_ns, (-0.2, 0.0))[0] for t_ns in (100 * MS, over_ns - 1, over_ns)] == [1500, 1500, 1499]
+    for t_ns, still in ((over_ns - 1, True), (over_ns, False)):
+        limiter = PulseLimiter(PwmConfig(reversal_pause_s=pause_s))
+        for before_ns, command in ((0, 0.2), (50 * MS, 0.2), (100 * MS, -0.2)):
+            limiter.step(before_ns, (command, 0.0))
+        assert (limiter.step(t_ns, (-0.2, 0.0))[0] == 1500) is still
 
 
 def test_a_release_does_not_shorten_the_pause_and_the_first_turn_needs_none() -> None:

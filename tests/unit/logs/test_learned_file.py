@@ -79,7 +79,13 @@ def test_where_it_cannot_be_written(tmp_path: Path) -> None:
         ({"format": 2}, "not a file of what was learned on station, format 1"),
         ({"factors": {"port": 1.0}}, "damaged: factors must have port, starboard, surge, sway, yaw"),
         ({"std": {"port": 0.1, "starboard": -0.1, "surge": 0, "sway": 0, "yaw": 0}}, "damaged: std.starboard is -0.1"),
-        ({"learned_s": "long"}, "damaged: learned_s is 'long', a number from 0 to inf is needed"),
+        ({"learned_s": "long"}, "damaged: learned_s is 'long', a number from 0 to 1e.09 is needed"),
+        ({"learned_s": 10**400}, "damaged: learned_s is 1000"),
+        ({"ended": "now\nasvhil: all well"}, r"damaged: ended is 'now\\nasvhil: all well', a date is needed"),
+        (
+            {"factors": {"port": 0.25, "starboard": 1, "surge": 1, "sway": 1, "yaw": 1}},
+            "factors.port is 0.25, a number from 0.5 to 1.5 is needed",
+        ),
     ],
 )  # fmt: skip
 def test_a_file_that_is_not_of_this_boat_is_refused_in_one_line(
@@ -145,3 +151,28 @@ def test_the_status_has_the_factors_and_why_nothing_is_learned() -> None:
     console.print(render({**status, "station": None}, "boat"))
     assert "thrust, yaw answers by 105 %; frozen: rough water" in console.export_text()
     assert status_of(outputs(None), {}, EPOCH_NS, 0)["learned"] is None
+
+
+def test_a_file_nested_without_end_and_a_name_too_long_are_told(tmp_path: Path) -> None:
+    config = config_in(tmp_path)
+    path = kept(config)
+    assert path is not None
+    path.write_text("[" * 200_000)
+    offered = offer(config)
+    assert offered is not None and not offered.usable and "damaged: not JSON" in offered.text
+    offered = offer(load_config("sitl", (f"learning.file={'x' * 300}",)))
+    assert offered is not None and not offered.usable and "learning.file" in offered.text
+
+
+@pytest.mark.parametrize(
+    ("keys", "error"),
+    [
+        (("least=1.4", "most=0.6"), "least < most must hold"),
+        (("start=[0.4,1,1,1,1]",), "each of start must lie within least and most, 0.5 to 1.5"),
+        (("prior_std=1e200",), "learning.prior_std"),
+        (("walk=1e160",), "learning.walk"),
+    ],
+)
+def test_bounds_that_mean_nothing_are_refused(keys: tuple[str, ...], error: str) -> None:
+    with pytest.raises(ConfigError, match=error):
+        load_config("sitl", tuple(f"learning.{key}" for key in keys))

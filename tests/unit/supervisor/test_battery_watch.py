@@ -90,3 +90,30 @@ def test_what_the_autopilot_says_is_wrong_ends_a_hold_where_the_config_says_so()
     assert fault is not None and fault.reason is Reason.BATTERY_COMPLAINT
     (note,) = battery.watch.notes
     assert note.text == "the autopilot says: battery 2 not healthy" and not note.ok
+
+
+def test_what_is_told_keeps_up_with_what_is_read() -> None:
+    battery = Battery()
+    battery.run(6.0, replace(FULL, battery_percent=19.0))
+
+    def told() -> str:
+        (note,) = battery.watch.notes
+        return note.text
+
+    texts = set()
+    for tenth in range(1200):
+        battery.run(0.1, replace(FULL, battery_percent=19.0 - 0.01 * tenth))
+        texts.add(told())
+    assert 2 <= len(texts) <= 4 and "7 %" in told()
+    battery.run(0.1, replace(FULL, battery_percent=3.0, battery_complaint="battery 1 failed (fire)"))
+    assert told() == "the autopilot says: battery 1 failed (fire)"
+
+
+def test_a_charge_that_is_not_told_any_more_is_not_well() -> None:
+    battery = Battery(on_low="release")
+    battery.run(6.0, EMPTY)
+    assert battery.run(60.0, replace(EMPTY, battery_percent=None)) and battery.watch.fault is not None
+    assert battery.run(60.0, None)
+    assert not battery.run(5.2, FULL)
+    battery.run(6.0, replace(status(), battery_complaint="battery 1 critical"))
+    assert not battery.run(5.2, status()), "what the autopilot said, it says no more"

@@ -90,10 +90,11 @@ def test_there_is_none_without_a_station_or_a_valid_estimate_and_a_short_gap_doe
 def test_another_station_begins_anew_and_one_that_turns_with_the_weather_does_not() -> None:
     held = Held()
     held.wait(5.0, estimate())
-    window = held.wait(0.05, estimate(), Station(n_m=100.0, e_m=50.0, psi_rad=math.pi - 0.1))
-    assert window is not None and window.open_s == pytest.approx(5.0)
-    window = held.wait(0.05, estimate(), Station(n_m=101.0, e_m=50.0, psi_rad=math.pi))
-    assert window is not None and window.open_s == 0.0
+    weather, asked, moved = ((100.0, 0.01), (100.0, 0.1), (101.0, 0.1))
+    for (n_m, turned_rad), open_s in ((weather, 5.0), (asked, 0.0), (moved, 0.0)):
+        window = held.wait(0.05, estimate(), Station(n_m=n_m, e_m=50.0, psi_rad=math.pi - turned_rad))
+        assert window is not None and window.open_s == pytest.approx(open_s)
+        held.wait(1.0, estimate(), Station(n_m=n_m, e_m=50.0, psi_rad=math.pi - turned_rad))
 
 
 def test_rices_rate_is_that_of_the_crossings() -> None:

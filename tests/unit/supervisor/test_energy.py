@@ -134,7 +134,7 @@ def test_while_others_drive_the_motors_are_what_the_autopilot_reports() -> None:
 
 def batteries(number: int, used_wh: float | None = None) -> FrontseatStatus:
     """SYS_STATUS of the first battery, 60 W, and the batteries together, 150 W."""
-    told = BatterySum(t_ns=0, number=number, power_w=150.0, lowest_percent=None, used_wh=used_wh)
+    told = BatterySum(t_ns=0, number=number, power_w=150.0, used_wh=used_wh)
     return replace(status(), battery_v=15.0, battery_a=4.0, batteries=told)
 
 

@@ -141,8 +141,11 @@ def test_it_turns_the_short_way_across_south() -> None:
 def test_without_weather_the_heading_stays_and_is_taken_up_later() -> None:
     held = Held(25.0)
     assert held.wait(60.0, None) == pytest.approx(25.0)
-    assert held.wait(0.0, 100.0) == pytest.approx(100.0)  # the first that is known
-    assert held.wait(60.0, None) == pytest.approx(100.0)
+    assert held.wait(12.0, 100.0) == pytest.approx(31.0, abs=0.1)  # the first that is known, at 30 degrees a minute
+    assert held.wait(60.0, None) == pytest.approx(31.0, abs=0.1)
+    held = Held(25.0)
+    assert held.wait(1.0, None) == pytest.approx(25.0)
+    assert held.wait(0.0, 100.0) == pytest.approx(100.0)  # while all is still becoming known
 
 
 def test_a_moved_station_takes_the_heading_of_the_weather_at_once() -> None:

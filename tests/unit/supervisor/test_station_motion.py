@@ -165,6 +165,12 @@ def test_a_leader_is_followed_with_its_velocity_and_only_the_one_that_was_named(
     assert bench.note == "0.3 m/s toward 90, after system 42"
 
 
+def test_a_system_without_a_number_is_nobodys_leader() -> None:
+    bench = Moving()
+    bench.leader(HERE[0] + 3.0, HERE[1], 0.5, 0.0, system_id=0)
+    assert not bench.wait(2.0).moves and bench.note is None
+
+
 def test_the_offset_may_turn_with_the_course() -> None:
     bench = Moving(moving={"offset_m": (-2.0, 1.0), "offset_frame": "course"})
     bench.course(leader=42)
@@ -181,7 +187,7 @@ def test_a_leader_that_falls_silent_or_is_found_elsewhere() -> None:
     assert not station.moves and place(station)[0] == pytest.approx(0.4 * 7.0, abs=0.1)
     assert bench.note == "system 42 is silent: it stays"
     bench.leader(HERE[0] + 12.0, HERE[1], 0.4, 0.0)
-    assert bench.wait(1.0) == station and "m from where its last message had it" in (bench.note or "")
+    assert bench.wait(1.0) == station and "m from where the last message" in (bench.note or "")
     bench.course(leader=42)
     bench.leader(HERE[0] + 12.0, HERE[1], 0.4, 0.0)
     assert bench.wait(1.0).moves, "following it was asked for again"

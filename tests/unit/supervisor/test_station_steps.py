@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from asvhil.config import MovingConfig
@@ -135,7 +136,11 @@ def test_where_it_may_not_go_it_stays_for_good_and_says_so(direction: tuple[floa
     assert before.moves
     rests = replace(before, vn_mps=0.0, ve_mps=0.0)
     assert steps.step(outside=OUTSIDE) == rests == steps.step()
-    assert steps.note is not None and steps.note.text.startswith("stays: ") and not steps.note.ok
+    assert (
+        steps.note is not None
+        and steps.note.text.startswith("stays, until it is given a speed again: ")
+        and not steps.note.ok
+    )
 
 
 # --- after a leader -------------------------------------------------------------------------------------------------
@@ -161,8 +166,8 @@ def test_neither_a_step_nor_its_velocity_is_faster_than_the_most() -> None:
     steps = Steps()
     steps.report((-3.0, 4.0), (1.2, -1.6))  # it comes toward the station, faster than that may be, and will be past it
     steps.step(0.5)
-    assert math.hypot(*steps.off_m) < 0.4
-    assert (steps.at.vn_mps, steps.at.ve_mps) == pytest.approx((0.48, -0.64))
+    assert math.hypot(*steps.off_m) < 0.4 + 1e-9
+    assert (steps.at.vn_mps, steps.at.ve_mps) == pytest.approx((2.0 * steps.off_m[0], 2.0 * steps.off_m[1]))
 
 
 @pytest.mark.parametrize("direction", DIRECTIONS)
@@ -212,8 +217,93 @@ def test_a_set_point_ends_following_and_leader_0_is_none() -> None:
 def test_the_offset_is_from_the_leader_north_and_east_or_ahead_and_to_starboard(
     frame: str, velocity: tuple[float, float], place: tuple[float, float]
 ) -> None:
-    motion = Steps(offset_m=(2.0, -3.0), offset_frame=frame).motion
-    assert motion.place_of(10.0, 20.0, velocity) == pytest.approx((10.0 + place[0], 20.0 + place[1]))
+    steps = Steps(offset_m=(2.0, -3.0), offset_frame=frame)
+    steps.course(leader=42)
+    for tenth in range(200):
+        steps.report(of(velocity, 0.1 * tenth), velocity)
+        steps.step(0.1)
+    assert steps.off_m == pytest.approx((place[0] + 20.0 * velocity[0], place[1] + 20.0 * velocity[1]), abs=0.1)
+
+
+def test_a_leader_that_turns_round_has_not_jumped_and_its_station_swings_over() -> None:
+    steps = Steps(offset_m=(-4.0, 0.0), offset_frame="course")
+    steps.course(leader=42)
+    n_m = 0.0
+    for second in range(60):
+        vn = 0.3 if second < 15 else -0.3
+        assert steps.report((n_m, 0.0), (vn, 0.0)) is None
+        for _ in range(10):
+            before = steps.at
+            steps.step(0.1)
+            assert math.dist((before.n_m, before.e_m), (steps.at.n_m, steps.at.e_m)) <= 0.08 + 1e-9
+        n_m += vn
+    assert steps.off_m == pytest.approx((n_m + 4.0, 0.0), abs=0.3)
+
+
+def test_the_noise_of_a_leader_at_rest_is_no_course() -> None:
+    steps = Steps(offset_m=(-3.0, 0.0), offset_frame="course")
+    steps.course(leader=42)
+    noise = np.random.default_rng(5).normal(0.0, 0.07, (1200, 2))
+    places = []
+    for vn, ve in noise:
+        assert steps.report((0.0, 0.0), (float(vn), float(ve))) is None
+        steps.step(0.1)
+        places.append(steps.off_m)
+    assert np.ptp(places[300:], axis=0).max() < 0.4
+
+
+def test_one_message_with_a_wrong_velocity_does_not_lose_the_leader() -> None:
+    steps = Steps()
+    steps.course(leader=42)
+    for second, wrong in enumerate((0.2, 60.0, 1e38, 0.2, 0.2)):
+        assert steps.report((0.2 * second, 0.0), (wrong, 0.0)) is None
+        steps.step(1.0)
+    assert steps.off_m == pytest.approx((1.0, 0.0), abs=0.6) and steps.note is not None and steps.note.ok
+
+
+def test_a_leader_has_no_course_of_the_one_before() -> None:
+    steps = Steps(offset_m=(2.0, 0.0), offset_frame="course")
+    steps.course(leader=42)
+    steps.report((0.0, 0.0), (0.0, 0.5))
+    steps.course(leader=43)
+    for _ in range(100):
+        steps.report((0.0, 0.0))
+        steps.step(0.1)
+    assert steps.off_m == pytest.approx((2.0, 0.0), abs=0.1)
+
+
+def test_no_leader_after_no_leader_leaves_a_course_alone() -> None:
+    steps = Steps()
+    steps.course(speed_mps=0.3)
+    assert steps.course(leader=0) is None
+    assert steps.step(1.0).vn_mps == pytest.approx(0.3)
+
+
+def test_a_refused_leader_is_told_once_in_ten_seconds_and_then_that_it_is_silent() -> None:
+    steps = Steps()
+    steps.course(leader=42)
+    texts = []
+    for tenth in range(300):
+        away = {"n_m": 1000.0 + 0.5 * tenth, "e_m": 0.0, "vn_mps": 0.0, "ve_mps": 0.0}
+        far = explain(Reason.STATION_UNCONFIRMED, metres=away["n_m"], most=100.0)
+        refusal = steps.motion.report(LeaderReport(t_ns=steps.t_ns, **away), lambda _, far=far: far)
+        assert refusal is far
+        steps.motion.refuse(steps.t_ns, refusal)
+        steps.step(0.1)
+        assert steps.note is not None
+        texts.append(steps.note.text)
+    assert len(set(texts)) == 3 and "not followed: station is 1000 m away" in texts[0]
+    for _ in range(SILENCE_S + 1):
+        steps.step(1.0)
+    assert steps.note == trouble("system 42 is silent: it stays")
+
+
+def test_set_points_that_end_are_told_as_such() -> None:
+    steps = Steps()
+    steps.report((0.0, 0.0), (0.3, 0.0))
+    for _ in range(SILENCE_S + 2):
+        steps.step(1.0)
+    assert steps.note == trouble("the set-points are silent: it stays")
 
 
 # --- what is told ---------------------------------------------------------------------------------------------------

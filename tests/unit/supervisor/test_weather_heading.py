@@ -29,14 +29,28 @@ def heading(decision: Decision) -> float:
     return decision.station.psi_rad
 
 
-def test_a_station_that_is_taken_up_or_moved_has_the_weathers_heading_at_once_and_keeps_it_in_the_dead_band() -> None:
+def test_a_station_that_is_taken_up_or_turned_has_the_weathers_heading_at_once_and_keeps_it_in_the_dead_band() -> None:
     at = bench("bow", 1.0)
     assert at.hold() is None
     assert heading(at.step()) == pytest.approx(1.0) == heading(at.step(LONG_MS))
     at.bow_rad = 1.1
     assert heading(at.step(LONG_MS)) == pytest.approx(1.0)
     assert at.move(n_m=5.0) is None
+    assert heading(at.step()) == pytest.approx(1.0), "elsewhere the weather is the same"
+    assert at.move(psi_rad=2.0) is None
     assert heading(at.step()) == pytest.approx(1.1)
+
+
+def test_nudges_of_the_station_do_not_hurry_its_turn() -> None:
+    at = bench("bow", 1.0)
+    assert at.hold() is None
+    assert heading(at.step(LONG_MS)) == pytest.approx(1.0)
+    at.bow_rad = 1.7
+    place_m = 5.0
+    for _ in range(20):
+        place_m += 0.001
+        assert at.move(n_m=place_m) is None
+        assert heading(at.step()) < 1.2
 
 
 def test_another_policy_is_granted_in_every_phase_and_told() -> None:
