@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from asvhil.commands.outputs import check_writable
 from asvhil.commands.study_command import (
     RUNS,
     ConfirmOption,
@@ -50,6 +51,8 @@ def campaign(
     settings, path, lines = read_spec(spec)
     check_parts()
     check(settings, path, lines)
+    if output.is_dir():
+        check_writable(output / f"{path.stem}.parquet")
     stem = path.stem
     rows: list[Row] = []
 

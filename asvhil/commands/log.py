@@ -96,8 +96,10 @@ def export(
 
     console = Console()
     with _reading(console, log) as on_bytes:
-        count = export_log(log, output, on_bytes)
+        count, damage = export_log(log, output, on_bytes)
     say(console, f"{output}: {count} {'frames' if output.suffix.lower() == '.tlog' else 'ticks'}")
+    if damage is not None:
+        say(console, f"{damage}; what is before that is exported")
 
 
 @contextmanager

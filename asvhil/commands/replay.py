@@ -84,7 +84,7 @@ def replay(
         result = replay_log(log, lambda ticks: bar.update(task, completed=ticks) if ticks % 50 == 0 else None)
     write_json(json_, _figures(result))
     speed = f"{result.span_s:.1f} s in {result.wall_s:.2f} s, {result.span_s / result.wall_s:.0f} times real time"
-    tail = ", the log's end is cut off" if result.truncated else ""
+    tail = f", up to where the log is not whole: {result.damage}" if result.truncated else ""
     if result.mismatch is None:
         say(console, f"{log}: {result.compared} ticks bit-exact ({speed}){tail}")
         return

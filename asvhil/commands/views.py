@@ -193,6 +193,8 @@ def title_of(figures: dict[str, Any]) -> str:
     if figures["simulated"]:
         wind = figures["wind"]["configured"]
         parts.append(f"wind {wind['speed_mps']:g} m/s toward {wind['toward_deg']:g} deg, seed {figures['seed']}")
+    if figures["damage"] is not None:
+        parts.append("log not whole")
     return ", ".join(parts)
 
 
@@ -201,6 +203,10 @@ def print_summary(console: Any, figures: dict[str, Any]) -> None:
 
     from asvhil.daemon.status import counts_text, shares_text, sources_text
 
+    if figures["damage"] is not None:
+        say(console, f"{figures['damage']}; what is before that is reported")
+    if not figures["holds"]:
+        say(console, f"no station was held in these {figures['duration_s']:.1f} s")
     table = Table(title=f"from {figures['settled_from_s']:.0f} s on", title_justify="left")
     for heading in ("", "mean", "std", "max"):
         table.add_column(heading, justify="left" if not heading else "right")

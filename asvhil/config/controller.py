@@ -86,10 +86,14 @@ class MpcConfig(Section):
 
     stages: int = Field(default=20, ge=2, le=200, description="Number of stages of the horizon, one input pair each.")
     first_step_s: Positive = Field(
-        default=0.2, description="Length of the first stage; a learned model must have been trained with this step."
+        default=0.2,
+        le=10.0,
+        description="Length of the first stage; a learned model must have been trained with this step.",
     )
     last_step_s: Positive = Field(
-        default=0.9, description="Length of the last stage; stages in between grow linearly (horizon by default: 11 s)."
+        default=0.9,
+        le=60.0,
+        description="Length of the last stage; stages in between grow linearly (horizon by default: 11 s).",
     )
     near: MpcWeights = Field(
         default=MpcWeights(heading=350.0, velocity=0.0, terminal_position_s=140.0),

@@ -192,7 +192,7 @@ def override_value(override: str, option: str = "--set") -> tuple[str, Any]:
     """KEY=VALUE as the key and the value, which is YAML. ConfigError, with the option's name, for something else."""
     key, sign, text = (part.strip() for part in override.partition("="))
     if not sign or not all(key.split(".")):
-        raise ConfigError(f"{option} {override}: KEY=VALUE is expected, such as plant.seed=2")
+        raise ConfigError(f"{option} {override}: KEY=VALUE is expected, such as controller.name=loiter")
     return key, parse_yaml(text, f"{option} {override}").tree
 
 

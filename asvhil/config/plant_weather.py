@@ -13,14 +13,14 @@ class WindSpreadConfig(Section):
     The speed is lognormal, the direction normal; each follows an Ornstein-Uhlenbeck process with `gust_time_s`.
     """
 
-    speed_mps: NonNegative = Field(default=0.0, description="Standard deviation of the speed.")
+    speed_mps: NonNegative = Field(default=0.0, le=100.0, description="Standard deviation of the speed.")
     toward_deg: NonNegative = Field(default=0.0, description="Circular standard deviation of the direction.")
 
 
 class WindConfig(Section):
     """Mean true wind and its gusts: two-component Ornstein-Uhlenbeck, fractions of the mean speed."""
 
-    speed_mps: NonNegative = Field(default=3.0, description="Mean speed of the wind over ground.")
+    speed_mps: NonNegative = Field(default=3.0, le=100.0, description="Mean speed of the wind over ground.")
     toward_deg: Degrees = Field(
         default=0.0, description="Direction that the wind blows toward, clockwise from north (not where it comes from)."
     )
@@ -39,7 +39,7 @@ class WindConfig(Section):
 class CurrentConfig(Section):
     """A current that is the same everywhere and at all times."""
 
-    speed_mps: NonNegative = Field(default=0.0, description="Speed of the water over ground.")
+    speed_mps: NonNegative = Field(default=0.0, le=20.0, description="Speed of the water over ground.")
     toward_deg: Degrees = Field(default=0.0, description="Direction that it sets toward, clockwise from north.")
 
 

@@ -70,8 +70,8 @@ COLUMNS: dict[str, type] = {
 }
 
 
-def export_log(source: Path, target: Path, on_bytes: Progress = lambda done: None) -> int:
-    """Write a log in the format that the target's ending names: how many frames or rows.
+def export_log(source: Path, target: Path, on_bytes: Progress = lambda done: None) -> tuple[int, str | None]:
+    """Write a log in the format that the target's ending names: how many frames or rows, and what the log lacks.
 
     A file that exists is not overwritten. LogError where the log is damaged, for which `recover` is the remedy;
     AsvhilError for an unknown ending, or where the file cannot be written. Nothing is left of a failed export.
@@ -85,9 +85,10 @@ def export_log(source: Path, target: Path, on_bytes: Progress = lambda done: Non
     try:
         with whole_file(target) as part:
             if kind == ".tlog":
-                return _write_tlog(log, part, on_bytes)
+                return _write_tlog(log, part, on_bytes), log.damage
             rows = _rows(log, on_bytes)
-            return _write_csv(rows, part) if kind == ".csv" else _write_parquet(rows, part)
+            count = _write_csv(rows, part) if kind == ".csv" else _write_parquet(rows, part)
+            return count, log.damage
     except OSError as error:
         raise AsvhilError(f"{target}: cannot be written ({error.strerror or error})") from None
 

@@ -118,7 +118,7 @@ def replay_with_faults(
     judged_to_s: float | None = None
     start_ns: int | None = None
     off_m, apart_us, ticks, t_s = 0.0, 0, 0, 0.0
-    for inputs, data in log.ticks():
+    for inputs, data in log.ticks(up_to_gap=True):
         if data is None:
             break
         start_ns = inputs.t_ns if start_ns is None else start_ns

@@ -88,7 +88,7 @@ def follow(log: LogFile, config: Config, model_file: Path | None, on_tick: Calla
     beyond: Difference | None = None
     largest: Difference | None = None
     ticks = compared = differing = last_ns = 0
-    for tick, (inputs, data) in enumerate(log.ticks()):
+    for tick, (inputs, data) in enumerate(log.ticks(up_to_gap=True)):
         recorded = None if data is None else decode_outputs(data, log.path)
         controller.begin_tick(None if recorded is None else recorded.control)
         outputs = backseat.step(inputs)

@@ -89,10 +89,13 @@ class LogFile:
                 return f"{path}: is a log of another run" if last.goes_on_in else None
             self._files.append(file)
 
-    def ticks(self, on_timing: Callable[[Timing], None] = lambda timing: None) -> Iterator[tuple[Inputs, bytes | None]]:
+    def ticks(
+        self, on_timing: Callable[[Timing], None] = lambda timing: None, *, up_to_gap: bool = False
+    ) -> Iterator[tuple[Inputs, bytes | None]]:
         """Inputs of each tick with the bytes of its recorded outputs; None where the log ends between the two.
 
-        What a step took is recorded after its tick, and told meanwhile.
+        What a step took is recorded after its tick, and told meanwhile. Ticks that are missing in the middle end it,
+        with a LogError or, `up_to_gap`, as a log that ends there: then `damage` says so.
         """
         frames: list[Frame] = []
         inputs: Inputs | None = None
@@ -105,8 +108,12 @@ class LogFile:
                     yield inputs, None
                 tick += 1
                 if message.sequence != tick:
-                    missing = f"ticks {tick} to {message.sequence - 1} were not recorded (the disk stalled)"
-                    raise self._error(missing, chunk_at)
+                    why = "the disk stalled, or they were damaged and the log was recovered"
+                    gap = self._error(f"ticks {tick} to {message.sequence - 1} are missing ({why})", chunk_at)
+                    if up_to_gap and tick > self.first_tick:
+                        self.truncated, self.damage = True, str(gap)
+                        return
+                    raise gap
                 marker = self._decode(_marker, message.data, INPUTS_TOPIC, chunk_at)
                 first = len(frames) - marker.frames
                 if first < 0:

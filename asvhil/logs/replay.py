@@ -43,6 +43,7 @@ class ReplayResult:
     compared: int
     mismatch: Mismatch | None
     truncated: bool
+    damage: str | None  # what the log lacks, in words
     span_s: float
     wall_s: float
     changed_packages: tuple[str, ...]
@@ -123,7 +124,7 @@ def replay(path: Path, on_tick: Callable[[int], None] | None = None) -> ReplayRe
     first_ns = last_ns = None
     mismatch = None
     start_s = time.perf_counter()
-    for tick, (inputs, recorded) in enumerate(log.ticks()):
+    for tick, (inputs, recorded) in enumerate(log.ticks(up_to_gap=True)):
         first_ns = inputs.t_ns if first_ns is None else first_ns
         last_ns = inputs.t_ns
         replayed = encode_outputs(backseat.step(inputs))
@@ -149,6 +150,7 @@ def replay(path: Path, on_tick: Callable[[int], None] | None = None) -> ReplayRe
         compared=compared,
         mismatch=mismatch,
         truncated=log.truncated,
+        damage=log.damage,
         span_s=span_s,
         wall_s=time.perf_counter() - start_s,
         changed_packages=tuple(changed_packages(log)),

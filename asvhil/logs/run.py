@@ -36,6 +36,7 @@ from asvhil.types import (
     Position,
     Station,
     YawRate,
+    changed,
     record,
 )
 
@@ -102,6 +103,7 @@ class RunLog:
     dropped: dict[str, dict[str, int]]  # by sensor link and cause
     notes: dict[str, str]
     learned: Learned | None = None  # at the end
+    damage: str | None = None  # what is wrong with the log, where it is not whole: the data end there
 
 
 def read_run(path: Path, plan_every_s: float = 10.0) -> RunLog:
@@ -109,11 +111,11 @@ def read_run(path: Path, plan_every_s: float = 10.0) -> RunLog:
     log = LogFile(path)
     config = config_of(log, path, known_only=True)
     reader = RunReader(config, _decoder(log, path, config), plan_every_s)
-    for inputs, recorded in log.ticks(reader.timing.append):
+    for inputs, recorded in log.ticks(reader.timing.append, up_to_gap=True):
         reader.tick(inputs, None if recorded is None else decode_outputs(recorded, path))
     if not reader.ticks:
         raise LogError(f"{path}: holds no tick with outputs")
-    return reader.run(log.metadata)
+    return changed(reader.run(log.metadata), damage=log.damage)
 
 
 class RunReader:

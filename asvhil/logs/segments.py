@@ -23,6 +23,7 @@ def first_in(path: Path) -> Path:
     firsts = sorted(name for name in names if not ((of := _FOLLOWS.fullmatch(name)) and of[1] in names))
     if len(firsts) != 1:
         found = ", ".join(f"{name}.mcap" for name in firsts[:5])
+        found += f" and {len(firsts) - 5} more" if len(firsts) > 5 else ""
         what = f"several logs: {found}; name one" if firsts else "no log (.mcap)"
         raise LogError(f"{path}: a folder with {what}")
     return path / f"{firsts[0]}.mcap"

@@ -40,6 +40,7 @@ def summarise(run: RunLog, wall_s: float | None = None) -> dict[str, Any]:
         "vehicle": run.config.vehicle.name,
         "controller": run.config.controller.name,
         "mode": mode_of(run),
+        "damage": run.damage,
         "simulated": simulated,
         "started": started(run),
         "seed": run.config.plant.seed if simulated else None,

@@ -68,7 +68,7 @@ def replay_what_if(path: Path, overrides: Sequence[str], on_tick: Callable[[int]
     wanted: list[tuple[float, ...]] = []
     judged_to_s: float | None = None
     start_ns: int | None = None
-    for inputs, data in log.ticks():
+    for inputs, data in log.ticks(up_to_gap=True):
         if data is None:
             break
         start_ns = inputs.t_ns if start_ns is None else start_ns

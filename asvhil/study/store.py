@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import fcntl
 import json
+import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -49,7 +50,8 @@ class Store:
             row["same"] = run.same
         row |= {"error": run.error} if run.error else {"result": run.result}
         text = json.dumps(row)
-        self._file.write(text + "\n")
+        # So that a figure that was damaged, or edited, is not one of a run.
+        self._file.write(f'{text[:-1]}, "crc": {zlib.crc32(text.encode())}}}\n')
         self._file.flush()
         self.runs[key] = _run_of(json.loads(text))
         return self.runs[key]
@@ -63,6 +65,8 @@ def opened(path: Path) -> Iterator[Store]:
     """
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
+        if path.exists() and not path.is_file():
+            raise AsvhilError(f"{path}: is no regular file, and so no store of runs; give another -o")
         file = path.open("a+", encoding="utf-8")
     except OSError as error:
         raise AsvhilError(f"{path}: cannot be written ({error.strerror})") from None
@@ -99,6 +103,9 @@ def _parsed(path: Path, text: str) -> dict[str, StoredRun]:
     for number, line in enumerate(text.splitlines(), 1):
         try:
             row = json.loads(line)
+            body, mark, crc = line.rpartition(', "crc": ')
+            if mark and int(crc.removesuffix("}")) != zlib.crc32(f"{body}}}".encode()):
+                raise ValueError("its sum does not fit")
             runs[row["key"]] = _run_of(row)
         except (ValueError, KeyError, TypeError, AttributeError):
             raise AsvhilError(f"{path}: line {number} is not a stored run; delete it, or the file") from None
@@ -108,6 +115,8 @@ def _parsed(path: Path, text: str) -> dict[str, StoredRun]:
 def _run_of(row: dict[str, Any]) -> StoredRun:
     error = str(row.get("error", ""))
     result = {} if error else row["result"]
+    if not isinstance(result, dict):
+        raise TypeError("a result is an object")
     return StoredRun(
         code=row["code"],
         wall_s=float(row["wall_s"]),

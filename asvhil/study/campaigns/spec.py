@@ -28,6 +28,8 @@ ScoreName = Literal[
     "saturated_share",
     "change_per_s",
 ]
+MOST_POINTS = 10_000_000
+LONGEST_S = 86_400.0  # of a run
 CONFIG = "config"  # a parameter of this name chooses the config
 
 
@@ -39,13 +41,17 @@ class ParameterSpec(Section):
     )
     low: float | None = Field(default=None, description="Lower end of a range.")
     high: float | None = Field(default=None, description="Upper end of a range.")
-    steps: int | None = Field(default=None, ge=2, description="Values of a range in a grid, both ends among them.")
+    steps: int | None = Field(
+        default=None, ge=2, le=10_000, description="Values of a range in a grid, both ends among them."
+    )
     scale: Literal["linear", "log"] = Field(default="linear", description="Scale on which a range is even.")
     factor: bool = Field(default=False, description="Whether the values multiply that of the config.")
 
     @model_validator(mode="before")
     @classmethod
     def _list_is_values(cls, data: Any) -> Any:
+        if not isinstance(data, list | dict):
+            raise ValueError("a list of values, as [3, 5], or a range, as {low: 3, high: 5}, is expected")
         return {"values": data} if isinstance(data, list) else data
 
     @model_validator(mode="after")
@@ -101,6 +107,12 @@ class ParameterSpec(Section):
         steps = self.steps or 2
         return [self.at(i / (steps - 1)) for i in range(steps)]
 
+    @property
+    def count(self) -> int:
+        """How many values a grid has of it."""
+        labels = self.labels
+        return (self.steps or 2) if labels is None else len(labels)
+
     def ends(self) -> list[Any]:
         """Values that show whether all can be: each, or both ends of the range."""
         labels = self.labels
@@ -113,7 +125,7 @@ class DesignSpec(Section):
     kind: Literal["grid", "lhs", "sobol"] = Field(
         description="grid: all combinations; lhs: Latin hypercube; sobol: scrambled Sobol sequence."
     )
-    points: int | None = Field(default=None, ge=1, le=10_000_000, description="Points of lhs and sobol.")
+    points: int | None = Field(default=None, ge=1, le=MOST_POINTS, description="Points of lhs and sobol.")
     seed: int = Field(default=1, ge=0, description="Seed of the points.")
 
     @model_validator(mode="after")
@@ -153,7 +165,12 @@ class CampaignSpec(Section):
     @model_validator(mode="after")
     def _check(self) -> CampaignSpec:
         if not 0.0 <= self.window_s[0] < self.window_s[1]:
-            raise ValueError("window_s needs two rising times")
+            raise ValueError("window_s needs two rising times, begin and end in s")
+        if self.window_s[1] > LONGEST_S:
+            raise ValueError(f"window_s must end within a day, {LONGEST_S:g} s")
+        levels = math.prod(p.count for p in self.parameters.values()) if self.design.kind == "grid" else 0
+        if levels > MOST_POINTS:
+            raise ValueError(f"the grid has {levels} points, {MOST_POINTS} at most: fewer values, or lhs or sobol")
         return self
 
 

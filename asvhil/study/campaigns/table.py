@@ -39,7 +39,9 @@ def row_of(run: PlannedRun, result: Mapping[str, Any], error: str) -> Row:
     for name, path in FIGURES.items():
         value: Any = result
         for part in path:
-            value = None if value is None else value.get(part)
+            value = value.get(part) if isinstance(value, Mapping) else value
+        if not isinstance(value, int | float | None):
+            raise AsvhilError(f"run {run.number}: {name} of its stored result is no number; delete it from the store")
         figures[name] = value
     return {
         "run": run.number,

@@ -1,5 +1,7 @@
 """Damaged, foreign and empty files at the command line: done, or one line and status 2, never a traceback."""
 
+import contextlib
+import json
 import random
 import shutil
 import sys
@@ -148,3 +150,22 @@ def test_a_station_that_is_to_be_too_fast_is_refused_before_the_run(
     monkeypatch.chdir(tmp_path)
     code, said = call(("sitl", "--lockstep", "--drift", "2@0", "--no-picture"), monkeypatch, capfd)
     assert code == 2 and "supervisor.station.speed_mps: 2 m/s" in said and not list(tmp_path.iterdir())
+
+
+def test_a_log_that_is_not_whole_is_reported_exported_and_replayed_up_to_there_and_said_so(
+    whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    data = (whole / "log.mcap").read_bytes()
+    Path("cut.mcap").write_bytes(data[: len(data) * 2 // 3])
+    for command in (
+        ("report", "cut.mcap", "--json", "r.json"),
+        ("log", "export", "cut.mcap", "cut.csv"),
+        ("replay", "cut.mcap"),
+    ):
+        monkeypatch.setattr(sys, "argv", ["asvhil", *command])
+        with contextlib.suppress(SystemExit):
+            cli.main()
+        said = capfd.readouterr().out
+        assert "cut.mcap: no end: cut off in the record at byte" in said, (command, said)
+    assert json.loads(Path("r.json").read_text())["damage"].startswith("cut.mcap: no end")

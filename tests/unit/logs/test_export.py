@@ -36,7 +36,8 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_the_telemetry_log_has_every_frame_of_the_autopilots_link(log: Path, tmp_path: Path) -> None:
     target = tmp_path / "run.tlog"
-    count = export_log(log, target)
+    count, damage = export_log(log, target)
+    assert damage is None
     times = [t_us for t_us, _ in read_tlog(target)]
     assert len(times) == count and times == sorted(times)
     sent = {"in": 0, "out": 0}
@@ -69,7 +70,7 @@ def test_tables_have_a_row_for_each_tick(log: Path, tmp_path: Path) -> None:
     outputs = [decode_outputs(data) for _, data in LogFile(log).ticks() if data is not None]
     for ending in (".csv", ".parquet"):
         target = tmp_path / f"run{ending}"
-        assert export_log(log, target) == len(outputs)
+        assert export_log(log, target) == (len(outputs), None)
         rows = table(target)
         assert [list(row) for row in rows[:1]] == [list(COLUMNS)]
         assert [row["unix_ns"] for row in rows] == [tick.t_ns for tick in outputs]
@@ -109,7 +110,8 @@ def test_a_log_without_its_end_is_exported_as_far_as_it_goes(log: Path, tmp_path
     data = log.read_bytes()
     cut = tmp_path / "cut.mcap"
     cut.write_bytes(data[: len(data) // 2])
-    rows = export_log(cut, tmp_path / "cut.csv")
+    rows, damage = export_log(cut, tmp_path / "cut.csv")
+    assert damage is not None and "no end: cut off in the record at byte" in damage
     assert rows == sum(data is not None for _, data in LogFile(cut).ticks()) > 0
 
 

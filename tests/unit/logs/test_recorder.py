@@ -310,7 +310,7 @@ def test_a_stalled_disk_drops_whole_ticks_and_the_reader_says_so(tmp_path: Path)
     recorder.close()
     assert recorder.error is None and recorder.dropped == kept
     read = []
-    with pytest.raises(LogError, match=r"run\.mcap: chunk at byte \d+: ticks \d+ to 50 were not recorded"):
+    with pytest.raises(LogError, match=r"run\.mcap: chunk at byte \d+: ticks \d+ to 50 are missing"):
         for inputs, outputs in LogFile(path).ticks():
             assert outputs is not None
             read.append(inputs)

@@ -95,8 +95,11 @@ def test_damage_in_the_middle_ends_it_or_leaves_a_gap(whole: bytes, tmp_path: Pa
         ticks = ticks_of(all_of_it.path)
         assert ticks[: len(kept)] == kept and ticks[-1] == TICKS - 1 and len(ticks) > len(kept)
         assert all_of_it.left_out == 0
-        with pytest.raises(LogError, match="were not recorded"):
+        with pytest.raises(LogError, match="are missing"):
             list(LogFile(all_of_it.path).ticks())
+        log = LogFile(all_of_it.path)
+        up_to = [inputs.t_ns for inputs, _ in log.ticks(up_to_gap=True)]
+        assert len(up_to) == len(kept) and log.truncated and "are missing" in str(log.damage)
 
 
 @pytest.mark.parametrize("compression", [CompressionType.LZ4, CompressionType.NONE])

@@ -142,7 +142,7 @@ def test_ticks_lost_in_the_middle_end_the_log_there(tmp_path: Path) -> None:
     path = record(tmp_path / "log.mcap")
     old = segment_path(path, 1)
     old.write_bytes(old.read_bytes()[: chunk_spans(old.read_bytes())[-3][1]])
-    with pytest.raises(LogError, match=r"log-002.mcap: chunk at byte .*were not recorded"):
+    with pytest.raises(LogError, match=r"log-002.mcap: chunk at byte .*are missing"):
         list(LogFile(path).ticks())
     assert recover(path, tmp_path / "again.mcap").lost != ()
 

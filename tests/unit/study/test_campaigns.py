@@ -152,7 +152,19 @@ def test_parameters_are_values_or_ranges():
         (f"{GRID}set: {{plant.weather.wind.speed_mps: 3}}", "is set by set too"),
         (f"{GRID}set: {{plant.sead: 3}}", "did you mean seed?"),
         (f"{GRID}window_s: [20, 10]", "window_s needs two rising times"),
+        (f"{GRID}window_s: [10, 1e9]", "window_s must end within a day"),
         (f"{GRID}score: pss", "key score: "),
+        ("design: {kind: grid}\nparameters: {wind_speed: 3}", "a list of values, as [3, 5], or a range"),
+        ("design: {kind: grid}\nparameters: {wind_speed: [1e30]}", "key parameters.wind_speed: plant.weather.wind"),
+        (
+            "design: {kind: grid}\nparameters: {wind_speed: {low: 1, high: 2, steps: 10000000000}}",
+            "key parameters.wind_speed.steps: ",
+        ),
+        (
+            "design: {kind: grid}\nparameters: {wind_speed: {low: 1, high: 2, steps: 10000}, "
+            "wind_toward: {low: 1, high: 2, steps: 10000}}",
+            "the grid has 100000000 points, 10000000 at most",
+        ),
         (
             "design: {kind: grid}\nparameters: {plant.seeed: {low: 1, high: 2, steps: 2, factor: true}}",
             "a factor needs",

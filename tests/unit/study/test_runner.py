@@ -30,6 +30,23 @@ def squares(finished: runner.Finished) -> list[float]:
     return [result["square"] for result in finished.results]
 
 
+@pytest.mark.parametrize(
+    "change", [('"square": 4.0', '"square": 5.0'), ('"square": 4.0', '"square": "x"'), ('"wall_s"', '"wall"')]
+)
+def test_a_stored_run_that_was_edited_or_damaged_is_none(tmp_path, change):
+    store = tmp_path / "store.jsonl"
+    run_jobs(square, jobs(tmp_path, 3), store, workers=0)
+    store.write_text(store.read_text().replace(*change, 1))
+    with pytest.raises(AsvhilError, match=r"store\.jsonl: line \d is not a stored run; delete it"):
+        run_jobs(square, jobs(tmp_path, 3), store, workers=0)
+
+
+def test_a_store_that_is_no_file_is_not_read(tmp_path):
+    (tmp_path / "store.jsonl").symlink_to("/dev/full")
+    with pytest.raises(AsvhilError, match=r"store\.jsonl: is no regular file"):
+        run_jobs(square, jobs(tmp_path, 1), tmp_path / "store.jsonl", workers=0)
+
+
 def test_results_are_in_the_order_of_the_jobs_and_what_is_stored_is_not_run_again(tmp_path):
     store = tmp_path / "store.jsonl"
     seen = []
