@@ -32,9 +32,9 @@ QUICK_BUDGET = 10
 def tune(
     name: Annotated[list[str], typer.Argument(help="A controller, as controller.name; repeatable.")],
     output: OutOption = RUNS,
-    budget: Annotated[int, typer.Option(min=1, help="Candidates, the same for each; whole generations are run.")] = (
-        BUDGET
-    ),
+    budget: Annotated[
+        int, typer.Option(min=1, help="Candidates at the least, the same for each; the last generation is whole.")
+    ] = (BUDGET),
     seed: Annotated[int, typer.Option(min=0, help="Seed of the candidates.")] = 1,
     config: ConfigOption = "sitl",
     workers: WorkersOption = None,

@@ -163,8 +163,8 @@ class _Search:
 
 
 def _generations(budget: int, population: int) -> int:
-    """The start, and as many whole generations as the budget has; at least one where it has more than the start."""
-    return 1 + (0 if budget == 1 else max(1, (budget - 1) // population))
+    """The start, and so many whole generations that the budget is used up."""
+    return 1 + math.ceil((budget - 1) / population)
 
 
 def candidates_of(budget: int, d: int) -> int:

@@ -189,7 +189,7 @@ def test_a_candidate_with_a_run_that_failed_is_never_the_best(tmp_path):
 
 
 def test_a_budget_is_the_start_and_whole_generations():
-    assert [candidates_of(budget, 9) for budget in (1, 2, 11, 20, 21, 100)] == [1, 11, 11, 11, 21, 91]
+    assert [candidates_of(budget, 9) for budget in (1, 2, 11, 20, 21, 100, 300)] == [1, 11, 11, 21, 21, 101, 301]
 
 
 def refused(monkeypatch, capsys, *arguments: str) -> str:
