@@ -42,11 +42,20 @@ def test_the_estimate_stays_where_the_boat_is_and_the_note_names_the_sensor(
 
 def test_with_receiver_and_compass_silent_the_motors_are_released() -> None:
     """Both of what the one could be bridged with: within the time of staleness, then of the fail-safe."""
-    loop = Lockstep(load_config("sitl-bream", (*row_overrides("2", 1), "plant.faults=[{kind: nmea, from_s: 16}]")))
-    phases = {}
+    keys = (
+        "plant.faults=[{kind: nmea, from_s: 16}]",
+        "vehicle.power.hotel_w=20",
+        "vehicle.power.power_curve=[[-1,400],[0,0],[1,400]]",
+    )
+    loop = Lockstep(load_config("sitl-bream", (*row_overrides("2", 1), *keys)))
+    phases, energy = {}, []
     for tick in range(1, 21 * 20):
         _, outputs = loop.tick()
         phases[tick / 20] = outputs.phase
+        if outputs.phase in (Phase.HOLD, Phase.FAILSAFE):
+            assert outputs.energy is not None
+            energy.append(outputs.energy.hold_wh or 0.0)
+    assert energy == sorted(energy) and energy[-1] > 0.0, "a fail-safe is of the hold: its energy goes on"
     assert phases[15.9] is Phase.HOLD and phases[17.4] is Phase.FAILSAFE and phases[20.0] is Phase.STANDBY
 
 
