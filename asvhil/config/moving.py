@@ -32,7 +32,9 @@ class MovingConfig(Section):
     )
     jump_m: Positive = Field(
         default=5.0,
-        description="A leader that is this far from where its last message would have it is not followed there.",
+        description=(
+            "A leader that is farther than this from where its last message had it, or has it by now, is not followed."
+        ),
     )
     offset_m: tuple[float, float] = Field(
         default=(0.0, 0.0),
@@ -41,7 +43,7 @@ class MovingConfig(Section):
     offset_frame: Literal["north", "course"] = Field(
         default="north",
         description=(
-            "`north`: offset_m is north and east. `course`: along and to the right of the leader's course, of the last "
-            "one while it is slower than 0.1 m/s."
+            "`north`: offset_m is north and east. `course`: along and to the right of the leader's course over some "
+            "seconds, of the last one while it is slower than 0.1 m/s."
         ),
     )

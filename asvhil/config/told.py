@@ -20,9 +20,17 @@ _WANTED = {
     **dict.fromkeys(("bool_type", "bool_parsing"), "true or false"),
     **dict.fromkeys(("int_type", "int_parsing", "int_from_float"), "a whole number"),
     **dict.fromkeys(("float_type", "float_parsing"), "a number"),
+    "finite_number": "a finite number",
     "string_type": "text",
     "tuple_type": "a list",
     **dict.fromkeys(_SECTION, "a section, with keys below it,"),
+}
+_BOUNDS = {
+    "greater_than": "a number above {gt:g}",
+    "greater_than_equal": "a number of {ge:g} or more",
+    "less_than": "a number below {lt:g}",
+    "less_than_equal": "a number of {le:g} or less",
+    "literal_error": "{expected}",
 }
 
 
@@ -37,6 +45,8 @@ def told(error: ValidationError, source: str, lines: Mapping[Path_, str], root: 
         message = "this key is required"
     elif first["type"] in _WANTED:
         message = f"{_WANTED[first['type']]} is expected, not {_shown(value)}{_meant(first['type'], value)}"
+    elif first["type"] in _BOUNDS:
+        message = f"{_BOUNDS[first['type']].format(**first['ctx'])} is expected, not {_shown(value)}"
     elif not isinstance(value, dict | list):
         message = f"{message} (got {value!r})"
     where = place_of(first["loc"], lines)
@@ -60,6 +70,8 @@ def place_of(loc: Path_, lines: Mapping[Path_, str]) -> str:
 
     The path of an error may also name the variant of a union, which is no key.
     """
+    if loc in lines:  # also where the sections above it stand nowhere, as of --set
+        return lines[loc]
     path: Path_ = ()
     for part in loc:
         if (*path, part) in lines:

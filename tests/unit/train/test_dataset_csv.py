@@ -301,8 +301,11 @@ def test_a_settled_heading_follows_a_turn_and_starts_anew_after_a_gap(tmp_path: 
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        (MAP.replace("unit: deg}\nport", "unit: deg, settle_s: 0}\nport"), "key psi.settle_s: Input should be greater"),
-        (MAP.replace("unit: cm/s", "unit: furlong"), "key v.unit: Input should be 'm/s'"),
+        (
+            MAP.replace("unit: deg}\nport", "unit: deg, settle_s: 0}\nport"),
+            "key psi.settle_s: a number of 1 or more is expected",
+        ),
+        (MAP.replace("unit: cm/s", "unit: furlong"), "key v.unit: 'm/s'"),
         (MAP.replace("surge", "surge, colour: red"), "key u.colour: unknown key"),
         (MAP.replace("r: {column: yaw_rate, unit: deg/s}\n", ""), "key r: this key is required"),
         (MAP.replace("ahead_us: 1900}", "ahead_us: 1400}"), r"key port: astern_us < neutral_us < ahead_us must hold"),
