@@ -71,7 +71,8 @@ class ArduRoverAutopilot(MavlinkAutopilot):
         return status
 
     def _on_ekf_status(self, t_ns: int, m: Any) -> Sequence[Measurement]:
-        self._vehicle.ready = bool(m.flags & EKF_HORIZONTAL_POSITION) and not m.flags & EKF_CONSTANT_POSITION
+        position = bool(m.flags & EKF_HORIZONTAL_POSITION) and not m.flags & EKF_CONSTANT_POSITION
+        self._vehicle.note_estimator(position=position, attitude=bool(m.flags & dialect.EKF_ATTITUDE))
         return self._vehicle.status(t_ns)
 
 

@@ -28,7 +28,8 @@ class ArmingChecks:
         """The autopilot has started anew."""
         self._ok: bool | None = None
         self._texts = TextReader()
-        self._fails: list[str] = []
+        self._fails: list[str] = []  # what is told
+        self._round: list[str] = []  # what this round of texts has named so far
         self._round_ns = 0
         self._attempt: tuple[int, str] | None = None
         self._asked_ns: int | None = None
@@ -42,7 +43,7 @@ class ArmingChecks:
         """SYS_STATUS: bits of the sensors that are in use, and of those that are well."""
         self._ok = bool(health & CHECKS) if enabled & CHECKS else None
         if self._ok is not False:
-            self._fails.clear()
+            self._fails, self._round = [], []
 
     def on_text(self, t_ns: int, message: Any) -> None:
         """STATUSTEXT of the autopilot."""
@@ -52,11 +53,12 @@ class ArmingChecks:
         for prefix in BEFORE:
             if text.startswith(prefix):
                 if t_ns - self._round_ns > ROUND_NS:
-                    self._fails.clear()
-                    self._round_ns = t_ns
+                    self._round_ns, self._round = t_ns, []
                 fault = text.removeprefix(prefix)
-                if fault not in self._fails:
-                    self._fails.append(fault)
+                if fault not in self._round:
+                    self._round.append(fault)
+                if len(self._round) > len(self._fails) or not set(self._round) <= set(self._fails):
+                    self._fails = list(self._round)  # else what the last round told stands, until this one is over
         for prefix in AT_ARMING:
             if text.startswith(prefix):
                 self._attempt = t_ns, text.removeprefix(prefix)
@@ -67,6 +69,8 @@ class ArmingChecks:
             return self._attempt[1]
         if self._ok is not False:
             return ""
+        if t_ns - self._round_ns > ROUND_NS:
+            self._fails = list(self._round)
         fails = self._fails if t_ns - self._round_ns < STANDS_NS else []
         more = f" (and {len(fails) - 1} more)" if len(fails) > 1 else ""
         return f"{fails[0]}{more}" if fails else "its checks before arming fail"

@@ -103,7 +103,12 @@ class AutopilotListener:
             dialect.MAVLINK_MSG_ID_PARAM_VALUE: self.parameters.receive,
             dialect.MAVLINK_MSG_ID_PARAM_ERROR: lambda t_ns, m: self.parameters.on_error(m),
             dialect.MAVLINK_MSG_ID_AUTOPILOT_VERSION: lambda t_ns, m: None,
-            **MavlinkSensors(lambda: self._vehicle.ready, self._pace.was_late, self._pace.age_ns).handlers,
+            **MavlinkSensors(
+                lambda: self._vehicle.ready,
+                lambda: self._vehicle.knows_attitude,
+                self._pace.was_late,
+                self._pace.age_ns,
+            ).handlers,
         }
 
     # --- in ------------------------------------------------------------------------------------------------
@@ -173,7 +178,7 @@ class AutopilotListener:
     def _on_attitude(self, t_ns: int, m: Any) -> Sequence[Measurement]:
         self._note_boot_time(t_ns, m)
         self._pace.take(t_ns, m.time_boot_ms)
-        if not self._vehicle.ready:
+        if not self._vehicle.knows_attitude:
             return ()
         return Heading(t_ns=t_ns, psi_rad=m.yaw), YawRate(t_ns=t_ns, r_radps=m.yawspeed)
 

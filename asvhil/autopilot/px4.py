@@ -72,7 +72,8 @@ class Px4Autopilot(MavlinkAutopilot):
 
     def _on_estimator_status(self, t_ns: int, m: Any) -> Sequence[Measurement]:
         # CONST_POS_MODE says nothing here: from 1.16 on it is also set at rest with a good position.
-        self._vehicle.ready = bool(m.flags & POSITION_USED)
+        attitude = bool(m.flags & dialect.ESTIMATOR_ATTITUDE)
+        self._vehicle.note_estimator(position=bool(m.flags & POSITION_USED), attitude=attitude)
         return self._vehicle.status(t_ns)
 
     def _on_actuator_output(self, t_ns: int, m: Any) -> Sequence[Measurement]:

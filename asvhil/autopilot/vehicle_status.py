@@ -25,7 +25,7 @@ OUTPUTS_OF = attrgetter(*(f"servo{i}_raw" for i in range(1, 17)))  # of SERVO_OU
 class VehicleStatus:
     """Takes messages in and gives the status that they come to; every handler gives it anew.
 
-    `ready`, whether the position is good for a hold, is for the profile to set. `keeps_overrides`: without a receiver
+    `ready`: whether the position is good for a hold, as the profile notes. `keeps_overrides`: without a receiver
     that it listens to, the autopilot goes on with the last override of a stick.
     """
 
@@ -36,6 +36,7 @@ class VehicleStatus:
         self.armed = False
         self.mode = ""
         self.ready = False
+        self._was_ready = self._has_attitude = False
         self.booting = False
         self.arming_fault = ""
         self.transmitter = Transmitter()
@@ -54,10 +55,23 @@ class VehicleStatus:
 
     def restart(self) -> None:
         """The autopilot has rebooted."""
-        self.ready = False
+        self.ready = self._was_ready = self._has_attitude = False
         self.transmitter.restart()
         self.arming_checks.restart()
         self._batteries.restart()
+
+    def note_estimator(self, *, position: bool, attitude: bool) -> None:
+        """What the autopilot's own estimator says that it knows."""
+        self.ready, self._has_attitude = position, attitude
+        self._was_ready |= position
+
+    @property
+    def knows_attitude(self) -> bool:
+        """Whether heading and yaw rate of the autopilot's estimator are good.
+
+        Before it has its first position its heading may not be aligned; later it keeps it without a receiver.
+        """
+        return self.ready or (self._was_ready and self._has_attitude)
 
     @property
     def keeps_override(self) -> bool:

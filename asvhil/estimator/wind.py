@@ -64,13 +64,20 @@ class WindFilter:
 
     def on_bow_wind(self, sample: BowWind, estimate: Estimate) -> None:
         """Add a true wind relative to the bow, of an instrument that knows the boat's motion but not its heading."""
+        self._forget_vane()
         ahead = -sample.speed_mps * math.cos(sample.from_rad)
         abeam = -sample.speed_mps * math.sin(sample.from_rad)
         self._add(sample.t_ns, *body_to_ned(estimate.psi_rad, ahead, abeam))
 
     def on_true_wind(self, sample: TrueWind) -> None:
         """Add a true wind relative to north."""
+        self._forget_vane()
         self._add(sample.t_ns, sample.vn_mps, sample.ve_mps)
+
+    def _forget_vane(self) -> None:
+        """Another source is in use: what was stuck of the cups and the vane says nothing of it."""
+        if self._stuck:
+            self._stuck, self._t_ns = "", None
 
     def wind(self, t_ns: int) -> Wind | None:
         """The filtered wind at a time, None before the first sample; not valid when stale or stuck."""

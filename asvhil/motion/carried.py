@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 
 from asvhil.types import Estimate, GroundVelocity, changed
 
 FORGET_S = 8.0  # a receiver whose position drifts by some metres in minutes then comes to 1 m
 LEAST_M = 2.5  # less is noise, waves, and the antenna's turns about the boat
 OLD_NS = 1_000_000_000
+MIDDLE_OF = 3  # readings, of whose velocities the middle one counts: one that is wrong does not
 
 
 class CarriedWatch:
@@ -22,11 +24,13 @@ class CarriedWatch:
     def __init__(self) -> None:
         self._before: tuple[int, float, float] | None = None  # time, and place by the estimate
         self._off_n_m = self._off_e_m = 0.0
+        self._readings: deque[GroundVelocity] = deque(maxlen=MIDDLE_OF)
 
     def reset(self) -> None:
         """There is no estimate: the next one is where the boat is."""
         self._before = None
         self._off_n_m = self._off_e_m = 0.0
+        self._readings.clear()
 
     @property
     def off_m(self) -> float:
@@ -42,10 +46,23 @@ class CarriedWatch:
             keep = math.exp(-dt_s / FORGET_S)
             self._off_n_m *= keep
             self._off_e_m *= keep
-            if velocity is not None and t_ns - velocity.t_ns <= OLD_NS:
-                self._off_n_m += velocity.vn_mps * dt_s - (estimate.n_m - n_m)
-                self._off_e_m += velocity.ve_mps * dt_s - (estimate.e_m - e_m)
+            middle = self._middle(velocity)
+            if velocity is not None and middle is not None and t_ns - velocity.t_ns <= OLD_NS:
+                self._off_n_m += middle[0] * dt_s - (estimate.n_m - n_m)
+                self._off_e_m += middle[1] * dt_s - (estimate.e_m - e_m)
         self._before = t_ns, estimate.n_m, estimate.e_m
         if self.off_m == 0.0:
             return estimate
         return changed(estimate, n_m=estimate.n_m + self._off_n_m, e_m=estimate.e_m + self._off_e_m)
+
+    def _middle(self, velocity: GroundVelocity | None) -> tuple[float, float] | None:
+        """The middle of the last readings, for north and east apart; None until there are enough of them."""
+        if velocity is None:
+            self._readings.clear()
+        elif not self._readings or velocity.t_ns != self._readings[-1].t_ns:
+            self._readings.append(velocity)
+        if len(self._readings) < MIDDLE_OF:
+            return None
+        north = sorted(reading.vn_mps for reading in self._readings)
+        east = sorted(reading.ve_mps for reading in self._readings)
+        return north[MIDDLE_OF // 2], east[MIDDLE_OF // 2]

@@ -8,6 +8,7 @@ from asvhil.types import FrontseatStatus, Note
 
 SUBJECT = "battery"
 TOLD_EVERY_NS = 60_000_000_000  # another figure of what is low: operators are told of each
+SOON_NS = 10_000_000_000  # another complaint
 
 
 class BatteryWatch:
@@ -81,8 +82,9 @@ class BatteryWatch:
     def _keep_up(self, t_ns: int, found: Explanation) -> None:
         """Keep the words up with what is read: another complaint at once, another figure seldom."""
         assert self._low is not None
-        is_other = found.reason is not self._low.reason or found.reason is Reason.BATTERY_COMPLAINT
-        if found != self._low and (is_other or t_ns - self._told_ns >= TOLD_EVERY_NS):
+        is_other = found.reason is not self._low.reason and found.reason is Reason.BATTERY_COMPLAINT
+        soon = t_ns - self._told_ns < (SOON_NS if found.reason is Reason.BATTERY_COMPLAINT else TOLD_EVERY_NS)
+        if found != self._low and (is_other or not soon):
             self._low, self._told_ns = found, t_ns
 
 

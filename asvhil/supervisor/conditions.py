@@ -10,6 +10,8 @@ from asvhil.supervisor.situation import Situation
 from asvhil.supervisor.stations import place_of_point, station_of_origin
 from asvhil.types import Estimate, FrontseatStatus, Radio, Station
 
+STICKS_OLD_NS = 3_000_000_000  # a pilot who moves a stick must have been seen by then
+
 
 class Conditions:
     """Judges a situation by the config alone: without memory, and without a say in what follows from it."""
@@ -31,6 +33,8 @@ class Conditions:
             return fault
         if hidden_stick is not None:
             return explain(Reason.STICK_HIDDEN, channel=hidden_stick)
+        if _are_sticks_unseen(situation.t_ns, status):
+            return explain(Reason.STICKS_UNSEEN)
         if not status.armed:
             return explain(Reason.NOT_ARMED, hint=status.arming_fault)
         if self.is_transmitter_lost(status):
@@ -55,6 +59,8 @@ class Conditions:
             return explain(Reason.HEARTBEAT_LOST)
         if not _mode_known(situation, self._config.mode_timeout_s):
             return explain(Reason.MODE_UNKNOWN)
+        if situation.status is not None and _are_sticks_unseen(situation.t_ns, situation.status):
+            return explain(Reason.STICKS_UNSEEN)
         return None
 
     def is_transmitter_lost(self, status: FrontseatStatus) -> bool:
@@ -95,3 +101,13 @@ class Conditions:
 def _mode_known(situation: Situation, timeout_s: float) -> bool:
     """Whether the autopilot has told its mode and arming lately."""
     return situation.heartbeat_age_s is not None and situation.heartbeat_age_s <= timeout_s
+
+
+def _are_sticks_unseen(t_ns: int, status: FrontseatStatus) -> bool:
+    """Whether the pilot has a transmitter, as far as is known, and the autopilot does not tell where its sticks are.
+
+    Without a receiver PX4 tells of no sticks, and a transmitter that is lost is for `is_transmitter_lost`.
+    """
+    if not status.rc_us:
+        return status.radio is Radio.HEARD
+    return status.radio in (Radio.HEARD, Radio.UNKNOWN) and status.rc_ns > 0 and t_ns - status.rc_ns > STICKS_OLD_NS

@@ -240,6 +240,11 @@ SECTIONS: dict[str, tuple[FaultRow, ...]] = {
             "{supervisor.stick_threshold_us} us on a channel of supervisor.stick_channels",
             *(RELEASE, 0.3, (Reason.STICK_MOVED,)),
         ),
+        _row(
+            "the autopilot stops telling the pilot's sticks",
+            "no RC_CHANNELS for 3 s",
+            *(NEUTRAL, 3.3, (Reason.STICKS_UNSEEN,)),
+        ),
         _row("pilot disarms", "heartbeat", RELEASE, 0.3, (Reason.DISARMED,)),
         _row("pilot's ground station moves a stick", "its MANUAL_CONTROL", RELEASE, 0.3, (Reason.STATION_STICK,)),
         _row("pilot's transmitter lost, no signal strength", "cannot be noticed: overrides hide it", told=_NOTHING),

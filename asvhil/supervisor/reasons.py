@@ -35,6 +35,7 @@ class Reason(enum.StrEnum):
     # What failed while a station was held, or on the way to it
     HEARTBEAT_LOST = "heartbeat-lost"
     MODE_UNKNOWN = "mode-unknown"
+    STICKS_UNSEEN = "sticks-unseen"
     NOT_A_BOAT = "not-a-boat"
     TWO_VEHICLES = "two-vehicles"
     ESTIMATE_STALE = "estimate-stale"
@@ -202,6 +203,11 @@ WORDS: Mapping[Reason, Words] = {
         text="the pilot's ground station is lost: silent for {seconds:g} s",
         remedy="Get its link back, and send a hold command. To hold without it: "
         "supervisor.ground_station_timeout_s: null.",
+    ),
+    Reason.STICKS_UNSEEN: Words(
+        text="the autopilot does not tell where the pilot's sticks are (RC_CHANNELS)",
+        remedy="It is asked for them: if another station sets the rate of RC_CHANNELS, have it leave that alone. "
+        "Then send a hold command.",
     ),
     Reason.NEUTRAL_ENDED: Words(
         text="neutral is no longer sent: no hold within {seconds:g} s",

@@ -16,7 +16,7 @@ from typing import Any
 
 from asvhil.config import Config, load_config
 from asvhil.controller.station_mpc import StationMpc
-from asvhil.io.mavlink.frames import dialect
+from asvhil.io.mavlink.frames import Parser, dialect, message_id
 from asvhil.logs.recorder import Recorder
 from asvhil.operator.encoding import encode_hold, encode_release
 from asvhil.simplant.lockstep import EPOCH_NS
@@ -128,6 +128,12 @@ def _mended(loop: FaultLoop) -> None:
 
 def _nothing(frame: Frame) -> Iterable[Frame]:
     return ()
+
+
+def _without_sticks(frame: Frame) -> Iterable[Frame]:
+    unwanted = dialect.MAVLINK_MSG_ID_RC_CHANNELS
+    kept = [one for one in Parser().receive("", frame.data) if message_id(one) != unwanted]
+    return (dataclasses.replace(frame, data=b"".join(kept)),) if kept else ()
 
 
 def _twice(frame: Frame) -> Iterable[Frame]:
@@ -400,6 +406,7 @@ AUTOPILOT = (
 PILOT = (
     Fault("pilot changes the mode", act=_mode(LOITER)),
     Fault("pilot moves a stick", act=_stick),
+    Fault("the autopilot stops telling the pilot's sticks", act=_links(inward=_without_sticks), watch_s=9.0),
     Fault("pilot disarms", act=_disarm),
     Fault("pilot's ground station moves a stick", act=_pilots_station),
     # An ArduRover takes overrides for its radio: only a receiver that tells its signal strength can be seen to be lost.

@@ -47,18 +47,19 @@ def _scaled_imu(t_ns: int, m: Any) -> Found:
 class MavlinkSensors:
     """Handlers by message id: (time, message) to the measurements in it, none where it holds nothing that is valid.
 
-    `ready` tells whether the autopilot's own estimator is: until then its position and attitude are guesses. `late`:
-    whether its messages have come late, so that a velocity times our time is not the way that the boat has gone.
-    `age_ns`: how old at our time is what it dates so (us since its start).
+    `knows_position` and `knows_attitude` tell what the autopilot's own estimator knows: else its values are guesses.
+    `late`: whether its messages have come late, so that a velocity times our time is not the way that the boat has
+    gone. `age_ns`: how old at our time is what it dates so (us since its start).
     """
 
     def __init__(
         self,
-        ready: Callable[[], bool],
+        knows_position: Callable[[], bool],
+        knows_attitude: Callable[[], bool],
         late: Callable[[int], bool] = lambda t_ns: False,
         age_ns: Callable[[int, int], int] = lambda t_ns, boot_us: 0,
     ) -> None:
-        self._ready = ready
+        self._knows_position, self._knows_attitude = knows_position, knows_attitude
         self._late = late
         self._age_ns = age_ns
         self._h_acc_m = 0.0
@@ -79,7 +80,7 @@ class MavlinkSensors:
 
     def _global_position(self, t_ns: int, m: Any) -> Found:
         lat_deg, lon_deg = m.lat * 1e-7, m.lon * 1e-7
-        if not self._ready() or not is_place(lat_deg, lon_deg):
+        if not self._knows_position() or not is_place(lat_deg, lon_deg):
             return ()
         return (
             Position(t_ns=t_ns, lat_deg=lat_deg, lon_deg=lon_deg, h_acc_m=self._h_acc_m),
@@ -107,7 +108,7 @@ class MavlinkSensors:
     def _attitude_quaternion(self, t_ns: int, m: Any) -> Found:
         w, x, y, z = m.q1, m.q2, m.q3, m.q4
         norm2 = w * w + x * x + y * y + z * z
-        if not self._ready() or not 0.5 < norm2 < 2.0:
+        if not self._knows_attitude() or not 0.5 < norm2 < 2.0:
             return ()
         psi_rad = math.atan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z)
         return Heading(t_ns=t_ns, psi_rad=psi_rad), YawRate(t_ns=t_ns, r_radps=m.yawspeed)

@@ -26,28 +26,35 @@ NS_PER_S = 1_000_000_000
 
 
 class QuantityKind(NamedTuple):
-    """The quantity that a record is a measurement of, and its values, which must be finite."""
+    """The quantity that a record is a measurement of, its values, which must be finite, and the most that each can be
+    of a boat: what a broken message says beyond that is no reading.
+    """
 
     quantity: Quantity
     values: Callable[[Any], tuple[float, ...]]
+    most: float = math.inf
+
+    def is_valid(self, m: Measurement) -> bool:
+        """Whether all values of a measurement can be."""
+        return all(abs(value) <= self.most and math.isfinite(value) for value in self.values(m))
 
 
 KINDS: Mapping[type, QuantityKind] = {
     Position: QuantityKind("position", attrgetter("lat_deg", "lon_deg")),
-    GroundVelocity: QuantityKind("velocity", attrgetter("vn_mps", "ve_mps")),
+    GroundVelocity: QuantityKind("velocity", attrgetter("vn_mps", "ve_mps"), most=100.0),
     Heading: QuantityKind("heading", lambda m: (m.psi_rad,)),
-    YawRate: QuantityKind("yaw_rate", lambda m: (m.r_radps,)),
-    SpecificForce: QuantityKind("acceleration", attrgetter("ax_mps2", "ay_mps2")),
-    ApparentWind: QuantityKind("wind", attrgetter("speed_mps", "from_rad")),
-    BowWind: QuantityKind("wind", attrgetter("speed_mps", "from_rad")),
-    TrueWind: QuantityKind("wind", attrgetter("vn_mps", "ve_mps")),
+    YawRate: QuantityKind("yaw_rate", lambda m: (m.r_radps,), most=10.0),
+    SpecificForce: QuantityKind("acceleration", attrgetter("ax_mps2", "ay_mps2"), most=200.0),
+    ApparentWind: QuantityKind("wind", attrgetter("speed_mps", "from_rad"), most=200.0),
+    BowWind: QuantityKind("wind", attrgetter("speed_mps", "from_rad"), most=200.0),
+    TrueWind: QuantityKind("wind", attrgetter("vn_mps", "ve_mps"), most=200.0),
 }
 
 
 def quantity_of(m: Measurement) -> Quantity | None:
     """The quantity of which a measurement has a valid value; None for an invalid one, and for what is no sensor's."""
     kind = KINDS.get(type(m))
-    return kind.quantity if kind is not None and all(map(math.isfinite, kind.values(m))) else None
+    return kind.quantity if kind is not None and kind.is_valid(m) else None
 
 
 @record
@@ -146,8 +153,8 @@ class SourceSelector:
         kind = KINDS.get(type(m))
         if kind is None:
             return m
-        quantity, values = kind
-        if not all(map(math.isfinite, values(m))) or not self._choices[quantity].offer(m.t_ns, name):
+        quantity = kind.quantity
+        if not kind.is_valid(m) or not self._choices[quantity].offer(m.t_ns, name):
             return None
         place = self._places.get((quantity, name)) if self._places else None
         return m if place is None else _placed(m, *place)

@@ -16,6 +16,7 @@ from asvhil.simplant.vehicle.telemetry import VehicleTelemetry
 EKF_UNINITIALISED = 1024  # as recorded in the first seconds of a real vehicle
 EKF_ALIGNED_NO_POSITION = 167  # as recorded from then until the position is used
 EKF_READY = 831  # as recorded afterwards: horizontal position absolute, constant position mode left
+EKF_FORGETS_NS = 10_000_000_000  # without a fix, after which EKF3 goes back to it
 EKF_ALIGNED_AFTER = 0.15  # share of the time to readiness after which the recorded filter was aligned
 FLIGHT_SW_VERSIONS = {"4.6": 0x040603FF, "4.7": 0x040700FF}  # 4.6.3 and 4.7.0, official releases
 PILOT_MODES = frozenset({0, 1, 3, 7, MODE_INITIALISING})  # sticks have a say: manual, acro, steering, simple
@@ -96,7 +97,9 @@ class RoverTelemetry(VehicleTelemetry):
 
     def _ekf_status(self, t_ns: int) -> Any:
         rover = self._rover
-        if rover.ready(t_ns):
+        if rover.ready(t_ns) and t_ns - self._nav.fix_ns > EKF_FORGETS_NS:
+            flags = EKF_ALIGNED_NO_POSITION
+        elif rover.ready(t_ns):
             flags = EKF_READY
         else:
             span_ns = rover.ready_ns - rover.power_on_ns

@@ -73,10 +73,11 @@ def test_positions_and_attitudes_count_once_the_estimator_has_a_position() -> No
         status, *found = feed(px4, estimator(flags), POSITION, attitude)
         assert isinstance(status, FrontseatStatus) and status.ready
         assert [type(m) for m in found] == [Position, GroundVelocity, Heading, YawRate]
-    for flags in (229, 165, 1):  # GNSS dropped: disarmed; armed; only an attitude
+    for flags in (229, 165, 1):  # GNSS dropped: disarmed; armed; only an attitude, which stays aligned
         status, *found = feed(px4, estimator(flags), POSITION, attitude)
         assert isinstance(status, FrontseatStatus) and not status.ready
-        assert found == []
+        assert [type(m) for m in found] == [Heading, YawRate]
+    assert len(feed(px4, estimator(0), POSITION, attitude)) == 1
 
 
 def test_outputs_are_pulses_whether_told_in_microseconds_or_normalised() -> None:

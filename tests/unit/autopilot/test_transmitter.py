@@ -154,7 +154,8 @@ def test_it_says_in_the_autopilots_words_why_it_would_not_arm() -> None:
     boat.say(S, "PreArm: Radio failsafe on", "EKF3 IMU0 is using GPS", "PreArm: GPS 1: Bad fix")
     assert boat.checks.fault(S) == "Radio failsafe on (and 1 more)"
     boat.say(31 * S, "PreArm: GPS 1: Bad fix")  # the next round: the first has been mended
-    assert boat.checks.fault(31 * S) == "GPS 1: Bad fix"
+    assert boat.checks.fault(31 * S) == "Radio failsafe on (and 1 more)", "the round is not over yet"
+    assert boat.checks.fault(33 * S + 1) == "GPS 1: Bad fix"
     assert boat.checks.fault(70 * S) == "its checks before arming fail"  # it has not been repeated
     boat.status(True)
     assert boat.checks.fault(70 * S) == ""

@@ -355,3 +355,21 @@ def test_a_vane_must_follow_a_turn_of_more_than_35_degrees_in_a_wind(psi_deg: fl
     for k in range(3):
         vane(wind, k * 7, 0.0, 1.0 + k / 10, speed)
     assert vane(wind, 3 * S // 7 * 7, psi_deg, 1.2, speed) == text
+
+
+@pytest.mark.parametrize("kind", ["true", "bow"])
+def test_what_was_stuck_says_nothing_of_the_source_that_takes_over(kind: str) -> None:
+    wind = WindFilter(WindFilterConfig())
+    at = run(wind, 20.0, noisy)
+    at = run(wind, 4.0, lambda k: 4.03, start=at)
+    t_ns = (at - 1) * 200_000_000
+    found = wind.wind(t_ns)
+    assert found is not None and not found.valid and wind.notes(t_ns)
+    for _ in range(10):
+        t_ns += 10**9
+        if kind == "true":
+            wind.on_true_wind(TrueWind(t_ns=t_ns, vn_mps=-3.0, ve_mps=1.0))
+        else:
+            wind.on_bow_wind(BowWind(t_ns=t_ns, speed_mps=3.0, from_rad=0.2), boat())
+    found = wind.wind(t_ns)
+    assert found is not None and found.valid and not wind.notes(t_ns)

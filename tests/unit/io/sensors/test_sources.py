@@ -342,3 +342,14 @@ def test_a_reading_goes_on_with_the_time_and_the_place_at_which_it_holds() -> No
 def test_delays_and_places_that_cannot_be_are_refused(overrides: tuple[str, ...], message: str) -> None:
     with pytest.raises(ConfigError, match=message):
         load_config("sitl", overrides)
+
+
+@pytest.mark.parametrize("value", [1e6, -1e30, 65534.0, 3.4e38, math.inf, math.nan])
+def test_what_no_boat_can_have_is_no_reading(value: float) -> None:
+    selector = SourceSelector(
+        {"yaw_rate": (source("A"),), "velocity": (source("A"),), "acceleration": (source("A"),)}, 5.0
+    )
+    assert selector.select("link.M", YawRate(t_ns=1, r_radps=value)) is None
+    assert selector.select("link.M", GroundVelocity(t_ns=1, vn_mps=0.1, ve_mps=value)) is None
+    assert selector.select("link.M", SpecificForce(t_ns=1, ax_mps2=value, ay_mps2=0.0)) is None
+    assert selector.select("link.M", YawRate(t_ns=2, r_radps=-2.0)) is not None
