@@ -113,6 +113,7 @@ def schema(output: FileOption = None) -> None:
     """Print the JSON Schema of config files, by which an editor completes and checks keys while you type."""
     from asvhil.config.editor_schema import editor_schema
 
+    check_json(output, "--output ")
     text = json.dumps(editor_schema(), indent=2)
     if output is None:
         typer.echo(text)

@@ -61,17 +61,18 @@ def check_writable(file: Path | None, option: str = "") -> None:
             tempfile.TemporaryFile(dir=file.parent).close()
 
 
-def check_json(file: Path | None) -> None:
-    """Check the file of --json in the same way. AsvhilError too where there is a file that is not JSON: what a command
-    reads, or has just written, is not lost by a slip.
+def check_json(file: Path | None, option: str = "--json ") -> None:
+    """Check a file that is to hold JSON in the same way. AsvhilError too where there is a file that is not JSON.
+
+    So what a command reads, or has just written, is not lost by a slip.
     """
-    check_writable(file, "--json ")
+    check_writable(file, option)
     if file is None:
         return
-    with writing(file, "--json "):
+    with writing(file, option):
         begin = _head(file).lstrip()[:1]
     if begin not in (b"", b"{", b"["):
-        raise AsvhilError(f"--json {file}: is there already, and is not JSON; give another name, or delete it")
+        raise AsvhilError(f"{option}{file}: is there already, and is not JSON; give another name, or delete it")
 
 
 def _head(file: Path) -> bytes:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 import typer
 
 from asvhil.commands.options import ColumnsOption, JsonOption, PluginOption, RecordedPluginsOption
-from asvhil.commands.outputs import write_json
+from asvhil.commands.outputs import check_json, check_writable, write_json
 from asvhil.commands.signatures import option, parameters_of, with_parameters
 from asvhil.commands.views import progress, say
 from asvhil.errors import AsvhilError, ConfigError
@@ -48,8 +48,10 @@ def train(
     from asvhil.logs.plugins import load_plugins
 
     load_plugins(data if columns is None else (), plugin, allow_recorded=allow_recorded_plugins)
-    if output.exists() and not force:
-        raise ConfigError(f"train: {output} is there already: another name, or --force to overwrite it")
+    check_json(json_)
+    _check_output(output, force=force, resume=resume)
+    if json_ is not None and json_.resolve() == output.resolve():
+        raise ConfigError(f"train: --json {json_}: is the model file; give another name")
     console = Console()
     figures = train_with_bar(
         console,
@@ -71,6 +73,22 @@ def train(
         words += f"; left out: {figures['missing_rows']} rows with a missing value, {figures['outliers']} jumps"
     say(console, words)
     say(console, figures["at_rest"]["verdict"])
+
+
+def _check_output(output: Path, *, force: bool, resume: bool) -> None:
+    """ConfigError or AsvhilError where the files of a training cannot be written, or are there already."""
+    from asvhil.train.jobs import checkpoint_of, picture_of
+
+    for file in (output, picture_of(output)):
+        if file.exists() and not force:
+            raise ConfigError(f"train: {file} is there already: another name, or --force to overwrite it")
+        if file.parent.is_dir():
+            check_writable(file, "--output ")
+    unfinished = checkpoint_of(output)
+    if unfinished.exists() and not (force or resume):
+        raise ConfigError(
+            f"train: {unfinished} is of a training that was interrupted: --resume it, or --force to begin anew"
+        )
 
 
 def train_with_bar(console: Any, kind: str, data: list[Path], output: Path, **settings: Any) -> dict[str, Any]:

@@ -39,6 +39,7 @@ _FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
 _INFINITE = re.compile(r"([-+]?)\.(inf|Inf|INF)")
 _NAN = re.compile(r"\.(nan|NaN|NAN)")
 _OF_TAGS: dict[str, Any] = {"int": int, "float": (int, float), "bool": bool, "null": type(None)}
+MOST_BYTES = 500_000  # reading a text takes seconds from here on
 _MOST_DIGITS = 400  # beyond any number
 
 
@@ -54,6 +55,9 @@ def read_yaml(path: Path) -> YamlText:
     """A file of UTF-8 text, with or without a byte order mark. ConfigError names the file, and mostly the line."""
     try:
         data = path.read_bytes()
+        if len(data) > MOST_BYTES:
+            words = f"{len(data) / 1e6:.1f} MB, a config has {MOST_BYTES / 1e6:.1f} MB at most"
+            raise ConfigError(f"{path}: cannot be read ({words})")
         text = data.decode("utf-8-sig")
     except OSError as error:
         raise ConfigError(f"{path}: cannot be read ({error.strerror})") from None

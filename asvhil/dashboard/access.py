@@ -41,7 +41,10 @@ class PageAccess:
             return f"this page is not called {name or 'nothing'}: `asvhil dashboard --allow-host NAME` lets it be"
         if origin is None or origin.lower() in self._origins:
             return ""
-        parts = urlsplit(origin.lower())
+        try:
+            parts = urlsplit(origin.lower())
+        except ValueError:  # such as a bracket that is not closed
+            return "its Origin is none"
         if parts.scheme in ("http", "https") and parts.netloc and parts.netloc == (host or "").lower():
             return ""
         return f"a page of {origin} may not ask for this"
@@ -51,7 +54,7 @@ class PageAccess:
         kind, _, given = (authorization or "").partition(" ")
         if self._token is None or kind.lower() != "bearer":
             return False
-        return hmac.compare_digest(given.strip().encode(), self._token.encode())
+        return hmac.compare_digest(given.strip().encode(errors="replace"), self._token.encode())
 
 
 def new_token() -> str:

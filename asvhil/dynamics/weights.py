@@ -27,6 +27,7 @@ from asvhil.files import replacement
 from asvhil.types import record
 
 FORMAT = 1
+MOST_BYTES = 200_000_000  # of all arrays of a file: a checkpoint of many tries has some MB
 DT_TOLERANCE_S = 1e-6
 
 Shape = tuple[int | str, ...]  # a letter is a free length, the same in all shapes of a file
@@ -133,6 +134,10 @@ def read_arrays(path: Path) -> dict[str, Array]:
             if file.read(4) != b"PK\x03\x04":
                 raise ModelError(f"{path}: not a model file (npz), or damaged from its first byte on")
             file.seek(0)
+            with zipfile.ZipFile(file) as packed:
+                if sum(entry.file_size for entry in packed.infolist()) > MOST_BYTES:
+                    raise ModelError(f"{path}: holds more than {MOST_BYTES // 1_000_000} MB: no model of asvhil")
+            file.seek(0)
             with np.load(file, allow_pickle=False) as archive:
                 return {name: archive[name] for name in archive.files}
     except OSError as error:
@@ -141,6 +146,8 @@ def read_arrays(path: Path) -> dict[str, Array]:
         if "allow_pickle" in str(error):
             raise ModelError(f"{path}: holds a pickled object, which is never loaded") from None
         raise ModelError(f"{path}: damaged ({_first_line(error)})") from None
+    except MemoryError:
+        raise ModelError(f"{path}: damaged: an array claims to be larger than the memory") from None
     except (zipfile.BadZipFile, zlib.error, EOFError, KeyError, NotImplementedError, RuntimeError) as error:
         raise ModelError(f"{path}: damaged ({_first_line(error)})") from None
 

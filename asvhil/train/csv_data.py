@@ -33,6 +33,7 @@ from asvhil.train.series import (
 )
 
 NAN_SHARE = 0.05  # a larger share of missing values is an error
+JUMP_SHARE = 0.1  # and of jumps: single ones are a receiver's, many those of a wrong unit
 COMMAND_SLACK = 1.05  # commands a little beyond 1 are due to rounding, more to a wrong unit
 MISSING = frozenset({"", "nan", "-nan", "na", "n/a", "null", "none"})
 DECIMAL = re.compile(r"[+-]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][+-]?[0-9]{1,3})?", re.ASCII)
@@ -71,6 +72,9 @@ def _segments(
         table |= {"psi": steadied, "u": turned[:, 0], "v": turned[:, 1]}
     velocity, jumps_v = without_outliers(_series(t_s, table["u"], table["v"]), 1.0, 3.0, 30.0)
     rate, jumps_r = without_outliers(_series(t_s, table["r"]), 0.5, 2.0, 10.0)
+    for names, jumps in (("u and v", jumps_v), ("r", jumps_r)):
+        if jumps > JUMP_SHARE * len(t_s):
+            raise LogError(f"{path}: {jumps} of {len(t_s)} rows have jumps of {names}: is their unit right?")
     command = _series(t_s, table["port"], table["starboard"])
     psi = _series(t_s, np.unwrap(table["psi"])) if columns.psi is not None else None
     wind = _body_wind(columns, table)

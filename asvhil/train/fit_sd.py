@@ -106,6 +106,7 @@ def eased(damping: float) -> float:
     return max(0.3 * damping, LEAST_DAMPING)
 
 
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")  # a trial that runs away is not taken, as its cost says
 def _fit(
     windows: Windows,
     starts: NDArray[np.int64],

@@ -161,7 +161,7 @@ def train_command(
     save_model(output, model)
     from asvhil.train.pictures import draw_curve
 
-    picture = output.with_suffix(".curve.png")
+    picture = picture_of(output)
     draw_curve(model.figures, f"{kind}, {origin.vehicle}", picture)
     return {
         "kind": kind,
@@ -204,6 +204,7 @@ def evaluate_command(
     loaded = {path: read_model(path) for path in models}
     dt_s = loaded[models[0]].dt_s
     vehicle = None if is_csv(data) else origin_of(data).vehicle
+    refuse_twice(data)
     for path, model in loaded.items():
         _check(path, model, dt_s, vehicle)
     cases = test_cases(data, columns, dt_s, truth=truth)
@@ -246,6 +247,11 @@ def refuse_twice(paths: Sequence[Path]) -> None:
         if content in seen:
             raise ConfigError(f"data: {seen[content]} and {path} are the same record: give it once")
         seen[content] = path
+
+
+def picture_of(output: Path) -> Path:
+    """Where the curve of a training to this model file is drawn."""
+    return output.with_suffix(".curve.png")
 
 
 def checkpoint_of(output: Path) -> Path:

@@ -71,7 +71,11 @@ class Training:
         self._curve: list[list[float]] = []  # rows of (iteration, training loss, validation), means over the seeds
         self._best = [(math.inf, 0, self.trainee.export(i)) for i in range(len(seeds))]
         if checkpoint is not None and checkpoint.exists():
-            self._restore(read_checkpoint(checkpoint, self._key))
+            saved = read_checkpoint(checkpoint, self._key)
+            try:
+                self._restore(saved)
+            except (KeyError, RuntimeError, ValueError, TypeError):
+                raise ModelError(f"{checkpoint}: damaged: its arrays do not fit; remove it to start anew") from None
 
     def run(self, progress: Callable[[TrainingProgress], None] | None) -> None:
         """Train to the end, or until the validation has not improved for `patience` iterations."""

@@ -1,11 +1,13 @@
 """`asvhil train` and `asvhil evaluate` at the command line: what they leave, how they resume, what they refuse."""
 
 import csv
+import io
 import json
 import signal
 import subprocess
 import sys
 import time
+import zipfile
 from collections.abc import Callable
 from pathlib import Path
 
@@ -201,7 +203,22 @@ def test_a_model_is_not_overwritten_and_a_record_counts_once(run: Run, folder: P
     for twice in ("run.csv", "copy.csv"):
         words = f"run.csv and {twice} are the same record: give it once"
         refused(run("train", "sd", "run.csv", twice, *OF_CSV, "-o", "twice.npz"), words)
+        refused(run("evaluate", str(SHIPPED), "--data", "run.csv", "--data", twice, "--columns", "map.yaml"), words)
     assert not (folder / "twice.npz").exists()
+
+
+def test_nothing_is_lost_and_all_is_checked_before_the_training(run: Run, folder: Path) -> None:
+    order = ("train", "sd", "run.csv", *OF_CSV)
+    (folder / "late.npz.checkpoint").write_bytes(b"hours of work")
+    refused(run(*order, "-o", "late.npz"), "late.npz.checkpoint is of a training that was interrupted: --resume")
+    assert (folder / "late.npz.checkpoint").read_bytes() == b"hours of work"
+    (folder / "mine.curve.png").write_bytes(b"mine")
+    refused(run(*order, "-o", "mine.npz"), "mine.curve.png is there already")
+    (folder / "d.npz").mkdir()
+    refused(run(*order, "-o", "d.npz", "--force"), "d.npz: cannot be written (Is a directory)")
+    refused(run(*order, "-o", "same.npz", "--json", "same.npz"), "--json same.npz: is the model file")
+    refused(run(*order, "-o", "new.npz", "--json", "none/x.json"), "--json none/x.json: cannot be written")
+    assert not list(folder.glob("new.npz*")) and not list(folder.glob("same.npz*"))
 
 
 def test_of_several_tries_the_best_on_validation_is_kept(run: Run, folder: Path) -> None:
@@ -275,9 +292,21 @@ def flipped(path: Path) -> None:
     path.write_bytes(content)
 
 
+def bomb(path: Path, size: int, shape: tuple[int, ...] | None = None) -> None:
+    """A small file whose only array has so many bytes, and says to have that shape."""
+    head = io.BytesIO()
+    np.lib.format.write_array_header_1_0(head, {"descr": "<f8", "fortran_order": False, "shape": shape or (size // 8,)})
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as packed, packed.open("weights.w1.npy", "w") as file:
+        file.write(head.getvalue())
+        for _ in range(size // 1_000_000):
+            file.write(bytes(1_000_000))
+
+
 DAMAGED = {
     "truncated": (lambda path: path.write_bytes(SHIPPED.read_bytes()[:3000]), "damaged (File is not a zip file)"),
     "flipped": (flipped, "damaged (Bad CRC-32 for file 'weights.w1.npy')"),
+    "huge": (lambda path: bomb(path, 300_000_000), "holds more than 200 MB: no model of asvhil"),
+    "claims": (lambda path: bomb(path, 100, shape=(10**11,)), "damaged: an array claims to be larger than the memory"),
     "text": (lambda path: path.write_text("no weights"), "not a model file (npz)"),
     "empty": (lambda path: path.write_bytes(b""), "not a model file (npz)"),
     "pickled": (changed(**{"weights.w1": np.array([{}], dtype=object)}), "a pickled object, which is never"),
@@ -340,6 +369,9 @@ def broken(name: str, folder: Path) -> str:
     elif name == "backwards":
         rows[33, 0] = 1.0
         write_csv(path, rows)
+    elif name == "degrees":
+        rows[:, 3] *= 57.3 * np.where(np.arange(len(rows)) % 4, 1.0, -3.0)
+        write_csv(path, rows)
     elif name == "percent":
         rows[:, 4:] *= 100.0
         write_csv(path, rows)
@@ -357,6 +389,7 @@ def broken(name: str, folder: Path) -> str:
         ("word", "word.csv: row 4, column 't': a number is expected, not 'soon'"),
         ("backwards", "backwards.csv: row 35, column 't': time does not rise (1 after 6.4)"),
         ("percent", "is beyond -1..1"),
+        ("degrees", "rows have jumps of r: is their unit right?"),
         ("nowhere", "nowhere.csv: cannot be read (No such file or directory)"),
     ],
 )

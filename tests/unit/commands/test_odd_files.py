@@ -114,6 +114,8 @@ def test_a_folder_or_another_file_in_its_place_is_one_line(
         (("report", "log.html", "--html", "log.html"), "log.html"),
         (("report", "log.mcap", "--json", "map.yaml"), "map.yaml"),
         (("calibrate", "log.mcap", "-o", "log.mcap"), "log.mcap"),
+        (("config", "schema", "-o", "log.mcap"), "log.mcap"),
+        (("config", "schema", "-o", "boat.yaml"), "boat.yaml"),
     ],
 )
 def test_what_is_read_is_not_written_over(

@@ -261,6 +261,13 @@ def test_a_mutated_config_is_read_or_refused_in_one_line(tmp_path: Path) -> None
             assert str(path) in str(error) and "\n" not in str(error)
 
 
+def test_a_file_that_would_take_minutes_is_not_read(tmp_path: Path) -> None:
+    path = tmp_path / "big.yaml"
+    path.write_text("base: sitl\nplant:\n" + "".join(f"  k{n}: [1, 2, 3, 4]\n" for n in range(40_000)))
+    with pytest.raises(ConfigError, match=r"big.yaml: cannot be read \(0.9 MB, a config has 0.5 MB at most\)"):
+        load_config(path)
+
+
 def test_a_value_of_set_is_told_with_its_option_also_where_its_section_stands_nowhere() -> None:
     with pytest.raises(ConfigError, match=r"'stern' or 'either' is expected, not the text 'free' \(--set su.*=free\)$"):
         load_config("sitl", ("supervisor.heading.policy=free",))

@@ -34,7 +34,7 @@ def test_another_name_that_leads_here_gets_nothing(host: str | None) -> None:
     "origin",
     [
         *("http://evil.example", "https://evil.example", "null", "", "file://", "http://127.0.0.1:8096"),
-        *("http://127.0.0.1", "http://127.0.0.1:8095.evil.example", "ftp://127.0.0.1:8095"),
+        *("http://127.0.0.1", "http://127.0.0.1:8095.evil.example", "ftp://127.0.0.1:8095", "http://[::1"),
     ],
 )
 def test_a_page_of_another_origin_gets_nothing(origin: str) -> None:
@@ -58,6 +58,7 @@ def test_an_origin_that_was_allowed_may() -> None:
         f"Bearer {TOKEN}x",
         f"Bearer {TOKEN[:-1]}",
         "Bearer \u00e9",
+        "Bearer \udce9",  # as a byte that is no UTF-8 comes
     ],
 )
 def test_without_the_token_nobody_controls(header: str | None) -> None:

@@ -78,6 +78,7 @@ def test_a_motion_sets_the_parameters_that_the_command_sets_and_the_speed_last()
         *({"action": "move", "n_m": "1", "e_m": 0}, {"action": "move", "n_m": True, "e_m": 0}),
         *({"action": "move", "n_m": math.nan, "e_m": 0}, {"action": "move", "n_m": 6000, "e_m": 0}),
         *({"action": "heading", "heading_deg": -1}, {"action": "heading", "heading_deg": 361}),
+        {"action": "heading", "heading_deg": 10**400},
         *({"action": "heading", "heading_deg": math.inf}, {"action": "heading", "heading_deg": 1, "x": 2}),
         *({"action": "policy"}, {"action": "policy", "policy": "sideways"}, {"action": "policy", "policy": 1}),
         *({"action": "drift", "speed_mps": 0.2}, {"action": "drift", "course_deg": 1, "speed_mps": 0}),

@@ -302,6 +302,13 @@ def test_the_checkpoint_of_another_training_is_refused(tmp_path: Path) -> None:
         fit("nnsem", DATA, seed=5, options=options, checkpoint=checkpoint, progress=stop)
     with pytest.raises(ModelError, match="belongs to a training with other data, options or seed"):
         fit("nnsem", DATA, seed=6, options=options, checkpoint=checkpoint)
+    with np.load(checkpoint) as archive:
+        arrays = {name: archive[name] for name in archive.files}
+    for damaged in ({**arrays, "p.w1": arrays["p.w1"][..., :-1]}, {k: v for k, v in arrays.items() if k != "m.w1"}):
+        with checkpoint.open("wb") as file:
+            np.savez(file, **damaged)
+        with pytest.raises(ModelError, match="damaged: its arrays do not fit; remove it"):
+            fit("nnsem", DATA, seed=5, options=options, checkpoint=checkpoint)
     checkpoint.write_bytes(b"PK\x03\x04 nothing")
     with pytest.raises(ModelError, match="damaged"):
         fit("nnsem", DATA, seed=5, options=options, checkpoint=checkpoint)

@@ -346,10 +346,8 @@ def test_delays_and_places_that_cannot_be_are_refused(overrides: tuple[str, ...]
 
 @pytest.mark.parametrize("value", [1e6, -1e30, 65534.0, 3.4e38, math.inf, math.nan])
 def test_what_no_boat_can_have_is_no_reading(value: float) -> None:
-    selector = SourceSelector(
-        {"yaw_rate": (source("A"),), "velocity": (source("A"),), "acceleration": (source("A"),)}, 5.0
-    )
-    assert selector.select("link.M", YawRate(t_ns=1, r_radps=value)) is None
-    assert selector.select("link.M", GroundVelocity(t_ns=1, vn_mps=0.1, ve_mps=value)) is None
-    assert selector.select("link.M", SpecificForce(t_ns=1, ax_mps2=value, ay_mps2=0.0)) is None
-    assert selector.select("link.M", YawRate(t_ns=2, r_radps=-2.0)) is not None
+    selector = SourceSelector({"yaw_rate": (source(A),), "velocity": (source(A),), "acceleration": (source(A),)}, 5.0)
+    assert selector.select(A, YawRate(t_ns=1, r_radps=value)) is None
+    assert selector.select(A, GroundVelocity(t_ns=1, vn_mps=0.1, ve_mps=value)) is None
+    assert selector.select(A, SpecificForce(t_ns=1, ax_mps2=value, ay_mps2=0.0)) is None
+    assert selector.select(A, YawRate(t_ns=2, r_radps=-2.0)) is not None
