@@ -8,6 +8,7 @@ from typing import Any
 
 from asvhil.geo import wrap_rad
 from asvhil.io.sensors.sources import Switch
+from asvhil.operator.remarks import Remarks
 from asvhil.operator.reports import NOTICE, WARNING, OperatorReport
 from asvhil.operator.session import OperatorRequest, OperatorSession
 from asvhil.operator.state_arrays import BoatState
@@ -71,6 +72,7 @@ class Operations:
         self._unanswered: list[_Unanswered] = []
         self._phase = Phase.STANDBY
         self._notes: tuple[Note, ...] = ()
+        self._remarks = Remarks()
         self._control: Control | None = None
         self._adrift_in: str | None = None  # the autopilot's mode when a failure had ended the hold
 
@@ -123,7 +125,8 @@ class Operations:
         for switch in switches:
             severity = NOTICE if switch.after else WARNING
             self._session.tell(t_ns, severity, f"{switch.quantity} from {switch.after or 'nowhere'}")
-        for severity, text in self._take_remarks(notes):
+        self._notes = notes
+        for severity, text in self._remarks.step(t_ns, notes):
             self._session.tell(t_ns, severity, text)
 
         def value_of(name: str) -> float:
@@ -208,13 +211,3 @@ class Operations:
             self._adrift_in = status.mode if status is not None else ""
         elif status is not None and (not status.armed or status.mode != self._adrift_in):
             self._adrift_in = None
-
-    def _take_remarks(self, notes: tuple[Note, ...]) -> list[tuple[int, str]]:
-        """What has become wrong, and what has recovered, since the last tick: (severity, text)."""
-        before, self._notes = self._notes, notes
-        if notes == before:
-            return []
-        told = [(WARNING, f"{note.subject}: {note.text}") for note in notes if not note.ok and note not in before]
-        wrong = {note.subject for note in notes if not note.ok}
-        right = [note.subject for note in before if not note.ok and note.subject not in wrong]
-        return [*told, *((NOTICE, f"{subject}: recovered") for subject in right)]

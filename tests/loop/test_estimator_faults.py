@@ -63,7 +63,7 @@ def test_notes_are_reported_and_withdrawn() -> None:
     fault = "plant.faults=[{kind: gnss-jump, from_s: 14, until_s: 17}]"
     loop = Lockstep(load_config("sitl-bream", (*row_overrides("2", 1), fault)))
     texts = []
-    for _ in range(19 * 20):
+    for _ in range(21 * 20):
         _, outputs = loop.tick()
         texts += [frame.data for frame in outputs.frames if b"gnss position" in frame.data]
     assert len(texts) == 2 and b"gnss position: jump rejected" in texts[0] and b"gnss position: recovered" in texts[1]
