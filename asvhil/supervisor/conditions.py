@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from asvhil.config import SupervisorConfig
 from asvhil.geo import LocalFrame
 from asvhil.supervisor.geofence import Geofence
@@ -10,6 +12,7 @@ from asvhil.supervisor.situation import Situation
 from asvhil.supervisor.stations import place_of_point, station_of_origin
 from asvhil.types import Estimate, FrontseatStatus, Radio, Station
 
+PLANE_M = 20_000.0  # from the first position: as far as a degree of longitude is as long as there, to 0.3 %
 STICKS_OLD_NS = 3_000_000_000  # a pilot who moves a stick must have been seen by then
 
 
@@ -46,6 +49,9 @@ class Conditions:
             return explain(Reason.WRONG_MODE, mode=status.mode, needed=self._config.control_mode)
         if situation.estimate is None or not situation.estimate.valid:
             return explain(Reason.NO_ESTIMATE)
+        away_m = math.hypot(situation.estimate.n_m, situation.estimate.e_m)
+        if away_m > PLANE_M:
+            return explain(Reason.FAR_FROM_ORIGIN, distance_km=away_m / 1000.0)
         return self.left_fence(situation)
 
     def link_ok(self, situation: Situation) -> bool:

@@ -36,6 +36,7 @@ class Reason(enum.StrEnum):
     HEARTBEAT_LOST = "heartbeat-lost"
     MODE_UNKNOWN = "mode-unknown"
     STICKS_UNSEEN = "sticks-unseen"
+    FAR_FROM_ORIGIN = "far-from-origin"
     NOT_A_BOAT = "not-a-boat"
     TWO_VEHICLES = "two-vehicles"
     ESTIMATE_STALE = "estimate-stale"
@@ -203,6 +204,10 @@ WORDS: Mapping[Reason, Words] = {
         text="the pilot's ground station is lost: silent for {seconds:g} s",
         remedy="Get its link back, and send a hold command. To hold without it: "
         "supervisor.ground_station_timeout_s: null.",
+    ),
+    Reason.FAR_FROM_ORIGIN: Words(
+        text="the boat is {distance_km:.0f} km from the first position that was heard: distances are not right there",
+        remedy="Start the daemon again: the first fix was wrong, or the boat has come a long way since.",
     ),
     Reason.STICKS_UNSEEN: Words(
         text="the autopilot does not tell where the pilot's sticks are (RC_CHANNELS)",

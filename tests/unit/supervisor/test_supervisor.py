@@ -12,6 +12,7 @@ from asvhil.supervisor.situation import MotorPulses
 from asvhil.types import FrontseatStatus, HoldCommand, MoveCommand, Phase, Radio, ReleaseCommand, Station
 from tests.support.supervisor_bench import ESTIMATE, FRAME, STICKS, SupervisorBench, status
 
+MS = 1_000_000
 SLOW = explain(Reason.STREAM_SLOW, message="ATTITUDE", wanted="20")
 
 
@@ -48,6 +49,8 @@ def test_hold_here_and_hold_there() -> None:
         ({"status": status(mode="HOLD")}, explain(Reason.WRONG_MODE, mode="HOLD", needed="MANUAL")),
         ({"estimate": None}, explain(Reason.NO_ESTIMATE)),
         ({"estimate": replace(ESTIMATE, valid=False)}, explain(Reason.NO_ESTIMATE)),
+        ({"estimate": replace(ESTIMATE, n_m=24_000.0, e_m=0.0)}, explain(Reason.FAR_FROM_ORIGIN, distance_km=24.0)),
+        ({"status": status(rc_us=(), radio=Radio.HEARD)}, explain(Reason.STICKS_UNSEEN)),
         ({"slow": SLOW}, SLOW),
         ({"slow": SLOW, "estimate": None}, explain(Reason.NO_ESTIMATE)),
     ],
@@ -190,6 +193,24 @@ def test_small_stick_noise_and_our_own_echo_are_not_the_pilot() -> None:
     bench.drive(pulses=(1700, 1300))
     bench.status = status(rc_us=(1699, 1530, 1302, 1480))
     assert bench.step().drive
+
+
+def test_sticks_that_are_no_longer_told_mean_neutral_and_then_release() -> None:
+    bench = SupervisorBench()
+    bench.status = status(rc_ns=MS, radio=Radio.HEARD)
+    assert bench.hold() is None
+    while bench.t_ns < 3_000 * MS:
+        assert bench.step().phase is Phase.HOLD
+    decision = bench.step()
+    assert decision.phase is Phase.FAILSAFE and decision.neutral and decision.why == explain(Reason.STICKS_UNSEEN)
+    for radio, rc_ns in ((Radio.HEARD, bench.t_ns), (Radio.ABSENT, MS), (Radio.LOST, MS)):
+        told = SupervisorBench()
+        told.t_ns = bench.t_ns
+        told.status = status(rc_ns=rc_ns, radio=radio)
+        assert told.hold() is None, "seen, or nobody's"
+    for _ in range(50):
+        decision = bench.step()
+    assert decision.phase is Phase.STANDBY and decision.why == explain(Reason.STICKS_UNSEEN)
 
 
 @pytest.mark.parametrize(
