@@ -203,7 +203,7 @@ def test_sticks_that_are_no_longer_told_mean_neutral_and_then_release() -> None:
         assert bench.step().phase is Phase.HOLD
     decision = bench.step()
     assert decision.phase is Phase.FAILSAFE and decision.neutral and decision.why == explain(Reason.STICKS_UNSEEN)
-    for radio, rc_ns in ((Radio.HEARD, bench.t_ns), (Radio.ABSENT, MS), (Radio.LOST, MS)):
+    for radio, rc_ns in ((Radio.HEARD, bench.t_ns), (Radio.ABSENT, MS)):
         told = SupervisorBench()
         told.t_ns = bench.t_ns
         told.status = status(rc_ns=rc_ns, radio=radio)
