@@ -62,12 +62,15 @@ class BatteryWatch:
         )
         if any(low):
             self._were_low = low
+        told = [
+            (form.format(value), form.format(least))
+            for (value, form), least, is_low in zip(readings, limits, low, strict=True)
+            if is_low
+        ]
         if status.battery_complaint:
-            return explain(Reason.BATTERY_COMPLAINT, complaint=status.battery_complaint)
-        for (value, form), least, is_low in zip(readings, limits, low, strict=True):
-            if is_low:
-                return explain(Reason.BATTERY_LOW, reading=form.format(value), limit=form.format(least))
-        return None
+            words = "; ".join([status.battery_complaint, *(reading for reading, _ in told)])
+            return explain(Reason.BATTERY_COMPLAINT, complaint=words)
+        return explain(Reason.BATTERY_LOW, reading=told[0][0], limit=told[0][1]) if told else None
 
     def _is_missing(self, status: FrontseatStatus | None) -> bool:
         """Whether a reading that was low is not told any more."""

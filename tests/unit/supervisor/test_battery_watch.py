@@ -106,7 +106,7 @@ def test_what_is_told_keeps_up_with_what_is_read() -> None:
         texts.add(told())
     assert 2 <= len(texts) <= 4 and "7 %" in told()
     battery.run(0.1, replace(FULL, battery_percent=3.0, battery_complaint="battery 1 failed (fire)"))
-    assert told() == "the autopilot says: battery 1 failed (fire)"
+    assert told() == "the autopilot says: battery 1 failed (fire); 3 %"
 
 
 def test_a_charge_that_is_not_told_any_more_is_not_well() -> None:
