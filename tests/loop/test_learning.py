@@ -36,7 +36,7 @@ def test_a_fouled_motor_is_found_told_and_replayed(tmp_path: Path) -> None:
     [
         ("controller.name=loiter", "loiter predicts with no vessel model, so there is nothing to correct"),
         ("estimator.kind=fir", "the estimator fir has no vessel model; it needs ekf"),
-        ("learning.least=0.1", "greater than or equal to 0.2"),
+        ("learning.least=0.1", "a number of 0.2 or more"),
     ],
 )
 def test_what_cannot_learn_is_refused(key: str, error: str) -> None:

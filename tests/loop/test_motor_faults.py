@@ -22,13 +22,21 @@ from tests.support.parts import one_in
 LIMIT_S = 3.0
 REJECTED = 1
 NO_ANSWER = ("PARAM_VALUE",)
-BLIND = ("PARAM_VALUE", "RC_CHANNELS")
+BLIND = ("PARAM_VALUE", "RC_CHANNELS", "SYS_STATUS")  # the last one says that a pilot has a transmitter
 
 
 @cache
 def armed(seed: int, lost: tuple[str, ...]) -> Trial:
     """A boat of which some messages never arrive, armed: for copies."""
     return Trial({}, f"plant.seed={seed}", lost=lost)
+
+
+def test_no_hold_begins_while_the_pilots_sticks_are_not_told() -> None:
+    trial = Trial({}, lost=("RC_CHANNELS",))
+    seconds, _ = trial.hold()
+    assert seconds == 0.0 and trial.results == [REJECTED]
+    assert any("the pilot's sticks" in text for text in trial.texts), trial.texts
+    assert not any(trial.overrides_us), "nothing was ever sent to the motors"
 
 
 def neutral_then_released(trial: Trial) -> None:
@@ -64,7 +72,8 @@ def test_without_parameters_the_read_back_finds_it_within_3_s_of_the_hold(
     if lost == BLIND and reason is Reason.OVERRIDES_IGNORED:
         reason = BLIND_REASON
     # Nobody reads parameters here, so it does not matter since when they are so; but an output shows since when it is.
-    trial = Trial(parameters, f"plant.seed={seed}", lost=lost) if "SERVO1_FUNCTION" in parameters else armed(seed, lost)
+    fresh = "SERVO1_FUNCTION" in parameters
+    trial = Trial(parameters, f"plant.seed={seed}", lost=lost) if fresh else armed(seed, lost)
 
     def body() -> None:
         for parameter, value in parameters.items():
