@@ -232,6 +232,7 @@ def test_an_operator_sees_the_boat_moves_the_station_stops_the_motors_and_notice
         stopped = daemon.wait_for(lambda s: s["phase"] == "prepare", 5.0)
         assert stopped["pwm_us"] == [1500, 1500]
         wait_for_text(told["reason"], lambda text: text.startswith("neutral"), 5.0)
+        wait_for_text(page.locator("circle.station").count, "0".__eq__, 5.0)  # it is told apart from the reason
         page.click("#drift")
         assert page.inner_text("#answer") == "No station is held: hold first, then have it move."
         assert page.is_hidden("#confirm")
