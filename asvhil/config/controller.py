@@ -340,18 +340,18 @@ class BacksteppingConfig(Section):
     """
 
     lambda_per_s: Gains3 = Field(
-        default=(0.4, 0.4, 0.8686), description="Lambda, the bandwidth of the reference velocity."
+        default=(0.03684, 0.03684, 0.9915), description="Lambda, the bandwidth of the reference velocity."
     )
-    kd: Gains3 = Field(default=(324.7, 324.7, 1400.0), description="K_d, in N s/m, N s/m, N m s/rad.")
-    kp: Gains3 = Field(default=(35.94, 35.94, 1400.0), description="K_p, in N/m, N/m, N m/rad.")
+    kd: Gains3 = Field(default=(107.5, 107.5, 998.5), description="K_d, in N s/m, N s/m, N m s/rad.")
+    kp: Gains3 = Field(default=(363.7, 363.7, 32.09), description="K_p, in N/m, N/m, N m/rad.")
     wind_feedforward: bool = Field(default=True, description="Whether the measured wind's load is compensated.")
     steering: SteeringConfig = Field(
         default=SteeringConfig(
-            error_max_m=4.935,
-            radius_m=21.42,
-            lean_max_deg=35.89,
-            lean_from_m=1.175,
-            lean_fade_n=2.023,
+            error_max_m=9.729,
+            radius_m=16.92,
+            lean_max_deg=6.377,
+            lean_from_m=0.8201,
+            lean_fade_n=2.358,
         ),
         description="Heading reference.",
     )
@@ -363,12 +363,12 @@ class SlidingModeConfig(Section):
     Shipped gains: `asvhil tune`.
     """
 
-    lambda_per_s: Gains3 = Field(default=(0.514, 0.514, 0.5171), description="Lambda, the surface's bandwidth.")
+    lambda_per_s: Gains3 = Field(default=(0.4412, 0.4412, 0.5601), description="Lambda, the surface's bandwidth.")
     bound: Gains3 = Field(
-        default=(1044.0, 1044.0, 530.4), description="U, the bound of the switching force, in N, N, N m."
+        default=(1793.0, 1793.0, 374.7), description="U, the bound of the switching force, in N, N, N m."
     )
     layer: Widths3 = Field(
-        default=(1.487, 1.487, 0.4261), description="E, the thickness of the boundary layer, in m/s, m/s, rad/s."
+        default=(0.9177, 0.9177, 0.1682), description="E, the thickness of the boundary layer, in m/s, m/s, rad/s."
     )
     integral_max: Gains3 = Field(
         default=(10.0, 10.0, 1.0), description="Bound on the integrated error, in m s, m s, rad s."
@@ -376,11 +376,11 @@ class SlidingModeConfig(Section):
     wind_feedforward: bool = Field(default=True, description="Whether the measured wind's load is compensated.")
     steering: SteeringConfig = Field(
         default=SteeringConfig(
-            error_max_m=0.6366,
-            radius_m=6.592,
-            lean_max_deg=9.98,
-            lean_from_m=1.13,
-            lean_fade_n=3.271,
+            error_max_m=0.8359,
+            radius_m=10.21,
+            lean_max_deg=3.509,
+            lean_from_m=1.644,
+            lean_fade_n=4.292,
         ),
         description="Heading reference.",
     )
