@@ -14,13 +14,12 @@ from asvhil.logs.replay import replay
 from asvhil.logs.run import RunReader
 from asvhil.logs.summary import tracks
 from asvhil.simplant.lockstep import Lockstep
-from tests.support.loop import PLAIN_CONTROLLER
 
 
 def test_windows_open_and_end_as_the_metrics_have_them(tmp_path: Path) -> None:
     """From 5 m astern across 2 m/s: on its way the boat is too fast, and each swing may end a window."""
     keys = (
-        PLAIN_CONTROLLER,
+        "controller.name=sliding-mode",  # no MPC, and one that opens windows
         "plant.weather.wind={speed_mps: 2, toward_deg: 90}",
         "plant.start_n_m=-5",
         "plant.start_e_m=0",
