@@ -57,7 +57,7 @@ class ArmingChecks:
                 fault = text.removeprefix(prefix)
                 if fault not in self._round:
                     self._round.append(fault)
-                if len(self._round) > len(self._fails) or not set(self._round) <= set(self._fails):
+                if not set(self._round) <= set(self._fails):
                     self._fails = list(self._round)  # else what the last round told stands, until this one is over
         for prefix in AT_ARMING:
             if text.startswith(prefix):

@@ -78,6 +78,8 @@ class Batteries:
 
     def lowest_percent(self, t_ns: int) -> float | None:
         """The lowest charge of several; None where there is one alone, or none of them tells it."""
+        if len(self._charges) < 2:  # as nearly always; it is asked for with every status
+            return None
         self._charges = {i: one for i, one in self._charges.items() if t_ns - one[0] < FORGOTTEN_NS}
         if len(self._charges) < 2:
             return None

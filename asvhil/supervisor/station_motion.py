@@ -149,7 +149,7 @@ class StationMotion:
         jump_m = self._jump_m(report)
         if jump_m > self._config.jump_m:
             return explain(Reason.LEADER_JUMPED, metres=jump_m, most=self._config.jump_m)
-        mean = _mean_velocity(self._mean, report)
+        mean = _mean_velocity(self._mean, _slower(report, self._most_mps))  # one wrong velocity turns it for seconds
         course_rad = self._course_of_leader_rad
         if math.hypot(mean.vn_mps, mean.ve_mps) >= COURSE_LEAST_MPS:
             course_rad = math.atan2(mean.ve_mps, mean.vn_mps)

@@ -261,6 +261,17 @@ def test_one_message_with_a_wrong_velocity_does_not_lose_the_leader() -> None:
     assert steps.off_m == pytest.approx((1.0, 0.0), abs=0.6) and steps.note is not None and steps.note.ok
 
 
+def test_one_message_with_a_wrong_velocity_turns_the_course_for_seconds_only() -> None:
+    steps = Steps(offset_m=(-3.0, 0.0), offset_frame="course")
+    steps.course(leader=42)
+    for second in range(40):
+        velocity = (0.0, 1e38) if second == 10 else (0.3, 0.0)
+        assert steps.report((0.3 * second, 0.0), velocity) is None
+        for _ in range(10):
+            steps.step(0.1)
+    assert steps.off_m == pytest.approx((0.3 * 40 - 3.0, 0.0), abs=0.3)
+
+
 def test_a_leader_has_no_course_of_the_one_before() -> None:
     steps = Steps(offset_m=(2.0, 0.0), offset_frame="course")
     steps.course(leader=42)
