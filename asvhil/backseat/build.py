@@ -197,11 +197,12 @@ def build_motor_check(config: Config, link: MavlinkAutopilot) -> MotorCheck:
 
 def build_command(config: Config, controller: Controller) -> Command:
     """Operators and the supervisor; operators may tune `controller` while it runs."""
-    links = config.links
+    links, vessel = config.links, config.believed_vessel
     supervisor = Supervisor(
         config.supervisor,
         overrides_sticks=links.autopilot.overrides_sticks,
-        fastest_mps=fastest_mps(config.believed_vessel, config.supervisor.moving),
+        fastest_mps=fastest_mps(vessel, config.supervisor.moving),
+        weak_astern=vessel.weak_astern,
     )
     tunables = Tunables(config.controller, controller)
     session = OperatorSession(links.autopilot, links.operator, (*STATION_PARAMETERS, *tunables.names))

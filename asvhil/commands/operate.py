@@ -42,7 +42,9 @@ def hold(
     ] = 0.0,
     policy: Annotated[
         str | None,
-        typer.Option(help="Heading from now on: fixed, bow or stern to the weather, or either; as it is by default."),
+        typer.Option(
+            help="Heading from now on: fixed, bow or stern to the weather, either, free; as it is by default."
+        ),
     ] = None,
     drift: Annotated[
         str | None,
@@ -95,6 +97,8 @@ def hold(
         held += f"; moving: {drift}" + (f", {way:g} m" if way else "")
     elif follow is not None:
         held += f"; following system {follow}"
+    if policy is None:
+        policy = _unfixed(settings)
     typer.echo(held + ("" if policy is None else f"; heading: {policy}"))
     if cost and policy in (None, "fixed"):
         typer.echo(f"its heading: {cost}")
@@ -204,6 +208,21 @@ def _choose_policy(config: Config, number: int) -> None:
     value, text = set_parameter(data, link.endpoint, POLICY_PARAMETER, signing=link.signing)
     if value != number:
         raise AsvhilError(f"the hold goes on, but the daemon refused its heading policy: {text}")
+
+
+def _unfixed(config: Config) -> str | None:
+    """The policy by which stations follow the weather, chosen with an earlier hold; None: they do not, or no answer."""
+    from asvhil.config.heading import POLICIES
+    from asvhil.links.operator_client import set_parameter
+    from asvhil.operator.encoding import encode_parameter_question
+    from asvhil.operator.station_parameters import POLICY_PARAMETER
+
+    link, question = config.links.operator, encode_parameter_question(config.links.autopilot, POLICY_PARAMETER)
+    try:
+        number, _ = set_parameter(question, link.endpoint, POLICY_PARAMETER, signing=link.signing)
+    except LinkError:  # it was granted all the same
+        return None
+    return POLICIES[int(number)] if 0 < number < len(POLICIES) else None
 
 
 def _ask(config: Config, data: bytes, mav_cmd: int) -> None:

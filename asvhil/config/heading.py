@@ -8,7 +8,7 @@ from pydantic import Field
 
 from asvhil.config.base import Positive, Section
 
-POLICIES = ("fixed", "bow", "stern", "either")
+POLICIES = ("fixed", "bow", "stern", "either", "free")
 
 
 class HeadingConfig(Section):
@@ -18,11 +18,13 @@ class HeadingConfig(Section):
     its bow or its stern it lies still, at a small part of the thrust.
     """
 
-    policy: Literal["fixed", "bow", "stern", "either"] = Field(
+    policy: Literal["fixed", "bow", "stern", "either", "free"] = Field(
         default="fixed",
         description=(
             "`fixed`: the heading that was asked for. `bow`: the one at which the mean force of wind, current and "
-            "waves comes from ahead. `stern`: from astern. `either`: the nearer of both, when the hold begins."
+            "waves comes from ahead. `stern`: from astern. `either`: the nearer of both, when the hold begins. `free`: "
+            "position alone, by the least effort: the one of both that asks less of the motors, and as the boat lies "
+            "where there is no weather."
         ),
     )
     time_constant_s: Positive = Field(

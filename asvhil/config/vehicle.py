@@ -120,6 +120,11 @@ class VesselConfig(Section):
             raise ValueError("thrust_curve must lie in commands -1..1 and reach both astern and ahead thrust")
         return self
 
+    @property
+    def weak_astern(self) -> bool:
+        """Whether the motors give less thrust astern than ahead, by more than a tenth."""
+        return -self.thrust_curve[0][1] < 0.9 * self.thrust_curve[-1][1]
+
     def speed_ahead_mps(self, share: float = 1.0) -> float:
         """Where the drag is that share of both motors' thrust: X_u u + X_u|u| u^2 = share 2 T_max, in still water.
 

@@ -42,7 +42,9 @@ def send_and_wait(
 def set_parameter(
     data: bytes, endpoint: str, name: str, timeout_s: float = 2.0, signing: SigningConfig | None = None
 ) -> tuple[float, str]:
-    """Send a PARAM_SET frame until the daemon answers: (the value that the parameter now has, text). As `ask`."""
+    """Send a PARAM_SET frame, or a PARAM_REQUEST_READ, until the daemon answers: (the value that the parameter now has,
+    text). As `ask`.
+    """
 
     def value(message: Any) -> float | None:
         if message.get_type() == "PARAM_VALUE" and message.param_id == name:

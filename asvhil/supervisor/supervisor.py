@@ -53,18 +53,23 @@ class Supervisor:
     """
 
     def __init__(
-        self, config: SupervisorConfig, *, overrides_sticks: bool = True, fastest_mps: float = math.inf
+        self,
+        config: SupervisorConfig,
+        *,
+        overrides_sticks: bool = True,
+        fastest_mps: float = math.inf,
+        weak_astern: bool = True,
     ) -> None:
         """`overrides_sticks`: the motor commands stand in the place of the pilot's, and show as such in RC_CHANNELS.
 
-        `fastest_mps`: of a station that the boat can follow.
+        `fastest_mps`: of a station that the boat can follow. `weak_astern`: its motors give less thrust astern.
         """
         self._config = config
         self._pilot = PilotWatch(config, overrides_sticks=overrides_sticks)
         self._phase = Phase.STANDBY
         self._why = explain(Reason.WAITING_FOR_HOLD)
         self._station: Station | None = None
-        self._heading = HeadingPolicy(config.heading)
+        self._heading = HeadingPolicy(config.heading, weak_astern=weak_astern)
         self._motion = StationMotion(config.moving, fastest_mps)
         self._conditions = Conditions(config)
         self._most_m = config.max_distance_m  # by the last hold command: how far off a station may be
@@ -150,7 +155,9 @@ class Supervisor:
             return
         if anew:
             self._heading.begin()
-        self._station = self._heading.turned(situation.t_ns, held, situation.bow_rad)
+        at = situation.estimate
+        boat_rad = at.psi_rad if at is not None and at.valid else None
+        self._station = self._heading.turned(situation.t_ns, held, situation.bow_rad, boat_rad)
 
     def _hidden(self, situation: Situation) -> int | None:
         """The channel of a stick that cannot be seen, and so not obeyed."""

@@ -46,8 +46,10 @@ def test_hold_by_command_through_noise_and_a_clean_end(tmp_path: Path) -> None:
             daemon.wait_for(lambda s: s["phase"] == "hold", 5.0)
             turned = at.command("hold", "--policy", "bow")
             assert turned.returncode == 0 and turned.stdout.endswith("; heading: bow\n"), turned.stderr
+            again = at.command("hold")
+            assert again.stdout.endswith("; heading: bow\n"), "it stays, and the grant says so"
             mistaken = at.command("hold", "--policy", "sideways")
-            assert mistaken.returncode == 2 and "known: fixed, bow, stern, either" in mistaken.stderr
+            assert mistaken.returncode == 2 and "known: fixed, bow, stern, either, free" in mistaken.stderr
             with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as attacker:
                 for _ in range(256):  # a megabyte into each link, in a few seconds
                     data = noise.randbytes(4096)

@@ -269,5 +269,5 @@ def test_a_file_that_would_take_minutes_is_not_read(tmp_path: Path) -> None:
 
 
 def test_a_value_of_set_is_told_with_its_option_also_where_its_section_stands_nowhere() -> None:
-    with pytest.raises(ConfigError, match=r"'stern' or 'either' is expected, not the text 'free' \(--set su.*=free\)$"):
-        load_config("sitl", ("supervisor.heading.policy=free",))
+    with pytest.raises(ConfigError, match=r"'either' or 'free' is expected, not the text 'any' \(--set su.*=any\)$"):
+        load_config("sitl", ("supervisor.heading.policy=any",))

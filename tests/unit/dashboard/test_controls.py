@@ -46,7 +46,7 @@ def test_each_control_is_what_it_says() -> None:
 @pytest.mark.parametrize(
     ("action", "parameter", "words"),
     [
-        ("policy", "ST_POLICY", ("fixed", "bow", "stern", "either")),
+        ("policy", "ST_POLICY", ("fixed", "bow", "stern", "either", "free")),
         ("effort", "MPC_EFFORT", ("precise", "normal", "gentle")),
     ],
 )

@@ -41,7 +41,7 @@ LINK = CONFIG.links.autopilot
 GCS = dialect.MAVLink(None, srcSystem=255, srcComponent=190)
 STATION = Station(n_m=3.0, e_m=-4.0, psi_rad=0.5)
 FRAME = LocalFrame(lat_deg=40.0, lon_deg=-86.0)
-POLICY_RANGE = "0 (fixed), 1 (bow), 2 (stern), 3 (either)"
+POLICY_RANGE = "0 (fixed), 1 (bow), 2 (stern), 3 (either), 4 (free)"
 
 
 class Retuned:
@@ -159,7 +159,7 @@ def test_a_hold_that_begins_tells_the_station_to_everyone() -> None:
         ("ST_FOLLOW", 1.5, explain(Reason.PARAMETER_OUT_OF_RANGE, name="ST_FOLLOW", range="0 to 255")),
         ("ST_LAT", 90.5, explain(Reason.PARAMETER_OUT_OF_RANGE, name="ST_LAT", range="-90 to 90")),
         ("ST_HDG", 361.0, explain(Reason.PARAMETER_OUT_OF_RANGE, name="ST_HDG", range="-360 to 360")),
-        ("ST_POLICY", 4.0, explain(Reason.PARAMETER_OUT_OF_RANGE, name="ST_POLICY", range=POLICY_RANGE)),
+        ("ST_POLICY", 5.0, explain(Reason.PARAMETER_OUT_OF_RANGE, name="ST_POLICY", range=POLICY_RANGE)),
         ("ST_POLICY", math.nan, explain(Reason.PARAMETER_OUT_OF_RANGE, name="ST_POLICY", range=POLICY_RANGE)),
         ("ST_EAST", float("inf"), explain(Reason.PARAMETER_OUT_OF_RANGE, name="ST_EAST", range="a finite number")),
     ],

@@ -15,9 +15,10 @@ TICK_NS = 50_000_000
 class Held:
     """A station that a policy turns, tick by tick."""
 
-    def __init__(self, psi_deg: float = 0.0, **keys: object) -> None:
+    def __init__(self, psi_deg: float = 0.0, *, weak_astern: bool = True, **keys: object) -> None:
         config = HeadingConfig.model_validate({"policy": "bow", "time_constant_s": 1.0, **keys})
-        self.policy, self.t_ns = HeadingPolicy(config), 1_000_000_000_000
+        self.policy, self.t_ns = HeadingPolicy(config, weak_astern=weak_astern), 1_000_000_000_000
+        self.boat_deg: float | None = None
         self.station = Station(n_m=3.0, e_m=-4.0, psi_rad=math.radians(psi_deg))
         self.policy.begin()
 
@@ -26,7 +27,9 @@ class Held:
         bow_rad = None if bow_deg is None else math.radians(bow_deg)
         for _ in range(max(1, round(seconds * 1e9 / TICK_NS))):
             self.t_ns += TICK_NS
-            self.station = self.policy.turned(self.t_ns, self.station, bow_rad)
+            self.station = self.policy.turned(
+                self.t_ns, self.station, bow_rad, None if self.boat_deg is None else math.radians(self.boat_deg)
+            )
         assert (self.station.n_m, self.station.e_m) == (3.0, -4.0)
         return math.degrees(self.station.psi_rad)
 
@@ -173,3 +176,35 @@ def test_a_policy_that_is_chosen_later_turns_the_station_at_once_and_fixed_leave
     assert held.wait(60.0, 20.0) == pytest.approx(-50.0)
     held.policy.choose("either")  # the nearer of -160 and 20 degrees
     assert held.wait(0.0, 20.0) == pytest.approx(20.0)
+
+
+@pytest.mark.parametrize(("asked", "weak_astern", "expected"), [(130.0, True, -30.0), (130.0, False, 150.0)])
+def test_a_free_heading_takes_the_end_that_asks_less_of_the_motors(
+    asked: float, weak_astern: bool, expected: float
+) -> None:
+    assert Held(asked, policy="free", weak_astern=weak_astern).wait(0.0, -30.0) == pytest.approx(expected)
+
+
+def test_where_both_ends_are_as_good_a_free_heading_changes_them_when_the_weather_has_gone_round() -> None:
+    held = Held(0.0, policy="free", weak_astern=False)
+    held.wait(30.0, 0.0)
+    assert held.wait(600.0, 100.0) == pytest.approx(100.0, abs=0.6), "less than 110 degrees off: it follows"
+    assert held.wait(600.0, -120.0) == pytest.approx(60.0, abs=0.6), "the stern is 40 degrees off, the bow 140"
+    bound_to_its_bow = Held(0.0, policy="free")
+    bound_to_its_bow.wait(30.0, 0.0)
+    assert bound_to_its_bow.wait(600.0, 140.0) == pytest.approx(140.0, abs=0.6)
+
+
+def test_without_weather_a_free_heading_is_the_boats() -> None:
+    held = Held(20.0, policy="free")
+    assert held.wait(1.0, None) == pytest.approx(20.0), "nor is the boat's known"
+    held.boat_deg = 27.0
+    assert held.wait(1.0, None) == pytest.approx(20.0), "a dead band, or the boat would drift about"
+    held.boat_deg = 75.0
+    assert held.wait(1.0, None) == pytest.approx(75.0)
+    held.boat_deg = 90.0
+    assert held.wait(1.0, None) == pytest.approx(90.0)
+    assert held.wait(120.0, 0.0) == pytest.approx(30.0, abs=1.0), "weather comes up: no faster than it may"
+    fixed = Held(20.0, policy="bow")
+    fixed.boat_deg = 75.0
+    assert fixed.wait(1.0, None) == pytest.approx(20.0)
