@@ -15,7 +15,7 @@ import argparse
 import json
 import math
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -145,6 +145,28 @@ def told(x: Array, y: Array, windows: Array, rows: Sequence[float], table: Table
     }
 
 
+def _samples(folder: Path, seeds: Iterable[int], seconds: float) -> tuple[tuple[Array, ...], int]:
+    """Features, seconds that the window stays open, seconds that the track goes on, window and boat of all samples;
+    and how many windows there were.
+    """
+    parts, boats, windows = [], [], 0
+    for seed in seeds:
+        print(f"seed {seed}", file=sys.stderr)
+        for name, test in TESTS.items():
+            x, stays_s, goes_on_s, numbers, count = samples_of(track_of(folder, name, seed, seconds))
+            parts.append((x, stays_s, goes_on_s, numbers + windows))
+            boats += [test.boat] * len(x)
+            windows += count
+    return (*(np.concatenate(column) for column in zip(*parts, strict=True)), np.array(boats)), windows
+
+
+def _outcomes(samples: tuple[Array, ...], horizon_s: float) -> tuple[Array, Array, Array, Array]:
+    """Features, whether the window stayed open, window and boat of the samples whose track goes on for so long."""
+    x, stays_s, goes_on_s, numbers, boats = samples
+    on = goes_on_s > horizon_s
+    return x[on], (stays_s[on] > horizon_s).astype(float), numbers[on], boats[on]
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("tracks", type=Path)
@@ -155,22 +177,10 @@ def main() -> None:
     asked = parser.parse_args()
     asked.tracks.mkdir(parents=True, exist_ok=True)
     use_compiler()
-    sets = []
-    for first, last in (asked.fit, asked.seeds):
-        parts = []
-        for seed in range(first, last + 1):
-            print(f"seed {seed}", file=sys.stderr)
-            parts += [samples_of(track_of(asked.tracks, name, seed, asked.seconds)) for name in TESTS]
-        before = np.cumsum([0, *[part[4] for part in parts]])
-        numbers = np.concatenate([part[3] + first for part, first in zip(parts, before[:-1], strict=True)])
-        x, stays_s, goes_on_s = (np.concatenate([part[i] for part in parts]) for i in range(3))
-        sets.append((x, stays_s, goes_on_s, numbers, int(before[-1])))
-    found: dict[str, Any] = {"windows": [part[4] for part in sets], "horizons": {}}
+    sets = [_samples(asked.tracks, range(first, last + 1), asked.seconds) for first, last in (asked.fit, asked.seeds)]
+    found: dict[str, Any] = {"windows": [windows for _, windows in sets], "horizons": {}}
     for number, horizon_s in enumerate(HORIZONS_S):
-        (x, y, _), (other_x, other_y, windows) = (
-            (x[on > horizon_s], (s[on > horizon_s] > horizon_s).astype(float), of[on > horizon_s])
-            for x, s, on, of, _ in sets
-        )
+        (x, y, _, boats), (other_x, other_y, windows, of_boat) = (_outcomes(rows, horizon_s) for rows, _ in sets)
         rows = fitted(x, y)
         table = came_true(np.array([probability(rows, row) for row in x.tolist()]), y)
         base = float(y.mean())
@@ -181,6 +191,16 @@ def main() -> None:
             "came_true": table,
             "fitted": told(other_x, other_y, windows, rows, table, base),
             "shipped": told(other_x, other_y, windows, COEFFICIENTS[number], CAME_TRUE[number], base),
+            # Against the climatology of the boat itself: the boats differ by more than a boat's weathers do.
+            "of_boat": {
+                boat: told(
+                    *(part[of_boat == boat] for part in (other_x, other_y, windows)),
+                    COEFFICIENTS[number],
+                    CAME_TRUE[number],
+                    float(y[boats == boat].mean()),
+                )
+                for boat in BASES
+            },
         }
     text = json.dumps(found, indent=1)
     print(text)
