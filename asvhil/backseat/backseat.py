@@ -77,7 +77,9 @@ class Backseat:
         self._perception.note_station(decision.station)
         cost: tuple[Note, ...] = ()
         if self._heading_cost is not None:
-            cost = self._heading_cost.step(t_ns, decision.station, self._perception.push_at)
+            # A heading that follows the weather is off it within its dead band, or on the way to it.
+            asked_for = decision.station if decision.heading_policy == "fixed" else None
+            cost = self._heading_cost.step(t_ns, asked_for, self._perception.push_at)
         docking: DockingWindow | None = None
         if self._docking is not None:
             held = decision.station if decision.phase is Phase.HOLD else None
