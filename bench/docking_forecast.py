@@ -1,8 +1,9 @@
 """The forecast of docking windows on simulated field tests: its coefficients, and how good it is on other seeds.
 
-    python -m bench.docking_forecast TRACKS --fit 1101 1106 --seeds 2101 2110 [--json FILE] [--seconds 600]
+    python -m bench.docking_forecast TRACKS --fit 1101 1105 --seeds 2101 2104 [--json FILE] [--seconds 600]
 
-Runs the nine field tests with each seed, keeps their tracks in the folder TRACKS (a run that is there is not made
+Runs the nine field tests with each seed, and the WAM-V's once more with the weights of its config, which has no soft
+limits to keep a window open; keeps their tracks in the folder TRACKS (a run that is there is not made
 again), fits a logistic regression and its correction on the first seeds, and tells how good both are on the others,
 the coefficients fitted and those shipped: Brier score, that of climatology (the share of samples that stay open, of the
 seeds fitted), and reliability in tenths, with the largest error of those that more than 50 windows are in. A sample is
@@ -15,11 +16,14 @@ import argparse
 import json
 import math
 import sys
+from collections import Counter
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import isotonic_regression
 
 from asvhil.config import load_config
@@ -33,6 +37,12 @@ from asvhil.supervisor.docking_odds import CAME_TRUE, COEFFICIENTS, HORIZONS_S, 
 from asvhil.types import Estimate, Phase, Station
 from bench.ending import end_in_words
 
+PLAIN = "wamv, its config's weights"
+# {name: the field test, and the group in which it is told}
+CASES: dict[str, tuple[str, str]] = {
+    **{name: (name, test.boat) for name, test in TESTS.items()},
+    **{f"{name} plain": (name, PLAIN) for name, test in TESTS.items() if test.boat == "wamv"},
+}
 ORIGIN = Station(n_m=0.0, e_m=0.0, psi_rad=0.0)
 TENTHS = 10
 MANY = 50  # windows: a tenth with more of them is looked at
@@ -46,7 +56,10 @@ def track_of(folder: Path, name: str, seed: int, seconds: float) -> Array:
     if file.exists():
         kept: Array = np.load(file)
         return kept
-    loop, rows = Lockstep(load_config(BASES[TESTS[name].boat], overrides_of_test(name, seed))), []
+    test, group = CASES[name]
+    asked_for = overrides_of_test(test, seed)
+    keys = tuple(key for key in asked_for if group != PLAIN or not key.startswith("controller.mpc."))
+    loop, rows = Lockstep(load_config(BASES[TESTS[test].boat], keys)), []
     for _ in range(round(seconds * loop.config.daemon.tick_hz)):
         _, outputs = loop.tick()
         at, station = outputs.estimate, outputs.station
@@ -135,7 +148,7 @@ def told(x: Array, y: Array, windows: Array, rows: Sequence[float], table: Table
             tenths.append({"samples": int(here.sum()), "windows": of, **means})
     brier, climatology = float(np.mean((p - y) ** 2)), float(np.mean((base - y) ** 2))
     off = [abs(tenth["told"] - tenth["stayed"]) for tenth in tenths if tenth["windows"] > MANY]
-    better = 1.0 - brier / climatology
+    better = 1.0 - brier / climatology if climatology else None  # where all stayed open, or none
     return {
         "brier": brier,
         "climatology": climatology,
@@ -145,26 +158,66 @@ def told(x: Array, y: Array, windows: Array, rows: Sequence[float], table: Table
     }
 
 
-def _samples(folder: Path, seeds: Iterable[int], seconds: float) -> tuple[tuple[Array, ...], int]:
-    """Features, seconds that the window stays open, seconds that the track goes on, window and boat of all samples;
-    and how many windows there were.
+def _samples(folder: Path, seeds: Iterable[int], seconds: float) -> tuple[tuple[Array, ...], dict[str, int]]:
+    """Features, seconds that the window stays open, seconds that the track goes on, window and group of all samples;
+    and how many windows each group had.
     """
-    parts, boats, windows = [], [], 0
+    parts, groups, windows = [], list[str](), Counter[str]()
     for seed in seeds:
         print(f"seed {seed}", file=sys.stderr)
-        for name, test in TESTS.items():
+        for name, (_, group) in CASES.items():
             x, stays_s, goes_on_s, numbers, count = samples_of(track_of(folder, name, seed, seconds))
-            parts.append((x, stays_s, goes_on_s, numbers + windows))
-            boats += [test.boat] * len(x)
-            windows += count
-    return (*(np.concatenate(column) for column in zip(*parts, strict=True)), np.array(boats)), windows
+            parts.append((x, stays_s, goes_on_s, numbers + windows.total()))
+            groups += [group] * len(x)
+            windows[group] += count
+    return (*(np.concatenate(column) for column in zip(*parts, strict=True)), np.array(groups)), dict(windows)
 
 
-def _outcomes(samples: tuple[Array, ...], horizon_s: float) -> tuple[Array, Array, Array, Array]:
-    """Features, whether the window stayed open, window and boat of the samples whose track goes on for so long."""
-    x, stays_s, goes_on_s, numbers, boats = samples
+@dataclass(frozen=True)
+class Outcomes:
+    """Of k samples: features (k, 6), whether the window stayed open (k,), number of the window, group."""
+
+    x: Array
+    stayed: Array
+    windows: Array
+    groups: Array
+
+    def where(self, of: NDArray[np.bool_]) -> Outcomes:
+        return Outcomes(self.x[of], self.stayed[of], self.windows[of], self.groups[of])
+
+    def told(self, rows: Sequence[float], table: Table, base: float) -> dict[str, Any]:
+        return told(self.x, self.stayed, self.windows, rows, table, base)
+
+
+def outcomes(samples: tuple[Array, ...], horizon_s: float) -> Outcomes:
+    """Of the samples whose track goes on for so long."""
+    x, stays_s, goes_on_s, windows, groups = samples
     on = goes_on_s > horizon_s
-    return x[on], (stays_s[on] > horizon_s).astype(float), numbers[on], boats[on]
+    return Outcomes(x[on], (stays_s[on] > horizon_s).astype(float), windows[on], groups[on])
+
+
+def judged(fit: Outcomes, others: Outcomes, number: int) -> dict[str, Any]:
+    """How good the forecast of a horizon is, as fitted and as shipped, in the field tests and in each group.
+
+    In a group beside its own climatology: the boats differ by more than a boat's weathers do.
+    """
+    rows = fitted(fit.x, fit.stayed)
+    table = came_true(np.array([probability(rows, row) for row in fit.x.tolist()]), fit.stayed)
+    shipped = COEFFICIENTS[number], CAME_TRUE[number]
+    tests, base = others.where(others.groups != PLAIN), float(fit.stayed[fit.groups != PLAIN].mean())
+    groups = {}
+    for group in dict.fromkeys(group for _, group in CASES.values()):
+        of_group = float(fit.stayed[fit.groups == group].mean())
+        groups[group] = {"base": of_group, **others.where(others.groups == group).told(*shipped, of_group)}
+    return {
+        "samples": len(tests.stayed),
+        "base": base,
+        "coefficients": rows,
+        "came_true": table,
+        "fitted": tests.told(rows, table, base),
+        "shipped": tests.told(*shipped, base),
+        "groups": groups,
+    }
 
 
 def main() -> None:
@@ -180,28 +233,8 @@ def main() -> None:
     sets = [_samples(asked.tracks, range(first, last + 1), asked.seconds) for first, last in (asked.fit, asked.seeds)]
     found: dict[str, Any] = {"windows": [windows for _, windows in sets], "horizons": {}}
     for number, horizon_s in enumerate(HORIZONS_S):
-        (x, y, _, boats), (other_x, other_y, windows, of_boat) = (_outcomes(rows, horizon_s) for rows, _ in sets)
-        rows = fitted(x, y)
-        table = came_true(np.array([probability(rows, row) for row in x.tolist()]), y)
-        base = float(y.mean())
-        found["horizons"][f"{horizon_s:g}"] = {
-            "samples": len(other_y),
-            "base": base,
-            "coefficients": rows,
-            "came_true": table,
-            "fitted": told(other_x, other_y, windows, rows, table, base),
-            "shipped": told(other_x, other_y, windows, COEFFICIENTS[number], CAME_TRUE[number], base),
-            # Against the climatology of the boat itself: the boats differ by more than a boat's weathers do.
-            "of_boat": {
-                boat: told(
-                    *(part[of_boat == boat] for part in (other_x, other_y, windows)),
-                    COEFFICIENTS[number],
-                    CAME_TRUE[number],
-                    float(y[boats == boat].mean()),
-                )
-                for boat in BASES
-            },
-        }
+        fit, others = (outcomes(samples, horizon_s) for samples, _ in sets)
+        found["horizons"][f"{horizon_s:g}"] = judged(fit, others, number)
     text = json.dumps(found, indent=1)
     print(text)
     if asked.json is not None:

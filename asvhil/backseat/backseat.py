@@ -174,6 +174,7 @@ class Backseat:
             station_age_s=None if station_ns is None else (seen.t_ns - station_ns) * 1e-9,
             station_sticks=self._station_sticks,
             bow_rad=seen.bow_rad,
+            bow_push_mps2=seen.bow_push_mps2,
         )
 
     def _learn(self, seen: Perceived, decision: Decision) -> Learned | None:

@@ -61,7 +61,7 @@ class Perceived:
     show, `usable_wind` the one to predict with: of a sensor, and valid. `frame` is the local NED frame. None: not
     known. The `waves` have been taken out of the estimate. `measurements` are those of the boat's motion that came in
     this tick, `ailing` the kinds of these whose sensor is silent or frozen. `bow_rad`: the heading with the weather's
-    mean force on the bow, where the station's follows it.
+    mean force on the bow, where the station's follows it, and `bow_push_mps2` that force there.
     """
 
     t_ns: int
@@ -75,6 +75,7 @@ class Perceived:
     measurements: tuple[Measurement, ...] = ()
     ailing: frozenset[type] = frozenset()
     bow_rad: float | None = None
+    bow_push_mps2: float = 0.0
 
 
 class Perception:
@@ -162,6 +163,7 @@ class Perception:
             frame=self._estimator.frame,
             waves=None if self._waves is None else self._waves.waves,
             bow_rad=self._weather.step(t_ns, estimate, usable_wind),
+            bow_push_mps2=self._weather.push_mps2,
             measurements=tuple(self._measurements),
             ailing=frozenset(
                 WATCHED[note.subject] for note in self._sensor_notes if note.text in DEAD and note.subject in WATCHED

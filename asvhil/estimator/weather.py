@@ -53,6 +53,7 @@ class WeatherHeading:
         self._since_ns = 0
         self._turn_rate2 = self._weight_s = 0.0
         self._bow_rad: float | None = None
+        self.push_mps2 = 0.0  # astern, at that heading; as it was last
 
     def step(self, t_ns: int, estimate: Estimate | None, wind: Wind | None) -> float | None:
         """The heading (rad) with the weather on the bow; None where it is not known, or there is no weather."""
@@ -120,4 +121,7 @@ class WeatherHeading:
             force = ahead[k] + share * (ahead[after] - ahead[k])
             if force < -LEAST_MPS2 and (best is None or force < best[0]):
                 best = force, wrap_rad(2.0 * math.pi * (k + share) / HEADINGS)
-        return None if best is None else best[1]
+        if best is None:
+            return None
+        self.push_mps2 = -best[0]
+        return best[1]

@@ -11,6 +11,7 @@ from asvhil.types import Station, changed
 LEAST_CHANGE_RAD = math.radians(1.0)  # of a station's heading from one sample to the next: less is a turn, as here
 SETTLES = 1.5  # time constants of the weather in which a new hold follows what becomes known of it,
 SETTLES_FASTER = 3.0  # and how many times as fast as later
+STRONG_MPS2 = 0.025  # in less weather a turn is slower: where it comes from is known less well, and matters less
 CALMLY = 0.2  # of the turning rate, within the dead band
 HURRIES_ON = 0.4  # of the dead band, down to which a turn that began beyond it is quick
 THERE_RAD = math.radians(0.5)  # a turn ends this near to the weather's heading
@@ -40,10 +41,18 @@ class HeadingPolicy:
         """A hold begins, or its station was given a heading: if the weather is known, the first turn is at once."""
         self._first, self._settled_ns = True, None
 
-    def turned(self, t_ns: int, station: Station, bow_rad: float | None, boat_rad: float | None = None) -> Station:
+    def turned(
+        self,
+        t_ns: int,
+        station: Station,
+        bow_rad: float | None,
+        boat_rad: float | None = None,
+        push_mps2: float = math.inf,
+    ) -> Station:
         """The station with the heading of this tick.
 
         `bow_rad`: the heading with the weather on the bow, `boat_rad` that of the boat; None where not known.
+        `push_mps2`: how much the weather pushes there.
         """
         elapsed_s, self._t_ns = (t_ns - self._t_ns) * 1e-9, t_ns
         if self._settled_ns is None:
@@ -74,7 +83,7 @@ class HeadingPolicy:
         settling = t_ns < self._settled_ns
         # The last degrees are turned slowly, so that in steady weather no turn is a quick one.
         self._hurries = abs(off_rad) > (HURRIES_ON if self._hurries else 1.0) * self._deadband_rad
-        share = SETTLES_FASTER if settling else 1.0 if self._hurries else CALMLY
+        share = SETTLES_FASTER if settling else min(1.0 if self._hurries else CALMLY, push_mps2 / STRONG_MPS2)
         most_rad = share * math.radians(self._config.turn_deg_per_min) / 60.0 * elapsed_s
         self._turning = settling or abs(off_rad) > max(THERE_RAD, most_rad)
         turn_rad = min(max(off_rad, -most_rad), most_rad)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from asvhil.geo import LocalFrame
 from asvhil.supervisor.reasons import Explanation
 from asvhil.types import Estimate, FrontseatStatus, record
@@ -43,7 +45,7 @@ class Situation:
     was none. `sent`: what the last tick sent to the motors.
     `station_age_s`: since anything was heard of the pilot's ground station; None: never. `station_sticks`: what was
     heard, since the last tick, of sticks of ground stations that the autopilot obeys. `bow_rad`: the heading with the
-    mean force of the weather on the bow.
+    mean force of the weather on the bow, and that force over the boat's mass there.
     """
 
     t_ns: int
@@ -62,3 +64,4 @@ class Situation:
     station_age_s: float | None = None
     station_sticks: tuple[StationSticks, ...] = ()
     bow_rad: float | None = None
+    bow_push_mps2: float = math.inf

@@ -157,7 +157,8 @@ class Supervisor:
             self._heading.begin()
         at = situation.estimate
         boat_rad = at.psi_rad if at is not None and at.valid else None
-        self._station = self._heading.turned(situation.t_ns, held, situation.bow_rad, boat_rad)
+        push_mps2 = situation.bow_push_mps2
+        self._station = self._heading.turned(situation.t_ns, held, situation.bow_rad, boat_rad, push_mps2)
 
     def _hidden(self, situation: Situation) -> int | None:
         """The channel of a stick that cannot be seen, and so not obeyed."""

@@ -164,3 +164,12 @@ def test_on_a_course_the_drag_of_the_water_is_weather_too() -> None:
     sea.finder.note_motion((0.0, 0.0))
     sea.wait(2.0, (0.0, 0.0))
     assert sea.finder.push_at(0.0) == (0.0, 0.0)
+
+
+def test_it_tells_how_much_the_weather_pushes_on_the_bow() -> None:
+    sea = Sea()
+    assert sea.finder.push_mps2 == 0.0
+    for speed_mps, mps2 in ((2.0, 0.0065), (4.0, 0.026)):
+        sea = Sea()
+        sea.wait(5.0, (speed_mps, 90.0))
+        assert sea.finder.push_mps2 == pytest.approx(mps2, rel=0.15)

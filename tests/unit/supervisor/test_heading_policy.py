@@ -6,7 +6,7 @@ import pytest
 
 from asvhil.config import HeadingConfig
 from asvhil.geo import wrap_rad
-from asvhil.supervisor.heading_policy import LEAST_CHANGE_RAD, HeadingPolicy
+from asvhil.supervisor.heading_policy import LEAST_CHANGE_RAD, STRONG_MPS2, HeadingPolicy
 from asvhil.types import Station
 
 TICK_NS = 50_000_000
@@ -19,6 +19,7 @@ class Held:
         config = HeadingConfig.model_validate({"policy": "bow", "time_constant_s": 1.0, **keys})
         self.policy, self.t_ns = HeadingPolicy(config, weak_astern=weak_astern), 1_000_000_000_000
         self.boat_deg: float | None = None
+        self.push_mps2 = math.inf
         self.station = Station(n_m=3.0, e_m=-4.0, psi_rad=math.radians(psi_deg))
         self.policy.begin()
 
@@ -28,7 +29,11 @@ class Held:
         for _ in range(max(1, round(seconds * 1e9 / TICK_NS))):
             self.t_ns += TICK_NS
             self.station = self.policy.turned(
-                self.t_ns, self.station, bow_rad, None if self.boat_deg is None else math.radians(self.boat_deg)
+                self.t_ns,
+                self.station,
+                bow_rad,
+                None if self.boat_deg is None else math.radians(self.boat_deg),
+                self.push_mps2,
             )
         assert (self.station.n_m, self.station.e_m) == (3.0, -4.0)
         return math.degrees(self.station.psi_rad)
@@ -67,6 +72,15 @@ def test_beyond_it_the_heading_follows_no_faster_than_it_may_and_all_the_way() -
     held.wait(30.0, 0.0)
     assert held.wait(60.0, 90.0) == pytest.approx(20.0, abs=0.1)
     assert held.wait(260.0, 90.0) == pytest.approx(90.0, abs=0.6)
+
+
+def test_in_little_weather_it_follows_slower() -> None:
+    held = Held(turn_deg_per_min=20.0)
+    held.wait(30.0, 0.0)
+    held.push_mps2 = STRONG_MPS2 / 4.0
+    assert held.wait(60.0, 90.0) == pytest.approx(5.0, abs=0.1)
+    held.push_mps2 = 2.0 * STRONG_MPS2
+    assert held.wait(60.0, 90.0) == pytest.approx(25.0, abs=0.1)
 
 
 def test_the_last_degrees_of_a_turn_are_slow() -> None:
