@@ -21,7 +21,8 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stdout
+from io import StringIO
 from pathlib import Path
 from typing import Any
 
@@ -37,7 +38,7 @@ from bench.ending import end_in_words
 
 SIM_STATE, ATTITUDE, SET_INTERVAL, ARM = 108, 30, 511, 400
 HZ = 5.0
-PORT = 5762  # of the autopilot's second serial port in its first instance
+PORT = 5760  # of the autopilot's first serial port, on which it waits for a ground station
 READY_S, ARM_S = 60.0, 60.0  # of the simulation: what the autopilot may take
 MANUAL, LOITER = "MANUAL", "LOITER"
 ARMED = 128  # of the heartbeat's base mode
@@ -66,7 +67,8 @@ class Autopilot:
 
     def __init__(self, speedup: float) -> None:
         self._patience_s = 3.0 * (READY_S + ARM_S) / speedup + 20.0
-        self._link = mavutil.mavlink_connection(f"tcp:127.0.0.1:{PORT}", source_system=255, retries=60)
+        with redirect_stdout(StringIO()):  # it tells of each attempt
+            self._link = mavutil.mavlink_connection(f"tcp:127.0.0.1:{PORT}", source_system=255, retries=20)
         self._link.wait_heartbeat(timeout=self._patience_s)
         self._boot_s = 0.0
         for number in (SIM_STATE, ATTITUDE):
