@@ -2,12 +2,13 @@
 
     python -m bench.docking_forecast TRACKS --fit 1101 1105 --seeds 2101 2104 [--json FILE] [--seconds 600]
 
-Runs the nine field tests with each seed, and the WAM-V's once more with the weights of its config, which has no soft
-limits to keep a window open; keeps their tracks in the folder TRACKS (a run that is there is not made
-again), fits a logistic regression and its correction on the first seeds, and tells how good both are on the others,
-the coefficients fitted and those shipped: Brier score, that of climatology (the share of samples that stay open, of the
-seeds fitted), and reliability in tenths, with the largest error of those that more than 50 windows are in. A sample is
-a second of an open window with a forecast, if the track goes on for as long.
+Runs the nine field tests with each seed, and the WAM-V's twice more: with the weights of its config, which has no soft
+limits to keep a window open, and in twice the wind; so there are windows of all lengths. Keeps their tracks in the
+folder TRACKS (a run that is there is not made again), fits a logistic regression and its correction on the first seeds,
+and tells how good both are on the others, the coefficients fitted and those shipped, in the field tests and in each
+group: Brier score, that of climatology (the share of samples that stay open, of the seeds fitted), and reliability in
+tenths, with the largest error of those that more than 50 windows are in. A sample is a second of an open window with a
+forecast, if the track goes on for as long.
 """
 
 from __future__ import annotations
@@ -37,15 +38,18 @@ from asvhil.supervisor.docking_odds import CAME_TRUE, COEFFICIENTS, HORIZONS_S, 
 from asvhil.types import Estimate, Phase, Station
 from bench.ending import end_in_words
 
-PLAIN = "wamv, its config's weights"
+PLAIN, WINDY = "wamv, its config's weights", "wamv, twice the wind"
 # {name: the field test, and the group in which it is told}
 CASES: dict[str, tuple[str, str]] = {
     **{name: (name, test.boat) for name, test in TESTS.items()},
     **{f"{name} plain": (name, PLAIN) for name, test in TESTS.items() if test.boat == "wamv"},
+    **{f"{name} windy": (name, WINDY) for name, test in TESTS.items() if test.boat == "wamv"},
 }
 ORIGIN = Station(n_m=0.0, e_m=0.0, psi_rad=0.0)
 TENTHS = 10
-SIGNS = (0, -1, -1, -1, 1, -1)  # of the coefficients: peaks, ends and a limit nearby close a window, calm keeps it open
+# Of the coefficients: peaks, ends and a limit nearby close a window, calm keeps it open. Peaks by so much at the least,
+# which costs nothing of the Brier scores: a boat that swings near a limit is not to be told as one that lies still.
+BOUNDS = ((None, None), (None, -0.25), (None, 0.0), (None, 0.0), (0.0, None), (None, 0.0))
 MANY = 50  # windows: a tenth with more of them is looked at
 BLOCKS = 20  # of the same number of samples, of which the correction is made
 Table = Sequence[tuple[float, float]]
@@ -58,8 +62,11 @@ def track_of(folder: Path, name: str, seed: int, seconds: float) -> Array:
         kept: Array = np.load(file)
         return kept
     test, group = CASES[name]
-    asked_for = overrides_of_test(test, seed)
-    keys = tuple(key for key in asked_for if group != PLAIN or not key.startswith("controller.mpc."))
+    keys = overrides_of_test(test, seed)
+    if group == PLAIN:
+        keys = tuple(key for key in keys if not key.startswith("controller.mpc."))
+    elif group == WINDY:
+        keys = (*keys, f"plant.weather.wind.speed_mps={2.0 * TESTS[test].speed_mps[0]}")
     loop, rows = Lockstep(load_config(BASES[TESTS[test].boat], keys)), []
     for _ in range(round(seconds * loop.config.daemon.tick_hz)):
         _, outputs = loop.tick()
@@ -114,10 +121,10 @@ def _estimate(row: Array) -> Estimate:
 
 
 def fitted(x: Array, y: Array) -> tuple[float, ...]:
-    """Coefficients of the logistic regression, with a small ridge and the signs of SIGNS.
+    """Coefficients of the logistic regression, with a small ridge and within BOUNDS.
 
     Over boats of two kinds the likeliest coefficients have some signs the wrong way round, for what tells the boats
-    apart, and tell nonsense of a third boat; with the signs held the Brier scores are the same to 0.002.
+    apart, and tell nonsense of a third boat; within these the Brier scores are the same to 0.002.
     """
     scale = np.r_[1.0, x[:, 1:].std(axis=0)]  # of one size each, or the search takes thousands of steps
     z = x / scale
@@ -128,16 +135,21 @@ def fitted(x: Array, y: Array) -> tuple[float, ...]:
         p = 1.0 / (1.0 + np.exp(-np.clip(told, -50.0, 50.0)))
         return float(np.logaddexp(0.0, told).sum() - y @ told + 0.5 * ridge @ w), z.T @ (p - y) + ridge
 
-    bounds = [(None if sign <= 0 else 0.0, None if sign >= 0 else 0.0) for sign in SIGNS]
+    bounds = [(least, most if most is None else most * size) for (least, most), size in zip(BOUNDS, scale, strict=True)]
     found = minimize(cost, np.zeros(x.shape[1]), jac=True, bounds=bounds, method="L-BFGS-B", options={"maxiter": 2000})
     return tuple(float(c) for c in found.x / scale)
 
 
-def came_true(p: Array, y: Array) -> list[tuple[float, float]]:
-    """The correction of probabilities told: means of blocks of them against the share that stayed, made to rise."""
+def came_true(p: Array, y: Array, windows: Array) -> list[tuple[float, float]]:
+    """The correction of probabilities told: means of blocks of them against the share that stayed, made to rise.
+
+    As if each block had seen one window more, which stayed open in half of the cases: nothing is certain.
+    """
     order = np.argsort(p, kind="stable")
     blocks = np.array_split(order, BLOCKS)
-    rising = isotonic_regression([float(y[block].mean()) for block in blocks], weights=[len(b) for b in blocks]).x
+    seen = [len(set(windows[block].tolist())) for block in blocks]
+    shares = [(float(y[block].mean()) * of + 0.5) / (of + 1.0) for block, of in zip(blocks, seen, strict=True)]
+    rising = isotonic_regression(shares, weights=[len(b) for b in blocks]).x
     table = [(float(p[block].mean()), float(share)) for block, share in zip(blocks, rising, strict=True)]
     # Of a flat part its two ends are enough.
     inner = [at for k, at in enumerate(table[1:-1], 1) if not table[k - 1][1] == at[1] == table[k + 1][1]]
@@ -210,9 +222,11 @@ def judged(fit: Outcomes, others: Outcomes, number: int) -> dict[str, Any]:
     In a group beside its own climatology: the boats differ by more than a boat's weathers do.
     """
     rows = fitted(fit.x, fit.stayed)
-    table = came_true(np.array([probability(rows, row) for row in fit.x.tolist()]), fit.stayed)
+    table = came_true(np.array([probability(rows, row) for row in fit.x.tolist()]), fit.stayed, fit.windows)
     shipped = COEFFICIENTS[number], CAME_TRUE[number]
-    tests, base = others.where(others.groups != PLAIN), float(fit.stayed[fit.groups != PLAIN].mean())
+    fields = tuple(BASES)
+    tests = others.where(np.isin(others.groups, fields))
+    base = float(fit.stayed[np.isin(fit.groups, fields)].mean())
     groups = {}
     for group in dict.fromkeys(group for _, group in CASES.values()):
         of_group = float(fit.stayed[fit.groups == group].mean())
