@@ -71,6 +71,18 @@ def test_winds_of_the_search_and_held_out_mix_as_the_six_tests_do():
     assert not set(tuning.TRAINING.winds) & set(rows.ROWS.values())
 
 
+def test_winds_of_the_search_are_stronger_than_those_that_its_gains_are_judged_in():
+    def strongest(winds) -> list[float]:
+        found = [0.0, 0.0]  # along, and all others
+        for speed_mps, toward_deg in winds:
+            along = abs(math.sin(math.radians(toward_deg))) < math.sin(math.radians(22.5))
+            found[not along] = max(found[not along], speed_mps)
+        return found
+
+    judged = strongest([*rows.ROWS.values(), *tuning.HELD_OUT.winds])
+    assert all(trained > most for trained, most in zip(strongest(tuning.TRAINING.winds), judged, strict=True))
+
+
 def test_held_out_winds_are_neither_those_of_the_search_nor_of_the_six_tests():
     held_out = set(tuning.HELD_OUT.winds)
     assert not held_out & {*tuning.TRAINING.winds, *rows.ROWS.values()}
