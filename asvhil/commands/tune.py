@@ -43,7 +43,8 @@ def tune(
 ) -> Study:
     """Search a controller's gains, or an MPC's weights, by CMA-ES; judged on winds and seeds that it did not see.
 
-    Each generation goes to NAME.json in the folder: the same command resumes a search that was interrupted.
+    Each generation goes to NAME.json in the folder: the same command resumes a search that was interrupted, and with a
+    larger budget goes on where it had ended.
     """
     from asvhil.config import load_config
     from asvhil.config.registry import CONTROLLERS
@@ -121,7 +122,7 @@ class _Counter:
     def tell(self, now: StudyProgress) -> None:
         self._made += not now.note and now.done == self._now + 1
         self._now = now.done
-        self._say(min(self._before + now.done, self._total), now.note)
+        self._say(self._before + now.done, now.note)
 
     def reach(self, done: int, note: str) -> None:
         """A generation is done."""
@@ -131,6 +132,7 @@ class _Counter:
     def _say(self, done: int, note: str) -> None:
         from asvhil.study.runner import StudyProgress
 
+        done = min(done, self._total)  # a stored search may have gone beyond this budget
         each_s = (time.monotonic() - self._begin_s) / self._made if self._made else None
         left_s = None if each_s is None else each_s * (self._total - done)
         self._tell(StudyProgress(done=done, total=self._total, remaining_s=left_s, note=note))

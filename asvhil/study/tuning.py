@@ -23,6 +23,9 @@ from asvhil.types import record
 FROM_S, TO_S = 50.0, 130.0
 FIRST_STEP = 0.2  # standard deviation of the first generation, in shares of the range
 NEVER = math.inf  # the score of a candidate with a run that failed
+# What a window without the motors adds to ps: as much as pointing the wrong way. The boat that lets go stops turning,
+# and would look better than the one that fights on.
+RELEASED_DEG = 180.0
 
 
 @record
@@ -70,9 +73,10 @@ def tune(
     `budget` counts candidates: the start, then generations of CMA-ES (Hansen 2016) on the logarithmic scale of the
     ranges, which it may leave: nothing can lie at a bound. A candidate that the config refuses has failed. `run` runs
     the jobs, isolated (`run_into(..., isolate=True)`). Each generation is written to `path`; a search there with the
-    same settings is continued, to the same bits on the same machine. The best and the controller as the config has it
-    are then run on both sets of winds (`tuned`, `config`). `progress` is called after each generation, stored ones too,
-    with the candidates that are done and the lowest typical ps.
+    same settings is continued, to the same bits on the same machine, and beyond its own budget where this one is
+    larger. The best and the controller as the config has it are then run on both sets of winds (`tuned`, `config`).
+    `progress` is called after each generation, stored ones too, with the candidates that are done and the lowest
+    typical ps.
 
     KeyError where the controller has no space, ConfigError for a wrong budget or seed, AsvhilError where the file at
     the path is of another search, which is not changed, or where the package cmaes is not installed.
@@ -87,11 +91,11 @@ def tune(
         "command": f"asvhil tune {name} --budget {budget} --seed {seed}",
         "settings": {
             "search": "cma-es, unbounded",
-            "budget": budget,
             "seed": seed,
             "training": _as_json(training),
             "held_out": _as_json(held_out),
             "window_s": list(window_s),
+            "released_deg": RELEASED_DEG,
             "base": base,
             "config": config.content_hash(),
             "fixed": list(NO_SLOW_ERROR),
@@ -118,7 +122,7 @@ def tune(
 
     search = _Search(space, seed)
     generations: list[list[dict[str, Any]]] = found["generations"]
-    for number in range(_generations(budget, search.population)):
+    for number in range(max(len(generations), _generations(budget, search.population))):
         shares = search.ask(number)
         if number == len(generations):
             values = [{p.key: p.value(share) for p, share in zip(space, row, strict=True)} for row in shares]
@@ -184,9 +188,9 @@ def _case_overrides(wind: tuple[float, float], seed: int) -> tuple[str, ...]:
 
 
 def _score(result: Mapping[str, Any]) -> float | None:
-    """ps of a run to 4 digits after the point; None of one that failed."""
+    """ps of a run, and what it adds to have let go, to 4 digits after the point; None of one that failed."""
     ps = result["truth"]["penalty_score"] if result else None
-    return None if ps is None else round(ps, 4)
+    return None if ps is None else round(ps + RELEASED_DEG * (1.0 - result["held"]), 4)
 
 
 def _typical(scores: Sequence[float | None]) -> float | None:

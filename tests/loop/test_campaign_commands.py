@@ -174,7 +174,7 @@ def test_tuning_tells_both_sets_of_winds_and_leaves_the_search(tmp_path, monkeyp
     with pytest.raises(SystemExit, match=r"^0$"):
         main()
     said = capsys.readouterr().out
-    assert "winds and seeds that the search did not see" in said and "controller.loiter.radius_m: 1\n" in said
+    assert "winds and seeds that the search did not see" in said and "| controller.loiter.radius_m | 1.258 |" in said
     found = json.loads((tmp_path / "found.json").read_text())["controllers"]["loiter"]
     assert found == json.loads((tmp_path / "loiter-quick.json").read_text())
     assert [len(found["tuned"][which]["ps"]) for which in ("training", "held_out")] == [2, 2]

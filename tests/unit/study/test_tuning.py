@@ -119,9 +119,9 @@ SETS = {"training": TRAINING, "held_out": HELD_OUT, "window_s": (1.0, 2.0)}
 class Bowl:
     """A run of jobs that scores by how far the gains are from a goal, and counts the jobs."""
 
-    def __init__(self, goal: float = 1.5, fail: str = "") -> None:
+    def __init__(self, goal: float = 1.5, fail: str = "", let_go: float = 0.0) -> None:
         self.jobs = 0
-        self._goal, self._fail = goal, fail
+        self._goal, self._fail, self._let_go = goal, fail, let_go
 
     def __call__(self, function, jobs) -> Finished:
         self.jobs += len(jobs)
@@ -132,7 +132,8 @@ class Bowl:
         if self._fail and loiter.radius_m < 1.0:
             return {}
         off = (loiter.radius_m - self._goal) ** 2 + (loiter.rate_p_s - self._goal) ** 2
-        return {"truth": {"penalty_score": 1.0 + off}}
+        held = 1.0 - self._let_go * (loiter.radius_m > self._goal)
+        return {"truth": {"penalty_score": 1.0 + off}, "held": held}
 
 
 def test_the_search_finds_a_minimum_and_is_judged_on_both_sets(tmp_path):
@@ -191,6 +192,27 @@ def test_a_search_that_was_cut_goes_on_to_the_same_bits(tmp_path):
     with pytest.raises(AsvhilError, match=r"its search had seed 3, this one has 4; move it away"):
         tune("loiter", 21, 4, Bowl(), path, **SETS)
     assert path.read_text() == text
+
+
+def test_a_search_goes_on_beyond_the_budget_that_it_had_to_the_same_bits(tmp_path):
+    whole = tune("loiter", 31, 3, Bowl(), tmp_path / "whole.json", **SETS)
+    path = tmp_path / "loiter.json"
+    tune("loiter", 11, 3, Bowl(), path, **SETS)
+    bowl = Bowl()
+    assert tune("loiter", 31, 3, bowl, path, **SETS) == whole
+    assert bowl.jobs == 20 + 6
+    done = []
+    shorter = tune("loiter", 11, 3, Bowl(), path, lambda count, best: done.append(count), **SETS)
+    assert shorter["generations"] == whole["generations"] and done == [1, 11, 21, 31]
+
+
+def test_a_run_that_let_go_counts_as_much_as_one_that_points_the_wrong_way(tmp_path):
+    share = 0.25
+    plain, counted = (
+        tune("loiter", 1, 1, Bowl(goal=0.5, let_go=let_go), tmp_path / f"{let_go}.json", **SETS)["config"]["held_out"]
+        for let_go in (0.0, share)
+    )
+    assert counted["mean"] - plain["mean"] == pytest.approx(share * 180.0, abs=1e-3)
 
 
 def test_a_candidate_with_a_run_that_failed_is_never_the_best(tmp_path):
