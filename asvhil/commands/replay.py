@@ -258,6 +258,8 @@ def _replay_tlog(console: Any, tlog: Path, config: str, overrides: tuple[str, ..
     write_json(json_file, figures)
     counts = figures["messages"]
     say(console, f"{tlog}: {sum(counts.values())} messages of {len(counts)} kinds, {figures['undecoded']} undecoded")
+    if figures["cut_off"]:
+        say(console, f"{tlog}: {figures['cut_off']}; all before it was read")
     against = figures["against_autopilot"]
     if against is None:
         lasted_s = figures["estimate_s"]

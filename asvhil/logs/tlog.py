@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterator
+from collections.abc import Callable, Generator, Iterator
 from pathlib import Path
 from typing import BinaryIO
 
@@ -15,23 +15,29 @@ _HEADER = 3  # magic, payload length, and in version 2 the flags that tell of a 
 _SIGNED = 0x01
 
 
-def read_tlog(path: Path) -> Iterator[tuple[int, bytes]]:
+def read_tlog(path: Path, on_cut: Callable[[str], None] | None = None) -> Iterator[tuple[int, bytes]]:
     """(Unix time in us, MAVLink frame of version 1 or 2) in file order; checksums are left to the decoder.
 
     LogError names the byte offset of the first record that is damaged or cut off, after those before it were yielded.
+    With `on_cut` a last record that is cut off, as where a ground station lost its power, goes there in words.
     """
     try:
         with path.open("rb") as file:
-            yield from _records(file, path)
+            cut = yield from _records(file, path)
     except OSError as error:
         raise LogError(f"{path}: cannot be read ({error.strerror})") from None
+    if cut and on_cut is None:
+        raise LogError(f"{path}: {cut}")
+    if cut and on_cut is not None:
+        on_cut(cut)
 
 
-def _records(file: BinaryIO, path: Path) -> Iterator[tuple[int, bytes]]:
+def _records(file: BinaryIO, path: Path) -> Generator[tuple[int, bytes], None, str]:
+    """Yield the records; returns where the last one is cut off, in words, or an empty text."""
     offset = 0
     while head := file.read(_TIME.size + _HEADER):
         if len(head) < _TIME.size + _HEADER:
-            raise LogError(f"{path}: the record at byte {offset} is cut off after {len(head)} bytes")
+            return f"the record at byte {offset} is cut off after {len(head)} bytes"
         (t_us,) = _TIME.unpack_from(head)
         start = head[_TIME.size :]
         size = _frame_size(start)
@@ -41,9 +47,10 @@ def _records(file: BinaryIO, path: Path) -> Iterator[tuple[int, bytes]]:
         rest = file.read(size - _HEADER)
         if len(rest) < size - _HEADER:
             whole = _TIME.size + size
-            raise LogError(f"{path}: the record at byte {offset} is cut off: {len(head) + len(rest)} of {whole} bytes")
+            return f"the record at byte {offset} is cut off: {len(head) + len(rest)} of {whole} bytes"
         yield t_us, start + rest
         offset += _TIME.size + size
+    return ""
 
 
 def _frame_size(start: bytes) -> int | None:

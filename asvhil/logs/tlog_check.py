@@ -25,7 +25,8 @@ CONVERGED_AFTER_S = 10.0
 def check_tlog(config: Config, path: Path, on_tick: Callable[[int], None] | None = None) -> dict[str, Any]:
     """Message counts by kind, and the errors of the estimate to the autopilot's position and heading.
 
-    Ticks are cut at the config's tick rate along the log's own time. Raises LogError on a damaged file.
+    Ticks are cut at the config's tick rate along the log's own time. `cut_off` tells where the last record is cut off;
+    what is before it counts. Raises LogError on a file that is damaged otherwise, or holds no whole record.
     """
     backseat = build_backseat(config)
     tick_ns = round(1e9 / config.daemon.tick_hz)
@@ -41,7 +42,8 @@ def check_tlog(config: Config, path: Path, on_tick: Callable[[int], None] | None
     ticks = 0
     splitter = FrameSplitter(datagrams=True)
     autopilot = (config.links.autopilot.autopilot_system_id, config.links.autopilot.autopilot_component_id)
-    for unix_us, data in read_tlog(path):
+    cut: list[str] = []
+    for unix_us, data in read_tlog(path, cut.append):
         t_ns = unix_us * 1000
         first_ns = t_ns if first_ns is None else first_ns
         next_ns = t_ns + tick_ns if next_ns is None else next_ns
@@ -72,10 +74,11 @@ def check_tlog(config: Config, path: Path, on_tick: Callable[[int], None] | None
             ):
                 theirs[message.get_type()] = message
     if first_ns is None:
-        raise LogError(f"{path}: holds no message")
+        raise LogError(f"{path}: holds no message{''.join(f'; {words}' for words in cut)}")
     undecoded += splitter.unknown + splitter.bad_crc
     return {
         "file": path.name,
+        "cut_off": cut[0] if cut else None,
         "messages": dict(sorted(counts.items())),
         "undecoded": undecoded,
         "ticks": ticks,

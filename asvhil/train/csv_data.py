@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import csv
 import math
 import re
@@ -38,6 +39,7 @@ COMMAND_SLACK = 1.05  # commands a little beyond 1 are due to rounding, more to 
 MISSING = frozenset({"", "nan", "-nan", "na", "n/a", "null", "none"})
 DECIMAL = re.compile(r"[+-]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][+-]?[0-9]{1,3})?", re.ASCII)
 PULSE_US = (500.0, 2500.0)
+DELIMITERS = (";", "\t", ",", "|")
 
 
 def dataset_from_csv(
@@ -175,7 +177,9 @@ def _numbers(path: Path, delimiter: str, names: dict[str, str]) -> tuple[dict[st
             missing = [f"{column!r} (for {name})" for name, column in names.items() if column not in header]
             if missing:
                 there = ", ".join(repr(name) for name in header) or "nothing"
-                raise LogError(f"{path}: row 1: no column {', '.join(missing)}; the header has {there}")
+                raise LogError(
+                    f"{path}: row 1: no column {', '.join(missing)}; the header has {there}{_other(header, delimiter)}"
+                )
             twice = [column for column in names.values() if header.count(column) > 1]
             if twice:
                 at = [str(place) for place, name in enumerate(header, 1) if name == twice[0]]
@@ -193,13 +197,28 @@ def _numbers(path: Path, delimiter: str, names: dict[str, str]) -> tuple[dict[st
     except OSError as error:
         raise LogError(f"{path}: cannot be read ({error.strerror})") from None
     except UnicodeDecodeError:
-        raise LogError(f"{path}: not UTF-8 text, so no CSV file") from None
+        raise LogError(f"{path}: {_encoded(path)}") from None
     except csv.Error as error:
         raise LogError(f"{path}: row {reader.line_num}: not valid CSV ({error})") from None
     if not values:
         raise LogError(f"{path}: holds no row of data")
     table = np.array(values)
     return {name: table[:, i] for i, name in enumerate(places)}, np.array(rows)
+
+
+def _other(header: list[str], delimiter: str) -> str:
+    """What a header of one column with another delimiter in it tells: `delimiter` belongs into the column map."""
+    used = max((one for one in DELIMITERS if one != delimiter), key=header[0].count)
+    return f"; key delimiter: {used!r}?" if len(header) == 1 and used in header[0] else ""
+
+
+def _encoded(path: Path) -> str:
+    """How a file that is no UTF-8 text can be made one."""
+    with path.open("rb") as file:
+        start = file.read(4)
+    if start.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return "UTF-16 text, and a CSV file is to be UTF-8: iconv -f UTF-16 -t UTF-8"
+    return "not UTF-8 text, so no CSV file; if it is one of an older program: iconv -f WINDOWS-1252 -t UTF-8"
 
 
 def _number(path: Path, row: int, column: str, text: str) -> float:

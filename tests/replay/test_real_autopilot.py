@@ -1,11 +1,14 @@
 """Recordings of a real ArduRover: every message decodes, and the estimate stays with the autopilot's own."""
 
+import re
 import struct
 from collections import Counter
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
 
+from asvhil.commands.cli import app
 from asvhil.config import load_config
 from asvhil.errors import LogError
 from asvhil.io.mavlink.frames import dialect
@@ -55,11 +58,25 @@ def test_the_estimate_does_not_walk_away_with_the_velocity_of_a_real_autopilot(o
     assert against["heading_deg"]["mean"] <= 0.2
 
 
+def test_a_recording_that_is_cut_off_counts_up_to_there(tmp_path: Path) -> None:
+    path = tmp_path / "cut.tlog"
+    path.write_bytes(TLOG.read_bytes()[:100_000])
+    figures = check_tlog(load_config("field"), path)
+    assert re.fullmatch(r"the record at byte 99994 is cut off after 6 bytes", figures["cut_off"])
+    assert figures["undecoded"] == 0 and sum(figures["messages"].values()) > 1000
+    said = CliRunner().invoke(app, ["replay", "--tlog", str(path)]).output
+    assert f"{figures['cut_off']}; all before it was read" in " ".join(said.split())
+    path.write_bytes(TLOG.read_bytes()[:10])
+    with pytest.raises(LogError, match=r"cut\.tlog: holds no message; the record at byte 0 is cut off after 10 bytes"):
+        check_tlog(load_config("field"), path)
+
+
 def test_a_damaged_recording_names_the_offset(tmp_path: Path) -> None:
-    data = TLOG.read_bytes()
+    data = bytearray(TLOG.read_bytes()[:2000])
     path = tmp_path / "damaged.tlog"
-    path.write_bytes(data[:1000])
-    with pytest.raises(LogError, match=r"damaged\.tlog: .*byte"):
+    data[8] = 0
+    path.write_bytes(data)
+    with pytest.raises(LogError, match=r"damaged\.tlog: byte 8 is 0x00"):
         check_tlog(load_config("field"), path)
     path.write_bytes(b"")
     with pytest.raises(LogError, match="holds no message"):

@@ -250,11 +250,22 @@ def test_no_rows_no_file_no_text(tmp_path: Path) -> None:
 def test_another_delimiter_and_a_byte_order_mark(tmp_path: Path) -> None:
     path = write(tmp_path, sep=";")
     path.write_bytes(b"\xef\xbb\xbf" + path.read_bytes())
-    with pytest.raises(LogError, match="no column 'ms'"):
+    with pytest.raises(LogError, match=r"no column 'ms' .*; key delimiter: ';'\?$"):
         dataset_from_csv([path], column_map(tmp_path), 0.2)
     assert dataset_from_csv([path], column_map(tmp_path, 'delimiter: ";"\n' + MAP), 0.2).duration_s == pytest.approx(
         40.0
     )
+
+
+@pytest.mark.parametrize(
+    ("encoding", "words"),
+    [("utf-16", "UTF-16 text, .*: iconv -f UTF-16 -t UTF-8"), ("cp1252", "not UTF-8 text, .*: iconv -f WINDOWS-1252")],
+)
+def test_text_of_another_encoding_tells_how_to_convert_it(tmp_path: Path, encoding: str, words: str) -> None:
+    path = write(tmp_path, header=HEADER + ",Böe")
+    path.write_bytes(path.read_text(encoding="utf-8").encode(encoding))
+    with pytest.raises(LogError, match=rf"run\.csv: {words}"):
+        dataset_from_csv([path], column_map(tmp_path), 0.2)
 
 
 def test_a_pulse_of_zero_is_no_signal_and_percent_are_percent(tmp_path: Path) -> None:
