@@ -12,6 +12,7 @@ LEAST_CHANGE_RAD = math.radians(1.0)  # of a station's heading from one sample t
 SETTLES = 1.5  # time constants of the weather in which a new hold follows what becomes known of it,
 SETTLES_FASTER = 3.0  # and how many times as fast as later
 STRONG_MPS2 = 0.025  # in less weather a turn is slower: where it comes from is known less well, and matters less
+FAR = 2.0  # dead bands, from which on it is turned faster again in proportion: what is known badly is not that far off
 CALMLY = 0.2  # of the turning rate, within the dead band
 HURRIES_ON = 0.4  # of the dead band, down to which a turn that began beyond it is quick
 THERE_RAD = math.radians(0.5)  # a turn ends this near to the weather's heading
@@ -83,7 +84,8 @@ class HeadingPolicy:
         settling = t_ns < self._settled_ns
         # The last degrees are turned slowly, so that in steady weather no turn is a quick one.
         self._hurries = abs(off_rad) > (HURRIES_ON if self._hurries else 1.0) * self._deadband_rad
-        share = SETTLES_FASTER if settling else min(1.0 if self._hurries else CALMLY, push_mps2 / STRONG_MPS2)
+        slowly = push_mps2 / STRONG_MPS2 * max(1.0, abs(off_rad) / (FAR * self._deadband_rad))
+        share = SETTLES_FASTER if settling else min(1.0 if self._hurries else CALMLY, slowly)
         most_rad = share * math.radians(self._config.turn_deg_per_min) / 60.0 * elapsed_s
         self._turning = settling or abs(off_rad) > max(THERE_RAD, most_rad)
         turn_rad = min(max(off_rad, -most_rad), most_rad)

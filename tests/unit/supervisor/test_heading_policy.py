@@ -6,7 +6,7 @@ import pytest
 
 from asvhil.config import HeadingConfig
 from asvhil.geo import wrap_rad
-from asvhil.supervisor.heading_policy import LEAST_CHANGE_RAD, STRONG_MPS2, HeadingPolicy
+from asvhil.supervisor.heading_policy import FAR, LEAST_CHANGE_RAD, STRONG_MPS2, HeadingPolicy
 from asvhil.types import Station
 
 TICK_NS = 50_000_000
@@ -78,9 +78,17 @@ def test_in_little_weather_it_follows_slower() -> None:
     held = Held(turn_deg_per_min=20.0)
     held.wait(30.0, 0.0)
     held.push_mps2 = STRONG_MPS2 / 4.0
-    assert held.wait(60.0, 90.0) == pytest.approx(5.0, abs=0.1)
+    assert held.wait(60.0, 15.0) == pytest.approx(5.0, abs=0.1)
     held.push_mps2 = 2.0 * STRONG_MPS2
     assert held.wait(60.0, 90.0) == pytest.approx(25.0, abs=0.1)
+
+
+def test_in_little_weather_that_has_veered_far_it_follows_faster_again() -> None:
+    held = Held(turn_deg_per_min=20.0, deadband_deg=8.0)
+    held.wait(30.0, 0.0)
+    held.push_mps2 = STRONG_MPS2 / 16.0
+    far_deg = 2.0 * FAR * 8.0
+    assert held.wait(6.0, far_deg) == pytest.approx(2.0 * 2.0 / 16.0, abs=0.01)
 
 
 def test_the_last_degrees_of_a_turn_are_slow() -> None:
