@@ -261,6 +261,12 @@ class MoveCommand:
     psi_rad: float | None = None
     velocity_mps: tuple[float, float] | None = None
 
+    @property
+    def turns_alone(self) -> bool:
+        """Whether it is of the heading, and of nothing else."""
+        places = self.lat_deg, self.lon_deg, self.n_m, self.e_m, self.velocity_mps
+        return self.psi_rad is not None and places == (None,) * 5
+
 
 @record
 class CourseCommand:

@@ -73,7 +73,7 @@ class Backseat:
         self._perception.note_pulses(self._actuation.pulses_us, seen.usable_wind)
         learned = self._learn(seen, decision)
         model_error = self._perception.check_model(seen) if control is not None else None
-        self._motion.note_station(decision.station)
+        self._motion.note_station(decision.station, decision.point)
         self._perception.note_station(decision.station)
         cost: tuple[Note, ...] = ()
         if self._heading_cost is not None:
@@ -83,7 +83,7 @@ class Backseat:
         docking: DockingWindow | None = None
         if self._docking is not None:
             held = decision.station if decision.phase is Phase.HOLD else None
-            docking = self._docking.step(t_ns, seen.estimate, held)
+            docking = self._docking.step(t_ns, seen.estimate, held, put=decision.station_changed)
         pulses_us = self._actuation.pulses_us
         energy: EnergyUse | None = None
         if self._energy is not None:

@@ -82,13 +82,15 @@ def hold(
     lat_deg, lon_deg = (None, None) if at is None else lat_lon("--at", at)
     psi_rad = None if heading is None else math.radians(heading)
     data = encode_hold(settings.links.autopilot, lat_deg, lon_deg, psi_rad, within)
+    if policy == "fixed":  # first, or the policy of an earlier hold would turn the heading that is asked for here
+        _choose_policy(settings, POLICIES.index(policy))
     try:
         _ask(settings, data, dialect.MAV_CMD_DO_REPOSITION)
     except AsvhilError as error:
         meant_m = _meant_all_the_same(error)
         data = encode_hold(settings.links.autopilot, lat_deg, lon_deg, psi_rad, meant_m)
         _ask(settings, data, dialect.MAV_CMD_DO_REPOSITION)
-    if policy is not None:
+    if policy is not None and policy != "fixed":
         _choose_policy(settings, POLICIES.index(policy))
     for name, value in moving.items():
         _set_moving(settings, name, value)
@@ -198,7 +200,7 @@ def _set_moving(config: Config, name: str, value: float) -> None:
 
 
 def _choose_policy(config: Config, number: int) -> None:
-    """Set the heading policy of a hold that was granted. Raises AsvhilError where it is not taken."""
+    """Set the policy of headings from now on. Raises AsvhilError where it is not taken."""
     from asvhil.links.operator_client import set_parameter
     from asvhil.operator.encoding import encode_parameter
     from asvhil.operator.station_parameters import POLICY_PARAMETER
@@ -207,7 +209,7 @@ def _choose_policy(config: Config, number: int) -> None:
     data = encode_parameter(config.links.autopilot, POLICY_PARAMETER, float(number))
     value, text = set_parameter(data, link.endpoint, POLICY_PARAMETER, signing=link.signing)
     if value != number:
-        raise AsvhilError(f"the hold goes on, but the daemon refused its heading policy: {text}")
+        raise AsvhilError(f"the daemon refused the heading policy; a hold goes on with that of before: {text}")
 
 
 def _unfixed(config: Config) -> str | None:

@@ -71,11 +71,14 @@ class PageControl:
             return ((FOLLOW_PARAMETER, float(self.leader)),)
         return ((SPEED_PARAMETER, 0.0),) if self.action == "stay" else ()
 
-    def is_shown_by(self, station_m: tuple[float, float, float] | None) -> bool:
-        """Whether the station (north, east in m, heading in degrees) is what was asked for."""
+    def is_shown_by(self, station_m: tuple[float, float, float] | None, way_m: float = 0.0) -> bool:
+        """Whether the station (north, east in m, heading in degrees) is what was asked for.
+
+        `way_m`: how far it may have gone on since, if it moves.
+        """
         if station_m is None:
             return False
-        if self.place_m is not None and math.dist(self.place_m, station_m[:2]) > 0.02:
+        if self.place_m is not None and math.dist(self.place_m, station_m[:2]) > 0.02 + way_m:
             return False
         return self.heading_deg is None or abs((station_m[2] - self.heading_deg + 180.0) % 360.0 - 180.0) < 0.1
 

@@ -96,13 +96,18 @@ class DaemonClient:
         if control.mav_cmd is not None:
             return await self._command(control.mav_cmd, *frames)
         if not control.settings:
-            return await self._until_shown(frames[0], lambda _: control.is_shown_by(self._picture.station_m))
+            return await self._until_shown(frames[0], partial(self._is_shown, control))
         for (name, value), data in zip(control.settings, frames, strict=True):
             is_set = partial(self._picture.tells_setting, name, value)
             granted, words = await self._until_shown(data, is_set)
             if not granted:
                 return False, words
         return True, GRANTED
+
+    def _is_shown(self, control: PageControl, since_s: float) -> bool:
+        """Whether the station is what was asked for at a time, or has gone on from there."""
+        way_m = self._picture.station_mps * (self._clock() - since_s + AGAIN_S)
+        return control.is_shown_by(self._picture.station_m, way_m)
 
     async def _command(self, mav_cmd: int, data: bytes) -> tuple[bool, str]:
         """Send a command until it is acknowledged."""

@@ -12,6 +12,7 @@ from asvhil.geo import LocalFrame
 from asvhil.io.mavlink.frames import dialect
 from asvhil.io.mavlink.texts import TextReader
 from asvhil.links.operator_listener import STATES, computer_status
+from asvhil.operator.remarks import OVER
 from asvhil.operator.reports import PHASES
 from asvhil.operator.state_arrays import PLAN_ID, STATE_ID, read_plan, read_state
 from asvhil.supervisor.reasons import Reason, describe, explain
@@ -126,7 +127,7 @@ class BoatPicture:
             if subject == "mode" and self._words.get(subject) not in (None, rest):
                 self._tell(t_s, f"the autopilot's {text}", ok=True)
             self._words[subject] = rest
-        elif separator and rest == "recovered":
+        elif separator and rest in OVER:
             self._notes.pop(subject, None)
             self._tell(t_s, text, ok=True)
         elif separator:
@@ -148,6 +149,12 @@ class BoatPicture:
         """North, east (m) and heading (degrees) of the station that is held."""
         n, e, heading = (self._boat.get(f"station_{name}") for name in ("n_m", "e_m", "heading_deg"))
         return None if n is None or e is None or heading is None else (n, e, heading)
+
+    @property
+    def station_mps(self) -> float:
+        """How fast that station moves over ground."""
+        n_mps, e_mps = (self._boat.get(f"station_{name}_mps") for name in ("vn", "ve"))
+        return math.hypot(n_mps or 0.0, e_mps or 0.0)
 
     @property
     def choices(self) -> Json:

@@ -19,6 +19,7 @@ from asvhil.io.mavlink.texts import TextReader
 from asvhil.links.link import why
 from asvhil.links.operator_client import KINDS, RESEND_S, called, with_key
 from asvhil.operator.encoding import encode_presence, encode_question
+from asvhil.operator.remarks import OVER
 from asvhil.operator.reports import PHASES
 from asvhil.operator.state_arrays import DOCKING_FIELDS, ENERGY_FIELDS, STATE_ID, read_state
 from asvhil.supervisor.energy import CURVE, MEASURED
@@ -161,7 +162,7 @@ def _take_text(look: Look, text: str | None) -> None:
         return
     if subject in [phase.value for phase in PHASES]:
         look["reason"] = rest
-    elif rest != "recovered":
+    elif rest not in OVER:
         look["notes"][subject] = rest
 
 

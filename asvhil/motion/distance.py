@@ -8,7 +8,7 @@ from collections import deque
 from asvhil.config import MotionConfig, ProcedureConfig, VesselConfig
 from asvhil.geo import ned_to_body
 from asvhil.supervisor.reasons import Explanation, Reason, explain
-from asvhil.supervisor.stations import is_another
+from asvhil.supervisor.stations import has_leapt
 from asvhil.types import Estimate, Station
 
 SATURATED = 0.95  # of a motor's full command
@@ -17,11 +17,17 @@ LOOK_BACK_NS = 10_000_000_000
 BRAKING = 0.5  # of the thrust of both motors astern, of which a boat is taken to stop with
 STRONG = 0.7  # of the boat's top speed: a current that leaves the motors little to hold against it with
 IN_STRONG = 0.5  # of the distance that is allowed: what such a current takes away does not come back
+# A station that is put elsewhere by more begins anew. By less it takes nothing back of how far the boat has been
+# carried: set-points that jitter would else have it carried off without end.
+ELSEWHERE_M = 3.0
+
+Place = tuple[float, float]  # north, east (m)
 
 
 class DistanceWatch:
     """From the begin of a hold, or a move of its station, on: how near the boat has been, and what the motors did.
 
+    The heading of a station does not matter: one that the boat lies at as it happens to turns with a boat in trouble.
     `approach`: the station keeping procedure's settings, None where there is none. `farther_m`: how much farther off
     the boat is now than it has been.
     """
@@ -36,6 +42,9 @@ class DistanceWatch:
         self._of_procedure_m = 0.0 if approach is None else approach.r_d_m + 2.0 * approach.turn_radius_m
         self._least_m = self._allowed_m = self.farther_m = 0.0
         self._station: Station | None = None
+        self._point: Station = Station(n_m=0.0, e_m=0.0, psi_rad=0.0)
+        self._begun: Place = (0.0, 0.0)  # where the point was when this began; goes along on a course
+        self._boat: Place = (0.0, 0.0)
         self._past: deque[tuple[int, bool]] = deque()  # (time, whether a motor was at its limit)
 
     def begin(self) -> None:
@@ -51,15 +60,27 @@ class DistanceWatch:
         command: tuple[float, float],
         current_ned: tuple[float, float] = (0.0, 0.0),
         doubt_m: float = 0.0,
+        point: Station | None = None,
     ) -> Explanation | None:
         """Why the boat is to be let go; `command` is what the motors got since the last tick.
 
-        `doubt_m`: by how much the place is in doubt, which counts as distance.
+        `doubt_m`: by how much the place is in doubt, which counts as distance. `point`: the station of the point of the
+        boat that is kept there, by which it is told whether somebody has moved it; None where that is the origin.
         """
-        distance_m = math.hypot(estimate.n_m - station.n_m, estimate.e_m - station.e_m)
-        if self._station is None or is_another(station, self._station):
+        boat = estimate.n_m, estimate.e_m
+        distance_m = _distance_m(boat, station)
+        point = station if point is None else point
+        if self._station is None or self._is_elsewhere(point):
+            self._begun = (point.n_m, point.e_m)
             self._start(distance_m, estimate, current_ned)
-        self._station = station
+        else:
+            if has_leapt(station, self._station):
+                apart_m = _distance_m(self._boat, station) - _distance_m(self._boat, self._station)
+                self._least_m = max(0.0, self._least_m + apart_m)
+            if not has_leapt(point, self._point):
+                n_m, e_m = self._begun
+                self._begun = (n_m + point.n_m - self._point.n_m, e_m + point.e_m - self._point.e_m)
+        self._station, self._point, self._boat = station, point, boat
         self._least_m = min(self._least_m, distance_m)
         saturated = max(abs(part) for part in command) >= SATURATED
         self._past.append((t_ns, saturated))
@@ -75,6 +96,11 @@ class DistanceWatch:
         reason = Reason.BEYOND_MOTORS if share >= SHARE else Reason.DRIFTED_OFF
         return explain(reason, metres=self.farther_m)
 
+    def _is_elsewhere(self, point: Station) -> bool:
+        """Whether the station was put so far away since this began, all at once or bit by bit."""
+        off_m = math.hypot(point.n_m - self._begun[0], point.e_m - self._begun[1])
+        return has_leapt(point, self._point) and off_m > ELSEWHERE_M
+
     def _start(self, distance_m: float, estimate: Estimate, current_ned: tuple[float, float]) -> None:
         """How far off the boat may get: by the config, and by the way through the water that it needs to stop."""
         u_c, v_c = ned_to_body(estimate.psi_rad, *current_ned)
@@ -87,3 +113,7 @@ class DistanceWatch:
             # be off that path as off its station.
             self._allowed_m += 2.0 * self._approach.turn_radius_m
         self._past.clear()
+
+
+def _distance_m(boat: Place, station: Station) -> float:
+    return math.hypot(boat[0] - station.n_m, boat[1] - station.e_m)

@@ -35,6 +35,7 @@ class MotionWatch:
         self._carried = CarriedWatch()
         self._velocity: GroundVelocity | None = None
         self._station: Station | None = None
+        self._point: Station | None = None
         self._found: Explanation | None = None
         self._is_sure = False  # or is it told alone
         self._ended = False
@@ -83,7 +84,7 @@ class MotionWatch:
             self._distance.begin()  # how far off the boat has got meanwhile says nothing of the motors
         if self._keeps_station and place is not None:
             current, doubt_m = self._monitor.current_ned, self._carried.off_m
-            away = self._distance.step(t_ns, place, station, command, current, doubt_m)
+            away = self._distance.step(t_ns, place, station, command, current, doubt_m, self._point)
         if self._begin_ns is None:
             self._begin_ns = t_ns
         likely = self._monitor.likely if early and since_s <= LIKELY_S else None
@@ -113,13 +114,13 @@ class MotionWatch:
         elif self._found is None:
             self._found = likely
 
-    def note_station(self, station: Station | None) -> None:
-        """The station that is held from now on, None where none is."""
+    def note_station(self, station: Station | None, point: Station | None = None) -> None:
+        """The station that is held from now on, None where none is; `point`: that of the point that is kept there."""
         if station is not None and self._station is None:
             self._monitor.begin()
             self._distance.begin()
             self._found, self._is_sure, self._ended, self._begin_ns = None, False, False, None
-        self._station = station
+        self._station, self._point = station, point
 
     @property
     def notes(self) -> tuple[Note, ...]:

@@ -126,7 +126,7 @@ class Operations:
             severity = NOTICE if switch.after else WARNING
             self._session.tell(t_ns, severity, f"{switch.quantity} from {switch.after or 'nowhere'}")
         self._notes = notes
-        for severity, text in self._remarks.step(t_ns, notes):
+        for severity, text in self._remarks.step(t_ns, notes, held=decision.station is not None):
             self._session.tell(t_ns, severity, text)
 
         def value_of(name: str) -> float:

@@ -17,7 +17,7 @@ import math
 
 from asvhil.geo import ned_to_body, wrap_rad
 from asvhil.supervisor.docking_odds import stays_open
-from asvhil.supervisor.stations import is_another
+from asvhil.supervisor.stations import LEAP_M
 from asvhil.types import DockingWindow, Estimate, Station
 
 DOCKING_SPEED_MPS = 0.5
@@ -33,6 +33,7 @@ LEAST_S = 20.0  # of statistics, before there is a forecast
 PRIOR_ENDS, PRIOR_S = 0.5, 15.0  # what is taken for granted of the windows before the first
 LEAST_RATE = 1e-5  # per second: rarer peaks are alike
 CALM_LOG = -2.0  # of the rate of ends: below, windows end rarely
+TURNED_RAD = math.radians(5.0)  # by which an operator turns a station for its window to be another
 
 
 def relative_velocity(estimate: Estimate, station: Station) -> tuple[float, float]:
@@ -107,16 +108,23 @@ class DockingWatch:
         self._seen_ns = 0
         self._known_s = self._open_s = self._ends = 0.0
         self._station: Station | None = None
+        self._put_n_m = self._put_e_m = self._put_rad = 0.0  # by operators, since the window's statistics began
         self.features: tuple[float, ...] | None = None
         self._stays: tuple[float, ...] = ()
 
-    def step(self, t_ns: int, estimate: Estimate | None, station: Station | None) -> DockingWindow | None:
-        """In each tick, with the station that is held: its window. None without a valid estimate or a station."""
+    def step(
+        self, t_ns: int, estimate: Estimate | None, station: Station | None, *, put: bool = False
+    ) -> DockingWindow | None:
+        """In each tick, with the station that is held: its window. None without a valid estimate or a station.
+
+        `put`: an operator has moved the station or given it a heading since the last tick. What it turns by itself,
+        with the weather or as the boat happens to lie, goes on with the same window.
+        """
         if estimate is None or not estimate.valid or station is None:
             if t_ns - self._seen_ns > GAP_NS:
                 self._forget()
             return None
-        if t_ns - self._seen_ns > GAP_NS or self._moved(station):
+        if t_ns - self._seen_ns > GAP_NS or (put and self._is_another(station)):
             self._forget()
         self._seen_ns, self._station = t_ns, station
         if not inside(estimate, station):
@@ -131,9 +139,15 @@ class DockingWatch:
         open_s = None if self._open_ns is None else (t_ns - self._open_ns) * 1e-9
         return DockingWindow(open_s=open_s, stays=self._stays)
 
-    def _moved(self, station: Station) -> bool:
-        """Whether it is another station than the last one; one that follows the weather or its course is not."""
-        return self._station is not None and is_another(station, self._station)
+    def _is_another(self, station: Station) -> bool:
+        """Whether operators have put it elsewhere since its statistics began; a set-point that jitters has not."""
+        before = self._station
+        if before is None:
+            return False
+        self._put_n_m += station.n_m - before.n_m
+        self._put_e_m += station.e_m - before.e_m
+        self._put_rad += wrap_rad(station.psi_rad - before.psi_rad)
+        return math.hypot(self._put_n_m, self._put_e_m) > LEAP_M or abs(self._put_rad) > TURNED_RAD
 
     def _sample(self, t_ns: int, estimate: Estimate, station: Station) -> None:
         off_rad = wrap_rad(estimate.psi_rad - station.psi_rad)

@@ -58,6 +58,7 @@ class Reason(enum.StrEnum):
     STATION_TOO_FAR = "station-too-far"
     STATION_UNCONFIRMED = "station-unconfirmed"
     STATION_TOO_FAST = "station-too-fast"
+    HEADING_OF_WEATHER = "heading-of-weather"
     LEADER_JUMPED = "leader-jumped"
     OUTSIDE_FENCE = "outside-fence"
     STICK_HIDDEN = "stick-hidden"
@@ -263,6 +264,10 @@ WORDS: Mapping[Reason, Words] = {
     Reason.STATION_TOO_FAST: Words(
         text="a station at {speed:.2f} m/s, {most:.2f} m/s at most",
         remedy="A slower course; supervisor.moving.max_speed_mps, up to what half of the boat's thrust keeps up with.",
+    ),
+    Reason.HEADING_OF_WEATHER: Words(
+        text="the heading follows the weather ({policy}): choose the policy fixed first",
+        remedy="`asvhil hold --policy fixed --heading DEG`, ST_POLICY 0, or the page's choice of headings.",
     ),
     Reason.LEADER_JUMPED: Words(
         text="the leader is {metres:.0f} m from where the last message that was followed had it, {most:.0f} m at most",

@@ -58,6 +58,7 @@ class StationMotion:
         self._refused: tuple[int, Reason] | None = None  # the last message that was not followed
         self._refusal_told_ns = 0
         self._waits = False
+        self._steered = True
         self._told = ""
         self._told_ns = 0
         self._trouble: str | None = None  # what is wrong with the leader
@@ -185,7 +186,8 @@ class StationMotion:
     def step(
         self, t_ns: int, station: Station, boat_m: Place | None, outside: Callable[[Station], Explanation | None]
     ) -> Station:
-        """The station of this tick; `boat_m`: where the boat is, None where that is not known and so waited for.
+        """The station of this tick; `boat_m`: where the boat is, None where that is not known, or the boat not steered,
+        and so waited for.
 
         `outside` says why a station cannot be where it would go to.
         """
@@ -195,6 +197,7 @@ class StationMotion:
             self._tell_silence()
             self._waits = False
             return changed(station, vn_mps=0.0, ve_mps=0.0) if station.moves else station
+        self._steered = boat_m is not None
         off_m = math.inf if boat_m is None else math.hypot(boat_m[0] - station.n_m, boat_m[1] - station.e_m)
         self._waits = off_m > self._config.wait_beyond_m * (BACK if self._waits else 1.0)
         if self._waits or elapsed_s > LONGEST_TICK_S:
@@ -258,7 +261,8 @@ class StationMotion:
         if self._trouble is not None:
             return (Note(subject=SUBJECT, text=self._trouble, ok=False),)
         if self._waits:
-            text = f"waits, the boat is more than {self._config.wait_beyond_m * BACK:g} m off"
+            beyond = f"waits, the boat is more than {self._config.wait_beyond_m * BACK:g} m off"
+            text = beyond if self._steered else "waits until the boat is steered again"
             return (Note(subject=SUBJECT, text=text, ok=False),)
         if not station.moves:
             self._told = ""

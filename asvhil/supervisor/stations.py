@@ -63,6 +63,7 @@ def station_of_move(command: MoveCommand, held: Station, frame: LocalFrame) -> S
         n_m=n_m if command.n_m is None else command.n_m,
         e_m=e_m if command.e_m is None else command.e_m,
         psi_rad=held.psi_rad if command.psi_rad is None else command.psi_rad,
+        of_weather=held.of_weather and command.psi_rad is None,
     )
 
 

@@ -239,6 +239,10 @@ class Supervisor:
         held, estimate, frame = self._held, self._conditions.place(situation), situation.frame
         if held is None or estimate is None or frame is None:
             return explain(Reason.NO_STATION_HELD)
+        if held.of_weather and command.psi_rad is not None:
+            if command.turns_alone:
+                return explain(Reason.HEADING_OF_WEATHER, policy=self._heading.policy)
+            command = changed(command, psi_rad=None)  # the place of a set-point counts all the same
         station = station_of_move(command, held, frame)
         refusal = too_far(station, estimate, self._most_m) or self._conditions.outside(station, frame)
         if refusal is not None:

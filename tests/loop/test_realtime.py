@@ -48,6 +48,8 @@ def test_hold_by_command_through_noise_and_a_clean_end(tmp_path: Path) -> None:
             assert turned.returncode == 0 and turned.stdout.endswith("; heading: bow\n"), turned.stderr
             again = at.command("hold")
             assert again.stdout.endswith("; heading: bow\n"), "it stays, and the grant says so"
+            fixed = at.command("hold", "--heading", "60", "--policy", "fixed")
+            assert "heading 60.0 deg" in fixed.stdout and fixed.stdout.endswith("; heading: fixed\n"), fixed
             mistaken = at.command("hold", "--policy", "sideways")
             assert mistaken.returncode == 2 and "known: fixed, bow, stern, either, free" in mistaken.stderr
             with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as attacker:

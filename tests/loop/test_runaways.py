@@ -74,6 +74,14 @@ def test_a_motor_that_dies_while_it_is_held() -> None:
     assert result["ended_s"] is None  # it is held all the same: it does not get away
 
 
+@pytest.mark.parametrize("policy", ["free", pytest.param("fixed", marks=pytest.mark.thorough)])
+def test_a_heading_that_is_as_the_boat_lies_forgives_no_runaway(policy: str) -> None:
+    """In a calm the free heading leaps to where a reversed motor has turned the boat: to 15.5 m off, once."""
+    keys = ("plant.faults=[{kind: port-motor-reversed, from_s: 45}]", *wind_keys(0.0, 0.0, 1), *start_keys(3.0, 90.0))
+    result = run_hold("sitl", (*keys, f"supervisor.heading.policy={policy}"), 90.0)
+    assert result["ended_s"] is not None and result["farther_m"] < 8.5, result
+
+
 def test_a_replay_through_the_end_of_a_runaway_is_exact(tmp_path: Path) -> None:
     log = tmp_path / "log.mcap"
     run_lockstep(load_config("sitl-bream", (*FAULTS["port motor reversed"].keys, *HELD)), log, 20.0)

@@ -104,4 +104,5 @@ def test_a_move_is_shown_by_the_station_that_it_asked_for() -> None:
     turn = read_control({"action": "heading", "heading_deg": 0.0})
     assert turn.is_shown_by((1.0, 2.0, 359.97)) and not turn.is_shown_by((1.0, 2.0, 2.0))
     assert not move.is_shown_by(None)
+    assert move.is_shown_by((10.3, 5.0, 33.0), 0.3) and not move.is_shown_by((10.35, 5.0, 33.0), 0.3), "it has gone on"
     assert move.describe() == "move to 10.0 m north, 5.0 m east" and turn.describe() == "heading 0 deg"

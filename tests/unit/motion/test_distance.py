@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from random import Random
 
 import pytest
 
 from asvhil.config import MotionConfig, ProcedureConfig, load_config
 from asvhil.motion.distance import DistanceWatch
-from asvhil.supervisor.heading_policy import LEAST_CHANGE_RAD
 from asvhil.supervisor.reasons import Explanation, Reason
 from asvhil.types import Estimate, Station
 
@@ -163,10 +163,10 @@ def test_the_limit_counts_for_the_most_of_the_last_10_s(at_limit_s: float, reaso
 
 
 def test_at_the_edges_of_what_is_allowed() -> None:
-    """Exactly so far, so strong a current, so long ago, so often at the limit, so near, and turned by so much."""
+    """Exactly so far, so strong a current, so long ago, so often at the limit, and so near."""
     watch = DistanceWatch(MotionConfig(), VESSEL)
     watch.step(1, at(0.0), STATION, (0.0, 0.0))
-    turned = replace(STATION, psi_rad=LEAST_CHANGE_RAD)
+    turned = replace(STATION, psi_rad=2.0)
     assert watch.step(2, at(8.0), turned, (0.0, 0.0)) is None and watch.farther_m == 8.0, "not another station"
     strong = (watch._strong_mps, 0.0)
     assert watch.step(3, at(4.1), turned, (0.0, 0.0), strong) is not None
@@ -242,21 +242,47 @@ def test_a_boat_without_drag_has_no_top_speed() -> None:
 @pytest.mark.parametrize(
     ("moved", "anew"),
     [
-        (replace(STATION, psi_rad=0.9 * LEAST_CHANGE_RAD), False),
-        (replace(STATION, psi_rad=-1.1 * LEAST_CHANGE_RAD), True),
-        (replace(STATION, psi_rad=2.0 * math.pi), False),
-        (replace(STATION, n_m=0.04), False),
-        (replace(STATION, n_m=0.06), True),
-        (replace(STATION, e_m=0.06), True),
+        (replace(STATION, psi_rad=1.0), False),
+        (replace(STATION, psi_rad=math.pi), False),
+        (replace(STATION, n_m=-2.9), False),
+        (replace(STATION, e_m=2.9), False),
+        (replace(STATION, n_m=-3.1), True),
+        (replace(STATION, e_m=3.1), True),
     ],
 )
-def test_a_station_that_turns_a_little_is_the_same(moved: Station, anew: bool) -> None:
+def test_a_station_that_turns_or_is_put_a_little_farther_on_is_the_same(moved: Station, anew: bool) -> None:
     watch = DistanceWatch(MotionConfig(), VESSEL)
     watch.step(1, at(0.0), STATION, (0.0, 0.0))
-    watch.step(2, at(5.0), moved, (0.0, 0.0))
-    assert (watch.farther_m == 0.0) is anew
-    watch.step(3, at(9.0), moved, (0.0, 0.0))
-    assert watch.farther_m == pytest.approx(4.0 if anew else 9.0, abs=0.1)
+    watch.step(2, at(6.0), STATION, (0.0, 0.0))
+    watch.step(3, at(6.0), moved, (0.0, 0.0))
+    assert watch.farther_m == pytest.approx(0.0 if anew else 6.0, abs=0.1)
+    watch.step(4, at(20.0), moved, (0.0, 0.0))
+    assert watch.farther_m == pytest.approx(14.0 if anew else 20.0, abs=0.7)
+
+
+@pytest.mark.parametrize("every", [1, 4])
+@pytest.mark.parametrize("jitter_m", [0.11, 0.5, 1.0])
+def test_set_points_that_jitter_take_nothing_back_of_how_far_the_boat_was_carried(jitter_m: float, every: int) -> None:
+    watch, random, station = DistanceWatch(MotionConfig(), VESSEL), Random(3), STATION
+    for tick in range(4000):
+        if tick % every == 0:
+            station = replace(STATION, n_m=random.uniform(-jitter_m, jitter_m), e_m=random.uniform(-jitter_m, jitter_m))
+        n_m = 0.5 + 0.01 * tick
+        if watch.step(50_000_000 * tick, at(n_m), station, (0.2, 0.2)) is not None:
+            break
+    assert 8.0 - 3.0 * jitter_m < n_m < 8.5 + 3.0 * jitter_m
+
+
+def test_a_station_of_a_point_away_from_the_origin_may_turn_about_it() -> None:
+    """The origin's station goes 6 m to the other side: nobody has moved the station."""
+    watch = DistanceWatch(MotionConfig(), VESSEL)
+    for tick in range(100):
+        psi_rad = 0.15 * tick
+        origin = Station(n_m=-3.0 * math.cos(psi_rad), e_m=-3.0 * math.sin(psi_rad), psi_rad=psi_rad)
+        found = watch.step(50_000_000 * tick, at(0.2 * tick), origin, (0.2, 0.2), point=STATION)
+        if found is not None:
+            break
+    assert found is not None and 40 <= tick <= 60
 
 
 def test_a_place_in_doubt_counts_as_farther_off_by_that() -> None:

@@ -317,7 +317,7 @@ def test_the_distance_gets_the_command_and_the_current(monkeypatch: pytest.Monke
     )  # fmt: skip
     watch.note_station(STATION)
     watch.step(5, (), (0.3, 0.4), None, estimate, frozenset())
-    assert seen == [(5, estimate, STATION, (0.3, 0.4), (0.4, -0.3), 0.0)]
+    assert seen == [(5, estimate, STATION, (0.3, 0.4), (0.4, -0.3), 0.0, None)]
 
 
 @pytest.mark.parametrize("enabled", [False, True])

@@ -14,11 +14,11 @@ class Told:
     def __init__(self) -> None:
         self.remarks, self.t_ns, self.texts = Remarks(), 1_700_000_000 * S, list[str]()
 
-    def run(self, seconds: float, *notes: Note) -> list[str]:
+    def run(self, seconds: float, *notes: Note, held: bool = True) -> list[str]:
         found = []
         for _ in range(round(20 * seconds)):
             self.t_ns += S // 20
-            found += [text for _, text in self.remarks.step(self.t_ns, notes)]
+            found += [text for _, text in self.remarks.step(self.t_ns, notes, held=held)]
         self.texts += found
         return found
 
@@ -31,6 +31,14 @@ def test_what_is_wrong_is_told_at_once_and_recovers_after_a_while() -> None:
     assert told.run(2.9, WELL) == []
     assert told.run(0.2, WELL) == ["gnss position: recovered"]
     assert told.run(0.05, WELL, JUMP) == ["gnss position: jump rejected"]
+
+
+def test_what_is_of_a_hold_ends_with_it_and_has_not_recovered() -> None:
+    told, waits = Told(), Note(subject="moving station", text="waits, the boat is more than 3 m off", ok=False)
+    told.run(1.0, JUMP, waits)
+    assert told.run(4.0, held=False) == ["gnss position: recovered", "moving station: ended with the hold"]
+    told.run(1.0, waits)
+    assert told.run(4.0) == ["moving station: recovered"]
 
 
 def test_what_comes_and_goes_is_told_once() -> None:

@@ -30,11 +30,13 @@ class Held:
     def __init__(self) -> None:
         self.watch, self.t_ns = DockingWatch(), 1_700_000_000 * S
 
-    def wait(self, seconds: float, at: Estimate | None, station: Station | None = STATION) -> DockingWindow | None:
+    def wait(
+        self, seconds: float, at: Estimate | None, station: Station | None = STATION, *, put: bool = False
+    ) -> DockingWindow | None:
         window = None
         for _ in range(round(seconds * 20)):
             self.t_ns += S // 20
-            window = self.watch.step(self.t_ns, at, station)
+            window = self.watch.step(self.t_ns, at, station, put=put)
         return window
 
     def swing(self, seconds: float, most_degps: float, off_m: float = 0.0) -> DockingWindow | None:
@@ -87,14 +89,34 @@ def test_there_is_none_without_a_station_or_a_valid_estimate_and_a_short_gap_doe
     assert window is not None and window.open_s == 0.0
 
 
-def test_another_station_begins_anew_and_one_that_turns_with_the_weather_does_not() -> None:
+@pytest.mark.parametrize(
+    ("n_m", "turned_deg", "put", "open_s"),
+    [
+        (100.0, 1.0, False, 5.0),
+        (100.0, 15.0, False, 5.0),  # as a free heading does that the boat happens to lie at
+        (100.0, 4.0, True, 5.0),
+        (100.0, 6.0, True, 0.0),
+        (100.4, 0.0, True, 5.0),
+        (100.6, 0.0, True, 0.0),
+    ],
+)
+def test_another_station_begins_anew_and_one_that_turns_by_itself_does_not(n_m, turned_deg, put, open_s) -> None:
     held = Held()
     held.wait(5.0, estimate())
-    weather, asked, moved = ((100.0, 0.01), (100.0, 0.1), (101.0, 0.1))
-    for (n_m, turned_rad), open_s in ((weather, 5.0), (asked, 0.0), (moved, 0.0)):
-        window = held.wait(0.05, estimate(), Station(n_m=n_m, e_m=50.0, psi_rad=math.pi - turned_rad))
-        assert window is not None and window.open_s == pytest.approx(open_s)
-        held.wait(1.0, estimate(), Station(n_m=n_m, e_m=50.0, psi_rad=math.pi - turned_rad))
+    station = Station(n_m=n_m, e_m=50.0, psi_rad=math.pi - math.radians(turned_deg))
+    window = held.wait(0.05, estimate(), station, put=put)
+    assert window is not None and window.open_s == pytest.approx(open_s)
+
+
+def test_a_set_point_that_jitters_is_one_station_and_one_that_creeps_is_not() -> None:
+    held = Held()
+    for tick in range(100):
+        window = held.wait(0.05, estimate(), Station(n_m=100.0 + 0.2 * (tick % 2), e_m=50.0, psi_rad=math.pi), put=True)
+    assert window is not None and window.open_s == pytest.approx(4.95)
+    for tick in range(12):
+        station = Station(n_m=100.0 + 0.06 * tick, e_m=50.0, psi_rad=math.pi)
+        window = held.wait(0.05, estimate(), station, put=True)
+    assert window is not None and window.open_s is not None and window.open_s < 0.2
 
 
 def test_rices_rate_is_that_of_the_crossings() -> None:

@@ -131,6 +131,7 @@ def test_the_station_waits_while_the_estimate_is_not_known() -> None:
     bench.follows, bench.estimate = False, replace(ESTIMATE, valid=False)
     after = bench.wait(0.5)
     assert bench.step(0).phase is Phase.FAILSAFE and not after.moves
+    assert bench.note == "waits until the boat is steered again"
     assert (after.n_m, after.e_m) == pytest.approx((before.n_m, before.e_m), abs=0.03)
 
 

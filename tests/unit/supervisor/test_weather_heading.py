@@ -8,6 +8,7 @@ import pytest
 
 from asvhil.config import SupervisorConfig
 from asvhil.supervisor.decision import Decision
+from asvhil.supervisor.reasons import Reason, explain
 from asvhil.types import HeadingCommand
 from tests.support.supervisor_bench import ESTIMATE, SupervisorBench
 
@@ -29,7 +30,7 @@ def heading(decision: Decision) -> float:
     return decision.station.psi_rad
 
 
-def test_a_station_that_is_taken_up_or_turned_has_the_weathers_heading_at_once_and_keeps_it_in_the_dead_band() -> None:
+def test_a_station_that_is_taken_up_has_the_weathers_heading_at_once_and_keeps_it_in_the_dead_band() -> None:
     at = bench("bow", 1.0)
     assert at.hold() is None
     assert heading(at.step()) == pytest.approx(1.0) == heading(at.step(LONG_MS))
@@ -37,8 +38,27 @@ def test_a_station_that_is_taken_up_or_turned_has_the_weathers_heading_at_once_a
     assert heading(at.step(LONG_MS)) == pytest.approx(1.0)
     assert at.move(n_m=5.0) is None
     assert heading(at.step()) == pytest.approx(1.0), "elsewhere the weather is the same"
-    assert at.move(psi_rad=2.0) is None
+    assert at.hold(psi_rad=2.0) is None
     assert heading(at.step()) == pytest.approx(1.1)
+
+
+def test_a_heading_that_is_asked_for_while_it_is_the_weathers_is_refused_and_the_place_of_a_set_point_is_not() -> None:
+    at = bench("bow", 1.0)
+    assert at.hold() is None
+    assert heading(at.step(LONG_MS)) == pytest.approx(1.0)
+    at.bow_rad = 1.1
+    assert at.move(psi_rad=2.0) == explain(Reason.HEADING_OF_WEATHER, policy="bow")
+    for n_m in (5.0, 6.0):
+        assert at.move(n_m=n_m, e_m=3.0, psi_rad=2.0) is None
+        station = at.step().station
+        assert station is not None and (station.n_m, station.e_m) == (n_m, 3.0)
+        assert station.psi_rad == pytest.approx(1.0) and station.of_weather, "nor does it begin anew"
+    choose(at, "fixed")
+    assert at.move(psi_rad=2.0) is None and heading(at.step()) == pytest.approx(2.0)
+    unknown = bench("bow", 1.0)
+    unknown.bow_rad = None
+    assert unknown.hold() is None and unknown.move(psi_rad=2.0) is None
+    assert heading(unknown.step()) == pytest.approx(2.0), "the heading is asked for until the weather is known"
 
 
 def test_nudges_of_the_station_do_not_hurry_its_turn() -> None:
