@@ -20,6 +20,8 @@ def record(cls: type[Any]) -> Any:
     the quick `replace`. A record has no base class.
     """
     members = {name: value for name, value in vars(cls).items() if name not in ("__dict__", "__weakref__")}
+    if any(isinstance(value, dataclasses.Field) for value in members.values()):
+        raise TypeError(f"{cls.__name__}: a record has no dataclasses.field, which would be the value itself")
     plain: Any = dataclasses.dataclass(frozen=True, kw_only=True)(type(cls.__name__, (), members.copy()))
     # No record is part of a cycle, so that the garbage collector need not look at them.
     struct: Any = type(msgspec.Struct)

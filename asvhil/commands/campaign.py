@@ -19,6 +19,7 @@ from asvhil.commands.study_command import (
     study_command,
 )
 from asvhil.errors import AsvhilError
+from asvhil.types import changed
 
 if TYPE_CHECKING:
     from asvhil.study.campaigns.table import Row
@@ -46,14 +47,14 @@ def campaign(
     from asvhil.study.campaigns.spec import read_spec, runs_of
     from asvhil.study.campaigns.table import check_parts
     from asvhil.study.made_of import made_of
-    from asvhil.study.runner import run_into
+    from asvhil.study.runner import StudyProgress, run_into
 
     settings, path, lines = read_spec(spec)
     check_parts()
     check(settings, path, lines)
     if output.is_dir():
         check_writable(output / f"{path.stem}.parquet")
-    stem = path.stem
+    stem, total = path.stem, runs_of(settings)
     rows: list[Row] = []
 
     def figures(tell: Tell) -> dict[str, Any]:
@@ -66,9 +67,16 @@ def campaign(
             retry=retry,
             confirm=confirm,
         )
+
+        def planned(count: int) -> None:
+            tell(StudyProgress(done=count, total=total, part="planned"))
+
+        def logged(now: StudyProgress) -> None:
+            tell(changed(now, part="logs of the worst runs"))
+
         with tempfile.TemporaryDirectory() as folder:  # what is stored of the logs is the logs
-            again = run_into(Path(folder) / "logs.jsonl", workers=workers)
-            found, rows[:] = run_campaign(settings, run, again, output, stem)
+            again = run_into(Path(folder) / "logs.jsonl", workers=workers, tell=logged)
+            found, rows[:] = run_campaign(settings, run, again, output, stem, planned)
         return found
 
     def failure(found: dict[str, Any]) -> Exception | None:
@@ -82,7 +90,7 @@ def campaign(
         figures=figures,
         text=markdown,
         draw=lambda found, picture: draw(found, rows, picture),
-        notes=(f"{path}: {runs_of(settings)} runs",),
+        notes=(f"{path}: {total} runs",),
         failure=failure,
         made_of=made_of(("study/campaigns/campaign.py",), [path, *files_of(settings)]),
     )

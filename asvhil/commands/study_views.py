@@ -28,7 +28,7 @@ def watching(console: Any, title: str, *, resumes: bool = True) -> Iterator[Tell
 
     Ctrl-C ends a resumable study with one line that says how to continue.
     """
-    said = {"expected": False, "tenth": 0}
+    said: dict[str, Any] = {"expected": False, "tenth": 0, "part": ""}
 
     def minutes(seconds: float) -> str:
         return f"{seconds / 60.0:.1f} min"
@@ -45,6 +45,9 @@ def watching(console: Any, title: str, *, resumes: bool = True) -> Iterator[Tell
             if now.total_s is not None and not said["expected"]:
                 said["expected"] = True
                 say(bar.console, f"{title}: {now.total} runs, {minutes(now.total_s)} in all{to_go}")
+            if now.part and now.part != said["part"] and not console.is_terminal:
+                said["part"] = now.part
+                say(bar.console, f"{what}, {now.total} in all")
             tenth = 10 * now.done // max(now.total, 1)
             if tenth > said["tenth"] and not now.part and not console.is_terminal:
                 said["tenth"] = tenth

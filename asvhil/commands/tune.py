@@ -86,6 +86,9 @@ def tune(
             def show(done: int, best: float, before: int = before, one: str = one) -> None:
                 counter.reach(before + done * each, f"{one}: {done} candidates, best typical ps {best:.2f}")
 
+            typed = ["asvhil tune", one, f"--budget {given}", f"--seed {seed}"]
+            typed += [f"--config {config}"] if config != "sitl" else []
+            typed += ["--quick"] if quick else []
             found[one] = tuning.tune(
                 one,
                 given,
@@ -97,6 +100,7 @@ def tune(
                 held_out=held_out,
                 window_s=QUICK_S if quick else (tuning.FROM_S, tuning.TO_S),
                 base=config,
+                command=" ".join(typed),
             )
         return {"controllers": found}
 

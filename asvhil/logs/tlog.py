@@ -13,6 +13,7 @@ _TIME = struct.Struct(">Q")
 _V1, _V2 = 0xFE, 0xFD
 _HEADER = 3  # magic, payload length, and in version 2 the flags that tell of a signature
 _SIGNED = 0x01
+_LATEST_US = 7_258_118_400_000_000  # the year 2200: any time beyond is damage
 
 
 def read_tlog(path: Path, on_cut: Callable[[str], None] | None = None) -> Iterator[tuple[int, bytes]]:
@@ -39,6 +40,8 @@ def _records(file: BinaryIO, path: Path) -> Generator[tuple[int, bytes], None, s
         if len(head) < _TIME.size + _HEADER:
             return f"the record at byte {offset} is cut off after {len(head)} bytes"
         (t_us,) = _TIME.unpack_from(head)
+        if t_us >= _LATEST_US:
+            raise LogError(f"{path}: the record at byte {offset} has a time that cannot be, {t_us} us since 1970")
         start = head[_TIME.size :]
         size = _frame_size(start)
         if size is None:

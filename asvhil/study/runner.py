@@ -66,7 +66,7 @@ class Finished:
     outdated: int
     again: int = 0
     changed: int = 0
-    errors: dict[str, str] = dataclasses.field(default_factory=dict)
+    errors: dict[str, str]
     idle_s: float | None = None
     elapsed_s: float = 0.0
     runs_now: int = 0

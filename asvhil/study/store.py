@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import fcntl
 import json
 import zlib
@@ -14,6 +15,7 @@ from asvhil.errors import AsvhilError
 from asvhil.types import record
 
 Result = dict[str, Any]
+RESUMES = "what is done is kept: make room, and give the same command again"
 
 
 @record
@@ -36,13 +38,16 @@ class StoredRun:
 class Store:
     """The runs of an open store by key. `note` is a remark where the last line had been cut off."""
 
-    def __init__(self, runs: dict[str, StoredRun], file: TextIO, note: str) -> None:
+    def __init__(self, path: Path, runs: dict[str, StoredRun], file: TextIO, note: str) -> None:
         self.runs = runs
         self.note = note
-        self._file = file
+        self._path, self._file = path, file
 
     def add(self, key: str, run: StoredRun) -> StoredRun:
-        """Write a run at once; returns it as JSON reads it back, so that results do not depend on being stored."""
+        """Write a run at once; returns it as JSON reads it back, so that results do not depend on being stored.
+
+        AsvhilError where it cannot be written.
+        """
         row: dict[str, Any] = {"key": key, "code": run.code, "wall_s": round(run.wall_s, 3)}
         if run.idle_s is not None:
             row["idle_s"] = round(run.idle_s, 5)
@@ -51,8 +56,11 @@ class Store:
         row |= {"error": run.error} if run.error else {"result": run.result}
         text = json.dumps(row)
         # So that a figure that was damaged, or edited, is not one of a run.
-        self._file.write(f'{text[:-1]}, "crc": {zlib.crc32(text.encode())}}}\n')
-        self._file.flush()
+        try:
+            self._file.write(f'{text[:-1]}, "crc": {zlib.crc32(text.encode())}}}\n')
+            self._file.flush()
+        except OSError as error:
+            raise AsvhilError(f"{self._path}: cannot be written ({error.strerror}); {RESUMES}") from None
         self.runs[key] = _run_of(json.loads(text))
         return self.runs[key]
 
@@ -70,7 +78,7 @@ def opened(path: Path) -> Iterator[Store]:
         file = path.open("a+", encoding="utf-8")
     except OSError as error:
         raise AsvhilError(f"{path}: cannot be written ({error.strerror})") from None
-    with file:
+    with _closing(file):
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
@@ -85,7 +93,17 @@ def opened(path: Path) -> Iterator[Store]:
             except AsvhilError:
                 file.truncate(len(whole.encode()))
                 note = f"{path}: the last line was cut off in writing; it is dropped, and its run done again"
-        yield Store(runs, file, note)
+        yield Store(path, runs, file, note)
+
+
+@contextmanager
+def _closing(file: TextIO) -> Iterator[None]:
+    """Close it in the end; what is left to be written, after a write that failed, is lost without a further error."""
+    try:
+        yield
+    finally:
+        with contextlib.suppress(OSError):
+            file.close()
 
 
 def _text(path: Path) -> str:

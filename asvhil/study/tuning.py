@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -12,12 +11,12 @@ import numpy as np
 
 from asvhil.config import load_config
 from asvhil.errors import AsvhilError, ConfigError
-from asvhil.files import write_text
 from asvhil.study.rows import trial_job
 from asvhil.study.runner import Job, Run
 from asvhil.study.search_spaces import Parameter, overrides_of, spaces
 from asvhil.study.statistics import mean_ci95
 from asvhil.study.trials.trial import NO_SLOW_ERROR, run_named_trial
+from asvhil.study.tuning_record import save, stored
 from asvhil.types import record
 
 FROM_S, TO_S = 50.0, 130.0
@@ -67,6 +66,7 @@ def tune(
     held_out: WindSet = HELD_OUT,
     window_s: tuple[float, float] = (FROM_S, TO_S),
     base: str = "sitl",
+    command: str = "",
 ) -> dict[str, Any]:
     """Search the values of `spaces(config)[name]` with the lowest typical ps over the training winds.
 
@@ -78,17 +78,20 @@ def tune(
     `progress` is called after each generation, stored ones too, with the candidates that are done and the lowest
     typical ps.
 
-    KeyError where the controller has no space, ConfigError for a wrong budget or seed, AsvhilError where the file at
-    the path is of another search, which is not changed, or where the package cmaes is not installed.
+    `command` is kept in the record: what was typed for it. KeyError where the controller has no space, ConfigError for
+    a wrong budget or seed or a config without a station, AsvhilError where the file at the path is of another search,
+    which is not changed, where every run fails, or where the package cmaes is not installed.
     """
     config = load_config(base)
+    if config.supervisor.station is None:
+        raise ConfigError(f"--config {base}: key supervisor.station: a search needs a station to keep")
     space = spaces(config)[name]
     for option, value, least in (("--budget", budget, 1), ("--seed", seed, 0)):
         if value < least:
             raise ConfigError(f"{option} {value}: at least {least} is expected")
     found: dict[str, Any] = {
         "controller": name,
-        "command": f"asvhil tune {name} --budget {budget} --seed {seed}",
+        "command": command or f"asvhil tune {name} --budget {budget} --seed {seed}",
         "settings": {
             "search": "cma-es, unbounded",
             "seed": seed,
@@ -104,8 +107,10 @@ def tune(
         "generations": [],
         "best": None,
     }
+    search = _Search(space, seed)
     if path.exists():
-        found["generations"] = _stored(path, found)
+        found["generations"] = stored(path, found, space, search.population)
+    errors: list[str] = []
 
     def scored(candidates: Sequence[Mapping[str, float]], cases: WindSet) -> list[list[float | None]]:
         jobs: list[Job] = []
@@ -117,10 +122,11 @@ def tune(
                 refused.append(False)
             except ConfigError:
                 refused.append(True)
-        results = iter(run(run_named_trial, jobs).results)
+        finished = run(run_named_trial, jobs)
+        errors.extend(finished.errors.values())
+        results = iter(finished.results)
         return [[None if no else _score(next(results)) for _ in cases.cases] for no in refused]
 
-    search = _Search(space, seed)
     generations: list[list[dict[str, Any]]] = found["generations"]
     for number in range(max(len(generations), _generations(budget, search.population))):
         shares = search.ask(number)
@@ -133,14 +139,16 @@ def tune(
                 ]
             )
             found["best"] = _best(generations)
-            _save(path, found)
+            save(path, found)
+            if number and errors and found["best"]["typical_ps"] is None:
+                raise AsvhilError(f"{path}: every run of its first candidates failed: {errors[0]}")
         progress(sum(map(len, generations[: number + 1])), _typical_ps(_best(generations[: number + 1])))
         search.tell(number, generations[number])
     best = found["best"] = _best(generations)
     both = [{}, best["values"]]  # the config as it is, and tuned
     for which, own, others in zip(("config", "tuned"), scored(both, training), scored(both, held_out), strict=True):
         found[which] = _figures(own, others)
-    _save(path, found)
+    save(path, found)
     return found
 
 
@@ -219,35 +227,3 @@ def _figures(training: Sequence[float | None], held_out: Sequence[float | None])
 
 def _as_json(cases: WindSet) -> dict[str, Any]:
     return {"winds_mps_toward_deg": [list(wind) for wind in cases.winds], "seeds": list(cases.seeds)}
-
-
-def _stored(path: Path, found: Mapping[str, Any]) -> list[list[dict[str, Any]]]:
-    """The stored generations of a search. AsvhilError where the file is damaged or of other settings."""
-    try:
-        stored = json.loads(path.read_text(encoding="utf-8"))
-        had = {"controller": stored["controller"], **stored["settings"]}
-        asked = {"controller": found["controller"], **found["settings"]}
-        for key in [*asked, *had]:
-            if had.get(key) != asked.get(key):
-                words = f"its search had {key} {json.dumps(had.get(key))}, this one has {json.dumps(asked.get(key))}"
-                raise AsvhilError(f"{path}: {words}; move it away to begin anew")
-        return [[_candidate(one) for one in generation] for generation in stored["generations"]]
-    except OSError as error:
-        raise AsvhilError(f"{path}: cannot be read ({error.strerror})") from None
-    except (ValueError, KeyError, TypeError):
-        raise AsvhilError(f"{path}: not a whole record of a search; move it away to begin anew") from None
-
-
-def _candidate(row: Mapping[str, Any]) -> dict[str, Any]:
-    typical_ps = row["typical_ps"]
-    return {
-        "shares": [float(share) for share in row["shares"]],
-        "values": dict(row["values"]),
-        "ps": list(row["ps"]),
-        "typical_ps": None if typical_ps is None else float(typical_ps),
-    }
-
-
-def _save(path: Path, found: Mapping[str, Any]) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    write_text(path, json.dumps(found, indent=1) + "\n")

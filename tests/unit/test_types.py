@@ -69,6 +69,14 @@ def test_the_garbage_collector_does_not_look_at_records() -> None:
     assert not gc.is_tracked(FRAME)
 
 
+def test_a_record_takes_no_field_of_dataclasses_for_a_default() -> None:
+    with pytest.raises(TypeError, match=r"Wrong: a record has no dataclasses\.field"):
+
+        @record
+        class Wrong:
+            errors: dict[str, str] = dataclasses.field(default_factory=dict)
+
+
 def test_every_record_of_the_boundary_says_what_it_is() -> None:
     found = [kind for kind in vars(types).values() if isinstance(kind, type) and dataclasses.is_dataclass(kind)]
     assert len(found) > 20 and all(kind.__doc__ for kind in found)

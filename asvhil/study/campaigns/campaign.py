@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+from asvhil.errors import AsvhilError
 from asvhil.study.campaigns.design import NO_VARIANT, PlannedRun, job_of, plan
 from asvhil.study.campaigns.sensitivity import sensitivities
 from asvhil.study.campaigns.spec import CampaignSpec
@@ -19,14 +20,27 @@ MILLION = 1_000_000
 MOST_LISTED = 20  # failures in the summary; the table has all
 
 
-def run_campaign(spec: CampaignSpec, run: Run, again: Run, output: Path, stem: str) -> tuple[dict[str, Any], list[Row]]:
+def run_campaign(
+    spec: CampaignSpec,
+    run: Run,
+    again: Run,
+    output: Path,
+    stem: str,
+    planned: Callable[[int], None] = lambda count: None,
+) -> tuple[dict[str, Any], list[Row]]:
     """The summary and the table of a campaign. Writes the table and the logs of the worst runs to `output`.
 
     `run` runs the jobs and must isolate them (`run_into(..., isolate=True)`); `again` runs those of the worst cases, on
-    this machine. The spec must have been checked (`design.check`).
+    this machine. The spec must have been checked (`design.check`). `planned` is told every thousandth run before the
+    first is run. AsvhilError where a file cannot be written.
     """
-    runs = list(plan(spec))
-    jobs = [job_of(one, spec.window_s) for one in runs]
+    runs: list[PlannedRun] = []
+    jobs: list[Job] = []
+    for one in plan(spec):
+        runs.append(one)
+        jobs.append(job_of(one, spec.window_s))
+        if len(runs) % 1000 == 0:
+            planned(len(runs))
     finished = run(run_named_trial, jobs)
     rows = [
         row_of(one, result, finished.errors.get(job.key, ""))
@@ -127,7 +141,10 @@ def _worst(
     # A log is named by the run's key, so that one of an earlier campaign is never taken for it.
     logs = {row["run"]: folder / f"run-{row['run']:06d}-{jobs[row['run']].key.split()[1][:8]}.mcap" for row in chosen}
     if chosen:
-        folder.mkdir(parents=True, exist_ok=True)
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise AsvhilError(f"{folder}: cannot be made ({error.strerror}), for the logs of the worst runs") from None
     wanted = [row for row in chosen if not logs[row["run"]].exists()]
     other = 0
     if wanted:

@@ -102,13 +102,30 @@ def job_of(run: PlannedRun, window_s: tuple[float, float]) -> Job:
 
 
 def files_of(spec: CampaignSpec) -> list[Path]:
-    """The configs, plug-ins and model files behind the runs, each once; nothing of a run that cannot be."""
-    choices = {(one.base, tuple(key for key in one.overrides if key.startswith(MODEL_KEYS))) for one in plan(spec)}
+    """The configs, plug-ins and model files behind the runs, each once; nothing of a run that cannot be.
+
+    Only parameters that can change them are gone through: a design may have millions of points.
+    """
+    first = next(points_of(spec))
+    decisive = {name: p.ends() for name, p in spec.parameters.items() if name == CONFIG or _chooses(_keys(name, p))}
+    choices = set()
+    for values in itertools.product(*decisive.values()):
+        for keys in (spec.variants or {NO_VARIANT: {}}).values():
+            point = first | dict(zip(decisive, values, strict=True))
+            base = str(point.get(CONFIG, spec.config))
+            with contextlib.suppress(AsvhilError):
+                overrides = _overrides(spec, base, point, {**spec.set, **keys})
+                choices.add((base, tuple(one for one in overrides if one.startswith(MODEL_KEYS))))
     found: set[Path] = set()
-    for base, keys in choices:
+    for base, keys_of_model in choices:
         with contextlib.suppress(AsvhilError):
-            found.update(run_files(base, keys))
+            found.update(run_files(base, keys_of_model))
     return sorted(found)
+
+
+def _chooses(keys: Sequence[str]) -> bool:
+    """Whether one of the keys can change which model file is used."""
+    return any(f"{key}=".startswith(MODEL_KEYS) for key in keys)
 
 
 def check(spec: CampaignSpec, path: Path, lines: Lines) -> None:
@@ -141,8 +158,8 @@ def check(spec: CampaignSpec, path: Path, lines: Lines) -> None:
 def _blamed(spec: CampaignSpec, first: Mapping[str, Any], variant: str, path: Path, lines: Lines) -> ConfigError:
     """What is wrong with the first point: keys of all runs, the first parameter that cannot be, or a variant."""
     values = {name: value for name, value in first.items() if name == CONFIG}
-    place: tuple[str, ...] = ("set",)
     fault = _fault(spec, values, spec.set)
+    place: tuple[str, ...] = ("config",) if fault == _fault(spec, values, {}) else ("set",)
     for name in first:
         if fault:
             break
@@ -160,17 +177,35 @@ def _check_keys(spec: CampaignSpec, path: Path, lines: Lines) -> None:
     places += [(("parameters", name), _keys(name, parameter)) for name, parameter in spec.parameters.items()]
     for place, keys in places:
         for key in keys:
-            if key in OWN:
-                raise _wrong(path, lines, place, f"{key} cannot be set here: {OWN[key]}")
-            if key in owners:
-                raise _wrong(path, lines, place, f"{key} is set by {owners[key]} too")
-            owners[key] = ".".join(place)
+            _check_key(key, place, owners, path, lines)
+        owners |= dict.fromkeys(keys, ".".join(place))
     for variant, own in spec.variants.items():
         for key in own:
-            if key in OWN:
-                raise _wrong(path, lines, ("variants", variant), f"{key} cannot be set here: {OWN[key]}")
-            if key in owners:
-                raise _wrong(path, lines, ("variants", variant), f"{key} is set by {owners[key]} too")
+            _check_key(key, ("variants", variant), owners, path, lines)
+    sets: list[tuple[tuple[str, ...], Mapping[str, Any]]] = [(("set",), spec.set)]
+    sets += [(("variants", variant), own) for variant, own in spec.variants.items()]
+    for name, parameter in spec.parameters.items():
+        if isinstance(parameter.values, dict):
+            sets += [(("parameters", name), own) for own in parameter.values.values()]
+    for place, one in sets:
+        for key in one:
+            _check_key(key, place, {other: "the same set" for other in one if other != key}, path, lines)
+
+
+def _check_key(key: str, place: tuple[str, ...], owners: Mapping[str, str], path: Path, lines: Lines) -> None:
+    """ConfigError for a key that the campaign sets itself, or that another place sets: it, its section, or a part."""
+    for own, why in OWN.items():
+        if _overlap(key, own):
+            raise _wrong(path, lines, place, f"{key} cannot be set here: {why}")
+    for other, owner in owners.items():
+        if _overlap(key, other):
+            what = key if key == other else f"{key} with {other}"
+            raise _wrong(path, lines, place, f"{what} is set by {owner} too")
+
+
+def _overlap(one: str, other: str) -> bool:
+    """Whether two keys are the same, or one is a section that has the other in it."""
+    return f"{one}.".startswith(f"{other}.") or f"{other}.".startswith(f"{one}.")
 
 
 def _keys(name: str, parameter: ParameterSpec) -> list[str]:
@@ -187,7 +222,14 @@ def _fault(spec: CampaignSpec, values: Mapping[str, Any], keys: Mapping[str, Any
         model_file(config)
     except AsvhilError as error:
         return _words(str(error))
-    return "" if config.supervisor.station else "supervisor.station: a campaign needs a station to keep"
+    if config.supervisor.station is None:
+        return "supervisor.station: a campaign needs a station to keep"
+    for fault in config.plant.faults:
+        if fault.from_s >= spec.window_s[1]:
+            return (
+                f"plant.faults: {fault.kind} begins at {fault.from_s:g} s, and the runs end at {spec.window_s[1]:g} s"
+            )
+    return ""
 
 
 def _words(error: str) -> str:
@@ -217,7 +259,7 @@ def _overrides(spec: CampaignSpec, base: str, values: Mapping[str, Any], fixed: 
             own = base_value(config, key)
             if isinstance(own, bool) or not isinstance(own, int | float):
                 raise ConfigError(f"{key}: a factor needs a number in the config, and {base} has {own!r}")
-            value = float(f"{own * value:.6g}")
+            value = float(f"{own * value:.{parameter.digits}g}")
         found |= assignments(name, value)
     hull = {key: found.pop(key) for key in list(found) if key.startswith(f"{VESSEL}.")}
     if hull:

@@ -6,6 +6,7 @@ from typing import Any
 
 from asvhil.config.fault_text import parse_fault
 from asvhil.config.root import Config
+from asvhil.errors import ConfigError
 
 _WEATHER = "plant.weather"
 SHORTHANDS: dict[str, tuple[str, ...]] = {
@@ -35,8 +36,11 @@ def keys_of(name: str) -> tuple[str, ...]:
 def assignments(name: str, value: Any) -> dict[str, Any]:
     """Config keys and values of one value of a parameter. ConfigError for a fault that cannot be."""
     if name == "fault":
-        faults = [] if value in (None, "none") else [value] if isinstance(value, str) else list(value)
-        return {"plant.faults": [parse_fault(str(one)).model_dump(mode="json") for one in faults]}
+        faults = [] if value in (None, "none") else value if isinstance(value, list) else [value]
+        for one in faults:
+            if not isinstance(one, str):
+                raise ConfigError(f"none, or KIND@FROM:FORs as text, is expected, not {one!r}")
+        return {"plant.faults": [parse_fault(one).model_dump(mode="json") for one in faults]}
     if name == "gust":
         along, across = keys_of(name)
         return {along: value, across: value * ACROSS}

@@ -14,6 +14,7 @@ from asvhil.config.loading import find_shipped
 from asvhil.config.told import Lines, told
 from asvhil.config.yaml_text import read_yaml
 from asvhil.errors import ConfigError
+from asvhil.study.campaigns.columns import TAKEN
 from asvhil.study.campaigns.shorthands import SHORTHANDS
 
 OWN = {"plant.seed": "`seed` and `repeats` set it"}
@@ -29,6 +30,7 @@ ScoreName = Literal[
     "change_per_s",
 ]
 MOST_POINTS = 10_000_000
+MOST_SEED = 1_000_000_000  # each run counts on from it
 LONGEST_S = 86_400.0  # of a run
 CONFIG = "config"  # a parameter of this name chooses the config
 
@@ -91,13 +93,22 @@ class ParameterSpec(Section):
         )
 
     def at(self, share: float) -> Any:
-        """The value, or the name of the set, at a share in [0, 1) of the range; numbers to 6 digits."""
+        """The value, or the name of the set, at a share in [0, 1) of the range; numbers to `digits`."""
         labels = self.labels
         if labels is not None:
             return labels[min(int(share * len(labels)), len(labels) - 1)]
         low, high = self.low or 0.0, self.high or 0.0
         value = low * (high / low) ** share if self.scale == "log" else low + (high - low) * share
-        return float(f"{value:.6g}")
+        return float(f"{value:.{self.digits}g}")
+
+    @property
+    def digits(self) -> int:
+        """Significant digits of its values: 6, and more where the range is narrow or has many steps."""
+        if self.low is None or self.high is None:
+            return 6
+        size, span = max(abs(self.low), abs(self.high)), self.high - self.low
+        finer = max(4, math.ceil(math.log10(self.steps or 2)) + 1)
+        return min(max(6, math.ceil(math.log10(size)) - math.floor(math.log10(span)) + finer), 17)
 
     def levels(self) -> list[Any]:
         """The values of a grid, in order."""
@@ -126,7 +137,7 @@ class DesignSpec(Section):
         description="grid: all combinations; lhs: Latin hypercube; sobol: scrambled Sobol sequence."
     )
     points: int | None = Field(default=None, ge=1, le=MOST_POINTS, description="Points of lhs and sobol.")
-    seed: int = Field(default=1, ge=0, description="Seed of the points.")
+    seed: int = Field(default=1, ge=0, le=MOST_SEED, description="Seed of the points.")
 
     @model_validator(mode="after")
     def _check(self) -> DesignSpec:
@@ -150,7 +161,9 @@ class CampaignSpec(Section):
     window_s: tuple[float, float] = Field(
         default=(60.0, 180.0), description="Begin and end of the time that is scored; the run ends with it."
     )
-    seed: int = Field(default=1, ge=0, description="plant.seed of the first point's first run; the others count on.")
+    seed: int = Field(
+        default=1, ge=0, le=MOST_SEED, description="plant.seed of the first point's first run; the others count on."
+    )
     repeats: int = Field(default=1, ge=1, description="Runs with seeds of their own at each point.")
     score: ScoreName = Field(default="ps", description="The column that the summary is about; less is better.")
     worst: int = Field(default=3, ge=0, description="Worst runs that are run again, with a log.")
@@ -166,6 +179,8 @@ class CampaignSpec(Section):
     def _check(self) -> CampaignSpec:
         if not 0.0 <= self.window_s[0] < self.window_s[1]:
             raise ValueError("window_s needs two rising times, begin and end in s")
+        if "" in self.variants:
+            raise ValueError("variants need names")
         if self.window_s[1] > LONGEST_S:
             raise ValueError(f"window_s must end within a day, {LONGEST_S:g} s")
         levels = math.prod(p.count for p in self.parameters.values()) if self.design.kind == "grid" else 0
@@ -209,6 +224,8 @@ def _fault_of(name: str, parameter: ParameterSpec, design: str) -> str:
         )
     if is_set and ("." in name or name in SHORTHANDS or name == CONFIG):
         return "named sets of config keys need a name of their own"
+    if name in TAKEN:
+        return "the table has a column of this name already; give another"
     if parameter.values is None and name in (CONFIG, "controller", "fault"):
         return "a list of values is expected"
     if design == "grid" and parameter.values is None and parameter.steps is None:

@@ -2,35 +2,19 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from asvhil.errors import AsvhilError
 from asvhil.files import replacement
+from asvhil.study.campaigns.columns import ERROR, FIGURES
 from asvhil.study.campaigns.design import PlannedRun
 from asvhil.study.campaigns.spec import CampaignSpec
+from asvhil.study.store import RESUMES
 
 Row = dict[str, Any]
-
-# Figures of a run against the truth, by the path in the result of `run_trial`. Times are left out: two campaigns of one
-# file have the same table.
-FIGURES: dict[str, tuple[str, ...]] = {
-    "ps": ("truth", "penalty_score"),
-    "vrx_score": ("truth", "vrx_score"),
-    "distance_mean_m": ("truth", "distance_m", "mean"),
-    "distance_std_m": ("truth", "distance_m", "std"),
-    "distance_max_m": ("truth", "distance_m", "max_settled"),
-    "heading_mean_deg": ("truth", "heading_deg", "mean"),
-    "heading_std_deg": ("truth", "heading_deg", "std"),
-    "heading_abs_deg": ("truth", "heading_deg", "abs_mean"),
-    "ps_measured": ("measured", "penalty_score"),
-    "energy_n2": ("energy_n2",),
-    "reversals_per_min": ("motors", "reversals_per_min_most"),
-    "saturated_share": ("motors", "saturated_share"),
-    "change_per_s": ("motors", "change_per_s"),
-    "held": ("held",),
-}
 
 
 def row_of(run: PlannedRun, result: Mapping[str, Any], error: str) -> Row:
@@ -51,7 +35,7 @@ def row_of(run: PlannedRun, result: Mapping[str, Any], error: str) -> Row:
         "seed": run.seed,
         **run.values,
         **figures,
-        "error": error,
+        ERROR: error,
     }
 
 
@@ -59,7 +43,7 @@ def write_parquet(spec: CampaignSpec, rows: Sequence[Row], path: Path) -> None:
     """Write the table, all at once or not at all; the campaign's file is in its metadata, as JSON under `campaign`.
 
     Columns: those of `row_of`; a parameter is float64 where all its values are numbers, else text. AsvhilError without
-    pyarrow.
+    pyarrow, and where it cannot be written.
     """
     import pyarrow as pa
     import pyarrow.parquet as pq
@@ -72,8 +56,11 @@ def write_parquet(spec: CampaignSpec, rows: Sequence[Row], path: Path) -> None:
         pa.array([_cell(row[field.name], field.type == pa.string()) for row in rows], field.type) for field in fields
     ]
     table = pa.Table.from_arrays(columns, schema=pa.schema(fields, {"campaign": spec.canonical_json()}))
-    with replacement(path) as part:
-        pq.write_table(table, part, compression="zstd")
+    try:
+        with replacement(path) as part:
+            pq.write_table(table, part, compression="zstd")
+    except OSError as error:
+        raise AsvhilError(f"{path}: cannot be written ({os.strerror(error.errno or 0)}); {RESUMES}") from None
 
 
 def _cell(value: Any, as_text: bool) -> Any:

@@ -56,6 +56,14 @@ def test_cut_at_every_byte(tmp_path: Path) -> None:
             list(read_tlog(path))
 
 
+@pytest.mark.parametrize("t_us", [7_258_118_400_000_000, 1_790_000_000_123_456 | 1 << 63])
+def test_a_time_that_cannot_be_is_named_by_its_offset(tmp_path: Path, t_us: int) -> None:
+    path = tmp_path / "a.tlog"
+    path.write_bytes(TIME + V1 + t_us.to_bytes(8, "big") + V1)
+    with pytest.raises(LogError, match=rf"a\.tlog: the record at byte {8 + len(V1)} has a time that cannot be, {t_us}"):
+        list(read_tlog(path))
+
+
 def test_file_that_is_not_there(tmp_path: Path) -> None:
     with pytest.raises(LogError, match=r"none\.tlog: cannot be read"):
         list(read_tlog(tmp_path / "none.tlog"))

@@ -2,6 +2,7 @@
 
 import itertools
 import json
+import os
 import re
 from pathlib import Path
 
@@ -10,14 +11,28 @@ import pyarrow.parquet as pq
 import pytest
 
 from asvhil.config import load_config
-from asvhil.errors import ConfigError
+from asvhil.errors import AsvhilError, ConfigError
+from asvhil.study.campaigns import design
 from asvhil.study.campaigns.campaign import cost_of, run_campaign, summary_of, variants_of
 from asvhil.study.campaigns.design import check, files_of, job_of, plan
 from asvhil.study.campaigns.sensitivity import sensitivities
 from asvhil.study.campaigns.spec import CampaignSpec, ParameterSpec, read_spec, runs_of
 from asvhil.study.runner import Finished, run_into
+from asvhil.study.store import StoredRun, opened
 from tests.support.paths import ROOT
 
+RESULT = {
+    "truth": {
+        "penalty_score": 1.0,
+        "vrx_score": 1.0,
+        "distance_m": {"mean": 1.0, "std": 1.0, "max_settled": 1.0},
+        "heading_deg": {"mean": 1.0, "std": 1.0, "abs_mean": 1.0},
+    },
+    "measured": {"penalty_score": 1.0},
+    "energy_n2": 1.0,
+    "motors": {"reversals_per_min_most": 1.0, "saturated_share": 1.0, "change_per_s": 1.0},
+    "held": 1.0,
+}
 GRID = """
 design: {kind: grid}
 parameters:
@@ -27,6 +42,9 @@ variants:
   LOITER: {controller.name: loiter}
   backstepping: {controller.name: backstepping}
 """
+
+
+HEAD = "design: {kind: grid}\nparameters: {"
 
 
 def written(folder: Path, text: str) -> Path:
@@ -122,6 +140,16 @@ def test_parameters_are_values_or_ranges():
     assert [words.at(share) for share in (0.0, 0.34, 0.99)] == ["a", "b", "c"] and not words.is_number
 
 
+def test_narrow_ranges_have_the_digits_that_they_need():
+    lat = ParameterSpec.model_validate({"low": 36.123451, "high": 36.123459, "steps": 5})
+    assert lat.levels() == [36.123451, 36.123453, 36.123455, 36.123457, 36.123459]
+    for low, high, steps in ((-180.0, 180.0, None), (2.0, 8.0, None), (0.8, 1.25, None), (2.0, 3.0, 10_000)):
+        levels = ParameterSpec.model_validate({"low": low, "high": high, "steps": steps}).levels()
+        assert len(set(levels)) == len(levels)
+    assert ParameterSpec.model_validate({"low": 2.0, "high": 8.0}).at(1.0 / 3.0) == 4.0
+    assert ParameterSpec.model_validate({"low": 0.8, "high": 1.25}).digits == 6, "as many as runs are known by"
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [
@@ -150,6 +178,26 @@ def test_parameters_are_values_or_ranges():
             "key config: sitll: no such config",
         ),
         (f"{GRID}set: {{plant.weather.wind.speed_mps: 3}}", "is set by set too"),
+        (
+            f"{GRID}set: {{plant.weather.wind: {{speed_mps: 3}}}}",
+            "plant.weather.wind.speed_mps with plant.weather.wind is set by set too",
+        ),
+        (f"{GRID}  both: {{controller.name: loiter, controller: {{name: loiter}}}}", "is set by the same set too"),
+        (f"{GRID}set: {{plant: {{seed: 3}}}}", "plant cannot be set here: `seed` and `repeats` set it"),
+        *(
+            (f"{HEAD}{name}: {{values: {{a: {{plant.weather.wind.speed_mps: 3}}}}}}}}", "column of this name already")
+            for name in ("run", "variant", "ps", "held", "error")
+        ),
+        ("design: {kind: grid}\nparameters: {fault: [3]}", "key parameters.fault: none, or KIND@FROM:FORs as text"),
+        (
+            "design: {kind: grid}\nparameters: {fault: [none, gnss-silent@90:5s]}\nwindow_s: [5, 90]",
+            "gnss-silent begins at 90 s, and the runs end at 90 s (line 2)",
+        ),
+        (f"{GRID}seed: 99999999999999999999999", "key seed: a number of 1e+09 or less is expected"),
+        (
+            "config: field\ndesign: {kind: grid}\nparameters: {gust: [0.1]}",
+            "key config: supervisor.station: a campaign",
+        ),
         (f"{GRID}set: {{plant.sead: 3}}", "did you mean seed?"),
         (f"{GRID}window_s: [20, 10]", "window_s needs two rising times"),
         (f"{GRID}window_s: [10, 1e9]", "window_s must end within a day"),
@@ -245,7 +293,7 @@ def test_variants_are_compared_run_by_run(tmp_path):
 
 
 def test_the_cost_of_a_million_runs_is_that_of_the_measured_ones():
-    finished = Finished(results=[], group_s={"a": 30.0, "b": 10.0}, processes=2, outdated=0, idle_s=0.5)
+    finished = Finished(results=[], group_s={"a": 30.0, "b": 10.0}, processes=2, outdated=0, errors={}, idle_s=0.5)
     cost = cost_of(finished, 20)
     assert cost["run_s"] == 2.0 and cost["runs_per_core_hour"] == 1440.0
     assert cost["million_core_hours"] == pytest.approx(2.5e6 / 3600.0)
@@ -278,3 +326,43 @@ worst: 1
     assert (tmp_path / worst["log"]).stat().st_size > 10_000 and found["cost"]["logs_of_other_bits"] == 0
     assert re.fullmatch(r"winds-worst/run-00000\d-[0-9a-f]{8}\.mcap", worst["log"])
     assert not list((tmp_path / "winds-worst").glob(".*"))
+
+
+def test_the_files_behind_a_million_runs_are_found_without_planning_them(tmp_path, monkeypatch):
+    parameters = "{wind_speed: {low: 2, high: 8}, controller: [loiter, lagnet-mpc]}"
+    text = f"design: {{kind: sobol, points: 1048576}}\nparameters: {parameters}"
+    read, _, _ = read_spec(written(tmp_path, text))
+    made = []
+    overrides = design._overrides
+    monkeypatch.setattr(design, "_overrides", lambda *args: made.append(1) or overrides(*args))
+    assert "wamv16-lagnet.npz" in [file.name for file in files_of(read)] and len(made) == 2
+
+
+@pytest.mark.parametrize("taken", ["winds-worst", "winds.parquet"])
+def test_files_that_cannot_be_written_are_named_after_the_runs(taken, tmp_path):
+    """A file in the place of the folder of logs, and a folder in that of the table."""
+    spec = spec_of(tmp_path, f"{GRID}window_s: [0.5, 5]\nworst: 1")
+    (tmp_path / taken).touch() if taken == "winds-worst" else (tmp_path / taken / "full").mkdir(parents=True)
+    results = [RESULT] * runs_of(spec)
+
+    def run(function, jobs) -> Finished:
+        return Finished(results=results, group_s={}, processes=1, outdated=0, errors={})
+
+    with pytest.raises(AsvhilError, match=rf"{taken}: cannot be"):
+        run_campaign(spec, run, run, tmp_path, "winds")
+
+
+def test_a_store_on_a_full_disk_is_named_and_says_how_to_go_on(tmp_path):
+    done = StoredRun(code="c", wall_s=1.0, result={})
+    with (
+        pytest.raises(
+            AsvhilError, match=r"runs\.jsonl: cannot be written \(No space left.*give the same command again"
+        ),
+        opened(tmp_path / "runs.jsonl") as store,
+    ):
+        store.add("first", done)
+        with open("/dev/full", "w") as full:
+            os.dup2(full.fileno(), store._file.fileno())
+        store.add("second", done)
+    with opened(tmp_path / "runs.jsonl") as store:
+        assert list(store.runs) == ["first"]

@@ -99,7 +99,7 @@ def test_mirror_images_have_one_bound_but_on_a_lopsided_boat_and_a_bound_has_cod
 
     def counting(function: object, jobs: list[Job]) -> Finished:
         asked.extend(jobs)
-        return Finished(results=[{"penalty_score": 1.0}] * len(jobs), group_s={}, processes=1, outdated=0)
+        return Finished(results=[{"penalty_score": 1.0}] * len(jobs), group_s={}, processes=1, outdated=0, errors={})
 
     known = circumstances("sitl")
     found = boat_bounds.bounds_of_boats(counting, [known["mass + 40 %"], known["second boat"]], ROWS, 4)

@@ -85,7 +85,7 @@ def test_a_healthy_hold_that_ends_is_told_or_never_begins_is_a_false_alarm() -> 
 def test_the_tables_count_what_the_runs_did() -> None:
     def run(function: Any, jobs: Any) -> Finished:
         results = [ENDED if "port-motor" in str(job.arguments[1]) else HELD for job in jobs]
-        return Finished(results=results, group_s={}, processes=1, outdated=0)
+        return Finished(results=results, group_s={}, processes=1, outdated=0, errors={})
 
     figures = study_safety(run, faults=["port motor dead", "compass off by 180°"], every=3)
     text = markdown(figures)

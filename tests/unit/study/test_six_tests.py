@@ -313,7 +313,7 @@ def test_each_run_is_held_against_the_bound_of_the_wind_that_it_had():
         else:
             asked.extend(jobs)
             results = [{"penalty_score": 10.0}, {"penalty_score": 12.0}]
-        return Finished(results=results, group_s={}, processes=1, outdated=0)
+        return Finished(results=results, group_s={}, processes=1, outdated=0, errors={})
 
     keys = ("supervisor.station.heading_deg=90", "controller.name=loiter")
     found = study_six_tests(given, controllers={"LOITER": keys}, rows=["6"], seeds=[1, 2], own_starts=4)

@@ -125,7 +125,7 @@ class Bowl:
 
     def __call__(self, function, jobs) -> Finished:
         self.jobs += len(jobs)
-        return Finished(results=[self._result(job) for job in jobs], group_s={}, processes=1, outdated=0)
+        return Finished(results=[self._result(job) for job in jobs], group_s={}, processes=1, outdated=0, errors={})
 
     def _result(self, job) -> dict:
         loiter = load_config(*job.arguments[:2]).controller.loiter
@@ -220,6 +220,53 @@ def test_a_candidate_with_a_run_that_failed_is_never_the_best(tmp_path):
     scores = [one["typical_ps"] for generation in found["generations"] for one in generation]
     assert None in scores and found["best"]["typical_ps"] == min(score for score in scores if score is not None)
     assert found["best"]["values"]["controller.loiter.radius_m"] >= 1.0
+
+
+def broken(record: dict, how: str) -> str:
+    """The record of a search after somebody has edited it."""
+    first = record["generations"][1]
+    match how:
+        case "a generation without candidates":
+            record["generations"][1] = []
+        case "a candidate is missing":
+            first.pop()
+        case "too few shares":
+            first[0]["shares"].pop()
+        case "another key":
+            first[0]["values"] = {"controller.loiter.radius": 1.0}
+        case "no numbers":
+            first[0]["values"] = dict.fromkeys(first[0]["values"], "wide")
+    return json.dumps(record)
+
+
+@pytest.mark.parametrize(
+    "how",
+    [
+        *("a generation without candidates", "a candidate is missing", "too few shares", "another key", "no numbers"),
+    ],
+)
+def test_a_record_that_was_edited_is_refused_and_left_as_it_is(how, tmp_path):
+    path = tmp_path / "loiter.json"
+    text = broken(tune("loiter", 11, 1, Bowl(), path, **SETS), how)
+    path.write_text(text)
+    with pytest.raises(AsvhilError, match=r"loiter\.json: not a whole record of a search; move it away"):
+        tune("loiter", 11, 1, Bowl(), path, **SETS)
+    assert path.read_text() == text
+
+
+def test_a_search_whose_runs_all_fail_ends_with_the_first_error(tmp_path):
+    def fails(function, jobs) -> Finished:
+        results = [{}] * len(jobs)
+        errors = {job.key: "key controller.model: no such file" for job in jobs}
+        return Finished(results=results, group_s={}, processes=1, outdated=0, errors=errors)
+
+    with pytest.raises(AsvhilError, match=r"every run of its first candidates failed: key controller\.model: no such"):
+        tune("loiter", 51, 1, fails, tmp_path / "loiter.json", **SETS)
+
+
+def test_a_config_without_a_station_is_refused_before_the_first_run(tmp_path):
+    with pytest.raises(ConfigError, match=r"--config field: key supervisor\.station: a search needs a station to keep"):
+        tune("loiter", 51, 1, Bowl(), tmp_path / "loiter.json", base="field", **SETS)
 
 
 def test_a_budget_is_the_start_and_whole_generations():

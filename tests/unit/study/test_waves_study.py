@@ -21,7 +21,7 @@ def told(scores: dict[str, float], held: dict[str, float] | None = None, rows: t
         results = [
             {"truth": {"penalty_score": scores[job.group]}, "held": (held or {}).get(job.group, 1.0)} for job in jobs
         ]
-        return Finished(results=results, group_s={}, processes=1, outdated=0)
+        return Finished(results=results, group_s={}, processes=1, outdated=0, errors={})
 
     return json.loads(json.dumps(study_waves(run, controller=KEYS, rows=rows, seeds=(1, 2))))
 
@@ -41,7 +41,7 @@ def test_each_sea_is_what_its_name_says_for_the_plant_and_the_filter_is_off_in_h
             known = (of.orbital_std_mps, of.yaw_std_radps, config.estimator.waves.mode, window_s)
             seen.setdefault(job.group, set()).add(known)
         done = {"truth": {"penalty_score": 1.0}, "held": 1.0}
-        return Finished(results=[done] * len(jobs), group_s={}, processes=1, outdated=0)
+        return Finished(results=[done] * len(jobs), group_s={}, processes=1, outdated=0, errors={})
 
     study_waves(run, controller=KEYS, rows=("1", "6"), seeds=(1,))
     assert seen == {
