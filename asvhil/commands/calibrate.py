@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from asvhil.commands.options import JsonOption, PluginOption, RecordedPluginsOption
-from asvhil.commands.outputs import check_json, check_writable, write_json, writing
+from asvhil.commands.outputs import check_apart, check_json, check_writable, write_json, writing
 from asvhil.commands.views import progress, say
 from asvhil.errors import AsvhilError, ConfigError
 from asvhil.files import write_text
@@ -33,6 +33,7 @@ def calibrate(
     from asvhil.logs.plugins import load_plugins
     from asvhil.preflight.calibration import COEFFICIENTS, calibrate
 
+    check_apart(output=output, json_=json_)
     check_json(json_)
     if output is not None:
         _check_output(output, base)

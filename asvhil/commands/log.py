@@ -117,11 +117,15 @@ def _print_info(console: Any, figures: dict[str, Any]) -> None:
     from rich.table import Table
 
     segments = f" in {figures['segments']} segments" if figures["segments"] > 1 else ""
-    whole = "whole" if figures["whole"] else "damaged"
+    # Each command reads a log up to there, so that nothing has to be done about it.
+    endless = [text.startswith("no end") for text in figures["damage"]] == [True]
+    whole = "whole" if figures["whole"] else "without its end" if endless else "damaged"
     say(console, f"{figures['log']}: {figures['bytes'] / 1e6:.1f} MB{segments}, {whole}")
     for text in figures["damage"]:
         say(console, f"  {text}")
-    if figures["damage"]:
+    if endless:
+        say(console, "  it is still being written, or was cut off; all commands read it up to there")
+    elif figures["damage"]:
         say(console, "  `asvhil log recover` keeps what is intact")
     if figures["recovered_from"]:
         say(console, f"  recovered from {figures['recovered_from']}")

@@ -75,6 +75,19 @@ def check_json(file: Path | None, option: str = "--json ") -> None:
         raise AsvhilError(f"{option}{file}: is there already, and is not JSON; give another name, or delete it")
 
 
+def check_apart(**files: Path | None) -> None:
+    """ConfigError where two options name one file, by the options' names: the later would take the earlier's place."""
+    seen: dict[Path, str] = {}
+    for name, file in files.items():
+        # A pipe, or a terminal, takes as many as come.
+        if file is None or (file.exists() and not file.is_file()):
+            continue
+        option = f"--{name.rstrip('_').replace('_', '-')}"
+        other = seen.setdefault(file.resolve(), option)
+        if other != option:
+            raise ConfigError(f"{option} {file}: is what {other} is written to; give another name")
+
+
 def _head(file: Path) -> bytes:
     """The first bytes of a regular file; nothing of anything else."""
     if not file.is_file():

@@ -9,13 +9,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from asvhil.commands.options import FaultOption, JsonOption, PluginOption, RecordedPluginsOption, SetOption
-from asvhil.commands.outputs import check_json, check_picture, write_json
+from asvhil.commands.outputs import check_apart, check_json, check_picture, write_json
 from asvhil.commands.views import progress, say
 from asvhil.errors import ConfigError
 
 if TYPE_CHECKING:
     from asvhil.logs.following import Difference
     from asvhil.logs.replay import ReplayResult
+
+
+TLOG_CONFIG = "field"
 
 
 def replay(
@@ -25,7 +28,9 @@ def replay(
     tlog: Annotated[
         Path | None, typer.Option("--tlog", metavar="FILE", help="A MAVLink telemetry log: codec and estimator only.")
     ] = None,
-    config: Annotated[str, typer.Option(help="With --tlog: the config to estimate with.")] = "field",
+    config: Annotated[
+        str | None, typer.Option(help="With --tlog: the config to estimate with; field by default.")
+    ] = None,
     set_: SetOption = [],  # noqa: B006
     plugin: PluginOption = [],  # noqa: B006
     allow_recorded_plugins: RecordedPluginsOption = False,
@@ -52,16 +57,19 @@ def replay(
     console = Console()
     if (log is None) == (tlog is None):
         raise ConfigError("replay: give either an MCAP log or --tlog FILE")
+    check_apart(picture=picture, json_=json_)
     if tlog is not None:
-        if fault or what_if:
-            option = "--fault" if fault else "--what-if"
-            raise ConfigError(f"replay: {option} goes with an MCAP log of asvhil, not with --tlog")
-        _replay_tlog(console, tlog, config, tuple(set_), json_)
+        given: dict[str, Any] = {"fault": fault, "what-if": what_if, "picture": picture, "plugin": plugin}
+        given["allow-recorded-plugins"] = allow_recorded_plugins
+        for option in (name for name, value in given.items() if value):
+            raise ConfigError(f"replay: --{option} goes with an MCAP log of asvhil, not with --tlog")
+        check_json(json_)
+        _replay_tlog(console, tlog, config or TLOG_CONFIG, tuple(set_), json_)
         return
     assert log is not None
-    if set_:
+    if set_ or config:
         words = "an MCAP log is replayed with the config it holds; --what-if has another controller or estimator"
-        raise ConfigError(f"replay: --set goes with --tlog only; {words}")
+        raise ConfigError(f"replay: --{'set' if set_ else 'config'} goes with --tlog only; {words}")
     if fault and what_if:
         raise ConfigError("replay: --fault and --what-if are two questions; ask one at a time")
     if picture is not None and not what_if:
@@ -229,6 +237,12 @@ def _replay_what_if(
         say(console, f"commands apart: {commands['mean']:.3f} of full command, at most {commands['max']:.3f}")
     for name, label in (("recorded", "recorded"), ("what_if", "what if")):
         motors, truth = figures["motors"][name], figures["against_truth"][name]
+        model = figures["model_error"][name]
+        if model is not None:
+            u, v, r = model["one_step"]
+            ahead = ", ".join(f"{value:.3f}" for value in model["horizon"])
+            words = f"u {u:.3f} m/s, v {v:.3f} m/s, r {r:.3f} rad/s after a step, {ahead} after the horizon"
+            say(console, f"{label}: mean error of the model: {words}")
         if motors["energy"] is not None:
             turned = motors["reversals_per_min"]
             words = "" if turned is None else f", {turned:.1f} reversals per minute"

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from asvhil.commands.options import JsonOption
-from asvhil.commands.outputs import check_json, check_picture, check_writable, write_json, writing
+from asvhil.commands.outputs import check_apart, check_json, check_picture, check_writable, write_json, writing
 from asvhil.commands.views import print_summary, progress, report_run, say, title_of
 from asvhil.errors import ConfigError
 from asvhil.files import replacement, write_text
@@ -31,6 +31,9 @@ def report(
     """Summarise a log: errors to the station, docking windows, wind, timing; draw it, and compare it."""
     from rich.console import Console
 
+    check_apart(html=html, picture=picture, json_=json_)
+    if html is not None and picture is not None and picture.resolve().match(f"{html.resolve().with_suffix('')}-*.png"):
+        raise ConfigError(f"--picture {picture}: is a name of the page's own figures; give another")
     check_json(json_)
     check_picture(picture)
     if html is not None and html.suffix.lower() not in (".html", ".htm"):

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 import typer
 
 from asvhil.commands.options import ColumnsOption, JsonOption, PluginOption, RecordedPluginsOption
-from asvhil.commands.outputs import check_json, check_writable, write_json
+from asvhil.commands.outputs import check_apart, check_json, check_writable, write_json
 from asvhil.commands.signatures import option, parameters_of, with_parameters
 from asvhil.commands.views import progress, say
 from asvhil.errors import AsvhilError, ConfigError
@@ -46,12 +46,12 @@ def train(
 
     need_torch()
     from asvhil.logs.plugins import load_plugins
+    from asvhil.train.jobs import picture_of
 
+    check_apart(output=output, picture=picture_of(output), json_=json_)
     load_plugins(data if columns is None else (), plugin, allow_recorded=allow_recorded_plugins)
     check_json(json_)
     _check_output(output, force=force, resume=resume)
-    if json_ is not None and json_.resolve() == output.resolve():
-        raise ConfigError(f"train: --json {json_}: is the model file; give another name")
     console = Console()
     figures = train_with_bar(
         console,

@@ -41,10 +41,10 @@ def test_recover_ends_with_3_where_something_was_lost(folder: Path) -> None:
     assert again.status == 2 and "cut-recovered.mcap: exists already" in again.err
 
 
-def test_info_of_damage_says_what_to_do(folder: Path) -> None:
+def test_info_of_a_log_without_its_end_says_that_nothing_has_to_be_done(folder: Path) -> None:
     shown = asvhil(folder, "info", "cut.mcap", "--json", "info.json")
     assert shown.status == 0
-    assert "damaged" in shown.out and "asvhil log recover" in shown.out
+    assert "without its end" in shown.out and "still being written, or was cut off" in shown.out
     figures = json.loads((folder / "info.json").read_text())
     assert not figures["whole"] and 0 < figures["ticks"] < TICKS
 
