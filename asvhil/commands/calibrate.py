@@ -33,7 +33,7 @@ def calibrate(
     from asvhil.logs.plugins import load_plugins
     from asvhil.preflight.calibration import COEFFICIENTS, calibrate
 
-    check_apart(output=output, json_=json_)
+    check_apart(("--output", output), ("--json", json_))
     check_json(json_)
     if output is not None:
         _check_output(output, base)

@@ -37,7 +37,7 @@ def evaluate(
     from asvhil.train.jobs import evaluate_command
 
     load_plugins(data if columns is None else (), plugin, allow_recorded=allow_recorded_plugins)
-    check_apart(picture=picture, json_=json_)
+    check_apart(("--picture", picture), ("--json", json_))
     check_json(json_)
     check_picture(picture)
     console = Console()

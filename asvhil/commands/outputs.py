@@ -75,17 +75,18 @@ def check_json(file: Path | None, option: str = "--json ") -> None:
         raise AsvhilError(f"{option}{file}: is there already, and is not JSON; give another name, or delete it")
 
 
-def check_apart(**files: Path | None) -> None:
-    """ConfigError where two options name one file, by the options' names: the later would take the earlier's place."""
+def check_apart(*files: tuple[str, Path | None]) -> None:
+    """ConfigError where two of the files that are written, each with what names it, are one: the later would take the
+    earlier's place.
+    """
     seen: dict[Path, str] = {}
-    for name, file in files.items():
+    for option, file in files:
         # A pipe, or a terminal, takes as many as come.
         if file is None or (file.exists() and not file.is_file()):
             continue
-        option = f"--{name.rstrip('_').replace('_', '-')}"
         other = seen.setdefault(file.resolve(), option)
         if other != option:
-            raise ConfigError(f"{option} {file}: is what {other} is written to; give another name")
+            raise ConfigError(f"{option} {file}: is the file of {other} too; give another name")
 
 
 def _head(file: Path) -> bytes:

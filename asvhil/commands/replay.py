@@ -57,7 +57,7 @@ def replay(
     console = Console()
     if (log is None) == (tlog is None):
         raise ConfigError("replay: give either an MCAP log or --tlog FILE")
-    check_apart(picture=picture, json_=json_)
+    check_apart(("--picture", picture), ("--json", json_))
     if tlog is not None:
         given: dict[str, Any] = {"fault": fault, "what-if": what_if, "picture": picture, "plugin": plugin}
         given["allow-recorded-plugins"] = allow_recorded_plugins

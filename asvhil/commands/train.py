@@ -48,7 +48,7 @@ def train(
     from asvhil.logs.plugins import load_plugins
     from asvhil.train.jobs import picture_of
 
-    check_apart(output=output, picture=picture_of(output), json_=json_)
+    check_apart(("--output", output), ("the picture of --output", picture_of(output)), ("--json", json_))
     load_plugins(data if columns is None else (), plugin, allow_recorded=allow_recorded_plugins)
     check_json(json_)
     _check_output(output, force=force, resume=resume)

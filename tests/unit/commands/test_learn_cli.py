@@ -216,7 +216,7 @@ def test_nothing_is_lost_and_all_is_checked_before_the_training(run: Run, folder
     refused(run(*order, "-o", "mine.npz"), "mine.curve.png is there already")
     (folder / "d.npz").mkdir()
     refused(run(*order, "-o", "d.npz", "--force"), "d.npz: cannot be written (Is a directory)")
-    refused(run(*order, "-o", "same.npz", "--json", "same.npz"), "--json same.npz: is what --output is written to")
+    refused(run(*order, "-o", "same.npz", "--json", "same.npz"), "--json same.npz: is the file of --output too")
     refused(run(*order, "-o", "new.npz", "--json", "none/x.json"), "--json none/x.json: cannot be written")
     assert not list(folder.glob("new.npz*")) and not list(folder.glob("same.npz*"))
 
