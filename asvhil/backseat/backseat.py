@@ -160,6 +160,7 @@ class Backseat:
         return Situation(
             t_ns=seen.t_ns,
             status=seen.status,
+            statuses=seen.statuses,
             heartbeat_age_s=None if beat_ns is None else (seen.t_ns - beat_ns) * 1e-9,
             heard_age_s=None if heard_ns is None else (seen.t_ns - heard_ns) * 1e-9,
             stranger=self._autopilot.stranger,

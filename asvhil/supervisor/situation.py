@@ -36,6 +36,8 @@ class StationSticks:
 class Situation:
     """None: not known, or not yet.
 
+    `status` is the last of the autopilot's so far, `statuses` are those that came in this tick: a pilot may have taken
+    the boat and given it back between two ticks, above all where a late link hands on all at once.
     `heartbeat_age_s`: since the autopilot told its mode and arming; `heard_age_s`: since it told anything, where None
     since its heartbeat. `stranger`: why the vehicle on the link is not ours to drive.
     `slow`: what comes too slowly to begin a hold, while it is being asked for again.
@@ -50,6 +52,7 @@ class Situation:
 
     t_ns: int
     status: FrontseatStatus | None = None
+    statuses: tuple[FrontseatStatus, ...] = ()
     heartbeat_age_s: float | None = None
     heard_age_s: float | None = None
     stranger: Explanation | None = None

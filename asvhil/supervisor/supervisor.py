@@ -83,11 +83,13 @@ class Supervisor:
         self._next_station: Station | None = None  # to be held once the control mode stands
         self._arming_help = ArmingHelp(config, self._pilot, overrides_sticks=overrides_sticks)
         self._stopped = False  # by the operator: neutral is sent, and no station is held
+        self._just_taken = False  # the motors, in this tick
         self._pilot_ns: int | None = None  # when the pilot took the boat last
         self._ended_ns: int | None = None  # when the last hold ended unasked, while that is the reason to stand by
 
     def step(self, situation: Situation, requests: Sequence[Request] = ()) -> Decision:
         """The decision of this tick: the requests in turn, then what has become of engagement in this situation."""
+        self._just_taken = False
         self._carry_on(situation)
         station_before, was_held = self._held, self._phase in (Phase.HOLD, Phase.FAILSAFE)
         if situation.sent is not None:
@@ -263,6 +265,7 @@ class Supervisor:
         if self._phase is Phase.STANDBY:
             return explain(Reason.NOTHING_TO_STOP)
         if self._phase is Phase.PREPARE and not self._stopped and situation.status is not None:
+            self._just_taken = True
             self._pilot.begin(situation.t_ns, situation.status)
         self._phase, self._why = Phase.PREPARE, explain(Reason.STOPPED)
         self._stopped = True
@@ -383,7 +386,10 @@ class Supervisor:
     def _is_ended(self, situation: Situation) -> bool:
         """Whether the pilot has taken the boat, or something that does not pass has given it back."""
         t_ns, status = situation.t_ns, situation.status
-        act = self._pilot.act(status, situation.station_sticks)
+        # Those that came before the motors were taken say nothing of what the pilot wants now.
+        passed = () if self._just_taken else situation.statuses
+        acts = (self._pilot.act(one, situation.station_sticks) for one in (*passed[:-1], status))
+        act = next((one for one in acts if one is not None), None)
         if act is None and status is not None and self._conditions.is_transmitter_lost(status):
             self._let_go(explain(Reason.TRANSMITTER_LOST), neutral_first=True)
             return True
@@ -461,6 +467,7 @@ class Supervisor:
         self._mode.taken()
         self._failing_since_ns = None
         self._control_failed = False
+        self._just_taken = True
         self._pilot.begin(t_ns, status)
 
     def _let_go(self, why: Explanation, *, neutral_first: bool = False, give_back_ns: int | None = None) -> None:

@@ -35,6 +35,7 @@ class SupervisorBench:
         self.supervisor = Supervisor(config or SupervisorConfig())
         self.t_ns = 0
         self.status: FrontseatStatus | None = status()
+        self.passed: tuple[FrontseatStatus, ...] = ()  # those that came before it in the next tick
         self.age_s: float | None = 0.1
         self.heard_age_s: float | None = None
         self.stranger: Explanation | None = None
@@ -66,6 +67,7 @@ class SupervisorBench:
         situation = Situation(
             t_ns=self.t_ns,
             status=self.status,
+            statuses=() if self.status is None else (*self.passed, self.status),
             heartbeat_age_s=self.age_s,
             estimate=self.estimate,
             heard_age_s=self.heard_age_s,
@@ -81,7 +83,7 @@ class SupervisorBench:
             sent=self.sent,
             bow_rad=self.bow_rad,
         )
-        self.control_ok, self.sent, self.station_sticks = None, None, ()
+        self.control_ok, self.sent, self.station_sticks, self.passed = None, None, (), ()
         return self.supervisor.step(situation, requests)
 
     def drive(self, seconds: float = 2.0, pulses: tuple[int, int] = (1600, 1400)) -> Decision:

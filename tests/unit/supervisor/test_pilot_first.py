@@ -10,7 +10,7 @@ from asvhil.config import SupervisorConfig
 from asvhil.supervisor.decision import Decision
 from asvhil.supervisor.reasons import Explanation, Reason, explain
 from asvhil.supervisor.situation import MotorPulses, StationSticks
-from asvhil.types import FrontseatStatus, HoldCommand, MoveCommand, Phase, Radio
+from asvhil.types import FrontseatStatus, HoldCommand, MoveCommand, NeutralCommand, Phase, Radio
 from tests.support.supervisor_bench import ESTIMATE, SupervisorBench, status
 
 PILOT_FIRST = explain(Reason.PILOT_FIRST)
@@ -62,6 +62,35 @@ def test_a_hold_command_of_the_very_tick_in_which_the_pilot_acts_is_refused(act:
     assert bench.step(999).phase is Phase.STANDBY and bench.hold() == PILOT_FIRST
     bench.step(1)
     assert bench.hold() is None
+
+
+PASSING = {
+    "disarmed": (status(armed=False), explain(Reason.DISARMED)),
+    "mode": ACTS["mode"],
+    "stick": ACTS["stick"],
+}
+
+
+@pytest.mark.parametrize("held", [True, False], ids=["held", "stopped"])
+@pytest.mark.parametrize("act", PASSING)
+def test_what_the_pilot_does_and_takes_back_before_the_next_tick_counts(act: str, held: bool) -> None:
+    """A late link hands on at once what has come in two seconds."""
+    bench = holding()
+    if not held:
+        bench.step(50, NeutralCommand(t_ns=bench.t_ns))
+    passed, why = PASSING[act]
+    bench.passed = (bench.status or status(), passed)
+    decision = bench.step()
+    assert (decision.phase, decision.why) == (Phase.STANDBY, why)
+    assert bench.step(1000).phase is Phase.STANDBY and bench.hold() is None
+
+
+def test_what_was_before_the_hold_in_the_very_tick_does_not_count() -> None:
+    bench = SupervisorBench()
+    bench.passed = (status(mode="HOLD"), status(armed=False))
+    assert bench.hold() is None and bench.step().phase is Phase.HOLD
+    bench.passed = (status(),)
+    assert bench.step().phase is Phase.HOLD
 
 
 def test_so_is_one_in_which_a_ground_stations_stick_is_moved() -> None:
