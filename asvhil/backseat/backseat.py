@@ -193,6 +193,7 @@ class Backseat:
                 sensors_ok=not self._perception.sensors_in_doubt(seen.t_ns),
                 motors_ok=motors_ok,
             ),
+            held=decision.station is not None,
         )
 
     def _health(

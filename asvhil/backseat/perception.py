@@ -185,9 +185,11 @@ class Perception:
             return None
         return self._model_watch.step(seen.estimate, self._model_input, seen.usable_wind)
 
-    def learn(self, seen: Perceived, doubt: str) -> Learned | None:
+    def learn(self, seen: Perceived, doubt: str, *, held: bool = True) -> Learned | None:
         """In each tick, after `note_pulses`: what is learned of the model; `doubt`: why not now."""
         if self._learner is not None:
+            if not held:
+                self._learner.rest()
             self._learned = self._learner.step(seen.estimate, self._model_input, seen.usable_wind, doubt)
         return self._learned
 

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from asvhil.commands.learned import check_kept, tell_kept, with_learned
 from asvhil.commands.options import ConfigArgument, LearnedOption, SetOption
-from asvhil.commands.views import LiveView, tell_borrowed_hull, tell_kept, with_learned
+from asvhil.commands.views import LiveView, tell_borrowed_hull
 
 if TYPE_CHECKING:
     from asvhil.types import Outputs
@@ -39,6 +40,7 @@ def run(
     overrides = (*set_, *(["daemon.guardian=false"] if no_guardian else []))
     settings = with_learned(load_config(config, overrides), config, overrides, learned)
     tell_borrowed_hull(settings, config, set_)
+    check_kept(settings)
     path = log or make_run_folder(settings, "run") / "log.mcap"
     clock = Clock()
     keeper = LearnedKeeper(settings)

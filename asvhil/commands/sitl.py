@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from asvhil.commands.learned import check_kept, tell_kept, with_learned
 from asvhil.commands.options import ConfigArgument, FaultOption, JsonOption, LearnedOption, SetOption
 from asvhil.commands.outputs import check_json, check_writable
-from asvhil.commands.views import NEEDS_AUTO, LiveView, progress, report_run, tell_kept, twin_hint, with_learned
+from asvhil.commands.views import NEEDS_AUTO, LiveView, progress, report_run, twin_hint
 from asvhil.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -74,6 +75,7 @@ def sitl(
     if log is not None and picture and log.suffix == ".png":
         raise ConfigError(f"--log {log}: the picture goes there; name the log .mcap, or give --no-picture")
     check_json(json_)
+    check_kept(settings)
     if log is not None and picture and log.parent.is_dir():
         check_writable(log.with_suffix(".png"))
     board = _simulated_arduino(settings, anemometer, arduino, lockstep)
@@ -89,8 +91,8 @@ def sitl(
                 bar.advance(task)
 
             wall_s = run_lockstep(settings, path, duration, on_tick)
-        tell_kept(keeper)
     else:
+        keeper = None
         folder = make_run_folder(settings, "sitl")  # which also has the serial lines of the sensors
         path = log or folder / "log.mcap"
         title = f"asvhil sitl: {settings.vehicle.name}, {settings.controller.name}, {duration:.0f} s"
@@ -98,6 +100,8 @@ def sitl(
         with board or contextlib.nullcontext(), view:
             wall_s = run_realtime(settings, folder, path, duration, view.show_status, board)
     report_run(path, json_, path.with_suffix(".png") if picture else None, console, wall_s)
+    if keeper is not None:
+        tell_kept(keeper)
 
 
 def _simulated_arduino(

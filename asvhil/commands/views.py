@@ -14,7 +14,6 @@ from asvhil.commands.outputs import write_json
 
 if TYPE_CHECKING:
     from asvhil.config import Config
-    from asvhil.logs.learned_file import LearnedKeeper
 
 
 NEEDS_AUTO = "key supervisor.engage: a simulated boat needs auto (nobody is there to say hold)"
@@ -291,23 +290,3 @@ def tell_borrowed_hull(config: Config, name: str, overrides: Sequence[str]) -> N
     if home:
         hull = hull_text(config.vehicle.vessel)
         typer.echo(f"asvhil: warning: {name}: the hull is that of the shipped {home} ({hull}); {OWN_HULL}", err=True)
-
-
-def with_learned(config: Config, name: str, overrides: Sequence[str], file: Path | None) -> Config:
-    """The config, with what a file of --learned holds; without one, a line on stderr on what could be taken."""
-    from asvhil.config import load_config
-    from asvhil.logs.learned_file import offer, taken
-
-    if file is not None:
-        return load_config(name, (*overrides, *taken(file, config)))
-    offered = offer(config)
-    if offered is not None:
-        typer.echo(f"asvhil: learned on station: {offered.text}", err=True)
-    return config
-
-
-def tell_kept(keeper: LearnedKeeper) -> None:
-    """Save what was learned, and say where."""
-    path = keeper.save()
-    if path is not None:
-        typer.echo(f"asvhil: learned on station: kept in {path}; the next start offers it", err=True)

@@ -6,6 +6,7 @@ from asvhil.dynamics.corrected import FACTORS
 from asvhil.types import Learned, Note
 
 SUBJECT, MOTOR_SUBJECT = "learning", "motor thrust"
+RAN_OFF = "stopped: no motors answer as these seem to. Is the compass right?"
 KNOWN_STD = 0.08  # a factor that is known worse is not told
 SHOWN = 0.05  # of a factor's difference from 1, and of the steps in which notes tell it
 WEAK, SOUND = 0.8, 0.85  # a motor is told as weak below the first, for sure, and no longer above the second
@@ -24,6 +25,8 @@ def learned_text(learned: Learned, percent: float = 1.0) -> str:
             told.append(f"{name} motor gives {share}" + ("" if told else " of the model's thrust"))
         else:
             told.append(f"{name} answers by {share}")
+    if not told and max(learned.std[:2]) > KNOWN_STD:
+        return "not known yet"
     return ", ".join(told) or "the boat answers as the model says"
 
 
@@ -36,6 +39,9 @@ class LearningNotes:
 
     def step(self, learned: Learned) -> tuple[Note, ...]:
         """What is learned, and whether a motor is weak."""
+        if learned.frozen == RAN_OFF:
+            self._told, self._weak = None, ()
+            return (Note(subject=SUBJECT, text=RAN_OFF, ok=False),)
         if not learned.learned_s:
             return ()
         told = self._told

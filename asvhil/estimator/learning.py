@@ -20,6 +20,7 @@ from asvhil.dynamics import ordered
 from asvhil.dynamics.arrays import Array
 from asvhil.dynamics.buffers import bind, fastest
 from asvhil.dynamics.corrected import COUNT, CorrectedModel
+from asvhil.estimator.learned_words import RAN_OFF
 from asvhil.types import Estimate, Learned, Wind
 
 AXES = 3
@@ -29,6 +30,11 @@ LONGEST_GAP_S = 0.25  # between ticks: the input in between is not known
 SETTLE_S = 3.0  # after a doubt
 STD = (0.04, 0.04, 0.012)  # of what is left over in a window at least: m/s, m/s, rad/s
 NOISE_GAIN = 0.02  # of a window, on how much is left over
+# Motors that seem to give more than the model's by this share, on the mean, while a response has been at its bound for
+# so long (s), are none: the pose is wrong, as with a compass that is turned. Weak ones may be, as of another boat's model.
+STRONGER = 0.1
+BOUND_S = 2.0
+APPLIED_AFTER_S = 15.0  # of learning: what runs off does so before, and has done nothing then
 GATE2 = 12.0  # squared innovation over its variance, beyond which a window is none of the model's
 
 
@@ -61,22 +67,34 @@ class Learner:
         disturbance_walks = [config.disturbance_walk_mps2] * 2 + [config.disturbance_yaw_walk_radps2]
         self._q = np.array([config.walk] * COUNT + disturbance_walks) ** 2
         self._most = config.prior_std**2
-        self._p: Array = np.diag([self._most] * COUNT + [0.05**2, 0.05**2, 0.03**2])
-        self._m = np.zeros(SIZE)
-        self._m[:COUNT] = np.array(config.start) - 1.0
+        self._p: Array
+        self._m: Array
         self._noise = np.array(STD) ** 2
         self._begin: Estimate | None = None
         self._last: Estimate | None = None
         self._sum_rate, self._sum_slope = np.zeros(AXES), np.zeros(AXES * SIZE)
         self._good_ns = 0  # since when there has been no doubt
         self._learned_s = 0.0
+        self._bound_s = 0.0  # for how long a response has been at its bound
+        self._forget()
+        self._ran_off = False
         self._set_factors = correct
         correct(self.applied)
 
+    def _forget(self) -> None:
+        """Begin anew with the factors that the config has."""
+        self._p = np.diag([self._most] * COUNT + [0.05**2, 0.05**2, 0.03**2])
+        self._m = np.zeros(SIZE)
+        self._m[:COUNT] = np.array(self._config.start) - 1.0
+        self._learned_s = self._bound_s = 0.0
+        self._ran_off = True
+
     @property
     def applied(self) -> tuple[float, ...]:
-        """Each factor less 1 that corrects the model."""
-        return self.factors if self._config.responses else (*self.factors[:2], *[0.0] * (COUNT - 2))
+        """Each factor less 1 that corrects the model: at first as the config has it."""
+        known = self._learned_s >= APPLIED_AFTER_S
+        factors = self.factors if known else tuple(factor - 1.0 for factor in self._config.start)
+        return factors if self._config.responses else (*factors[:2], *[0.0] * (COUNT - 2))
 
     @property
     def factors(self) -> tuple[float, ...]:
@@ -86,12 +104,21 @@ class Learner:
     def step(
         self, estimate: Estimate | None, model_input: tuple[float, float], wind: Wind | None, doubt: str
     ) -> Learned:
-        """What is known now. `model_input` and `wind` are those from now on; `doubt`: why nothing is to be learned."""
+        """What is known now. `model_input` and `wind` are those from now on; `doubt`: why nothing is to be learned.
+
+        Where the responses run off to their bounds, all that was learned is dropped, and nothing more is learned until
+        `rest` is called.
+        """
+        doubt = doubt or (RAN_OFF if self._ran_off else "")
         if estimate is not None:
             self._follow(estimate, model_input, wind, doubt)
         std = tuple(math.sqrt(v) for v in self._p.diagonal()[:COUNT].tolist())
         factors = tuple(1.0 + part for part in self.factors)
         return Learned(factors=factors, std=std, learned_s=self._learned_s, frozen=doubt)
+
+    def rest(self) -> None:
+        """No station is held: what ran off may be tried again in the next hold."""
+        self._ran_off = False
 
     def _follow(self, estimate: Estimate, model_input: tuple[float, float], wind: Wind | None, doubt: str) -> None:
         last = self._last
@@ -149,4 +176,8 @@ class Learner:
         scale = np.concatenate([shrink, np.ones(AXES)])
         self._p = p * scale[:, None] * scale[None, :]
         self._m = m
+        at_bound = m[0] + m[1] > 2.0 * STRONGER and any(part in (low, high) for part in m[2:COUNT].tolist())
+        self._bound_s = self._bound_s + span_s if at_bound else 0.0
+        if self._bound_s >= BOUND_S:
+            self._forget()
         self._set_factors(self.applied)

@@ -20,6 +20,7 @@ from asvhil.files import write_text
 from asvhil.types import Learned, Outputs, record
 
 FORMAT = 1
+ENDED = "%Y-%m-%d %H:%M UTC"
 LEAST_S = 60.0  # of learning: what was learned in less is not kept
 MOST_STD = 3.0  # of a factor
 MOST_S = 1e9  # of learning: more than a life of a boat
@@ -62,6 +63,8 @@ class LearnedKeeper:
 
     def __init__(self, config: Config) -> None:
         self._config = config
+        # The model that is learned with: its file may be another one by the end of the run.
+        self._model_sha256 = model_hash(config) if config.learning.enabled else ""
         self._last: Learned | None = None
         self._t_ns = 0
 
@@ -78,11 +81,11 @@ class LearnedKeeper:
             "format": FORMAT,
             "boat": self._config.vehicle.name,
             "simulated": is_simulated(self._config),
-            "model_sha256": model_hash(self._config),
+            "model_sha256": self._model_sha256,
             "factors": dict(zip(FACTORS, learned.factors, strict=True)),
             "std": dict(zip(FACTORS, learned.std, strict=True)),
             "learned_s": learned.learned_s,
-            "ended": datetime.fromtimestamp(self._t_ns * 1e-9, UTC).strftime("%Y-%m-%d %H:%M UTC"),
+            "ended": datetime.fromtimestamp(self._t_ns * 1e-9, UTC).strftime(ENDED),
         }
         path = learned_path(self._config)
         try:
@@ -105,7 +108,7 @@ def read_learned(path: Path, config: Config) -> LearnedFile:
         raise ConfigError(f"{path}: not a file of what was learned on station, format {FORMAT}")
     boat, own = tree.get("boat"), config.vehicle.name
     if boat != own:
-        raise ConfigError(f"{path}: learned on the boat {boat!r}, and this is {own!r}")
+        raise ConfigError(f"{path}: learned on the boat {boat!r:.60}, and this is {own!r}")
     if tree.get("simulated") is not is_simulated(config):
         where = "the simulated boat" if tree.get("simulated") else "the boat itself"
         raise ConfigError(f"{path}: learned on {where}, which this start is not of")
@@ -117,9 +120,17 @@ def read_learned(path: Path, config: Config) -> LearnedFile:
         learned_s=_number(tree.get("learned_s"), "learned_s", path, 0.0, MOST_S),
     )
     ended = tree.get("ended")
-    if not isinstance(ended, str) or not ended.isprintable():
-        raise ConfigError(f"{path}: damaged: ended is {ended!r}, a date is needed")
+    if not isinstance(ended, str) or not _is_time(ended):
+        raise ConfigError(f"{path}: damaged: ended is {ended!r:.40}, a date as 2026-11-29 07:30 UTC is needed")
     return LearnedFile(ended=ended, learned=learned)
+
+
+def _is_time(text: str) -> bool:
+    try:
+        datetime.strptime(text, ENDED)
+    except ValueError:
+        return False
+    return True
 
 
 @record
@@ -141,7 +152,7 @@ def offer(config: Config) -> Offer | None:
         return Offer(text=str(error), usable=False)
     except OSError as error:  # a name that no file can have
         return Offer(text=f"learning.file {path}: cannot be read ({error.strerror})", usable=False)
-    if config.learning.enabled and config.learning.start == _start(found):
+    if config.learning.enabled and config.learning.start == _start(found, config):
         return None
     return Offer(text=f"{found.text}; not in use: take it by --learned {path}", usable=True)
 
@@ -151,11 +162,13 @@ def taken(path: Path, config: Config) -> tuple[str, ...]:
 
     ConfigError as `read_learned`.
     """
-    return ("learning.enabled=true", f"learning.start={list(_start(read_learned(path, config)))}")
+    return ("learning.enabled=true", f"learning.start={list(_start(read_learned(path, config), config))}")
 
 
-def _start(found: LearnedFile) -> tuple[float, ...]:
-    return tuple(round(factor, 3) for factor in found.learned.factors)
+def _start(found: LearnedFile, config: Config) -> tuple[float, ...]:
+    """Its factors to three digits, within the bounds of the config."""
+    least, most = config.learning.least, config.learning.most
+    return tuple(min(max(round(factor, 3), least), most) for factor in found.learned.factors)
 
 
 def _numbers(tree: dict[str, Any], name: str, path: Path, least: float, most: float) -> tuple[float, ...]:

@@ -17,7 +17,7 @@ FOULED = ("plant.motors={port_thrust: 0.7}", "plant.start_n_m=-4", "learning.ena
 def test_a_fouled_motor_is_found_told_and_replayed(tmp_path: Path) -> None:
     log = tmp_path / "log.mcap"
     wind = ("plant.weather.wind.speed_mps=6", "plant.weather.wind.toward_deg=90")
-    run_lockstep(load_config("sitl", (*FOULED, *wind)), log, 22.0)
+    run_lockstep(load_config("sitl", (*FOULED, *wind)), log, 34.0)
     outputs = [decode_outputs(made) for _, made in LogFile(log).ticks() if made is not None]
     last = outputs[-30]  # before it is let go
     assert last.learned is not None and last.estimate is not None

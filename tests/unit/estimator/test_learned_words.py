@@ -1,7 +1,7 @@
 """What is learned in words, and the note of a weak motor, which comes and goes with some slack."""
 
-from asvhil.estimator.learned_words import LearningNotes, learned_text
-from asvhil.types import Learned
+from asvhil.estimator.learned_words import RAN_OFF, LearningNotes, learned_text
+from asvhil.types import Learned, changed
 
 
 def learned(*factors: float, std: float = 0.02, learned_s: float = 60.0) -> Learned:
@@ -16,7 +16,14 @@ def test_only_what_is_known_and_differs_is_told() -> None:
     assert learned_text(learned(0.713, 0.7, 1.0, 1.0, 1.0), 5.0) == (
         "port motor gives 70 % of the model's thrust, starboard motor gives 70 %"
     )
-    assert learned_text(learned(0.713, 1.0, 1.0, 1.0, 1.0, std=0.1)) == "the boat answers as the model says"
+    assert learned_text(learned(0.713, 1.0, 1.0, 1.0, 1.0, std=0.1)) == "not known yet"
+
+
+def test_that_it_was_stopped_is_told_whatever_was_known() -> None:
+    notes = LearningNotes()
+    notes.step(learned(0.6, 1.0, 1.0, 1.0, 1.0))
+    (note,) = notes.step(changed(learned(1.0, 1.0, 1.0, 1.0, 1.0, learned_s=0.0), frozen=RAN_OFF))
+    assert not note.ok and "is the compass right" in note.text.lower()
 
 
 def test_nothing_is_told_before_anything_is_learned() -> None:

@@ -12,7 +12,8 @@ from asvhil.dynamics.integrate import advance
 from asvhil.dynamics.protocol import Dynamics
 from asvhil.dynamics.rigid_body import SimplifiedDynamics
 from asvhil.dynamics.weights import load_model
-from asvhil.estimator.learning import Learner
+from asvhil.estimator.learned_words import RAN_OFF
+from asvhil.estimator.learning import APPLIED_AFTER_S, Learner
 from asvhil.types import Estimate, Learned, Wind
 
 VESSEL = load_config("sitl").vehicle.vessel
@@ -82,6 +83,32 @@ def test_what_is_far_off_stops_at_the_bounds() -> None:
     learned, told = learn((0.3, 2.0, 1.0, 1.0, 1.0), config=LearningConfig(enabled=True, responses=True, most=1.4))
     assert learned.factors[:2] == (0.5, pytest.approx(1.4))
     assert all(-0.5 <= part <= 0.4 + 1e-12 for factors in told for part in factors)
+
+
+def test_nothing_corrects_the_model_in_the_first_seconds_of_learning() -> None:
+    _, told = learn((0.7, 1.0, 1.0, 1.0, 1.0), seconds=APPLIED_AFTER_S - 1.0)
+    assert set(told) == {(0.0,) * COUNT}
+    start = (0.8, 1.0, 1.0, 1.0, 1.0)
+    _, told = learn((0.7, 1.0, 1.0, 1.0, 1.0), seconds=5.0, config=LearningConfig(enabled=True, start=start))
+    assert {round(factors[0], 9) for factors in told} == {-0.2}
+
+
+@pytest.mark.parametrize("boat", [(1.35, 1.3, 0.2, 1.0, 1.0), (1.2, 1.2, 1.0, 1.0, 2.5)])
+def test_responses_that_run_off_stop_it_and_nothing_of_it_is_applied(boat: tuple[float, ...]) -> None:
+    """As with a compass that is turned: a boat 20 degrees off was driven off its station within half a minute."""
+    learned, told = learn(boat, seconds=40.0)
+    assert learn((0.6, 0.6, *boat[2:]), seconds=40.0)[0].frozen == "", "as with another boat's model"
+    assert learned.frozen == RAN_OFF and learned.factors == (1.0,) * COUNT and learned.learned_s == 0.0
+    assert told[-1] == (0.0,) * COUNT
+
+
+def test_in_the_next_hold_it_begins_anew() -> None:
+    corrected = CorrectedModel(SimplifiedDynamics(VESSEL))
+    learner = Learner(LearningConfig(enabled=True), corrected, PERIOD_S, 0.0, lambda factors: None)
+    learner._ran_off = True
+    assert learner.step(None, (0.0, 0.0), None, "").frozen == RAN_OFF
+    learner.rest()
+    assert learner.step(None, (0.0, 0.0), None, "").frozen == ""
 
 
 def test_a_doubt_freezes_it_and_says_why() -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from asvhil.commands.views import with_learned
+from asvhil.commands.learned import with_learned
 from asvhil.config import Config, load_config
 from asvhil.daemon.status import render, status_of
 from asvhil.errors import AsvhilError, ConfigError
@@ -81,7 +81,7 @@ def test_where_it_cannot_be_written(tmp_path: Path) -> None:
         ({"std": {"port": 0.1, "starboard": -0.1, "surge": 0, "sway": 0, "yaw": 0}}, "damaged: std.starboard is -0.1"),
         ({"learned_s": "long"}, "damaged: learned_s is 'long', a number from 0 to 1e.09 is needed"),
         ({"learned_s": 10**400}, "damaged: learned_s is 1000"),
-        ({"ended": "now\nasvhil: all well"}, r"damaged: ended is 'now\\nasvhil: all well', a date is needed"),
+        ({"ended": "now\nasvhil: all well"}, r"damaged: ended is 'now\\nasvhil: all well', a date as 2026"),
         (
             {"factors": {"port": 0.25, "starboard": 1, "surge": 1, "sway": 1, "yaw": 1}},
             "factors.port is 0.25, a number from 0.5 to 1.5 is needed",
