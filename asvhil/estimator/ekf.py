@@ -7,7 +7,8 @@ frozen or silent for as long as the others can bridge it (`sensor_health.py`, `v
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -27,6 +28,14 @@ NAMES = {
     "heading": "compass",
     "yaw_rate": "gyro",
     "acceleration": "accelerometer",
+}
+# How a jump of each is told.
+SIZES: dict[str, Callable[[float], str]] = {
+    "position": lambda m: f"{m:.1f} m",
+    "velocity": lambda mps: f"{mps:.1f} m/s",
+    "heading": lambda rad: f"{math.degrees(rad):.0f} deg",
+    "yaw_rate": lambda radps: f"{math.degrees(radps):.0f} deg/s",
+    "acceleration": lambda mps2: f"{mps2:.1f} m/s2",
 }
 
 
@@ -130,6 +139,8 @@ class Ekf:
         found = []
         for name, track in self._history.state.tracks.items():
             text = sensor_health.fault(track, t_ns, self._stale_ns)
+            if not text and sensor_health.is_taken_over(track, t_ns):
+                text = f"believed after a jump of {SIZES[name](track.taken_off)}: is it right?"
             if text:
                 found.append(Note(subject=NAMES[name], text=text, ok=False))
         return tuple(found)

@@ -268,6 +268,8 @@ class Filter:
             steady = fault_recovery.consistency_offset(state, t_ns, name, off)
             state.tracks[name] = track = sensor_health.reject(track, t_ns, steady, off, slack)
             if fault_recovery.requires_reset(state, t_ns, name, math.hypot(*off) - slack, self._return_ns):
+                trusted = track.accepted >= fault_recovery.LEAST_ACCEPTED
+                track = sensor_health.take_over(track, t_ns, math.hypot(*off)) if trusted else track
                 self._reset(state, name, math.hypot(*off))
                 variances = self._innovation_covariance(state, h, noise).s.tolist()
                 state.tracks[name] = sensor_health.accept(track, t_ns)

@@ -31,7 +31,7 @@ SETTLE_S = 3.0  # after a doubt
 STD = (0.04, 0.04, 0.012)  # of what is left over in a window at least: m/s, m/s, rad/s
 NOISE_GAIN = 0.02  # of a window, on how much is left over
 # Motors that seem to give more than the model's by this share, on the mean, while a response has been at its bound for
-# so long (s), are none: the pose is wrong, as with a compass that is turned. Weak ones may be, as of another boat's model.
+# so long (s), are none: the pose is wrong, as with a compass that is turned. Weak ones may be, as of another boat's.
 STRONGER = 0.1
 BOUND_S = 2.0
 APPLIED_AFTER_S = 15.0  # of learning: what runs off does so before, and has done nothing then

@@ -15,6 +15,7 @@ SILENT, FROZEN = "silent", "frozen"  # faults, as `fault` tells them
 LEAST_REPEATS = 4  # a stream that sends each reading twice makes three of one repeat by chance
 JITTER_GAIN = 0.05
 STEPS_OF_NOISE = 3.0  # noise of fewer steps of the resolution repeats itself often enough
+TAKEN_TOLD_NS = 60_000_000_000
 TOLD_AFTER = 2  # rejections in a row: a single outlier is not reported
 
 
@@ -40,6 +41,8 @@ class Track:
     repeated_since_ns: int = NEVER
     apart_since_ns: int = NEVER  # since when the prediction has left a reading that repeats itself
     frozen: bool = False
+    taken_ns: int = NEVER  # when the filter was reset to it, after it had been rejected for long
+    taken_off: float = 0.0  # and how far off it was
 
 
 class FreezeLimits(NamedTuple):
@@ -127,6 +130,16 @@ def reject(
 def exclude(track: Track) -> Track:
     """Record that the reading was left out, as one of a frozen sensor."""
     return changed(track, rejected=track.rejected + 1, rejected_in_row=0, steady_since_ns=NEVER)
+
+
+def take_over(track: Track, t_ns: int, off: float) -> Track:
+    """Record that the filter was reset to a sensor that it had trusted, and then rejected `off` its prediction."""
+    return changed(track, taken_ns=t_ns, taken_off=off)
+
+
+def is_taken_over(track: Track, t_ns: int) -> bool:
+    """Whether that was of late: the sensor has not recovered, it has been believed."""
+    return track.taken_ns != NEVER and t_ns - track.taken_ns < TAKEN_TOLD_NS
 
 
 def fault(track: Track, t_ns: int, stale_ns: int) -> str:

@@ -1,6 +1,7 @@
 """The filter against motion that is known: consistency, gates, recovery, determinism."""
 
 import math
+import re
 
 import numpy as np
 import pytest
@@ -117,7 +118,13 @@ def test_a_jump_never_moves_a_valid_estimate_and_is_accepted_once_there_is_none(
             assert not at.valid or ekf.resets == 1
     assert now(ekf, 60 * S).n_m == pytest.approx(jump_m, abs=0.3)
     assert now(ekf, 60 * S).valid and ekf.resets == 1 and ekf.rejected["position"] > 300
-    assert ekf.notes(60 * S) == ()
+    (note,) = ekf.notes(60 * S)  # it has not recovered: it is believed, right or wrong
+    told = re.fullmatch(r"believed after a jump of (\d+\.\d) m: is it right\?", note.text)
+    assert note.subject == "gnss position" and not note.ok
+    assert told is not None and float(told[1]) == pytest.approx(abs(jump_m), abs=0.6)
+    for second in range(60, 110):
+        still(ekf, second, 1.0, rng, n=jump_m)
+    assert ekf.notes(110 * S) == ()
 
 
 def test_a_filter_without_a_record_accepts_a_persistent_reading() -> None:
