@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import sys
 import tempfile
 from collections.abc import Sequence
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
     from asvhil.train.at_rest import AtRest
     from asvhil.train.verdict import ModelVerdict
 
-STOPPED = "stopped; logs that were made are kept: `asvhil learn CONFIG --data LOG --test LOG` goes on with them"
+STOPPED = "stopped; logs that were made are kept: the same command with --resume goes on with them"
 TEST_SEED = 500  # added for the drive that is tested on, so that it is another one
 TEST_SHARE = 0.4  # of the time of one drive
 WINDS = ("2@0", "4@120", "5@-60", "3@90")
@@ -74,7 +75,12 @@ def learn(
         Path | None, typer.Option("-o", "--output", metavar="DIR", help="Folder; NAME-learned beside the config.")
     ] = None,
     yes: Annotated[bool, typer.Option("--yes", help="Do not stop to ask.")] = False,
-    force: Annotated[bool, typer.Option("--force", help="Overwrite what is in the folder.")] = False,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Go on with the drives and the unfinished training in the folder.")
+    ] = False,
+    force: Annotated[
+        bool, typer.Option("--force", help="Overwrite what is in the folder, but for logs, which are put aside.")
+    ] = False,
     json_: JsonOption = None,
 ) -> None:
     """Drive, train, test and judge a model of your boat, and say what to put into its config.
@@ -90,19 +96,28 @@ def learn(
         raise ConfigError(f"learn: --kind {kind}: {' or '.join(KINDS)} is expected")
     if bool(data) != bool(test):
         raise ConfigError("learn: --data and --test go together: a model is not tested on what it was trained on")
+    if data and wind:
+        raise ConfigError("learn: --wind is of drives, and with --data there are none")
+    if resume and force:
+        raise ConfigError("learn: --resume goes on, --force begins anew: give one of them")
     _need_terminal(yes)
     check_json(json_)
     settings = load_config(config, tuple(set_))
     tell_borrowed_hull(settings, config, set_)
     name = settings.vehicle.name
     files = _files(output or find_config(config).parent / f"{name}-learned", name, kind)
-    if files.there() and not force:
-        raise ConfigError(f"learn: {files.folder} is not empty: another folder by -o, or --force to overwrite it")
+    if files.there() and not (force or resume):
+        words = "another folder by -o, --resume to go on with its drives, or --force for new ones"
+        raise ConfigError(f"learn: {files.folder} is not empty: {words}")
     console = Console()
     steps = _Steps(console, yes)
+    if resume and not data:
+        data, test = (sorted(files.folder.glob(f"{one.stem}*.mcap")) for one in (files.data, files.test))
+        if not (data and test):
+            raise ConfigError(f"learn: --resume: {files.folder} holds no drives to go on with; leave it out")
     if not data:
         data, test = _drive(settings, files, duration, wind, steps, force)
-    figures = _train(kind, [*data], files, iterations, seed, steps, test)
+    figures = _train(settings, kind, [*data], files, iterations, seed, steps, test, resume=resume)
     verdict, scores, check = _judge(settings, kind, files, test, steps)
     held = _hold(settings, kind, files, steps) if settings.supervisor.engage == "auto" else {}
     _advise(console, settings, kind, files, find_config(config), verdict, check, held)
@@ -176,9 +191,8 @@ def _drive(
     steps.begin(f"{drives} of {duration:.0f} s of manoeuvres ({where})")
     with writing(files.folder):
         files.folder.mkdir(parents=True, exist_ok=True)
-        if force:  # a log is never overwritten, so the old ones go first
-            for old in (*files.folder.glob("drive*.mcap"), *files.folder.glob("test*.mcap")):
-                old.unlink()
+        if force:
+            _put_aside(files.folder, steps.console)
     mode: Any = "lockstep" if simulated else "vehicle"
     runs = drive_with_display(settings, mode, duration, sectors, files.data, "", steps.console)
     refuse_incomplete(runs, steps.console)
@@ -189,6 +203,18 @@ def _drive(
     )
     refuse_incomplete(tested, steps.console)
     return [run.log for run in runs], [run.log for run in tested]
+
+
+def _put_aside(folder: Path, console: Any) -> None:
+    """Move the logs of earlier drives into a folder of their own: none is ever overwritten, or deleted."""
+    logs = sorted((*folder.glob("drive*.mcap"), *folder.glob("test*.mcap")))
+    if not logs:
+        return
+    aside = next(path for number in itertools.count(1) if not (path := folder / f"before-{number}").exists())
+    aside.mkdir()
+    for log in logs:
+        log.rename(aside / log.name)
+    say(console, f"   {len(logs)} logs that were there are in {aside} now")
 
 
 def _other(settings: Config) -> Config:
@@ -204,13 +230,28 @@ def _other(settings: Config) -> Config:
 
 
 def _train(
-    kind: str, data: list[Path], files: _Files, iterations: int | None, seed: int, steps: _Steps, test: Sequence[Path]
+    settings: Config,
+    kind: str,
+    data: list[Path],
+    files: _Files,
+    iterations: int | None,
+    seed: int,
+    steps: _Steps,
+    test: Sequence[Path],
+    *,
+    resume: bool,
 ) -> dict[str, Any]:
-    """Both models, and the figures of the network's training."""
-    from asvhil.train.jobs import refuse_twice
+    """Both models, and the figures of the network's training. ConfigError for logs of another boat."""
+    from asvhil.dynamics.hull import differences
+    from asvhil.train.jobs import checkpoint_of, origin_of, refuse_twice
     from asvhil.train.options import chosen_options
 
     refuse_twice([*data, *test])
+    origin = origin_of([*data, *test])
+    apart = differences(origin.hull, settings.vehicle.vessel)
+    if origin.vehicle != settings.vehicle.name or apart:
+        words = f"of the boat {origin.vehicle!r}" + (f", of another hull ({apart})" if apart else "")
+        raise ConfigError(f"learn: {data[0]}: {words}, and the config is of {settings.vehicle.name!r}")
     steps.begin(f"training of {kind} on {len(data)} logs, and the physics fitted to the same")
     with writing(files.folder):
         files.folder.mkdir(parents=True, exist_ok=True)
@@ -223,6 +264,7 @@ def _train(
         options=chosen_options(kind, 0.2, **chosen),
         seed=seed,
         tries=TRIES[kind],
+        resume=resume and checkpoint_of(files.model).exists(),
     )
     train_with_bar(steps.console, "sd", data, files.fitted)
     say(steps.console, f"   {files.model}: {figures['data_s']:.0f} s of data, {figures['wall_s']:.0f} s of training")

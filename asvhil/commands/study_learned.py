@@ -148,7 +148,7 @@ def changed_boats(
     load_config(BASE, overrides)
     rows, boats = checked(row, ROWS, "--row"), checked(boat, BOATS, "--boat")
     unchanged = controller_overrides(MAIN, models, BASE, overrides)
-    own = {name: model_of_boat(boat_models, name, BASE, overrides) for name in boats}
+    own = {name: model_of_boat(boat_models, name, BASE, overrides, quick=quick) for name in boats}
 
     def figures(tell: Tell) -> dict[str, Any]:
         return study_changed_boats(

@@ -88,12 +88,13 @@ def finish(
 
     `mark` says in the page what it was made of (`made_of.mark_of`).
     """
-    text = text_of(figures)
-    if output is not None:
+    if output is not None:  # before the text, so that a failure of that loses nothing
         folder(output)
         file = output / f"{stem}.json"
         with writing(file):
             write_text(file, json.dumps(figures, indent=1) + "\n")
+    text = text_of(figures)
+    if output is not None:
         page = output / f"{stem}.md"
         with writing(page):
             write_page(page, text, mark)

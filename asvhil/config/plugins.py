@@ -120,13 +120,14 @@ def _run(file: str, sha256: str, source: str) -> types.ModuleType:
     sys.modules[name] = module
     try:
         exec(compile(source, file, "exec"), module.__dict__)
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         del sys.modules[name]
-        raise ConfigError(f"plug-in {file}{_line(error, file)}: {_words(error)}") from None
+        words = "it ends the program" if isinstance(error, SystemExit) else _words(error)
+        raise ConfigError(f"plug-in {file}{_line(error, file)}: {words}") from None
     return module
 
 
-def _line(error: Exception, file: str) -> str:
+def _line(error: BaseException, file: str) -> str:
     """Where in the plug-in something failed."""
     line = error.lineno if isinstance(error, SyntaxError) else None
     trace = error.__traceback__

@@ -130,6 +130,8 @@ def load_model(
 def read_arrays(path: Path) -> dict[str, Array]:
     """All arrays of an npz file. Raises ModelError where it is missing, damaged, or holds pickled objects."""
     try:
+        if path.exists() and not path.is_file():
+            raise ModelError(f"{path}: is no regular file, and so no model file (npz)")
         with path.open("rb") as file:
             if file.read(4) != b"PK\x03\x04":
                 raise ModelError(f"{path}: not a model file (npz), or damaged from its first byte on")
@@ -139,7 +141,11 @@ def read_arrays(path: Path) -> dict[str, Array]:
                     raise ModelError(f"{path}: holds more than {MOST_BYTES // 1_000_000} MB: no model of asvhil")
             file.seek(0)
             with np.load(file, allow_pickle=False) as archive:
-                return {name: archive[name] for name in archive.files}
+                arrays = {name: archive[name] for name in archive.files}
+                for name, array in arrays.items():
+                    if not isinstance(array, np.ndarray):  # bytes, of a member that is none
+                        raise ModelError(f"{path}: damaged: {name} is no array")
+                return arrays
     except OSError as error:
         raise ModelError(f"{path}: cannot be read ({error.strerror or error})") from None
     except ValueError as error:
@@ -183,7 +189,7 @@ def _checked(arrays: Mapping[str, Array], path: Path) -> TrainedModel:
         raise ModelError(f"{path}: direct must lie in 0..1 and lag_s be at least half of dt_s")
     try:
         figures = json.loads(text("figures"))
-    except ValueError:
+    except (ValueError, RecursionError):
         raise ModelError(f"{path}: figures is not JSON") from None
     if not isinstance(figures, dict):
         raise ModelError(f"{path}: figures is not a JSON object")
@@ -207,7 +213,7 @@ def _hull(text: str, path: Path) -> dict[str, float]:
     """The figures of the hull; ModelError where they are not positive numbers by name."""
     try:
         figures = {str(name): float(value) for name, value in json.loads(text).items()}
-    except (ValueError, TypeError, AttributeError):
+    except (ValueError, TypeError, AttributeError, RecursionError):
         figures = {"": math.nan}
     if not all(0.0 < value < math.inf for value in figures.values()):
         raise ModelError(f"{path}: hull is not a JSON object of positive numbers")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 import re
 import tempfile
 from collections.abc import Iterable, Mapping
@@ -30,9 +32,11 @@ QUICK: Mapping[str, Any] = {"iterations": 20, "rest_weight": None}  # a short dr
 QUICK_S = 60.0
 
 
-def model_of_boat(folder: Path, boat: str, base: str = "sitl", overrides: Keys = ()) -> Path:
-    """The model that was trained on a boat. ConfigError where the folder has none."""
+def model_of_boat(folder: Path, boat: str, base: str = "sitl", overrides: Keys = (), *, quick: bool = False) -> Path:
+    """The model that was trained on a boat; for a quick run one of a quick training too. ConfigError for none."""
     path = _path(folder, boat, base, overrides)
+    if quick and not path.is_file() and (short := _path(folder, boat, base, overrides, quick=True)).is_file():
+        return short
     if not path.is_file():
         raise ConfigError(f"{path}: no model of this boat; `asvhil study boat-models -o {folder}` trains it")
     return path
@@ -43,7 +47,7 @@ def train_boats(
 ) -> dict[str, Any]:
     """Drive the manoeuvres on each boat that has no model in the folder, and train one; the figures of all."""
     known, boats = circumstances(base, overrides), list(boats)
-    paths = {boat: _path(folder, boat, base, overrides) for boat in boats}
+    paths = {boat: _path(folder, boat, base, overrides, quick=quick) for boat in boats}
     jobs = [
         Job(
             key=boat,
@@ -91,10 +95,13 @@ def markdown(study: Mapping[str, Any]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _path(folder: Path, boat: str, base: str, overrides: Keys) -> Path:
+def _path(folder: Path, boat: str, base: str, overrides: Keys, *, quick: bool = False) -> Path:
+    """Where the model of a boat is: of quick trainings, and of other keys of the boat, under names of their own."""
     vehicle = load_config(base, overrides).vehicle.name
     name = re.sub(r"[^a-z0-9]+", "-", boat.lower()).strip("-")
-    return folder / f"{vehicle}-{name}-{labelled()[MAIN].model}.npz"
+    of_boat = [key for key in overrides if key.startswith(("vehicle", "plant"))]
+    other = f"-{hashlib.sha256(json.dumps(of_boat).encode()).hexdigest()[:8]}" if of_boat else ""
+    return folder / f"{vehicle}-{name}{other}{'-quick' if quick else ''}-{labelled()[MAIN].model}.npz"
 
 
 def _small(figures: Mapping[str, Any]) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
@@ -82,11 +83,14 @@ def _figures(ps: list[float], held: float, bound: float | None) -> dict[str, Any
 
 
 def worst_regrets(study: Mapping[str, Any], model: str) -> dict[str, float | None]:
-    """The greatest regret of each boat across the wind by one model; None where it was let go in a row."""
+    """The greatest regret of each boat across the wind by one model; None where it was let go in a row, NaN where
+    there is no row across the wind.
+    """
     found: dict[str, float | None] = {}
     for boat, rows in study["boats"].items():
         cells = [cell["models"][model] for cell in rows.values() if cell["bound"] is not None]
-        found[boat] = None if any(cell["regret"] is None for cell in cells) else max(cell["regret"] for cell in cells)
+        regrets = [cell["regret"] for cell in cells]
+        found[boat] = None if None in regrets else max(regrets, default=math.nan)
     return found
 
 
@@ -118,4 +122,6 @@ def markdown(study: Mapping[str, Any]) -> str:
 
 
 def _regret(worst: float | None, asked: float) -> str:
-    return "**let go**" if worst is None else f"{worst:.2f}" if worst <= asked else f"**{worst:.2f}**"
+    if worst is None:
+        return "**let go**"
+    return "-" if math.isnan(worst) else f"{worst:.2f}" if worst <= asked else f"**{worst:.2f}**"

@@ -55,6 +55,8 @@ def check_models(models: Path | None) -> None:
     """ConfigError where the folder does not exist: otherwise the shipped models would be used unnoticed."""
     if models is not None and not models.is_dir():
         raise ConfigError(f"--models {models}: no such folder")
+    if models is not None and not any(models.glob("*.npz")):
+        raise ConfigError(f"--models {models}: holds no model file (KIND.npz)")
 
 
 def available(

@@ -81,7 +81,8 @@ class AtRest:
         words = [f"still air {u:.4f} {v:.4f} m/s2, {r:.4f} rad/s2{'' if self.stays else ' (wrong)'}"]
         if self.worst is not None:
             words.append(
-                f"worst wind {self.worst.speed_mps:g} m/s on the {self.worst.side}: {self.worst.error:.2f} of the bound"
+                f"worst of the winds on bow, beams and stern {self.worst.speed_mps:g} m/s on the {self.worst.side}: "
+                f"{self.worst.error:.2f} of the bound"
             )
         words.append("load rises with the wind" if self.rising else f"load falls by {self.fall_mps2:.4f} m/s2 (wrong)")
         words.append(f"thrust dip {self.thrust_dip_mps2:.4f} m/s2")

@@ -123,6 +123,11 @@ class ColumnMap(Section):
             raise ValueError("the wind is given twice: keep one pair of its columns")
         if self.wind_n is not None and self.psi is None:
             raise ValueError("wind_n and wind_e need psi, to be turned into body axes")
+        used: dict[str, str] = {}
+        for name in type(self).model_fields:
+            column = getattr(getattr(self, name), "column", None)
+            if column is not None and used.setdefault(column, name) != name:
+                raise ValueError(f"{used[column]} and {name} are both column {column!r}: each quantity has its own")
         return self
 
 

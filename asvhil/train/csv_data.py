@@ -39,6 +39,9 @@ COMMAND_SLACK = 1.05  # commands a little beyond 1 are due to rounding, more to 
 MISSING = frozenset({"", "nan", "-nan", "na", "n/a", "null", "none"})
 DECIMAL = re.compile(r"[+-]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][+-]?[0-9]{1,3})?", re.ASCII)
 PULSE_US = (500.0, 2500.0)
+WINDS = ("wind_u", "wind_v", "wind_n", "wind_e", "wind_speed")
+FASTEST_WIND_MPS = 75.0  # a hurricane: more is a wrong unit
+LONGEST_S = 1e7  # of a file, some four months: more is a wrong unit of time
 DELIMITERS = (";", "\t", ",", "|")
 
 
@@ -154,7 +157,7 @@ def _read(path: Path, columns: ColumnMap) -> tuple[dict[str, Array], int]:
     _check_nan(path, {name: column.column for name, column in wanted.items()}, raw, rows)
     keep = np.isfinite(np.column_stack(list(raw.values()))).all(axis=1)
     raw, rows = {name: values[keep] for name, values in raw.items()}, rows[keep]
-    _check_time(path, columns.time.column, raw["time"], rows)
+    _check_time(path, columns.time.column, raw["time"], rows, columns.time.factor)
     table: dict[str, Array] = {}
     for name, column in wanted.items():
         if isinstance(column, MotorColumn):
@@ -163,6 +166,9 @@ def _read(path: Path, columns: ColumnMap) -> tuple[dict[str, Array], int]:
             table[name] = (raw[name] - raw[name][0]) * column.factor
         else:
             table[name] = raw[name] * column.factor
+            if name in WINDS:
+                good = np.abs(table[name]) <= FASTEST_WIND_MPS
+                _check_range(path, column.column, raw[name], rows, good, f"beyond {FASTEST_WIND_MPS:g} m/s of wind")
     return table, int((~keep).sum())
 
 
@@ -244,13 +250,17 @@ def _check_nan(path: Path, names: dict[str, str], raw: dict[str, Array], rows: A
             )
 
 
-def _check_time(path: Path, column: str, time: Array, rows: Array) -> None:
+def _check_time(path: Path, column: str, time: Array, rows: Array, factor: float) -> None:
     back = np.flatnonzero(np.diff(time) <= 0.0)
     if len(back):
         at = back[0] + 1
         raise LogError(
             f"{path}: row {rows[at]}, column {column!r}: time does not rise ({time[at]:.10g} after {time[at - 1]:.10g})"
         )
+    late = np.flatnonzero((time - time[0]) * factor > LONGEST_S)
+    if len(late):
+        words = f"{time[late[0]]:.10g} is more than {LONGEST_S:g} s after the first row: is the unit of time right?"
+        raise LogError(f"{path}: row {rows[late[0]]}, column {column!r}: {words}")
 
 
 def _command(path: Path, column: MotorColumn, values: Array, rows: Array) -> Array:

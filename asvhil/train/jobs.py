@@ -46,6 +46,7 @@ def training_data(paths: Sequence[Path], columns: str | None, dt_s: float, *, sm
     """Data for training, smoothed if asked for; CSV files need the name or path of a column map."""
     if is_csv(paths):
         return dataset_from_csv(paths, find_columns(_required(columns)), dt_s, smoothed=smoothed)
+    _refuse_columns(columns)
     return dataset_from_logs(paths, dt_s, "smoothed" if smoothed else "measured")
 
 
@@ -127,7 +128,7 @@ def train_command(
         raise ConfigError("train: --tries does not apply to model sd, which has no random start")
     _check_output(output)
     if is_csv(data):
-        if vehicle is None:
+        if not vehicle:
             raise ConfigError("train: CSV files do not say which vehicle they come from: give its name")
         origin = DataOrigin(vehicle=vehicle, config_hash="", hull={})
     else:
@@ -201,18 +202,26 @@ def evaluate_command(
     """
     if not models:
         raise ConfigError("evaluate: no model is given")
+    if not is_csv(data):
+        _refuse_columns(columns)
+    elif truth:
+        raise ConfigError("evaluate: --truth goes with logs of the simulated boat: a CSV file has no truth")
     loaded = {path: read_model(path) for path in models}
     dt_s = loaded[models[0]].dt_s
-    vehicle = None if is_csv(data) else origin_of(data).vehicle
+    for option, seconds in (("--horizon", horizon_s), ("--every", every_s)):
+        if round(seconds / dt_s) < 1:
+            raise ConfigError(f"evaluate: {option} {seconds:g}: at least a step of the model, {dt_s:g} s, is expected")
+    origin = None if is_csv(data) else origin_of(data)
     refuse_twice(data)
     for path, model in loaded.items():
-        _check(path, model, dt_s, vehicle)
+        _check(path, model, dt_s, origin)
     cases = test_cases(data, columns, dt_s, truth=truth)
     vessel = simulated_vessel(data)
     dynamics: dict[str, Dynamics] = {}
     checks: dict[str, AtRest] = {}
+    kinds = [model.kind for model in loaded.values()]
     for path, model in loaded.items():
-        name = model.kind if model.kind not in dynamics else f"{model.kind} {path.name}"
+        name = model.kind if kinds.count(model.kind) == 1 else f"{model.kind} {path}"
         dynamics[name] = model.dynamics()
         checks[name] = at_rest(dynamics[name], model.scaling.half[5:], vessel)
     dynamics |= beside
@@ -269,11 +278,17 @@ def _check_output(output: Path) -> None:
         raise ModelError(f"{output}: cannot be written ({error.strerror})") from None
 
 
-def _check(path: Path, model: TrainedModel, dt_s: float, vehicle: str | None) -> None:
+def _check(path: Path, model: TrainedModel, dt_s: float, origin: DataOrigin | None) -> None:
     if model.dt_s != dt_s:
         raise ModelError(f"{path}: this model has steps of {model.dt_s:g} s, the first one {dt_s:g} s")
-    if vehicle is not None and model.vehicle != vehicle:
-        raise ModelError(f"{path}: this model was trained for vehicle {model.vehicle!r}, the logs are of {vehicle!r}")
+    if origin is not None and model.vehicle != origin.vehicle:
+        of = f"{model.vehicle!r}, the logs are of {origin.vehicle!r}"
+        raise ModelError(f"{path}: this model was trained for vehicle {of}")
+
+
+def _refuse_columns(columns: str | None) -> None:
+    if columns is not None:
+        raise ConfigError("data: --columns goes with CSV files: a log of asvhil says itself what it holds")
 
 
 def _required(columns: str | None) -> str:

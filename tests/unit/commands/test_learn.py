@@ -81,7 +81,7 @@ def test_nothing_is_overwritten_and_no_log_counts_twice(learned: Path) -> None:
     before = {path: path.read_bytes() for path in (learned / "cat-learned").iterdir()}
     refused(
         call("learn", "cat-sim.yaml", "--yes", cwd=learned),
-        "cat-learned is not empty: another folder by -o, or --force",
+        "cat-learned is not empty: another folder by -o, --resume to go on with its drives, or --force",
     )
     drive, test = "cat-learned/drive.mcap", "cat-learned/test.mcap"
     logs = ("--data", drive, "--data", test, "--test", test)
@@ -91,9 +91,33 @@ def test_nothing_is_overwritten_and_no_log_counts_twice(learned: Path) -> None:
     assert {path: path.read_bytes() for path in before} == before and not (learned / "other").exists()
 
 
+def test_another_boats_logs_are_refused_before_the_training(learned: Path) -> None:
+    assert (
+        call("init", "dog.yaml", *CAT[:-4], "--mass", "90", *CAT[-2:], "--motors-apart", "0.84", cwd=learned).status
+        == 0
+    )
+    logs = ("--data", "cat-learned/drive.mcap", "--test", "cat-learned/test.mcap")
+    said = call("learn", "dog-sim.yaml", "--yes", *logs, cwd=learned)
+    refused(said, "drive.mcap: of the boat 'cat', of another hull (mass")
+    assert not (learned / "dog-learned").exists()
+    for made in learned.glob("dog*"):
+        made.unlink()
+
+
+def test_forced_drives_put_the_logs_that_are_there_aside(tmp_path: Path) -> None:
+    made = {"drive.mcap": b"1", "drive-lake-monday.mcap": b"2", "test.mcap": b"3"}
+    for turn in (1, 2):
+        for name, content in made.items():
+            (tmp_path / name).write_bytes(content)
+        learn_module._put_aside(tmp_path, Console(file=io.StringIO()))
+        aside = tmp_path / f"before-{turn}"
+        assert {path.name: path.read_bytes() for path in aside.iterdir()} == made
+        assert not list(tmp_path.glob("*.mcap"))
+
+
 def test_a_no_ends_it_and_says_how_to_go_on(learned: Path) -> None:
     said = call("learn", "cat-sim.yaml", "-o", "third", cwd=learned, typed="n\n")
-    assert said.status == 2 and "`asvhil learn CONFIG --data LOG --test LOG` goes on" in said.err
+    assert said.status == 2 and "the same command with --resume goes on" in said.err
     assert not (learned / "third").exists()
 
 
@@ -105,6 +129,12 @@ def test_a_no_ends_it_and_says_how_to_go_on(learned: Path) -> None:
         (("cat-sim.yaml", "--yes", "--data", "a.mcap"), "--data and --test go together"),
         (("cat-sim.yaml", "--yes", "-o", "new", "--data", "a.mcap", "--test", "b.mcap"), "a.mcap: cannot be read"),
         (("cat-sim.yaml", "--yes", "-o", "new", "--wind", "fast"), "SPEED@DEG is expected"),
+        (("cat-sim.yaml", "--yes", "-o", "new", "--resume"), "new holds no drives to go on with"),
+        (("cat-sim.yaml", "--yes", "-o", "new", "--resume", "--force"), "give one of them"),
+        (
+            ("cat-sim.yaml", "--yes", "--data", "a.mcap", "--test", "b.mcap", "--wind", "3@0"),
+            "--wind is of drives, and with --data there are none",
+        ),
         (("cat.yaml", "--yes", "-o", "new", "--wind", "3@0"), "nobody makes the wind for a real vehicle"),
         (("dog.yaml", "--yes"), "dog.yaml: no such config file"),
     ],

@@ -91,6 +91,7 @@ def test_a_kind_of_a_file_belongs_to_the_configs_that_name_it(tmp_path: Path) ->
         ("x = 1\n", "pusher.py: has none of these at its top level: ControllerKind, EstimatorKind"),
         (PUSHER.replace("the-pusher", "loiter"), "asvhil has a controller loiter of its own; give yours another name"),
         ("\x00", "pusher.py"),
+        ("import sys\n\nsys.exit(0)\n", "pusher.py, line 3: it ends the program"),
     ],
 )
 def test_a_wrong_file_is_one_line(tmp_path: Path, text: str, words: str) -> None:

@@ -1,5 +1,7 @@
 """Model files: what is written comes back, and whatever is wrong with a file is one clear line."""
 
+import os
+import zipfile
 from collections.abc import Mapping
 from pathlib import Path
 from types import MappingProxyType
@@ -94,6 +96,22 @@ def test_every_flipped_byte_is_seen_or_harmless(tmp_path: Path) -> None:
 def test_a_pickled_object_is_refused(tmp_path: Path) -> None:
     pickled = np.array([{"a": 1}], dtype=object)
     assert "pickled object" in complaint(written(tmp_path, "nnsem", {"weights.w1": pickled}))
+
+
+def test_a_member_that_is_no_array(tmp_path: Path) -> None:
+    file = written(tmp_path)
+    with zipfile.ZipFile(file, "a") as archive:
+        archive.writestr("more.npy", b"\0" * 1000)
+    assert complaint(file).endswith("damaged: more is no array")
+
+
+def test_figures_that_are_nested_without_end(tmp_path: Path) -> None:
+    assert complaint(written(tmp_path, "nnsem", {"figures": np.array("[" * 100_000)})).endswith("figures is not JSON")
+
+
+def test_a_pipe_is_not_waited_for(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe.npz")
+    assert complaint(tmp_path / "pipe.npz").endswith("is no regular file, and so no model file (npz)")
 
 
 def test_a_missing_array(tmp_path: Path) -> None:

@@ -44,8 +44,10 @@ def test_a_boat_without_a_model_is_told_with_what_makes_one(tmp_path: Path) -> N
 def test_a_model_is_trained_on_the_boat_that_it_is_named_by_and_kept(tmp_path: Path) -> None:
     run = run_into(tmp_path / "models.jsonl", workers=0)
     found = train_boats(run, ["motor lag 0.6 s", "second boat"], tmp_path / "models", quick=True)
-    path = model_of_boat(tmp_path / "models", "motor lag 0.6 s")
-    model, second = read_model(path), read_model(model_of_boat(tmp_path / "models", "second boat"))
+    with pytest.raises(ConfigError, match="no model of this boat"):
+        model_of_boat(tmp_path / "models", "motor lag 0.6 s")  # a quick training is none to judge by
+    path = model_of_boat(tmp_path / "models", "motor lag 0.6 s", quick=True)
+    model, second = read_model(path), read_model(model_of_boat(tmp_path / "models", "second boat", quick=True))
     assert (model.kind, model.vehicle) == ("lagnet", "wamv16")
     assert model.figures["options"]["mirror"] and not second.figures["options"]["mirror"]
     assert model.data_hash != second.data_hash
@@ -89,6 +91,8 @@ def test_the_worst_regret_is_of_the_winds_across_and_of_boats_that_were_held() -
         "cost": {"runs_of_other_code": 0},
     }
     assert worst_regrets(study, OWN) == {"a": 1.4, "b": None}
+    along = {**study, "boats": {"c": {"1": cell(None, 90.0)}}}
+    assert "| c | - | - |" in markdown(along), "no row across the wind"
     text = markdown(study)
     assert "| a | **1.40** | **1.40** |" in text and "| b | **let go** | **let go** |" in text
     assert "| 5 (3 m/s toward 90°) | 2.00 | let go | - | let go | - |" in text

@@ -147,6 +147,11 @@ def all_rows() -> list[list[str]]:
         ),
         (put(all_rows(), 60, 0, "5900"), HEADER, r"row 62, column 'ms': time does not rise \(5900 after 10900\)"),
         ([row(k) for k in range(100)], HEADER, r"9\.[68] s of usable data, at least 30 s"),
+        (
+            [*all_rows(), [str(ROWS * 100 + 15000 + 10**11), *row(ROWS)[1:]]],
+            HEADER,
+            r"row 403, column 'ms': \S+ is more than 1e\+07 s after the first row: is the unit of time right",
+        ),
         (put(all_rows(), 9, 5, "15"), HEADER, r"row 11, column 'left': 15 is no pulse width"),
         ([*all_rows(), ["1", "2"]], HEADER, r"row 403: 2 of 7 fields"),
         ([], "", r"row 1: empty, where the names of the columns should be"),
@@ -247,6 +252,15 @@ def test_no_rows_no_file_no_text(tmp_path: Path) -> None:
         dataset_from_csv([path], column_map(tmp_path), 0.2)
 
 
+@pytest.mark.parametrize("speed", ["76", "1e300"])
+def test_a_wind_beyond_any_hurricane_is_a_wrong_unit(tmp_path: Path, speed: str) -> None:
+    rows = [[*row(k), speed if k == 7 else "3", "90"] for k in range(ROWS)]
+    path = write(tmp_path, rows, f"{HEADER},speed,from")
+    text = MAP + "wind_speed: {column: speed, unit: m/s}\nwind_from: {column: from, unit: deg}\n"
+    with pytest.raises(LogError, match=r"run\.csv: row 9, column 'speed': .* is beyond 75 m/s of wind"):
+        dataset_from_csv([path], column_map(tmp_path, text), 0.2)
+
+
 def test_another_delimiter_and_a_byte_order_mark(tmp_path: Path) -> None:
     path = write(tmp_path, sep=";")
     path.write_bytes(b"\xef\xbb\xbf" + path.read_bytes())
@@ -322,6 +336,7 @@ def test_a_settled_heading_follows_a_turn_and_starts_anew_after_a_gap(tmp_path: 
         (MAP.replace("ahead_us: 1900}", "ahead_us: 1400}"), r"key port: astern_us < neutral_us < ahead_us must hold"),
         (MAP.replace(", astern_us: 1100, neutral_us: 1500, ahead_us: 1900", ""), "key port: unit us needs"),
         (MAP + "wind_u: {column: a, unit: m/s}", "wind_u and wind_v go together"),
+        (MAP.replace("column: right", "column: left"), "port and starboard are both column 'left': each quantity has"),
         ("- 1", "a mapping of quantities to columns is expected"),
         ("u: [", "not valid YAML"),
     ],

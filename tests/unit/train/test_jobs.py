@@ -101,6 +101,22 @@ def test_evaluate_refuses_another_vehicle_another_step_and_short_data(log: Path,
         evaluate_command([trained], [log], horizon_s=300.0)
     with pytest.raises(ConfigError, match="no model is given"):
         evaluate_command([], [log])
+    with pytest.raises(ConfigError, match=r"--horizon 0\.05: at least a step of the model, 0\.2 s, is expected"):
+        evaluate_command([trained], [log], horizon_s=0.05)
+    with pytest.raises(ConfigError, match="--columns goes with CSV files"):
+        evaluate_command([trained], [log], columns="map.yaml")
+    with pytest.raises(ConfigError, match="a CSV file has no truth"):
+        evaluate_command([trained], [Path("run.csv")], truth=True)
+
+
+def test_models_of_one_kind_are_named_by_their_files(log: Path, trained: Path, tmp_path: Path) -> None:
+    twins = [tmp_path / name / "m.npz" for name in "ab"]
+    for twin in twins:
+        twin.parent.mkdir()
+        twin.write_bytes(trained.read_bytes())
+    found = evaluate_command([trained, *twins], [log], horizon_s=20.0, every_s=20.0)
+    assert list(found["at_rest"]) == [f"nnsem {path}" for path in (trained, *twins)]
+    assert list(found["rows"]) == [*found["at_rest"], "hold the initial value"]
 
 
 def _fields(model: object) -> dict[str, object]:
