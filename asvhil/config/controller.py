@@ -340,18 +340,18 @@ class BacksteppingConfig(Section):
     """
 
     lambda_per_s: Gains3 = Field(
-        default=(0.03684, 0.03684, 0.9915), description="Lambda, the bandwidth of the reference velocity."
+        default=(0.1258, 0.1258, 0.9509), description="Lambda, the bandwidth of the reference velocity."
     )
-    kd: Gains3 = Field(default=(107.5, 107.5, 998.5), description="K_d, in N s/m, N s/m, N m s/rad.")
-    kp: Gains3 = Field(default=(363.7, 363.7, 32.09), description="K_p, in N/m, N/m, N m/rad.")
+    kd: Gains3 = Field(default=(300.0, 300.0, 344.6), description="K_d, in N s/m, N s/m, N m s/rad.")
+    kp: Gains3 = Field(default=(970.8, 970.8, 16.89), description="K_p, in N/m, N/m, N m/rad.")
     wind_feedforward: bool = Field(default=True, description="Whether the measured wind's load is compensated.")
     steering: SteeringConfig = Field(
         default=SteeringConfig(
-            error_max_m=9.729,
-            radius_m=16.92,
-            lean_max_deg=6.377,
-            lean_from_m=0.8201,
-            lean_fade_n=2.358,
+            error_max_m=45.28,
+            radius_m=23.01,
+            lean_max_deg=22.4,
+            lean_from_m=1.591,
+            lean_fade_n=2.519,
         ),
         description="Heading reference.",
     )

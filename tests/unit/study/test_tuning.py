@@ -55,8 +55,22 @@ def test_the_shipped_gains_are_the_best_on_record():
 
 
 def test_every_baseline_had_a_budget_of_three_hundred_candidates_and_whole_generations():
-    for name in BASELINES:
-        assert len(stored(name)) == candidates_of(300, len(SPACES[name])) >= 300
+    first = {"backstepping": "backstepping-to-5.5-mps", "sliding-mode": "sliding-mode", "loiter": "loiter"}
+    for name, record in first.items():
+        assert len(stored(record)) == candidates_of(300, len(SPACES[name])) >= 300
+
+
+@pytest.mark.parametrize(
+    ("name", "first", "then"),
+    [
+        ("backstepping", "backstepping-to-5.5-mps", "backstepping"),
+        ("sliding-mode", "sliding-mode", "sliding-mode-to-6.5-mps"),
+    ],
+)
+def test_a_search_in_stronger_winds_began_with_the_best_of_the_first(name, first, then):
+    best = min(stored(first), key=lambda one: one["typical_ps"] or math.inf)
+    assert stored(then)[0]["values"] == best["values"]
+    assert len(stored(then)) == candidates_of(120, len(SPACES[name]))
 
 
 def test_winds_of_the_search_and_held_out_mix_as_the_six_tests_do():
