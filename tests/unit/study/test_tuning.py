@@ -332,3 +332,12 @@ def test_an_unknown_controller_is_one_line_that_names_those_that_can_be(tmp_path
 def test_a_controller_without_a_space_is_an_error(tmp_path):
     with pytest.raises(KeyError):
         tune("manoeuvres", 1, 1, Bowl(), tmp_path / "record.json")
+
+
+def test_the_record_of_the_default_mpc_says_that_its_weights_are_already_there():
+    """What docs/results/tuning tells: asked were 10 % less in held-out winds, or that."""
+    search = json.loads((RESULTS / "lagnet-mpc.json").read_text(encoding="utf-8"))
+    space = {parameter.key: parameter.start for parameter in SPACES["lagnet-mpc"]}
+    assert search["generations"][0][0]["values"] == space, "the search began with the weights that are shipped"
+    old, new = (search[which]["held_out"]["typical_ps"] for which in ("config", "tuned"))
+    assert 0.9 * old < new < old and len(search["tuned"]["held_out"]["ps"]) == 10
