@@ -21,6 +21,7 @@ TURN_S = 10.0  # time constant with which a turn is forgotten: the error of the 
 WIND_SHARE = 0.25  # of the time constant: a wind is measured, and what is left over is made out slowly
 CALM_S = 8.0  # for so long nothing was left over, as it were: the first seconds of a hold have the errors of the way
 DOUBT_MPS2 = 0.015  # of the disturbance ahead: so much may be the error of the thrust, or of the wind's load
+DOUBT_SHARE = 0.6  # of the wind's own push ahead: the error of its load and of a small thrust was 0.4 of it
 LEAST_MPS2 = 0.004  # of the mean acceleration: in less weather no heading is better than another
 
 
@@ -53,6 +54,7 @@ class WeatherHeading:
         self._since_ns = 0
         self._turn_rate2 = self._weight_s = 0.0
         self._bow_rad: float | None = None
+        self._wind_push_mps2 = 0.0
         self.push_mps2 = 0.0  # astern, at that heading; as it was last
 
     def step(self, t_ns: int, estimate: Estimate | None, wind: Wind | None) -> float | None:
@@ -83,7 +85,8 @@ class WeatherHeading:
         """What of the disturbance (m/s^2, north and east) is taken for weather."""
         ahead, sway = ned_to_body(estimate.psi_rad, *estimate.disturbance[:2])
         agrees = self._bow_rad is not None and ahead * math.cos(self._bow_rad - estimate.psi_rad) < 0.0
-        certain = math.copysign(max(abs(ahead) - DOUBT_MPS2, 0.0), ahead) if agrees else 0.0
+        doubt_mps2 = max(DOUBT_MPS2, DOUBT_SHARE * self._wind_push_mps2)
+        certain = math.copysign(max(abs(ahead) - doubt_mps2, 0.0), ahead) if agrees else 0.0
         return body_to_ned(estimate.psi_rad, certain, sway)
 
     def _share(self, step_s: float, r_radps: float) -> float:
@@ -124,4 +127,5 @@ class WeatherHeading:
         if best is None:
             return None
         self.push_mps2 = -best[0]
+        self._wind_push_mps2 = max(self.push_mps2 - math.hypot(*self._disturbance[:2].tolist()), 0.0)
         return best[1]

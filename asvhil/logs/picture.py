@@ -24,6 +24,7 @@ PHASE_COLOURS = {Phase.PREPARE: "khaki", Phase.HOLD: "aliceblue", Phase.FAILSAFE
 STAGE_COLOURS = ("tab:blue", "tab:olive", "tab:pink", "tab:brown")  # of the procedure's stages, in their order
 PLANS_MOST = 150  # predicted paths in one picture
 ARROWS_MOST = 6  # stations with an arrow
+LEAST_TOWARD_DEG = -45.0  # of a wind's median direction in a picture: one toward the north is drawn about 0
 
 
 def draw_run(run: RunLog, path: Path, title: str) -> None:
@@ -184,6 +185,7 @@ def draw_wind(axes: Axes, run: RunLog) -> None:
         axes.plot(run.wind[:, 0], run.wind[:, 1], color=WIND_COLOUR, linewidth=0.9)
         twin = axes.twinx()
         toward_deg = np.degrees(np.unwrap(run.wind[:, 2]))
+        toward_deg -= 360.0 * np.floor((np.median(toward_deg) - LEAST_TOWARD_DEG) / 360.0)
         twin.plot(run.wind[:, 0], toward_deg, color="tab:brown", linewidth=0.7, alpha=0.7)
         twin.set_ylabel("toward (deg)", color="tab:brown")
     axes.set_ylabel("wind (m/s)", color=WIND_COLOUR)

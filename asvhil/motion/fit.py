@@ -14,6 +14,7 @@ CALM = 0.25  # a step then tells what its likelihoods say
 UNSHOWN = 0.5  # when a hold begins: that the water is calm must be shown
 MOST = 2.0  # times as much a step tells in calm water
 SETTLED_S = 15.0  # a hold has gone on for, from which on a step tells less in water that is not calm
+POOR = 0.45  # from there on what is found then may be the water's: a wrong answer that lasts fits its own hypothesis
 FITS = 0.85  # of a fault's own filter, at the most, to be told as likely by little evidence
 
 
@@ -52,6 +53,11 @@ class Fit:
         # Less not before: what is wired wrong shows at once, and no hypothesis fits while the boat gathers way.
         weight: float = self.roughness**-ROUGH_POWER * (calm if self._held_s > SETTLED_S else max(1.0, calm))
         return weight
+
+    @property
+    def poor(self) -> bool:
+        """Whether the hold has gone on for a while, and no hypothesis predicts well."""
+        return self._held_s > SETTLED_S and self._best > POOR
 
     def explains(self, hypothesis: int) -> bool:
         """Whether a hypothesis's own filter has predicted well of late."""

@@ -151,6 +151,11 @@ class MotionMonitor:
         return self._suspicion.fault
 
     @property
+    def doubtful(self) -> bool:
+        """Whether what is found may be the water's, since no hypothesis predicts well."""
+        return self._fit.poor
+
+    @property
     def current_ned(self) -> tuple[float, float]:
         """The current (m/s) that carries the boat, as far as it has shown."""
         return self._bank.current_ned if self._t_ns is not None else (0.0, 0.0)

@@ -69,7 +69,7 @@ class MotionWatch:
         # they may from the first; but a boat that has one does not stay where it is.
         rough = waves is not None and waves.share >= ROUGH_SHARE and waves.velocity_std_mps >= ROUGH_MPS
         since_s = 0.0 if self._begin_ns is None else (t_ns - self._begin_ns) * 1e-9
-        early = not rough and since_s <= self._config.sense_s
+        early = not rough and since_s <= self._config.sense_s and not self._monitor.doubtful
         ails = ailing - {Position}  # which the monitor does without
         fault = self._monitor.step(t_ns, command, wind_ned, ails, holding=station is not None, late=not early)
         place = None

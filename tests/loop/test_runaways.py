@@ -14,6 +14,7 @@ from asvhil.sitl import run_lockstep
 from asvhil.study.safety import judge
 from asvhil.study.safety_cases import CHOP, FAULTS, start_keys, wind_keys
 from asvhil.study.trials.safety import run_hold
+from asvhil.study.trials.trial import NO_SLOW_ERROR
 from asvhil.types import Phase
 from tests.support.parts import one_in
 
@@ -52,6 +53,13 @@ def test_chop_is_not_told_for_a_dead_motor() -> None:
 
 
 @pytest.mark.thorough
+def test_a_sound_boat_across_the_wind_in_a_chop_is_held() -> None:
+    """Of waves that the wave filter did not know yet: a heading 45° off, after 18 s, once."""
+    wind = wind_keys(4.0, 90.0, 51)
+    result = run_hold("sitl", (*NO_SLOW_ERROR, *CHOP, *wind, "supervisor.station.heading_deg=0"), 40.0)
+    assert result["begun"] and result["ended_s"] is None, result
+
+
 def test_without_the_watch_it_runs_away() -> None:
     """The same boat, so that the test above is not passed by one that would have been held."""
     keys = (*FAULTS["both motors reversed"].keys, *HELD, "supervisor.motion.on_fault=off")

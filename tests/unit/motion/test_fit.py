@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from asvhil.motion.fit import CALM, FITS, SETTLED_S, UNSHOWN, Fit
+from asvhil.motion.fit import CALM, FITS, POOR, SETTLED_S, UNSHOWN, Fit
 
 
 def stepped(fit: Fit, *squares: float, steps: int = 1, readings: int = 3, dt_s: float = 0.2) -> Fit:
@@ -75,3 +75,15 @@ def test_readings_share_what_they_are_off_by() -> None:
     assert one.weight == pytest.approx(three.weight) and one.weight > 1.0
     assert not stepped(Fit(1), 1.2, readings=1, steps=40).explains(0)
     assert stepped(Fit(1), 1.2, steps=40).explains(0)
+
+
+def test_no_hypothesis_predicts_well_in_a_chop_once_the_hold_has_gone_on_for_a_while() -> None:
+    fit = stepped(Fit(2), 1.5, 9.0, steps=74)
+    assert fit.weight == 1.0 and not fit.poor, "after 14.8 s"
+    assert stepped(fit, 1.5, 9.0, steps=2).poor
+    stepped(fit, 3.0 * POOR - 0.1, 9.0, steps=200)
+    assert not fit.poor, "the best one predicts well again"
+    stepped(fit, 3.0 * POOR + 0.1, 9.0, steps=200)
+    assert fit.poor
+    fit.begin()
+    assert not fit.poor

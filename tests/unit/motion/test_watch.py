@@ -307,6 +307,19 @@ def test_a_hold_is_late_for_the_monitor_after_30_s_and_in_waves(monkeypatch: pyt
     assert late[-1]
 
 
+def test_what_is_found_while_no_hypothesis_predicts_well_is_late(monkeypatch: pytest.MonkeyPatch) -> None:
+    boat, late = SuspectedBoat(monkeypatch), []
+    monkeypatch.setattr(MotionMonitor, "doubtful", True)
+    boat.run(2.0)
+    boat.suspects = True
+    assert boat.run(2.0) is None and boat.watch.notes, "told, and no end"
+    monkeypatch.setattr(MotionMonitor, "step", lambda *_, **given: late.append(given["late"]))
+    boat.run(0.1)
+    monkeypatch.setattr(MotionMonitor, "doubtful", False)
+    boat.run(0.1)
+    assert late == [True, True, False, False]
+
+
 def test_the_distance_gets_the_command_and_the_current(monkeypatch: pytest.MonkeyPatch) -> None:
     watch, seen = MotionWatch(load_config("sitl")), []
     monkeypatch.setattr(DistanceWatch, "step", lambda _, *what: seen.append(what))
