@@ -1,12 +1,13 @@
 """A heading that follows the weather, against a fixed one across the wind: how still a boat lies, and for what thrust.
 
-    python -m bench.weather_heading [-o docs/results] [--seeds 51 55] [--json FILE] [--quick] [--set KEY=VALUE]
+    python -m bench.weather_heading [-o docs/results] [--seeds 51 55] [--json FILE] [--quick] [--confirm N]
+        [--set KEY=VALUE]
 
 The simulated WAM-V with the default controller, the receiver's slow error off and not looked for. Three kinds of runs:
 `bow` in a steady wind with gusts, without and with a current across it, without and with waves; `fixed`, of the first
 seed, in the same weather with the heading across the wind; `veer`, where the wind turns by 90 degrees in 5 minutes. The
 figures are of the true boat from 60 s on; the turn is that of the station's heading from 90 s on, when the first one is
-over. Runs that the JSON file holds already are not made again.
+over. The runs are kept in weather-heading.jsonl in the folder of -o, and not made again.
 """
 
 from __future__ import annotations
@@ -14,11 +15,11 @@ from __future__ import annotations
 import argparse
 import json
 import math
-import os
 import sys
-import time
+from contextlib import ExitStack
 from pathlib import Path
 from statistics import fmean
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -26,15 +27,16 @@ import numpy as np
 from asvhil.config import Config, load_config
 from asvhil.dynamics.arrays import Array
 from asvhil.dynamics.rigid_body import RigidBody
-from asvhil.errors import AsvhilError
+from asvhil.files import write_text
 from asvhil.geo import ned_to_body
 from asvhil.logs.metrics import motor_figures
 from asvhil.machine_code.compiler import use_compiler
 from asvhil.simplant.lockstep import Lockstep
 from asvhil.study.made_of import made_of, mark_of, run_files
 from asvhil.study.page import write_page
+from asvhil.study.runner import Job, run_jobs
 from asvhil.study.safety_cases import CHOP
-from asvhil.study.trials.trial import NO_SLOW_ERROR
+from asvhil.study.trials.trial import NO_SLOW_ERROR, run_key
 from asvhil.types import Phase
 from bench.ending import end_in_words
 from bench.off_station import off_station
@@ -244,52 +246,53 @@ def verdicts(runs: list[Run]) -> list[str]:
     return rows
 
 
-def stored(file: Path, overrides: list[str]) -> list[Run]:
-    """The runs of an earlier call. Raises AsvhilError where they are of other settings."""
-    if not file.exists():
-        return []
-    found = json.loads(file.read_text(encoding="utf-8"))
-    if found["set"] != overrides:
-        raise AsvhilError(f"{file}: its runs are of --set {found['set']}, not of {overrides}: name another file")
-    return list(found["runs"])
+def job_of(case: Run, overrides: tuple[str, ...]) -> Job:
+    """A case as a job of the runner; each kind of runs takes its own time."""
+    config = config_of(case, overrides)
+    return Job(key=f"{case['kind']} {run_key(config)}", group=case["kind"], arguments=(case, overrides))
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("-o", type=Path, dest="out", metavar="FOLDER", help="write the page and its JSON there")
-    parser.add_argument("--json", type=Path, metavar="FILE", help="the runs; by default that beside the page")
+    parser.add_argument(
+        "-o", type=Path, dest="out", metavar="FOLDER", help="write the page, its JSON and its runs there"
+    )
+    parser.add_argument("--json", type=Path, metavar="FILE", help="the figures; by default beside the page")
     parser.add_argument("--seeds", type=int, nargs=2, default=(51, 55), metavar=("FIRST", "LAST"))
     parser.add_argument("--kinds", nargs="+", default=list(TO_S), choices=TO_S)
     parser.add_argument("--quick", action="store_true", help="one weather, the first seed")
-    parser.add_argument("--stored", action="store_true", help="run nothing: the page of what the JSON file holds")
+    parser.add_argument("--workers", type=int, metavar="N", help="processes; as many as cores by default")
+    parser.add_argument(
+        "--confirm", type=int, default=0, metavar="N", help="so many stored runs of other code are run again"
+    )
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE")
     asked = parser.parse_args()
-    seeds = range(asked.seeds[0], asked.seeds[0 if asked.quick else 1] + 1)
-    file = asked.json or (None if asked.out is None else asked.out / "weather-heading.json")
-    overrides, runs = tuple(asked.set), [] if file is None else stored(file, asked.set)
+    overrides = tuple(asked.set)
+    wanted = cases(range(asked.seeds[0], asked.seeds[0 if asked.quick else 1] + 1), quick=asked.quick)
+    wanted = [case for case in wanted if case["kind"] in asked.kinds]
     use_compiler()
-    wanted = [case for case in cases(seeds, quick=asked.quick) if case["kind"] in asked.kinds]
-    missing = [case for case in wanted if not any(case.items() <= one.items() for one in runs)]
-    for number, case in enumerate([] if asked.stored else missing, 1):
-        start_s = time.monotonic()
-        runs.append(one := run(case, overrides))
-        told = " ".join(f"{key}={value:.3g}" if isinstance(value, float) else f"{value}" for key, value in one.items())
-        print(f"{number}/{len(missing)} {told} ({time.monotonic() - start_s:.0f} s)", file=sys.stderr, flush=True)
-        if file is not None:
-            rows = ",\n".join(json.dumps(row) for row in runs)
-            part = file.with_suffix(".part")
-            part.write_text(f'{{"set": {json.dumps(asked.set)}, "runs": [\n{rows}\n]}}\n', encoding="utf-8")
-            os.replace(part, file)
-    shown = [one for one in runs if any(case.items() <= one.items() for case in wanted)]
-    text = "\n".join([*verdicts(shown), "", *table(shown, overrides)]) + "\n"
+    with ExitStack() as stack:
+        folder = asked.out or Path(stack.enter_context(TemporaryDirectory()))
+        done = run_jobs(
+            run,
+            [job_of(case, overrides) for case in wanted],
+            folder / "weather-heading.jsonl",
+            workers=asked.workers,
+            confirm=asked.confirm,
+            tell=lambda now: print(f"{now.done} of {now.total}", file=sys.stderr, flush=True),
+        )
+    text = "\n".join([*verdicts(done.results), "", *table(done.results, overrides)]) + "\n"
     print(text)
+    file = asked.json or (None if asked.out is None else asked.out / "weather-heading.json")
+    if file is not None:
+        rows = ",\n".join(json.dumps(row) for row in done.results)
+        write_text(file, f'{{"set": {json.dumps(asked.set)}, "runs": [\n{rows}\n]}}\n')
     if asked.out is not None:
         parts = made_of(("simplant/lockstep.py",), run_files("sitl", overrides))
-        draw(shown, lambda one: floor_n2(config_of(one, overrides)), asked.out / "weather-heading.png")
+        draw(done.results, lambda one: floor_n2(config_of(one, overrides)), asked.out / "weather-heading.png")
         text += "\n![Distance and thrust of each run](weather-heading.png)\n"
-        # Made by an earlier call, and who knows by which code.
-        before = len(shown) if asked.stored else len(wanted) - len(missing)
-        write_page(asked.out / "weather-heading.md", text, mark_of(parts, before))
+        mark = mark_of(parts, done.outdated, done.again, done.changed)
+        write_page(asked.out / "weather-heading.md", text, mark)
 
 
 if __name__ == "__main__":

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from asvhil.errors import AsvhilError
-from bench.weather_heading import cases, config_of, floor_n2, run, stored, table, turn_deg, verdicts
+from asvhil.study.made_of import state_of
+from bench.weather_heading import TO_S, cases, config_of, floor_n2, job_of, main, run, table, turn_deg, verdicts
 from bench.weather_heading_figure import draw
 
 WEATHER = {"wind_mps": 6, "current_mps": 0.0, "waves": False}
@@ -53,13 +53,27 @@ def test_what_was_asked_for_is_told_beside_what_was_reached_and_drawn(tmp_path: 
     assert row.startswith("| 6 | 0.0 | no | 2 | 0.43, 0.55 | 200 | 1/20 | 1/49 | 12.5 |")
 
 
-def test_runs_of_other_settings_are_not_taken_for_these(tmp_path: Path) -> None:
-    file = tmp_path / "runs.json"
-    assert stored(file, []) == []
-    file.write_text('{"set": ["controller.name=sd-mpc"], "runs": []}')
-    assert stored(file, ["controller.name=sd-mpc"]) == []
-    with pytest.raises(AsvhilError, match=r"runs\.json: its runs are of --set \['controller\.name=sd-mpc'\]"):
-        stored(file, [])
+def test_each_case_has_a_key_of_its_own_and_its_settings_too() -> None:
+    whole = cases(range(51, 53))
+    keys = {job_of(case, overrides).key for case in whole for overrides in ((), ("controller.name=sd-mpc",))}
+    assert len(keys) == 2 * len(whole)
+
+
+def test_runs_are_kept_and_the_page_says_of_what(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    calm = {"wind_mps": 2, "current_mps": 0.0, "waves": False}
+    kept = [{"kind": kind, "seed": 51} | calm for kind in ("bow", "fixed")]
+    near = ["--set", "controller.name=backstepping", "--set", "plant.start_n_m=0", "--set", "plant.start_e_m=0"]
+    monkeypatch.setattr("bench.weather_heading.cases", lambda seeds, quick: kept)
+    monkeypatch.setattr("bench.weather_heading.TO_S", dict.fromkeys(TO_S, 61.5))
+    monkeypatch.setattr("sys.argv", ["weather_heading", "-o", str(tmp_path), "--workers", "0", *near])
+    main()
+    lines = (tmp_path / "weather-heading.jsonl").read_text()
+    figures = json.loads((tmp_path / "weather-heading.json").read_text())
+    assert [one["kind"] for one in figures["runs"]] == ["bow", "fixed"]
+    assert all(one["held"] == 1.0 for one in figures["runs"])
+    assert state_of(tmp_path / "weather-heading.md", "weather-heading.md").state == "fresh"
+    main()
+    assert (tmp_path / "weather-heading.jsonl").read_text() == lines, "nothing is run again"
 
 
 def test_a_short_run_has_all_figures() -> None:
