@@ -72,7 +72,7 @@ class ArduRoverAutopilot(MavlinkAutopilot):
 
     def _on_ekf_status(self, t_ns: int, m: Any) -> Sequence[Measurement]:
         position = bool(m.flags & EKF_HORIZONTAL_POSITION) and not m.flags & EKF_CONSTANT_POSITION
-        self._vehicle.note_estimator(position=position, attitude=bool(m.flags & dialect.EKF_ATTITUDE))
+        self._vehicle.note_estimator(t_ns, position=position, attitude=bool(m.flags & dialect.EKF_ATTITUDE))
         return self._vehicle.status(t_ns)
 
 

@@ -7,6 +7,7 @@ from typing import Any
 from asvhil.io.mavlink.frames import dialect
 from asvhil.types import BatterySum, record
 
+UNMEASURED = (-1, -100)  # current_battery (cA) of one that is not measured; the second is PX4's
 NO_CELL = (0, 0xFFFF)  # mV: without a measurement, in `voltages_ext` and in `voltages`
 FORGOTTEN_NS = 60_000_000_000  # a battery that has been silent for so long is not there any more
 WH_PER_HECTOJOULE = 100.0 / 3600.0
@@ -57,7 +58,7 @@ class Batteries:
             self._complaints.pop(m.id, None)
         self._charges[m.id] = t_ns, charge(m.battery_remaining)
         volts = 1e-3 * sum(mv for mv in (*m.voltages, *m.voltages_ext) if mv not in NO_CELL)
-        if volts <= 0.0 or m.current_battery < 0:  # -1: not measured; PX4 says -100 as well
+        if volts <= 0.0 or m.current_battery in UNMEASURED:  # one that is being charged has a negative current
             return
         if m.energy_consumed >= 0:
             used_wh = m.energy_consumed * WH_PER_HECTOJOULE

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from asvhil.autopilot.after_silence import AfterSilence
+from asvhil.autopilot.copies import Copies
 from asvhil.autopilot.ground_stations import GroundStations
 from asvhil.autopilot.identity import VehicleIdentity
 from asvhil.autopilot.motor_outputs import make_output
@@ -29,6 +30,8 @@ from asvhil.supervisor.reasons import Explanation, Reason, describe, explain
 from asvhil.supervisor.situation import StationSticks
 from asvhil.types import Frame, Heading, Measurement, Note, Radio, TimeOffset, YawRate
 
+HEARTBEAT = dialect.MAVLINK_MSG_ID_HEARTBEAT
+ESTIMATOR_SILENT = "does not say any more what it knows: its position is not used"
 COMMAND_ACK = dialect.MAVLINK_MSG_ID_COMMAND_ACK
 GPS_RAW_INT = dialect.MAVLINK_MSG_ID_GPS_RAW_INT
 SILENCE_NS = 3_000_000_000  # after which nobody knows what has become of the vehicle
@@ -77,6 +80,7 @@ class AutopilotListener:
         self.transmitter = self._vehicle.transmitter
         self.arming_checks = self._vehicle.arming_checks
         self._one = OneVehicle()
+        self._copies = Copies()
         self._identity = VehicleIdentity(config.autopilot_system_id, kind, self._one)
         self._neighbours = Neighbours(config)
         own = {(system_id, config.component_id) for system_id in (config.system_id, config.override_system_id)}
@@ -104,7 +108,7 @@ class AutopilotListener:
             dialect.MAVLINK_MSG_ID_PARAM_ERROR: lambda t_ns, m: self.parameters.on_error(m),
             dialect.MAVLINK_MSG_ID_AUTOPILOT_VERSION: lambda t_ns, m: None,
             **MavlinkSensors(
-                lambda: self._vehicle.ready,
+                self._vehicle.ready,
                 lambda: self._vehicle.knows_attitude,
                 self._pace.was_late,
                 self._pace.age_ns,
@@ -132,7 +136,12 @@ class AutopilotListener:
                 if message is None:
                     self.impossible += 1
                     continue
-                self._new_clock = self._one.take(t_ns, frame.peer, message)
+                copy = self._copies.is_copy(t_ns, frame.peer, data)
+                if not copy or msg_id != HEARTBEAT:  # whose late mode is no other vehicle's
+                    self._new_clock = self._one.take(t_ns, frame.peer, message)
+                if copy or self._copies.is_older(t_ns, frame.peer, message, new_clock=self._new_clock):
+                    self._on_sign_of_life(t_ns)
+                    continue
                 if msg_id == GPS_RAW_INT:
                     self._vehicle.on_fix(message)
                 found += [(message.msgname, measurement) for measurement in handler(t_ns, message) or ()]
@@ -309,6 +318,7 @@ class AutopilotListener:
             ("motor commands", self._output.refused),
             ("ground station", self._station_text()),
             ("streams", self._slow_text()),
+            ("autopilot's estimator", ESTIMATOR_SILENT if vehicle.estimator_is_silent(t_ns) else ""),
             ("autopilot's clock", self._pace.text(t_ns)),
             ("unread parameters", self._known.unread_text),
         )

@@ -73,26 +73,13 @@ class Px4Autopilot(MavlinkAutopilot):
     def _on_estimator_status(self, t_ns: int, m: Any) -> Sequence[Measurement]:
         # CONST_POS_MODE says nothing here: from 1.16 on it is also set at rest with a good position.
         attitude = bool(m.flags & dialect.ESTIMATOR_ATTITUDE)
-        self._vehicle.note_estimator(position=bool(m.flags & POSITION_USED), attitude=attitude)
+        self._vehicle.note_estimator(t_ns, position=bool(m.flags & POSITION_USED), attitude=attitude)
         return self._vehicle.status(t_ns)
 
     def _on_actuator_output(self, t_ns: int, m: Any) -> Sequence[Measurement]:
-        travels = {wired.output: wired.travel for wired in self._known.wiring.motors}
-        outputs_us = tuple(
-            self._pulse_us(value, travels.get(number)) for number, value in enumerate(m.actuator[:16], start=1)
-        )
-        return self._vehicle.on_outputs(t_ns, outputs_us)
-
-    def _pulse_us(self, value: float, travel: Travel | None) -> int:
-        """Microseconds of a PWM output, or of a normalised one in [-1, 1]; 0 where there is no signal, or no sense."""
-        if LEAST_PULSE_US <= value <= GREATEST_PULSE_US:
-            return round(value)
-        if not 0.0 < abs(value) <= 1.0:
-            return 0
-        low_us, high_us = (
-            (self._pwm.astern_us, self._pwm.ahead_us) if travel is None else (travel.low_us, travel.high_us)
-        )
-        return round(0.5 * (low_us + high_us + value * (high_us - low_us)))
+        # Microseconds of PWM outputs; what is no pulse width, as of an ESC on a bus, is no signal that can be followed.
+        pulses = [round(us) if LEAST_PULSE_US <= us <= GREATEST_PULSE_US else 0 for us in m.actuator[:16]]
+        return self._vehicle.on_outputs(t_ns, tuple(pulses))
 
 
 def build(config: Config) -> Px4Autopilot:

@@ -17,6 +17,7 @@ from asvhil.types import FrontseatStatus, Radio
 
 NO_VOLTAGE = 0xFFFF  # mV in SYS_STATUS, as 0 of a monitor that is not set up
 UNKNOWN_SATELLITES = 255
+SILENT_NS = 10_000_000_000  # the estimator's word comes each half second, from some each other second
 BOOTING = (dialect.MAV_STATE_BOOT, dialect.MAV_STATE_CALIBRATING)
 CHANNELS_OF = attrgetter(*(f"chan{i}_raw" for i in range(1, 19)))  # of RC_CHANNELS
 OUTPUTS_OF = attrgetter(*(f"servo{i}_raw" for i in range(1, 17)))  # of SERVO_OUTPUT_RAW
@@ -25,8 +26,7 @@ OUTPUTS_OF = attrgetter(*(f"servo{i}_raw" for i in range(1, 17)))  # of SERVO_OU
 class VehicleStatus:
     """Takes messages in and gives the status that they come to; every handler gives it anew.
 
-    `ready`: whether the position is good for a hold, as the profile notes. `keeps_overrides`: without a receiver
-    that it listens to, the autopilot goes on with the last override of a stick.
+    `keeps_overrides`: without a receiver that it listens to, the autopilot goes on with the last override of a stick.
     """
 
     def __init__(self, modes: Mapping[str, int], parameters: ParameterWatch, *, keeps_overrides: bool) -> None:
@@ -35,8 +35,8 @@ class VehicleStatus:
         self._keeps_overrides = keeps_overrides
         self.armed = False
         self.mode = ""
-        self.ready = False
-        self._was_ready = self._has_attitude = False
+        self._ready = self._was_ready = self._has_attitude = False
+        self._estimator_ns: int | None = None  # when its estimator was heard last
         self.booting = False
         self.arming_fault = ""
         self.transmitter = Transmitter()
@@ -55,15 +55,21 @@ class VehicleStatus:
 
     def restart(self) -> None:
         """The autopilot has rebooted."""
-        self.ready = self._was_ready = self._has_attitude = False
+        self._ready = self._was_ready = self._has_attitude = False
+        self._estimator_ns = None
         self.transmitter.restart()
         self.arming_checks.restart()
         self._batteries.restart()
 
-    def note_estimator(self, *, position: bool, attitude: bool) -> None:
+    def note_estimator(self, t_ns: int, *, position: bool, attitude: bool) -> None:
         """What the autopilot's own estimator says that it knows."""
-        self.ready, self._has_attitude = position, attitude
+        self._estimator_ns = t_ns
+        self._ready, self._has_attitude = position, attitude
         self._was_ready |= position
+
+    def ready(self, t_ns: int) -> bool:
+        """Whether the position of the autopilot's estimator is good for a hold; not by a word of long ago."""
+        return self._ready and not self.estimator_is_silent(t_ns)
 
     @property
     def knows_attitude(self) -> bool:
@@ -71,7 +77,11 @@ class VehicleStatus:
 
         Before it has its first position its heading may not be aligned; later it keeps it without a receiver.
         """
-        return self.ready or (self._was_ready and self._has_attitude)
+        return self._ready or (self._was_ready and self._has_attitude)
+
+    def estimator_is_silent(self, t_ns: int) -> bool:
+        """Whether the autopilot's estimator has told what it knows, and no longer does."""
+        return self._estimator_ns is not None and t_ns - self._estimator_ns > SILENT_NS
 
     @property
     def keeps_override(self) -> bool:
@@ -92,7 +102,7 @@ class VehicleStatus:
             t_ns=t_ns,
             armed=self.armed,
             mode=self.mode,
-            ready=self.ready,
+            ready=self.ready(t_ns),
             rc_us=self._rc_us,
             outputs_us=self._outputs_us,
             motor_channels=wiring.channels,

@@ -17,6 +17,7 @@ Pulses = tuple[int, int]  # port, starboard (us)
 STICKS = (1, 3)  # channels of RCMAP_ROLL and RCMAP_THROTTLE by default
 LOW_US, HIGH_US = 1000.0, 2000.0  # ends of a travel that is not known
 NEUTRAL_SLACK_US = 100.0  # how far a trim may lie from vehicle.pwm.neutral_us and still be a motor's neutral
+LEAST_PULSE_US, GREATEST_PULSE_US = 100.0, 5000.0  # what a parameter can mean; beyond, differences get lost in rounding
 LEAST_SPAN_US = 100.0  # from the dead zone to either end of a travel
 
 
@@ -59,7 +60,9 @@ class Travel:
 
     @property
     def sound(self) -> bool:
-        """Whether it leads anywhere on both sides."""
+        """Whether it leads anywhere on both sides, by pulses that an output can have."""
+        if not (self.low_us >= LEAST_PULSE_US and self.high_us <= GREATEST_PULSE_US):
+            return False
         low_us, high_us = self.low_us + self.dead_zone_us, self.high_us - self.dead_zone_us
         return low_us + LEAST_SPAN_US <= self.trim_us <= high_us - LEAST_SPAN_US
 

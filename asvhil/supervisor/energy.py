@@ -115,7 +115,7 @@ class EnergyWatch:
     def _hours_left(self, status: FrontseatStatus | None, mean_w: float | None, used_wh: float | None) -> float | None:
         """By the charge that the autopilot tells, or by what a full battery has given."""
         capacity_wh = self._power.capacity_wh
-        if capacity_wh is None or not mean_w:
+        if capacity_wh is None or mean_w is None or mean_w <= 0.0:  # it is charged by as much, or more
             return None
         percent = None if status is None else status.battery_percent
         if percent is not None:

@@ -1,6 +1,7 @@
 """The loop on sensors with lines of their own: a VN-300 alone, fail-over, NMEA, replay, and the shell on real ptys."""
 
 import asyncio
+import dataclasses
 import math
 from pathlib import Path
 
@@ -10,7 +11,7 @@ import pytest
 from asvhil.config import Config, load_config
 from asvhil.daemon.daemon import Daemon
 from asvhil.geo import LocalFrame, wrap_rad
-from asvhil.io.mavlink.frames import FrameSplitter, decode
+from asvhil.io.mavlink.frames import FrameSplitter, decode, dialect, message_id
 from asvhil.links.clock import Clock
 from asvhil.links.endpoint import open_endpoint
 from asvhil.logs.opening import open_recorder
@@ -20,7 +21,8 @@ from asvhil.operator.encoding import encode_hold
 from asvhil.simplant.lockstep import Lockstep
 from asvhil.simplant.plant import Plant
 from asvhil.sitl import run_lockstep
-from asvhil.types import Outputs, Phase
+from asvhil.types import Frame, Outputs, Phase
+from tests.support.shared_loop import SharedLoop
 
 NO_BIAS = "plant.sensors.gnss.slow_bias_m=0"
 
@@ -174,3 +176,24 @@ async def test_the_daemon_reads_the_ins_from_a_serial_line(tmp_path: Path) -> No
     assert replay(tmp_path / "log.mcap").mismatch is None
     frames = [frame for inputs, _ in LogFile(tmp_path / "log.mcap").ticks() for frame in inputs.frames]
     assert b"".join(frame.data for frame in frames if frame.port == "ins") in b"".join(sent)
+
+
+def test_an_estimator_that_says_no_more_what_it_knows_is_told_and_its_position_is_not_used() -> None:
+    """EKF_STATUS_REPORT alone gets lost: its last word does not stand for ever, and a hold goes on by the receiver."""
+    loop = SharedLoop("sources.position=[autopilot.GLOBAL_POSITION_INT, autopilot.GPS_RAW_INT]").ready()
+    assert loop.ask_to_hold().phase is Phase.HOLD
+    assert dict(loop.held(5.0).health.sources)["position"] == "autopilot.GLOBAL_POSITION_INT"
+
+    def without(frame: Frame) -> list[Frame]:
+        kept = [
+            data
+            for data in FrameSplitter(datagrams=True).receive(frame.data)
+            if message_id(data) != dialect.MAVLINK_MSG_ID_EKF_STATUS_REPORT
+        ]
+        return [dataclasses.replace(frame, data=b"".join(kept))] if kept else []
+
+    loop.way = without
+    assert not any("estimator" in note.subject for note in loop.held(9.5).health.notes)
+    outputs = loop.held(8.0)
+    assert dict(outputs.health.sources)["position"] == "autopilot.GPS_RAW_INT"
+    assert any(note.subject == "autopilot's estimator" for note in outputs.health.notes)

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Iterable
 
 import pytest
 
 from asvhil.config import Config, load_config
+from asvhil.geo import wrap_rad
 from asvhil.io.mavlink.frames import decode, dialect
 from asvhil.simplant.plant import Plant
 from asvhil.supervisor.reasons import Reason
@@ -164,14 +166,29 @@ def test_one_boat_by_two_ways_is_one_boat(way: SecondWay) -> None:
         _, outputs = loop.tick()
     assert not [n for n in outputs.health.notes if n.subject == "autopilot"]
     assert dict(outputs.health.counters)["autopilot.reboots"] == 0
-    if way.delay_ns < S:  # what is later is no good to steer by, but no second boat either
-        assert loop.ask_to_hold().phase is Phase.HOLD
-        outputs = loop.held(15.0)
-    else:
-        for _ in range(300):
-            _, outputs = loop.tick()
+    assert loop.ask_to_hold().phase is Phase.HOLD
+    outputs = loop.held(15.0)
+    offs_deg = []
+    for _ in range(100):  # what is late is not steered by
+        _, outputs = loop.tick()
+        assert outputs.phase is Phase.HOLD, outputs.health.reason
+        assert outputs.estimate is not None
+        offs_deg.append(abs(math.degrees(wrap_rad(outputs.estimate.psi_rad - loop.plant.truth.psi_rad))))
+    assert max(offs_deg) < 3.0
     assert not [n for n in outputs.health.notes if n.subject == "autopilot"]
     assert dict(outputs.health.counters)["autopilot.reboots"] == 0
+
+
+@pytest.mark.parametrize("delay_s", [0.9, pytest.param(3.0, marks=pytest.mark.thorough)])
+def test_a_late_way_that_comes_in_while_a_station_is_held_changes_nothing(delay_s: float) -> None:
+    """Its headings and outputs of a second ago ended holds as "outputs do not follow the commands"."""
+    loop = SharedLoop().ready()
+    assert loop.ask_to_hold().phase is Phase.HOLD
+    loop.held(5.0)
+    way = SecondWay(delay_s)
+    loop.way, loop.talk = way.keep, way
+    outputs = loop.held(10.0)
+    assert not [n for n in outputs.health.notes if not n.ok]
 
 
 def test_one_boat_by_two_ports_of_its_autopilot_is_one_boat() -> None:

@@ -17,6 +17,17 @@ from asvhil.types import GroundVelocity, Heading, Measurement, Position, Specifi
 Found = Sequence[Measurement]
 
 UNKNOWN_U16 = 65535
+MOST_COURSE = 36000  # centidegrees
+# Of a receiver on a boat: a static one is a base station, and there are none beyond PPP.
+GOOD_FIXES = frozenset(
+    {
+        dialect.GPS_FIX_TYPE_3D_FIX,
+        dialect.GPS_FIX_TYPE_DGPS,
+        dialect.GPS_FIX_TYPE_RTK_FLOAT,
+        dialect.GPS_FIX_TYPE_RTK_FIXED,
+        dialect.GPS_FIX_TYPE_PPP,
+    }
+)
 HIGHRES_ACCEL_XY = 0b11  # bits of fields_updated
 HIGHRES_GYRO_Z = 0b100000
 
@@ -27,7 +38,7 @@ def _raw_fix(t_ns: int, m: Any, *, late: bool, age_ns: int) -> Found:
     if not is_place(lat_deg, lon_deg):
         return ()
     position = Position(t_ns=t_ns, lat_deg=lat_deg, lon_deg=lon_deg, h_acc_m=m.h_acc * 1e-3)
-    if UNKNOWN_U16 in (m.vel, m.cog):
+    if m.vel == UNKNOWN_U16 or m.cog > MOST_COURSE:
         return (position,)
     course_rad = math.radians(m.cog * 0.01)
     speed_mps = m.vel * 0.01
@@ -47,14 +58,15 @@ def _scaled_imu(t_ns: int, m: Any) -> Found:
 class MavlinkSensors:
     """Handlers by message id: (time, message) to the measurements in it, none where it holds nothing that is valid.
 
-    `knows_position` and `knows_attitude` tell what the autopilot's own estimator knows: else its values are guesses.
+    `knows_position`, at a time, and `knows_attitude` tell what the autopilot's own estimator knows: else its values are
+    guesses.
     `late`: whether its messages have come late, so that a velocity times our time is not the way that the boat has
     gone. `age_ns`: how old at our time is what it dates so (us since its start).
     """
 
     def __init__(
         self,
-        knows_position: Callable[[], bool],
+        knows_position: Callable[[int], bool],
         knows_attitude: Callable[[], bool],
         late: Callable[[int], bool] = lambda t_ns: False,
         age_ns: Callable[[int, int], int] = lambda t_ns, boot_us: 0,
@@ -64,23 +76,29 @@ class MavlinkSensors:
         self._age_ns = age_ns
         self._h_acc_m = 0.0
         self._last_fixes: dict[int, tuple[int, ...]] = {}  # time and content, by message
+        self._units: dict[int, int] = {}  # number of the inertial unit that is heard, by message
         self.handlers: dict[int, Callable[[int, Any], Found]] = {
             dialect.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: self._global_position,
             dialect.MAVLINK_MSG_ID_GPS_RAW_INT: self._gps_raw,
             dialect.MAVLINK_MSG_ID_GPS2_RAW: self._new_fix,
             dialect.MAVLINK_MSG_ID_ATTITUDE_QUATERNION: self._attitude_quaternion,
-            dialect.MAVLINK_MSG_ID_RAW_IMU: _scaled_imu,
+            dialect.MAVLINK_MSG_ID_RAW_IMU: self._of_one_unit(_scaled_imu),
             dialect.MAVLINK_MSG_ID_SCALED_IMU: _scaled_imu,
             dialect.MAVLINK_MSG_ID_SCALED_IMU2: _scaled_imu,
             dialect.MAVLINK_MSG_ID_SCALED_IMU3: _scaled_imu,
-            dialect.MAVLINK_MSG_ID_HIGHRES_IMU: _highres_imu,
+            dialect.MAVLINK_MSG_ID_HIGHRES_IMU: self._of_one_unit(_highres_imu),
             dialect.MAVLINK_MSG_ID_WIND: _wind,
             dialect.MAVLINK_MSG_ID_WIND_COV: _wind_cov,
         }
 
+    def _of_one_unit(self, handler: Callable[[int, Any], Found]) -> Callable[[int, Any], Found]:
+        """The same for one inertial unit alone: the first that is heard, since several share these messages."""
+        units = self._units
+        return lambda t_ns, m: handler(t_ns, m) if units.setdefault(m.get_msgId(), m.id) == m.id else ()
+
     def _global_position(self, t_ns: int, m: Any) -> Found:
         lat_deg, lon_deg = m.lat * 1e-7, m.lon * 1e-7
-        if not self._knows_position() or not is_place(lat_deg, lon_deg):
+        if not self._knows_position(t_ns) or not is_place(lat_deg, lon_deg):
             return ()
         return (
             Position(t_ns=t_ns, lat_deg=lat_deg, lon_deg=lon_deg, h_acc_m=self._h_acc_m),
@@ -99,7 +117,7 @@ class MavlinkSensors:
         """
         message, fix = m.get_msgId(), (m.time_usec, m.lat, m.lon, m.alt, m.vel, m.cog)
         last = self._last_fixes.get(message)
-        if m.fix_type < dialect.GPS_FIX_TYPE_3D_FIX or fix == last:
+        if m.fix_type not in GOOD_FIXES or fix == last:
             return ()
         self._last_fixes[message] = fix
         dated = last is not None and m.time_usec > last[0]

@@ -76,11 +76,13 @@ class NmeaCodec:
         if source not in self._wanted:
             raise Refused(DropCause.UNUSED)
         try:
+            found = DECODERS[source](t_ns, fields, self._compass)
+            # What is void, estimated or simulated teaches nothing: it was refused above.
             if self._listens_for_variation and source in VARIATION:
                 variation_rad = variation_of(fields)
                 if variation_rad is not None:
                     self._compass = Compass(declination_rad=variation_rad)
-            return [(source, measurement) for measurement in DECODERS[source](t_ns, fields, self._compass)]
+            return [(source, measurement) for measurement in found]
         except Refused as refused:
             causes = self.refused.setdefault(source, {})
             causes[refused.cause] = causes.get(refused.cause, 0) + 1

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Collection
 
 from asvhil.geo import is_place
 from asvhil.io.sensors.nmea_framing import DropCause
@@ -84,9 +85,9 @@ class Fields:
         if self.text(at) not in ("", letter):
             raise Refused(DropCause.MALFORMED)
 
-    def status(self, at: int, good: str = "A") -> None:
+    def status(self, at: int, good: Collection[str] = ("A",)) -> None:
         """A status that came late to the standard: good where there is none. Refused (void) where it is another."""
-        if self.text(at) and self.text(at) not in tuple(good):
+        if self.text(at) and self.text(at) not in good:
             raise Refused(DropCause.VOID)
 
     def signed(self, at: int, quantity: str, positive: str, negative: str) -> float | None:

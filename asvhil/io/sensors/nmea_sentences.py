@@ -28,6 +28,8 @@ Found = Sequence[Measurement]
 NO_FIX_QUALITIES = frozenset({0, 6, 7, 8})  # of GGA: none, dead reckoning, typed in, simulator
 NO_FIX_MODES = frozenset("NEMSV")  # of RMC, VTG, GLL, GNS: the same
 SLOW_MPS = 0.2  # receivers leave the course empty at rest: below this speed it is taken for none
+MWV_GOOD = ("A", "00")  # Gill's anemometers have two digits there in their extended format
+CALM_MPS = 0.5  # ultrasonic anemometers leave the angle empty in a calm: below this speed any one does
 KMH_TO_MPS = TO_MPS["K"]
 
 
@@ -143,10 +145,13 @@ def _rot(t_ns: int, f: Fields, compass: Compass) -> Found:
 
 
 def _mwv(t_ns: int, f: Fields, compass: Compass) -> Found:
-    f.status(4)
+    f.status(4, MWV_GOOD)
     kind = ApparentWind if f.letter(1, "RT") == "R" else BowWind
-    angle_deg = f.needed(0, "direction")
     speed_mps = f.needed(2, "wind speed", TO_MPS[f.letter(3, "MNKS")])
+    angle_deg = f.number(0, "direction")
+    if angle_deg is None and speed_mps < CALM_MPS:
+        angle_deg = 0.0
+    angle_deg = known(angle_deg)
     return (kind(t_ns=t_ns, speed_mps=speed_mps, from_rad=math.radians(angle_deg % 360.0)),)
 
 

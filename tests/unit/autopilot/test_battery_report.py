@@ -128,6 +128,7 @@ def test_batteries_are_summed_and_the_lowest_charge_counts() -> None:
         ({"hectojoules": -1}, 120.0, 6.0),  # PX4: 500 mAh at 12 V
         ({"hectojoules": -1, "mah": -1, "percent": -1}, 120.0, None),
         ({"centiamperes": 0}, 0.0, 20.0),
+        ({"centiamperes": -250}, -30.0, 20.0),  # it is being charged
     ],
 )
 def test_cells_are_added_and_marks_of_the_unknown_are_no_values(

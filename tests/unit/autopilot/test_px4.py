@@ -80,12 +80,12 @@ def test_positions_and_attitudes_count_once_the_estimator_has_a_position() -> No
     assert len(feed(px4, estimator(0), POSITION, attitude)) == 1
 
 
-def test_outputs_are_pulses_whether_told_in_microseconds_or_normalised() -> None:
+def test_outputs_are_pulses_in_microseconds_and_nothing_else() -> None:
     px4 = link()
-    told = [1600.4, 0.0, 1400.0, 1.0, -1.0, 0.25, 1e9, float("nan"), *[0.0] * 24]
+    told = [1600.4, 0.0, 1400.0, 1.0, -1.0, 8191.0, 1e9, float("nan"), *[0.0] * 24]
     (status,) = feed(px4, dialect.MAVLink_actuator_output_status_message(0, 8, told))
     assert isinstance(status, FrontseatStatus)
-    assert status.outputs_us[:8] == (1600, 0, 1400, 1900, 1100, 1600, 0, 0)
+    assert status.outputs_us[:8] == (1600, 0, 1400, 0, 0, 0, 0, 0)
     (status,) = feed(px4, dialect.MAVLink_servo_output_raw_message(0, 0, *range(1501, 1509)))
     assert isinstance(status, FrontseatStatus) and status.outputs_us[2] == 1503
 

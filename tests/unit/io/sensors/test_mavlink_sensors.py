@@ -187,3 +187,24 @@ def test_wind_that_is_not_known_gives_none() -> None:
     nan = math.nan
     assert read(link(), d.MAVLink_wind_message(nan, 5.0, 0.0), d.MAVLink_wind_message(1.0, -1.0, 0.0)) == []
     assert read(link(), d.MAVLink_wind_cov_message(0, nan, 4.0, 0, 0, 0, 0, 0, 0)) == []
+
+
+@pytest.mark.parametrize("fix", [0, 1, 2, 7, 9, 200])  # 7: static, a base station; there is no 9
+def test_what_is_no_fix_of_a_boat_gives_none(fix: int) -> None:
+    assert read(link(), gps(d.MAVLink_gps_raw_int_message, 1000, fix)) == []
+
+
+def test_a_course_beyond_the_circle_is_not_known() -> None:
+    ((_, place),) = read(link(), gps(d.MAVLink_gps_raw_int_message, 1000, 3, cog=40000))
+    assert isinstance(place, Position)
+    assert len(read(link(), gps(d.MAVLink_gps_raw_int_message, 1000, 3, cog=36000))) == 2
+
+
+def test_several_inertial_units_are_not_one_source() -> None:
+    ardurover = link()
+
+    def imu(number: int, zgyro: int) -> object:
+        return d.MAVLink_raw_imu_message(1, 0, 0, -1000, 0, 0, zgyro, 0, 0, 0, id=number, temperature=0)
+
+    rates = [m.r_radps for _, m in read(ardurover, imu(1, 100), imu(0, 300), imu(1, 200)) if isinstance(m, YawRate)]
+    assert rates == pytest.approx([0.1, 0.2])

@@ -163,6 +163,23 @@ def test_a_variation_that_the_line_has_told_serves_the_other_sentences() -> None
     assert isinstance(heading, Heading) and math.degrees(heading.psi_rad) == pytest.approx(103.0)
 
 
+@pytest.mark.parametrize(
+    "rmc",
+    [
+        "GPRMC,120001,V,,,,,,,010126,0.0,E,N",
+        "GPRMC,120001,V,4025.422,N,08655.272,W,0.5,10,190126,180.0,E,A",
+        "GPRMC,120001,A,4025.422,N,08655.272,W,0.5,10,190126,0.0,E,E",  # estimated
+        "GPRMC,120001,A,0000.000,N,00000.000,E,0.5,10,190126,0.0,E,A",  # no place yet
+    ],
+)
+def test_what_is_void_teaches_no_variation(rmc: str) -> None:
+    reader = codec()
+    feed(reader, sentence("GPRMC,120000.00,A,4025.422,N,08655.272,W,0.5,10,190126,12.0,W,A"))
+    feed(reader, sentence(rmc))
+    ((_, heading),) = feed(reader, sentence("HCHDG,100.0,,,,"))
+    assert isinstance(heading, Heading) and math.degrees(heading.psi_rad) == pytest.approx(88.0)
+
+
 def test_a_configured_declination_is_not_overruled_for_headings_without_their_own() -> None:
     reader = codec(1.0)
     feed(reader, sentence("GPRMC,120000.00,A,4025.422,N,08655.272,W,0.5,10,190126,4.5,W,A"))
@@ -182,6 +199,20 @@ def test_apparent_and_true_wind_from_the_bow() -> None:
         "MWV_T",
         BowWind(t_ns=7, speed_mps=pytest.approx(10.0), from_rad=math.pi / 2),
     )
+
+
+def test_a_calm_has_no_direction_and_is_a_wind() -> None:
+    """Ultrasonic anemometers leave the angle empty then; in more wind it is a fault."""
+    assert one("IIMWV,,R,000.02,M,A") == ("MWV", ApparentWind(t_ns=7, speed_mps=0.02, from_rad=0.0))
+    assert one("IIMWV,,T,0.4,M,A") == ("MWV_T", BowWind(t_ns=7, speed_mps=0.4, from_rad=0.0))
+    reader = codec()
+    assert feed(reader, sentence("IIMWV,,R,000.60,M,A")) == [] and reader.dropped[DropCause.MISSING_FIELD] == 1
+
+
+def test_gills_status_of_two_digits_is_known() -> None:
+    assert one("IIMWV,120,R,002.10,M,00")[1] == ApparentWind(t_ns=7, speed_mps=2.1, from_rad=math.radians(120.0))
+    reader = codec()
+    assert feed(reader, sentence("IIMWV,120,R,002.10,M,01")) == [] and reader.dropped[DropCause.VOID] == 1
 
 
 @pytest.mark.parametrize(
