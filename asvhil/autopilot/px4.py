@@ -14,7 +14,6 @@ from asvhil.autopilot.mavlink_autopilot import MavlinkAutopilot
 from asvhil.autopilot.parameter_watch import ParameterRules
 from asvhil.autopilot.px4_parameters import requirements
 from asvhil.autopilot.px4_wiring import names_of_wiring, wiring_of
-from asvhil.autopilot.wiring import Travel
 from asvhil.config import AutopilotLinkConfig, Config, PwmConfig
 from asvhil.io.mavlink.frames import dialect
 from asvhil.types import Frame, Measurement
