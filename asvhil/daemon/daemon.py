@@ -84,6 +84,8 @@ class Daemon:
         self._looking: asyncio.Task[None] | None = None
         self._looked_ns = 0
         self._saving: asyncio.Task[None] | None = None
+        # Not asyncio's own, whose end takes one thread more: where there is none the process would not end.
+        self._side = ThreadPoolExecutor(2, thread_name_prefix="side")
         self._logged: dict[str, str] = {}
         specs = config.links.endpoints | self.router.ground_specs
         self.links = {
@@ -134,8 +136,6 @@ class Daemon:
             self._stand_down()
             raise
         finally:
-            if self.guardian is not None:
-                await asyncio.to_thread(self.guardian.close)
             for reader in readers:
                 reader.cancel()
             await asyncio.gather(*readers, return_exceptions=True)
@@ -144,10 +144,15 @@ class Daemon:
                     self._recorder.write_log(self._clock.now_ns(), "warning", f"link {port}: {link.losses}")
             for text in self.router.take_all_news():
                 self._recorder.write_log(self._clock.now_ns(), "warning", text)
+            # The log before all that may take long, or fails without memory or threads.
+            self._recorder.close()
+            if self.guardian is not None:
+                self.guardian.close()
             for task in (self._looking, self._saving):
                 if task is not None:
                     await asyncio.wait((task,), timeout=LAST_TASKS_S)
-            await self._save(self.router.states())
+            self._save_now(self.router.states())
+            self._side.shutdown(wait=False)
             signals.restore()
             self._service.stopping()
 
@@ -170,13 +175,20 @@ class Daemon:
 
     async def _look_at_computer(self) -> None:
         """Tell the backseat of the computer, for operators; on a thread since its disk may stall."""
-        data = await asyncio.to_thread(self._computer.encode)
+        try:
+            data = await asyncio.get_running_loop().run_in_executor(self._side, self._computer.encode)
+        except (OSError, RuntimeError):  # no file descriptor, no thread: it is asked again
+            return
         self._inbox.append(Frame(t_ns=self._clock.now_ns(), port=OPERATOR, data=data))
 
     async def _save(self, states: dict[Path, SigningState]) -> None:
         """Write signing timestamps to the disk, on a thread since a disk may stall."""
+        with contextlib.suppress(RuntimeError):  # no thread
+            await asyncio.get_running_loop().run_in_executor(self._side, self._save_now, states)
+
+    def _save_now(self, states: dict[Path, SigningState]) -> None:
         try:
-            await asyncio.to_thread(save_states, states)
+            save_states(states)
         except ConfigError as error:
             self._recorder.write_log(self._clock.now_ns(), "warning", str(error))
 

@@ -20,6 +20,7 @@ ANSWER_S = 2.0
 START_AGAIN_S = 1.0
 TOLD_S = 10.0  # how long a death is told
 CLOSE_S = 2.0
+UNTOLD = object()  # in the place of a link: it does not know which one
 
 Steps = Sequence[Sequence[bytes]]
 
@@ -105,8 +106,9 @@ class Guardian:
         if same and content == self._told[0] and now_s - self._told_s < TELL_S:
             return
         kind = "keep" if same else "none" if link is None else link.kind
-        self._send(json.dumps({"link": kind, **content}).encode(), [] if same or link is None else [link.fd])
-        self._told, self._told_s = (content, key), now_s
+        sent = self._send(json.dumps({"link": kind, **content}).encode(), [] if same or link is None else [link.fd])
+        # What did not go out is told again, with its link: else that would be thought to be known.
+        self._told, self._told_s = (content, key) if sent else ({}, UNTOLD), now_s
 
     def note_no_link(self, text: str) -> None:
         """Why the link to the autopilot is none that it could use; empty where it is."""
@@ -116,6 +118,8 @@ class Guardian:
         """The motors were given back: nothing is to be sent when this program ends."""
         if self._process is not None:
             self.tell([], None)
+            if self._told[1] is UNTOLD:  # it would say the words of before
+                self._end("did not answer", time.monotonic())
 
     def close(self) -> None:
         """End it: by the end of its socket, upon which it says what it was told last."""
@@ -132,14 +136,17 @@ class Guardian:
 
     # --- parts ---------------------------------------------------------------------------------------------
 
-    def _send(self, data: bytes, fds: list[int]) -> None:
+    def _send(self, data: bytes, fds: list[int]) -> bool:
+        """Whether it went out; where it does not read, `_look` finds that out by its silence."""
         assert self._control is not None
         try:
             socket.send_fds(self._control, [data], fds)
         except BlockingIOError:
-            pass  # it does not read: `_look` finds that out by its silence
+            return False
         except OSError:
             self._end("died", time.monotonic())
+            return False
+        return True
 
     def _look(self, now_s: float) -> None:
         """Whether it lives and answers."""

@@ -57,6 +57,14 @@ async def resolve(spec: LinkSpec, kind: socket.SocketKind) -> list[tuple[socket.
     return [(info[0], info[4]) for info in found]  # type: ignore[misc]
 
 
+def new_socket(spec: LinkSpec, family: socket.AddressFamily, kind: socket.SocketKind) -> socket.socket:
+    """A socket; LinkError where there is none to be had, as without file descriptors."""
+    try:
+        return socket.socket(family, kind)
+    except OSError as exc:
+        raise LinkError(f"{spec.text}: {why(exc)}") from None
+
+
 @record
 class Handover:
     """What another process needs to send on an open link: a descriptor to duplicate, and where datagrams go.
@@ -131,6 +139,9 @@ class Link(ABC):
             await self._linger()
         finally:
             self._release()
+
+    def note_proven(self, peer: str) -> None:  # noqa: B027  (most links have one peer, whoever it is)
+        """A frame of a peer was accepted: it is one that this link is for."""
 
     def handover(self) -> Handover | None:
         """What another process needs to send on this link now; None where it cannot, or there is nobody."""

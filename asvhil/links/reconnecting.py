@@ -69,6 +69,8 @@ class ReconnectingLink:
                             self._inbox.append(taken)
                 except LinkError as error:
                     self.state = str(error)
+                except Exception as error:  # a link that nobody opens again would be the end of all control
+                    self.state = f"{self._spec}: {' '.join(str(error).split()) or type(error).__name__}"
                 await self._close()
                 await asyncio.sleep(wait_s)
                 wait_s = min(2.0 * wait_s, self._max_s)
@@ -97,6 +99,11 @@ class ReconnectingLink:
             await endpoint.send(data)
             return endpoint.unsent == unsent
         return False
+
+    def note_proven(self, peer: str) -> None:
+        """A frame of a peer was accepted."""
+        if isinstance(self._endpoint, Link):
+            self._endpoint.note_proven(peer)
 
     @property
     def handover(self) -> Handover | None:

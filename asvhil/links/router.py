@@ -35,6 +35,10 @@ class ForwardingLink(Protocol):
         """Forward a frame if the link has room: whether it had."""
         ...
 
+    def note_proven(self, peer: str) -> None:
+        """A frame of a peer was accepted."""
+        ...
+
 
 class MavlinkRouter:
     """Filters, routes and signs the frames of one daemon's MAVLink links.
@@ -89,9 +93,11 @@ class MavlinkRouter:
         if signature_filter is None:
             return [frame]
         routed = self._table is not None and frame.port != OPERATOR
-        if not routed and not signature_filter.guards:
-            return [frame]  # no MAVLink frame in it: the codec counts it as garbage
         accepted = signature_filter.receive(frame, self._unix_ns())
+        if frame.peer and self._proves(frame.port, accepted) and frame.port in self._links:
+            self._links[frame.port].note_proven(frame.peer)
+        if not routed and not signature_filter.guards:
+            return [frame]  # what is no MAVLink frame in it the codec counts as garbage
         operators: list[Frame] = []
         if routed:
             for data in accepted:
@@ -171,6 +177,10 @@ class MavlinkRouter:
         return found
 
     # --- parts ---------------------------------------------------------------------------------------------
+
+    def _proves(self, port: str, accepted: Sequence[bytes]) -> bool:
+        """Whether frames show that their peer is one that the link is for: on the autopilot's, of its vehicle."""
+        return any(port != AUTOPILOT or source(data)[0] == self._autopilot_system_id for data in accepted)
 
     async def _route(self, frame: Frame, data: bytes) -> list[Frame]:
         assert self._table is not None

@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 from asvhil.config.link_spec import LinkSpec, host_port
 from asvhil.errors import LinkError
-from asvhil.links.link import OPEN_TIMEOUT_S, Handover, Link, resolve, why
+from asvhil.links.link import OPEN_TIMEOUT_S, Handover, Link, new_socket, resolve, why
 from asvhil.links.stream import ByteStream
 
 DEAD_PEER_S = 10
@@ -122,7 +122,7 @@ async def open_tcp(spec: LinkSpec, port: str, now_ns: Callable[[], int]) -> TcpC
     """Connect to the first address of the host that answers within 5 s; LinkError when none does."""
     reason = ""
     for family, target in await resolve(spec, socket.SOCK_STREAM):
-        sock = socket.socket(family, socket.SOCK_STREAM)
+        sock = new_socket(spec, family, socket.SOCK_STREAM)
         try:
             sock.setblocking(False)
             await asyncio.wait_for(asyncio.get_running_loop().sock_connect(sock, target), OPEN_TIMEOUT_S)
@@ -147,7 +147,7 @@ async def open_tcpin(spec: LinkSpec, port: str, now_ns: Callable[[], int]) -> Tc
     """Listen on the first address of the host that can be bound; LinkError when none can."""
     reason = ""
     for family, target in await resolve(spec, socket.SOCK_STREAM):
-        sock = socket.socket(family, socket.SOCK_STREAM)
+        sock = new_socket(spec, family, socket.SOCK_STREAM)
         try:
             sock.setblocking(False)
             sock.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # or a restart waits for TIME_WAIT

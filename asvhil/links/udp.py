@@ -10,7 +10,7 @@ from typing import Any
 
 from asvhil.config.link_spec import LinkSpec, host_port
 from asvhil.errors import LinkError
-from asvhil.links.link import Handover, Link, resolve, why
+from asvhil.links.link import Handover, Link, new_socket, resolve, why
 
 MAX_PEERS = 16
 PEER_LIFE_NS = 10_000_000_000
@@ -55,21 +55,37 @@ class UdpLink(Link):
 
 
 class UdpIn(UdpLink):
-    """Bound. Sends without a peer go to all peers heard in the last 10 s, of at most 16."""
+    """Bound. Sends without a peer go to the peers heard in the last 10 s, of at most 16.
+
+    Anybody may send a datagram here. A peer whose frames were accepted takes nobody else's place, and once there is one
+    nothing is sent to the others.
+    """
 
     def __init__(self, *args: Any) -> None:
         super().__init__(*args)
         self._peers: dict[str, tuple[Any, int]] = {}  # text -> (socket address, heard_ns), least recent first
+        self._proven: dict[str, None] = {}  # the last proven one at the end
+
+    def note_proven(self, peer: str) -> None:
+        if next(reversed(self._proven), None) == peer:
+            return
+        self._proven.pop(peer, None)
+        self._proven[peer] = None
+        if len(self._proven) > MAX_PEERS:
+            del self._proven[next(iter(self._proven))]
 
     def _heard(self, peer: str, source: Any, t_ns: int) -> None:
         self._peers.pop(peer, None)
         self._peers[peer] = (source, t_ns)
         if len(self._peers) > MAX_PEERS:
-            del self._peers[next(iter(self._peers))]
+            others = (other for other in self._peers if other not in self._proven)
+            del self._peers[next(others, next(iter(self._peers)))]
 
     def _heard_lately(self) -> list[Any]:
         oldest_ns = self._now_ns() - PEER_LIFE_NS
-        return [source for source, heard_ns in self._peers.values() if heard_ns >= oldest_ns]
+        lately = {peer: source for peer, (source, heard_ns) in self._peers.items() if heard_ns >= oldest_ns}
+        proven = [source for peer, source in lately.items() if peer in self._proven]
+        return proven or list(lately.values())
 
     def _handover(self) -> Handover | None:
         peers = tuple(self._heard_lately())
@@ -114,7 +130,7 @@ async def open_udp(spec: LinkSpec, port: str, now_ns: Callable[[], int]) -> UdpL
     """Bind (udpin) or connect (udpout) a socket; LinkError when no address of the host will do."""
     reason = ""
     for family, target in await resolve(spec, socket.SOCK_DGRAM):
-        sock = socket.socket(family, socket.SOCK_DGRAM)
+        sock = new_socket(spec, family, socket.SOCK_DGRAM)
         try:
             sock.setblocking(False)
             sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER_BYTES)

@@ -415,7 +415,10 @@ class _Sink:
         """Nothing is held back."""
 
     def sync(self) -> None:
+        """Raises OSError also where the file is no longer in its folder: what is written then is lost."""
         os.fsync(self._fd)
+        if os.fstat(self._fd).st_nlink == 0:
+            raise OSError(errno.ENOENT, "the file was deleted while it was written")
 
     def close(self) -> None:
         if self._open:

@@ -2,9 +2,11 @@
 
 import asyncio
 import contextlib
+import errno
 import socket
 from collections import deque
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -14,7 +16,7 @@ from asvhil.daemon.daemon import RELEASES, Daemon
 from asvhil.errors import AsvhilError
 from asvhil.io.mavlink.frames import FrameSplitter, decode
 from asvhil.links.clock import Clock
-from asvhil.links.endpoint import INBOX_FRAMES, open_endpoint
+from asvhil.links.endpoint import INBOX_FRAMES, Endpoint, open_endpoint
 from asvhil.links.reconnecting import ReconnectingLink
 from asvhil.logs.opening import open_recorder
 from asvhil.logs.reader import LogFile
@@ -88,6 +90,42 @@ async def test_a_serial_line_is_unplugged_and_plugged_in_again(tmp_path: Path) -
                 raise AssertionError("nothing arrived")
             await plug.close()
     finally:
+        reader.cancel()
+        await asyncio.gather(reader, return_exceptions=True)
+
+
+async def test_a_link_is_opened_again_after_any_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without file descriptors the reader of the autopilot's link ended for good, and nobody was told."""
+    real, left = socket.socket, [3]
+
+    def rare(*args: Any, **given: Any) -> socket.socket:
+        left[0] -= 1
+        if left[0] >= 0:
+            raise OSError(errno.EMFILE, "Too many open files")
+        return real(*args, **given)
+
+    link = ReconnectingLink("operator", "udpin:127.0.0.1:0", config(), Clock(), deque())
+    monkeypatch.setattr("asvhil.links.link.socket.socket", rare)
+    reader = asyncio.create_task(link.run())
+    try:
+        await until(lambda: "too many open files" in link.state)
+        assert link.state.startswith("udpin:127.0.0.1:0")
+        await until(lambda: link.state == "up")
+    finally:
+        reader.cancel()
+        await asyncio.gather(reader, return_exceptions=True)
+
+
+async def test_an_error_that_nobody_thought_of_is_the_state_of_its_link(monkeypatch: pytest.MonkeyPatch) -> None:
+    async def broken(*args: Any) -> Endpoint:
+        raise RuntimeError("can't start\nnew thread")
+
+    link = ReconnectingLink("gnss", "serial:/dev/null:9600", config(), Clock(), deque())
+    with monkeypatch.context() as patched:
+        patched.setattr("asvhil.links.reconnecting.open_endpoint", broken)
+        reader = asyncio.create_task(link.run())
+        await until(lambda: link.state == "serial:/dev/null:9600: can't start new thread")
+        assert not reader.done()
         reader.cancel()
         await asyncio.gather(reader, return_exceptions=True)
 

@@ -266,6 +266,38 @@ def test_one_that_does_not_answer_is_replaced(ear: Ear, monkeypatch: pytest.Monk
         assert ear.heard(0.1) == []
 
 
+def held_up(guardian: Guardian, link: Handover) -> None:
+    """The guardian is stopped, and told until nothing more goes into its socket."""
+    os.kill(guardian.pid or 0, signal.SIGSTOP)
+    for number in range(5000):
+        guardian.tell([[b"%d" % number]], link)
+        if guardian._told[1] is guardian_module.UNTOLD:
+            return
+    raise AssertionError("its socket never filled")
+
+
+def test_a_link_that_it_could_not_be_told_is_told_again(ear: Ear) -> None:
+    """One that was held up for less than two seconds went on with a connection that was gone."""
+    old = Ear()
+    with guarded() as guardian:
+        keep_telling(guardian, 0.4, old.link())
+        held_up(guardian, old.link())
+        guardian.tell(WORDS, ear.link())
+        os.kill(guardian.pid or 0, signal.SIGCONT)
+        keep_telling(guardian, 0.6, ear.link())
+        assert guardian.deaths == 0
+    assert words_of(ear.heard(0.4)) == SAID and old.heard(0.1) == []
+    old.close()
+
+
+def test_one_that_could_not_be_told_that_the_motors_were_given_back_says_nothing(ear: Ear) -> None:
+    with guarded() as guardian:
+        keep_telling(guardian, 0.4, ear.link())
+        held_up(guardian, ear.link())
+        guardian.stand_down()
+    assert ear.heard(0.4) == []
+
+
 def test_one_that_cannot_be_started_is_told_and_tried_again(monkeypatch: pytest.MonkeyPatch, ear: Ear) -> None:
     monkeypatch.setattr(guardian_module, "START_AGAIN_S", 0.1)
     monkeypatch.setattr(sys, "executable", "/nowhere/python")

@@ -21,6 +21,10 @@ class Carrier:
 
     def __init__(self) -> None:
         self.forwarded: list[bytes] = []
+        self.proven: list[str] = []
+
+    def note_proven(self, peer: str) -> None:
+        self.proven.append(peer)
 
     async def forward(self, data: bytes) -> bool:
         self.forwarded.append(data)
@@ -35,6 +39,23 @@ def router() -> tuple[MavlinkRouter, list[Frame], Carrier]:
     autopilot = Carrier()
     made.attach({"autopilot": autopilot, QGC: Carrier()})
     return made, noted, autopilot
+
+
+async def test_frames_of_the_vehicle_prove_their_peer_on_its_link_and_nothing_else_does() -> None:
+    made, _, autopilot = router()
+    beat = dialect.MAVLink_heartbeat_message(dialect.MAV_TYPE_SURFACE_BOAT, 3, 81, 0, 4, 3)
+    ours, others = (bytes(beat.pack(dialect.MAVLink(None, srcSystem=system, srcComponent=1))) for system in (1, 7))
+    for peer, data in (("a:1", b"\0"), ("b:2", others), ("c:3", ours), ("d:4", ours[:-1] + b"\0")):
+        await made.receive(Frame(t_ns=7, port="autopilot", data=data, peer=peer))
+    assert autopilot.proven == ["c:3"]
+
+
+async def test_without_routes_or_rules_a_peer_is_proven_too() -> None:
+    made, link = MavlinkRouter(load_config("sitl").links, start_ns=0, unix_ns=lambda: 0), Carrier()
+    made.attach({"autopilot": link})
+    beat = dialect.MAVLink_heartbeat_message(dialect.MAV_TYPE_SURFACE_BOAT, 3, 81, 0, 4, 3)
+    frame = Frame(t_ns=7, port="autopilot", peer="a:1", data=beat.pack(dialect.MAVLink(None, 1, 1)))
+    assert await made.receive(frame) == [frame] and link.proven == ["a:1"]
 
 
 async def test_what_is_for_us_comes_by_the_operators_port_with_its_way_back() -> None:

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from asvhil.links.endpoint import open_endpoint
+from asvhil.links.udp import UdpIn
 from tests.support.endpoints import Clock, pair, recv_soon, run
 
 pytestmark = pytest.mark.real_time
@@ -96,6 +97,50 @@ def test_udpin_remembers_the_sixteen_latest_peers(tmp_path: Path) -> None:
         got = [i for i, caller in enumerate(callers) if caller._frames]  # type: ignore[attr-defined]
         assert got == [0, *range(3, 18)]
         for link in [near, *callers]:
+            await link.close()
+
+    run(body)
+
+
+def test_udpin_lets_nobody_take_the_place_of_a_peer_that_is_proven(tmp_path: Path) -> None:
+    """A flood of datagrams by many addresses cut the motors' commands off for seconds."""
+
+    async def body() -> None:
+        near = await open_endpoint("udpin:127.0.0.1:0", "near", Clock())
+        assert isinstance(near, UdpIn)
+        boat = await open_endpoint(f"udpout:{near.address}", "boat", Clock())
+        await boat.send(b"frame")
+        near.note_proven((await near.recv()).peer)
+        callers = [await open_endpoint(f"udpout:{near.address}", str(i), Clock()) for i in range(20)]
+        for caller in callers:
+            await caller.send(b"\0")
+            await near.recv()
+        await near.send(b"motors")
+        assert await recv_soon(boat) == b"motors"
+        assert not any(caller._frames for caller in callers)  # type: ignore[attr-defined]
+        handover = near.handover()
+        assert handover is not None and len(handover.peers) == 1
+        for link in [near, boat, *callers]:
+            await link.close()
+
+    run(body)
+
+
+def test_udpin_that_was_flooded_before_still_finds_its_peer(tmp_path: Path) -> None:
+    async def body() -> None:
+        near = await open_endpoint("udpin:127.0.0.1:0", "near", Clock())
+        assert isinstance(near, UdpIn)
+        boat = await open_endpoint(f"udpout:{near.address}", "boat", Clock())
+        await boat.send(b"frame")
+        peer = (await near.recv()).peer
+        for number in range(20):
+            near._heard(f"127.0.0.1:{number + 1}", ("127.0.0.1", 9), near._now_ns())
+        near.note_proven(peer)  # it was pushed out before its frame was looked at
+        await boat.send(b"frame")
+        await near.recv()
+        await near.send(b"motors")
+        assert await recv_soon(boat) == b"motors"
+        for link in (near, boat):
             await link.close()
 
     run(body)

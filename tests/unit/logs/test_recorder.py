@@ -278,6 +278,18 @@ def test_a_full_disk_is_an_error_of_the_recorder(tmp_path: Path, room: int) -> N
         assert inputs.t_ns >= START_NS
 
 
+def test_a_log_that_is_deleted_while_it_is_written_is_an_error(tmp_path: Path) -> None:
+    """Its bytes went nowhere, and the run ended with status 0."""
+    recorder = make_recorder(tmp_path / "log.mcap", threaded=True)
+    record_ticks(recorder, range(3))
+    (tmp_path / "log.mcap").unlink()
+    record_ticks(recorder, range(3, 6))
+    wait_until(lambda: bool(recorder.trouble), 5.0)
+    assert recorder.trouble == "recording stopped: the file was deleted while it was written"
+    recorder.close()
+    assert recorder.error is not None and str(tmp_path / "log.mcap") in str(recorder.error)
+
+
 def test_outputs_that_cannot_be_encoded_stop_the_recording_only(tmp_path: Path) -> None:
     recorder = make_recorder(tmp_path / "run.mcap")
     record_ticks(recorder, range(2))
