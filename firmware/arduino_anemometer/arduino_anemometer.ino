@@ -46,7 +46,8 @@ void report() {
     interrupts();
     closures = pulses.count;
     cup.report(pulses, now_us);
-    say(wind_sentence(vane.report(), cup.speed_mps()));
+    const int16_t angle_tenths = vane.report();
+    say(wind_sentence(cup.settled() ? angle_tenths : NO_ANGLE, cup.speed_mps()));
     if (--reports_to_gust == 0) {
         reports_to_gust = config::gust_every_reports;
         say(gust_sentence(cup.gust_mps()));

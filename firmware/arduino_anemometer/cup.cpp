@@ -55,6 +55,7 @@ float CupSpeed::mean_mps(const Pulses &pulses, uint32_t now_us, uint8_t reports)
 }
 
 void CupSpeed::report(const Pulses &pulses, uint32_t now_us) {
+    if (!settled()) ++reports_;
     if (pulses.count == 0) {
         for (Snapshot &snapshot : ring_) snapshot = Snapshot{};
     }

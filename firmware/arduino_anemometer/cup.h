@@ -38,6 +38,9 @@ class CupSpeed {
     float speed_mps() const { return speed_mps_; }  // mean over the last `mean_reports`
     float gust_mps() const { return gust_mps_; }    // highest mean over `gust_reports` of the last buckets
 
+    // Whether the mean is over all its time: before, wind that blew at the start would be told for far less.
+    bool settled() const { return reports_ > config::mean_reports; }
+
   private:
     struct Snapshot {
         uint32_t count, last_us;
@@ -47,6 +50,7 @@ class CupSpeed {
     static constexpr uint8_t RING = config::gust_reports + 1;
     Snapshot ring_[RING] = {};
     uint8_t at_ = 0;
+    uint8_t reports_ = 0;  // since the start; stays at the first that is settled
     float speed_mps_ = 0.0f;
     float gust_mps_ = 0.0f;
     float buckets_mps_[config::gust_buckets] = {};

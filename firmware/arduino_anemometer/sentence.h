@@ -4,7 +4,7 @@
 #include <stdint.h>
 
 #define FIRMWARE_NAME "arduino_anemometer"
-#define FIRMWARE_VERSION "1.0.0"
+#define FIRMWARE_VERSION "1.0.1"
 
 // One sentence, built field by field. What would overrun the 82 characters of NMEA 0183 is left out.
 class Sentence {

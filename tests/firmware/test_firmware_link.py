@@ -46,8 +46,11 @@ async def test_the_daemons_serial_endpoint_reads_the_board(uno: Path) -> None:
         for round_ in range(2):
             port = await open_endpoint(f"serial:{board.pty}:115200", "anemometer", lambda: 0)
             await port.send(QUERY)
-            expected = sum(await asyncio.to_thread(lambda: ["MWV" in text for _, text in board.run(5.0)]))
-            assert expected == 25 - (round_ == 0)
+            told = [text for _, text in await asyncio.to_thread(lambda: board.run(5.0)) if "MWV" in text]
+            assert len(told) == 25 - (round_ == 0)
+            young = [text for text in told if text.endswith(",V")]  # a second's mean is not known in the first one
+            assert young == (told[:5] if round_ == 0 else [])
+            expected = len(told) - len(young)
             samples.clear()
             while len(samples) < expected:
                 frame = await asyncio.wait_for(port.recv(), 5.0)

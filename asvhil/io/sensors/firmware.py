@@ -8,7 +8,7 @@ from asvhil.io.sensors.nmea_framing import DropCause, NmeaFramer
 from asvhil.types import Frame, Note
 
 FIRMWARE = "arduino_anemometer"
-VERSION = "1.0.0"  # of the firmware in this tree; a test compares the two
+VERSION = "1.0.1"  # of the firmware in this tree; a test compares the two
 QUERY = b"$PASVQ,V*3F\r\n"
 ASK_NS = 2_000_000_000
 PATIENCE = 3  # questions without an answer

@@ -193,6 +193,18 @@ void speeds() {
     CHECK(settled_mps(0.0, 5.0, still) == 0.0f);
 }
 
+void a_start_in_wind_is_not_told_for_a_calm() {
+    Cup cup;
+    CupSpeed speed;
+    cup.contact.edge(false, 0);
+    for (int report = 1; report <= 20; ++report) {
+        for (int turn = 0; turn < 3; ++turn) cup.turn(1e6 / 15.0, 0, 0.0);
+        speed.report(cup.contact.take(uint32_t(cup.at_us)), uint32_t(cup.at_us));
+        CHECK(speed.settled() == (report > config::mean_reports));
+        CHECK(!speed.settled() || std::fabs(speed.speed_mps() - 10.0f) < 0.01f);
+    }
+}
+
 void an_overdue_closure_lowers_the_speed() {
     Cup cup;
     CupSpeed speed;
@@ -305,6 +317,7 @@ const Test TESTS[] = {
     TEST(the_clock_wraps),
     TEST(calm_forgets),
     TEST(speeds),
+    TEST(a_start_in_wind_is_not_told_for_a_calm),
     TEST(an_overdue_closure_lowers_the_speed),
     TEST(a_gust_is_kept_for_ten_minutes),
     TEST(sentences),

@@ -12,7 +12,7 @@ from asvhil.io.sensors.firmware import ASK_NS, FIRMWARE, PATIENCE, QUERY, VERSIO
 from asvhil.types import Frame, Inputs
 from tests.support.nmea import sentence
 
-BOOT = b"$PASVV,arduino_anemometer,1.0.0,power-on*3A\r\n"
+BOOT = b"$PASVV,arduino_anemometer,1.0.1,power-on*3B\r\n"
 
 
 def feed(watch: FirmwareWatch, data: bytes) -> None:
@@ -76,8 +76,8 @@ def test_what_is_not_as_it_should_be_is_told(fields: str, text: str) -> None:
 @pytest.mark.parametrize(
     "data",
     [
-        BOOT.replace(b"3A", b"3B"),
-        BOOT.replace(b"*3A", b""),
+        BOOT.replace(b"3B", b"3A"),
+        BOOT.replace(b"*3B", b""),
         sentence("PASVV,a,1"),
         sentence("PASVV,a,1,b,c"),
         sentence("PASVV,,1,b"),
