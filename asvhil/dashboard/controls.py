@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
+import struct
+from collections.abc import Mapping
 from typing import Any
 
 from asvhil.config import AutopilotLinkConfig
 from asvhil.config.controller import EFFORT_PARAMETER, EFFORTS
 from asvhil.config.heading import POLICIES
 from asvhil.io.mavlink.frames import dialect
-from asvhil.operator.encoding import encode_hold, encode_move, encode_neutral, encode_parameter, encode_release
+from asvhil.operator.encoding import encode_hold, encode_move, encode_neutral, encode_release
 from asvhil.operator.station_parameters import (
     COURSE_PARAMETER,
     COURSE_PARAMETERS,
@@ -32,6 +34,7 @@ NEEDS = {
     **{name: {name} for name in CHOICES},
 }
 MAY_HAVE = {"drift": {"way_m"}}
+MOTION = (SPEED_PARAMETER, COURSE_PARAMETER, WAY_PARAMETER, FOLLOW_PARAMETER)
 
 
 @record
@@ -58,15 +61,21 @@ class PageControl:
             "release": dialect.MAV_CMD_NAV_GUIDED_ENABLE,
         }.get(self.action)
 
-    @property
-    def settings(self) -> tuple[tuple[str, float], ...]:
-        """What it sets of the daemon's parameters, in turn: of a motion the speed, which starts it, comes last."""
+    def settings(self, before: Mapping[str, float]) -> tuple[tuple[str, float], ...]:
+        """What it sets of the daemon's parameters, in turn. `before`: those of MOTION that are in force.
+
+        Of a motion the speed, which starts it, comes last; but first where the station moves on a course already, for
+        of these it is the speed that may be refused, and then that course and its way stand.
+        """
         if self.chosen is not None:
             parameter, words = CHOICES[self.action]
             return ((parameter, float(words.index(self.chosen))),)
         if self.velocity is not None:
             speed_mps, course_deg = self.velocity
-            return ((COURSE_PARAMETER, course_deg), (WAY_PARAMETER, self.way_m), (SPEED_PARAMETER, speed_mps))
+            speed = (SPEED_PARAMETER, speed_mps)
+            rest = ((COURSE_PARAMETER, course_deg), (WAY_PARAMETER, self.way_m))
+            on_course = before.get(SPEED_PARAMETER, 0.0) > 0.0 and not before.get(FOLLOW_PARAMETER, 0.0)
+            return (speed, *rest) if on_course else (*rest, speed)
         if self.leader is not None:
             return ((FOLLOW_PARAMETER, float(self.leader)),)
         return ((SPEED_PARAMETER, 0.0),) if self.action == "stay" else ()
@@ -127,7 +136,8 @@ def read_control(body: Any) -> PageControl:
         way_m = values.get("way_m", 0.0)
         if not 0.0 <= way_m <= MOST_M:
             raise ValueError(f"way_m must be 0, for no end, or at most {MOST_M:g}")
-        return PageControl(action=action, velocity=(values["speed_mps"], values["course_deg"] % 360.0), way_m=way_m)
+        course_deg = _on_link(values["course_deg"]) % 360.0
+        return PageControl(action=action, velocity=(values["speed_mps"], course_deg), way_m=way_m)
     if action == "follow":
         most = COURSE_PARAMETERS[FOLLOW_PARAMETER]
         if values["system_id"] != round(values["system_id"]) or not 1 <= values["system_id"] <= most:
@@ -136,20 +146,23 @@ def read_control(body: Any) -> PageControl:
     return PageControl(action=action)
 
 
-def encode_control(control: PageControl, config: AutopilotLinkConfig) -> tuple[bytes, ...]:
-    """The frames that ask the daemon for it, each to be sent once the one before is granted."""
-    if control.settings:
-        return tuple(encode_parameter(config, name, value) for name, value in control.settings)
+def encode_control(control: PageControl, config: AutopilotLinkConfig) -> bytes:
+    """The frame that asks the daemon for it, where it sets no parameters."""
     match control.action:
         case "hold":
-            return (encode_hold(config, None, None, None),)
+            return encode_hold(config, None, None, None)
         case "neutral":
-            return (encode_neutral(config),)
+            return encode_neutral(config)
         case "release":
-            return (encode_release(config),)
+            return encode_release(config)
         case _:
             psi_rad = None if control.heading_deg is None else math.radians(control.heading_deg)
-            return (encode_move(config, control.place_m, psi_rad),)
+            return encode_move(config, control.place_m, psi_rad)
+
+
+def _on_link(value: float) -> float:
+    """As a float of the link has it: 359.999999 is 360 there."""
+    return float(struct.unpack("<f", struct.pack("<f", value))[0])
 
 
 def _number(body: dict[str, Any], name: str) -> float:

@@ -12,8 +12,9 @@ from functools import partial
 from asvhil.config import Config
 from asvhil.config.link_spec import parse_spec
 from asvhil.config.ports import OPERATOR
-from asvhil.dashboard.controls import CHOICES, PageControl, encode_control
+from asvhil.dashboard.controls import CHOICES, MOTION, PageControl, encode_control
 from asvhil.dashboard.picture import BoatPicture
+from asvhil.dashboard.turns import Answer, Turns
 from asvhil.errors import LinkError
 from asvhil.io.mavlink.frames import decode, dialect, renumbered, source
 from asvhil.io.mavlink.signature_filter import SignatureFilter
@@ -21,7 +22,7 @@ from asvhil.io.mavlink.texts import TextReader
 from asvhil.links.in_thread import open_in_thread
 from asvhil.links.link import why
 from asvhil.links.operator_client import KINDS, called, with_key
-from asvhil.operator.encoding import encode_parameter_question, encode_question
+from asvhil.operator.encoding import encode_parameter, encode_parameter_question, encode_question
 from asvhil.types import Frame
 
 PERIOD_S = 0.2
@@ -35,7 +36,11 @@ RARELY_ASKED = (
 )
 AGAIN_S = 0.3
 ANSWER_S = 2.0
-GRANTED, NO_ANSWER = "granted", "no answer from the daemon"
+SHOWN_S = 0.5  # a set-point that is granted shows within it
+SETTING = {*CHOICES, "drift", "stay", "follow"}  # what sets parameters of the daemon
+STOPPING = ("neutral", "release")  # what comes before all that was asked for earlier
+GRANTED, NO_ANSWER = "granted", "no answer yet: it may still be done"
+UNCHANGED = "no answer from the daemon: nothing has changed"
 REFUSAL_S = 5.5  # the daemon repeats the same refusal of a set-point no more often
 
 
@@ -63,7 +68,8 @@ class DaemonClient:
         self._texts = TextReader()
         self._acks: dict[int, asyncio.Future[int]] = {}
         self._refusal: tuple[float, str] = (-REFUSAL_S, "")
-        self._turn = asyncio.Lock()
+        self._refused: tuple[float, PageControl, str] | None = None  # the last set-point that was, when and why
+        self._turns = Turns()
 
     async def run(self) -> None:
         """Ask and listen until cancelled; a daemon that is gone may come back."""
@@ -86,30 +92,78 @@ class DaemonClient:
                     await asyncio.gather(asking, return_exceptions=True)
             await asyncio.sleep(PERIOD_S)
 
-    async def ask(self, control: PageControl) -> tuple[bool, str]:
-        """Whether the daemon has granted a control, and its words. One at a time."""
-        async with self._turn:
-            return await self._ask(control)
+    async def ask(self, control: PageControl) -> Answer:
+        """Whether the daemon has granted a control, and its words. One at a time; neutral and release come first."""
+        overtaking = control.action if control.action in STOPPING else ""
+        return await self._turns.take(partial(self._ask, control), overtaking)
 
-    async def _ask(self, control: PageControl) -> tuple[bool, str]:
-        frames = [renumbered(data, self._next_number()) for data in encode_control(control, self._config)]
+    async def _ask(self, control: PageControl) -> Answer:
         if control.mav_cmd is not None:
-            return await self._command(control.mav_cmd, *frames)
-        if not control.settings:
-            return await self._until_shown(frames[0], partial(self._is_shown, control))
-        for (name, value), data in zip(control.settings, frames, strict=True):
-            is_set = partial(self._picture.tells_setting, name, value)
-            granted, words = await self._until_shown(data, is_set)
-            if not granted:
+            granted, words = await self._command(control.mav_cmd, self._numbered(encode_control(control, self._config)))
+        elif control.action in SETTING:
+            granted, words = await self._set(control)
+        else:
+            granted, words = await self._set_point(control, self._numbered(encode_control(control, self._config)))
+        if granted:
+            self._refused = None
+        return granted, words
+
+    async def _set(self, control: PageControl) -> Answer:
+        """Set parameters, each once the one before is granted: all of them, or none."""
+        before: dict[str, float] = {}
+        if control.velocity is not None:
+            before = await self._in_force(MOTION)
+            if len(before) < len(MOTION):
+                return False, UNCHANGED
+        done: list[str] = []
+        for name, value in control.settings(before):
+            granted, words = await self._set_one(name, value)
+            if words == NO_ANSWER:  # what is not known to be refused may be done, and then needs the rest
                 return False, words
+            if not granted:
+                return False, words + await self._put_back(done, before)
+            done.append(name)
         return True, GRANTED
+
+    async def _set_one(self, name: str, value: float) -> Answer:
+        data = self._numbered(encode_parameter(self._config, name, value))
+        return await self._until_shown(data, partial(self._picture.tells_setting, name, value))
+
+    async def _put_back(self, names: list[str], before: dict[str, float]) -> str:
+        """Set parameters to what they were, the last one first; what has to be said of those that are not."""
+        standing = [name for name in reversed(names) if not (await self._set_one(name, before[name]))[0]]
+        return f"; set all the same: {', '.join(standing)}" if standing else ""
+
+    async def _in_force(self, names: tuple[str, ...]) -> dict[str, float]:
+        """The values of parameters, as far as the daemon tells them in time."""
+        began_s, told = self._clock(), dict[str, float]()
+        while len(told) < len(names) and self._clock() < began_s + ANSWER_S:
+            for name in names:
+                self._send(self._numbered(encode_parameter_question(self._config, name)))
+            await asyncio.sleep(AGAIN_S)
+            values = {name: self._picture.setting(name, began_s) for name in names}
+            told = {name: value for name, value in values.items() if value is not None}
+        return told
+
+    async def _set_point(self, control: PageControl, data: bytes) -> Answer:
+        """Send a set-point. The daemon does not say again why it refuses one, so the words heard last are kept."""
+        began_s = self._clock()
+        before = ""
+        if self._refused is not None and self._refused[1] == control and began_s - self._refused[0] < REFUSAL_S:
+            before = self._refused[2]
+        granted, words = await self._until_shown(data, partial(self._is_shown, control), before)
+        if self._words(began_s):
+            self._refused = self._refusal[0], control, words
+        elif not granted and words == NO_ANSWER and not self._picture.is_stale(self._clock()):
+            words = self._words(began_s - REFUSAL_S) or words
+        return granted, words
 
     def _is_shown(self, control: PageControl, since_s: float) -> bool:
         """Whether the station is what was asked for at a time, or has gone on from there."""
         way_m = self._picture.station_mps * (self._clock() - since_s + AGAIN_S)
         return control.is_shown_by(self._picture.station_m, way_m)
 
-    async def _command(self, mav_cmd: int, data: bytes) -> tuple[bool, str]:
+    async def _command(self, mav_cmd: int, data: bytes) -> Answer:
         """Send a command until it is acknowledged."""
         began_s = self._clock()
         granted = self._acks[mav_cmd] = asyncio.get_running_loop().create_future()
@@ -123,17 +177,24 @@ class DaemonClient:
             self._acks.pop(mav_cmd, None)
         return False, NO_ANSWER
 
-    async def _until_shown(self, data: bytes, is_shown: Callable[[float], bool]) -> tuple[bool, str]:
-        """Send what has no acknowledgement until it shows, in what was told since a time of day, or is refused."""
+    async def _until_shown(self, data: bytes, is_shown: Callable[[float], bool], before: str = "") -> Answer:
+        """Send what has no acknowledgement until it shows, in what was told since a time of day, or is refused.
+
+        A refusal comes first: what was asked for may show because it was so already. `before`: why the same was
+        refused a moment ago; so it still is where nothing shows.
+        """
         began_s = self._clock()
         while self._clock() < began_s + ANSWER_S:
             self._send(data)
             await asyncio.sleep(AGAIN_S)
+            words = self._words(began_s)
+            if words:
+                return False, words
             if is_shown(began_s):
                 return True, GRANTED
-            if self._refusal[0] >= began_s:
-                return False, self._refusal[1]
-        return False, self._words(began_s - REFUSAL_S) or NO_ANSWER
+            if before and self._clock() >= began_s + SHOWN_S and not self._picture.is_stale(self._clock()):
+                return False, before
+        return False, NO_ANSWER
 
     def _words(self, since_s: float) -> str:
         return self._refusal[1] if self._refusal[0] >= since_s else ""
@@ -143,10 +204,10 @@ class DaemonClient:
         count = 0
         while True:
             for msg_id in (ARRAYS, *(RARELY_ASKED if count % SELDOM == 0 else ())):
-                self._send(renumbered(encode_question(self._config, msg_id), self._next_number()))
+                self._send(self._numbered(encode_question(self._config, msg_id)))
             if count % SELDOM == 1:
                 for name, _ in CHOICES.values():
-                    self._send(renumbered(encode_parameter_question(self._config, name), self._next_number()))
+                    self._send(self._numbered(encode_parameter_question(self._config, name)))
             count += 1
             await asyncio.sleep(PERIOD_S)
 
@@ -185,9 +246,10 @@ class DaemonClient:
             waiting.set_result(int(message.result))
         self._picture.receive(now_s, message)
 
-    def _next_number(self) -> int:
+    def _numbered(self, data: bytes) -> bytes:
+        """A frame with a number of its own, by which the daemon knows a new request from one that comes again."""
         self._number += 1
-        return self._number
+        return renumbered(data, self._number)
 
     def _send(self, data: bytes) -> None:
         """At once, or not at all: what is lost is asked for again."""

@@ -86,8 +86,13 @@ class BoatPicture:
 
     def tells_setting(self, name: str, value: float, since_s: float) -> bool:
         """Whether the daemon has told since then that a parameter has a value, as exactly as a float of the link."""
+        told = self.setting(name, since_s)
+        return told is not None and math.isclose(told, value, rel_tol=1e-5, abs_tol=1e-6)
+
+    def setting(self, name: str, since_s: float) -> float | None:
+        """A parameter of the daemon, if it was told since then."""
         told_s, told = self._settings.get(name, (-math.inf, math.nan))
-        return told_s >= since_s and math.isclose(told, value, rel_tol=1e-5, abs_tol=1e-6)
+        return told if told_s >= since_s else None
 
     def is_note(self, text: str) -> bool:
         """Whether a text is about a note that stands."""

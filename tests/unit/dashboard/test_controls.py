@@ -7,28 +7,19 @@ from typing import Any
 
 import pytest
 
-from asvhil.dashboard.controls import PageControl, encode_control, read_control
-from asvhil.io.mavlink.frames import decode
+from asvhil.dashboard.controls import encode_control, read_control
 from asvhil.types import Frame, HoldCommand, MoveCommand, NeutralCommand, ReleaseCommand
 from tests.support.operator_bench import CONFIG, Bench
 
 
 def asked(body: Any) -> Any:
     """What the daemon takes a control for."""
-    (data,) = encode_control(read_control(body), CONFIG)
+    data = encode_control(read_control(body), CONFIG)
     (request,) = Bench().link.receive(Frame(t_ns=1, port="operator", data=data, peer="page:1"))
     return request.command
 
 
-def settings_of(control: PageControl) -> list[tuple[str, float]]:
-    """The parameters that a control's frames set, in turn; `settings` says the same."""
-    found = []
-    for data in encode_control(control, CONFIG):
-        message = decode(data)
-        assert message is not None and message.get_type() == "PARAM_SET"
-        found.append((message.param_id, message.param_value))
-    assert found == list(control.settings)
-    return found
+REST = {"ST_SPEED": 0.0, "ST_COURSE": 10.0, "ST_WAY": 0.0, "ST_FOLLOW": 0.0}
 
 
 def test_each_control_is_what_it_says() -> None:
@@ -53,21 +44,35 @@ def test_each_control_is_what_it_says() -> None:
 def test_a_choice_sets_the_parameter_of_the_daemon(action: str, parameter: str, words: tuple[str, ...]) -> None:
     for place, word in enumerate(words):
         control = read_control({"action": action, action: word})
-        assert settings_of(control) == [(parameter, place)] and control.mav_cmd is None
+        assert control.settings({}) == ((parameter, place),) and control.mav_cmd is None
         assert control.describe() == f"{action} {word}"
 
 
 def test_a_motion_sets_the_parameters_that_the_command_sets_and_the_speed_last() -> None:
     drift = read_control({"action": "drift", "speed_mps": 0.25, "course_deg": 360})
-    assert settings_of(drift) == [("ST_COURSE", 0.0), ("ST_WAY", 0.0), ("ST_SPEED", 0.25)]
+    assert drift.settings(REST) == (("ST_COURSE", 0.0), ("ST_WAY", 0.0), ("ST_SPEED", 0.25))
     assert drift.mav_cmd is None and drift.describe() == "drift 0.25 m/s toward 0 deg"
     ends = read_control({"action": "drift", "speed_mps": 0.25, "course_deg": 90, "way_m": 40})
-    assert settings_of(ends) == [("ST_COURSE", 90.0), ("ST_WAY", 40.0), ("ST_SPEED", 0.25)]
+    assert ends.settings(REST) == (("ST_COURSE", 90.0), ("ST_WAY", 40.0), ("ST_SPEED", 0.25))
     assert ends.describe() == "drift 0.25 m/s toward 90 deg for 40 m"
     follow = read_control({"action": "follow", "system_id": 42})
-    assert settings_of(follow) == [("ST_FOLLOW", 42.0)] and follow.describe() == "follow system 42"
+    assert follow.settings({}) == (("ST_FOLLOW", 42.0),) and follow.describe() == "follow system 42"
     stay = read_control({"action": "stay"})
-    assert settings_of(stay) == [("ST_SPEED", 0.0)] and stay.describe() == "stay"
+    assert stay.settings({}) == (("ST_SPEED", 0.0),) and stay.describe() == "stay"
+
+
+def test_the_speed_which_may_be_refused_comes_first_where_the_station_moves_on_a_course() -> None:
+    drift = read_control({"action": "drift", "speed_mps": 5, "course_deg": 90})
+    first = [
+        drift.settings(REST | changes)[0][0] for changes in ({"ST_SPEED": 0.2}, {"ST_SPEED": 0.2, "ST_FOLLOW": 42})
+    ]
+    assert first == ["ST_SPEED", "ST_COURSE"], "a leader's course is not that of the parameter"
+
+
+@pytest.mark.parametrize("course_deg", [359.999999, 360.0, 0.0])
+def test_a_course_is_one_that_a_float_of_the_link_tells_and_that_the_daemon_tells_back(course_deg: float) -> None:
+    drift = read_control({"action": "drift", "speed_mps": 0.25, "course_deg": course_deg})
+    assert drift.velocity == (0.25, 0.0)
 
 
 @pytest.mark.parametrize(

@@ -99,7 +99,7 @@ async def test_with_the_token_nonsense_is_told_and_a_daemon_that_is_not_there(
     async with session.post(served.make_url("/control"), data=b"x" * 100_000, headers=WITH_TOKEN) as answer:
         assert answer.status == 413
     status, said = await ask(session, served, WITH_TOKEN, action="neutral")
-    assert (status, said) == (409, {"granted": False, "words": "no answer from the daemon"})
+    assert (status, said) == (409, {"granted": False, "words": "no answer yet: it may still be done"})
 
 
 async def test_the_page_is_whole_and_takes_nothing_from_elsewhere(session: ClientSession, served: TestServer) -> None:
