@@ -172,7 +172,11 @@ class DaemonClient:
                 self._send(data)
                 with contextlib.suppress(TimeoutError):
                     result = await asyncio.wait_for(asyncio.shield(granted), AGAIN_S)
-                    return result == 0, GRANTED if result == 0 else self._words(began_s) or f"MAV_RESULT {result}"
+                    if result == 0:
+                        return True, GRANTED
+                    if not self._words(began_s):  # a network has put them after the acknowledgement
+                        await asyncio.sleep(AGAIN_S)
+                    return False, self._words(began_s) or f"MAV_RESULT {result}"
         finally:
             self._acks.pop(mav_cmd, None)
         return False, NO_ANSWER
@@ -237,6 +241,7 @@ class DaemonClient:
         if message is None:
             return
         kind, now_s = message.get_type(), self._clock()
+        self._picture.receive(now_s, message)
         if kind == "STATUSTEXT":
             text = self._texts.receive(message)
             warns = message.severity <= dialect.MAV_SEVERITY_WARNING
@@ -244,7 +249,6 @@ class DaemonClient:
                 self._refusal = now_s, text
         elif kind == "COMMAND_ACK" and (waiting := self._acks.get(message.command)) is not None and not waiting.done():
             waiting.set_result(int(message.result))
-        self._picture.receive(now_s, message)
 
     def _numbered(self, data: bytes) -> bytes:
         """A frame with a number of its own, by which the daemon knows a new request from one that comes again."""

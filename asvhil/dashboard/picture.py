@@ -8,6 +8,7 @@ from collections import deque
 from typing import Any
 
 from asvhil.dashboard.controls import CHOICES
+from asvhil.dashboard.note_subjects import NoteSubjects
 from asvhil.geo import LocalFrame
 from asvhil.io.mavlink.frames import dialect
 from asvhil.io.mavlink.texts import TextReader
@@ -15,7 +16,6 @@ from asvhil.links.operator_listener import STATES, computer_status
 from asvhil.operator.remarks import OVER
 from asvhil.operator.reports import PHASES
 from asvhil.operator.state_arrays import PLAN_ID, STATE_ID, read_plan, read_state
-from asvhil.supervisor.reasons import Reason, describe, explain
 
 STALE_S = 0.6  # since the last answer: three questions in vain, and shown well within a second
 NOTE_S = 4.0  # a note that is no longer among the answers is gone
@@ -24,8 +24,6 @@ HISTORY_ROWS = 900
 EVENTS = 200
 WORDS = ("mode", "sources")
 HISTORY_FIELDS = ("n_m", "e_m", "distance_m", "heading_error_deg", "port", "starboard")
-# What looks like a note, and is the answer to a request.
-ANSWERS = {describe(explain(reason)) for reason in (Reason.NO_STATION_HELD, Reason.NOTHING_TO_STOP)}
 Json = dict[str, Any]
 
 
@@ -49,6 +47,7 @@ class BoatPicture:
         self._choices: dict[str, str | None] = dict.fromkeys(CHOICES)
         self._settings: dict[str, tuple[float, float]] = {}  # the daemon's parameters: when they were told, value
         self._words: dict[str, str] = {}
+        self._subjects = NoteSubjects()
         self._notes: dict[str, tuple[str, bool, float]] = {}  # subject: text, ok, when it was heard last
         self._events: deque[Json] = deque(maxlen=EVENTS)
         self._event_number = 0
@@ -59,6 +58,8 @@ class BoatPicture:
 
     def receive(self, t_s: float, message: Any) -> None:
         """Take in a message."""
+        if message.get_type() != "STATUSTEXT":
+            self._subjects.end_list()
         match message.get_type():
             case "DEBUG_FLOAT_ARRAY" if message.array_id == STATE_ID:
                 self._on_state(t_s, message)
@@ -81,6 +82,7 @@ class BoatPicture:
                         self._choices[action] = words[int(message.param_value)]
             case "STATUSTEXT":
                 text = self._texts.receive(message)
+                self._subjects.hear(t_s, text)
                 if text is not None:
                     self._on_text(t_s, text, ok=message.severity >= dialect.MAV_SEVERITY_NOTICE)
 
@@ -95,8 +97,8 @@ class BoatPicture:
         return told if told_s >= since_s else None
 
     def is_note(self, text: str) -> bool:
-        """Whether a text is about a note that stands."""
-        return text.partition(": ")[0] in self._notes
+        """Whether a text is a note, and not the answer to a request."""
+        return self._subjects.has(text)
 
     def note_trouble(self, text: str) -> None:
         """Why the daemon is not heard, as far as the link tells."""
@@ -122,9 +124,7 @@ class BoatPicture:
     def _on_text(self, t_s: float, text: str, *, ok: bool) -> None:
         """SUBJECT: TEXT, as an answer or because something has changed; or a text without a subject."""
         subject, separator, rest = text.partition(": ")
-        if text in ANSWERS:
-            self._tell(t_s, text, ok=ok)
-        elif separator and subject in [phase.value for phase in PHASES]:
+        if separator and subject in [phase.value for phase in PHASES]:
             if (self._phase, self._reason) != (subject, rest):
                 self._tell(t_s, text, ok=subject != "failsafe")
             self._phase, self._reason = subject, rest
@@ -135,13 +135,18 @@ class BoatPicture:
         elif separator and rest in OVER:
             self._notes.pop(subject, None)
             self._tell(t_s, text, ok=True)
-        elif separator:
+        elif self.is_note(text):
             before = self._notes.get(subject)
             self._notes[subject] = rest, ok, t_s
-            if not ok and (before is None or before[1] or _shape(before[0]) != _shape(rest)):
+            is_news = not ok and (before is None or before[1] or _shape(before[0]) != _shape(rest))
+            if is_news and not self._has_told(t_s, text):
                 self._tell(t_s, text, ok=False)
         else:
             self._tell(t_s, text, ok=ok)
+
+    def _has_told(self, t_s: float, text: str) -> bool:
+        """Whether a text is among the latest events, as the first word of a new note is."""
+        return any(event["text"] == text and t_s - event["t"] < NOTE_S for event in self._events)
 
     def _tell(self, t_s: float, text: str, *, ok: bool) -> None:
         self._event_number += 1

@@ -140,3 +140,13 @@ async def test_what_cannot_be_put_back_is_told(bench: ClientBench) -> None:
 
     bench.daemon.answers = answers
     assert await bench.ask(**DRIFT) == (False, "no; set all the same: ST_WAY, ST_COURSE")
+
+
+async def test_a_refused_hold_is_told_in_the_daemons_words_each_time_also_where_they_come_late(
+    bench: ClientBench,
+) -> None:
+    words = "not armed: neutral is sent for 30 s, arm it in MANUAL and hold again"
+    refused = [bench.daemon.ack(HOLD, 1)]
+    for answer in (bench.daemon.warning(words) + refused, refused + bench.daemon.warning(words)):
+        bench.daemon.answers = lambda message, answer=answer: answer
+        assert await bench.ask(action="hold") == (False, words)

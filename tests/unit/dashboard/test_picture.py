@@ -46,6 +46,11 @@ class PictureBench:
     def say(self, text: str, severity: int = NOTICE, after_s: float = 0.2) -> None:
         self.hear(*self._texts.messages(severity, text), after_s=after_s)
 
+    def list_notes(self, *notes: tuple[str, int], mode: str = "MANUAL, armed") -> None:
+        """The daemon's answer to the question of texts, of one tick."""
+        texts = ("standby: waiting for a hold command", NOTICE), (f"mode: {mode}", INFO), *notes
+        self.hear(*(message for text, severity in texts for message in self._texts.messages(severity, text)))
+
     def live(self) -> dict[str, Any]:
         """As the page gets it: through JSON, which knows no NaN."""
         return dict(json.loads(json.dumps(self.picture.live(self.t_s), allow_nan=False)))
@@ -84,13 +89,36 @@ def test_a_setting_is_told_from_when_it_was_asked_for_on() -> None:
     assert not bench.picture.tells_setting("ST_COURSE", 0.3, told_s)
 
 
-def test_a_refusal_with_a_colon_is_no_note() -> None:
+@pytest.mark.parametrize(
+    "refusal",
+    [
+        "no station is held: send a hold command first",
+        "not armed: neutral is sent for 30 s, arm it in MANUAL and hold again",
+        "the heading follows the weather (bow): choose the policy fixed first",
+        "too slow: RC_CHANNELS, less than a third of 10 Hz",
+        "reversed output: port",
+        "SERVO1_FUNCTION is 74: it must be 73",
+    ],
+)
+def test_a_refusal_with_a_colon_is_no_note_however_often_it_is_heard(refusal: str) -> None:
     bench = PictureBench()
+    bench.list_notes(("links: autopilot up", NOTICE), ("outputs: reversed output: port", WARNING))
     for _ in range(2):
-        bench.say("no station is held: send a hold command first", WARNING)
-        assert not bench.picture.is_note("no station is held: send a hold command first")
-    assert bench.live()["notes"] == []
-    assert bench.events() == ["no station is held: send a hold command first"] * 2
+        bench.say(refusal, WARNING)
+        assert not bench.picture.is_note(refusal)
+    assert [note["subject"] for note in bench.live()["notes"]] == ["links", "outputs"]
+    assert bench.events()[-2:] == [refusal] * 2
+
+
+def test_a_refusal_that_is_heard_with_the_notes_or_after_another_message_is_none_of_them() -> None:
+    bench = PictureBench()
+    refusal = "not armed: neutral is sent for 30 s, arm it in MANUAL and hold again"
+    bench.list_notes(("links: autopilot up", NOTICE), (refusal, WARNING))
+    bench.list_notes(("links: autopilot up", NOTICE))
+    bench.hear(*state_arrays(0, HELD), after_s=0.0)
+    bench.say("SERVO1_FUNCTION is 74: it must be 73", WARNING, after_s=0.0)
+    assert [note["subject"] for note in bench.live()["notes"]] == ["links"]
+    assert not bench.picture.is_note(refusal)
 
 
 def test_before_anything_is_heard_it_says_so() -> None:
@@ -141,12 +169,10 @@ def test_a_plan_that_is_no_longer_told_and_a_station_that_is_let_go_are_gone() -
 def test_words_are_phase_mode_notes_and_events() -> None:
     bench = PictureBench()
     bench.hear(*state_arrays(0, HELD))
+    sources = "sources: position autopilot.GPS_RAW_INT, wind not heard, and some more that makes it long"
+    bench.say("gyro: silent", WARNING)  # as soon as it is so
     for _ in range(3):  # answers, once a second
-        bench.say("standby: waiting for a hold command")
-        bench.say("mode: MANUAL, armed", INFO)
-        bench.say("sources: position autopilot.GPS_RAW_INT, wind not heard, and some more that makes it long", INFO)
-        bench.say("outputs: follow the commands")
-        bench.say("gyro: silent", WARNING)
+        bench.list_notes((sources, INFO), ("outputs: follow the commands", NOTICE), ("gyro: silent", WARNING))
     bench.say("hold: holding")
     bench.say("vehicle is not armed", WARNING)
     bench.hear(*state_arrays(0, HELD))
@@ -157,7 +183,7 @@ def test_words_are_phase_mode_notes_and_events() -> None:
         {"subject": "outputs", "text": "follow the commands", "ok": True},
         {"subject": "gyro", "text": "silent", "ok": False},
     ]
-    told = ["the daemon answers", "standby: waiting for a hold command", "gyro: silent", "hold: holding"]
+    told = ["the daemon answers", "gyro: silent", "standby: waiting for a hold command", "hold: holding"]
     assert bench.events() == [*told, "vehicle is not armed"], "each once, however often it is answered"
     assert bench.picture.is_note("gyro: silent") and not bench.picture.is_note("vehicle is not armed")
     bench.say("gyro: recovered")
@@ -168,8 +194,8 @@ def test_a_note_that_is_answered_no_more_is_gone_and_one_with_other_numbers_is_n
     bench = PictureBench()
     for metres in (1.5, 2.5, 13.25):
         bench.hear(*state_arrays(0, HELD))
-        bench.say(f"gnss position: jumped by {metres} m", WARNING)
-    assert bench.events().count("gnss position: jumped by 1.5 m") == 1 and len(bench.events()) == 2
+        bench.list_notes((f"gnss position: jumped by {metres} m", WARNING))
+    assert bench.events().count("gnss position: jumped by 1.5 m") == 1 and len(bench.events()) == 3
     for _ in range(round(NOTE_S / 0.2) + 1):
         bench.hear(*state_arrays(0, HELD))
     assert bench.live()["notes"] == []
