@@ -183,7 +183,7 @@ class Operations:
     def _boat(self, situation: Situation, decision: Decision, readings: Readings) -> BoatState:
         status, frame = situation.status, situation.frame
         known: dict[str, Any] = {}
-        if status is not None:
+        if status is not None and decision.link_ok:  # the last word of an autopilot that is silent is no state
             known = {"armed": status.armed, "fix": status.fix, "satellites": status.satellites}
             known |= {"battery_v": status.battery_v, "battery_percent": status.battery_percent, "mode": status.mode}
         return BoatState(

@@ -10,9 +10,10 @@ import pytest
 from asvhil.config import load_config
 from asvhil.geo import LocalFrame
 from asvhil.io.mavlink.frames import FrameSplitter, decode, dialect
-from asvhil.operator.encoding import encode_hold, encode_release
+from asvhil.operator.encoding import encode_hold, encode_question, encode_release
 from asvhil.operator.operations import Operations
 from asvhil.operator.session import OperatorSession
+from asvhil.operator.state_arrays import read_state
 from asvhil.operator.station_parameters import (
     COURSE_PARAMETERS,
     PLACE_PARAMETERS,
@@ -35,6 +36,7 @@ from asvhil.types import (
     ReleaseCommand,
     Station,
 )
+from tests.support.supervisor_bench import status
 
 CONFIG = load_config("sitl", ("controller.name=loiter",))
 LINK = CONFIG.links.autopilot
@@ -85,15 +87,23 @@ class Bench:
     def set(self, name: str, value: float) -> None:
         self.receive(dialect.MAVLink_param_set_message(1, 191, name.encode(), value, 9))
 
-    def tick(self, *answers: Explanation | None, begun: bool = False) -> tuple[list[Request], list[Any]]:
+    def tick(
+        self, *answers: Explanation | None, begun: bool = False, link_ok: bool = True
+    ) -> tuple[list[Request], list[Any]]:
         """The requests of a tick, and what is sent once they are decided so."""
         self.t_ns += 50_000_000
         requests = self.operations.take_requests()
         decision = Decision(
-            phase=Phase.HOLD, why=explain(Reason.HOLDING), station=STATION, point=STATION, answers=answers, begun=begun
+            phase=Phase.HOLD,
+            why=explain(Reason.HOLDING),
+            station=STATION,
+            point=STATION,
+            answers=answers,
+            begun=begun,
+            link_ok=link_ok,
         )
         self.operations.answer(self.t_ns, decision)
-        situation = Situation(t_ns=self.t_ns, frame=FRAME)
+        situation = Situation(t_ns=self.t_ns, frame=FRAME, status=status(battery_v=12.5, fix=3))
         frames = self.operations.data_to_send(situation, decision, None, (), ())
         sent = [decode(data) for frame in frames for data in FrameSplitter().receive(frame.data)]
         return requests, [m for m in sent if m is not None]
@@ -101,6 +111,22 @@ class Bench:
 
 def of_kind(sent: list[Any], *kinds: str) -> list[Any]:
     return [m for m in sent if m.get_type() in kinds]
+
+
+def test_an_autopilot_that_is_heard_no_more_has_no_state() -> None:
+    bench = Bench()
+
+    def asked(*, link_ok: bool) -> tuple[dict[str, float | None], list[str]]:
+        for msg_id in (dialect.MAVLINK_MSG_ID_DEBUG_FLOAT_ARRAY, dialect.MAVLINK_MSG_ID_STATUSTEXT):
+            bench.receive(encode_question(LINK, msg_id))
+        sent = bench.tick(link_ok=link_ok)[1]
+        texts = [m.text for m in of_kind(sent, "STATUSTEXT") if m.text.startswith("mode: ")]
+        return read_state(of_kind(sent, "DEBUG_FLOAT_ARRAY")[0]), texts
+
+    state, texts = asked(link_ok=True)
+    assert (state["armed"], state["battery_v"], state["fix"], texts) == (1.0, 12.5, 3.0, ["mode: MANUAL, armed"])
+    state, texts = asked(link_ok=False)
+    assert (state["armed"], state["battery_v"], state["fix"], texts) == (None, None, None, ["mode: not known"])
 
 
 def test_each_request_gets_its_own_answer_in_turn() -> None:
