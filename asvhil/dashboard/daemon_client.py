@@ -23,6 +23,7 @@ from asvhil.links.in_thread import open_in_thread
 from asvhil.links.link import why
 from asvhil.links.operator_client import KINDS, called, with_key
 from asvhil.operator.encoding import encode_parameter, encode_parameter_question, encode_question
+from asvhil.operator.station_parameters import FOLLOW_PARAMETER
 from asvhil.types import Frame
 
 PERIOD_S = 0.2
@@ -102,10 +103,13 @@ class DaemonClient:
             granted, words = await self._command(control.mav_cmd, self._numbered(encode_control(control, self._config)))
         elif control.action in SETTING:
             granted, words = await self._set(control)
+        elif control.place_m is not None and self._picture.leader:
+            granted, words = False, f"the station follows system {self._picture.leader}: have it stay, then move it"
         else:
             granted, words = await self._set_point(control, self._numbered(encode_control(control, self._config)))
         if granted:
             self._refused = None
+            self._send(self._numbered(encode_parameter_question(self._config, FOLLOW_PARAMETER)))
         return granted, words
 
     async def _set(self, control: PageControl) -> Answer:
@@ -210,7 +214,7 @@ class DaemonClient:
             for msg_id in (ARRAYS, *(RARELY_ASKED if count % SELDOM == 0 else ())):
                 self._send(self._numbered(encode_question(self._config, msg_id)))
             if count % SELDOM == 1:
-                for name, _ in CHOICES.values():
+                for name in (*(name for name, _ in CHOICES.values()), FOLLOW_PARAMETER):
                     self._send(self._numbered(encode_parameter_question(self._config, name)))
             count += 1
             await asyncio.sleep(PERIOD_S)

@@ -16,13 +16,16 @@ from asvhil.links.operator_listener import STATES, computer_status
 from asvhil.operator.remarks import OVER
 from asvhil.operator.reports import PHASES
 from asvhil.operator.state_arrays import PLAN_ID, STATE_ID, read_plan, read_state
+from asvhil.operator.station_parameters import FOLLOW_PARAMETER
 
 STALE_S = 0.6  # since the last answer: three questions in vain, and shown well within a second
-NOTE_S = 4.0  # a note that is no longer among the answers is gone
+NOTE_S = 4.0  # a note, or anything else that is told once a second, is gone where it is told no more
+RESTART_S = 2.0  # of silence: no daemon starts again sooner, and what one before it told is not its own
 HISTORY_S = 1.0
 HISTORY_ROWS = 900
 EVENTS = 200
 WORDS = ("mode", "sources")
+ORIGIN_FIELDS = ("origin_lat_deg", "origin_lat_rest_deg", "origin_lon_deg", "origin_lon_rest_deg")
 HISTORY_FIELDS = ("n_m", "e_m", "distance_m", "heading_error_deg", "port", "starboard")
 Json = dict[str, Any]
 
@@ -43,14 +46,14 @@ class BoatPicture:
         self._plan: list[tuple[float, float, float]] = []
         self._plan_s = 0.0
         self._station_deg: Json | None = None
-        self._computer: Json | None = None
-        self._choices: dict[str, str | None] = dict.fromkeys(CHOICES)
         self._settings: dict[str, tuple[float, float]] = {}  # the daemon's parameters: when they were told, value
-        self._words: dict[str, str] = {}
+        self._told: dict[str, tuple[float, Any]] = {}  # what is told once a second, by name: when, and what
         self._subjects = NoteSubjects()
         self._notes: dict[str, tuple[str, bool, float]] = {}  # subject: text, ok, when it was heard last
         self._events: deque[Json] = deque(maxlen=EVENTS)
         self._event_number = 0
+        self._origin: tuple[float | None, ...] = ()
+        self._track = 0  # its number: each has an origin of its own
         self._history: deque[list[float | None]] = deque(maxlen=HISTORY_ROWS)
         self._was_stale = True
 
@@ -74,12 +77,14 @@ class BoatPicture:
             case "POSITION_TARGET_GLOBAL_INT":
                 self._station_deg = {"lat": message.lat_int * 1e-7, "lon": message.lon_int * 1e-7}
             case "ONBOARD_COMPUTER_STATUS":
-                self._computer = computer_status(message)
+                self._told["computer"] = t_s, computer_status(message)
             case "PARAM_VALUE":
                 self._settings[message.param_id] = t_s, message.param_value
                 for action, (name, words) in CHOICES.items():
                     if message.param_id == name and 0 <= message.param_value < len(words):
-                        self._choices[action] = words[int(message.param_value)]
+                        self._told[action] = t_s, words[int(message.param_value)]
+                if message.param_id == FOLLOW_PARAMETER and 0 <= message.param_value <= 255:
+                    self._told["leader"] = t_s, int(message.param_value)
             case "STATUSTEXT":
                 text = self._texts.receive(message)
                 self._subjects.hear(t_s, text)
@@ -109,8 +114,15 @@ class BoatPicture:
         self._tell(t_s, text, ok=ok)
 
     def _on_state(self, t_s: float, message: Any) -> None:
+        if self._heard_s is not None and t_s - self._heard_s > RESTART_S:
+            self._told.clear()
+            self._notes.clear()
         self._heard_s = t_s
         self._boat = read_state(message)
+        origin = tuple(self._boat.get(name) for name in ORIGIN_FIELDS)
+        if None not in origin and origin != self._origin:
+            self._history.clear()  # in metres from another place
+            self._track, self._origin = self._track + 1, origin
         if self._was_stale:
             self._tell(t_s, "the daemon answers", ok=True)
             self._was_stale = False
@@ -129,9 +141,9 @@ class BoatPicture:
                 self._tell(t_s, text, ok=subject != "failsafe")
             self._phase, self._reason = subject, rest
         elif separator and subject in WORDS:
-            if subject == "mode" and self._words.get(subject) not in (None, rest):
+            if subject == "mode" and self._last_told(subject) not in (None, rest):
                 self._tell(t_s, f"the autopilot's {text}", ok=True)
-            self._words[subject] = rest
+            self._told[subject] = t_s, rest
         elif separator and rest in OVER:
             self._notes.pop(subject, None)
             self._tell(t_s, text, ok=True)
@@ -169,7 +181,16 @@ class BoatPicture:
     @property
     def choices(self) -> Json:
         """The words of CHOICES that are in force; None where the daemon has no such choice, or has not told."""
-        return dict(self._choices)
+        return {name: self._last_told(name) for name in CHOICES}
+
+    @property
+    def leader(self) -> int:
+        """The system id of the vehicle that the station follows; 0 for none."""
+        return self._last_told("leader") or 0
+
+    def _last_told(self, name: str) -> Any:
+        """What was told of a name; None where it was not, or not lately."""
+        return self._told.get(name, (0.0, None))[1]
 
     def is_stale(self, t_s: float) -> bool:
         """Whether what is shown is older than it may be."""
@@ -181,7 +202,9 @@ class BoatPicture:
         if stale and not self._was_stale:
             self._tell(t_s, "the daemon does not answer", ok=False)
             self._was_stale = True
-        self._notes = {subject: note for subject, note in self._notes.items() if stale or t_s - note[2] < NOTE_S}
+        if not stale:
+            self._notes = {subject: note for subject, note in self._notes.items() if t_s - note[2] < NOTE_S}
+            self._told = {name: told for name, told in self._told.items() if t_s - told[0] < NOTE_S}
         age_s = None if self._heard_s is None else round(t_s - self._heard_s, 2)
         return {
             "kind": "live",
@@ -192,13 +215,15 @@ class BoatPicture:
             "phase": self._phase,
             "state": self._state,
             "reason": self._reason,
-            **{name: self._words.get(name, "") for name in WORDS},
+            **{name: self._last_told(name) or "" for name in WORDS},
             "boat": {name: _short(value) for name, value in self._boat.items()},
             "plan": [[_short(value) for value in row] for row in self._plan],
             "station_deg": self._station_deg,
             "fence_m": self._fence_m(),
-            "computer": self._computer,
+            "computer": self._last_told("computer"),
             "choices": self.choices,
+            "leader": self.leader,
+            "track": self._track,
             "notes": [{"subject": s, "text": text, "ok": ok} for s, (text, ok, _) in self._notes.items()],
             "events": [event for event in self._events if event["id"] > after_event],
         }
@@ -212,8 +237,7 @@ class BoatPicture:
 
     def _fence_m(self) -> list[list[float]]:
         """Corners in the local frame; none until it is known where that is."""
-        parts = [self._boat.get(f"origin_{name}_deg") for name in ("lat", "lat_rest", "lon", "lon_rest")]
-        lat, lat_rest, lon, lon_rest = parts
+        lat, lat_rest, lon, lon_rest = (self._boat.get(name) for name in ORIGIN_FIELDS)
         if not self._fence_deg or lat is None or lat_rest is None or lon is None or lon_rest is None:
             return []
         frame = LocalFrame(lat_deg=lat + lat_rest, lon_deg=lon + lon_rest)
@@ -226,7 +250,8 @@ class BoatPicture:
 
     def history(self) -> Json:
         """What a page that has just been opened has missed."""
-        return {"kind": "history", "fields": ["t", *HISTORY_FIELDS], "rows": list(self._history)}
+        fields = ["t", *HISTORY_FIELDS]
+        return {"kind": "history", "track": self._track, "fields": fields, "rows": list(self._history)}
 
 
 def _short(value: float | None) -> float | None:

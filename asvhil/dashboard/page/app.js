@@ -23,6 +23,7 @@ let latest = null;
 let latestMs = 0;
 let rows = [];
 let lastPhase = null;
+let track = 0;
 
 // Without the sign of a zero.
 const digitsOf = (value, digits) => value.toFixed(digits).replace(/^-(0(?:\.0*)?)$/, "$1");
@@ -37,11 +38,14 @@ function take(message) {
     controls.show();
   } else if (message.kind === "history") {
     rows = message.rows.map((row) => Object.fromEntries(message.fields.map((name, i) => [name, row[i]])));
+    track = message.track;
     $("events").replaceChildren();
   } else if (message.kind === "live") {
     latest = controls.live = message;
     latestMs = performance.now();
     const boat = message.boat;
+    if (message.track !== track) rows = []; // in metres from another place
+    track = message.track;
     const last = rows.length ? rows[rows.length - 1].t : 0;
     if (!message.stale && boat.n_m !== undefined && message.t - last >= 1) {
       rows.push({ t: message.t, n_m: boat.n_m, e_m: boat.e_m, distance_m: boat.distance_m, heading_error_deg: boat.heading_error_deg });
@@ -67,7 +71,7 @@ function draw() {
   $("heading-error").textContent = show(boat.heading_error_deg, 1, "°");
   if (facts && boat.n_m !== undefined) {
     map.draw(latest, rows.filter((row) => row.n_m !== null), facts);
-    $("scale").textContent = map.scale ?? "";
+    $("scale").textContent = map.last ? map.scale : "";
     motors.draw(boat, facts);
   }
   distance.draw(t, rows.map((row) => ({ t: row.t, value: row.distance_m })));

@@ -12,7 +12,11 @@ export class Controls {
     this.facts = null;
     this.live = null;
     this.token = this.take();
-    this.neutralUntil = 0;
+    this.neutralTimer = null; // runs while the next press sends
+    window.addEventListener("hashchange", () => {
+      this.token = this.take();
+      this.show();
+    });
     $("token-form").addEventListener("submit", (event) => {
       event.preventDefault();
       this.token = $("token").value.trim();
@@ -86,6 +90,10 @@ export class Controls {
       this.say(this.open ? "No station is held: hold first, then move it." : "Locked: the station is moved with the token.", false);
       return false;
     }
+    if (this.live.leader) {
+      this.say(`The station follows system ${this.live.leader}: have it stay, then move it.`, false);
+      return false;
+    }
     const away = Math.hypot(n - boat.n_m, e - boat.e_m);
     const far = this.facts.farthest_m;
     const warn = away > far ? ` That is beyond the ${far} m of the config, and will be refused.` : "";
@@ -100,17 +108,17 @@ export class Controls {
 
   // An emergency has no time for a dialog: pressed twice.
   neutral() {
-    if (Date.now() < this.neutralUntil) {
+    if (this.neutralTimer !== null) {
       this.settle();
       return this.send({ action: "neutral" });
     }
-    this.neutralUntil = Date.now() + AGAIN_MS;
     $("neutral").textContent = "Press again: neutral";
-    setTimeout(() => this.settle(), AGAIN_MS);
+    this.neutralTimer = setTimeout(() => this.settle(), AGAIN_MS);
   }
 
   settle() {
-    this.neutralUntil = 0;
+    clearTimeout(this.neutralTimer);
+    this.neutralTimer = null;
     $("neutral").textContent = "Neutral now";
   }
 

@@ -78,7 +78,8 @@ export class BoatMap {
 
   draw(live, track, facts) {
     const boat = live.boat;
-    if (boat.n_m === undefined || boat.n_m === null || !facts) return;
+    if (boat.n_m === undefined || !facts) return;
+    if (boat.n_m === null) return this.drawNothing();
     Object.assign(this, { last: live, track, facts });
     const held = boat.station_n_m !== null;
     this.centre = this.anchor();
@@ -97,7 +98,7 @@ export class BoatMap {
     if (live.plan.length) {
       d.node("plan", "polyline", { class: "plan", points: points(live.plan.map(([n, e]) => [x(e), y(n)])) });
     }
-    this.boat(d, x(boat.e_m), y(boat.n_m), k, boat.heading_deg, facts);
+    this.boat(d, x(boat.e_m), y(boat.n_m), k, boat, facts);
     this.wind(d, boat);
     if (this.cursor) {
       const [cx, cy] = [x(this.cursor[1]), y(this.cursor[0])];
@@ -146,11 +147,13 @@ export class BoatMap {
     d.node("movingtext", "text", { x: sx + right * (long + 6), y: sy + down * (long + 12) + 4, "text-anchor": anchor }, `${speed.toFixed(2)} m/s`);
   }
 
-  boat(d, bx, by, k, heading, facts) {
+  // Hollow where the estimate is not valid: it may be elsewhere.
+  boat(d, bx, by, k, boat, facts) {
     const long = Math.max(facts.length_m * k, 22) / 2;
     const wide = Math.max(facts.width_m * k, 11) / 2;
     const shape = `M0 ${-long}L${wide} ${-long * 0.3}L${wide} ${long}L0 ${long * 0.75}L${-wide} ${long}L${-wide} ${-long * 0.3}Z`;
-    d.node("boat", "path", { class: "boat", d: shape, transform: `translate(${bx.toFixed(1)} ${by.toFixed(1)}) rotate(${(heading ?? 0).toFixed(1)})` });
+    const kind = boat.estimate_ok === 1 ? "boat" : "boat unsure";
+    d.node("boat", "path", { class: kind, d: shape, transform: `translate(${bx.toFixed(1)} ${by.toFixed(1)}) rotate(${(boat.heading_deg ?? 0).toFixed(1)})` });
   }
 
   // In the corner, pointing where the air goes; the thin arrow goes as far as gusts of two standard deviations.
@@ -166,11 +169,25 @@ export class BoatMap {
     d.node("windtext", "text", { x: 46, y: 98, "text-anchor": "middle" }, `wind ${speed.toFixed(1)} m/s`);
   }
 
+  // Neither the boat nor the place of anything else is known.
+  drawNothing() {
+    this.last = null;
+    this.cursor = null;
+    this.drawing.begin(SIZE, SIZE);
+    this.drawing.node("unknown", "text", { x: SIZE / 2, y: SIZE / 2, "text-anchor": "middle" }, "position not known");
+    this.drawing.end();
+    this.label("Map: position not known.");
+  }
+
   describe(boat, held, distance) {
     const where = held ? `${distance.toFixed(1)} m from the station` : "no station is held";
     const { speed, toward } = velocityOf(boat);
     const moves = speed ? ` The station moves at ${speed.toFixed(2)} m/s toward ${Math.round(toward) % 360} degrees.` : "";
-    const text = `Map, north up: the boat heads ${Math.round(boat.heading_deg ?? 0)} degrees, ${where}.${moves}`;
+    const unsure = boat.estimate_ok === 1 ? "" : " Position and heading are not valid.";
+    this.label(`Map, north up: the boat heads ${Math.round(boat.heading_deg ?? 0)} degrees, ${where}.${unsure}${moves}`);
+  }
+
+  label(text) {
     if (this.picture.getAttribute("aria-label") !== text) this.picture.setAttribute("aria-label", text);
   }
 }

@@ -150,3 +150,15 @@ async def test_a_refused_hold_is_told_in_the_daemons_words_each_time_also_where_
     for answer in (bench.daemon.warning(words) + refused, refused + bench.daemon.warning(words)):
         bench.daemon.answers = lambda message, answer=answer: answer
         assert await bench.ask(action="hold") == (False, words)
+
+
+async def test_a_place_is_refused_in_words_while_the_station_follows_a_leader(bench: ClientBench) -> None:
+    bench.daemon.parameters = AT_REST | {"ST_FOLLOW": 42.0}
+    assert await bench.ask(action="follow", system_id=42) == (True, "granted")
+    assert await bench.ask(**MOVE) == (False, "the station follows system 42: have it stay, then move it")
+    bench.daemon.answers = lambda message: []
+    bench.daemon.parameters["ST_FOLLOW"] = 0.0
+    assert await bench.ask(action="stay") == (True, "granted")
+    await asyncio.sleep(daemon_client.AGAIN_S)
+    await bench.ask(**MOVE)
+    assert bench.daemon.heard[-1] == "SET_POSITION_TARGET_LOCAL_NED"

@@ -5,13 +5,15 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 import pytest
 
 from asvhil.config import load_config
+from asvhil.daemon.computer import ComputerStatus
 from asvhil.dashboard.boat_facts import boat_facts
-from asvhil.dashboard.picture import HISTORY_ROWS, NOTE_S, STALE_S, BoatPicture
+from asvhil.dashboard.picture import HISTORY_ROWS, NOTE_S, RESTART_S, STALE_S, BoatPicture
 from asvhil.io.mavlink.frames import decode, dialect
 from asvhil.io.mavlink.texts import Texts
 from asvhil.operator.state_arrays import BoatState, state_arrays
@@ -57,6 +59,14 @@ class PictureBench:
 
     def events(self) -> list[str]:
         return [event["text"] for event in self.live()["events"]]
+
+
+def computer() -> Any:
+    return decode(ComputerStatus(load_config("sitl").links.autopilot, Path("/")).encode())
+
+
+def parameters(**values: float) -> list[Any]:
+    return [dialect.MAVLink_param_value_message(name.encode(), value, 9, 40, 3) for name, value in values.items()]
 
 
 def heartbeat(phase: int, state: int) -> Any:
@@ -218,6 +228,42 @@ def test_history_has_a_row_a_second_and_an_end() -> None:
     for _ in range(HISTORY_ROWS + 50):
         bench.hear(*state_arrays(0, HELD), after_s=1.0)
     assert len(bench.picture.history()["rows"]) == HISTORY_ROWS
+
+
+def test_what_a_daemon_before_it_told_is_not_told_of_one_that_has_started_again() -> None:
+    bench = PictureBench()
+    bench.hear(*state_arrays(0, HELD), computer(), *parameters(MPC_EFFORT=2.0, ST_FOLLOW=42.0))
+    bench.list_notes(("gyro: silent", WARNING))
+    live = bench.live()
+    assert (live["choices"]["effort"], live["leader"], live["mode"]) == ("gentle", 42, "MANUAL, armed")
+    assert live["computer"] is not None and len(live["notes"]) == 1
+    bench.t_s += RESTART_S
+    assert bench.live()["choices"]["effort"] == "gentle" and bench.live()["stale"], "old, and told to be"
+    bench.hear(*state_arrays(0, BoatState()))
+    live = bench.live()
+    assert (live["choices"]["effort"], live["leader"], live["mode"]) == (None, 0, "")
+    assert live["computer"] is None and live["notes"] == []
+
+
+def test_what_is_told_no_more_is_gone_while_the_daemon_is_heard() -> None:
+    bench = PictureBench()
+    bench.hear(*state_arrays(0, HELD), computer(), *parameters(MPC_EFFORT=2.0, ST_FOLLOW=float("nan")))
+    for _ in range(round(NOTE_S / 0.2) - 1):
+        bench.hear(*state_arrays(0, HELD))
+        assert bench.live()["choices"]["effort"] == "gentle"
+    bench.hear(*state_arrays(0, HELD), after_s=0.5)
+    assert bench.live()["choices"]["effort"] is None and bench.live()["computer"] is None
+
+
+def test_the_track_begins_anew_where_metres_are_from_another_place() -> None:
+    bench = PictureBench()
+    bench.hear(*state_arrays(0, HELD))
+    bench.hear(*state_arrays(0, BoatState()), after_s=1.0)  # one that has no position yet
+    first = bench.picture.history()
+    assert len(first["rows"]) == 2 and first["track"] == bench.live()["track"]
+    bench.hear(*state_arrays(0, replace(HELD, origin_deg=(40.0004, -86.0))), after_s=1.0)
+    again = bench.picture.history()
+    assert len(again["rows"]) == 1 and again["track"] == bench.live()["track"] != first["track"]
 
 
 def test_events_after_a_number_alone_are_told() -> None:

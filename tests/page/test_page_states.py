@@ -1,0 +1,162 @@
+"""The page in headless Chromium at a picture of the daemon that a test makes up: no boat, and no waiting."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import shutil
+import threading
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
+
+import pytest
+from aiohttp import web
+
+from asvhil.config import load_config
+from asvhil.dashboard.access import PageAccess
+from asvhil.dashboard.daemon_client import DaemonClient
+from asvhil.dashboard.picture import BoatPicture
+from asvhil.dashboard.server import PageServer
+from asvhil.io.mavlink.frames import decode, dialect
+from asvhil.operator.state_arrays import BoatState, state_arrays
+from asvhil.types import Station
+from tests.support.page_bench import CHROMIUM, browser, wait_for_text
+from tests.support.ports import free_port
+from tests.support.supervisor_bench import ESTIMATE
+
+pytestmark = [
+    pytest.mark.real_time,
+    pytest.mark.skipif(not shutil.which(CHROMIUM), reason="not installed: chromium (tests/page/install-tools.sh)"),
+]
+TOKEN = "0123456789abcdef"
+DAEMON = dialect.MAVLink(None, srcSystem=1, srcComponent=191)
+STATION = Station(n_m=4.0, e_m=-2.0, psi_rad=0.5)
+HELD = BoatState(estimate=ESTIMATE, station=STATION, point=STATION, armed=True, origin_deg=(40.0, -86.0))
+
+
+class ShownPage:
+    """An open page, what its server takes for the daemon's state, and the controls that it has sent."""
+
+    def __init__(self, page: Any, address: str, picture: BoatPicture) -> None:
+        self.page, self.address, self._picture = page, address, picture
+        self.sent: list[str] = []
+        page.route("**/control", self._answer)
+
+    def _answer(self, route: Any) -> None:
+        self.sent.append(route.request.post_data)
+        route.fulfill(json={"granted": True, "words": "granted"})
+
+    def tell(self, state: BoatState, ago_s: float = 0.0, **parameters: float) -> None:
+        rows = [dialect.MAVLink_param_value_message(n.encode(), value, 9, 40, 3) for n, value in parameters.items()]
+        for message in (*rows, *state_arrays(0, state)):
+            self._picture.receive(time.time() - ago_s, decode(bytes(message.pack(DAEMON))))
+
+    def label(self) -> str:
+        return str(self.page.get_attribute("#map-picture", "aria-label"))
+
+
+@contextlib.contextmanager
+def served() -> Iterator[tuple[str, BoatPicture]]:
+    """A page's server on a thread of its own, at a port where no daemon is."""
+    config = load_config("sitl", (f"links.operator.endpoint=udpin:127.0.0.1:{free_port()}",))
+    picture = BoatPicture()
+    server = PageServer(config, picture, DaemonClient(config, picture), PageAccess(TOKEN), time.time)
+    loop, addresses = asyncio.new_event_loop(), list[str]()
+    up = threading.Event()
+
+    async def begin() -> web.AppRunner:
+        runner = web.AppRunner(server.application(), shutdown_timeout=0.1)
+        await runner.setup()
+        await web.TCPSite(runner, "127.0.0.1", 0).start()
+        addresses.append(f"http://127.0.0.1:{runner.addresses[0][1]}/")
+        up.set()
+        return runner
+
+    def run() -> None:
+        runner = loop.run_until_complete(begin())
+        loop.run_forever()
+        loop.run_until_complete(runner.cleanup())
+        loop.close()
+
+    thread = threading.Thread(target=run)
+    thread.start()
+    try:
+        assert up.wait(10.0)
+        yield addresses[0], picture
+    finally:
+        loop.call_soon_threadsafe(loop.stop)
+        thread.join(10.0)
+
+
+@pytest.fixture
+def shown() -> Iterator[ShownPage]:
+    with served() as (address, picture), browser() as chromium:
+        shown = ShownPage(chromium.new_page(), address, picture)
+        yield shown
+
+
+def test_two_presses_of_neutral_within_its_time_always_send_it(shown: ShownPage) -> None:
+    page = shown.page
+    page.clock.install()
+    page.goto(f"{shown.address}#token={TOKEN}")
+    page.wait_for_selector("#neutral:not(:disabled)")
+    for wait_ms, sent in ((0, 0), (400, 1), (1600, 1), (1400, 2)):  # the first press is 3.4 s before the last
+        page.clock.run_for(wait_ms)
+        page.click("#neutral")
+        wait_for_text(lambda: len(shown.sent), str(sent).__eq__, 3.0)
+    page.click("#neutral")
+    page.clock.run_for(3100)
+    assert page.inner_text("#neutral") == "Neutral now"
+    page.click("#neutral")
+    assert len(shown.sent) == 2, "too late for a second press"
+
+
+def test_a_boat_that_may_be_elsewhere_is_hollow_and_one_of_which_nothing_is_known_is_not_drawn(
+    shown: ShownPage,
+) -> None:
+    page = shown.page
+    page.goto(shown.address)
+    shown.tell(HELD)
+    page.wait_for_selector(".boat:not(.unsure)")
+    shown.tell(replace(HELD, estimate=replace(ESTIMATE, valid=False)))
+    page.wait_for_selector(".boat.unsure")
+    assert "Position and heading are not valid." in shown.label()
+    shown.tell(BoatState())
+    wait_for_text(shown.label, "Map: position not known.".__eq__, 3.0)
+    assert page.locator(".boat").count() == 0 and "position not known" in page.text_content("#map-picture")
+
+
+def test_a_track_from_another_origin_is_dropped(shown: ShownPage) -> None:
+    page = shown.page
+    shown.tell(HELD, ago_s=1.5)
+    shown.tell(HELD)
+    page.goto(shown.address)
+    points = lambda: len((page.get_attribute(".track", "points") or "").split())  # noqa: E731
+    wait_for_text(points, "2".__eq__, 3.0)
+    shown.tell(replace(HELD, origin_deg=(40.0004, -86.0)))
+    wait_for_text(points, "1".__eq__, 3.0)
+
+
+def test_a_click_on_the_map_while_a_leader_is_followed_says_what_to_do_first(shown: ShownPage) -> None:
+    page = shown.page
+    page.goto(f"{shown.address}#token={TOKEN}")
+    shown.tell(HELD, ST_FOLLOW=42.0)
+    page.wait_for_selector(".station")
+    page.click("#map-picture", position={"x": 200, "y": 100})
+    assert page.inner_text("#answer") == "The station follows system 42: have it stay, then move it."
+    assert page.is_hidden("#confirm")
+    shown.tell(HELD, ST_FOLLOW=0.0)
+    page.wait_for_timeout(400)
+    page.click("#map-picture", position={"x": 200, "y": 100})
+    page.wait_for_selector("#confirm[open]")
+
+
+def test_the_token_of_an_address_counts_in_a_page_that_is_open_already(shown: ShownPage) -> None:
+    page = shown.page
+    page.goto(shown.address)
+    page.wait_for_selector("#token-form:not([hidden])")
+    page.goto(f"{shown.address}#token={TOKEN}")
+    page.wait_for_selector("#hold:not(:disabled)")
+    assert page.url == shown.address, "it does not stay in the address"
