@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import signal
-import time
 from pathlib import Path
 from typing import Annotated
 
@@ -28,7 +27,8 @@ def dashboard(
         list[str], typer.Option(metavar="NAME", help="A further name by which the page is called; repeatable.")
     ] = [],  # noqa: B006
     allow_origin: Annotated[
-        list[str], typer.Option(metavar="URL", help="A site whose pages may use the controls; repeatable.")
+        list[str],
+        typer.Option(metavar="URL", help="A site whose pages may look on, by WebSocket; without controls. Repeatable."),
     ] = [],  # noqa: B006
     set_: SetOption = [],  # noqa: B006
 ) -> None:
@@ -47,13 +47,14 @@ def dashboard(
     from asvhil.dashboard.daemon_client import DaemonClient
     from asvhil.dashboard.picture import BoatPicture
     from asvhil.dashboard.server import PageServer
+    from asvhil.dashboard.steady_clock import steady_s
     from asvhil.links.link import why
 
     settings = load_config(config, tuple(set_))
     token = None if read_only else new_token() if token_file is None else read_token(token_file)
     access = PageAccess(token, tuple(allow_host), tuple(allow_origin))
     picture = BoatPicture(settings.supervisor.geofence)
-    server = PageServer(settings, picture, DaemonClient(settings, picture), access, time.time)
+    server = PageServer(settings, picture, DaemonClient(settings, picture), access, steady_s)
 
     async def serve() -> None:
         runner = web.AppRunner(server.application(), access_log=None, shutdown_timeout=1.0)
@@ -62,8 +63,9 @@ def dashboard(
             site = web.TCPSite(runner, host, port)
             try:
                 await site.start()
-            except OSError as error:
-                raise LinkError(f"{host}:{port}: cannot listen there ({why(error)}); see --host and --port") from None
+            except (OSError, UnicodeError) as error:  # of a name, the latter: of too long a part
+                because = why(error) if isinstance(error, OSError) else "the name does not resolve"
+                raise LinkError(f"{host}:{port}: cannot listen there ({because}); see --host and --port") from None
             bound = runner.addresses[0][1]
             shown = "127.0.0.1" if host in ("0.0.0.0", "::") else f"[{host}]" if ":" in host else host
             secret = f"#token={token}" if token is not None and token_file is None else ""

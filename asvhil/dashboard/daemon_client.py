@@ -14,6 +14,7 @@ from asvhil.config.link_spec import parse_spec
 from asvhil.config.ports import OPERATOR
 from asvhil.dashboard.controls import CHOICES, MOTION, PageControl, encode_control
 from asvhil.dashboard.picture import BoatPicture
+from asvhil.dashboard.steady_clock import steady_s
 from asvhil.dashboard.turns import Answer, Turns
 from asvhil.errors import LinkError
 from asvhil.io.mavlink.frames import decode, dialect, renumbered, source
@@ -51,7 +52,7 @@ class DaemonClient:
     It sends no heartbeat: the daemon would take it for the pilot's ground station, and its end for that one's loss.
     """
 
-    def __init__(self, config: Config, picture: BoatPicture, clock: Callable[[], float] = time.time) -> None:
+    def __init__(self, config: Config, picture: BoatPicture, clock: Callable[[], float] = steady_s) -> None:
         """LinkError where the daemon listens nowhere, ConfigError where the key cannot be read."""
         link = config.links.operator
         self._config = config.links.autopilot

@@ -31,7 +31,7 @@ Json = dict[str, Any]
 
 
 class BoatPicture:
-    """`t_s` is the time of day throughout; `receive` takes decoded messages of the daemon's component."""
+    """`t_s` is of a clock that nobody sets, in seconds; `receive` takes decoded messages of the daemon's component."""
 
     def __init__(self, fence_deg: tuple[tuple[float, float], ...] = ()) -> None:
         """`fence_deg`: corners of the geofence, as in the config."""

@@ -18,9 +18,11 @@ from asvhil.dashboard.boat_facts import boat_facts
 from asvhil.dashboard.controls import read_control
 from asvhil.dashboard.daemon_client import PERIOD_S, DaemonClient
 from asvhil.dashboard.picture import BoatPicture
+from asvhil.dashboard.steady_clock import behind_s
 
 PAGE = Path(__file__).parent / "page"
 KINDS = {".html": "text/html", ".css": "text/css", ".js": "text/javascript", ".svg": "image/svg+xml"}
+FILES = {path.name for path in PAGE.iterdir() if path.suffix in KINDS}
 MOST_PAGES = 100
 MOST_BYTES = 4096  # of a control
 HEADERS = {
@@ -43,7 +45,7 @@ class OpenPage:
 
 
 class PageServer:
-    """The application for one daemon. `clock` tells the time of day in seconds."""
+    """The application for one daemon. `clock` tells seconds as `steady_s` does."""
 
     def __init__(
         self, config: Config, picture: BoatPicture, client: DaemonClient, access: PageAccess, clock: Callable[[], float]
@@ -89,9 +91,9 @@ class PageServer:
 
     async def _file(self, request: web.Request) -> web.StreamResponse:
         name = request.match_info.get("name", "index.html")
-        path = PAGE / name
-        if "/" in name or "\\" in name or path.suffix not in KINDS or not path.is_file():
+        if name not in FILES:
             return web.json_response({"error": "there is no such page"}, status=404)
+        path = PAGE / name
         return web.Response(body=path.read_bytes(), content_type=KINDS[path.suffix], charset="utf-8")
 
     async def _service(self, request: web.Request) -> web.StreamResponse:
@@ -132,7 +134,7 @@ class PageServer:
         await page.prepare(request)
         await page.send_str(self._facts)
         await page.send_str(json.dumps(self._picture.history()))
-        first = json.dumps(self._picture.live(self._clock()))
+        first = self._live_text(self._clock())
         told = self._picture.last_event
         await page.send_str(first)
         self._pages[page] = OpenPage(told)
@@ -146,6 +148,10 @@ class PageServer:
                 opened.sending.cancel()
         return page
 
+    def _live_text(self, now_s: float, after_event: int = 0) -> str:
+        """How it is now; with `behind_s` a page makes times of day of the events' seconds."""
+        return json.dumps({**self._picture.live(now_s, after_event), "behind_s": round(behind_s(), 2)})
+
     async def _tell_on(self) -> None:
         """The same text to every page, but to one that has not taken the last; that one gets missed events later."""
         while True:
@@ -156,7 +162,7 @@ class PageServer:
                 if opened.sending is not None and not opened.sending.done():
                     continue
                 if opened.told not in texts:
-                    texts[opened.told] = json.dumps(self._picture.live(now_s, opened.told))
+                    texts[opened.told] = self._live_text(now_s, opened.told)
                 opened.sending = asyncio.create_task(_send(page, texts[opened.told]))
                 opened.told = self._picture.last_event
             await asyncio.sleep(PERIOD_S)

@@ -33,6 +33,8 @@ _HINTS = {
 
 def why(exc: OSError) -> str:
     """An operating system error as a phrase: what it is, and what to check."""
+    if isinstance(exc, socket.gaierror):  # its number is none of the system's
+        return "the name does not resolve"
     if exc.errno is None:
         return " ".join(str(exc).split()) or type(exc).__name__
     hint = _HINTS.get(exc.errno)

@@ -6,7 +6,6 @@ import asyncio
 import contextlib
 import shutil
 import threading
-import time
 from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
@@ -19,6 +18,7 @@ from asvhil.dashboard.access import PageAccess
 from asvhil.dashboard.daemon_client import DaemonClient
 from asvhil.dashboard.picture import BoatPicture
 from asvhil.dashboard.server import PageServer
+from asvhil.dashboard.steady_clock import steady_s
 from asvhil.io.mavlink.frames import decode, dialect
 from asvhil.operator.state_arrays import BoatState, state_arrays
 from asvhil.types import Station
@@ -51,7 +51,7 @@ class ShownPage:
     def tell(self, state: BoatState, ago_s: float = 0.0, **parameters: float) -> None:
         rows = [dialect.MAVLink_param_value_message(n.encode(), value, 9, 40, 3) for n, value in parameters.items()]
         for message in (*rows, *state_arrays(0, state)):
-            self._picture.receive(time.time() - ago_s, decode(bytes(message.pack(DAEMON))))
+            self._picture.receive(steady_s() - ago_s, decode(bytes(message.pack(DAEMON))))
 
     def label(self) -> str:
         return str(self.page.get_attribute("#map-picture", "aria-label"))
@@ -62,7 +62,7 @@ def served() -> Iterator[tuple[str, BoatPicture]]:
     """A page's server on a thread of its own, at a port where no daemon is."""
     config = load_config("sitl", (f"links.operator.endpoint=udpin:127.0.0.1:{free_port()}",))
     picture = BoatPicture()
-    server = PageServer(config, picture, DaemonClient(config, picture), PageAccess(TOKEN), time.time)
+    server = PageServer(config, picture, DaemonClient(config, picture), PageAccess(TOKEN), steady_s)
     loop, addresses = asyncio.new_event_loop(), list[str]()
     up = threading.Event()
 

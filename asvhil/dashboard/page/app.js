@@ -167,7 +167,7 @@ function notes() {
 function tellEvent(event) {
   const item = document.createElement("li");
   const time = document.createElement("time");
-  time.textContent = new Date(event.t * 1000).toLocaleTimeString([], { hour12: false });
+  time.textContent = new Date((event.t + latest.behind_s) * 1000).toLocaleTimeString([], { hour12: false });
   item.append(time, event.text);
   if (!event.ok) {
     item.className = "wrong";

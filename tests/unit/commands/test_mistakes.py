@@ -55,6 +55,11 @@ WORDS = [
     (("hold", "--set", OTHER), "no answer; is `asvhil run` up"),
     (("release", "--set", "links.operator.endpoint=udpout:127.0.0.1:9"), "the daemon does not listen there"),
     (("status", "--set", OTHER), "no answer; is `asvhil run` up"),
+    (
+        ("dashboard", "--config", "sitl", "--host", "no-such-host.invalid"),
+        "cannot listen there (the name does not resolve)",
+    ),
+    (("dashboard", "--config", "sitl", "--host", "a" * 70), "cannot listen there (the name does not resolve)"),
     (("check", "sitl", "--fix"), "--fix needs a terminal to confirm; use --yes"),
     (("check", "sitl", "--yes"), "--yes goes with --fix"),
     (("collect", "--realtime", "--vehicle"), "--realtime is the simulated boat, --vehicle the real one"),

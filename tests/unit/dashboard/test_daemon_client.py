@@ -14,6 +14,7 @@ from asvhil.dashboard import daemon_client
 from asvhil.dashboard.controls import read_control
 from asvhil.dashboard.daemon_client import NO_ANSWER, DaemonClient
 from asvhil.dashboard.picture import BoatPicture
+from asvhil.dashboard.steady_clock import steady_s
 from asvhil.io.mavlink.frames import dialect
 from asvhil.operator.state_arrays import BoatState, state_arrays
 from tests.support.page_daemon import NEUTRAL, PageDaemon, page_daemon
@@ -59,7 +60,7 @@ async def bench(monkeypatch: pytest.MonkeyPatch) -> AsyncIterator[ClientBench]:
             while client._link is None:
                 await asyncio.sleep(0.005)
         for message in state_arrays(0, BoatState()):  # so that it is not taken for silent
-            picture.receive(time.time(), message)
+            picture.receive(steady_s(), message)
         yield ClientBench(daemon, client)
         running.cancel()
         await asyncio.gather(running, return_exceptions=True)

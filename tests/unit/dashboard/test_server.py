@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import time
 from collections.abc import AsyncIterator
 from typing import Any
 
@@ -16,6 +15,7 @@ from asvhil.dashboard.access import PageAccess
 from asvhil.dashboard.daemon_client import DaemonClient
 from asvhil.dashboard.picture import BoatPicture
 from asvhil.dashboard.server import PAGE, PageServer
+from asvhil.dashboard.steady_clock import steady_s
 from asvhil.errors import LinkError
 from tests.support.ports import free_port
 
@@ -24,12 +24,12 @@ TOKEN = "0123456789abcdef"
 WITH_TOKEN = {"Authorization": f"Bearer {TOKEN}"}
 
 
-def page_server(token: str | None) -> TestServer:
+def page_server(token: str | None, origins: tuple[str, ...] = ()) -> TestServer:
     """At an operator's port where no daemon is."""
     config = load_config("sitl", (f"links.operator.endpoint=udpin:127.0.0.1:{free_port()}",))
     picture = BoatPicture()
     client = DaemonClient(config, picture)
-    server = PageServer(config, picture, client, PageAccess(token), time.time)
+    server = PageServer(config, picture, client, PageAccess(token, origins=origins), steady_s)
     return TestServer(server.application(), host="127.0.0.1")
 
 
@@ -76,8 +76,9 @@ async def test_no_control_goes_by_the_websocket_with_or_without_a_token(
     url = served.make_url("/live")
     for headers in ({}, WITH_TOKEN):
         async with session.ws_connect(url, headers=headers) as page:
-            kinds = [(await page.receive_json())["kind"] for _ in range(3)]
-            assert kinds == ["boat", "history", "live"]
+            told = [await page.receive_json() for _ in range(3)]
+            assert [message["kind"] for message in told] == ["boat", "history", "live"]
+            assert told[2]["behind_s"] == pytest.approx(0.0, abs=0.5)
             await page.send_json({"action": "neutral", "token": TOKEN})
             while (said := await page.receive_json())["kind"] == "live":
                 pass
@@ -86,6 +87,16 @@ async def test_no_control_goes_by_the_websocket_with_or_without_a_token(
         with pytest.raises(WSServerHandshakeError) as refused:
             await session.ws_connect(url, headers=headers)
         assert refused.value.status == 403
+
+
+async def test_a_page_of_an_allowed_site_looks_on_and_no_browser_lets_it_control(session: ClientSession) -> None:
+    site = {"Origin": "http://cockpit.example"}
+    async with page_server(TOKEN, ("http://cockpit.example",)) as server:
+        async with session.ws_connect(server.make_url("/live"), headers=site) as page:
+            assert (await page.receive_json())["kind"] == "boat"
+        asks = site | {"Access-Control-Request-Method": "POST", "Access-Control-Request-Headers": "authorization"}
+        async with session.options(server.make_url("/control"), headers=asks) as answer:
+            assert answer.status == 405 and not [name for name in answer.headers if name.startswith("Access-Control")]
 
 
 async def test_with_the_token_nonsense_is_told_and_a_daemon_that_is_not_there(
@@ -112,7 +123,15 @@ async def test_the_page_is_whole_and_takes_nothing_from_elsewhere(session: Clien
             assert answer.status == 200, name
     scripts = "".join(path.read_text() for path in PAGE.glob("*.*"))
     assert not re.findall(r"""["'(]/[a-z]|https?://(?!www\.w3\.org/2000/svg)""", scripts)
-    for odd in ("/nowhere.js", "/..%2fserver.py", "/%2e%2e/server.py", "/server.py", "/page/"):
+    for odd in (
+        "/nowhere.js",
+        "/..%2fserver.py",
+        "/%2e%2e/server.py",
+        "/server.py",
+        "/page/",
+        f"/{'a' * 300}.js",
+        "/a%00.js",
+    ):
         async with session.get(served.make_url("/").join(served.make_url(odd))) as answer:
             assert answer.status == 404, odd
 
