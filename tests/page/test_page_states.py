@@ -113,6 +113,25 @@ def test_two_presses_of_neutral_within_its_time_always_send_it(shown: ShownPage)
     assert len(shown.sent) == 2, "too late for a second press"
 
 
+def test_neutral_ends_the_requests_that_wait(shown: ShownPage) -> None:
+    """A browser sends six at a time: the seventh, neutral, would not have left it."""
+    page, failed = shown.page, []
+    page.on("requestfailed", lambda request: failed.append(request.post_data))
+    page.goto(f"{shown.address}#token={TOKEN}")
+    page.wait_for_selector("#neutral:not(:disabled)")
+    page.unroute("**/control")
+    page.route(
+        "**/control", lambda route: "neutral" in route.request.post_data and route.fulfill(json={"words": "granted"})
+    )
+    for _ in range(3):
+        page.click("#hold")
+        page.click("#confirm-yes")
+    page.click("#neutral")
+    page.click("#neutral")
+    wait_for_text(lambda: page.inner_text("#answer"), "neutral: granted".__eq__, 3.0)
+    wait_for_text(lambda: len(failed), "3".__eq__, 3.0)
+
+
 def test_a_boat_that_may_be_elsewhere_is_hollow_and_one_of_which_nothing_is_known_is_not_drawn(
     shown: ShownPage,
 ) -> None:

@@ -1,5 +1,6 @@
 // What changes something on the boat: with a token, and after a second word.
 
+const STOPPING = ["neutral", "release"];
 const AGAIN_MS = 3000;
 const CHOICES = {
   policy: (words) => `Have the heading follow ${words}? The boat may turn.`,
@@ -13,6 +14,7 @@ export class Controls {
     this.live = null;
     this.token = this.take();
     this.neutralTimer = null; // runs while the next press sends
+    this.waiting = new Set(); // what ends each request that is under way
     window.addEventListener("hashchange", () => {
       this.token = this.take();
       this.show();
@@ -131,9 +133,14 @@ export class Controls {
 
   async send(body) {
     this.say(`${body.action}: asked …`, true);
+    // A browser sends some six requests at a time: what stops the motors must not wait for one of them.
+    if (STOPPING.includes(body.action)) for (const other of this.waiting) other.abort();
+    const end = new AbortController();
+    this.waiting.add(end);
     try {
       const answer = await fetch("control", {
         method: "POST",
+        signal: end.signal,
         headers: { "Content-Type": "application/json", Authorization: `Bearer ${this.token}` },
         body: JSON.stringify(body),
       });
@@ -145,7 +152,9 @@ export class Controls {
       }
       this.say(`${body.action}: ${said.words ?? said.error}`, answer.ok);
     } catch {
-      this.say(`${body.action}: the dashboard does not answer`, false);
+      if (!end.signal.aborted) this.say(`${body.action}: the dashboard does not answer`, false);
+    } finally {
+      this.waiting.delete(end);
     }
   }
 
