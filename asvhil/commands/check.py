@@ -69,10 +69,10 @@ def check(
         preflight = Preflight(settings, timeout, lambda survey: _advance(bar, task, survey))
         survey = preflight.survey
 
-        def choose(wrong: list[Finding]) -> bool:
+        async def choose(wrong: list[Finding]) -> bool:
             bar.stop()
             _show(console, settings, [*checks_of(survey), *own], all_)
-            return yes or _agreed(console, wrong)
+            return yes or await _agreed(console, wrong)
 
         written = asyncio.run(preflight.run(choose if fix else None))
         if settings.links.autopilot.output == "script":
@@ -101,10 +101,12 @@ def check(
         raise typer.Exit(1)
 
 
-def _agreed(console: Any, wrong: list[Finding]) -> bool:
+async def _agreed(console: Any, wrong: list[Finding]) -> bool:
+    from asvhil.commands.question import agreed
+
     for finding in wrong:
         say(console, f"  {finding.name}: {finding.value:g} -> {finding.wanted:g}")
-    return typer.confirm(f"Write {len(wrong)} parameters to the autopilot?")
+    return await agreed(f"Write {len(wrong)} parameters to the autopilot?")
 
 
 def _tell_written(console: Any, written: list[Finding], survey: Survey) -> None:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Coroutine
+from typing import Any
 
 from asvhil.autopilot.requirements import Finding
 from asvhil.config import Config
@@ -19,7 +20,7 @@ BROKEN_S = 2.0  # a link that cannot be opened is told after this
 FIX_S = 30.0
 BOOT_S = 60.0  # of an autopilot that sets itself up, beyond the wait for its first heartbeat
 
-Choose = Callable[[list[Finding]], bool]
+Choose = Callable[[list[Finding]], Coroutine[Any, Any, bool]]
 
 
 class Preflight:
@@ -40,17 +41,34 @@ class Preflight:
         Raises LinkError in one line where no autopilot is heard.
         """
         async with self._visit:
-            await self._until(lambda: self.survey.stage == "done", self._complain)
+            await self._until_done()
             wrong = self.survey.fixable
-            if choose is None or not wrong or not await asyncio.to_thread(choose, wrong):
-                return []
-            status = self.survey.status
-            if status is None or status.armed:
-                raise AsvhilError("the vehicle is armed: nothing was written; disarm it first")
-            self.survey.fix()
-            end_s = time.monotonic() + FIX_S
-            await self._until(lambda: not self.survey.fixing or time.monotonic() > end_s)
-            return wrong
+            write = choose is not None and bool(wrong) and await self._chosen(choose(wrong))
+            if write:
+                await self._write(wrong)
+            await self._until_done()  # an autopilot that has restarted since is looked at anew
+            return wrong if write else []
+
+    async def _chosen(self, answer: Coroutine[Any, Any, bool]) -> bool:
+        """The answer. The survey goes on meanwhile: a vehicle that is armed during the question is not written to."""
+        asked = asyncio.create_task(answer)
+        try:
+            await self._until(asked.done)
+        finally:
+            asked.cancel()
+        return await asked
+
+    async def _write(self, wrong: list[Finding]) -> None:
+        """Write these and wait until they are read back. Raises AsvhilError where the vehicle is armed."""
+        status = self.survey.status
+        if status is None or status.armed:
+            raise AsvhilError("the vehicle is armed: nothing was written; disarm it first")
+        self.survey.fix(wrong)
+        end_s = time.monotonic() + FIX_S
+        await self._until(lambda: not self.survey.fixing or time.monotonic() > end_s)
+
+    async def _until_done(self) -> None:
+        await self._until(lambda: self.survey.stage == "done", self._complain)
 
     async def _until(self, condition: Callable[[], bool], complain: Callable[[float], None] | None = None) -> None:
         start_s = time.monotonic()

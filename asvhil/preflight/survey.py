@@ -118,9 +118,9 @@ class Survey:
         out = [frame for frame in self.link.data_to_send(t_ns) if _may_be_said(frame.data)]
         return out + self._ask_version(t_ns) + self._firmware.data_to_send(t_ns)
 
-    def fix(self) -> list[Finding]:
-        """Have every wrong parameter written that has a value to be written; `fixing` until all were read back."""
-        wrong = self.fixable
+    def fix(self, chosen: list[Finding] | None = None) -> list[Finding]:
+        """Have all that is `fixable` written, or what was chosen of it; `fixing` until all were read back."""
+        wrong = self.fixable if chosen is None else chosen
         for finding in wrong:
             assert finding.wanted is not None
             self.link.parameters.write(finding.name, finding.wanted)

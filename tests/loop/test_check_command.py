@@ -1,9 +1,14 @@
 """`asvhil check` as it is run: a process against the simulated vehicle over UDP and a serial line, in real time."""
 
 import json
+import os
+import pty
+import select
+import signal
 import socket
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -43,6 +48,37 @@ def test_what_is_wrong_is_named_mended_and_passes_the_second_time(tmp_path: Path
         assert "SYSID_MYGCS: 255 -> 1, written, reads back 1" in mended.stdout
         again = check(where)
         assert again.returncode == 0 and " 0 fail" in again.stdout
+
+
+def at_a_terminal(where: Bench, typed: bytes) -> tuple[int, str]:
+    """Status and words of `check --fix` at a terminal of its own, with these keys at its question."""
+    words = [sys.executable, "-m", "asvhil", "check", "sitl", *where.sets, "--fix"]
+    pid, terminal = pty.fork()
+    if pid == 0:
+        os.execv(sys.executable, words)
+    said = b""
+    end_s = time.monotonic() + 40.0
+    while time.monotonic() < end_s:
+        if not select.select([terminal], [], [], 0.2)[0]:
+            continue
+        try:
+            said += os.read(terminal, 4096)
+        except OSError:  # its end is closed: the process is at its end
+            break
+        if typed and b"[y/N]" in said:
+            os.write(terminal, typed)
+            typed, end_s = b"", time.monotonic() + 15.0
+    else:
+        os.kill(pid, signal.SIGKILL)
+    status = os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1])
+    os.close(terminal)
+    return status, said.decode()
+
+
+def test_ctrl_c_at_the_question_ends_it_at_once_and_nothing_is_written(tmp_path: Path) -> None:
+    with bench(tmp_path, "plant.frontseat.parameters={RC3_DZ: 30}") as where, where.plant():
+        status, words = at_a_terminal(where, b"\x03")
+    assert status == 130 and "RC3_DZ: 30 -> 0" in words and "reads back" not in words, words
 
 
 def test_without_a_vehicle_it_ends_in_one_line() -> None:
