@@ -92,7 +92,7 @@ class Preflight:
         state = self._visit.states()[AUTOPILOT]
         if state not in ("up", "connecting") and waited_s > BROKEN_S:
             raise LinkError(f"{state}; is `asvhil run` using it? (links.autopilot.endpoint)")
-        stranger = self.survey.link.stranger
+        stranger = self.survey.stranger
         if stranger is not None:
             raise LinkError(f"{endpoint}: {describe(stranger)}")
         if waited_s < self._timeout_s:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter, deque
 from typing import Any
 
+from asvhil.autopilot.neighbours import FLOATS, kind_of
 from asvhil.autopilot.requirements import Finding
 from asvhil.autopilot.vehicle_status import BOOTING
 from asvhil.backseat.build import build_firmware_watch, build_link
@@ -14,6 +15,7 @@ from asvhil.io.mavlink.frames import Parser, decode, dialect, message_id
 from asvhil.io.sensors.decoder import Decoder
 from asvhil.io.sensors.sources import quantity_of
 from asvhil.preflight.lines import Diagnosis, SensorLine
+from asvhil.supervisor.reasons import Explanation, Reason, explain
 from asvhil.types import Frame, FrontseatStatus, Inputs, Measurement, Note, TimeOffset, record
 
 S = 1_000_000_000
@@ -75,7 +77,8 @@ class Survey:
         self.version_refused = False
         self._frames = 0
         self.bytes_heard = 0
-        self.heartbeat: Any | None = None
+        self.heartbeat: Any | None = None  # of the boat, the last
+        self.stranger: Explanation | None = None  # why what was heard in its place, at any time, is not our boat
         self.version: Any | None = None
         self.unix_ns: tuple[int, int] | None = None  # the autopilot's time of day, and ours when it came
         self.rc_channels: int | None = None
@@ -106,6 +109,7 @@ class Survey:
         self._t_ns = t_ns = inputs.t_ns
         for frame in inputs.frames:
             self._read(frame)
+        self.stranger = self.link.stranger or self.stranger
         if self.link.booting:
             self._heard_ns = self._count_ns = None  # also where it has been restarted meanwhile
         if self._heard_ns is not None and self._count_ns is None:
@@ -232,10 +236,19 @@ class Survey:
                 self.unix_ns = (message.time_unix_usec * 1000, frame.t_ns)
             elif msg_id == dialect.MAVLINK_MSG_ID_RC_CHANNELS:
                 self.rc_channels = message.chancount
-            elif msg_id == dialect.MAVLINK_MSG_ID_HEARTBEAT and self.link.autopilot_heartbeat_ns is not None:
-                self.heartbeat = message
-                if self._heard_ns is None and message.system_status not in BOOTING:
-                    self._heard_ns = frame.t_ns
+            elif msg_id == dialect.MAVLINK_MSG_ID_HEARTBEAT:
+                self._on_heartbeat(frame.t_ns, message)
+
+    def _on_heartbeat(self, t_ns: int, message: Any) -> None:
+        """One that has the autopilot's ids; whatever sends it."""
+        autopilot = message.autopilot != dialect.MAV_AUTOPILOT_INVALID
+        if not autopilot or message.type not in FLOATS:
+            kind = kind_of(message.type) or "generic"
+            self.stranger = explain(Reason.NOT_A_BOAT, kind=kind if autopilot else f"{kind}, no autopilot")
+            return
+        self.heartbeat = message
+        if self._heard_ns is None and message.system_status not in BOOTING:
+            self._heard_ns = t_ns
 
     def _note(self, name: str, measurement: Measurement) -> None:
         quantity = quantity_of(measurement)

@@ -27,7 +27,7 @@ def vehicle_checks(survey: Survey) -> list[Check]:
     found = f"{wanted if known else f'autopilot {beat.autopilot}'}, {kind}"
     todo = "" if known else f"links.autopilot.profile is {link.profile}"
     result = Result.PASS if known else Result.FAIL
-    stranger = survey.link.stranger
+    stranger = survey.stranger
     if stranger is not None:
         found, result, todo = describe(stranger), Result.FAIL, remedy(stranger.reason.value)
     checks = [Check(section="vehicle", item="heartbeat", result=result, found=found, wanted=wanted, todo=todo)]

@@ -215,6 +215,31 @@ def test_a_copter_is_refused_by_name() -> None:
     assert describe(dock.survey.link.stranger) == "this vehicle is no boat: quadrotor"
 
 
+@pytest.mark.parametrize(
+    ("kind", "make", "words"),
+    [
+        (dialect.MAV_TYPE_ONBOARD_CONTROLLER, 8, "onboard computer, no autopilot"),
+        (dialect.MAV_TYPE_QUADROTOR, 3, "quadrotor"),
+        (dialect.MAV_TYPE_GENERIC, 3, "generic"),
+        (dialect.MAV_TYPE_GCS, 8, "ground station, no autopilot"),
+        (dialect.MAV_TYPE_SURFACE_BOAT, 8, "surface boat, no autopilot"),
+    ],
+)
+@pytest.mark.parametrize("last", [True, False])
+def test_what_is_no_boat_and_has_its_ids_fails_whenever_it_was_heard(
+    kind: int, make: int, words: str, last: bool
+) -> None:
+    dock = Dock()
+    sent = dialect.MAVLink(None, srcSystem=1, srcComponent=1)
+    beat = bytes(dialect.MAVLink_heartbeat_message(kind, make, 0, 0, 4, 3).pack(sent))
+    dock.run(25.0 if last else 5.0)
+    dock.survey.step(Inputs(t_ns=dock.t_ns, frames=(Frame(t_ns=dock.t_ns, port="autopilot", data=beat),)))
+    dock.run(0.0 if last else 20.0)
+    check = of(checks_of(dock.survey), "heartbeat")
+    assert (check.result, check.found) == (Result.FAIL, f"this vehicle is no boat: {words}")
+    assert "no other vehicle has this one's system id" in check.todo
+
+
 def test_the_model_must_be_of_this_vehicle_and_step() -> None:
     model = of(computer_checks(load_config("sitl")), "model")
     assert model.result is Result.PASS and model.found == "wamv16-lagnet.npz, lagnet of wamv16"
