@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from asvhil.autopilot.requirements import Finding
 from asvhil.autopilot.wiring import MotorWiring
 from asvhil.config import MotorOutputConfig
 from asvhil.preflight.survey import Survey
@@ -25,10 +26,23 @@ def motor_text(survey: Survey, side: int) -> str:
     return f"output {wired.output}{sense}: {pulses}{stick}"
 
 
+def doubts_of_wiring(survey: Survey, side: int) -> list[Finding]:
+    """What speaks against the wiring that was found of a motor (0: port, 1: starboard), or has not answered."""
+    return [
+        finding
+        for finding in survey.findings
+        if finding.requirement.wiring and not finding.ok and finding.requirement.motor in ("", SIDES[side])
+    ]
+
+
 def yaml_to_pin(survey: Survey) -> str:
-    """The lines of YAML that hold this boat to the wiring that was found; empty where the config has them already."""
+    """The lines of YAML that hold this boat to the wiring that was found.
+
+    Empty where the config has them already, and where it is not certain that this is how the boat is wired.
+    """
     pwm, found = survey.config.vehicle.pwm, found_keys(survey)
-    if all(_is_pinned(config) for config in (pwm.port, pwm.starboard)) or survey.link.unread_wiring:
+    doubtful = survey.stranger is not None or any(doubts_of_wiring(survey, side) for side in range(len(SIDES)))
+    if doubtful or survey.link.unread_wiring or all(_is_pinned(config) for config in (pwm.port, pwm.starboard)):
         return ""
     rows = (
         f"    {side}: {{{', '.join(f'{key}: {value}' for key, value in keys.items())}}}\n"

@@ -116,8 +116,8 @@ class PilotWatch:
 
     def hidden(self, status: FrontseatStatus) -> int | None:
         """A channel whose movement is to end a hold, but that our commands hide: it moves a motor of this boat."""
-        watched = self._config.stick_channels if self._overrides_sticks else ()
-        return next((channel for channel in watched if channel in status.motor_channels), None)
+        hidden = hidden_sticks(self._config, status.motor_channels) if self._overrides_sticks else ()
+        return next(iter(hidden), None)
 
     def _rest_us(self, status: FrontseatStatus, channel: int) -> int | None:
         """Where a stick rests, None for a channel that is not watched."""
@@ -145,6 +145,11 @@ class PilotWatch:
             if pulses.t_ns <= told_ns - self._echo_ns:
                 break
         return found
+
+
+def hidden_sticks(config: SupervisorConfig, motor_channels: tuple[int, int]) -> tuple[int, ...]:
+    """The channels that are to end a hold, but that commands in the place of the sticks hide: they move a motor."""
+    return tuple(channel for channel in config.stick_channels if channel in motor_channels)
 
 
 def _channel(status: FrontseatStatus, channel: int) -> int:

@@ -3,7 +3,10 @@
 import pytest
 
 from asvhil.preflight.checks import checks_of
+from asvhil.preflight.parameter_checks import wiring_checks
 from asvhil.preflight.table import Result, folded, worst
+from asvhil.preflight.wiring import SIDES, yaml_to_pin
+from asvhil.supervisor.reasons import Reason, explain
 from tests.support.dock import Dock, bad, of
 from tests.support.parts import one_in
 
@@ -117,6 +120,9 @@ def test_wiring_that_leads_nowhere_is_told_and_never_written(config: str, name: 
     checks = dock.look()
     told = "RCMAP_THROTTLE" if name == "RCMAP_ROLL" else name  # the second of two that name one channel
     assert bad(checks)[told] is Result.FAIL and "never written" in of(checks, told).todo
+    motors = [of(checks, f"{side} motor") for side in SIDES]
+    assert any(motor.result is Result.FAIL and told in motor.todo for motor in motors)
+    assert yaml_to_pin(dock.survey) == ""
     assert dock.survey.fixable == [] and dock.survey.fix() == []
     dock.run(1.0)
     assert all(message.get_type() != "PARAM_SET" for message in dock.said)
@@ -138,6 +144,49 @@ def test_wiring_of_another_kind_is_followed_and_never_written(config: str, param
     dock = Dock(f"plant.frontseat.parameters={{{wired}}}", config=config)
     assert bad(dock.look()) == {}
     assert dock.survey.fixable == [] and dock.survey.fix() == []
+    assert yaml_to_pin(dock.survey).startswith("vehicle:\n  pwm:\n    port: {output: ")
+
+
+def test_of_two_motors_that_is_wired_right_passes_and_neither_is_pinned() -> None:
+    dock = Dock("plant.frontseat.parameters={SERVO5_FUNCTION: 73}")
+    checks = dock.look()
+    assert bad(checks) == {"port motor": Result.FAIL, "SERVO5_FUNCTION": Result.FAIL}
+    assert yaml_to_pin(dock.survey) == ""
+
+
+def test_the_wiring_of_another_vehicle_is_not_pinned() -> None:
+    dock = Dock()
+    dock.look()
+    dock.survey.stranger = explain(Reason.TWO_VEHICLES, system=1)
+    assert {check.result for check in wiring_checks(dock.survey)[:2]} == {Result.FAIL}
+    assert yaml_to_pin(dock.survey) == ""
+
+
+@pytest.mark.parametrize("output", ["rc_override", "manual_control"])
+@pytest.mark.parametrize(
+    ("setting", "found", "ways_out"),
+    [
+        ("plant.frontseat.parameters={RCMAP_ROLL: 2}", "2, 4: channel 2 moves the port motor", "RCMAP_ROLL"),
+        (
+            "supervisor.stick_channels=[3, 1]",
+            "3, 1: channel 3 moves the starboard motor, channel 1 moves the port motor",
+            "RCMAP_THROTTLE and RCMAP_ROLL",
+        ),
+    ],
+)
+def test_a_stick_that_is_to_end_a_hold_and_moves_a_motor_fails(
+    output: str, setting: str, found: str, ways_out: str
+) -> None:
+    checks = Dock(setting, f"links.autopilot.output={output}").look()
+    check = of(checks, "stick channels")
+    assert bad(checks) == {"stick channels": Result.FAIL}
+    assert check.section == "wiring" and check.found == found
+    assert f"change {ways_out} on the boat, or name others in supervisor.stick_channels" in check.todo
+
+
+def test_sticks_that_nothing_hides_may_move_motors() -> None:
+    free = ("links.autopilot.output=set_servo", "supervisor.stick_channels=[1, 3]")
+    assert not [check for check in Dock(*free).look() if check.item == "stick channels"]
 
 
 @pytest.mark.parametrize(
