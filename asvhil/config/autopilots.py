@@ -120,3 +120,11 @@ def outputs_of(autopilot: AutopilotKind) -> tuple[str, ...]:
     """The ways to the motors of an autopilot, the default first."""
     others = (kind.name for kind in OUTPUTS if autopilot.name in kind.profiles)
     return (*autopilot.outputs, *(name for name in others if name not in autopilot.outputs))
+
+
+def needed_mode(autopilot: AutopilotKind, way: OutputKind) -> str:
+    """The only mode in which motors obey a way to them; empty where they do in any.
+
+    What takes the place of the sticks moves a motor each only where the sticks do: other modes steer by them.
+    """
+    return way.control_mode or (autopilot.control_mode if way.overrides_sticks else "")

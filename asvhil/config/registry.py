@@ -193,10 +193,14 @@ class AutopilotKind(Kind):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OutputKind(Kind):
-    """A way to the motors (`links.autopilot.output`): `build(link, pwm, wiring)` makes an `Output`."""
+    """A way to the motors (`links.autopilot.output`): `build(link, pwm, wiring)` makes an `Output`.
+
+    Motors obey one that overrides sticks in the profile's control mode alone, and any other in every mode, unless
+    `control_mode` names one.
+    """
 
     overrides_sticks: bool = False  # takes the place of the pilot's sticks, and shows as such in RC_CHANNELS
-    control_mode: str = ""  # in which the motors obey it, where that is not the profile's
+    control_mode: str = ""  # in which alone the motors obey it, where that is not the profile's
     profiles: tuple[str, ...] = ()  # autopilots that have it, beside those that name it themselves
 
 

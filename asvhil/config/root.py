@@ -8,7 +8,8 @@ from typing import Any
 
 from pydantic import Field, ValidationInfo, model_validator
 
-from asvhil.config.base import Section, known_only
+from asvhil.config.autopilots import needed_mode
+from asvhil.config.base import Section, is_stored, known_only
 from asvhil.config.controllers import ControllerConfig
 from asvhil.config.daemon import DaemonConfig, RecorderConfig
 from asvhil.config.estimator import EstimatorConfig
@@ -55,7 +56,7 @@ class Config(Section):
             link = tree["links"]["autopilot"]
             autopilot = AUTOPILOTS.find(link.get("profile", "ardurover"))
             way = OUTPUTS.get(link.get("output", autopilot.outputs[0]))
-            mode = (way.control_mode if way is not None else "") or autopilot.control_mode
+            mode = (needed_mode(autopilot, way) if way is not None else "") or autopilot.control_mode
             return {**tree, "supervisor": {"control_mode": mode, **tree.get("supervisor", {})}}
         return tree
 
@@ -71,6 +72,8 @@ class Config(Section):
         if kind is not None and self.supervisor.control_mode not in kind.modes:
             names = ", ".join(kind.modes)
             raise ValueError(f"supervisor.control_mode must be one of {link.profile}: {names}")
+        if not is_stored(info):  # a log of before can still be replayed
+            self._check_control_mode()
         if self.learning.enabled:
             self._check_learning()
         if not known_only(info):
@@ -81,6 +84,17 @@ class Config(Section):
                 raise ValueError(str(error)) from None
             check_sources(self.sources, self.links, self.estimator.ekf.history_s, self.estimator.ekf.stale_after_s)
         return self
+
+    def _check_control_mode(self) -> None:
+        """ValueError where the motors do not obey in this mode."""
+        link, mode = self.links.autopilot, self.supervisor.control_mode
+        autopilot, way = AUTOPILOTS.get(link.profile), OUTPUTS.get(link.output)
+        needed = needed_mode(autopilot, way) if autopilot is not None and way is not None else ""
+        if needed and mode != needed:
+            raise ValueError(
+                f"supervisor.control_mode is {mode}, but motors obey links.autopilot.output {link.output} "
+                f"in {needed} alone: set {needed}, or leave the key out"
+            )
 
     def _check_learning(self) -> None:
         """ValueError where nothing that is learned would be used."""

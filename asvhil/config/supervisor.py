@@ -127,7 +127,8 @@ class SupervisorConfig(Section):
         default="MANUAL",
         description=(
             "The autopilot's mode in which its motors may be commanded; leaving it ends a hold. Default: MANUAL for "
-            "ardurover, HOLD with its `script`, OFFBOARD for px4."
+            "ardurover, HOLD with its `script`, OFFBOARD for px4. Another is possible with `set_servo` and "
+            "`set_actuator` alone, which motors obey in any mode."
         ),
     )
     stick_channels: tuple[Annotated[int, Field(ge=1, le=18)], ...] = Field(

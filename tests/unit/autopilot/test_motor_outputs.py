@@ -1,5 +1,6 @@
 """Ways to the motors, byte for byte: what each says to drive, and how each lets go."""
 
+import json
 import math
 
 import pytest
@@ -7,7 +8,7 @@ import pytest
 from asvhil.autopilot.ardurover_wiring import wiring_of
 from asvhil.autopilot.motor_outputs import Output, make_output
 from asvhil.autopilot.px4_wiring import wiring_of as px4_wiring_of
-from asvhil.config import AutopilotLinkConfig, PwmConfig, load_config
+from asvhil.config import AutopilotLinkConfig, PwmConfig, config_from_json, load_config
 from asvhil.errors import ConfigError
 from asvhil.io.mavlink.frames import FrameSplitter, decode, dialect
 
@@ -129,12 +130,39 @@ def test_a_refusal_is_told_in_words_and_forgotten_when_it_is_over() -> None:
         (("links.autopilot.profile=px4", "links.autopilot.port_actuator=7"), "links.autopilot.port_actuator"),
         (("links.autopilot.profile=px4", "supervisor.control_mode=GUIDED"), "control_mode must be one of px4: MANUAL"),
         (("supervisor.control_mode=OFFBOARD",), "control_mode must be one of ardurover: MANUAL"),
+        *(
+            (
+                (f"links.autopilot.output={way}", f"supervisor.control_mode={mode}"),
+                f"{way} in MANUAL alone: set MANUAL",
+            )
+            for way in ("rc_override", "manual_control")
+            for mode in ("HOLD", "GUIDED", "ACRO", "STEERING")
+        ),
+        (
+            ("links.autopilot.output=script", "supervisor.control_mode=MANUAL"),
+            "supervisor.control_mode is MANUAL, but motors obey links.autopilot.output script in HOLD alone: set HOLD",
+        ),
     ],
 )
 def test_what_cannot_be_is_one_line(overrides: tuple[str, ...], words: str) -> None:
     with pytest.raises(ConfigError) as caught:
         load_config("sitl", overrides)
     assert words in str(caught.value) and "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("config", "output", "mode"),
+    [("sitl", "set_servo", "HOLD"), ("sitl-px4", "set_actuator", "MANUAL"), ("sitl", "script", "HOLD")],
+)
+def test_a_mode_in_which_the_motors_obey_can_be_the_control_mode(config: str, output: str, mode: str) -> None:
+    made = load_config(config, (f"links.autopilot.output={output}", f"supervisor.control_mode={mode}"))
+    assert made.supervisor.control_mode == mode
+
+
+def test_a_log_of_a_mode_that_is_refused_today_can_still_be_read() -> None:
+    stored = load_config("sitl").model_dump(mode="json")
+    stored["supervisor"]["control_mode"] = "ACRO"
+    assert config_from_json(json.dumps(stored), "old.mcap").supervisor.control_mode == "ACRO"
 
 
 def test_each_profile_brings_its_own_defaults() -> None:
