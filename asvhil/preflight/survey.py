@@ -14,9 +14,10 @@ from asvhil.config.ports import AUTOPILOT
 from asvhil.io.mavlink.frames import Parser, decode, dialect, message_id
 from asvhil.io.sensors.decoder import Decoder
 from asvhil.io.sensors.sources import quantity_of
+from asvhil.preflight.harmless import may_be_said
 from asvhil.preflight.lines import Diagnosis, SensorLine
 from asvhil.supervisor.reasons import Explanation, Reason, explain
-from asvhil.types import Frame, FrontseatStatus, Inputs, Measurement, Note, TimeOffset, record
+from asvhil.types import Frame, FrontseatStatus, Inputs, Measurement, Note, Position, TimeOffset, record
 
 S = 1_000_000_000
 LEAST_SETTLE_NS = 3 * S  # of asking for streams, before rates are counted
@@ -25,24 +26,7 @@ LOSSY_SETTLE_NS = 40 * S  # where something is, on a link that loses much
 COUNT_NS = 5 * S
 ASK_VERSION_NS = S // 2
 
-# All that a preflight may say; whatever else a profile would send is kept back.
-ALLOWED = frozenset(
-    {
-        dialect.MAVLINK_MSG_ID_HEARTBEAT,
-        dialect.MAVLINK_MSG_ID_TIMESYNC,
-        dialect.MAVLINK_MSG_ID_REQUEST_DATA_STREAM,
-        dialect.MAVLINK_MSG_ID_PARAM_REQUEST_READ,
-        dialect.MAVLINK_MSG_ID_PARAM_SET,
-    }
-)
 REFUSALS = (dialect.MAV_RESULT_DENIED, dialect.MAV_RESULT_UNSUPPORTED, dialect.MAV_RESULT_FAILED)
-ALLOWED_COMMANDS = frozenset(
-    {
-        dialect.MAV_CMD_SET_MESSAGE_INTERVAL,
-        dialect.MAV_CMD_REQUEST_MESSAGE,
-        dialect.MAV_CMD_RUN_PREARM_CHECKS,  # makes it say what fails
-    }
-)
 
 
 @record
@@ -73,6 +57,7 @@ class Survey:
         self._count_ns: int | None = None
         self._counts: Counter[int] = Counter()
         self._valid: dict[tuple[Quantity, str], deque[int]] = {}
+        self._places: dict[str, Position] = {}  # the last valid one of each source
         self._version_asked_ns: int | None = None
         self.version_refused = False
         self._frames = 0
@@ -119,7 +104,8 @@ class Survey:
                 self._count_ns = t_ns
                 self._counts.clear()
                 self._valid.clear()
-        out = [frame for frame in self.link.data_to_send(t_ns) if _may_be_said(frame.data)]
+                self._places.clear()
+        out = [frame for frame in self.link.data_to_send(t_ns) if may_be_said(frame.data)]
         return out + self._ask_version(t_ns) + self._firmware.data_to_send(t_ns)
 
     def fix(self, chosen: list[Finding] | None = None) -> list[Finding]:
@@ -174,6 +160,11 @@ class Survey:
     def sources(self) -> dict[Quantity, tuple[SourceState, ...]]:
         """How each source of each quantity was heard."""
         return {q: tuple(self._state(q, s) for s in self._sources[q]) for q in QUANTITIES}
+
+    @property
+    def place(self) -> Position | None:
+        """Where the boat is, by the first source of its position that tells."""
+        return next((self._places[s.name] for s in self._sources["position"] if s.name in self._places), None)
 
     def diagnosis(self, quantity: Quantity, source: SourceConfig) -> Diagnosis:
         """Why a source on a sensor link gives nothing."""
@@ -254,6 +245,8 @@ class Survey:
         quantity = quantity_of(measurement)
         if quantity is not None and any(source.name == name for source in self._sources[quantity]):
             self._valid.setdefault((quantity, name), deque()).append(measurement.t_ns)
+            if isinstance(measurement, Position):
+                self._places[name] = measurement
 
     def _ask_version(self, t_ns: int) -> list[Frame]:
         if self._heard_ns is None or self.version is not None or self.version_refused:
@@ -281,11 +274,3 @@ _LOOKED_AT = frozenset(
         dialect.MAVLINK_MSG_ID_RC_CHANNELS,
     }
 )
-
-
-def _may_be_said(data: bytes) -> bool:
-    msg_id = message_id(data)
-    if msg_id != dialect.MAVLINK_MSG_ID_COMMAND_LONG:
-        return msg_id in ALLOWED
-    message = decode(data)
-    return message is not None and message.command in ALLOWED_COMMANDS

@@ -5,9 +5,11 @@ from __future__ import annotations
 from asvhil.autopilot.script_protocol import VERSION as SCRIPT_VERSION
 from asvhil.config import AutopilotLinkConfig
 from asvhil.config.registry import AUTOPILOTS
+from asvhil.geo import LocalFrame
 from asvhil.io.mavlink.frames import dialect
 from asvhil.preflight.survey import Survey
 from asvhil.preflight.table import Check, Result
+from asvhil.supervisor.geofence import Geofence
 from asvhil.supervisor.reasons import describe, remedy
 from asvhil.types import Cause, FrontseatStatus, Radio
 
@@ -56,12 +58,29 @@ def vehicle_checks(survey: Survey) -> list[Check]:
                 todo="" if status.ready else "wait, under open sky, until the autopilot's estimator uses its position",
             )
         )
+        checks += _fence(survey)
         if link.output == "script" and not status.has_transmitter:
             checks.append(_station(survey))
         if link.overrides_sticks and status.radio is not Radio.UNKNOWN:
             checks.append(_transmitter(survey, status.radio))
         checks += _arming(survey, status)
     return [*checks, *_after_silence(survey), *_script(survey)]
+
+
+def _fence(survey: Survey) -> list[Check]:
+    """Whether the boat lies in the geofence: at the dock it may be outside, and a corner that is wrong shows."""
+    corners, place = survey.config.supervisor.geofence, survey.place
+    if not corners:
+        return []
+    found, result, todo = "inside", Result.PASS, ""
+    if place is None:
+        found, result, todo = "no position", Result.UNVERIFIED, "see the row position, and run the check again"
+    else:
+        frame = LocalFrame(lat_deg=place.lat_deg, lon_deg=place.lon_deg)
+        refusal = Geofence(corners).refusal("boat", (0.0, 0.0), frame)
+        if refusal is not None:
+            found, result, todo = describe(refusal), Result.WARN, "no hold begins there: is supervisor.geofence right?"
+    return [Check(section="vehicle", item="fence", result=result, found=found, wanted="inside", todo=todo)]
 
 
 def _transmitter(survey: Survey, radio: Radio) -> Check:

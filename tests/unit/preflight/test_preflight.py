@@ -240,6 +240,27 @@ def test_what_is_no_boat_and_has_its_ids_fails_whenever_it_was_heard(
     assert "no other vehicle has this one's system id" in check.todo
 
 
+@pytest.mark.parametrize(
+    ("corners", "result", "words"),
+    [
+        ("[40.42, -86.93], [40.42, -86.91], [40.43, -86.91], [40.43, -86.93]", Result.PASS, "inside"),
+        ("[40.42, -86.92], [40.42, -86.91], [40.43, -86.91]", Result.WARN, "the boat is 325 m outside the geofence"),
+        ("[-86.93, 40.42], [-86.91, 40.42], [-86.91, 40.43]", Result.WARN, "outside the geofence"),
+    ],
+)
+def test_a_boat_outside_the_fence_is_told(corners: str, result: Result, words: str) -> None:
+    check = of(Dock(f"supervisor.geofence=[{corners}]").look(), "fence")
+    assert check.result is result and words in check.found
+    assert bool(check.todo) is (result is Result.WARN)
+
+
+def test_a_fence_without_a_position_is_unverified_and_without_a_fence_there_is_no_row() -> None:
+    fence = "supervisor.geofence=[[40.42, -86.93], [40.42, -86.91], [40.43, -86.91]]"
+    checks = Dock(fence, lost=("GPS_RAW_INT", "GLOBAL_POSITION_INT")).look()
+    assert of(checks, "fence").result is Result.UNVERIFIED
+    assert not [check for check in Dock().look() if check.item == "fence"]
+
+
 def test_the_model_must_be_of_this_vehicle_and_step() -> None:
     model = of(computer_checks(load_config("sitl")), "model")
     assert model.result is Result.PASS and model.found == "wamv16-lagnet.npz, lagnet of wamv16"

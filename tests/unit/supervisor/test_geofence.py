@@ -9,6 +9,7 @@ import pytest
 from pydantic import ValidationError
 
 from asvhil.config import StationConfig, SupervisorConfig
+from asvhil.geo import LocalFrame
 from asvhil.supervisor.geofence import distance_to_border, is_inside
 from asvhil.supervisor.reasons import Reason
 from asvhil.types import Phase
@@ -133,6 +134,28 @@ def test_a_hold_by_itself_keeps_to_the_fence(n_m: float, begins: bool) -> None:
 def test_fewer_than_three_corners_are_no_fence(corners: Sequence[tuple[float, float]]) -> None:
     with pytest.raises(ValidationError, match="3 corners"):
         SupervisorConfig.model_validate({"geofence": corners})
+
+
+@pytest.mark.parametrize(
+    "corners_m",
+    [
+        [(0.0, 0.0), (50.0, 0.0), (100.0, 0.0)],
+        [(0.0, 0.0), (70.0, 35.0), (1000.0, 500.0), (-20.0, -10.0)],
+        [(0.0, 0.0), (1000.0, 0.0), (1000.0, 0.8), (0.0, 0.8)],
+        [(0.0, 0.0), (0.0, 40.0), (40.0, 0.0), (40.0, 40.0)],
+    ],
+)
+def test_corners_that_enclose_no_water_are_no_fence(corners_m: Sequence[tuple[float, float]]) -> None:
+    with pytest.raises(ValidationError, match="corners that enclose water, in turn around it; these leave a strip of"):
+        fence(*corners_m)
+
+
+@pytest.mark.parametrize("lon_deg", [-86.9, 179.99999])
+def test_a_small_pool_is_enough_on_either_side_of_the_antimeridian(lon_deg: float) -> None:
+    frame = LocalFrame(lat_deg=60.0, lon_deg=lon_deg)
+    pool = [frame.to_geodetic(*at) for at in ((-3.0, -3.0), (-3.0, 3.0), (3.0, 3.0), (3.0, -3.0))]
+    assert len(SupervisorConfig.model_validate({"geofence": pool}).geofence) == 4
+    assert len(SupervisorConfig.model_validate({"geofence": [*pool[::-1], pool[-1]]}).geofence) == 5
 
 
 def test_without_corners_there_is_none() -> None:
