@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-import re
-import sys
 import tempfile
-from collections.abc import Callable
-from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from asvhil.commands.boat_questions import GUESSED, HULL, told
 from asvhil.commands.options import JsonOption
 from asvhil.commands.outputs import check_json, check_writable, write_json, writing
-from asvhil.commands.quantities import quantity
 from asvhil.commands.views import say
 from asvhil.errors import ConfigError
 from asvhil.files import write_text
@@ -23,23 +19,7 @@ if TYPE_CHECKING:
     from asvhil.commands.boat_file import OwnBoat
     from asvhil.config import VesselConfig
 
-Value = TypeVar("Value")
-
-NAME = re.compile(r"[a-z][a-z0-9_-]{0,30}")
-PWM_US = (1100, 1500, 1900)
 HULL_PANEL = "The hull: numbers, with a unit if it is another one than here"
-# What is asked of the hull: name, unit, and how to find out.
-HULL = {
-    "length": ("m", "Length of the hulls at the waterline."),
-    "beam": ("m", "Width over both hulls."),
-    "mass": ("kg", "Mass ready to go, with batteries and payload: put it on a scale."),
-    "top_speed": ("m/s", "Speed with both motors full ahead in calm water: a GPS track, or the maker's figure."),
-    "motors_apart": ("m", "From one propeller's axis to the other's."),
-}
-GUESSED = {
-    "turn_rate": ("deg/s", "On the spot, one motor full ahead, the other full astern: count the seconds for 360."),
-    "thrust": ("N", "Of one motor, full ahead: the data sheet (1 kgf is 9.81 N), or a spring balance at a post."),
-}
 
 
 def _hull_option(name: str) -> Any:
@@ -86,6 +66,7 @@ def init(
 
     from asvhil.commands.boat_file import boat_text, twin_text
     from asvhil.config import load_config
+    from asvhil.dynamics.hull_guess import doubts
 
     check_json(json_)
     console = Console()
@@ -101,10 +82,17 @@ def init(
     }
     if given["name"] is not None:
         _files(file or Path(f"{given['name']}.yaml"), force)  # before any question
-    boat = _told(given, anemometer_kind, console)
-    target, twin = _files(file or Path(f"{boat.name}.yaml"), force)
-    texts = {target: boat_text(boat), twin: twin_text(boat, target.name)}
-    _prove(texts)
+
+    def texts_of(boat: OwnBoat) -> dict[Path, str]:
+        target, twin = _files(file or Path(f"{boat.name}.yaml"), force)
+        return {target: boat_text(boat), twin: twin_text(boat, target.name)}
+
+    boat = told(given, anemometer_kind, console, lambda boat: _prove(texts_of(boat)))
+    doubt = doubts(boat.hull)
+    if doubt:
+        typer.echo(f"asvhil: {doubt}", err=True)
+    texts = texts_of(boat)
+    target, twin = texts
     for path, text in texts.items():
         with writing(path):
             write_text(path, text)
@@ -139,152 +127,6 @@ def _prove(texts: dict[Path, str]) -> None:
         except ConfigError as error:
             words = str(error).replace(f"{folder}/", "")
             raise ConfigError(f"init: {words}; nothing was written") from None
-
-
-def _told(given: dict[str, str | None], anemometer_kind: str, console: Any) -> OwnBoat:
-    """What the options say, and a person at the terminal where they leave something open."""
-    from asvhil.commands.boat_file import OwnBoat
-    from asvhil.dynamics.hull_guess import HullMeasures, check_measures, doubts
-
-    needed = ("name", "port", *HULL)
-    open_ = [key for key in needed if given[key] is None]
-    if open_ and not sys.stdin.isatty():
-        flags = ", ".join("FILE.yaml" if key == "name" else f"--{key.replace('_', '-')}" for key in open_)
-        raise ConfigError(f"init: without a terminal to ask at, {flags} must be given")
-    if anemometer_kind not in ("nmea", "arduino"):
-        raise ConfigError(f"--anemometer-kind {anemometer_kind}: nmea or arduino is expected")
-    ask = _Questions(given, console) if open_ else _Options(given)
-    boat_name = ask.value("name", _name, "Name of the boat, in lower case", "")
-    profile = ask.value("autopilot", _autopilot, "Autopilot: ardurover or px4", "ardurover")
-    ask.before_ports()
-    link = ask.value("port", _link, "Port of the autopilot", "")
-    wind = ask.value("anemometer", _no_link, "Port of the wind sensor, or none", "none")
-    ask.before_hull()
-    hull = {
-        key: ask.value(key, partial(quantity, _flag(key), unit=unit), f"{words} ({unit})", "")
-        for key, (unit, words) in HULL.items()
-    }
-    guessed = {
-        key: ask.value(key, partial(_maybe, _flag(key), unit=unit), f"{words} ({unit}, ? if unknown)", "?")
-        for key, (unit, words) in GUESSED.items()
-    }
-    pulses = ask.value("pwm", _pwm, "Pulse widths of full astern, off, full ahead (us)", ",".join(map(str, PWM_US)))
-    measures = HullMeasures(
-        length_m=hull["length"],
-        beam_m=hull["beam"],
-        mass_kg=hull["mass"],
-        top_speed_mps=hull["top_speed"],
-        motors_apart_m=hull["motors_apart"],
-        turn_degps=guessed["turn_rate"],
-        thrust_n=guessed["thrust"],
-    )
-    check_measures(measures)
-    doubt = doubts(measures)
-    if doubt:
-        typer.echo(f"asvhil: {doubt}", err=True)
-    return OwnBoat(
-        name=boat_name,
-        autopilot=profile,
-        port=link,
-        anemometer=wind,
-        anemometer_kind=anemometer_kind,
-        hull=measures,
-        pwm_us=pulses,
-    )
-
-
-class _Options:
-    """Answers from the command line alone; what is not given has its default."""
-
-    def __init__(self, given: dict[str, str | None]) -> None:
-        self._given = given
-
-    def value(self, key: str, parse: Callable[[str], Value], question: str, default: str) -> Value:
-        text = self._given[key]
-        return parse(default if text is None else text)
-
-    def before_ports(self) -> None:
-        """Nothing to tell."""
-
-    def before_hull(self) -> None:
-        """Nothing to tell."""
-
-
-class _Questions(_Options):
-    """Answers from the command line where there are some, else from the terminal, again until they are good."""
-
-    def __init__(self, given: dict[str, str | None], console: Any) -> None:
-        super().__init__(given)
-        self._console = console
-
-    def value(self, key: str, parse: Callable[[str], Value], question: str, default: str) -> Value:
-        if self._given[key] is not None:
-            return super().value(key, parse, question, default)
-        while True:
-            text = typer.prompt(question, default=default or None)
-            try:
-                return parse(str(text).strip())
-            except ConfigError as error:
-                typer.echo(f"  {error}")
-
-    def before_ports(self) -> None:
-        from serial.tools.list_ports import comports
-
-        found = ", ".join(sorted(port.device for port in comports())) or "none"
-        say(self._console, f"Ports are written as serial:PATH:BAUD, udpin:HOST:PORT or tcp:HOST:PORT. Found: {found}.")
-
-    def before_hull(self) -> None:
-        say(self._console, "From here on the hull. A tape measure and a scale are enough; ? where a guess has to do.")
-
-
-def _flag(key: str) -> str:
-    return f"--{key.replace('_', '-')}"
-
-
-def _name(text: str) -> str:
-    if not NAME.fullmatch(text):
-        raise ConfigError(f"name {text}: lower case letters, digits, - and _ are expected, such as mycat")
-    from asvhil.config import find_config
-
-    try:
-        find_config(text)
-    except ConfigError:
-        return text
-    raise ConfigError(f"name {text}: a config of this name is shipped; your boat needs one of its own")
-
-
-def _autopilot(text: str) -> str:
-    if text not in ("ardurover", "px4"):
-        raise ConfigError(f"--autopilot {text}: ardurover or px4 is expected")
-    return text
-
-
-def _link(text: str) -> str:
-    """A link spec; the path of a device alone is a serial port."""
-    from asvhil.config.link_spec import parse_spec
-
-    if text.startswith("/dev/"):
-        path, _, baud = text.partition(":")
-        text = f"serial:{path}:{baud or '115200'}"
-    return parse_spec(text).text
-
-
-def _no_link(text: str) -> str | None:
-    return None if text == "none" else _link(text)
-
-
-def _maybe(option: str, text: str, unit: str) -> float | None:
-    return None if text in ("?", "") else quantity(option, text, unit)
-
-
-def _pwm(text: str) -> tuple[int, int, int]:
-    parts = [part.strip() for part in text.split(",")]
-    if len(parts) != 3 or not all(part.isdecimal() and part.isascii() for part in parts):
-        raise ConfigError(f"--pwm {text}: three pulse widths in us are expected, such as 1100,1500,1900")
-    astern_us, off_us, ahead_us = (int(part) for part in parts)
-    if not 500 <= astern_us < off_us < ahead_us <= 2500:
-        raise ConfigError(f"--pwm {text}: rising within 500 to 2500 us is expected; a reversed motor is set elsewhere")
-    return astern_us, off_us, ahead_us
 
 
 def _tell(console: Any, boat: OwnBoat, vessel: VesselConfig, target: Path, twin: Path) -> None:

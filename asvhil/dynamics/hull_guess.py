@@ -13,6 +13,7 @@ shipped boats, whose values come from other sources, most guesses are within a f
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 from asvhil.config import VesselConfig
 from asvhil.errors import ConfigError
@@ -40,14 +41,15 @@ WINDAGE_M = 0.35  # height of what stands above the water [A]
 WIND_COEFFICIENT = 0.8  # of the front's and the side's area [F]
 WIND_MOMENT = 0.1  # of the side's area times the length [F]
 
+# By figure: its name for people, least, most, unit.
 RANGES = {
-    "length": (0.3, 12.0, "m"),
-    "beam": (0.1, 8.0, "m"),
-    "mass": (1.0, 5000.0, "kg"),
-    "top speed": (0.2, 15.0, "m/s"),
-    "distance of the motors": (0.05, 8.0, "m"),
-    "turning rate": (2.0, 360.0, "deg/s"),
-    "thrust": (1.0, 5000.0, "N"),
+    "length": ("length", 0.3, 12.0, "m"),
+    "beam": ("beam", 0.1, 8.0, "m"),
+    "mass": ("mass", 1.0, 5000.0, "kg"),
+    "top_speed": ("top speed", 0.2, 15.0, "m/s"),
+    "motors_apart": ("distance of the motors", 0.05, 8.0, "m"),
+    "turn_rate": ("turning rate", 2.0, 360.0, "deg/s"),
+    "thrust": ("thrust", 1.0, 5000.0, "N"),
 }
 
 
@@ -71,26 +73,33 @@ class HullMeasures:
 
 def check_measures(boat: HullMeasures) -> None:
     """ConfigError, one line, where a figure is none of a boat that this program is for, or two do not go together."""
-    for name, value in (
-        ("length", boat.length_m),
-        ("beam", boat.beam_m),
-        ("mass", boat.mass_kg),
-        ("top speed", boat.top_speed_mps),
-        ("distance of the motors", boat.motors_apart_m),
-        ("turning rate", boat.turn_degps),
-        ("thrust", boat.thrust_n),
-    ):
-        low, high, unit = RANGES[name]
+    check_figures(
+        {
+            "length": boat.length_m,
+            "beam": boat.beam_m,
+            "mass": boat.mass_kg,
+            "top_speed": boat.top_speed_mps,
+            "motors_apart": boat.motors_apart_m,
+            "turn_rate": boat.turn_degps,
+            "thrust": boat.thrust_n,
+        }
+    )
+
+
+def check_figures(figures: Mapping[str, float | None]) -> None:
+    """The same of some of the figures, by their names in `RANGES`; one that is not known yet is missing or None."""
+    for key, value in figures.items():
+        name, low, high, unit = RANGES[key]
         if value is not None and not low <= value <= high:
-            raise ConfigError(f"{name} {value:.3g} {unit}: {low:g} to {high:g} {unit} is expected")
-    if boat.beam_m > boat.length_m:
-        raise ConfigError(f"beam {boat.beam_m:g} m is more than the length of {boat.length_m:g} m: exchanged?")
-    if boat.motors_apart_m > 1.2 * boat.beam_m:
-        apart = f"distance of the motors {boat.motors_apart_m:g} m"
-        raise ConfigError(f"{apart} is more than the beam of {boat.beam_m:g} m: from propeller to propeller is meant")
-    draught_m = draught(boat.mass_kg, boat.length_m)
-    if draught_m > 0.5 * boat.length_m:
-        raise ConfigError(f"mass {boat.mass_kg:g} kg is too much to float on hulls of {boat.length_m:g} m: kg and m?")
+            raise ConfigError(f"{name} {value:g} {unit}: {low:g} to {high:g} {unit} is expected")
+    length_m, beam_m, mass_kg, apart_m = map(figures.get, ("length", "beam", "mass", "motors_apart"))
+    if length_m is not None and beam_m is not None and beam_m > length_m:
+        raise ConfigError(f"beam {beam_m:g} m is more than the length of {length_m:g} m: exchanged?")
+    if beam_m is not None and apart_m is not None and apart_m > 1.2 * beam_m:
+        apart = f"distance of the motors {apart_m:g} m"
+        raise ConfigError(f"{apart} is more than the beam of {beam_m:g} m: from propeller to propeller is meant")
+    if length_m is not None and mass_kg is not None and draught(mass_kg, length_m) > 0.5 * length_m:
+        raise ConfigError(f"mass {mass_kg:g} kg is too much to float on hulls of {length_m:g} m: kg and m?")
 
 
 def doubts(boat: HullMeasures) -> str:

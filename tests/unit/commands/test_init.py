@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from asvhil.config import load_config
-from tests.support.command_line import call, refused
+from tests.support.command_line import Said, call, refused
 
 HULL = ("--length", "1.6", "--beam", "1", "--mass", "38", "--top-speed", "2", "--motors-apart", "0.84")
 CAT = ("--port", "serial:/dev/ttyAMA0:921600", *HULL)
@@ -67,6 +67,60 @@ def test_a_person_is_asked_until_the_answer_is_good(tmp_path: Path) -> None:
     assert load_config(tmp_path / "mycat.yaml").links.autopilot.endpoint == "serial:/dev/ttyAMA0:921600"
 
 
+def questions(tmp_path: Path, *order: str, answers: list[str]) -> Said:
+    said = call("init", "mycat.yaml", *order, cwd=tmp_path, typed="\n".join(answers) + "\n")
+    assert said.status == 0, said
+    return said
+
+
+def test_a_figure_out_of_range_is_asked_for_again_at_once(tmp_path: Path) -> None:
+    ports = ["", "/dev/ttyAMA0:921600", "/dev/ttyAMA0:4800", ""]
+    hull = ["16", "1.6", "0", "1", "38000", "38", "40", "2", "20", "0.84", "1000", "?", "0.1", "?", ""]
+    said = questions(tmp_path, answers=ports + hull)
+    assert "--anemometer /dev/ttyAMA0:4800: the autopilot is on /dev/ttyAMA0 already" in said.out
+    for words in (
+        "length 16 m: 0.3 to 12 m is expected",
+        "beam 0 m: 0.1 to 8 m is expected",
+        "mass 38000 kg: 1 to 5000 kg is expected",
+        "top speed 40 m/s: 0.2 to 15 m/s is expected",
+        "distance of the motors 20 m: 0.05 to 8 m is expected",
+        "turning rate 1000 deg/s: 2 to 360 deg/s is expected",
+        "thrust 0.1 N: 1 to 5000 N is expected",
+    ):
+        assert said.out.count(words) == 1, words
+    assert "Once more" not in said.out
+    assert load_config(tmp_path / "mycat.yaml").vehicle.vessel.mass_kg == 38.0
+
+
+def test_figures_that_do_not_go_together_are_asked_for_again_and_keep_the_rest(tmp_path: Path) -> None:
+    first = ["", "1", "1.6", "38", "2", "0.84", "45", "", "1000,1500,2000"]
+    mended = ["", "", "1.6", "1", "", "", "", "", "", ""]
+    said = questions(tmp_path, "--port", "udpin:0.0.0.0:14540", answers=[*["px4"], *first, *mended])
+    assert "beam 1.6 m is more than the length of 1 m: exchanged?" in said.out and said.out.count("Once more") == 1
+    own = load_config(tmp_path / "mycat.yaml")
+    assert own.links.autopilot.profile == "px4" and own.vehicle.pwm.ahead_us == 2000
+    assert own.vehicle.vessel.mass_kg == 38.0 and own.vehicle.vessel.motor_arm_m == 0.42
+
+
+def test_what_the_whole_config_refuses_is_asked_for_again_too(tmp_path: Path) -> None:
+    operator = load_config("field").links.operator
+    assert operator is not None
+    said = questions(
+        tmp_path, *HULL, answers=["", operator.endpoint, "", "", "", "", "", "udpin:0.0.0.0:14599", "", "", "", ""]
+    )
+    assert "both on" in said.out and said.out.count("Once more") == 1
+    assert load_config(tmp_path / "mycat.yaml").links.autopilot.endpoint == "udpin:0.0.0.0:14599"
+
+
+def test_options_that_are_wrong_are_refused_before_any_question(tmp_path: Path) -> None:
+    for order, words in (
+        (("--thrust", "0.1"), "thrust 0.1 N: 1 to 5000 N is expected"),
+        (("--length", "1", "--beam", "1.6"), "beam 1.6 m is more than the length of 1 m"),
+        (("--port", "udpin:0.0.0.0:1", "--anemometer", "udpin:0.0.0.0:1"), "the autopilot is on udp port 1 already"),
+    ):
+        refused(call("init", "mycat.yaml", *order, cwd=tmp_path, typed=""), words)
+
+
 def test_nothing_is_asked_where_all_is_given_and_nothing_is_overwritten(tmp_path: Path) -> None:
     assert call("init", "mycat.yaml", *CAT, cwd=tmp_path, typed="").status == 0
     before = (tmp_path / "mycat.yaml").read_bytes()
@@ -103,7 +157,7 @@ def test_nothing_is_asked_where_all_is_given_and_nothing_is_overwritten(tmp_path
         (("cat.yaml", *CAT, "--pwm", "1100"), "--pwm 1100: three pulse widths in us are expected"),
         (
             ("cat.yaml", *CAT, "--anemometer", "/dev/ttyAMA0:4800"),
-            "cat.yaml: key links: autopilot and anemometer are both on /dev/ttyAMA0",
+            "--anemometer /dev/ttyAMA0:4800: the autopilot is on /dev/ttyAMA0 already",
         ),
         (("cat.yaml", *CAT, "--anemometer-kind", "vane"), "--anemometer-kind vane: nmea or arduino is expected"),
     ],
