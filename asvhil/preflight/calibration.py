@@ -22,7 +22,7 @@ from asvhil.config import CompassConfig, Config, PwmConfig
 from asvhil.controller.pwm import command_of_pulse
 from asvhil.errors import AsvhilError
 from asvhil.estimator.ekf import Ekf
-from asvhil.estimator.states import DEVIATION
+from asvhil.estimator.states import DEVIATION, FilterState
 from asvhil.estimator.wind import WindFilter
 from asvhil.geo import body_to_ned, ned_to_body, wrap_2pi, wrap_rad
 from asvhil.logs.encoding import decode_outputs
@@ -39,6 +39,7 @@ VANE_STEP_RAD = math.tau / 16.0
 CUPS_STD_MPS = 0.1
 GUST, GUST_TIME_S = 0.15, 15.0  # of the mean wind
 VANE_STD_MAX_DEG = 5.0
+COMPASS_STD_MAX_DEG = 3.0  # circles under way leave 0.5, circles on the spot 2 of the constant
 SETTLED_S = 10.0  # of the filter, before the wind is looked at
 
 
@@ -122,14 +123,8 @@ def calibrate(path: Path, on_tick: Callable[[int], None] = lambda ticks: None) -
     state = ekf.state
     if state is None:
         raise AsvhilError(f"{path}: holds no position with a heading; there is nothing to calibrate from")
-    missing = []
-    compass = None
-    if headings.sectors == SECTORS:
-        std_deg = np.degrees(np.sqrt(np.diag(state.p)[DEVIATION])).tolist()
-        deviation_deg = np.degrees(state.x[DEVIATION]).tolist()
-        compass = CompassFit(deviation_deg=tuple(deviation_deg), std_deg=tuple(std_deg), sectors=headings.sectors)
-    else:
-        missing.append(f"compass: {headings.sectors} of {SECTORS} headings seen; drive full circles, both ways")
+    compass, unknown = _compass_fit(state, headings.sectors)
+    missing = [unknown] if unknown else []
     fit = vane.fit()
     if fit is None:
         missing.append("vane: no apparent wind in the log")
@@ -139,6 +134,19 @@ def calibrate(path: Path, on_tick: Callable[[int], None] = lambda ticks: None) -
     if compass is None and fit is None:
         raise AsvhilError(f"{path}: {'; '.join(missing)}")
     return CalibrationResult(span_s=(last_ns - first_ns) * 1e-9, compass=compass, vane=fit, missing=tuple(missing))
+
+
+def _compass_fit(state: FilterState, sectors: int) -> tuple[CompassFit | None, str]:
+    """What the filter has learned of the compass; else None, and why it is not known."""
+    if sectors < SECTORS:
+        return None, f"compass: {sectors} of {SECTORS} headings seen; drive full circles, both ways"
+    std_deg = np.degrees(np.sqrt(np.diag(state.p)[DEVIATION])).tolist()
+    worst = int(np.argmax(std_deg))
+    if std_deg[worst] > COMPASS_STD_MAX_DEG:
+        known = f"compass: {COEFFICIENTS[worst]}, known to {std_deg[worst]:.0f} degrees only"
+        return None, f"{known}; drive circles under way, with a receiver's own velocity in sources.velocity"
+    deviation_deg = np.degrees(state.x[DEVIATION]).tolist()
+    return CompassFit(deviation_deg=tuple(deviation_deg), std_deg=tuple(std_deg), sectors=sectors), ""
 
 
 def _unknown(config: Config) -> Config:

@@ -13,6 +13,10 @@ from asvhil.collect import collect
 from asvhil.commands.cli import app, main
 from asvhil.config import load_config
 from asvhil.config.mean_wind import parse_wind
+from asvhil.errors import AsvhilError
+from asvhil.logs.opening import open_recorder
+from asvhil.preflight.calibration import calibrate
+from asvhil.simplant.lockstep import Lockstep
 from asvhil.sitl import run_lockstep
 
 # Bias of the simulated compass (A) and its B to E: as config/bream.yaml has them.
@@ -77,6 +81,31 @@ def test_the_config_of_the_boat_is_not_overwritten_and_its_base_must_be_there(
     lines = capsys.readouterr().err.strip().splitlines()
     assert len(lines) == 1 and words in lines[0]
     assert boat.read_text() == "base: field.yaml\n" and not (tmp_path / "new.yaml").exists()
+
+
+def turned_on_the_spot(path: Path, *overrides: str) -> None:
+    """A log in which the pilot turns the boat on the spot, more than once around, in a calm."""
+    calm = ("supervisor.engage=command", "plant.weather.wind.speed_mps=0", *overrides)
+    config = load_config("sitl-bream", calm)
+    recorder = open_recorder(config, path, "lockstep", threaded=False)
+    loop = Lockstep(config, recorder)
+    loop.run(10.0)
+    assert loop.plant.frontseat.arm(True)
+    loop.plant.frontseat.set_sticks({1: 1700, 3: 1300})
+    loop.run(60.0)
+    recorder.close()
+
+
+def test_a_compass_that_the_log_does_not_show_is_not_told_as_known(tmp_path: Path) -> None:
+    turned_on_the_spot(tmp_path / "own.mcap")
+    compass = calibrate(tmp_path / "own.mcap").compass
+    assert compass is not None and max(compass.std_deg) < 3.0
+    errors = [abs(a - b) for a, b in zip(compass.deviation_deg, DEVIATION_DEG, strict=True)]
+    assert all(error < 3.0 * std for error, std in zip(errors, compass.std_deg, strict=True))
+    # A velocity that rests on the compass itself teaches nothing of it.
+    turned_on_the_spot(tmp_path / "fused.mcap", "sources.velocity=[autopilot.GLOBAL_POSITION_INT]")
+    with pytest.raises(AsvhilError, match=r"compass: [A-E], .* known to \d+ degrees only; drive circles under way"):
+        calibrate(tmp_path / "fused.mcap")
 
 
 def test_a_log_without_a_turn_gives_no_calibration(
