@@ -123,8 +123,13 @@ def score(errors: PoseErrors, from_s: float) -> dict[str, Any]:
             "circular_std": around["std"],
         },
         "penalty_score": e_d + s_d + abs(e_h) + s_h,
-        "vrx_score": float((distance + VRX_BASE**distance * np.radians(np.abs(heading))).mean()),
+        "vrx_score": float((distance + _vrx_weight(distance) * np.radians(np.abs(heading))).mean()),
     }
+
+
+def _vrx_weight(distance_m: Array) -> Array:
+    """Of the heading, one value per distance. Not NumPy's power: its last bits depend on the processor."""
+    return np.array([math.pow(VRX_BASE, distance) for distance in distance_m.tolist()])
 
 
 def circular_deg(angles_rad: Array) -> dict[str, float | None]:

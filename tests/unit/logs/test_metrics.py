@@ -110,6 +110,15 @@ def test_the_score_of_the_virtual_robotx_counts_the_heading_near_the_station() -
     assert vrx(50.0, 180.0) == pytest.approx(50.0, abs=1e-5)
 
 
+def test_vrx_score_is_the_same_on_every_processor() -> None:
+    def vrx(distance_m: float) -> float:
+        one = PoseErrors(t_s=np.zeros(1), distance_m=np.array([distance_m]), heading_deg=np.full(1, 90.0))
+        return float(score(one, 0.0)["vrx_score"])
+
+    distances = np.random.default_rng(3).uniform(0.0, 20.0, 2000).tolist()
+    assert [vrx(d) for d in distances] == [d + math.pow(0.75, d) * float(np.radians(90.0)) for d in distances]
+
+
 def test_reversals_and_changes_of_the_motors() -> None:
     def rows(port: list[float], hold: list[int]) -> np.ndarray:
         k = len(port)
