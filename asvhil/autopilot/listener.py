@@ -86,6 +86,9 @@ class AutopilotListener:
         own = {(system_id, config.component_id) for system_id in (config.system_id, config.override_system_id)}
         self._stations = GroundStations(tuple(own), config.autopilot_system_id)
         self._pace = Pace()
+        self._sensors = MavlinkSensors(
+            self._vehicle.ready, lambda: self._vehicle.knows_attitude, self._pace.was_late, self._pace.age_ns
+        )
         self._t_ns = 0
         self._boot_ms: dict[int, int] = {}  # by message
         self._new_clock = False
@@ -107,12 +110,7 @@ class AutopilotListener:
             dialect.MAVLINK_MSG_ID_PARAM_VALUE: self.parameters.receive,
             dialect.MAVLINK_MSG_ID_PARAM_ERROR: lambda t_ns, m: self.parameters.on_error(m),
             dialect.MAVLINK_MSG_ID_AUTOPILOT_VERSION: lambda t_ns, m: None,
-            **MavlinkSensors(
-                self._vehicle.ready,
-                lambda: self._vehicle.knows_attitude,
-                self._pace.was_late,
-                self._pace.age_ns,
-            ).handlers,
+            **self._sensors.handlers,
         }
 
     # --- in ------------------------------------------------------------------------------------------------
@@ -189,6 +187,7 @@ class AutopilotListener:
         self._pace.take(t_ns, m.time_boot_ms)
         if not self._vehicle.knows_attitude:
             return ()
+        self._sensors.level.note(t_ns, m.roll, m.pitch)
         return Heading(t_ns=t_ns, psi_rad=m.yaw), YawRate(t_ns=t_ns, r_radps=m.yawspeed)
 
     def _note_boot_time(self, t_ns: int, m: Any) -> None:

@@ -39,7 +39,7 @@ from asvhil.config.motion import MotionConfig
 from asvhil.config.moving import MovingConfig
 from asvhil.config.plant import FrontseatConfig, HilConfig, PlantConfig, Px4HilConfig
 from asvhil.config.plant_faults import OF_ONE_DEVICE, FaultConfig, GlitchConfig, GlitchesConfig
-from asvhil.config.plant_hull import BlendermannConfig, PlantMotorsConfig
+from asvhil.config.plant_hull import BlendermannConfig, PlantMotorsConfig, TiltConfig
 from asvhil.config.plant_sensors import (
     AnemometerSensorConfig,
     FusedVelocityConfig,
@@ -132,6 +132,7 @@ __all__ = [
     "StationConfig",
     "SteeringConfig",
     "SupervisorConfig",
+    "TiltConfig",
     "TrustConfig",
     "VesselConfig",
     "WaveFilterConfig",

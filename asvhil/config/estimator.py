@@ -220,7 +220,13 @@ class WindFilterConfig(Section):
     leap_max_mps: Positive = Field(
         default=10.0, description="A wind that differs by more than this from the filtered one is rejected at first."
     )
-    leap_after_s: Positive = Field(default=2.0, description="Such a wind is accepted once it has lasted for this long.")
+    leap_after_s: Positive = Field(
+        default=2.0,
+        description=(
+            "Such a wind is accepted once it has lasted for this long, times the square of its difference over "
+            "leap_max_mps."
+        ),
+    )
 
 
 class MonitorConfig(Section):

@@ -18,7 +18,7 @@ from asvhil.config.base import (
     ServoUs,
 )
 from asvhil.config.plant_faults import FaultConfig, GlitchesConfig
-from asvhil.config.plant_hull import BlendermannConfig, PlantMotorsConfig
+from asvhil.config.plant_hull import BlendermannConfig, PlantMotorsConfig, TiltConfig
 from asvhil.config.plant_sensors import SensorsConfig
 from asvhil.config.plant_weather import WeatherConfig
 from asvhil.config.ports import ANEMOMETER, AUTOPILOT, GNSS, INS
@@ -196,6 +196,9 @@ class PlantConfig(Section):
     motors: PlantMotorsConfig | None = Field(
         default=None, description="How the motors fall short of the thrust curve; null: not at all."
     )
+    tilt: TiltConfig | None = Field(
+        default=None, description="Roll and pitch of the true boat; null: those of its waves alone."
+    )
     autopilot: Literal["ardurover", "px4"] = Field(
         default="ardurover", description="The simulated autopilot; links.autopilot.profile must be one for it."
     )
@@ -207,4 +210,4 @@ class PlantConfig(Section):
     glitches: GlitchesConfig | None = Field(default=None, description="Faults at random times; null: none.")
     hil: HilConfig = Field(default=HilConfig(), description="A real autopilot in the loop.")
 
-    left_out_if_empty = ("wind_load", "motors")
+    left_out_if_empty = ("wind_load", "motors", "tilt")

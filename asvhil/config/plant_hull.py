@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pydantic import Field
 
-from asvhil.config.base import Fraction, NonNegative, Positive, Section
+from asvhil.config.base import Degrees, Fraction, NonNegative, Positive, Section
 
 
 class BlendermannConfig(Section):
@@ -42,3 +42,24 @@ class PlantMotorsConfig(Section):
         default=0.0,
         description="Part of the thrust that is lost in each hour, as the battery empties, down to 0.2.",
     )
+
+
+class TiltConfig(Section):
+    """Roll and pitch of the simulated boat beside those of its waves, and what its autopilot knows of them.
+
+    The accelerometer shows gravity as far as the boat is tilted. The defaults are an even keel and a perfect autopilot.
+    """
+
+    roll_deg: Degrees = Field(default=0.0, description="List of the boat, starboard down.")
+    pitch_deg: Degrees = Field(default=0.0, description="Trim of the boat at rest, bow up.")
+    thrust_deg: Degrees = Field(default=0.0, description="Further pitch while both motors give all ahead, bow up.")
+    imu_roll_deg: Degrees = Field(
+        default=0.0,
+        description="Roll of the inertial unit beside the boat's, which the autopilot's attitude leaves out.",
+    )
+    imu_pitch_deg: Degrees = Field(default=0.0, description="The same of its pitch.")
+    attitude_deg: NonNegative = Field(
+        default=0.0,
+        description="Standard deviation of the slow error of roll and pitch that the autopilot tells, each.",
+    )
+    attitude_time_s: Positive = Field(default=60.0, description="Correlation time of that error.")

@@ -64,6 +64,9 @@ class WavesConfig(Section):
             "cosine-squared spreading, 1 for a confused sea."
         ),
     )
+    tilt: Fraction = Field(
+        default=1.0, description="Share of the water's slope that the boat rolls and pitches with; 0: on an even keel."
+    )
     toward_deg: Degrees | None = Field(
         default=None, description="Direction that the waves travel toward, clockwise from north; null: with the wind."
     )

@@ -17,6 +17,8 @@ from asvhil.estimator.measurement_model import Corrected, Group, Reading
 from asvhil.estimator.prediction import MAX_STEP_S, MotionModel
 from asvhil.estimator.sensor_health import Track
 from asvhil.estimator.states import (
+    A_X,
+    A_Y,
     B_E,
     B_N,
     D_E,
@@ -36,11 +38,12 @@ from asvhil.estimator.states import (
     noise_rate,
     prior,
 )
-from asvhil.geo import LocalFrame, wrap_rad
+from asvhil.geo import LocalFrame, ned_to_body, wrap_rad
 from asvhil.types import GroundVelocity, Heading, Position, SpecificForce, YawRate
 
 MAX_GAP_S = 5.0
 SLOWEST_INERTIAL_S = 0.2  # longest time for which a residual of the accelerometer is held
+LONGEST_TURN_S = 0.2  # for which a rejected yaw rate counts: less than a slow stream's interval is known of it
 OVERDUE = 2.5  # intervals without a sample, after which the accelerometer counts as missing
 NEW_TRACK = Track()
 BIAS_SIGMA = 3.0  # bound of the slow error of a receiver: more is motion, or a jump
@@ -207,29 +210,56 @@ class Filter:
     # --- readings --------------------------------------------------------------------------------------------
 
     def _on_correction(self, state: FilterState, t_ns: int, measurements: tuple[Corrected, ...]) -> None:
+        elapsed_s = 0.0
         for m in measurements:
             if isinstance(m, GroundVelocity):
                 # An error of 1 cm/s for minutes in the velocity of an autopilot's filter would be taken for a slow
                 # error of the receiver: the estimate would drift off that filter's own position, and the boat with
                 # it. So with a fused velocity the slow error is not estimated, and decays.
                 state.follows_bias = not m.fused
-                fault_recovery.integrate_velocity(state, t_ns, m.vn_mps, m.ve_mps)
+                elapsed_s = fault_recovery.integrate_velocity(state, t_ns, m.vn_mps, m.ve_mps)
         noise = self._noise[tuple(type(m) for m in measurements)]
-        self._gate_and_correct(state, t_ns, measurement_model.reading_of(state.x, measurements, self._frame), noise)
+        reading = measurement_model.reading_of(state.x, measurements, self._frame)
+        if elapsed_s > 0.0:
+            self._judge_accelerometer(state, t_ns, reading, noise, elapsed_s)
+        self._gate_and_correct(state, t_ns, reading, noise)
+
+    def _judge_accelerometer(
+        self, state: FilterState, t_ns: int, reading: Reading, noise: Array, elapsed_s: float
+    ) -> None:
+        """Doubt the accelerometer where a receiver's velocity and the model agree against it.
+
+        Then the velocity is as uncertain as it has been off, so that the receiver's is taken.
+        """
+        rows = next(group.rows for group in reading.groups if group.sensor == "velocity")
+        off = ned_to_body(float(state.x[PSI]), *reading.innovation[rows].tolist())
+        state.doubt = doubt = state.doubt.with_velocity(off, elapsed_s)
+        if doubt.holds(t_ns):
+            return
+        variance = noise[rows.start] + max(state.p[U, U], state.p[V, V])
+        if doubt.is_due(math.sqrt(variance)):
+            state.p = state.p.copy()
+            state.p[[U, V], [U, V]] += 4.0 * (off[0] ** 2 + off[1] ** 2)
+            state.doubt = doubt.begun(t_ns)
+            state.interval_s = 0.0
 
     def _on_specific_force(self, state: FilterState, m: SpecificForce) -> None:
         interval_s = (m.t_ns - state.inertial_ns) * 1e-9
         state.inertial_ns = m.t_ns
+        state.interval_s = 0.0
         if not (self._config.ekf.accelerometer and 0.0 < interval_s <= SLOWEST_INERTIAL_S):
-            state.interval_s = 0.0
             return
-        state.interval_s = interval_s
+        if state.doubt.is_over(m.t_ns):
+            self._believe_accelerometer(state)
         self._fill_buffers(state)
         motion = self._motion
         motion.arm[:] = m.arm_m
         motion.evaluate_specific_force()
         expected = motion.force
         innovation = np.array([m.ax_mps2, m.ay_mps2]) - expected
+        state.doubt = state.doubt.with_force(m.t_ns, (float(innovation[0]), float(innovation[1])), interval_s)
+        if state.doubt.open:
+            return
         h = motion.force_jacobian.copy()
         variance = self._model_density / interval_s + self._accel_density
         before = state.x
@@ -237,8 +267,17 @@ class Filter:
         noise = np.array([variance, variance])
         if self._gate_and_correct(state, m.t_ns, Reading([group], innovation, h), noise):
             state.residual = innovation - ordered.product(h, state.x - before)
-        else:
-            state.interval_s = 0.0
+            state.interval_s = interval_s
+
+    def _believe_accelerometer(self, state: FilterState) -> None:
+        """Use it again after a doubt; what it was off by all the while is its bias from now on."""
+        x, p = state.x.copy(), state.p.copy()
+        x[A_X : A_Y + 1] += state.doubt.force
+        p[A_X : A_Y + 1, :] = 0.0
+        p[:, A_X : A_Y + 1] = 0.0
+        p[[A_X, A_Y], [A_X, A_Y]] = self._config.ekf.accel_bias_std_mps2**2
+        self._clip(x)
+        state.x, state.p, state.doubt = x, p, state.doubt.ended()
 
     # --- correction ------------------------------------------------------------------------------------------
 
@@ -253,7 +292,7 @@ class Filter:
         for group in groups:
             name, rows, value, expected = group
             track = state.tracks.get(name, NEW_TRACK)
-            limits = fault_recovery.FREEZE_LIMITS[name]
+            limits, heard_ns = fault_recovery.FREEZE_LIMITS[name], track.received_ns
             track = sensor_health.update(track, t_ns, value, expected, limits, self._frozen_ns)
             if fault_recovery.is_frozen(state, name, track):
                 state.tracks[name] = sensor_health.exclude(track)
@@ -263,10 +302,12 @@ class Filter:
                 state.tracks[name] = sensor_health.accept(track, t_ns)
                 used.append(group)
                 continue
-            off = offs[rows.start], offs[rows.stop - 1]
+            off = offs[rows.start], offs[rows.stop - 1] if rows.stop - rows.start == 2 else 0.0
             slack = self._gate * math.sqrt(2.0 * noise[rows.start])
             steady = fault_recovery.consistency_offset(state, t_ns, name, off)
             state.tracks[name] = track = sensor_health.reject(track, t_ns, steady, off, slack)
+            if name == "yaw_rate":
+                self._widen_heading(state, off[0], t_ns - heard_ns)
             if fault_recovery.requires_reset(state, t_ns, name, math.hypot(*off) - slack, self._return_ns):
                 trusted = track.accepted >= fault_recovery.LEAST_ACCEPTED
                 track = sensor_health.take_over(track, t_ns, math.hypot(*off)) if trusted else track
@@ -282,6 +323,13 @@ class Filter:
             correction = self._innovation_covariance(state, h[rows], noise[rows])
         self._correct(state, correction, innovation)
         return True
+
+    @staticmethod
+    def _widen_heading(state: FilterState, off_radps: float, elapsed_ns: int) -> None:
+        """A yaw rate that is rejected may have been a turn that no other sensor has shown yet."""
+        turned_rad = abs(off_radps) * min(elapsed_ns * 1e-9, LONGEST_TURN_S)
+        state.p = state.p.copy()
+        state.p[PSI, PSI] = (math.sqrt(state.p[PSI, PSI]) + turned_rad) ** 2
 
     def _innovation_covariance(self, state: FilterState, h: Array, noise: Array) -> Correction:
         """The correction by rows of readings, with the covariance of their innovation."""

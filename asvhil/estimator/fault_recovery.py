@@ -10,6 +10,7 @@ import math
 from asvhil.estimator import sensor_health
 from asvhil.estimator.sensor_health import FreezeLimits, Track
 from asvhil.estimator.states import B_E, B_N, PSI, E, FilterState, N, R, U, V
+from asvhil.geo import wrap_rad
 
 LONGEST_GAP_S = 1.5  # between two velocities that are integrated
 LEAST_ACCEPTED = 20  # readings that a sensor needs for a record to compare a jump with
@@ -35,12 +36,14 @@ FREEZE_LIMITS = {
 }
 
 
-def integrate_velocity(state: FilterState, t_ns: int, vn_mps: float, ve_mps: float) -> None:
-    """Integrate the velocity of the receiver."""
+def integrate_velocity(state: FilterState, t_ns: int, vn_mps: float, ve_mps: float) -> float:
+    """Integrate the velocity of the receiver: the time (s) since the one before, 0 where that is too long."""
     elapsed_s = (t_ns - state.displacement_ns) * 1e-9
-    if elapsed_s <= LONGEST_GAP_S:
-        state.displacement = (state.displacement[0] + vn_mps * elapsed_s, state.displacement[1] + ve_mps * elapsed_s)
     state.displacement_ns = t_ns
+    if elapsed_s > LONGEST_GAP_S:
+        return 0.0
+    state.displacement = (state.displacement[0] + vn_mps * elapsed_s, state.displacement[1] + ve_mps * elapsed_s)
+    return elapsed_s
 
 
 def is_frozen(state: FilterState, name: str, track: Track) -> bool:
@@ -54,8 +57,12 @@ def is_frozen(state: FilterState, name: str, track: Track) -> bool:
 def consistency_offset(state: FilterState, t_ns: int, name: str, off: tuple[float, float]) -> tuple[float, float]:
     """The quantity that stays constant while a rejected sensor is consistent: its distance to the prediction.
 
-    For a position it is the distance to the integrated velocity of the receiver, if there is one.
+    For a position it is the distance to the integrated velocity of the receiver, if there is one. Of a heading it goes
+    on beyond half a turn, where the innovation of one that is off by that much leaps.
     """
+    if name == "heading":
+        first = state.tracks[name].steady[0]
+        return first + wrap_rad(off[0] - first), 0.0
     if name != "position" or t_ns - state.displacement_ns > LONGEST_GAP_S * 1e9:
         return off
     value = state.tracks[name].value

@@ -15,6 +15,7 @@ import numpy as np
 
 from asvhil.config import EkfConfig
 from asvhil.dynamics.arrays import Array
+from asvhil.estimator.accelerometer_doubt import Doubt
 from asvhil.estimator.sensor_health import NEVER, Track
 
 N, E, PSI, U, V, R, D_N, D_E, D_R, A_X, A_Y, G_R, B_N, B_E = range(14)
@@ -75,6 +76,7 @@ class FilterState:
         "carries_wind",
         "displacement",
         "displacement_ns",
+        "doubt",
         "follows_bias",
         "forcing",
         "inertial_ns",
@@ -99,6 +101,7 @@ class FilterState:
         self.tracks: dict[str, Track] = {}
         self.displacement = (0.0, 0.0)  # integral of the receiver's velocity (m, NED)
         self.displacement_ns = NEVER
+        self.doubt = Doubt()  # of the accelerometer
         self.invalid_since_ns = NEVER
         self.resets = 0
         self.started_ns = t_ns
@@ -113,6 +116,7 @@ class FilterState:
         other.inertial_ns, other.interval_s = self.inertial_ns, self.interval_s
         other.tracks = self.tracks.copy()
         other.displacement, other.displacement_ns = self.displacement, self.displacement_ns
+        other.doubt = self.doubt
         other.invalid_since_ns, other.resets = self.invalid_since_ns, self.resets
         other.started_ns, other.carries_wind = self.started_ns, self.carries_wind
         other.follows_bias = self.follows_bias

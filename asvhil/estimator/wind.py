@@ -131,12 +131,16 @@ class WindFilter:
         config = self._config
         if math.hypot(vn, ve) > config.speed_max_mps:
             return False
-        known = self._t_ns is not None and t_ns - self._t_ns <= config.stale_after_s * 1e9
-        if not known or math.hypot(vn - self._vn, ve - self._ve) <= config.leap_max_mps:
+        # A wind that is old since each sample after it was rejected is still what they are compared with.
+        heard_ns = self._t_ns if self._rejected_ns is None or self._t_ns is None else max(self._t_ns, self._rejected_ns)
+        known = heard_ns is not None and t_ns - heard_ns <= config.stale_after_s * 1e9
+        leap_mps = math.hypot(vn - self._vn, ve - self._ve)
+        if not known or leap_mps <= config.leap_max_mps:
             self._leap_ns = None
             return True
         self._leap_ns = t_ns if self._leap_ns is None else self._leap_ns
-        return t_ns - self._leap_ns >= config.leap_after_s * 1e9
+        # What a wrong wind does to the prediction grows as its square.
+        return t_ns - self._leap_ns >= (leap_mps / config.leap_max_mps) ** 2 * config.leap_after_s * 1e9
 
     def _stuck_part(self, sample: ApparentWind, estimate: Estimate) -> str:
         """Which part of the anemometer is stuck, as text; empty if none.

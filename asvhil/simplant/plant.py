@@ -17,7 +17,7 @@ from asvhil.simplant.ardurover.vehicle import SimulatedArduRover
 from asvhil.simplant.boat.devices import SimulatedNmea, SimulatedSensor, SimulatedVn300
 from asvhil.simplant.boat.faults import all_faults, motor_signals_us
 from asvhil.simplant.boat.metronome import Metronome
-from asvhil.simplant.boat.sensors import Anemometer, Navigation, TrueMotion, mwv_sentence
+from asvhil.simplant.boat.sensors import EVEN, Anemometer, Navigation, TrueMotion, mwv_sentence
 from asvhil.simplant.boat.vessel import Vessel
 from asvhil.simplant.boat.weather import Weather
 from asvhil.simplant.px4.vehicle import SimulatedPx4
@@ -64,7 +64,7 @@ class AttachedAutopilot(Protocol):
 class Moored:
     """The motion of a boat held in place: the pose of a vessel, and no velocity."""
 
-    r_radps = ax_mps2 = ay_mps2 = 0.0
+    r_radps = ax_mps2 = ay_mps2 = roll_rad = pitch_rad = 0.0
 
     def __init__(self, vessel: Vessel) -> None:
         self._vessel = vessel
@@ -108,8 +108,16 @@ class Plant:
             self.weather.waves,
             None if plant.wind_load is None else Blendermann(plant.wind_load),
             plant.motors,
+            plant.tilt,
         )
-        self._navigation = Navigation(plant.sensors, plant.frontseat.loop_hz, t_ns, navigation_seed, filtered=True)
+        self._navigation = Navigation(
+            plant.sensors,
+            plant.frontseat.loop_hz,
+            t_ns,
+            navigation_seed,
+            filtered=True,
+            tilt=plant.tilt or EVEN,
+        )
         self._anemometer = Anemometer(plant.sensors.anemometer, anemometer_seed)
         self._has_anemometer = config.links.anemometer is not None or plant.links.anemometer is not None
         self.origin = LocalFrame(lat_deg=plant.origin_lat_deg, lon_deg=plant.origin_lon_deg)

@@ -12,6 +12,7 @@ from typing import Any
 
 from asvhil.geo import GRAVITY_MPS2, is_place
 from asvhil.io.mavlink.frames import dialect
+from asvhil.io.sensors.levelling import Level
 from asvhil.types import GroundVelocity, Heading, Measurement, Position, SpecificForce, TrueWind, YawRate
 
 Found = Sequence[Measurement]
@@ -29,6 +30,7 @@ GOOD_FIXES = frozenset(
     }
 )
 HIGHRES_ACCEL_XY = 0b11  # bits of fields_updated
+HIGHRES_ACCEL_Z = 0b100
 HIGHRES_GYRO_Z = 0b100000
 
 
@@ -46,15 +48,6 @@ def _raw_fix(t_ns: int, m: Any, *, late: bool, age_ns: int) -> Found:
     return position, GroundVelocity(t_ns=t_ns, vn_mps=vn_mps, ve_mps=ve_mps, fused=late, age_ns=age_ns)
 
 
-def _scaled_imu(t_ns: int, m: Any) -> Found:
-    """RAW_IMU and SCALED_IMU as ArduPilot fills them: milli-g and mrad/s."""
-    ax_mps2, ay_mps2 = m.xacc * 1e-3 * GRAVITY_MPS2, m.yacc * 1e-3 * GRAVITY_MPS2
-    return (
-        YawRate(t_ns=t_ns, r_radps=m.zgyro * 1e-3),
-        SpecificForce(t_ns=t_ns, ax_mps2=ax_mps2, ay_mps2=ay_mps2),
-    )
-
-
 class MavlinkSensors:
     """Handlers by message id: (time, message) to the measurements in it, none where it holds nothing that is valid.
 
@@ -62,6 +55,7 @@ class MavlinkSensors:
     guesses.
     `late`: whether its messages have come late, so that a velocity times our time is not the way that the boat has
     gone. `age_ns`: how old at our time is what it dates so (us since its start).
+    `level`: the boat's tilt by ATTITUDE, which is not handled here; specific forces are told in level axes.
     """
 
     def __init__(
@@ -74,6 +68,7 @@ class MavlinkSensors:
         self._knows_position, self._knows_attitude = knows_position, knows_attitude
         self._late = late
         self._age_ns = age_ns
+        self.level = Level()
         self._h_acc_m = 0.0
         self._last_fixes: dict[int, tuple[int, ...]] = {}  # time and content, by message
         self._units: dict[int, int] = {}  # number of the inertial unit that is heard, by message
@@ -82,11 +77,11 @@ class MavlinkSensors:
             dialect.MAVLINK_MSG_ID_GPS_RAW_INT: self._gps_raw,
             dialect.MAVLINK_MSG_ID_GPS2_RAW: self._new_fix,
             dialect.MAVLINK_MSG_ID_ATTITUDE_QUATERNION: self._attitude_quaternion,
-            dialect.MAVLINK_MSG_ID_RAW_IMU: self._of_one_unit(_scaled_imu),
-            dialect.MAVLINK_MSG_ID_SCALED_IMU: _scaled_imu,
-            dialect.MAVLINK_MSG_ID_SCALED_IMU2: _scaled_imu,
-            dialect.MAVLINK_MSG_ID_SCALED_IMU3: _scaled_imu,
-            dialect.MAVLINK_MSG_ID_HIGHRES_IMU: self._of_one_unit(_highres_imu),
+            dialect.MAVLINK_MSG_ID_RAW_IMU: self._of_one_unit(self._scaled_imu),
+            dialect.MAVLINK_MSG_ID_SCALED_IMU: self._scaled_imu,
+            dialect.MAVLINK_MSG_ID_SCALED_IMU2: self._scaled_imu,
+            dialect.MAVLINK_MSG_ID_SCALED_IMU3: self._scaled_imu,
+            dialect.MAVLINK_MSG_ID_HIGHRES_IMU: self._of_one_unit(self._highres_imu),
             dialect.MAVLINK_MSG_ID_WIND: _wind,
             dialect.MAVLINK_MSG_ID_WIND_COV: _wind_cov,
         }
@@ -129,16 +124,29 @@ class MavlinkSensors:
         if not self._knows_attitude() or not 0.5 < norm2 < 2.0:
             return ()
         psi_rad = math.atan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z)
+        roll_rad = math.atan2(2.0 * (w * x + y * z), w * w - x * x - y * y + z * z)
+        pitch_rad = math.asin(min(max(2.0 * (w * y - z * x) / norm2, -1.0), 1.0))
+        self.level.note(t_ns, roll_rad, pitch_rad)
         return Heading(t_ns=t_ns, psi_rad=psi_rad), YawRate(t_ns=t_ns, r_radps=m.yawspeed)
 
+    def _scaled_imu(self, t_ns: int, m: Any) -> Found:
+        """RAW_IMU and SCALED_IMU as ArduPilot fills them: milli-g and mrad/s."""
+        x, y, z = (milli * 1e-3 * GRAVITY_MPS2 for milli in (m.xacc, m.yacc, m.zacc))
+        ax_mps2, ay_mps2 = self.level.force(t_ns, x, y, z)
+        return (
+            YawRate(t_ns=t_ns, r_radps=m.zgyro * 1e-3),
+            SpecificForce(t_ns=t_ns, ax_mps2=ax_mps2, ay_mps2=ay_mps2),
+        )
 
-def _highres_imu(t_ns: int, m: Any) -> Found:
-    found: list[Measurement] = []
-    if m.fields_updated & HIGHRES_GYRO_Z:
-        found.append(YawRate(t_ns=t_ns, r_radps=m.zgyro))
-    if m.fields_updated & HIGHRES_ACCEL_XY == HIGHRES_ACCEL_XY:
-        found.append(SpecificForce(t_ns=t_ns, ax_mps2=m.xacc, ay_mps2=m.yacc))
-    return found
+    def _highres_imu(self, t_ns: int, m: Any) -> Found:
+        found: list[Measurement] = []
+        if m.fields_updated & HIGHRES_GYRO_Z:
+            found.append(YawRate(t_ns=t_ns, r_radps=m.zgyro))
+        if m.fields_updated & HIGHRES_ACCEL_XY == HIGHRES_ACCEL_XY:
+            z = m.zacc if m.fields_updated & HIGHRES_ACCEL_Z else 0.0
+            ax_mps2, ay_mps2 = self.level.force(t_ns, m.xacc, m.yacc, z)
+            found.append(SpecificForce(t_ns=t_ns, ax_mps2=ax_mps2, ay_mps2=ay_mps2))
+        return found
 
 
 def _wind(t_ns: int, m: Any) -> Found:

@@ -14,7 +14,7 @@ from asvhil.config import InsDeviceConfig, NmeaDeviceConfig, SensorLinkConfig, S
 from asvhil.config.fault_spans import Present, SensorFaults
 from asvhil.config.ports import GNSS, INS
 from asvhil.config.registry import SensorKind
-from asvhil.geo import GRAVITY_MPS2, LocalFrame, wrap_2pi, wrap_rad
+from asvhil.geo import LocalFrame, wrap_2pi, wrap_rad
 from asvhil.io.sensors.nmea_checksum import nmea_sentence
 from asvhil.io.sensors.nmea_fields import KNOTS_TO_MPS
 from asvhil.io.sensors.vectornav import binary
@@ -88,11 +88,13 @@ class SimulatedVn300:
             {
                 "Common.TimeStartup": (since_ns,),
                 "Common.TimeGps": (unix_ns - (GPS_EPOCH_UNIX_S - LEAP_S) * NS_PER_S,),
-                "Common.YawPitchRoll": (math.degrees(wrap_rad(nav.psi_rad)), 0.0, 0.0),
+                "Common.YawPitchRoll": tuple(
+                    math.degrees(angle) for angle in (wrap_rad(nav.psi_rad), nav.pitch_rad, nav.roll_rad)
+                ),
                 "Common.AngularRate": (0.0, 0.0, nav.r_radps),
                 "Common.PosLla": (lat_deg, lon_deg, 0.0),
                 "Common.VelNed": (nav.vn_mps, nav.ve_mps, 0.0),
-                "Common.Accel": (nav.ax_mps2, nav.ay_mps2, -GRAVITY_MPS2),
+                "Common.Accel": (nav.ax_mps2, nav.ay_mps2, nav.az_mps2),
                 "Common.InsStatus": (status,),
                 "Attitude.YprU": (heading_u_deg, heading_u_deg, heading_u_deg),
                 "Ins.PosU": (math.hypot(gnss.slow_bias_m, gnss.white_m),),

@@ -8,14 +8,16 @@ from typing import Protocol
 import numpy as np
 
 from asvhil.autopilot.jump_follower import SOUND_JUMP, JumpFollower
-from asvhil.config import AnemometerSensorConfig, SensorsConfig
+from asvhil.config import AnemometerSensorConfig, SensorsConfig, TiltConfig
 from asvhil.config.fault_spans import SOUND, SensorFaults
-from asvhil.geo import ned_to_body, wrap_2pi
+from asvhil.geo import GRAVITY_MPS2, ned_to_body, wrap_2pi
+from asvhil.io.sensors.levelling import tilted
 from asvhil.io.sensors.nmea_checksum import nmea_sentence
 from asvhil.simplant.boat.noise import NormalSource, OrnsteinUhlenbeck
 from asvhil.types import record
 
 FUSION_S = 1.0  # time constant by which a filter's position follows the integral of its velocity
+EVEN = TiltConfig()
 NO_DEVIATION = (0.0, 0.0, 0.0, 0.0)
 VANE_STALL_MPS = 0.01  # below it the vane does not turn
 
@@ -29,6 +31,8 @@ class TrueMotion(Protocol):
     r_radps: float
     ax_mps2: float
     ay_mps2: float
+    roll_rad: float
+    pitch_rad: float
 
     @property
     def motor_commands(self) -> tuple[float, float]:
@@ -51,6 +55,7 @@ class Navigation:
 
     __slots__ = (
         "_accel_std",
+        "_attitude",
         "_bias_e",
         "_bias_n",
         "_deviation",
@@ -63,6 +68,7 @@ class Navigation:
         "_gyro_std",
         "_heading_bias",
         "_heading_std",
+        "_imu_tilt",
         "_motor_pull",
         "_period_ns",
         "_slow_ve",
@@ -73,6 +79,7 @@ class Navigation:
         "accel_bias_mps2",
         "ax_mps2",
         "ay_mps2",
+        "az_mps2",
         "compass_error_rad",
         "compass_silent",
         "e_m",
@@ -84,8 +91,10 @@ class Navigation:
         "fixes",
         "imu_silent",
         "n_m",
+        "pitch_rad",
         "psi_rad",
         "r_radps",
+        "roll_rad",
         "ve_mps",
         "vn_mps",
     )
@@ -98,6 +107,7 @@ class Navigation:
         seed: np.random.SeedSequence,
         *,
         filtered: bool = False,
+        tilt: TiltConfig = EVEN,
     ) -> None:
         gnss, imu = config.gnss, config.imu
         bias_n, bias_e, white, velocity, heading, gyro, accel, turn_on, slow_n, slow_e = (
@@ -128,6 +138,14 @@ class Navigation:
         self.fix_n_m = self.fix_e_m = self.fix_vn_mps = self.fix_ve_mps = 0.0
         self.n_m = self.e_m = self.vn_mps = self.ve_mps = 0.0
         self.psi_rad = self.r_radps = self.ax_mps2 = self.ay_mps2 = 0.0
+        self.roll_rad = self.pitch_rad = 0.0
+        self.az_mps2 = -GRAVITY_MPS2
+        self._imu_tilt = math.radians(tilt.imu_roll_deg), math.radians(tilt.imu_pitch_deg)
+        std_rad = math.radians(tilt.attitude_deg)
+        self._attitude = [
+            OrnsteinUhlenbeck(std_rad, tilt.attitude_time_s, 1.0 / loop_hz, NormalSource(part))
+            for part in (seed.spawn(2) if std_rad else ())
+        ]
 
     def sample(self, t_ns: int, truth: TrueMotion, faults: SensorFaults = SOUND) -> None:
         """Measure the truth at a loop of the autopilot; psi in [0, 2 pi).
@@ -165,9 +183,23 @@ class Navigation:
         self.compass_error_rad = bias_rad + faults.turn_rad
         self.psi_rad = wrap_2pi(truth.psi_rad + bias_rad + turn_rad + self._heading_std * heading.next())
         self.r_radps = truth.r_radps + self._gyro_std * gyro.next()
-        self.ax_mps2 = truth.ax_mps2 + self.accel_bias_mps2[0] + self._accel_std * accel.next()
-        self.ay_mps2 = truth.ay_mps2 + self.accel_bias_mps2[1] + self._accel_std * accel.next()
+        ax_mps2, ay_mps2 = self._force(truth)
+        self.ax_mps2 = ax_mps2 + self.accel_bias_mps2[0] + self._accel_std * accel.next()
+        self.ay_mps2 = ay_mps2 + self.accel_bias_mps2[1] + self._accel_std * accel.next()
         self.imu_silent, self.compass_silent = faults.imu_silent, faults.heading_silent
+
+    def _force(self, truth: TrueMotion) -> tuple[float, float]:
+        """The specific force along x and y of the inertial unit, and with it that along z, and the attitude."""
+        roll_rad, pitch_rad = truth.roll_rad, truth.pitch_rad
+        self.roll_rad, self.pitch_rad = roll_rad, pitch_rad
+        if self._attitude:
+            self.roll_rad += self._attitude[0].advance()
+            self.pitch_rad += self._attitude[1].advance()
+        roll_rad, pitch_rad = roll_rad + self._imu_tilt[0], pitch_rad + self._imu_tilt[1]
+        if roll_rad == 0.0 and pitch_rad == 0.0:
+            return truth.ax_mps2, truth.ay_mps2
+        ax_mps2, ay_mps2, self.az_mps2 = tilted(truth.ax_mps2, truth.ay_mps2, roll_rad, pitch_rad)
+        return ax_mps2, ay_mps2
 
     def _deviation_at(self, psi_rad: float) -> float:
         """Compass deviation (rad) by the iron of the boat (`HeadingSensorConfig`), without its constant part."""

@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 from bisect import bisect_right
 
-from asvhil.config import PlantMotorsConfig, PwmConfig, VesselConfig
+from asvhil.config import PlantMotorsConfig, PwmConfig, TiltConfig, VesselConfig
 from asvhil.dynamics.rigid_body import RigidBody
 from asvhil.dynamics.wind_load import WindLoad
+from asvhil.geo import GRAVITY_MPS2
 from asvhil.simplant.boat.imperfect_motors import ImperfectMotors
 from asvhil.simplant.boat.waves import Waves
 
@@ -45,6 +46,17 @@ class MotorTable:
         return y[i - 1] + (y[i] - y[i - 1]) * (command - x[i - 1]) / (x[i] - x[i - 1])
 
 
+class Trim:
+    """Roll and pitch of a boat in still water, by its load and by the thrust of both motors (N)."""
+
+    def __init__(self, config: TiltConfig, full_n: float) -> None:
+        self._roll_rad, self._pitch_rad = math.radians(config.roll_deg), math.radians(config.pitch_deg)
+        self._per_n = math.radians(config.thrust_deg) / full_n
+
+    def at(self, thrust_n: float) -> tuple[float, float]:
+        return self._roll_rad, self._pitch_rad + self._per_n * thrust_n
+
+
 class Vessel:
     """Truth: pose in NED, velocity through the water in body axes, thrusts; integrated by Heun's method in fixed steps.
 
@@ -67,6 +79,7 @@ class Vessel:
         "_step_s",
         "_still",
         "_thrust_left",
+        "_trim",
         "_waves",
         "ax_mps2",
         "ay_mps2",
@@ -74,8 +87,10 @@ class Vessel:
         "motor_commands",
         "n_m",
         "outputs_us",
+        "pitch_rad",
         "psi_rad",
         "r_radps",
+        "roll_rad",
         "thrust_port_n",
         "thrust_starboard_n",
         "u_mps",
@@ -92,8 +107,12 @@ class Vessel:
         waves: Waves | None = None,
         wind_load: WindLoad | None = None,
         imperfect: PlantMotorsConfig | None = None,
+        tilt: TiltConfig | None = None,
     ) -> None:
-        """`wind_load` is in the place of the vessel's own law; without `imperfect` its thrust curve is what is."""
+        """`wind_load` is in the place of the vessel's own law; without `imperfect` its thrust curve is what is.
+
+        Without `tilt` the boat is on an even keel but for the waves.
+        """
         self._body = RigidBody(vessel, wind_load)
         self._motors = MotorTable(vessel, pwm)
         self._motor_lag_s = vessel.motor_lag_s
@@ -111,7 +130,10 @@ class Vessel:
         self.ax_mps2 = self.ay_mps2 = 0.0  # acceleration over ground in body axes, at the end of the last step
         # At the start the boat is at rest relative to the water.
         self.u_mps = self.v_mps = self.r_radps = 0.0
+        self.roll_rad = self.pitch_rad = 0.0  # starboard down, bow up
+        self._trim = None if tilt is None else Trim(tilt, 2.0 * vessel.thrust_curve[-1][1])
         self._waves = waves
+        self._tilt()
         if waves is not None:
             self._ride(waves)
 
@@ -176,12 +198,25 @@ class Vessel:
         # Inertial acceleration in body axes, nu_dot + S(r) nu: the specific force at the origin.
         self.ax_mps2 = u2 - r * v
         self.ay_mps2 = v2 + r * u
+        if self._trim is not None and self._waves is None:
+            self._tilt()
         if self._waves is not None:
             self._waves.advance()
             self._ride(self._waves)
 
+    def _tilt(self) -> None:
+        """Roll and pitch without waves."""
+        if self._trim is not None:
+            self.roll_rad, self.pitch_rad = self._trim.at(self.thrust_port_n + self.thrust_starboard_n)
+        else:
+            self.roll_rad = self.pitch_rad = 0.0
+
     def _ride(self, waves: Waves) -> None:
-        """Keep the motion without waves for the next step, and set the attributes to the sum of both."""
+        """Keep the motion without waves for the next step, and set the attributes to the sum of both.
+
+        A surface that the water is accelerated on by its slope alone has the slope -a/g, so that a boat that lies in it
+        feels no side force (linear waves; Fossen 2011, section 8.2.1).
+        """
         psi, u, v, ax, ay = self.psi_rad, self.u_mps, self.v_mps, self.ax_mps2, self.ay_mps2
         self._still = self.n_m, self.e_m, psi, u, v, self.r_radps
         c, s = math.cos(psi), math.sin(psi)
@@ -195,6 +230,10 @@ class Vessel:
         self.r_radps += waves.r_radps
         self.u_mps, self.v_mps = c * vn + s * ve, c * ve - s * vn
         self.ax_mps2, self.ay_mps2 = c * an + s * ae, c * ae - s * an
+        slope = waves.tilt / GRAVITY_MPS2
+        self._tilt()
+        self.roll_rad += math.atan(slope * (c * waves.ae_mps2 - s * waves.an_mps2))
+        self.pitch_rad -= math.atan(slope * (c * waves.an_mps2 + s * waves.ae_mps2))
 
     def _rates(
         self,

@@ -41,6 +41,7 @@ class Waves:
         "output",
         "psi_rad",
         "r_radps",
+        "tilt",
         "transition",
         "ve_mps",
         "vn_mps",
@@ -56,6 +57,7 @@ class Waves:
         self.set_step(step_s)
         # The second filter's states are position and velocity in the time unit 1 / w0; a's last row is acceleration.
         self.output = unit * np.stack([np.eye(4)[2] / peak_radps, np.eye(4)[3], peak_radps * a[3]])
+        self.tilt = config.tilt
         way = math.radians(toward_deg if config.toward_deg is None else config.toward_deg)
         along, across = config.orbital_std_mps, config.spreading * config.orbital_std_mps
         self._mixing = np.array(

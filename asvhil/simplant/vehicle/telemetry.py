@@ -81,13 +81,13 @@ class VehicleTelemetry:
 
     def _attitude(self, t_ns: int) -> Any:
         nav = self._nav
-        return dialect.MAVLink_attitude_message(self._ms(t_ns), 0.0, 0.0, wrap_rad(nav.psi_rad), 0.0, 0.0, nav.r_radps)
+        angles = nav.roll_rad, nav.pitch_rad, wrap_rad(nav.psi_rad)
+        return dialect.MAVLink_attitude_message(self._ms(t_ns), *angles, 0.0, 0.0, nav.r_radps)
 
     def _attitude_quaternion(self, t_ns: int) -> Any:
-        half = 0.5 * wrap_rad(self._nav.psi_rad)
-        return dialect.MAVLink_attitude_quaternion_message(
-            self._ms(t_ns), math.cos(half), 0.0, 0.0, math.sin(half), 0.0, 0.0, self._nav.r_radps
-        )
+        nav = self._nav
+        quaternion = quaternion_of(nav.roll_rad, nav.pitch_rad, wrap_rad(nav.psi_rad))
+        return dialect.MAVLink_attitude_quaternion_message(self._ms(t_ns), *quaternion, 0.0, 0.0, nav.r_radps)
 
     def _global_position(self, t_ns: int) -> Any:
         nav = self._nav
@@ -192,7 +192,8 @@ class VehicleTelemetry:
         """Specific force (milli-g), rates (mrad/s) and an absent compass, as the raw messages carry them."""
         nav = self._nav
         to_mg = 1000.0 / GRAVITY_MPS2
-        return round(nav.ax_mps2 * to_mg), round(nav.ay_mps2 * to_mg), -1000, 0, 0, round(1000.0 * nav.r_radps), 0, 0, 0
+        force_mg = (round(part * to_mg) for part in (nav.ax_mps2, nav.ay_mps2, nav.az_mps2))
+        return *force_mg, 0, 0, round(1000.0 * nav.r_radps), 0, 0, 0
 
     def _raw_imu(self, t_ns: int) -> Any:
         if self._nav.imu_silent:
@@ -220,7 +221,7 @@ class VehicleTelemetry:
         return dialect.MAVLink_highres_imu_message(
             self._us(t_ns),
             *self._specific_force(t_ns),
-            -GRAVITY_MPS2,
+            self._nav.az_mps2,
             0.0,
             0.0,
             self._nav.r_radps,
@@ -242,3 +243,14 @@ class VehicleTelemetry:
     def _system_time(self, t_ns: int) -> Any:
         unix_us = UNIX_EPOCH_AT_POWER_ON_US + self._us(t_ns) if self._vehicle.has_fix(t_ns) else 0
         return dialect.MAVLink_system_time_message(unix_us, self._ms(t_ns))
+
+
+def quaternion_of(roll_rad: float, pitch_rad: float, psi_rad: float) -> tuple[float, float, float, float]:
+    """The attitude as a unit quaternion, w first (Fossen 2011, section 2.2.2)."""
+    (cr, sr), (cp, sp), (cy, sy) = ((math.cos(0.5 * a), math.sin(0.5 * a)) for a in (roll_rad, pitch_rad, psi_rad))
+    return (
+        cr * cp * cy + sr * sp * sy,
+        sr * cp * cy - cr * sp * sy,
+        cr * sp * cy + sr * cp * sy,
+        cr * cp * sy - sr * sp * cy,
+    )

@@ -9,7 +9,7 @@ import pytest
 from asvhil.config import Config, load_config
 from asvhil.dynamics.rigid_body import SimplifiedDynamics
 from asvhil.estimator.ekf import Ekf
-from asvhil.geo import LocalFrame
+from asvhil.geo import LocalFrame, wrap_rad
 from asvhil.types import Estimate, GroundVelocity, Heading, Measurement, Position, SpecificForce, YawRate
 
 SHIPPED = load_config("sitl")
@@ -89,11 +89,13 @@ def test_an_unmodelled_push_becomes_the_disturbance() -> None:
     assert now(ekf, 120 * S).disturbance[0] == pytest.approx(expected, abs=0.04)
 
 
-def still(ekf: Ekf, start_s: float, seconds: float, rng: np.random.Generator, n: float = 0.0, e: float = 0.0) -> None:
-    """A boat at rest whose receiver says (n, e): noisy attitude at 20 Hz, noisy fixes at 10 Hz."""
+def still(
+    ekf: Ekf, start_s: float, seconds: float, rng: np.random.Generator, n: float = 0.0, e: float = 0.0, psi: float = 0.0
+) -> None:
+    """A boat at rest whose sensors say (n, e, psi): noisy attitude at 20 Hz, noisy fixes at 10 Hz."""
     for tick in range(1, round(seconds * 20) + 1):
         t_ns = round((start_s + tick / 20) * S)
-        ekf.on_measurements(attitude(t_ns, rng.normal(0, 0.004), rng.normal(0, 0.009)))
+        ekf.on_measurements(attitude(t_ns, wrap_rad(psi + rng.normal(0, 0.004)), rng.normal(0, 0.009)))
         if tick % 2 == 0:
             dn, de, vn, ve = rng.normal(0, 0.05, 4)
             ekf.on_measurements(fix(t_ns, n + dn, e + de, vn, ve))
@@ -125,6 +127,31 @@ def test_a_jump_never_moves_a_valid_estimate_and_is_accepted_once_there_is_none(
     for second in range(60, 110):
         still(ekf, second, 1.0, rng, n=jump_m)
     assert ekf.notes(110 * S) == ()
+
+
+@pytest.mark.parametrize("jump_deg", [20.0, -90.0, 170.0, 180.0])
+def test_a_heading_is_believed_as_soon_as_any_other_and_its_jump_told_as_large_as_it_is(jump_deg: float) -> None:
+    ekf = started()
+    rng = np.random.default_rng(5)
+    still(ekf, 0.0, 10.0, rng)
+    still(ekf, 10.0, 40.0, rng, psi=math.radians(jump_deg))
+    (note,) = ekf.notes(50 * S)
+    told = re.fullmatch(r"believed after a jump of (\d+) deg: is it right\?", note.text)
+    assert note.subject == "compass" and told is not None and float(told[1]) == pytest.approx(abs(jump_deg), abs=3.0)
+    assert abs(wrap_rad(now(ekf, 50 * S).psi_rad - math.radians(jump_deg))) < math.radians(1.0)
+
+
+def test_a_turn_that_only_the_gyro_shows_is_one_the_compass_is_not_rejected_for() -> None:
+    ekf = started()
+    rng = np.random.default_rng(6)
+    still(ekf, 0.0, 10.0, rng)
+    psi = 0.0
+    for tick in range(1, 7):  # at 1.2 rad/s for 0.3 s, as from a blow
+        psi += 1.2 / 20
+        ekf.on_measurements(attitude(10 * S + tick * S // 20, psi, 1.2))
+    assert "gyro" in {note.subject for note in ekf.notes(10 * S + 6 * S // 20)}
+    still(ekf, 10.3, 3.0, rng, psi=psi)
+    assert ekf.notes(round(13.3 * S)) == () and now(ekf, round(13.3 * S)).psi_rad == pytest.approx(psi, abs=0.02)
 
 
 def test_a_filter_without_a_record_accepts_a_persistent_reading() -> None:

@@ -135,11 +135,11 @@ def test_a_single_outlier_is_rejected_and_reported() -> None:
 def test_a_lasting_jump_of_the_wind_is_accepted_and_one_above_the_limit_never() -> None:
     for speed, believed in ((25.0, True), (80.0, False)):
         wind_filter = WindFilter(WindFilterConfig())
-        for k in range(40):
+        for k in range(60):
             wind_filter.on_apparent_wind(
                 sample(speed + noisy(k) if k >= 10 else 5.0 + noisy(k), 0.0, k * 200_000_000), boat()
             )
-        wind = wind_filter.wind(39 * 200_000_000)
+        wind = wind_filter.wind(59 * 200_000_000)
         assert wind is not None
         assert wind.valid is believed
         assert (math.hypot(wind.vn_mps, wind.ve_mps) > 20.0) is believed
@@ -288,13 +288,18 @@ def test_no_wind_above_the_limit_is_taken(vn: float, ve: float, taken: bool) -> 
     assert (fed((0, vn, ve)).wind(0) is not None) is taken
 
 
-def test_a_leap_is_believed_once_it_has_lasted_and_at_once_after_a_silence() -> None:
-    wind = fed((0, 0.0, 0.0), (S, 20.0, 0.0), (2 * S, 20.0, 0.0), (3 * S - 1, 20.0, 0.0))
-    assert north_east(wind, 3 * S - 1) == (0.0, 0.0)
-    wind.on_true_wind(TrueWind(t_ns=3 * S, vn_mps=20.0, ve_mps=0.0))
-    assert north_east(wind, 3 * S)[0] > 15.0
-    again = fed((0, 0.0, 0.0), (S, 20.0, 0.0), (2 * S, 1.0, 0.0), (5 * S // 2, 20.0, 0.0), (3 * S, 20.0, 0.0))
-    assert north_east(again, 3 * S)[0] < 2.0  # the second leap lasts only since 2.5 s
+@pytest.mark.parametrize(("leap_mps", "after_s"), [(12.0, 3), (20.0, 8), (40.0, 32)])
+def test_a_leap_is_believed_once_it_has_lasted_the_longer_the_larger_it_is(leap_mps: float, after_s: int) -> None:
+    wind = fed((0, 0.0, 0.0), *((second * S, leap_mps, 0.0) for second in range(1, 1 + after_s)))
+    at_ns = (1 + after_s) * S
+    assert north_east(wind, at_ns - 1) == (0.0, 0.0)
+    wind.on_true_wind(TrueWind(t_ns=at_ns, vn_mps=leap_mps, ve_mps=0.0))
+    assert north_east(wind, at_ns)[0] > 0.7 * leap_mps
+
+
+def test_a_leap_begins_anew_where_a_sample_was_sound_and_ends_at_once_after_a_silence() -> None:
+    again = fed((0, 0.0, 0.0), (S, 12.0, 0.0), (2 * S, 1.0, 0.0), (7 * S // 2, 12.0, 0.0), (5 * S, 12.0, 0.0))
+    assert north_east(again, 5 * S)[0] < 2.0  # the second leap lasts only since 3.5 s
     assert north_east(fed((0, 0.0, 0.0), (3 * S, 20.0, 0.0)), 3 * S) == (0.0, 0.0)
     assert north_east(fed((0, 0.0, 0.0), (3 * S + 1, 20.0, 0.0)), 3 * S + 1) == (20.0, 0.0)
 

@@ -16,6 +16,7 @@ import re
 
 from asvhil.config import Section
 from asvhil.geo import is_place
+from asvhil.io.sensors.levelling import Level
 from asvhil.io.sensors.nmea_fields import Refused
 from asvhil.io.sensors.protocol import NamedMeasurement
 from asvhil.io.sensors.vectornav import binary, sentences
@@ -34,6 +35,7 @@ FIX_TYPES = 10  # 0 none, 1 time alone, 2 2D, 3 3D, then kinds of 3D with correc
 # What each part of a sample can be: half or whole circles, the sensor's own ranges, and where receivers must stop.
 RANGES = {
     "ypr_deg": (-360.0, 360.0),
+    "tilt_deg": (-360.0, 360.0),
     "rate_radps": (-40.0, 40.0),
     "velocity_mps": (-515.0, 515.0),
     "accel_mps2": (-200.0, 200.0),
@@ -49,6 +51,7 @@ class InsSample:
     """What one message of the INS says; a part that it does not hold is None. Angles in degrees, as on the wire."""
 
     ypr_deg: tuple[float, ...] | None = None
+    tilt_deg: tuple[float, ...] | None = None  # pitch and roll of a message whose heading is not used
     rate_radps: tuple[float, ...] | None = None
     lla: tuple[float, ...] | None = None
     velocity_mps: tuple[float, ...] | None = None
@@ -111,6 +114,7 @@ class VectorNavCodec:
     def __init__(self, port: str) -> None:
         self._port = port
         self._buffer = b""
+        self._level = Level()
         self.packets = 0
         self.sentences = 0
         self.bad_crc = 0
@@ -202,7 +206,9 @@ class VectorNavCodec:
             )
             self._measurements("VNINS", t_ns, sample, found)
         elif inertial is not None:
-            sample = InsSample(accel_mps2=inertial.accel_mps2, rate_radps=inertial.rate_radps)
+            sample = InsSample(
+                tilt_deg=inertial.tilt_deg, accel_mps2=inertial.accel_mps2, rate_radps=inertial.rate_radps
+            )
             self._measurements("VNYMR", t_ns, sample, found)
         else:
             self.ignored += 1
@@ -223,9 +229,13 @@ class VectorNavCodec:
                 self.invalid += 1
         if rate is not None and sample.inertial_valid and _finite(rate):
             found.append((source, YawRate(t_ns=t_ns, r_radps=rate[2])))
+        tilt_deg = sample.tilt_deg if sample.ypr_deg is None else sample.ypr_deg[1:]
+        if tilt_deg is not None:
+            self._level.note(t_ns, math.radians(tilt_deg[1]), math.radians(tilt_deg[0]))
         if accel is not None:
             if sample.inertial_valid and _finite(accel):
-                found.append((source, SpecificForce(t_ns=t_ns, ax_mps2=accel[0], ay_mps2=accel[1])))
+                ax_mps2, ay_mps2 = self._level.force(t_ns, *accel)
+                found.append((source, SpecificForce(t_ns=t_ns, ax_mps2=ax_mps2, ay_mps2=ay_mps2)))
             else:
                 self.invalid += 1
 

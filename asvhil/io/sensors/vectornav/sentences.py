@@ -32,8 +32,12 @@ class InsSolution:
 
 @record
 class Inertial:
-    """VNYMR: specific force (m/s^2) and rates (rad/s) in body axes; attitude and magnetic field are left out."""
+    """VNYMR: specific force (m/s^2) and rates (rad/s) in body axes, and how these are tilted: pitch and roll (degrees).
 
+    The heading, which has no status here, and the magnetic field are left out.
+    """
+
+    tilt_deg: tuple[float, float]
     accel_mps2: tuple[float, float, float]
     rate_radps: tuple[float, float, float]
 
@@ -84,4 +88,4 @@ def inertial(parts: list[str]) -> Inertial | None:
     if len(parts) <= YMR_FIELDS:
         raise Refused(DropCause.MISSING_FIELD)
     n = [decimal(word) for word in parts[1 : 1 + YMR_FIELDS]]
-    return Inertial(accel_mps2=(n[6], n[7], n[8]), rate_radps=(n[9], n[10], n[11]))
+    return Inertial(tilt_deg=(n[1], n[2]), accel_mps2=(n[6], n[7], n[8]), rate_radps=(n[9], n[10], n[11]))

@@ -8,6 +8,7 @@ from asvhil.autopilot.ardurover import ArduRoverAutopilot
 from asvhil.config import AutopilotLinkConfig, PwmConfig
 from asvhil.config.sources import AUTOPILOT_MESSAGES
 from asvhil.io.mavlink.frames import dialect as d
+from asvhil.io.sensors.levelling import tilted
 from asvhil.types import Frame, GroundVelocity, Heading, Measurement, Position, SpecificForce, TrueWind, YawRate
 
 AUTOPILOT = d.MAVLink(None, srcSystem=1, srcComponent=1)
@@ -160,6 +161,31 @@ def test_inertial_messages_in_milli_g(message: object) -> None:
     assert name == same == type(message).msgname  # type: ignore[attr-defined]
     assert isinstance(rate, YawRate) and isinstance(force, SpecificForce)
     assert (force.ax_mps2, force.ay_mps2, rate.r_radps) == pytest.approx((0.980665, -1.96133, 0.25))
+
+
+ROLL, PITCH = math.radians(10.0), math.radians(-5.0)
+TURN = d.MAVLink_attitude_quaternion_message(
+    1000,
+    math.cos(ROLL / 2) * math.cos(PITCH / 2),
+    math.sin(ROLL / 2) * math.cos(PITCH / 2),
+    math.cos(ROLL / 2) * math.sin(PITCH / 2),
+    -math.sin(ROLL / 2) * math.sin(PITCH / 2),
+    0.0,
+    0.0,
+    0.0,
+)
+
+
+@pytest.mark.parametrize("attitude", [d.MAVLink_attitude_message(1000, ROLL, PITCH, 0.0, 0.0, 0.0, 0.0), TURN])
+@pytest.mark.parametrize("highres", [False, True])
+def test_gravity_is_taken_out_by_the_attitude(attitude: object, highres: bool) -> None:
+    ahead_mps2, starboard_mps2 = 0.4, -0.3
+    shown = tilted(ahead_mps2, starboard_mps2, ROLL, PITCH)
+    message: object = d.MAVLink_highres_imu_message(1, *shown, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0x3F)
+    if not highres:
+        message = d.MAVLink_raw_imu_message(1, *(round(part / 9.80665e-3) for part in shown), *[0] * 6)
+    found = [m for _, m in read(link(), READY, attitude, message) if isinstance(m, SpecificForce)]
+    assert (found[0].ax_mps2, found[0].ay_mps2) == pytest.approx((ahead_mps2, starboard_mps2), abs=0.01)
 
 
 @pytest.mark.parametrize(

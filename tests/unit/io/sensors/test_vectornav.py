@@ -86,8 +86,11 @@ def test_every_part_of_an_ins_message_becomes_a_measurement() -> None:
         ("BINARY", GroundVelocity(t_ns=7, vn_mps=0.5, ve_mps=-0.25)),
         ("BINARY", Heading(t_ns=7, psi_rad=math.radians(-170.25))),
         ("BINARY", YawRate(t_ns=7, r_radps=0.125)),
-        ("BINARY", SpecificForce(t_ns=7, ax_mps2=0.75, ay_mps2=-0.5)),
-    ]
+        (
+            "BINARY",
+            SpecificForce(t_ns=7, ax_mps2=pytest.approx(0.579, abs=1e-3), ay_mps2=pytest.approx(-0.842, abs=1e-3)),
+        ),
+    ]  # of 0.75, -0.5, -9.81 with the bow up by 1 degree and starboard up by 2
 
 
 def test_the_typed_sample_has_status_rates_and_uncertainty() -> None:
@@ -384,10 +387,11 @@ def test_rates_and_force_in_ascii() -> None:
         b"$VNYMR,+100.949,-007.330,+000.715,-00.0049,-00.2449,+00.5397,-01.258,-00.100,-09.701,"
         b"-00.000018,+00.001122,-00.000551*69\r\n"
     )
-    assert feed(VectorNavCodec("ins"), line) == [
-        ("VNYMR", YawRate(t_ns=7, r_radps=-0.000551)),
-        ("VNYMR", SpecificForce(t_ns=7, ax_mps2=-1.258, ay_mps2=-0.1)),
-    ]
+    (name, rate), (same, force) = feed(VectorNavCodec("ins"), line)
+    assert name == same == "VNYMR" and rate == YawRate(t_ns=7, r_radps=-0.000551)
+    # It was recorded at rest, with the bow down by 7.3 degrees, and shows 1.26 m/s^2 of gravity.
+    assert isinstance(force, SpecificForce)
+    assert (force.ax_mps2, force.ay_mps2) == pytest.approx((0.0, 0.0), abs=0.03)
 
 
 @pytest.mark.parametrize(
