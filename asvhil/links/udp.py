@@ -57,8 +57,9 @@ class UdpLink(Link):
 class UdpIn(UdpLink):
     """Bound. Sends without a peer go to the peers heard in the last 10 s, of at most 16.
 
-    Anybody may send a datagram here. A peer whose frames were accepted takes nobody else's place, and once there is one
-    nothing is sent to the others.
+    Anybody may send a datagram here. A peer whose frames were accepted loses its place to none whose were not, and once
+    there is one nothing is sent to the others. Whoever was heard last is remembered beside all of them until the next
+    one, so that a newcomer's first request is answered too.
     """
 
     def __init__(self, *args: Any) -> None:
@@ -78,8 +79,10 @@ class UdpIn(UdpLink):
         self._peers.pop(peer, None)
         self._peers[peer] = (source, t_ns)
         if len(self._peers) > MAX_PEERS:
-            others = (other for other in self._peers if other not in self._proven)
-            del self._peers[next(others, next(iter(self._peers)))]
+            others = (other for other in self._peers if other not in self._proven and other != peer)
+            leaving = next(others, None)
+            if leaving is not None:
+                del self._peers[leaving]
 
     def _heard_lately(self) -> list[Any]:
         oldest_ns = self._now_ns() - PEER_LIFE_NS

@@ -126,6 +126,26 @@ def test_udpin_lets_nobody_take_the_place_of_a_peer_that_is_proven(tmp_path: Pat
     run(body)
 
 
+def test_udpin_answers_a_newcomers_first_datagram_beside_sixteen_peers_that_are_proven(tmp_path: Path) -> None:
+    """Each `asvhil hold` is several peers: after some of them every first answer was lost, and the request repeated."""
+
+    async def body() -> None:
+        near = await open_endpoint("udpin:127.0.0.1:0", "near", Clock())
+        assert isinstance(near, UdpIn)
+        callers = [await open_endpoint(f"udpout:{near.address}", str(i), Clock()) for i in range(40)]
+        for caller in callers:
+            await caller.send(b"question")
+            peer = (await near.recv()).peer
+            near.note_proven(peer)
+            await near.send(b"answer", peer)
+            assert await recv_soon(caller) == b"answer"
+        assert len(near._peers) <= 17
+        for link in [near, *callers]:
+            await link.close()
+
+    run(body)
+
+
 def test_udpin_that_was_flooded_before_still_finds_its_peer(tmp_path: Path) -> None:
     async def body() -> None:
         near = await open_endpoint("udpin:127.0.0.1:0", "near", Clock())
