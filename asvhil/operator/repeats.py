@@ -90,18 +90,24 @@ class RepeatedSettings:
     """The last setting of each parameter by each sender, to know one that comes again."""
 
     def __init__(self) -> None:
-        self._last: dict[tuple[tuple[int, int], Address, str], tuple[bytes, int]] = {}
+        self._last: dict[tuple[tuple[int, int], Address, str], Heard] = {}
 
-    def is_repeated(self, frame: Frame, data: bytes, name: str) -> bool:
-        """Whether the last of this name by this sender was the same, byte for byte, some seconds ago."""
-        key = (source(data), frame.address, name)
+    def take(self, frame: Frame, data: bytes, name: str) -> tuple[Heard, bool]:
+        """A setting, and whether it is the last of this name by this sender again, byte for byte, of seconds ago.
+
+        The `refusal` of a new one is for the caller to fill in.
+        """
+        now = Heard(frame, data)
+        key = (now.sender, frame.address, name)
         before = self._last.pop(key, None)
         if len(self._last) >= KEPT:
             self._last.pop(next(iter(self._last)))
-        unsigned = _unsigned(data)
-        longest_ns = SAME_BYTES_NS if sequence(data) else UNNUMBERED_NS
-        self._last[key] = (unsigned, frame.t_ns)
-        return before is not None and before[0] == unsigned and frame.t_ns - before[1] < longest_ns
+        longest_ns = SAME_BYTES_NS if now.number else UNNUMBERED_NS
+        again = before is not None and before.unsigned == now.unsigned and now.t_ns - before.last_ns < longest_ns
+        if before is not None and again:
+            before.last_ns, now = now.t_ns, before
+        self._last[key] = now
+        return now, again
 
 
 def _unsigned(data: bytes) -> bytes:

@@ -57,7 +57,7 @@ class OperatorRequest:
     """What is asked, with what is needed to answer it; without a `mav_cmd` there is nothing to acknowledge.
 
     `address`, `system_id` and `component_id` are the asker's; `answer_as` is the (system, component) that was asked.
-    `heard` keeps the answer for a repetition of the command.
+    `heard` keeps the answer for a repetition of the command or setting.
     """
 
     command: Command
@@ -128,10 +128,10 @@ class OperatorSession:
         if refusal is not None:
             is_setpoint = request.mav_cmd is None and not isinstance(command, ParameterChange)
             self._replies.send_refusal(t_ns, refusal, request.address, seldom=is_setpoint)
+        result = ACCEPTED if refusal is None else REJECTED
+        if request.heard is not None:
+            request.heard.result, request.heard.refusal = result, refusal
         if request.mav_cmd is not None:
-            result = ACCEPTED if refusal is None else REJECTED
-            if request.heard is not None:
-                request.heard.result, request.heard.refusal = result, refusal
             self._send_ack(t_ns, request, result)
 
     def tell(self, t_ns: int, severity: int, text: str) -> None:
@@ -221,14 +221,21 @@ class OperatorSession:
             return None
         if msg_id in parameter_server.MESSAGES:
             change = self._parameters.receive(frame.t_ns, frame.address, message)
-            if change is not None and self._repeated_settings.is_repeated(frame, data, change.name):
-                self._parameters.tell(change.name)  # the answer was lost, and somebody may have set another value since
-                return None
-            return None if change is None else self._request(frame, data, change, None, self._us)
+            return None if change is None else self._on_setting(frame, data, change)
         answer_as = self._autopilot if claimed else self._us
         if msg_id in (SETPOINT, LOCAL_SETPOINT):
             return self._on_setpoint(frame, data, message, answer_as) if claimed or to_us else None
         return self._on_command(frame, data, message, answer_as, alone=claimed or to_us)
+
+    def _on_setting(self, frame: Frame, data: bytes, change: ParameterChange) -> OperatorRequest | None:
+        """A new setting. One that comes again gets its answer again: somebody may have set another value since."""
+        heard, again = self._repeated_settings.take(frame, data, change.name)
+        if not again:
+            return dataclasses.replace(self._request(frame, data, change, None, self._us), heard=heard)
+        if heard.refusal is not None:
+            self._replies.send_refusal(frame.t_ns, heard.refusal, frame.address)
+        self._parameters.tell(change.name)
+        return None
 
     def _on_setpoint(
         self, frame: Frame, data: bytes, message: Any, answer_as: tuple[int, int]

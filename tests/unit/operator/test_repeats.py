@@ -163,6 +163,17 @@ def test_a_setting_that_comes_again_does_not_undo_what_was_set_since() -> None:
     assert len(station.hear(station.frame(setting(3.0), 10), 0.1)[0]) == 1
 
 
+def test_a_refused_setting_that_comes_again_is_answered_with_its_reason_again() -> None:
+    station = Station()
+    data = station.frame(setting(-1.0), 8)
+    asked, _, texts = station.hear(data, refusal=REFUSAL)
+    assert len(asked) == 1 and texts == [describe(REFUSAL)]
+    for _ in range(3):
+        assert station.hear(data, 0.5) == ([], [], [describe(REFUSAL)])
+    assert station.hear(station.frame(setting(3.0), 9), 0.1)[2] == []
+    assert len(station.hear(data, 0.1)[0]) == 1, "another one was set since"
+
+
 def test_set_points_out_of_order_do_not_move_the_station_back() -> None:
     station = Station()
     frames = [station.frame(setpoint(404237000 + n), 250 + n) for n in range(6)]  # over the turn of the numbers
