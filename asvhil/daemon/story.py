@@ -11,7 +11,7 @@ from asvhil.geo import LocalFrame
 from asvhil.io.mavlink.frames import decode, dialect, message_id
 from asvhil.io.mavlink.texts import TextReader
 from asvhil.supervisor.stations import has_leapt, station_of_point
-from asvhil.types import Outputs, Station
+from asvhil.types import Frame, Outputs, Station
 
 KEPT = 8
 ASKED = (
@@ -21,6 +21,7 @@ ASKED = (
     dialect.MAV_CMD_COMPONENT_ARM_DISARM,
 )
 OF_ANSWERS = (dialect.MAVLINK_MSG_ID_COMMAND_ACK, dialect.MAVLINK_MSG_ID_STATUSTEXT)
+REPEATED_NS = 2_000_000_000  # since a refusal was last sent: the same again answers a repetition of the request
 LINKS = "links"  # the note on all links, which the terminal shows apart
 TURNED_RAD = 1e-3  # less is rounding
 
@@ -36,6 +37,7 @@ class Story:
         self._noted: set[str] = set()
         self._station: Station | None = None
         self._from_m: float | None = None
+        self._refused: list[tuple[Frame, tuple[int, ...], str]] = []  # of late, with whom and what was refused
 
     def see(self, outputs: Outputs) -> None:
         """One tick."""
@@ -79,7 +81,10 @@ class Story:
         return {"lat_deg": lat_deg, "lon_deg": lon_deg, "heading_deg": heading_deg, "from_m": self._from_m}
 
     def _refusals(self, outputs: Outputs) -> list[str]:
-        """Why commands of operators were refused in this tick: the text that was sent before the acknowledgement."""
+        """Why commands of operators were refused in this tick: the text that was sent before the acknowledgement.
+
+        A sender that has missed the answer asks again, and is answered again: that is one refusal.
+        """
         if not any(frame.port == OPERATOR and message_id(frame.data) in OF_ANSWERS[:1] for frame in outputs.frames):
             return []
         found, said, reader = [], "", TextReader()
@@ -90,5 +95,15 @@ class Story:
             if message.get_type() == "STATUSTEXT":
                 said = reader.receive(message) or said
             elif message.command in ASKED and message.result != dialect.MAV_RESULT_ACCEPTED:
-                found.append(said or f"MAV_RESULT {message.result}")
+                words = said or f"MAV_RESULT {message.result}"
+                asked = (message.command, message.target_system, message.target_component)
+                if not self._is_repeated(frame, asked, words):
+                    found.append(words)
         return found
+
+    def _is_repeated(self, frame: Frame, asked: tuple[int, ...], words: str) -> bool:
+        """Whether the same was sent to the same sender a moment ago, or to it by another link."""
+        self._refused = [one for one in self._refused if frame.t_ns - one[0].t_ns < REPEATED_NS]
+        same = [one for one in self._refused if one[1:] == (asked, words)]
+        self._refused.append((frame, asked, words))
+        return any(one.address == frame.address or one.via != frame.via for one, *_ in same)

@@ -15,6 +15,7 @@ from asvhil.types import Address, FrontseatStatus, Note, Outputs, Phase, Station
 from tests.support.log_samples import sample_outputs
 
 US = (1, 191)
+NEUTRAL = dialect.MAV_CMD_COMPONENT_ARM_DISARM
 
 
 def teller_after(*ticks: Outputs) -> StatusTeller:
@@ -63,6 +64,24 @@ def test_a_refused_hold_is_an_event_with_its_reason() -> None:
     replies.send(idle.t_ns, dialect.MAVLink_command_ack_message(dialect.MAV_CMD_DO_REPOSITION, 0), Address("", ""))
     granted = dataclasses.replace(idle, frames=tuple(replies.take()))
     assert texts(told(idle, granted)) == said[:1]
+
+
+def test_a_refusal_that_answers_a_repetition_is_no_second_event() -> None:
+    idle = with_reason(sample_outputs(1, control=False), "waiting for a hold command")
+    why = explain(Reason.NOT_ARMED)
+
+    def refused(after_s: float, peer: str, via: str = "", command: int = dialect.MAV_CMD_DO_REPOSITION) -> Outputs:
+        replies, t_ns = Replies(US), idle.t_ns + round(after_s * 1e9)
+        replies.send_refusal(t_ns, why, Address(via, peer))
+        replies.send(t_ns, dialect.MAVLink_command_ack_message(command, 2, 0, 0, 255, 190), Address(via, peer))
+        return dataclasses.replace(idle, t_ns=t_ns, frames=tuple(replies.take()))
+
+    said = f"refused: {describe(why)}"
+    again = [refused(at_s, "gcs:1") for at_s in (0.0, 0.5, 1.0, 2.5)]  # as a slow link has it, each since the last
+    assert texts(told(idle, *again))[1:] == [said]
+    assert texts(told(idle, refused(0.0, "w:1", "ground.wifi"), refused(0.1, "r:1", "ground.radio")))[1:] == [said]
+    for another in (refused(0.5, "gcs:2"), refused(2.1, "gcs:1"), refused(0.5, "gcs:1", command=NEUTRAL)):
+        assert texts(told(idle, refused(0.0, "gcs:1"), another))[1:] == [said] * 2
 
 
 def test_phases_and_new_notes_are_events_and_the_last_are_kept() -> None:
