@@ -184,14 +184,14 @@ def _moving(drift: str | None, way_m: float, leader: int | None) -> dict[str, fl
 
 def _set_moving(config: Config, name: str, value: float) -> None:
     """Set a parameter of the station's motion, once the station is held. Raises AsvhilError where it is not taken."""
-    from asvhil.links.operator_client import set_parameter
+    from asvhil.links.operator_client import is_value, set_parameter
     from asvhil.operator.encoding import encode_parameter
 
     link, data = config.links.operator, encode_parameter(config.links.autopilot, name, value)
     end_s = time.monotonic() + config.supervisor.take_mode_timeout_s
     while True:
-        known, text = set_parameter(data, link.endpoint, name, signing=link.signing)
-        if math.isclose(known, value, rel_tol=1e-5, abs_tol=1e-6):
+        known, text = set_parameter(data, link.endpoint, name, value, signing=link.signing)
+        if is_value(known, value):
             return
         # While the autopilot's mode is asked for no station is held yet.
         if "no station is held" not in text or time.monotonic() > end_s:
@@ -207,7 +207,7 @@ def _choose_policy(config: Config, number: int) -> None:
 
     link = config.links.operator
     data = encode_parameter(config.links.autopilot, POLICY_PARAMETER, float(number))
-    value, text = set_parameter(data, link.endpoint, POLICY_PARAMETER, signing=link.signing)
+    value, text = set_parameter(data, link.endpoint, POLICY_PARAMETER, float(number), signing=link.signing)
     if value != number:
         raise AsvhilError(f"the daemon refused the heading policy; a hold goes on with that of before: {text}")
 
@@ -215,13 +215,13 @@ def _choose_policy(config: Config, number: int) -> None:
 def _unfixed(config: Config) -> str | None:
     """The policy by which stations follow the weather, chosen with an earlier hold; None: they do not, or no answer."""
     from asvhil.config.heading import POLICIES
-    from asvhil.links.operator_client import set_parameter
+    from asvhil.links.operator_client import read_parameter
     from asvhil.operator.encoding import encode_parameter_question
     from asvhil.operator.station_parameters import POLICY_PARAMETER
 
     link, question = config.links.operator, encode_parameter_question(config.links.autopilot, POLICY_PARAMETER)
     try:
-        number, _ = set_parameter(question, link.endpoint, POLICY_PARAMETER, signing=link.signing)
+        number = read_parameter(question, link.endpoint, POLICY_PARAMETER, signing=link.signing)
     except LinkError:  # it was granted all the same
         return None
     return POLICIES[int(number)] if 0 < number < len(POLICIES) else None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import socket
 import time
 from collections.abc import Callable
@@ -12,7 +13,7 @@ from asvhil.config.link_spec import LinkSpec, host_port, parse_spec
 from asvhil.config.mavlink import SigningConfig
 from asvhil.config.ports import OPERATOR
 from asvhil.errors import LinkError
-from asvhil.io.mavlink.frames import decode, renumbered, source, target
+from asvhil.io.mavlink.frames import decode, dialect, renumbered, source, target
 from asvhil.io.mavlink.signature_filter import SignatureFilter
 from asvhil.io.mavlink.signing import Signer, SigningClock, Verifier
 from asvhil.io.mavlink.texts import TextReader
@@ -22,6 +23,7 @@ from asvhil.types import Frame
 
 Answer = TypeVar("Answer")
 RESEND_S = 0.5  # the command is sent again if no answer has come
+REASON_S = 1.2  # for the reason of a refusal: two repetitions, each answered with it
 KINDS = {"udpin": socket.SOCK_DGRAM, "tcpin": socket.SOCK_STREAM}
 OURS = {"0.0.0.0": "127.0.0.1", "::": "::1"}  # where to call a daemon that listens on all addresses
 
@@ -31,7 +33,7 @@ def send_and_wait(
 ) -> tuple[int, str]:
     """Send a command frame to the daemon's operator port until it answers: (MAV_RESULT, text). As `ask`."""
 
-    def result(message: Any) -> int | None:
+    def result(message: Any, words: str) -> int | None:
         if message.get_type() == "COMMAND_ACK" and message.command == mav_cmd:
             return int(message.result)
         return None
@@ -39,29 +41,61 @@ def send_and_wait(
     return ask(data, endpoint, result, timeout_s, signing)
 
 
-def set_parameter(
+def read_parameter(
     data: bytes, endpoint: str, name: str, timeout_s: float = 2.0, signing: SigningConfig | None = None
+) -> float:
+    """Send a PARAM_REQUEST_READ frame until the daemon tells the parameter. As `ask`."""
+
+    def value(message: Any, words: str) -> float | None:
+        return _value_of(message, name)
+
+    return ask(data, endpoint, value, timeout_s, signing)[0]
+
+
+def set_parameter(
+    data: bytes, endpoint: str, name: str, wanted: float, timeout_s: float = 2.0, signing: SigningConfig | None = None
 ) -> tuple[float, str]:
-    """Send a PARAM_SET frame, or a PARAM_REQUEST_READ, until the daemon answers: (the value that the parameter now has,
-    text). As `ask`.
+    """Send a PARAM_SET frame until the daemon answers: (the value that the parameter now has, text). As `ask`.
+
+    Values go to every operator, so another one than is wanted may tell of somebody else's change, and a network may put
+    it before the reason: the text is waited for, some repetitions long.
     """
+    since_s: float | None = None
+    known: float | None = None
 
-    def value(message: Any) -> float | None:
-        if message.get_type() == "PARAM_VALUE" and message.param_id == name:
-            return float(message.param_value)
-        return None
+    def answered(message: Any, words: str) -> float | None:
+        nonlocal since_s, known
+        told = _value_of(message, name)
+        known = known if told is None else told
+        if known is None or is_value(known, wanted) or words:
+            return known
+        since_s = since_s or time.monotonic()
+        return known if time.monotonic() - since_s > REASON_S else None
 
-    return ask(data, endpoint, value, timeout_s, signing)
+    return ask(data, endpoint, answered, timeout_s, signing)
+
+
+def is_value(told: float, wanted: float) -> bool:
+    """Whether a value of the link, a 32-bit float, is the one that was sent."""
+    return math.isclose(told, wanted, rel_tol=1e-5, abs_tol=1e-6)
+
+
+def _value_of(message: Any, name: str) -> float | None:
+    if message.get_type() == "PARAM_VALUE" and message.param_id == name:
+        return float(message.param_value)
+    return None
 
 
 def ask(
     data: bytes,
     endpoint: str,
-    answer: Callable[[Any], Answer | None],
+    answer: Callable[[Any, str], Answer | None],
     timeout_s: float = 2.0,
     signing: SigningConfig | None = None,
 ) -> tuple[Answer, str]:
-    """Send a frame to the daemon's operator port until it is answered: what `answer` reads in a message, and the text.
+    """Send a frame to the daemon's operator port until it is answered: what `answer` reads in a message, and why.
+
+    `answer` is given each message with the daemon's last warning, which is the reason of a refusal.
 
     Each call numbers its frame anew, so that the daemon knows a second call from a repetition of the first. With
     `signing` each attempt is signed anew, as a repeated frame would be taken for an attack, and only answers signed
@@ -96,13 +130,13 @@ def ask(
 
 
 class _Answers(Generic[Answer]):
-    """Reads what answers: the message that is looked for of the component asked, and its last text."""
+    """Reads what answers: the message that is looked for of the component asked, and its last warning."""
 
     def __init__(
         self,
         endpoint: str,
         daemon: tuple[int, int],
-        answer: Callable[[Any], Answer | None],
+        answer: Callable[[Any, str], Answer | None],
         accepts: SignatureFilter,
     ) -> None:
         self._endpoint, self._daemon, self._answer, self._accepts = endpoint, daemon, answer, accepts
@@ -134,9 +168,9 @@ class _Answers(Generic[Answer]):
         message = decode(frame)
         if message is None:
             return None
-        if message.get_type() == "STATUSTEXT":
+        if message.get_type() == "STATUSTEXT" and message.severity <= dialect.MAV_SEVERITY_WARNING:
             self.words = self._texts.receive(message) or self.words
-        return self._answer(message)
+        return self._answer(message, self.words)
 
 
 def called(spec: LinkSpec) -> socket.socket:

@@ -5,22 +5,27 @@ from __future__ import annotations
 import asyncio
 import socket
 from collections.abc import Awaitable, Callable
+from typing import TypeVar
 
 import pytest
 
 from asvhil.config import load_config
 from asvhil.errors import LinkError
-from asvhil.io.mavlink.frames import dialect, sequence
+from asvhil.io.mavlink.frames import decode, dialect, sequence
 from asvhil.links.clock import Clock
 from asvhil.links.endpoint import open_endpoint
-from asvhil.links.operator_client import send_and_wait
-from asvhil.operator.encoding import encode_hold
+from asvhil.links.operator_client import REASON_S, send_and_wait, set_parameter
+from asvhil.operator.encoding import encode_hold, encode_parameter
 from asvhil.operator.session import OperatorSession
+from asvhil.supervisor.reasons import Reason, describe, explain
 from asvhil.types import Frame
 
 CONFIG = load_config("sitl").links.autopilot
 HOLD = encode_hold(CONFIG, None, None, None)
+SPEED = "ST_SPEED"
+TOO_FAST = explain(Reason.STATION_TOO_FAST, speed=5.0, most=0.8)
 Answer = Callable[[OperatorSession, Frame], Awaitable[list[Frame]]]
+Result = TypeVar("Result")
 
 
 async def granted(session: OperatorSession, frame: Frame) -> list[Frame]:
@@ -31,9 +36,18 @@ async def granted(session: OperatorSession, frame: Frame) -> list[Frame]:
 
 async def ask(spec: str, answer: Answer = granted, called: str = "", timeout_s: float = 2.0) -> tuple[int, str]:
     """A hold command to a daemon that listens on a spec; `called`: as the client has it, PORT for the port."""
+
+    def hold(endpoint: str) -> tuple[int, str]:
+        return send_and_wait(HOLD, endpoint, dialect.MAV_CMD_DO_REPOSITION, timeout_s)
+
+    return await at_daemon(spec, answer, called, hold)
+
+
+async def at_daemon(spec: str, answer: Answer, called: str, client: Callable[[str], Result]) -> Result:
+    """What a client gets from a daemon that listens on a spec."""
     link = await open_endpoint(spec, "operator", Clock().now_ns)
     port = link.address.rpartition(":")[2]
-    session = OperatorSession(CONFIG)
+    session = OperatorSession(CONFIG, parameters=(SPEED,))
 
     async def serve() -> None:
         while True:
@@ -43,7 +57,7 @@ async def ask(spec: str, answer: Answer = granted, called: str = "", timeout_s: 
     server = asyncio.create_task(serve())
     try:
         endpoint = (called or spec.rpartition(":")[0] + ":PORT").replace("PORT", port)
-        return await asyncio.to_thread(send_and_wait, HOLD, endpoint, dialect.MAV_CMD_DO_REPOSITION, timeout_s)
+        return await asyncio.to_thread(client, endpoint)
     finally:
         server.cancel()
         await asyncio.gather(server, return_exceptions=True)
@@ -126,3 +140,40 @@ async def test_another_program_on_the_port_is_told() -> None:
 
     with pytest.raises(LinkError, match=r"MAVLink component 255/190 answers there, and no daemon"):
         await ask("udpin:127.0.0.1:0", other, timeout_s=0.6)
+
+
+async def set_speed(*told: Callable[[list[Frame]], list[Frame]]) -> tuple[float, str]:
+    """A speed of 5 m/s that is refused, where the answers come as `told` has them, those of each repetition in turn."""
+    changes = list(told)
+
+    async def refused(session: OperatorSession, frame: Frame) -> list[Frame]:
+        for request in session.receive(frame):
+            session.answer(frame.t_ns, request, TOO_FAST)
+        answers = session.data_to_send(frame.t_ns, value_of=lambda name: 0.3)
+        answers = [f for f in answers if decode(f.data).get_type() in ("STATUSTEXT", "PARAM_VALUE")]  # type: ignore[union-attr]
+        answers = [Frame(t_ns=0, port=f.port, data=f.data, peer=frame.peer) for f in answers]
+        return changes.pop(0)(answers) if changes else answers
+
+    def client(endpoint: str) -> tuple[float, str]:
+        return set_parameter(encode_parameter(CONFIG, SPEED, 5.0), endpoint, SPEED, 5.0)
+
+    return await at_daemon("udpin:127.0.0.1:0", refused, "", client)
+
+
+@pytest.mark.parametrize(
+    "told",
+    [
+        [],
+        [lambda answers: answers[::-1]],  # the value first
+        [lambda answers: answers[1:]],  # the reason is lost: it comes with the next answer
+        [lambda answers: answers[1:] * 2, lambda answers: []],  # as another operator's change is told
+    ],
+)
+async def test_a_refused_setting_is_told_with_its_reason(told: list[Callable[[list[Frame]], list[Frame]]]) -> None:
+    assert await set_speed(*told) == (pytest.approx(0.3), describe(TOO_FAST))
+
+
+async def test_the_reason_of_a_setting_is_not_waited_for_without_end() -> None:
+    began_s = asyncio.get_running_loop().time()
+    assert await set_speed(*[lambda answers: answers[1:]] * 9) == (pytest.approx(0.3), "")
+    assert asyncio.get_running_loop().time() - began_s < REASON_S + 0.7
