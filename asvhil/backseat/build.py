@@ -38,7 +38,7 @@ from asvhil.io.sensors.firmware import FirmwareWatch
 from asvhil.motion.watch import MotionWatch
 from asvhil.operator.operations import Operations
 from asvhil.operator.session import OperatorSession
-from asvhil.operator.station_parameters import STATION_PARAMETERS
+from asvhil.operator.station_parameters import LIMIT_PARAMETERS, STATION_PARAMETERS
 from asvhil.operator.tunables import Tunables
 from asvhil.supervisor.battery_watch import BatteryWatch
 from asvhil.supervisor.docking import DockingWatch
@@ -198,15 +198,17 @@ def build_motor_check(config: Config, link: MavlinkAutopilot) -> MotorCheck:
 def build_command(config: Config, controller: Controller) -> Command:
     """Operators and the supervisor; operators may tune `controller` while it runs."""
     links, vessel = config.links, config.believed_vessel
+    most_mps = fastest_mps(vessel, config.supervisor.moving)
     supervisor = Supervisor(
         config.supervisor,
         overrides_sticks=links.autopilot.overrides_sticks,
-        fastest_mps=fastest_mps(vessel, config.supervisor.moving),
+        fastest_mps=most_mps,
         weak_astern=vessel.weak_astern,
     )
     tunables = Tunables(config.controller, controller)
-    session = OperatorSession(links.autopilot, links.operator, (*STATION_PARAMETERS, *tunables.names))
-    return Command(Operations(session, tunables), supervisor)
+    names = (*STATION_PARAMETERS, *LIMIT_PARAMETERS, *tunables.names)
+    session = OperatorSession(links.autopilot, links.operator, names)
+    return Command(Operations(session, tunables, most_mps), supervisor)
 
 
 def build_firmware_watch(config: Config) -> FirmwareWatch:

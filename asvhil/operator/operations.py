@@ -12,7 +12,12 @@ from asvhil.operator.remarks import Remarks
 from asvhil.operator.reports import NOTICE, WARNING, OperatorReport
 from asvhil.operator.session import OperatorRequest, OperatorSession
 from asvhil.operator.state_arrays import BoatState
-from asvhil.operator.station_parameters import PLACE_PARAMETERS, request_of_change, station_value
+from asvhil.operator.station_parameters import (
+    MOST_SPEED_PARAMETER,
+    PLACE_PARAMETERS,
+    request_of_change,
+    station_value,
+)
 from asvhil.operator.tunables import Tunables
 from asvhil.supervisor.decision import Decision, Request
 from asvhil.supervisor.reasons import Explanation, Reason, describe, explain
@@ -65,8 +70,10 @@ NO_READINGS = Readings()
 class Operations:
     """What operators ask for and are told. In each tick: `receive`, `take_requests`, `answer`, `data_to_send`."""
 
-    def __init__(self, session: OperatorSession, tunables: Tunables) -> None:
+    def __init__(self, session: OperatorSession, tunables: Tunables, fastest_mps: float = math.inf) -> None:
+        """`fastest_mps`: of a station that the boat can follow."""
         self._session = session
+        self._fastest_mps = fastest_mps
         self._tunables = tunables
         self._received: list[OperatorRequest] = []
         self._unanswered: list[_Unanswered] = []
@@ -132,6 +139,8 @@ class Operations:
         def value_of(name: str) -> float:
             if name in self._tunables:
                 return self._tunables.value(name)
+            if name == MOST_SPEED_PARAMETER:
+                return self._fastest_mps
             policy, course = decision.heading_policy, decision.course
             return station_value(name, decision.point, situation.frame, policy, course)
 

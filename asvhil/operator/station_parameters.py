@@ -19,6 +19,8 @@ SPEED_PARAMETER, COURSE_PARAMETER, WAY_PARAMETER = "ST_SPEED", "ST_COURSE", "ST_
 FOLLOW_PARAMETER = "ST_FOLLOW"
 # Of a station that moves, with the largest value of each; none is negative.
 COURSE_PARAMETERS = {SPEED_PARAMETER: math.inf, COURSE_PARAMETER: 360.0, WAY_PARAMETER: 1e6, FOLLOW_PARAMETER: 255.0}
+MOST_SPEED_PARAMETER = "ST_SPEED_MAX"  # of ST_SPEED: asked for before a hold, so that one is not taken in vain
+LIMIT_PARAMETERS = (MOST_SPEED_PARAMETER,)  # to be read only
 STATION_PARAMETERS = (*PLACE_PARAMETERS, POLICY_PARAMETER, *COURSE_PARAMETERS)
 BOUNDS_DEG = {"ST_LAT": 90.0, "ST_LON": 180.0, "ST_HDG": 360.0}
 
@@ -46,8 +48,10 @@ def _course_value(name: str, course: CourseCommand | None) -> float:
 
 
 def request_of_change(change: ParameterChange) -> MoveCommand | HeadingCommand | CourseCommand | Explanation:
-    """The move, course or heading policy that setting one of STATION_PARAMETERS asks for, or why there is none."""
+    """The move, course or heading policy that setting one of these parameters asks for, or why there is none."""
     name, value = change.name, change.value
+    if name in LIMIT_PARAMETERS:
+        return explain(Reason.PARAMETER_READ_ONLY, name=name)
     if name == POLICY_PARAMETER:
         if _POLICY.allows(value):
             return HeadingCommand(t_ns=change.t_ns, policy=str(_POLICY.from_link(value)))

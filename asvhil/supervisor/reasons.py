@@ -101,6 +101,7 @@ class Reason(enum.StrEnum):
     HEADING_IMPOSSIBLE = "heading-impossible"
     PARAMETER_OUT_OF_RANGE = "parameter-out-of-range"
     PARAMETER_CONFLICT = "parameter-conflict"
+    PARAMETER_READ_ONLY = "parameter-read-only"
     REQUEST_LATE = "request-late"
 
 
@@ -418,6 +419,10 @@ WORDS: Mapping[Reason, Words] = {
     ),
     Reason.PARAMETER_CONFLICT: Words(
         text="{name}: {rule}", remedy="The value in use stands; change the other parameter of the rule first."
+    ),
+    Reason.PARAMETER_READ_ONLY: Words(
+        text="{name} can be read, not set",
+        remedy="Nothing has changed. It follows from supervisor.moving.max_speed_mps and the thrust of the boat.",
     ),
     Reason.REQUEST_LATE: Words(
         text="overtaken by a later request",

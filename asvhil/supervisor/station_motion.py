@@ -18,6 +18,7 @@ CATCH_UP_S = 2.0  # time constant with which the station follows where a leader 
 COURSE_LEAST_MPS = 0.1  # a leader that is slower has no course of its own
 COURSE_TIME_S = 5.0  # time constant of the mean velocity that its course is of
 SHARE = 0.5  # of the thrust ahead, which a station's speed may take: the rest is for the weather
+FLOAT_SHARE = 1e-6  # by which a 32-bit float of the link may tell the fastest speed itself as a faster one
 BACK = 0.5  # of the distance at which a station waits: from there it goes on
 Place = tuple[float, float]
 
@@ -83,9 +84,9 @@ class StationMotion:
     def choose(self, command: CourseCommand) -> Explanation | None:
         """Another speed, course, way or leader; what is None stays. Returns None, or why not."""
         if command.speed_mps is not None:
-            if not 0.0 <= command.speed_mps <= self._most_mps:  # a NaN is not
+            if not 0.0 <= command.speed_mps <= self._most_mps * (1.0 + FLOAT_SHARE):  # a NaN is not
                 return explain(Reason.STATION_TOO_FAST, speed=command.speed_mps, most=self._most_mps)
-            self.speed_mps = command.speed_mps
+            self.speed_mps = min(command.speed_mps, self._most_mps)
             self._forget_leader(0)
             self._trouble = None
         if command.course_rad is not None:

@@ -10,12 +10,13 @@ import pytest
 from asvhil.config import load_config
 from asvhil.geo import LocalFrame
 from asvhil.io.mavlink.frames import FrameSplitter, decode, dialect
-from asvhil.operator.encoding import encode_hold, encode_question, encode_release
+from asvhil.operator.encoding import encode_hold, encode_parameter_question, encode_question, encode_release
 from asvhil.operator.operations import Operations
 from asvhil.operator.session import OperatorSession
 from asvhil.operator.state_arrays import read_state
 from asvhil.operator.station_parameters import (
     COURSE_PARAMETERS,
+    LIMIT_PARAMETERS,
     PLACE_PARAMETERS,
     STATION_PARAMETERS,
     request_of_change,
@@ -76,8 +77,9 @@ def test_a_set_of_weights_that_the_config_has_not_has_no_parameters() -> None:
 class Bench:
     def __init__(self) -> None:
         tunables = Tunables(CONFIG.controller, Retuned())
-        session = OperatorSession(LINK, CONFIG.links.operator, (*STATION_PARAMETERS, *tunables.names))
-        self.operations = Operations(session, tunables)
+        names = (*STATION_PARAMETERS, *LIMIT_PARAMETERS, *tunables.names)
+        session = OperatorSession(LINK, CONFIG.links.operator, names)
+        self.operations = Operations(session, tunables, fastest_mps=0.75)
         self.t_ns = 0
 
     def receive(self, message: Any) -> None:
@@ -155,6 +157,18 @@ def test_a_parameter_of_the_controller_is_set_before_the_decision_of_its_tick() 
     requests, sent = bench.tick()
     assert requests == []
     assert [(m.param_id, m.param_value) for m in of_kind(sent, "PARAM_VALUE")] == [("LOIT_RADIUS", 2.5)]
+
+
+def test_how_fast_a_station_may_be_is_read_and_not_set() -> None:
+    bench = Bench()
+    bench.receive(encode_parameter_question(LINK, "ST_SPEED_MAX"))
+    _, sent = bench.tick()
+    assert [(m.param_id, m.param_value) for m in of_kind(sent, "PARAM_VALUE")] == [("ST_SPEED_MAX", 0.75)]
+    bench.set("ST_SPEED_MAX", 9.0)
+    requests, sent = bench.tick()
+    assert requests == [] and [m.param_value for m in of_kind(sent, "PARAM_VALUE")] == [0.75]
+    read_only = explain(Reason.PARAMETER_READ_ONLY, name="ST_SPEED_MAX")
+    assert [m.text for m in of_kind(sent, "STATUSTEXT")] == [describe(read_only)]
 
 
 def test_a_hold_that_begins_tells_the_station_to_everyone() -> None:
