@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 import re
 import sys
-import time
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from asvhil.commands.numbers import lat_lon
 from asvhil.commands.options import SetOption
+from asvhil.commands.station_course import check_course, once_held, parameters_of_course, set_course
 from asvhil.errors import AsvhilError, LinkError
 
 if TYPE_CHECKING:
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
 
 # The words of Reason.STATION_UNCONFIRMED
 FAR = re.compile(r"station is ([0-9]+) m away, [0-9]+ m at most without a word")
-RETRY_S = 0.2
 MOVES_M = 20.0  # what a drifting boat may move while somebody reads the question
 
 DaemonOption = Annotated[str, typer.Option("--config", help="The daemon's config: where its operator link is.")]
@@ -68,8 +67,6 @@ def hold(
     """Ask the running daemon to hold a station; the answer says which, and how far off the boat is."""
     from asvhil.config import load_config
     from asvhil.config.heading import POLICIES
-    from asvhil.io.mavlink.frames import dialect
-    from asvhil.operator.encoding import encode_hold
 
     if policy is not None and policy not in POLICIES:
         raise AsvhilError(f"--policy {policy}: unknown (known: {', '.join(POLICIES)})")
@@ -77,23 +74,26 @@ def hold(
         raise AsvhilError("--drift and --follow: one of them")
     if way and drift is None:
         raise AsvhilError("--way: goes with --drift only")
-    moving = _moving(drift, way, follow)
+    moving = parameters_of_course(drift, way, follow)
     settings = load_config(config, tuple(set_))
     lat_deg, lon_deg = (None, None) if at is None else lat_lon("--at", at)
     psi_rad = None if heading is None else math.radians(heading)
-    data = encode_hold(settings.links.autopilot, lat_deg, lon_deg, psi_rad, within)
-    if policy == "fixed":  # first, or the policy of an earlier hold would turn the heading that is asked for here
-        _choose_policy(settings, POLICIES.index(policy))
+    check_course(settings, moving)
+    # A policy of fixed comes first, or that of an earlier hold would turn the heading that is asked for here.
+    before = _fix_headings(settings) if policy == "fixed" else None
     try:
-        _ask(settings, data, dialect.MAV_CMD_DO_REPOSITION)
-    except AsvhilError as error:
-        meant_m = _meant_all_the_same(error)
-        data = encode_hold(settings.links.autopilot, lat_deg, lon_deg, psi_rad, meant_m)
-        _ask(settings, data, dialect.MAV_CMD_DO_REPOSITION)
-    if policy is not None and policy != "fixed":
-        _choose_policy(settings, POLICIES.index(policy))
-    for name, value in moving.items():
-        _set_moving(settings, name, value)
+        _take_station(settings, lat_deg, lon_deg, psi_rad, within)
+    except LinkError:  # nobody knows whether it was done, and nobody is there to put anything back
+        raise
+    except (AsvhilError, typer.Abort):
+        if before is not None:
+            _choose_policy(settings, before)
+        raise
+    with once_held():
+        if policy is not None and policy != "fixed":
+            _choose_policy(settings, policy)
+        for name, value in moving.items():
+            set_course(settings, name, value)
     held, cost = _what_is_held(settings)
     if drift is not None:
         held += f"; moving: {drift}" + (f", {way:g} m" if way else "")
@@ -135,6 +135,25 @@ def neutral(
     typer.echo("neutral: the boat drifts")
 
 
+def _take_station(
+    config: Config, lat_deg: float | None, lon_deg: float | None, psi_rad: float | None, within_m: float
+) -> None:
+    """Hold a station, one that is far off once a person has said that it is meant. Raises AsvhilError if refused."""
+    from asvhil.io.mavlink.frames import dialect
+    from asvhil.operator.encoding import encode_hold
+
+    def hold_within(far_m: float) -> None:
+        data = encode_hold(config.links.autopilot, lat_deg, lon_deg, psi_rad, far_m)
+        _ask(config, data, dialect.MAV_CMD_DO_REPOSITION)
+
+    try:
+        hold_within(within_m)
+    except LinkError:
+        raise
+    except AsvhilError as error:
+        hold_within(_meant_all_the_same(error))
+
+
 def _meant_all_the_same(refused: AsvhilError) -> float:
     """How far off (m) a station may be that was refused as too far, if a person at the terminal means it.
 
@@ -169,45 +188,23 @@ def _what_is_held(config: Config) -> tuple[str, str]:
     return f"holding {place}{away}", look["notes"].get(SUBJECT, "")
 
 
-def _moving(drift: str | None, way_m: float, leader: int | None) -> dict[str, float]:
-    """The parameters of a station that moves, in the order in which they are set: the speed, which starts it, last."""
-    from asvhil.config.mean_wind import parse_course
-    from asvhil.operator.station_parameters import COURSE_PARAMETER, FOLLOW_PARAMETER, SPEED_PARAMETER, WAY_PARAMETER
-
-    if leader is not None:
-        return {FOLLOW_PARAMETER: float(leader)}
-    if drift is None:
-        return {}
-    speed_mps, course_deg = parse_course(drift)
-    return {COURSE_PARAMETER: course_deg, WAY_PARAMETER: way_m, SPEED_PARAMETER: speed_mps}
+def _fix_headings(config: Config) -> str | None:
+    """Choose the policy fixed. Returns the one before, to be put back where the hold is refused; None: it was fixed."""
+    before = _unfixed(config)
+    _choose_policy(config, "fixed")
+    return before
 
 
-def _set_moving(config: Config, name: str, value: float) -> None:
-    """Set a parameter of the station's motion, once the station is held. Raises AsvhilError where it is not taken."""
-    from asvhil.links.operator_client import is_value, set_parameter
-    from asvhil.operator.encoding import encode_parameter
-
-    link, data = config.links.operator, encode_parameter(config.links.autopilot, name, value)
-    end_s = time.monotonic() + config.supervisor.take_mode_timeout_s
-    while True:
-        known, text = set_parameter(data, link.endpoint, name, value, signing=link.signing)
-        if is_value(known, value):
-            return
-        # While the autopilot's mode is asked for no station is held yet.
-        if "no station is held" not in text or time.monotonic() > end_s:
-            raise AsvhilError(f"the hold goes on, but the daemon refused {name} = {value:g}: {text}")
-        time.sleep(RETRY_S)
-
-
-def _choose_policy(config: Config, number: int) -> None:
+def _choose_policy(config: Config, policy: str) -> None:
     """Set the policy of headings from now on. Raises AsvhilError where it is not taken."""
+    from asvhil.config.heading import POLICIES
     from asvhil.links.operator_client import set_parameter
     from asvhil.operator.encoding import encode_parameter
     from asvhil.operator.station_parameters import POLICY_PARAMETER
 
-    link = config.links.operator
-    data = encode_parameter(config.links.autopilot, POLICY_PARAMETER, float(number))
-    value, text = set_parameter(data, link.endpoint, POLICY_PARAMETER, float(number), signing=link.signing)
+    link, number = config.links.operator, float(POLICIES.index(policy))
+    data = encode_parameter(config.links.autopilot, POLICY_PARAMETER, number)
+    value, text = set_parameter(data, link.endpoint, POLICY_PARAMETER, number, signing=link.signing)
     if value != number:
         raise AsvhilError(f"the daemon refused the heading policy; a hold goes on with that of before: {text}")
 
