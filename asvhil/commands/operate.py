@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from asvhil.config import Config
 
 # The words of Reason.STATION_UNCONFIRMED
-FAR = re.compile(r"station is ([0-9]+) m away, [0-9]+ m at most without a word")
+FAR = re.compile(r"station is ([0-9]+) m away, at most")
 MOVES_M = 20.0  # what a drifting boat may move while somebody reads the question
 
 DaemonOption = Annotated[str, typer.Option("--config", help="The daemon's config: where its operator link is.")]
@@ -36,7 +36,7 @@ def hold(
         typer.Option(
             metavar="METRES",
             min=0.0,
-            help="A station as far off as this is meant; else supervisor.max_distance_m is the limit.",
+            help="A station as far off as this is meant, up to 2000; else supervisor.max_distance_m is the limit.",
         ),
     ] = 0.0,
     policy: Annotated[
@@ -67,6 +67,7 @@ def hold(
     """Ask the running daemon to hold a station; the answer says which, and how far off the boat is."""
     from asvhil.config import load_config
     from asvhil.config.heading import POLICIES
+    from asvhil.supervisor.stations import MAX_STATION_DISTANCE_M
 
     if policy is not None and policy not in POLICIES:
         raise AsvhilError(f"--policy {policy}: unknown (known: {', '.join(POLICIES)})")
@@ -74,6 +75,8 @@ def hold(
         raise AsvhilError("--drift and --follow: one of them")
     if way and drift is None:
         raise AsvhilError("--way: goes with --drift only")
+    if within > MAX_STATION_DISTANCE_M:
+        raise AsvhilError(f"--within {within:g}: a station is {MAX_STATION_DISTANCE_M:.0f} m away at most")
     moving = parameters_of_course(drift, way, follow)
     settings = load_config(config, tuple(set_))
     lat_deg, lon_deg = (None, None) if at is None else lat_lon("--at", at)

@@ -254,11 +254,11 @@ WORDS: Mapping[Reason, Words] = {
         remedy="Hold first. Of a stream of set-points only the first takes a station: pause the stream for 3 s.",
     ),
     Reason.STATION_TOO_FAR: Words(
-        text="station is {distance_km:.1f} km away, 2 km at most",
+        text="station is {distance_km:.1f} km away, {limits}",
         remedy="Check latitude and longitude, or drive the boat nearer first.",
     ),
     Reason.STATION_UNCONFIRMED: Words(
-        text="station is {metres:.0f} m away, {most:.0f} m at most without a word",
+        text="station is {metres:.0f} m away, at most {limit}",
         remedy="Check latitude and longitude. If it is meant: `asvhil hold --within METRES`, param3 of DO_REPOSITION "
         "in metres, or supervisor.max_distance_m.",
     ),

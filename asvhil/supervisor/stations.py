@@ -13,6 +13,8 @@ from asvhil.types import Estimate, HoldCommand, MoveCommand, Station, changed
 LEAP_M = 0.5  # from one sample to the next: less, and a station that moves has moved on its course
 TURN_M = 0.05  # less, and the boat's origin goes round a point of it while the station's heading turns
 MAX_STATION_DISTANCE_M = 2000.0  # the local plane is good to a few centimetres within it
+# What sets how far off a station may be.
+UNLESS_NAMED, BY_COMMAND = "unless the hold command names more", "by the hold command"
 
 
 def station_of_config(at: StationConfig, frame: LocalFrame) -> Station:
@@ -67,13 +69,19 @@ def station_of_move(command: MoveCommand, held: Station, frame: LocalFrame) -> S
     )
 
 
-def too_far(station: Station, estimate: Estimate, most_m: float) -> Explanation | None:
-    """Why a station is out of reach, or farther than `most_m`, as nobody has said that he means; None where neither."""
+def too_far(station: Station, estimate: Estimate, most_m: float, named_m: float = 0.0) -> Explanation | None:
+    """Why a station is out of reach, or farther than it may be; None where neither.
+
+    That is `most_m`, or as far as `named_m`, by which somebody has said how far off he means it to be; 0: nobody has.
+    """
     distance_m = math.hypot(station.n_m - estimate.n_m, station.e_m - estimate.e_m)
-    if not distance_m <= MAX_STATION_DISTANCE_M:  # a NaN is not
-        return explain(Reason.STATION_TOO_FAR, distance_km=distance_m / 1000.0)
-    if distance_m > most_m:
-        return explain(Reason.STATION_UNCONFIRMED, metres=distance_m, most=most_m)
+    named = named_m > most_m  # a NaN is not
+    limit = f"{named_m if named else most_m:.0f} m {BY_COMMAND if named else UNLESS_NAMED}"
+    if not distance_m <= MAX_STATION_DISTANCE_M:
+        limits = f"{MAX_STATION_DISTANCE_M / 1000.0:.0f} km at most" + ("" if named else f", and {limit}")
+        return explain(Reason.STATION_TOO_FAR, distance_km=distance_m / 1000.0, limits=limits)
+    if distance_m > (named_m if named else most_m):
+        return explain(Reason.STATION_UNCONFIRMED, metres=distance_m, limit=limit)
     return None
 
 

@@ -26,6 +26,7 @@ from asvhil.supervisor.stations import (
 )
 from asvhil.types import (
     CourseCommand,
+    Estimate,
     FrontseatStatus,
     HeadingCommand,
     HoldCommand,
@@ -72,7 +73,7 @@ class Supervisor:
         self._heading = HeadingPolicy(config.heading, weak_astern=weak_astern)
         self._motion = StationMotion(config.moving, fastest_mps)
         self._conditions = Conditions(config)
-        self._most_m = config.max_distance_m  # by the last hold command: how far off a station may be
+        self._named_m = 0.0  # by the last hold command: how far off a station may be
         self._auto_pending = config.engage == "auto"
         self._failing_since_ns: int | None = None
         self._release_left = 0
@@ -205,11 +206,10 @@ class Supervisor:
         status, estimate, frame = situation.status, self._conditions.place(situation), situation.frame
         assert status is not None and estimate is not None and frame is not None
         station = station_of_hold(command, estimate, frame)
-        most_m = max(self._config.max_distance_m, command.within_m)
-        refusal = too_far(station, estimate, most_m) or self._conditions.outside(station, frame)
+        refusal = self._too_far(station, estimate, command.within_m) or self._conditions.outside(station, frame)
         if refusal is not None:
             return refusal
-        self._most_m = most_m
+        self._named_m = command.within_m
         if status.mode != self._config.control_mode:
             self._take_mode(command.t_ns, station, status)
         else:
@@ -217,6 +217,9 @@ class Supervisor:
             if command.velocity_mps is not None:
                 self._motion.lead(_reported(command.t_ns, station, command.velocity_mps))
         return None
+
+    def _too_far(self, station: Station, estimate: Estimate, named_m: float) -> Explanation | None:
+        return too_far(station, estimate, self._config.max_distance_m, named_m)
 
     def _lead(self, message: LeaderMessage, situation: Situation) -> None:
         """Take in where the leader is, if the station that is held is to follow that one."""
@@ -229,7 +232,7 @@ class Supervisor:
 
         def why_not(place: tuple[float, float]) -> Explanation | None:
             station = changed(held, n_m=place[0], e_m=place[1])
-            return too_far(station, estimate, self._most_m) or self._conditions.outside(station, frame)
+            return self._too_far(station, estimate, self._named_m) or self._conditions.outside(station, frame)
 
         at = changed(held, n_m=n_m, e_m=e_m)
         refusal = self._motion.report(_reported(message.t_ns, at, message.velocity_mps), why_not)
@@ -246,7 +249,7 @@ class Supervisor:
                 return explain(Reason.HEADING_OF_WEATHER, policy=self._heading.policy)
             command = changed(command, psi_rad=None)  # the place of a set-point counts all the same
         station = station_of_move(command, held, frame)
-        refusal = too_far(station, estimate, self._most_m) or self._conditions.outside(station, frame)
+        refusal = self._too_far(station, estimate, self._named_m) or self._conditions.outside(station, frame)
         if refusal is not None:
             return refusal
         if command.velocity_mps is None:

@@ -39,7 +39,7 @@ def test_a_daemon_tells_how_it_is(tmp_path: Path) -> None:
         assert lines["mode"] == "MANUAL, armed" and lines["receiver and battery"].startswith("3D fix")
         # 300 m north, across the wind.
         far = ("hold", "--at", "40.4264,-86.9212", "--heading", "90", "--config", "sitl", *at.sets)
-        refused(call(*far, cwd=tmp_path), "m away, 100 m at most without a word")
+        refused(call(*far, cwd=tmp_path), "m away, at most 100 m unless the hold command names more")
         refused_by_hand = call(*far, cwd=tmp_path, typed="n\n")
         assert refused_by_hand.status == 2 and "Is that meant?" in refused_by_hand.out
         meant = call(*far, cwd=tmp_path, typed="y\n")

@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 from asvhil.io.mavlink.frames import dialect
+from asvhil.supervisor.reasons import Reason, describe, explain
 from tests.support.command_line import Said, call
 from tests.support.page_daemon import PageDaemon, page_daemon
 from tests.support.ports import free_port
@@ -25,8 +26,8 @@ class HoldBench:
         self._sets = ("--set", f"links.operator.endpoint=udpin:127.0.0.1:{port}", "--config", "sitl")
         self._folder = folder
 
-    async def hold(self, *arguments: str) -> Said:
-        return await asyncio.to_thread(call, "hold", *arguments, *self._sets, cwd=self._folder)
+    async def hold(self, *arguments: str, typed: str | None = None) -> Said:
+        return await asyncio.to_thread(call, "hold", *arguments, *self._sets, cwd=self._folder, typed=typed)
 
     def refuses(self, mav_cmd: int | None = None, words: str = "vehicle is not armed", **values: float) -> None:
         """Refuse a command, or settings of these values, and grant the rest."""
@@ -98,3 +99,20 @@ async def test_a_daemon_that_falls_silent_after_the_hold_is_told_with_the_hold(b
     bench.refuses(ST_FOLLOW=42.0)
     said = await bench.hold("--follow", "42")
     assert said.status == 2 and "the hold was granted, and then: " in said.err and "no answer" in said.err
+
+
+async def test_a_distance_that_is_never_granted_is_refused_before_the_hold(bench: HoldBench) -> None:
+    said = await bench.hold("--at", "40.4264,-86.9212", "--within", "2500")
+    assert said.status == 2 and "--within 2500: a station is 2000 m away at most" in said.err
+    assert bench.daemon.heard == []
+
+
+@pytest.mark.parametrize("limit", ["100 m unless the hold command names more", "200 m by the hold command"])
+async def test_a_station_farther_than_may_be_is_meant_once_a_person_says_so(bench: HoldBench, limit: str) -> None:
+    far = explain(Reason.STATION_UNCONFIRMED, metres=287.0, limit=limit)
+    bench.refuses(HOLD, describe(far))
+    for typed, holds in ((None, 1), ("n\n", 1), ("y\n", 2)):
+        bench.daemon.heard.clear()
+        said = await bench.hold("--at", "40.4264,-86.9212", typed=typed)
+        assert said.status == 2 and bench.daemon.heard == [HOLD] * holds
+        assert ("The station is 287 m from the boat. Is that meant?" in said.out) is (typed is not None)

@@ -52,7 +52,7 @@ def test_a_station_keeps_the_distance_that_it_had_at_first() -> None:
 
 
 def test_a_refused_hold_is_an_event_with_its_reason() -> None:
-    replies, why = Replies(US), explain(Reason.STATION_UNCONFIRMED, metres=1123.0, most=100.0)
+    replies, why = Replies(US), explain(Reason.STATION_UNCONFIRMED, metres=1123.0, limit="100 m")
     idle = with_reason(sample_outputs(1, control=False), "waiting for a hold command")
     for command, result in ((dialect.MAV_CMD_DO_REPOSITION, 2), (dialect.MAV_CMD_REQUEST_MESSAGE, 2)):
         replies.send_text(idle.t_ns, dialect.MAV_SEVERITY_NOTICE, "something else", Address("", ""))

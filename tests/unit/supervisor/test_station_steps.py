@@ -298,7 +298,7 @@ def test_a_refused_leader_is_told_once_in_ten_seconds_and_then_that_it_is_silent
     texts = []
     for tenth in range(300):
         away = {"n_m": 1000.0 + 0.5 * tenth, "e_m": 0.0, "vn_mps": 0.0, "ve_mps": 0.0}
-        far = explain(Reason.STATION_UNCONFIRMED, metres=away["n_m"], most=100.0)
+        far = explain(Reason.STATION_UNCONFIRMED, metres=away["n_m"], limit="100 m")
         refusal = steps.motion.report(LeaderReport(t_ns=steps.t_ns, **away), lambda _, far=far: far)
         assert refusal is far
         steps.motion.refuse(steps.t_ns, refusal)

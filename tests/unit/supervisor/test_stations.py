@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from asvhil.supervisor.reasons import Reason, explain
+from asvhil.supervisor.reasons import Reason, describe, explain
 from asvhil.supervisor.stations import (
     MAX_STATION_DISTANCE_M,
     has_leapt,
@@ -70,12 +70,32 @@ def test_the_limits_themselves_are_within_reach_and_the_distance_is_told() -> No
     here = replace(ESTIMATE, n_m=0.0, e_m=0.0)
     station = Station(n_m=60.0, e_m=-80.0, psi_rad=0.0)
     assert too_far(station, here, 100.0) is None
-    assert too_far(station, here, 99.0) == explain(Reason.STATION_UNCONFIRMED, metres=100.0, most=99.0)
+    limit = "99 m unless the hold command names more"
+    assert too_far(station, here, 99.0) == explain(Reason.STATION_UNCONFIRMED, metres=100.0, limit=limit)
     farthest = Station(n_m=0.0, e_m=MAX_STATION_DISTANCE_M, psi_rad=0.0)
     assert too_far(farthest, here, 2000.0) is None
-    assert too_far(replace(farthest, e_m=3000.0), here, 9000.0) == explain(Reason.STATION_TOO_FAR, distance_km=3.0)
     nowhere = too_far(replace(farthest, n_m=math.nan), here, 9000.0)
     assert nowhere is not None and nowhere.reason is Reason.STATION_TOO_FAR
+
+
+@pytest.mark.parametrize(
+    ("off_m", "named_m", "words"),
+    [
+        (287.0, 0.0, "station is 287 m away, at most 100 m unless the hold command names more"),
+        (287.0, 50.0, "station is 287 m away, at most 100 m unless the hold command names more"),
+        (287.0, math.nan, "station is 287 m away, at most 100 m unless the hold command names more"),
+        (287.0, 200.0, "station is 287 m away, at most 200 m by the hold command"),
+        (287.0, 300.0, None),
+        (2200.0, 0.0, "station is 2.2 km away, 2 km at most, and 100 m unless the hold command names more"),
+        (2200.0, 9000.0, "station is 2.2 km away, 2 km at most"),
+    ],
+)
+def test_a_station_too_far_off_is_told_with_the_limit_that_applies(
+    off_m: float, named_m: float, words: str | None
+) -> None:
+    here = replace(ESTIMATE, n_m=0.0, e_m=0.0)
+    refusal = too_far(Station(n_m=off_m, e_m=0.0, psi_rad=0.0), here, 100.0, named_m)
+    assert (None if refusal is None else describe(refusal)) == words
 
 
 ASTERN = (-3.0, 1.0)  # 3 m astern and 1 m to starboard
