@@ -45,7 +45,8 @@ class LiveView:
         self._said = ("", -1)
         self._noted: dict[str, str] = {}
         self._told_ns = 0
-        self._station: dict[str, Any] | None = None
+        self._given_ns: int | None = None  # when the station that was told last was given
+        self._place = ""  # as it was told last
 
     @property
     def trouble(self) -> str:
@@ -93,20 +94,33 @@ class LiveView:
                 self._said = key
                 distance = status["distance_m"]
                 where = "" if distance is None else f", {distance:.2f} m, {status['heading_error_deg']:.1f} deg off"
+                where += self._moved(status)
                 say(self._console, f"{status['t_s']:6.1f} s  {status['phase']}: {status['reason']}{where}")
 
     def _late_events(self, status: dict[str, Any]) -> list[str]:
         """Stations that were given and requests that were refused since the last status; the rest is told otherwise."""
-        from asvhil.daemon.status import event_text, station_text
+        from asvhil.daemon.status import event_text, place_text, station_text
 
         events = [event for event in status.get("events", ()) if event["t_ns"] > self._told_ns]
         self._told_ns = max([self._told_ns, *(event["t_ns"] for event in events)])
         found = [event_text(event) for event in events if event["text"].startswith("refused: ")]
         station = status.get("station")
-        if station is not None and station != self._station:
+        given_ns = None if station is None else station["given_ns"]
+        if station is not None and given_ns != self._given_ns:
+            self._place = place_text(station)
             found.append(f"station: {station_text(station)}")
-        self._station = station
+        self._given_ns = given_ns
         return found
+
+    def _moved(self, status: dict[str, Any]) -> str:
+        """Where the station is by now, if it has moved or turned since that was told."""
+        from asvhil.daemon.status import place_text
+
+        station = status.get("station")
+        if station is None or place_text(station) == self._place:
+            return ""
+        self._place = place_text(station)
+        return f"; station {self._place}"
 
     def _news(self, status: dict[str, Any]) -> dict[str, str]:
         """Lines for notes, links and sources that have changed; for a link that is up only if it was not before.

@@ -172,9 +172,13 @@ def render(status: dict[str, Any], title: str) -> Group:
 
 def station_text(station: dict[str, float | None]) -> str:
     """Place and heading of a station, and how far off the boat was when it was given."""
-    place = f"{station['lat_deg']:.7f}, {station['lon_deg']:.7f}, heading {station['heading_deg']:.1f} deg"
     from_m = station.get("from_m")
-    return place if from_m is None else f"{place}; {from_m:.1f} m away at the start"
+    return place_text(station) + ("" if from_m is None else f"; {from_m:.1f} m away at the start")
+
+
+def place_text(station: dict[str, float | None]) -> str:
+    """Where a station is by now, and its heading."""
+    return f"{station['lat_deg']:.7f}, {station['lon_deg']:.7f}, heading {station['heading_deg']:.1f} deg"
 
 
 def event_text(event: dict[str, Any]) -> str:

@@ -10,7 +10,7 @@ from asvhil.config.ports import OPERATOR
 from asvhil.geo import LocalFrame
 from asvhil.io.mavlink.frames import decode, dialect, message_id
 from asvhil.io.mavlink.texts import TextReader
-from asvhil.supervisor.stations import has_leapt, station_of_point
+from asvhil.supervisor.stations import is_another, station_of_point
 from asvhil.types import Frame, Outputs, Station
 
 KEPT = 8
@@ -23,7 +23,6 @@ ASKED = (
 OF_ANSWERS = (dialect.MAVLINK_MSG_ID_COMMAND_ACK, dialect.MAVLINK_MSG_ID_STATUSTEXT)
 REPEATED_NS = 2_000_000_000  # since a refusal was last sent: the same again answers a repetition of the request
 LINKS = "links"  # the note on all links, which the terminal shows apart
-TURNED_RAD = 1e-3  # less is rounding
 
 
 class Story:
@@ -36,6 +35,7 @@ class Story:
         self._phase = ""
         self._noted: set[str] = set()
         self._station: Station | None = None
+        self._given_ns = 0
         self._from_m: float | None = None
         self._refused: list[tuple[Frame, tuple[int, ...], str]] = []  # of late, with whom and what was refused
 
@@ -61,15 +61,18 @@ class Story:
         self._events.append({"t_ns": t_ns, "text": text})
 
     def _note_station(self, outputs: Outputs) -> None:
-        station, before = outputs.station, self._station
-        self._station = station
-        moved = station is not None and (
-            before is None or has_leapt(station, before) or abs(station.psi_rad - before.psi_rad) > TURNED_RAD
-        )
-        if station is None or outputs.estimate is None:
+        """A station that moves on its course, or turns with the weather, is given once."""
+        # That of the point: about it the boat's origin goes round while a heading turns.
+        station = None if outputs.station is None else station_of_point(outputs.station, self._point_m)
+        before, self._station = self._station, station
+        given = station is not None and (before is None or is_another(station, before))
+        if given:
+            self._given_ns = outputs.t_ns
+        at, origin = outputs.estimate, outputs.station
+        if at is None or origin is None:
             self._from_m = None
-        elif moved:
-            self._from_m = math.hypot(outputs.estimate.n_m - station.n_m, outputs.estimate.e_m - station.e_m)
+        elif given:
+            self._from_m = math.hypot(at.n_m - origin.n_m, at.e_m - origin.e_m)
 
     def _place(self, outputs: Outputs) -> dict[str, float | None] | None:
         station, origin = outputs.station, outputs.origin_deg
@@ -78,7 +81,13 @@ class Story:
         point = station_of_point(station, self._point_m)
         lat_deg, lon_deg = LocalFrame(lat_deg=origin[0], lon_deg=origin[1]).to_geodetic(point.n_m, point.e_m)
         heading_deg = math.degrees(station.psi_rad) % 360.0
-        return {"lat_deg": lat_deg, "lon_deg": lon_deg, "heading_deg": heading_deg, "from_m": self._from_m}
+        return {
+            "lat_deg": lat_deg,
+            "lon_deg": lon_deg,
+            "heading_deg": heading_deg,
+            "from_m": self._from_m,
+            "given_ns": self._given_ns,
+        }
 
     def _refusals(self, outputs: Outputs) -> list[str]:
         """Why commands of operators were refused in this tick: the text that was sent before the acknowledgement.

@@ -51,6 +51,26 @@ def test_a_station_keeps_the_distance_that_it_had_at_first() -> None:
     assert abs(told(far, released, near)["station"]["from_m"] - 1.05) < 0.01  # a new hold of the same station
 
 
+def test_a_station_that_moves_or_turns_with_the_weather_is_given_once() -> None:
+    first = dataclasses.replace(sample_outputs(1), station=Station(n_m=30.0, e_m=40.0, psi_rad=0.5, vn_mps=0.3))
+    drifts = [
+        dataclasses.replace(first, t_ns=first.t_ns + k, station=Station(n_m=30.0 + 0.1 * k, e_m=40.0, psi_rad=0.5))
+        for k in range(1, 20)
+    ]
+    turns = [
+        dataclasses.replace(first, t_ns=first.t_ns + k, station=Station(n_m=30.0, e_m=40.0, psi_rad=0.5 + 0.01 * k))
+        for k in range(1, 20)
+    ]
+    assert first.station is not None
+    moving = [dataclasses.replace(tick, station=dataclasses.replace(tick.station, vn_mps=0.3)) for tick in drifts]
+    given = told(first)["station"]
+    for ticks in (moving, turns):
+        station = told(first, *ticks)["station"]
+        assert (station["given_ns"], station["from_m"]) == (first.t_ns, given["from_m"])
+    turned = dataclasses.replace(first, t_ns=first.t_ns + 9, station=Station(n_m=30.0, e_m=40.0, psi_rad=0.6))
+    assert told(first, turned)["station"]["given_ns"] == turned.t_ns
+
+
 def test_a_refused_hold_is_an_event_with_its_reason() -> None:
     replies, why = Replies(US), explain(Reason.STATION_UNCONFIRMED, metres=1123.0, limit="100 m")
     idle = with_reason(sample_outputs(1, control=False), "waiting for a hold command")
