@@ -15,7 +15,7 @@ from asvhil.autopilot.vehicle_text import vehicle_text
 from asvhil.backseat.build import model_file
 from asvhil.config import Config
 from asvhil.config.registry import CONTROLLERS
-from asvhil.daemon.story import Story
+from asvhil.daemon.story import LINKS, Story
 from asvhil.dynamics.corrected import FACTORS
 from asvhil.estimator.learned_words import learned_text
 from asvhil.geo import wrap_rad
@@ -159,7 +159,7 @@ def render(status: dict[str, Any], title: str) -> Group:
     table.add_row("sources", sources_text(status["sources"]))
     for port, causes in status["dropped"].items():
         table.add_row(f"dropped, {port}", counts_text(causes))
-    for subject, text in status["notes"].items():
+    for subject, text in notes_of(status).items():
         table.add_row(subject, text)
     table.add_row("links", ", ".join(f"{port} {state}" for port, state in status["links"].items()))
     if status.get("model"):
@@ -168,6 +168,11 @@ def render(status: dict[str, Any], title: str) -> Group:
     for number, event in enumerate(status.get("events", ())):
         table.add_row("" if number else "events", event_text(event))
     return Group(table)
+
+
+def notes_of(status: dict[str, Any]) -> dict[str, str]:
+    """The notes of a status by subject, but for that on the links, which are shown with more of each."""
+    return {subject: text for subject, text in status["notes"].items() if subject != LINKS}
 
 
 def station_text(station: dict[str, float | None]) -> str:

@@ -7,7 +7,7 @@ from rich.console import Console
 
 from asvhil.daemon.status import energy_text, render, shares_text, status_of
 from asvhil.supervisor.reasons import Reason, describe, explain, remedy
-from asvhil.types import EnergyUse
+from asvhil.types import EnergyUse, Note
 from tests.support.log_samples import sample_outputs
 
 
@@ -37,6 +37,19 @@ def test_the_status_has_what_the_sensors_have_dropped_by_cause() -> None:
     console = Console(file=io.StringIO(), width=200)
     console.print(render(status, "asvhil"))
     assert "3 bad checksum, 1 out of range" in console.file.getvalue()  # type: ignore[attr-defined]
+
+
+def test_the_links_are_one_row() -> None:
+    outputs = sample_outputs(5)
+    silent = Note(subject="links", text="autopilot up, nothing heard yet", ok=False)
+    health = dataclasses.replace(outputs.health, notes=(silent,))
+    links = {"autopilot": "up, nothing heard yet; signed"}
+    status = status_of(dataclasses.replace(outputs, health=health), links, 0, 0)
+    console = Console(file=io.StringIO(), width=200)
+    console.print(render(status, "asvhil"))
+    shown = console.file.getvalue()  # type: ignore[attr-defined]
+    assert shown.count("nothing heard yet") == 1 and "nothing heard yet; signed" in shown
+    assert status["notes"] == {"links": silent.text}
 
 
 def test_the_status_has_what_is_taken_from_the_battery() -> None:

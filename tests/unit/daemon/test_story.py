@@ -53,19 +53,12 @@ def test_a_station_keeps_the_distance_that_it_had_at_first() -> None:
 
 def test_a_station_that_moves_or_turns_with_the_weather_is_given_once() -> None:
     first = dataclasses.replace(sample_outputs(1), station=Station(n_m=30.0, e_m=40.0, psi_rad=0.5, vn_mps=0.3))
-    drifts = [
-        dataclasses.replace(first, t_ns=first.t_ns + k, station=Station(n_m=30.0 + 0.1 * k, e_m=40.0, psi_rad=0.5))
-        for k in range(1, 20)
-    ]
-    turns = [
-        dataclasses.replace(first, t_ns=first.t_ns + k, station=Station(n_m=30.0, e_m=40.0, psi_rad=0.5 + 0.01 * k))
-        for k in range(1, 20)
-    ]
-    assert first.station is not None
-    moving = [dataclasses.replace(tick, station=dataclasses.replace(tick.station, vn_mps=0.3)) for tick in drifts]
+    moving = [Station(n_m=30.0 + 0.1 * k, e_m=40.0, psi_rad=0.5, vn_mps=0.3) for k in range(20)]
+    turning = [Station(n_m=30.0, e_m=40.0, psi_rad=0.5 + 0.01 * k) for k in range(20)]
     given = told(first)["station"]
-    for ticks in (moving, turns):
-        station = told(first, *ticks)["station"]
+    for stations in (moving, turning):
+        ticks = [dataclasses.replace(first, t_ns=first.t_ns + k, station=at) for k, at in enumerate(stations)]
+        station = told(*ticks)["station"]
         assert (station["given_ns"], station["from_m"]) == (first.t_ns, given["from_m"])
     turned = dataclasses.replace(first, t_ns=first.t_ns + 9, station=Station(n_m=30.0, e_m=40.0, psi_rad=0.6))
     assert told(first, turned)["station"]["given_ns"] == turned.t_ns
