@@ -19,14 +19,15 @@ MAX_FRAMES = 4096
 MAX_BYTES = 512 * 1024  # 5 s of a full 921600 baud line; a later reader needs the newest frames
 OPEN_TIMEOUT_S = 5.0
 
+PORT_TAKEN, DEVICE_TAKEN = "another program has this port", "another program has it open"
 _HINTS = {
-    errno.EADDRINUSE: "another program has this port",
+    errno.EADDRINUSE: PORT_TAKEN,
     errno.EADDRNOTAVAIL: "no interface of this computer has this address; 0.0.0.0 listens on all",
     errno.ECONNREFUSED: "no server listens there",
     errno.ENOENT: "is it plugged in, is the path right?",
     errno.EACCES: "has this user the right (for serial ports: group dialout)?",
-    errno.EAGAIN: "another program has it open",
-    errno.EBUSY: "another program has it open",
+    errno.EAGAIN: DEVICE_TAKEN,
+    errno.EBUSY: DEVICE_TAKEN,
     errno.ENOTTY: "it is not a serial port",
 }
 

@@ -12,7 +12,7 @@ from asvhil.config import Config
 from asvhil.config.ports import AUTOPILOT
 from asvhil.errors import AsvhilError, LinkError
 from asvhil.preflight.survey import Survey
-from asvhil.preflight.visit import Visit
+from asvhil.preflight.visit import Visit, in_brackets, unopened_text
 from asvhil.supervisor.reasons import describe
 
 TICK_S = 0.05
@@ -91,15 +91,14 @@ class Preflight:
             return
         state = self._visit.states()[AUTOPILOT]
         if state not in ("up", "connecting") and waited_s > BROKEN_S:
-            raise LinkError(f"{state}; is `asvhil run` using it? (links.autopilot.endpoint)")
+            raise LinkError(unopened_text(state))
         stranger = self.survey.stranger
         if stranger is not None:
             raise LinkError(f"{endpoint}: {describe(stranger)}")
         if waited_s < self._timeout_s:
             return
         heard = self.survey.bytes_heard
-        remarks = self._visit.remarks(AUTOPILOT)
-        dropped = f"; {remarks}" if remarks else ""
+        dropped = in_brackets(self._visit.remarks(AUTOPILOT))
         if heard:
             own = self._config.links.autopilot
             what = f"{heard} bytes came, and no heartbeat of {own.autopilot_system_id}/{own.autopilot_component_id}"

@@ -25,7 +25,7 @@ from asvhil.io.mavlink.file_client import (
 from asvhil.io.mavlink.file_transfer import DATA_BYTES, FileRefusal
 from asvhil.io.mavlink.frames import dialect
 from asvhil.preflight.script_visit import CHECKS, ENABLE, SKIPPED, ScriptVisit
-from asvhil.preflight.visit import Visit
+from asvhil.preflight.visit import Visit, in_brackets, unopened_text
 from asvhil.types import record
 
 PART = "asvhil.part"  # while it is written: nothing that a script engine loads
@@ -158,11 +158,10 @@ class ScriptTool:
         heard = await self._until(lambda: self._look.armed is not None, BROKEN_S, stage)
         state = self._visit.states()[AUTOPILOT]
         if not heard and state not in ("up", "connecting"):
-            raise LinkError(f"{state}; is `asvhil run` using it? (links.autopilot.endpoint)")
+            raise LinkError(unopened_text(state))
         if heard or await self._until(lambda: self._look.armed is not None, self._timeout_s - BROKEN_S, stage):
             return
-        remarks = self._visit.remarks(AUTOPILOT)
-        dropped = f"; {remarks}" if remarks else ""
+        dropped = in_brackets(self._visit.remarks(AUTOPILOT))
         who = f"{self._own.autopilot_system_id}/{self._own.autopilot_component_id}"
         what = f"{self._look.heard} bytes came, and no heartbeat of {who}" if self._look.heard else "nothing was heard"
         raise LinkError(

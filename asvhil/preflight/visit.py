@@ -13,6 +13,7 @@ from asvhil.config.mavlink import RoutingConfig
 from asvhil.config.ports import OPERATOR
 from asvhil.io.mavlink.frames import refuse_ignored_crc
 from asvhil.links.clock import Clock
+from asvhil.links.link import DEVICE_TAKEN, PORT_TAKEN
 from asvhil.links.reconnecting import ReconnectingLink
 from asvhil.links.router import MavlinkRouter, save_states
 from asvhil.types import Frame, Inputs
@@ -64,3 +65,14 @@ class Visit:
                 await self._links[leaving.port].send(leaving)
         await asyncio.sleep(pause_s)
         return inputs.t_ns
+
+
+def unopened_text(state: str) -> str:
+    """What is said of the autopilot's line that does not open; `state`: that of its link, which has the reason."""
+    taken = state.endswith((PORT_TAKEN, DEVICE_TAKEN))
+    return f"{state}{'; is `asvhil run` using it?' if taken else ''} (links.autopilot.endpoint)"
+
+
+def in_brackets(remarks: str) -> str:
+    """Remarks as they stand behind a question; empty where there are none."""
+    return f" ({remarks})" if remarks else ""
