@@ -63,8 +63,11 @@ def _at_rest_table(name: str, check: dict[str, Any]) -> Table:
     """Rates of a boat at rest with its motors off: a row a wind, the reference in brackets where there is one."""
     from rich.table import Table
 
-    table = Table(title=f"{name}: rates at rest, motors off (of the simulated boat in brackets)", title_justify="left")
-    for heading in ("wind from", "m/s", "u' (m/s2)", "v' (m/s2)", "r' (rad/s2)", "error / bound"):
+    compared = any(row["reference"] is not None for row in check["winds"])
+    beside = " (of the simulated boat in brackets)" if compared else ""
+    table = Table(title=f"{name}: rates at rest, motors off{beside}", title_justify="left")
+    headings = ("wind from", "m/s", "u' (m/s2)", "v' (m/s2)", "r' (rad/s2)", *(("error / bound",) if compared else ()))
+    for heading in headings:
         table.add_column(heading, justify="left" if heading == "wind from" else "right")
     still = {"from": "", "speed_mps": 0.0, "rates": check["still_air"], "reference": None, "error": None}
     for row in [still, *check["winds"]]:
@@ -72,7 +75,7 @@ def _at_rest_table(name: str, check: dict[str, Any]) -> Table:
         cells = [
             f"{rate:.4f}" + ("" if true is None else f" ({true[axis]:.4f})") for axis, rate in enumerate(row["rates"])
         ]
-        table.add_row(
-            row["from"], f"{row['speed_mps']:g}", *cells, "" if row["error"] is None else f"{row['error']:.2f}"
-        )
+        if compared:
+            cells.append("" if row["error"] is None else f"{row['error']:.2f}")
+        table.add_row(row["from"], f"{row['speed_mps']:g}", *cells)
     return table

@@ -44,6 +44,11 @@ class Load:
     reference: tuple[float, float, float] | None
     error: float | None
 
+    @property
+    def right(self) -> bool:
+        """Whether its error is within the bound; so is one without a reference."""
+        return self.error is None or self.error <= 1.0
+
 
 @record
 class AtRest:
@@ -73,7 +78,7 @@ class AtRest:
     @property
     def right(self) -> bool:
         """Whether all that can be checked is within its bounds."""
-        return self.stays and self.rising and (self.worst is None or (self.worst.error or 0.0) <= 1.0)
+        return self.stays and self.rising and (self.worst is None or self.worst.right)
 
     def verdict(self) -> str:
         """The check in one line."""
@@ -82,7 +87,7 @@ class AtRest:
         if self.worst is not None:
             words.append(
                 f"worst of the winds on bow, beams and stern {self.worst.speed_mps:g} m/s on the {self.worst.side}: "
-                f"{self.worst.error:.2f} of the bound"
+                f"{self.worst.error:.2f} of the bound{'' if self.worst.right else ' (wrong)'}"
             )
         words.append("load rises with the wind" if self.rising else f"load falls by {self.fall_mps2:.4f} m/s2 (wrong)")
         words.append(f"thrust dip {self.thrust_dip_mps2:.4f} m/s2")

@@ -61,6 +61,7 @@ def test_the_check_finds_a_boat_that_creeps_a_weak_wind_and_one_that_pulls() -> 
     assert not creeps.stays and not creeps.right and "still air 0.0575" in creeps.verdict()
     weak = at_rest(Changed(wind=0.7), WIND_REACH, VESSEL)
     assert weak.stays and weak.rising and not weak.right
+    assert "of the bound (wrong); load rises" in weak.verdict() and weak.verdict().count("wrong") == 1
     assert weak.worst.speed_mps == 10.0 and weak.worst.error == pytest.approx(0.51 / 0.15, rel=1e-6)
     pulls = at_rest(Changed(wind=-0.5), WIND_REACH)
     assert pulls.worst is None and pulls.stays and not pulls.rising and not pulls.right
