@@ -8,7 +8,7 @@ from typing import get_args
 
 from pydantic import ValidationError
 
-from asvhil.config.plant_faults import FaultConfig, FaultKind
+from asvhil.config.plant_faults import FaultConfig, FaultKind, needed_device
 from asvhil.config.root import Config
 from asvhil.errors import ConfigError
 
@@ -49,8 +49,13 @@ def parse_fault(text: str) -> FaultConfig:
 
 
 def with_faults(config: Config, texts: list[str]) -> Config:
-    """The config with faults of the simulated boat added to its own."""
+    """The config with faults of the simulated boat added to its own. ConfigError where the boat cannot have one."""
     if not texts:
         return config
-    faults = (*config.plant.faults, *map(parse_fault, texts))
+    added = [parse_fault(text) for text in texts]
+    for text, fault in zip(texts, added, strict=True):
+        problem = config.why_no_fault(fault.kind, needed_device(fault))
+        if problem:
+            raise ConfigError(f"--fault {text}: {problem}")
+    faults = (*config.plant.faults, *added)
     return config.model_copy(update={"plant": config.plant.model_copy(update={"faults": faults})})

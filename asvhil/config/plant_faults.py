@@ -20,6 +20,7 @@ DEFAULT_SIZE = {
     "battery": 10.5,
 }
 MOST_TOLD_V = 65.5  # SYS_STATUS has 16 bits of millivolts, of which the highest means unknown
+OWN_DEVICE: dict[str, Device] = {"ins": "ins", "ins-gnss": "ins", "nmea": "nmea"}  # kinds of one device alone
 OF_ONE_DEVICE = frozenset(
     {
         *("gnss-jump", "gnss-frozen", "gnss-silent", "imu-silent"),
@@ -120,6 +121,11 @@ class GlitchConfig(Section):
         return self
 
 
+def needed_device(fault: FaultConfig | GlitchConfig) -> Device | None:
+    """The one device that can have a fault; None where it is not that of one device."""
+    return OWN_DEVICE.get(fault.kind, fault.device)
+
+
 _GLITCHES = (
     GlitchConfig(kind="gnss-jump", least_s=0.2, most_s=5.0),
     GlitchConfig(kind="gnss-frozen", least_s=2.0, most_s=10.0),
@@ -149,3 +155,13 @@ class GlitchesConfig(Section):
     device: Device | None = Field(
         default=None, description="Device that fails, for kinds that name none; null: all that have the sensor."
     )
+
+    @property
+    def needed_devices(self) -> tuple[tuple[str, Device], ...]:
+        """The kinds that only one device can have, each with that device."""
+        found = []
+        for glitch in self.kinds:
+            device = needed_device(glitch) or (self.device if glitch.kind in OF_ONE_DEVICE else None)
+            if device is not None:
+                found.append((glitch.kind, device))
+        return tuple(found)

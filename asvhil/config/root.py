@@ -16,7 +16,9 @@ from asvhil.config.estimator import EstimatorConfig
 from asvhil.config.learning import LearningConfig
 from asvhil.config.links import LinksConfig
 from asvhil.config.plant import PlantConfig
+from asvhil.config.plant_faults import Device, needed_device
 from asvhil.config.plugins import PluginFile, loaded
+from asvhil.config.ports import GNSS
 from asvhil.config.registry import AUTOPILOTS, CONTROLLERS, ESTIMATORS, LINKS, OUTPUTS, SENSORS, SOLVERS, Registry
 from asvhil.config.sources import SourcesConfig, check_sources, with_streams_of
 from asvhil.config.supervisor import SupervisorConfig
@@ -74,6 +76,7 @@ class Config(Section):
             raise ValueError(f"supervisor.control_mode must be one of {link.profile}: {names}")
         if not is_stored(info):  # a log of before can still be replayed
             self._check_control_mode()
+            self._check_faults()
         if self.learning.enabled:
             self._check_learning()
         if not known_only(info):
@@ -95,6 +98,24 @@ class Config(Section):
                 f"supervisor.control_mode is {mode}, but motors obey links.autopilot.output {link.output} "
                 f"in {needed} alone: set {needed}, or leave the key out"
             )
+
+    def _check_faults(self) -> None:
+        """ValueError where a fault of the simulated boat is that of a device which it has not: nothing would fail."""
+        for fault in self.plant.faults:
+            problem = self.why_no_fault(fault.kind, needed_device(fault))
+            if problem:
+                raise ValueError(f"plant.faults: {problem}")
+        for kind, device in self.plant.glitches.needed_devices if self.plant.glitches is not None else ():
+            problem = self.why_no_fault(kind, device)
+            if problem:
+                raise ValueError(f"plant.glitches: {problem}")
+
+    def why_no_fault(self, kind: str, device: str | None) -> str:
+        """Why the simulated boat cannot have a fault of one device, in words; empty where it can."""
+        if device is None or device in self.plant_devices:
+            return ""
+        has, key = ", ".join(self.plant_devices), GNSS if device == "nmea" else device
+        return f"{kind} is a fault of the device {device}, and this boat has {has} alone (links.{key} gives it one)"
 
     def _check_learning(self) -> None:
         """ValueError where nothing that is learned would be used."""
@@ -148,6 +169,17 @@ class Config(Section):
             origin = registry.origin(name)
             if origin.file and origin.sha256 not in mine:
                 raise ConfigError(f"the {registry.what} {name} is that of {origin}, which is not among the plugins")
+
+    @property
+    def plant_devices(self) -> tuple[Device, ...]:
+        """The devices with position and heading of the simulated boat: those with either end of a line."""
+        lines, plant = self.links, self.plant.links
+        found: list[Device] = ["autopilot"]
+        if lines.ins is not None or plant.ins is not None:
+            found.append("ins")
+        if lines.gnss is not None or plant.gnss is not None:
+            found.append("nmea")
+        return tuple(found)
 
     @property
     def plant_vessel(self) -> VesselConfig:

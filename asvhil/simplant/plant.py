@@ -129,11 +129,10 @@ class Plant:
         self._autopilot: AttachedAutopilot = autopilot or self.frontseat
         self._start_ns, self._all_faults = t_ns, all_faults(plant)
         self._faults = Faults(self._all_faults, t_ns)
-        # The boat has each sensor for which either end of its line is configured.
         self._devices: list[SimulatedVn300 | SimulatedNmea] = []
-        if config.links.ins is not None or plant.links.ins is not None:
+        if "ins" in config.plant_devices:
             self._devices.append(SimulatedVn300(plant.sensors, self.origin, t_ns, ins_seed))
-        if config.links.gnss is not None or plant.links.gnss is not None:
+        if "nmea" in config.plant_devices:
             self._devices.append(SimulatedNmea(plant.sensors, self.origin, t_ns, nmea_seed))
         self._sensors = [
             SimulatedSensor(port, SENSORS.find(link.kind), link, plant.sensors, self.origin, t_ns, seed)

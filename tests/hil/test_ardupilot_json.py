@@ -345,7 +345,8 @@ def test_a_fault_that_the_interface_cannot_carry_is_refused() -> None:
         ArduPilotJson(config("plant.glitches={}"))
     with pytest.raises(ConfigError, match="take transmitter out, and use the autopilot's own SIM_RC_FAIL"):
         ArduPilotJson(config("plant.faults=[{kind: transmitter}]"))
-    ArduPilotJson(config("plant.glitches.kinds=[{kind: gnss-jump, device: nmea}, {kind: anemometer}]"))
+    device = "links.gnss={endpoint: 'pty:gnss', declination_deg: 0}"
+    ArduPilotJson(config(device, "plant.glitches.kinds=[{kind: gnss-jump, device: nmea}, {kind: anemometer}]"))
 
 
 def test_the_anemometer_speaks_on_its_own_link_meanwhile() -> None:

@@ -53,3 +53,28 @@ def test_they_are_added_to_those_of_the_config() -> None:
     kinds = [fault.kind for fault in with_faults(config, ["cups@5", "gnss-silent@9:2s"]).plant.faults]
     assert kinds == ["vane", "cups", "gnss-silent"]
     assert with_faults(config, []) is config
+
+
+@pytest.mark.parametrize("text", ["nmea@5:10s", "ins@5", "ins-gnss@5:10s"])
+def test_a_fault_of_a_device_that_the_boat_has_not_is_refused(text: str) -> None:
+    with pytest.raises(ConfigError, match=rf"^--fault {text}: .* this boat has autopilot alone \(links\.(ins|gnss) "):
+        with_faults(load_config("sitl"), [text])
+
+
+def test_a_fault_of_a_device_that_the_boat_has_is_taken() -> None:
+    assert with_faults(load_config("sitl-vn300"), ["ins@5", "ins-gnss@5:10s"]).plant.faults[1].kind == "ins-gnss"
+    assert with_faults(load_config("sitl-bream"), ["nmea@5"]).plant.faults[0].kind == "nmea"
+
+
+@pytest.mark.parametrize(
+    ("keys", "words"),
+    [
+        ("plant.faults=[{kind: ins}]", "plant.faults: ins is a fault of the device ins"),
+        ("plant.faults=[{kind: gnss-jump, device: nmea}]", "plant.faults: gnss-jump is a fault of the device nmea"),
+        ("plant.glitches={kinds: [{kind: ins-gnss}]}", "plant.glitches: ins-gnss is a fault of the device ins"),
+        ("plant.glitches={device: nmea}", "plant.glitches: gnss-jump is a fault of the device nmea"),
+    ],
+)
+def test_the_same_holds_for_the_faults_of_a_config(keys: str, words: str) -> None:
+    with pytest.raises(ConfigError, match=words):
+        load_config("sitl", (keys,))

@@ -128,8 +128,8 @@ def test_faults_of_the_sensors_of_each_device() -> None:
     assert faults.at(10 * SECOND).of("ins") is SOUND
 
 
-def glitches(*overrides: str) -> list[FaultConfig]:
-    return list(all_faults(load_config("sitl", ("plant.glitches={}", *overrides)).plant))
+def glitches(*overrides: str, config: str = "sitl") -> list[FaultConfig]:
+    return list(all_faults(load_config(config, ("plant.glitches={}", *overrides)).plant))
 
 
 def test_glitches_come_from_the_seed_one_after_the_other() -> None:
@@ -150,10 +150,10 @@ def test_glitches_come_from_the_seed_one_after_the_other() -> None:
 
 def test_glitches_can_be_chosen() -> None:
     one = "plant.glitches={kinds: [{kind: gnss-jump, least_s: 1, most_s: 1, size: 7, device: nmea}], until_s: 100}"
-    found = list(all_faults(load_config("sitl", (one,)).plant))
+    found = list(all_faults(load_config("sitl-bream", (one,)).plant))
     assert found and {(f.kind, f.size, f.device) for f in found} == {("gnss-jump", 7.0, "nmea")}
     assert all(f.to_s - f.from_s == pytest.approx(1.0) for f in found)
-    of_one = glitches("plant.glitches.device=ins")
+    of_one = glitches("plant.glitches.device=ins", config="sitl-vn300")
     assert {(f.device is None) == f.kind.startswith("anemometer") for f in of_one} == {True}
     with pytest.raises(ConfigError, match=r"plant.glitches.kinds.0: .*least_s <= most_s"):
         load_config("sitl", ("plant.glitches={kinds: [{kind: vane, least_s: 9}]}",))
