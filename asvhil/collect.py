@@ -104,7 +104,9 @@ def collect(
     elif config.supervisor.engage != "auto":
         raise ConfigError("key supervisor.engage: a simulated boat needs auto (nobody is there to say hold)")
     sectors: list[WindSector | None] = list(winds) or [None]
-    folder = make_run_folder(config, "collect") if output is None or mode == "realtime" else output.parent
+    # The first run's config: its controller is that of the manoeuvres, whatever the boat's own one needs.
+    first = with_manoeuvres(config, duration_s, sectors[0], note, 0)
+    folder = make_run_folder(first, "collect") if output is None or mode == "realtime" else output.parent
     results: list[Collected] = []
     for run, (wind, log) in enumerate(zip(sectors, log_paths(output, folder, sectors), strict=True)):
         settings = with_manoeuvres(config, duration_s, wind, note, run)

@@ -27,6 +27,11 @@ STOP_S = 10.0
 WEATHER_HZ = 20.0  # how often the wind on a simulated Arduino changes
 
 
+def check_buildable(config: Config) -> None:
+    """AsvhilError before anything is left of a run whose boat or backseat cannot be built."""
+    Lockstep(config)
+
+
 def run_lockstep(
     config: Config, log: Path, duration_s: float, on_tick: Callable[[Outputs], None] | None = None
 ) -> float:

@@ -54,7 +54,7 @@ def sitl(
     from asvhil.config.mean_wind import parse_course, parse_wind, wind_keys
     from asvhil.logs.learned_file import LearnedKeeper
     from asvhil.logs.opening import make_run_folder
-    from asvhil.sitl import run_lockstep, run_realtime
+    from asvhil.sitl import check_buildable, run_lockstep, run_realtime
 
     overrides = list(set_)
     if seed is not None:
@@ -79,6 +79,7 @@ def sitl(
     if log is not None and picture and log.parent.is_dir():
         check_writable(log.with_suffix(".png"))
     board = _simulated_arduino(settings, anemometer, arduino, lockstep)
+    check_buildable(settings)
     console = Console()
     if lockstep:
         path = log or make_run_folder(settings, "lockstep") / "log.mcap"

@@ -12,7 +12,8 @@ from pathlib import Path
 from asvhil import __version__
 from asvhil.backseat.build import build_model, model_file
 from asvhil.config import Config
-from asvhil.config.registry import SENSORS
+from asvhil.config.registry import CONTROLLERS, SENSORS
+from asvhil.controller.solvers.choice import choose_solver
 from asvhil.errors import AsvhilError
 from asvhil.logs.machine import machine
 from asvhil.logs.plugins import plugin_records
@@ -22,7 +23,11 @@ PACKAGES = ("numpy", "casadi", "daqp", "pymavlink", "mcap", "msgspec")
 
 
 def make_run_folder(config: Config, name: str) -> Path:
-    """A new folder for one run's log and picture, named by UTC time and what it is."""
+    """A new folder for one run's log and picture, named by UTC time and what it is.
+
+    Raises AsvhilError, and leaves nothing behind, where the run would be refused: its model, plug-ins or solver.
+    """
+    check_run(config)
     stamp = datetime.now(UTC).strftime("%Y%m%dT%H%M%SZ")
     base = Path(config.recorder.directory)
     for attempt in range(100):
@@ -35,6 +40,13 @@ def make_run_folder(config: Config, name: str) -> Path:
             raise AsvhilError(f"{folder}: the run folder cannot be made ({error.strerror})") from None
         return folder
     raise AsvhilError(f"{base}: no free name for a run folder")
+
+
+def check_run(config: Config) -> None:
+    """AsvhilError where a run would be refused once its log is opened."""
+    log_metadata(config, "")
+    if CONTROLLERS.find(config.controller.name).solves:
+        choose_solver(config.controller)
 
 
 def log_metadata(config: Config, mode: str) -> dict[str, dict[str, str]]:
