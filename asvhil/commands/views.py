@@ -127,7 +127,7 @@ class LiveView:
 
         Dropped data are given by cause; the counts are in the table.
         """
-        from asvhil.daemon.status import notes_of, sources_text
+        from asvhil.daemon.status import sources_text
 
         links = {f"link {port}": state.partition(";")[0] for port, state in status["links"].items()}
         dropped = {f"dropped, {port}": ", ".join(causes) for port, causes in status["dropped"].items()}
@@ -135,7 +135,7 @@ class LiveView:
         said = self._noted
         heard = sources if any(status["sources"].values()) or "sources" in said else {}
         vehicle = {"autopilot": status["vehicle"].partition(", battery")[0]} if status.get("vehicle") else {}
-        self._noted = links | heard | vehicle | dropped | notes_of(status)
+        self._noted = links | heard | vehicle | dropped | status["notes"]
         return {
             subject: text
             for subject, text in self._noted.items()

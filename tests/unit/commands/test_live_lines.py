@@ -7,7 +7,7 @@ import pytest
 from asvhil.commands.views import LiveView
 from asvhil.config import load_config
 from asvhil.daemon.status import StatusTeller
-from asvhil.types import Note, Outputs, Station
+from asvhil.types import Outputs, Station
 from tests.support.log_samples import sample_outputs
 
 TICKS = 25 * 20  # 25 s
@@ -46,15 +46,3 @@ def test_a_station_at_rest_is_told_when_it_is_given(capsys: pytest.CaptureFixtur
     shown = lines(capsys, *([here] * (TICKS // 2) + [there] * (TICKS // 2)))
     assert len([line for line in shown if line.startswith("station: ")]) == 2
     assert not any("; station " in line for line in shown)
-
-
-def test_a_link_that_is_not_heard_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
-    outputs = sample_outputs(1)
-    silent = Note(subject="links", text="autopilot up, nothing heard yet", ok=False)
-    outputs = dataclasses.replace(outputs, health=dataclasses.replace(outputs.health, notes=(silent,)))
-    config = load_config("sitl")
-    view, teller = LiveView(config, "title"), StatusTeller(config)
-    teller.see(outputs)
-    with view:
-        view.show_status(teller.status(outputs, {"autopilot": "up, nothing heard yet"}, 0, None))
-    assert capsys.readouterr().out.count("nothing heard yet") == 1
