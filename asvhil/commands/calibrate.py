@@ -37,6 +37,7 @@ def calibrate(
     check_json(json_)
     if output is not None:
         _check_output(output, base)
+    _check_boat(log, base, output)
     load_plugins([log], plugin, allow_recorded=allow_recorded_plugins)
     console = Console()
     with progress(console, spinner=True) as bar:
@@ -70,3 +71,20 @@ def _check_output(output: Path, base: str) -> None:
             find_config(base)
         except ConfigError:
             raise AsvhilError(f"--base {base}: no such config file beside {output}, and none shipped") from None
+
+
+def _check_boat(log: Path, base: str, output: Path | None) -> None:
+    """Before the work: AsvhilError where the base is of another boat than the log, whose compass and vane it tells."""
+    from asvhil.config.loading import find_config, vehicle_name
+    from asvhil.logs.reader import LogFile
+
+    if not base:
+        return
+    beside = (Path() if output is None else output.parent) / base
+    boat = vehicle_name(beside if beside.is_file() else find_config(base))
+    logged = LogFile(log).metadata.get("run", {}).get("vehicle")
+    if boat and logged and boat != logged:
+        raise AsvhilError(
+            f"--base {base}: of the boat {boat}, and {log} of the boat {logged} (vehicle.name): "
+            "name the config of the boat that the log is of"
+        )

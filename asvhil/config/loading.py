@@ -75,6 +75,13 @@ def config_files(name: str) -> list[Path]:
     return files
 
 
+def vehicle_name(path: Path) -> str | None:
+    """`vehicle.name` of a config file, or of those below it; None where none has it. No plug-in is loaded."""
+    vehicle = _read_tree(path, ())[0].get("vehicle")
+    name = vehicle.get("name") if isinstance(vehicle, dict) else None
+    return name if isinstance(name, str) else None
+
+
 def load_config(path: str | Path, overrides: tuple[str, ...] = ()) -> Config:
     """Read a YAML config, merge it over the file its `base:` key names, apply `KEY=VALUE` overrides, validate.
 

@@ -38,7 +38,8 @@ SECTORS, SECTOR_S = 12, 2.0  # headings that must have been seen, and for how lo
 VANE_STEP_RAD = math.tau / 16.0
 CUPS_STD_MPS = 0.1
 GUST, GUST_TIME_S = 0.15, 15.0  # of the mean wind
-VANE_STD_MAX_DEG = 5.0
+VANE_STD_MAX_DEG = 3.0  # circles at speed in light wind leave 2
+VANE_LEAST_STDS = 2.0  # an offset of less may be none
 COMPASS_STD_MAX_DEG = 3.0  # circles under way leave 0.5, circles on the spot 2 of the constant
 SETTLED_S = 10.0  # of the filter, before the wind is looked at
 
@@ -86,7 +87,9 @@ class CalibrationResult:
 def calibrate(path: Path, on_tick: Callable[[int], None] = lambda ticks: None) -> CalibrationResult:
     """Read a log. AsvhilError where it holds nothing to calibrate from."""
     log = LogFile(path)
-    config = _unknown(config_of(log, path))
+    recorded_config = config_of(log, path)
+    configured_deg = recorded_config.estimator.wind.vane_offset_deg
+    config = _unknown(recorded_config)
     with recorded_model(log, path) as file:
         ekf = Ekf(config.estimator, build_model(config, file))
     decoder = build_decoder(config)
@@ -125,15 +128,24 @@ def calibrate(path: Path, on_tick: Callable[[int], None] = lambda ticks: None) -
         raise AsvhilError(f"{path}: holds no position with a heading; there is nothing to calibrate from")
     compass, unknown = _compass_fit(state, headings.sectors)
     missing = [unknown] if unknown else []
-    fit = vane.fit()
-    if fit is None:
-        missing.append("vane: no apparent wind in the log")
-    elif fit.std_deg > VANE_STD_MAX_DEG:
-        missing.append(f"vane: known to {fit.std_deg:.0f} degrees only; drive circles at speed, in light wind")
-        fit = None
+    fit, unknown = vane_of(vane.fit(), configured_deg)
+    missing += [unknown] if unknown else []
     if compass is None and fit is None:
         raise AsvhilError(f"{path}: {'; '.join(missing)}")
     return CalibrationResult(span_s=(last_ns - first_ns) * 1e-9, compass=compass, vane=fit, missing=tuple(missing))
+
+
+def vane_of(fit: VaneFit | None, configured_deg: float) -> tuple[VaneFit | None, str]:
+    """The offset of the vane where it is one to correct; else None, and why not. `configured_deg`: that of the log."""
+    if fit is None:
+        return None, "vane: no apparent wind in the log"
+    found = f"vane: turned by {fit.offset_deg:.1f} deg, standard deviation {fit.std_deg:.1f}: not written"
+    if fit.std_deg > VANE_STD_MAX_DEG:
+        return None, f"{found}, above {VANE_STD_MAX_DEG:g}; drive circles at speed, in light wind, for longer"
+    if abs(fit.offset_deg) <= VANE_LEAST_STDS * fit.std_deg:
+        old = f"; remove estimator.wind.vane_offset_deg, which is {configured_deg:g}" if configured_deg else ""
+        return None, f"{found}, as it may be straight{old}"
+    return fit, ""
 
 
 def _compass_fit(state: FilterState, sectors: int) -> tuple[CompassFit | None, str]:

@@ -15,9 +15,10 @@ from asvhil.config import load_config
 from asvhil.config.mean_wind import parse_wind
 from asvhil.errors import AsvhilError
 from asvhil.logs.opening import open_recorder
-from asvhil.preflight.calibration import calibrate
+from asvhil.preflight.calibration import VaneFit, calibrate, vane_of
 from asvhil.simplant.lockstep import Lockstep
 from asvhil.sitl import run_lockstep
+from tests.support.command_line import call
 
 # Bias of the simulated compass (A) and its B to E: as config/bream.yaml has them.
 DEVIATION_DEG = (3.0, 4.0, 3.5, 1.0, 0.5)
@@ -106,6 +107,38 @@ def test_a_compass_that_the_log_does_not_show_is_not_told_as_known(tmp_path: Pat
     turned_on_the_spot(tmp_path / "fused.mcap", "sources.velocity=[autopilot.GLOBAL_POSITION_INT]")
     with pytest.raises(AsvhilError, match=r"compass: [A-E], .* known to \d+ degrees only; drive circles under way"):
         calibrate(tmp_path / "fused.mcap")
+
+
+@pytest.mark.parametrize(
+    ("offset_deg", "std_deg", "configured_deg", "words"),
+    [
+        (4.5, 3.3, 0.0, "vane: turned by 4.5 deg, standard deviation 3.3: not written, above 3; drive circles"),
+        (40.0, 3.1, 0.0, "not written, above 3"),
+        (2.8, 3.8, 0.0, "not written, above 3"),
+        (-3.9, 2.0, 0.0, "vane: turned by -3.9 deg, standard deviation 2.0: not written, as it may be straight"),
+        (0.4, 1.5, 12.0, "as it may be straight; remove estimator.wind.vane_offset_deg, which is 12"),
+        (-4.1, 2.0, 0.0, ""),
+        (12.9, 1.8, 12.0, ""),
+    ],
+)
+def test_an_offset_of_the_vane_that_is_noise_is_not_written(
+    offset_deg: float, std_deg: float, configured_deg: float, words: str
+) -> None:
+    found = VaneFit(offset_deg=offset_deg, std_deg=std_deg)
+    fit, why = vane_of(found, configured_deg)
+    assert (fit, why) == (found, "") if not words else fit is None and words in why and "\n" not in why
+    assert configured_deg or "remove" not in why
+
+
+@pytest.mark.parametrize("output", [("-o", "new.yaml"), ()], ids=["file", "terminal"])
+def test_a_base_of_another_boat_is_refused(output: tuple[str, ...], tmp_path: Path) -> None:
+    run_lockstep(load_config("sitl-bream"), tmp_path / "log.mcap", 2.0)
+    (tmp_path / "mine.yaml").write_text("base: sitl.yaml\n")
+    said = call("calibrate", "log.mcap", *output, "--base", "mine.yaml", cwd=tmp_path)
+    assert said.status == 2 and said.err.count("\n") == 1
+    assert "--base mine.yaml: of the boat wamv16, and log.mcap of the boat bream" in said.err
+    own = call("calibrate", "log.mcap", *output, "--base", "sitl-bream", cwd=tmp_path)
+    assert "headings seen" in own.err  # of the right boat, and the log has no turn
 
 
 def test_a_log_without_a_turn_gives_no_calibration(
