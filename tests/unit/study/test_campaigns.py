@@ -14,9 +14,11 @@ from asvhil.config import load_config
 from asvhil.errors import AsvhilError, ConfigError
 from asvhil.study.campaigns import design
 from asvhil.study.campaigns.campaign import cost_of, run_campaign, summary_of, variants_of
+from asvhil.study.campaigns.columns import ERROR, FIGURES, PLACE
 from asvhil.study.campaigns.design import check, files_of, job_of, plan
 from asvhil.study.campaigns.sensitivity import sensitivities
 from asvhil.study.campaigns.spec import CampaignSpec, ParameterSpec, read_spec, runs_of
+from asvhil.study.campaigns.table import row_of, write_parquet
 from asvhil.study.runner import Finished, run_into
 from asvhil.study.store import StoredRun, opened
 from tests.support.paths import ROOT
@@ -326,6 +328,17 @@ worst: 1
     assert (tmp_path / worst["log"]).stat().st_size > 10_000 and found["cost"]["logs_of_other_bits"] == 0
     assert re.fullmatch(r"winds-worst/run-00000\d-[0-9a-f]{8}\.mcap", worst["log"])
     assert not list((tmp_path / "winds-worst").glob(".*"))
+
+
+def test_the_page_explains_every_column_of_the_table_in_its_order(tmp_path):
+    spec = spec_of(tmp_path, GRID)
+    write_parquet(spec, [row_of(run, RESULT, "") for run in plan(spec)], tmp_path / "table.parquet")
+    written_ones = pq.read_table(tmp_path / "table.parquet").column_names
+    section = (ROOT / "docs" / "campaigns.md").read_text().split("\n## The table\n")[1].split("\n## ")[0]
+    named = [re.findall(r"`(\w+)`", row.split("|")[1]) for row in section.splitlines() if row.startswith("|")]
+    explained = list(itertools.chain.from_iterable(named))
+    assert written_ones == [*PLACE, *spec.parameters, *FIGURES, ERROR]
+    assert explained == [name for name in written_ones if name not in spec.parameters]
 
 
 def test_the_files_behind_a_million_runs_are_found_without_planning_them(tmp_path, monkeypatch):
