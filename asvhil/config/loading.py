@@ -12,7 +12,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from asvhil.config.plugins import PluginFile, load_files
 from asvhil.config.root import Config
-from asvhil.config.told import Lines, told
+from asvhil.config.told import Lines, blamed, told
 from asvhil.config.yaml_text import Path_, parse_yaml, read_yaml
 from asvhil.errors import ConfigError
 
@@ -98,7 +98,22 @@ def load_with_places(path: str | Path, overrides: tuple[str, ...] = ()) -> tuple
     for override in overrides:
         _apply_override(tree, lines, override)
     _load_plugins(tree, str(found), lines)
-    return _validate(tree, str(found), lines), lines
+    try:
+        return Config.model_validate(_sorted(tree)), lines
+    except ValidationError as error:
+        alone = _fault_alone(found, tree) if overrides else None
+        raise told(error, str(found), lines, Config, alone) from None
+
+
+def _fault_alone(path: Path, tree: dict[str, Any]) -> ValidationError | None:
+    """What is wrong with a file without overrides, None if nothing; `tree` has the plug-ins that are loaded."""
+    own, _ = _read_tree(path, ())
+    plugins = {"plugins": tree["plugins"]} if "plugins" in tree else {}
+    try:
+        Config.model_validate(_sorted({**own, **plugins}))
+    except ValidationError as error:
+        return error
+    return None
 
 
 def config_from_json(text: str, source: str, *, known_only: bool = False) -> Config:
@@ -253,7 +268,7 @@ def _load_plugins(tree: dict[str, Any], source: str, lines: Lines) -> None:
     except ValidationError as error:
         raise told(error, source, lines) from None
     except ConfigError as error:
-        raise ConfigError(f"{source}: key plugins: {error}") from None
+        raise ConfigError(f"{blamed(('plugins',), source, lines)}: key plugins: {error}") from None
     tree["plugins"] = [{"file": one.file, "sha256": one.sha256} for one in plugins]
 
 

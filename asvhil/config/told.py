@@ -34,8 +34,17 @@ _BOUNDS = {
 }
 
 
-def told(error: ValidationError, source: str, lines: Mapping[Path_, str], root: Any = None) -> ConfigError:
-    """The first of what a validation found, as one line. `root`: the model, for the keys that may have been meant."""
+def told(
+    error: ValidationError,
+    source: str,
+    lines: Mapping[Path_, str],
+    root: Any = None,
+    alone: ValidationError | None = None,
+) -> ConfigError:
+    """The first of what a validation found, as one line. `root`: the model, for the keys that may have been meant.
+
+    `alone`: what it finds without the options of the command line; None where nothing is wrong then.
+    """
     first = _first(error)
     key = ".".join(str(part) for part in first["loc"])
     message, value = first["msg"].removeprefix("Value error, "), first["input"]
@@ -50,8 +59,43 @@ def told(error: ValidationError, source: str, lines: Mapping[Path_, str], root: 
     elif not isinstance(value, dict | list):
         message = f"{message} (got {value!r})"
     where = place_of(first["loc"], lines)
+    if _is_option(where):
+        source, where = where, ""
+    elif not _is_among(first, alone):
+        options = _options_near(first["loc"], lines, message)
+        where = "; ".join(part for part in (where, f"with {', '.join(options)}" if options else "") if part)
     more = f" (and {error.error_count() - 1} more)" if error.error_count() > 1 else ""
     return ConfigError(f"{source}: {f'key {key}: ' if key else ''}{message}{f' ({where})' if where else ''}{more}")
+
+
+def blamed(loc: Path_, source: str, lines: Mapping[Path_, str]) -> str:
+    """What a wrong value came by: the option of the command line that set it, else the file."""
+    where = place_of(loc, lines)
+    return where if _is_option(where) else source
+
+
+def _is_option(where: str) -> bool:
+    """Whether a key stands on the command line."""
+    return where.startswith("--")
+
+
+def _is_among(one: Any, error: ValidationError | None) -> bool:
+    """Whether a validation has found the same."""
+    found = [] if error is None else error.errors()
+    return any((other["loc"], other["msg"]) == (one["loc"], one["msg"]) for other in found)
+
+
+def _options_near(loc: Path_, lines: Mapping[Path_, str], message: str) -> list[str]:
+    """The options of keys that the message names, else of the section at `loc`, or the nearest one above it."""
+    options = {path: where for path, where in lines.items() if _is_option(where)}
+    named = [where for path, where in options.items() if ".".join(map(str, path)) in message]
+    if named:
+        return named
+    for depth in range(len(loc), -1, -1):
+        near = [where for path, where in options.items() if path[:depth] == loc[:depth]]
+        if near:
+            return near
+    return []
 
 
 def _first(error: ValidationError) -> Any:
@@ -72,6 +116,9 @@ def place_of(loc: Path_, lines: Mapping[Path_, str]) -> str:
     """
     if loc in lines:  # also where the sections above it stand nowhere, as of --set
         return lines[loc]
+    below = [where for path, where in lines.items() if path[: len(loc)] == loc and _is_option(where)] if loc else []
+    if below:  # --set of keys in a section that stands in no file
+        return ", ".join(below)
     path: Path_ = ()
     for part in loc:
         if (*path, part) in lines:

@@ -7,6 +7,7 @@ import functools
 import hashlib
 import itertools
 import json
+import re
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -27,6 +28,8 @@ from asvhil.types import record
 NO_VARIANT = ""
 # Overrides that can change which model file is used.
 MODEL_KEYS = ("controller=", "controller.name=", "controller.model=", "controller.on_other_hull=", "vehicle")
+
+_OVERRIDES = re.compile(r" \((?:line [^()]*; )?with --set .*")  # those that an error names at its end
 
 
 @record
@@ -235,7 +238,7 @@ def _fault(spec: CampaignSpec, values: Mapping[str, Any], keys: Mapping[str, Any
 def _words(error: str) -> str:
     """An error of a config without the file and the override, which the reader of a campaign never wrote."""
     text = error.partition(": key ")[2] or error.removeprefix("--fault ")
-    return text.partition(" (--set ")[0]
+    return _OVERRIDES.sub("", text)
 
 
 def _wrong(path: Path, lines: Lines, place: tuple[str, ...], words: str) -> ConfigError:
