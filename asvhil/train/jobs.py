@@ -128,9 +128,7 @@ def train_command(
         raise ConfigError("train: --tries does not apply to model sd, which has no random start")
     _check_output(output)
     if is_csv(data):
-        if not vehicle:
-            raise ConfigError("train: CSV files do not say which vehicle they come from: give its name")
-        origin = DataOrigin(vehicle=vehicle, config_hash="", hull={})
+        origin = DataOrigin(vehicle=_named(vehicle, columns), config_hash="", hull={})
     else:
         origin = origin_of(data)
         if vehicle is not None and vehicle != origin.vehicle:
@@ -289,6 +287,17 @@ def _check(path: Path, model: TrainedModel, dt_s: float, origin: DataOrigin | No
 def _refuse_columns(columns: str | None) -> None:
     if columns is not None:
         raise ConfigError("data: --columns goes with CSV files: a log of asvhil says itself what it holds")
+
+
+def _named(vehicle: str | None, columns: str | None) -> str:
+    """The vehicle of CSV files. ConfigError names each option that is missing, so that one answer completes them."""
+    missing = [
+        *(() if vehicle else ("--vehicle NAME (which boat they come from)",)),
+        *(("--columns MAP (what each column is)",) if columns is None else ()),
+    ]
+    if missing or not vehicle:
+        raise ConfigError(f"train: CSV files do not say all that is needed: give {' and '.join(missing)}")
+    return vehicle
 
 
 def _required(columns: str | None) -> str:

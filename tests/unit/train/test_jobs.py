@@ -127,10 +127,13 @@ def test_csv_files_train_a_model_with_a_column_map(tmp_path: Path) -> None:
     columns = tmp_path / "columns.yaml"
     columns.write_text(COLUMNS)
     run = written_csv(tmp_path / "run.csv", 120.0)
-    with pytest.raises(ConfigError, match="which vehicle"):
+    boat, map_ = r"--vehicle NAME \(which boat they come from\)", r"--columns MAP \(what each column is\)"
+    with pytest.raises(ConfigError, match=f"give {boat}$"):
         train_command("sd", [run], tmp_path / "sd.npz", columns=str(columns))
-    with pytest.raises(ConfigError, match="need a column map"):
+    with pytest.raises(ConfigError, match=f"give {map_}$"):
         train_command("sd", [run], tmp_path / "sd.npz", vehicle="boat")
+    with pytest.raises(ConfigError, match=f"give {boat} and {map_}$"):
+        train_command("sd", [run], tmp_path / "sd.npz")
     figures = train_command("sd", [run], tmp_path / "sd.npz", columns=str(columns), vehicle="boat")
     assert figures["data_s"] > 100.0
     rows = evaluate_command([tmp_path / "sd.npz"], [run], columns=str(columns))["rows"]
