@@ -73,7 +73,7 @@ COLUMNS: dict[str, type] = {
 def export_log(source: Path, target: Path, on_bytes: Progress = lambda done: None) -> tuple[int, str | None]:
     """Write a log in the format that the target's ending names: how many frames or rows, and what the log lacks.
 
-    A file that exists is not overwritten. LogError where the log is damaged, for which `recover` is the remedy;
+    A file that exists is not overwritten. LogError where the log is damaged;
     AsvhilError for an unknown ending, or where the file cannot be written. Nothing is left of a failed export.
     """
     kind = target.suffix.lower()
@@ -95,12 +95,9 @@ def export_log(source: Path, target: Path, on_bytes: Progress = lambda done: Non
 
 def _messages(log: LogFile, on_bytes: Progress) -> Iterator[tuple[LogChannel, Message]]:
     """All messages, with their channels. LogError at the first damage; a log without an end is read up to it."""
-    try:
-        for channel, message, offset in log.messages():
-            on_bytes(offset)
-            yield channel, message
-    except LogError as error:
-        raise LogError(f"{error}; `asvhil log recover` keeps what is intact") from None
+    for channel, message, offset in log.messages():
+        on_bytes(offset)
+        yield channel, message
 
 
 def _write_tlog(log: LogFile, part: Path, on_bytes: Progress) -> int:

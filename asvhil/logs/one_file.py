@@ -48,6 +48,10 @@ class LogChannel(NamedTuple):
     via: str
 
 
+class DamageError(LogError):
+    """Bytes of a log that are not what was written; what is before them can be recovered."""
+
+
 class OneFile:
     """A file of a log by its path. LogError, one line, if it is none; iterators raise it where they reach damage.
 
@@ -214,7 +218,7 @@ class OneFile:
         try:
             return next(StreamReader(BytesIO(file.read(size)), skip_magic=True, emit_chunks=True).records)
         except _DAMAGE as error:
-            raise LogError(f"{self.path}: the record at byte {offset} is damaged ({error})") from None
+            raise DamageError(f"{self.path}: the record at byte {offset} is damaged ({error})") from None
 
     def _contents(self, file: BinaryIO, offset: int, size: int) -> list[McapRecord]:
         """The schemas, channels and messages of a chunk, checked by its CRC; those outside of chunks as they are."""
@@ -250,11 +254,11 @@ class OneFile:
         except KeyError as error:
             raise self.error(f"a message of the channel {error}, which is not declared", offset) from None
         if self.gap:
-            raise LogError(str(self.damage))
+            raise DamageError(str(self.damage))
 
-    def error(self, what: str, chunk_at: int) -> LogError:
+    def error(self, what: str, chunk_at: int) -> DamageError:
         """What is wrong in a chunk."""
-        return LogError(f"{self.path}: chunk at byte {chunk_at}: {what}")
+        return DamageError(f"{self.path}: chunk at byte {chunk_at}: {what}")
 
 
 def _records(data: bytes) -> Iterator[McapRecord]:

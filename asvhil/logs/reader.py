@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TypeVar
@@ -11,7 +12,7 @@ from mcap.records import Channel, McapRecord, Message
 
 from asvhil.errors import LogError
 from asvhil.logs.encoding import decode_record
-from asvhil.logs.one_file import LogChannel, OneFile
+from asvhil.logs.one_file import DamageError, LogChannel, OneFile
 from asvhil.logs.recorder import INPUTS_TOPIC, OUTPUTS_TOPIC, TIMING_TOPIC
 from asvhil.logs.segments import first_in, segment_path
 from asvhil.types import Frame, Inputs, record
@@ -145,10 +146,14 @@ class LogFile:
     def messages(self) -> Iterator[tuple[LogChannel, Message, int]]:
         """All messages in the order of the files, with their channel and the offset of their chunk."""
         before = 0
-        for file in self._files:
-            for channel, message, offset in file.messages():
-                yield channel, message, before + offset
-            before += file.size
+        try:
+            for file in self._files:
+                for channel, message, offset in file.messages():
+                    yield channel, message, before + offset
+                before += file.size
+        except DamageError as error:
+            way_out = f"`asvhil log recover {shlex.quote(str(self.path))} -o NEW`"
+            raise LogError(f"{error}; {way_out} keeps what is intact before it") from None
 
     def pieces(self) -> Iterator[tuple[int, list[McapRecord] | LogError]]:
         """What is left of the data, in the order of the files: byte offset, and schemas, channels and messages there.

@@ -130,7 +130,9 @@ def test_what_cannot_be_exported_leaves_no_file(log: Path, tmp_path: Path) -> No
     bad = tmp_path / "bad.mcap"
     bad.write_bytes(data)
     for ending in (".tlog", ".csv", ".parquet"):
-        with pytest.raises(LogError, match=r"bad\.mcap: chunk at byte \d+: damaged .*`asvhil log recover`"):
+        with pytest.raises(
+            LogError, match=r"bad\.mcap: chunk at byte \d+: damaged .*`asvhil log recover .*bad\.mcap -o NEW`"
+        ):
             export_log(bad, tmp_path / f"bad{ending}")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["bad.mcap", "taken.csv"]
 

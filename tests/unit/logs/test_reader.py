@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import random
+import re
 import struct
 from io import BytesIO
 from pathlib import Path
@@ -108,9 +109,19 @@ def test_damage_in_the_middle_is_told_with_its_offset(whole: bytes, tmp_path: Pa
             read.append(inputs)
     assert read == [sample_inputs(tick, tick % 4) for tick in range(len(read))]
     assert len(read) > 0
-    for iterator in (log.frames("autopilot", "in"), log.timing()):
-        with pytest.raises(LogError, match=rf"byte {start}"):
+    recover = rf"; `asvhil log recover {re.escape(str(path))} -o NEW` keeps what is intact before it$"
+    for iterator in (log.ticks(), log.frames("autopilot", "in"), log.timing(), log.messages()):
+        with pytest.raises(LogError, match=rf"byte {start}.*{recover}"):
             list(iterator)
+
+
+def test_a_log_that_cannot_be_read_at_all_is_not_sent_to_be_recovered(whole: bytes, tmp_path: Path) -> None:
+    path = tmp_path / "gone.mcap"
+    path.write_bytes(whole)
+    log = LogFile(path)
+    path.unlink()
+    with pytest.raises(LogError, match=r"gone\.mcap: cannot be read \(No such file or directory\)$"):
+        list(log.messages())
 
 
 def test_a_damaged_tail_is_left_out(whole: bytes, tmp_path: Path) -> None:
@@ -135,7 +146,7 @@ def test_a_hole_in_a_file_that_has_its_end(whole: bytes, tmp_path: Path) -> None
     log = LogFile(path)
     assert not log.truncated
     read = []
-    with pytest.raises(LogError, match=rf"hole\.mcap: damaged at byte {start}"):
+    with pytest.raises(LogError, match=rf"hole\.mcap: damaged at byte {start}.*; `asvhil log recover .* -o NEW`"):
         for inputs, _ in log.ticks():
             read.append(inputs)
     assert len(read) > 0
