@@ -11,6 +11,16 @@ A message is one line that names the file, key or byte and, where it can, what w
 it as `asvhil: MESSAGE` and exits with status 2. Bad bytes on a link raise nothing: codecs drop and count them.
 """
 
+import difflib
+from collections.abc import Iterable
+
+
+def meant(name: str, known: Iterable[str], between: str = ", ") -> str:
+    """What to tell behind a name that there is not, such as ", did you mean loiter? (known: loiter, ...)"."""
+    names = list(known)
+    near = difflib.get_close_matches(name, names, n=1)
+    return f"{f', did you mean {near[0]}?' if near else ''} (known: {between.join(names)})"
+
 
 class AsvhilError(Exception):
     """Root of the tree, and raised itself for what fits no class below.

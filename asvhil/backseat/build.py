@@ -56,7 +56,9 @@ def model_file(config: Config) -> Path | None:
     if not kind:
         return None
     name = config.controller.model or f"{config.vehicle.name}-{kind}"
-    return find_shipped(name, "models", (".npz",), f"model file (controller.model; {config.controller.name} needs one)")
+    what = f"model file (controller.model; {config.controller.name} needs one)"
+    # A model that no key names is that of the boat: one of another boat's is not what was meant.
+    return find_shipped(name, "models", ".npz", what, typed=bool(config.controller.model))
 
 
 def build_model(config: Config, file: Path | None = None) -> Dynamics:

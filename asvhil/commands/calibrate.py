@@ -61,7 +61,7 @@ def calibrate(
 
 def _check_output(output: Path, base: str) -> None:
     """Before the work: AsvhilError where the output exists, or where it could not be loaded with its base."""
-    from asvhil.config.loading import find_config
+    from asvhil.config.loading import find_config, none_shipped
 
     if output.exists():
         raise AsvhilError(f"--output {output}: is there already; name a new file, and the old one with --base")
@@ -70,7 +70,8 @@ def _check_output(output: Path, base: str) -> None:
         try:
             find_config(base)
         except ConfigError:
-            raise AsvhilError(f"--base {base}: no such config file beside {output}, and none shipped") from None
+            words = f"no such config file beside {output}, {none_shipped(base, output)}"
+            raise AsvhilError(f"--base {base}: {words}") from None
 
 
 def _check_boat(log: Path, base: str, output: Path | None) -> None:

@@ -12,7 +12,7 @@ import typer
 from asvhil.commands.numbers import lat_lon
 from asvhil.commands.options import SetOption
 from asvhil.commands.station_course import check_course, once_held, parameters_of_course, set_course
-from asvhil.errors import AsvhilError, LinkError
+from asvhil.errors import AsvhilError, LinkError, meant
 
 if TYPE_CHECKING:
     from asvhil.config import Config
@@ -70,7 +70,7 @@ def hold(
     from asvhil.supervisor.stations import MAX_STATION_DISTANCE_M
 
     if policy is not None and policy not in POLICIES:
-        raise AsvhilError(f"--policy {policy}: unknown (known: {', '.join(POLICIES)})")
+        raise AsvhilError(f"--policy {policy}: unknown{meant(policy, POLICIES)}")
     if drift is not None and follow is not None:
         raise AsvhilError("--drift and --follow: one of them")
     if way and drift is None:

@@ -22,30 +22,38 @@ KNOWN_ONLY = {**STORED, "known_only": True}
 
 def find_config(name: str) -> Path:
     """The path of a config file: as given, or a shipped one by its name. Raises ConfigError where there is neither."""
-    try:
-        return find_shipped(name, "", (".yaml",), "config file")
-    except ConfigError as error:
-        own = [path.name for path in Path().glob("*.yaml")]
-        alike = difflib.get_close_matches(name, own + shipped_names(), n=1)
-        near = [f"{name}.yaml"] if f"{name}.yaml" in own else alike
-        meant = f"did you mean {near[0]}?" if near else f"shipped ones are {', '.join(shipped_names())}"
-        raise ConfigError(f"{error}; {meant}") from None
+    return find_shipped(name, "", ".yaml", "config file")
 
 
-def find_shipped(name: str, folder: str, endings: tuple[str, ...], what: str) -> Path:
-    """The path of a file: as given, or one shipped in config/`folder` by its name, with or without one of the endings.
+def find_shipped(name: str, folder: str, ending: str, what: str, *, typed: bool = True) -> Path:
+    """The path of a file: as given, or one shipped in config/`folder` by its name, with or without the ending.
 
-    Raises ConfigError "NAME: no such WHAT" where there is neither.
+    Raises ConfigError "NAME: no such WHAT" where there is neither, with the name that was meant, as far as a person has
+    `typed` it.
     """
     given = Path(name)
     if given.is_file():
         return given
     for root in _shipped_roots():
-        for ending in ("", *endings):
-            candidate = root / folder / f"{name}{ending}"
+        for candidate in (root / folder / name, root / folder / f"{name}{ending}"):
             if given.name == name and candidate.is_file():
                 return candidate
-    raise ConfigError(f"{name}: no such {what}")
+    raise ConfigError(f"{name}: no such {what}{_meant(name, folder, ending) if typed else ''}")
+
+
+def _meant(name: str, folder: str, ending: str) -> str:
+    """ "; did you mean NAME?" of a file of one's own in this folder or a shipped one, or the shipped ones."""
+    own, shipped = [path.name for path in Path().glob(f"*{ending}")], shipped_names(folder, ending)
+    alike = difflib.get_close_matches(name, own + shipped, n=1)
+    near = [f"{name}{ending}"] if f"{name}{ending}" in own else alike
+    return f"; did you mean {near[0]}?" if near else f"; shipped ones are {', '.join(shipped)}"
+
+
+def none_shipped(name: str, beside: Path) -> str:
+    """What to tell of the base of a file that is neither beside it nor shipped, with the name that was meant."""
+    own = [path.stem for path in beside.parent.glob("*.yaml") if path.name != beside.name]
+    near = difflib.get_close_matches(name.removesuffix(".yaml"), own + shipped_names(), n=1)
+    return f"and none shipped{f'; did you mean {near[0]}.yaml?' if near else ''}"
 
 
 def _shipped_roots() -> tuple[Path, Path]:
@@ -54,9 +62,9 @@ def _shipped_roots() -> tuple[Path, Path]:
     return package / "shipped_config", package.parent / "config"
 
 
-def shipped_names() -> list[str]:
-    """The names of the shipped configs."""
-    return sorted({path.stem for root in _shipped_roots() for path in root.glob("*.yaml")})
+def shipped_names(folder: str = "", ending: str = ".yaml") -> list[str]:
+    """The names of the shipped configs, or of what else is shipped in config/`folder`."""
+    return sorted({path.stem for root in _shipped_roots() for path in (root / folder).glob(f"*{ending}")})
 
 
 def is_shipped(path: Path) -> bool:
@@ -197,7 +205,8 @@ def base_of(path: Path, tree: dict[str, Any]) -> Path | None:
     try:  # a copy of a shipped config, without its base beside it
         return find_config(base)
     except ConfigError:
-        raise ConfigError(f"{path}: key base: no such file {base} beside it, and none shipped") from None
+        words = f"no such file {base} beside it, {none_shipped(base, path)}"
+        raise ConfigError(f"{path}: key base: {words}") from None
 
 
 def _merge(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:

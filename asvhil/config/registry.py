@@ -10,7 +10,6 @@ Names are looked up while a config is read and while a backseat is built, never 
 
 from __future__ import annotations
 
-import difflib
 import importlib
 import importlib.metadata
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -20,7 +19,7 @@ from typing import Any, Generic, TypeVar, get_args
 
 from pydantic import BaseModel
 
-from asvhil.errors import ConfigError
+from asvhil.errors import ConfigError, meant
 from asvhil.types import record
 
 PARAMETER_NAME_MAX = 16
@@ -305,9 +304,7 @@ class Registry(Generic[K]):
 
     def unknown(self, name: str) -> str:
         """What to tell of a name that there is not."""
-        known = self.names()
-        near = difflib.get_close_matches(name, known, n=1)
-        return f"unknown {self.what}{f', did you mean {near[0]}?' if near else ''} (known: {', '.join(known)})"
+        return f"unknown {self.what}{meant(name, self.names())}"
 
     def checked(self, name: str) -> str:
         """A name, for validators: ValueError where there is no such row."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 
-from asvhil.errors import ConfigError
+from asvhil.errors import ConfigError, meant
 from asvhil.train.options import OPTIONS, FitOptions
 from asvhil.types import record
 
@@ -65,5 +65,5 @@ def chosen_jobs(known: Sequence[TrainingJob], only: Sequence[str]) -> tuple[Trai
     """The jobs of these names, or all for none. ConfigError for an unknown name."""
     for name in only:
         if name not in {job.name for job in known}:
-            raise ConfigError(f"--only {name}: unknown (known: {'; '.join(job.name for job in known)})")
+            raise ConfigError(f"--only {name}: unknown{meant(name, (job.name for job in known), '; ')}")
     return tuple(job for job in known if not only or job.name in only)

@@ -7,7 +7,7 @@ from typing import Any
 
 from asvhil.config import load_config, override_value
 from asvhil.config.mean_wind import from_north_deg
-from asvhil.errors import ConfigError
+from asvhil.errors import ConfigError, meant
 from asvhil.study.runner import Job
 from asvhil.study.trials.trial import NO_NOISE, NO_SLOW_ERROR, run_key
 
@@ -85,7 +85,7 @@ def checked(names: list[str], known: Collection[str], option: str) -> list[str]:
     """The given names in the order of the known ones, or all if none is given. ConfigError for an unknown one."""
     for name in names:
         if name not in known:
-            raise ConfigError(f"{option} {name}: unknown (known: {', '.join(known)})")
+            raise ConfigError(f"{option} {name}: unknown{meant(name, known)}")
     return [name for name in known if name in names or not names]
 
 

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, ValidationError, model_validator
 
-from asvhil.config import Section
+from asvhil.config import Section, find_shipped
 from asvhil.config.told import told
 from asvhil.config.yaml_text import read_yaml
 from asvhil.errors import ConfigError
@@ -136,15 +136,7 @@ _WIND_PAIRS = (("wind_u", "wind_v"), ("wind_n", "wind_e"), ("wind_speed", "wind_
 
 def find_columns(name: str) -> Path:
     """The path of a column map: as given, else one of the shipped ones by its name. ConfigError."""
-    given = Path(name)
-    if given.is_file():
-        return given
-    package = Path(__file__).resolve().parents[1]
-    for folder in (package / "shipped_config" / "columns", package.parent / "config" / "columns"):
-        candidate = folder / f"{name}.yaml"
-        if given.name == name and candidate.is_file():
-            return candidate
-    raise ConfigError(f"{name}: no such column map (give a path, or the name of a shipped one such as blueboat)")
+    return find_shipped(name, "columns", ".yaml", "column map")
 
 
 def load_columns(path: Path) -> ColumnMap:

@@ -13,7 +13,7 @@ from typing import Any
 import torch
 
 from asvhil.dynamics.weights import KINDS, TrainedModel
-from asvhil.errors import ModelError
+from asvhil.errors import ModelError, meant
 from asvhil.train.fit_sd import SD_ITERATIONS, fit_sd
 from asvhil.train.options import OPTIONS, FitOptions
 from asvhil.train.progress import TrainingProgress
@@ -67,7 +67,7 @@ def fit_many(
 ) -> list[TrainedModel]:
     """One model a seed, trained side by side, which is much faster than in turn."""
     if kind not in KINDS:
-        raise ModelError(f"unknown model kind {kind!r} (known: {', '.join(KINDS)})")
+        raise ModelError(f"unknown model kind {kind!r}{meant(kind, KINDS)}")
     chosen = options or OPTIONS[kind]
     if iterations is not None:
         chosen = dataclasses.replace(chosen, iterations=iterations)

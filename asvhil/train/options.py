@@ -6,7 +6,7 @@ import dataclasses
 from collections.abc import Mapping
 from typing import Annotated, Any, get_type_hints
 
-from asvhil.errors import ConfigError, ModelError
+from asvhil.errors import ConfigError, ModelError, meant
 from asvhil.types import record
 
 NETWORKS = ("nnsem", "node", "knode", "lagnet")
@@ -190,7 +190,7 @@ def chosen_options(kind: str, dt_s: float, **chosen: Any) -> FitOptions:
     unknown kind; ConfigError for an option that does not apply to the kind; TypeError for an unknown name.
     """
     if kind not in OPTIONS:
-        raise ModelError(f"unknown model kind {kind!r} (known: {', '.join(OPTIONS)})")
+        raise ModelError(f"unknown model kind {kind!r}{meant(kind, OPTIONS)}")
     changes: dict[str, Any] = {}
     for field, choice in CHOICES.items():
         value = chosen.pop(choice.name, None)

@@ -194,7 +194,7 @@ def read_spec(path: Path) -> tuple[CampaignSpec, Path, Lines]:
 
     ConfigError, one line, where it is wrong.
     """
-    found = find_shipped(str(path), "campaigns", (".yaml",), "campaign file")
+    found = find_shipped(str(path), "campaigns", ".yaml", "campaign file")
     text = read_yaml(found)
     if not isinstance(text.tree, dict):
         raise ConfigError(f"{found}: a mapping of keys is expected at the top level")

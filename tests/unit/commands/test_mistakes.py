@@ -26,6 +26,18 @@ WORDS = [
     (("run", "feild"), "feild: no such config file; did you mean field?"),
     (("run", "mine"), "mine: no such config file; did you mean mine.yaml?"),
     (("run", "qx"), "qx: no such config file; shipped ones are"),
+    (("campaign", "windz"), "windz: no such campaign file; did you mean winds?"),
+    (("campaign", "qx"), "qx: no such campaign file; shipped ones are controllers, controllers-bream, effort, winds"),
+    (("train", "sd", "a.csv", "-o", "m.npz", "--vehicle", "b", "--columns", "bluboat"), "did you mean blueboat?"),
+    (
+        (*SITL[:1], "sitl", *SITL[2:], "--set", "controller={name: lagnet-mpc, model: wamv16-lagnt}"),
+        "wamv16-lagnt: no such model file (controller.model; lagnet-mpc needs one); did you mean wamv16-lagnet?",
+    ),
+    (("calibrate", "x.mcap", "--base", "feild", "-o", "b.yaml"), "and none shipped; did you mean field.yaml?"),
+    (("hold", "--policy", "fre"), "--policy fre: unknown, did you mean free? (known: "),
+    (("tune", "loitr", "-o", "t"), "NAME loitr: unknown, did you mean loiter? (known: "),
+    (("study", "six-tests", "--solver", "iopt"), "--solver iopt: unknown, did you mean ipopt? (known: "),
+    (("train", "nnsm", "empty.mcap", "-o", "m.npz"), "unknown model kind 'nnsm', did you mean nnsem? (known: "),
     (("run", "sitl", "--set", "plant.sead=1"), "did you mean seed?"),
     (("run", "sitl", "--set", "plant.seed"), "KEY=VALUE is expected"),
     (("run", "sitl", "--set", "plant.seed=one"), "plant.seed"),
@@ -100,7 +112,8 @@ YAML = [
     ("base: sitl.yaml\nlinks: {autopilot: {enpoint: x}}", "did you mean endpoint?"),
     ("links: {}", "vehicle"),
     ("base: sitl.yaml\nlinks: {}\nlinks: {}", "key links: given twice, in line 2 and again in line 3"),
-    ("base: stil.yaml", "key base: no such file stil.yaml"),
+    ("base: stil.yaml", "key base: no such file stil.yaml beside it, and none shipped; did you mean sitl.yaml?"),
+    ("base: bota.yaml", "key base: no such file bota.yaml beside it, and none shipped; did you mean boat.yaml?"),
     ("base: mine.yaml", "runs in a circle"),
     ("base: [sitl.yaml]", "the name of a config file is expected"),
     ("base: sitl.yaml\nplant:\n\tseed: 1", "a tab, where YAML takes spaces alone"),
@@ -131,7 +144,10 @@ YAML = [
     ("base: sitl.yaml\nsources: {wind: [mast]}", "a source is LINK.MESSAGE"),
     ("base: sitl.yaml\nsources: {position: [gnss.RMC]}", "sources.position"),
     ("base: sitl.yaml\ncontroller: {name: nnsem-mpc, model: none.npz}", "none.npz: no such model file"),
-    ("base: sitl.yaml\nvehicle: {name: mycat}", "mycat-lagnet: no such model file"),
+    (
+        "base: sitl.yaml\nvehicle: {name: mycat}",
+        "mycat-lagnet: no such model file (controller.model; lagnet-mpc needs one)\n",
+    ),
     ("base: sitl.yaml\nvehicle: {vessel: {mass_kg: 38}}", "was trained on another boat than vehicle.vessel"),
     ("base: sitl.yaml\nplugins: [nowhere.py]", "nowhere.py"),
     ("- just\n- a list", "a mapping of keys is expected at the top level"),
@@ -145,6 +161,7 @@ def folder(tmp_path: Path) -> Path:
     (tmp_path / "boat.yaml").write_text("base: field.yaml\n")
     (tmp_path / "boat-sim.yaml").write_text("base: sitl.yaml\n")
     (tmp_path / "empty.mcap").write_bytes(b"")
+    (tmp_path / "a.csv").write_bytes(b"")
     return tmp_path
 
 

@@ -80,7 +80,7 @@ def test_rows_in_waves_are_trained_like_their_calm_twins() -> None:
 def test_only_chooses_by_name_and_refuses_what_is_not_there() -> None:
     assert [job.name for job in chosen_jobs(jobs(10), ["node", "sd"])] == ["sd", "node"]
     assert len(chosen_jobs(jobs(10), [])) == len(jobs(10))
-    with pytest.raises(ConfigError, match=r"--only nnsemm: unknown \(known: sd; nnsem; "):
+    with pytest.raises(ConfigError, match=r"--only nnsemm: unknown, did you mean nnsem\? \(known: sd; nnsem; "):
         chosen_jobs(jobs(10), ["nnsemm"])
 
 
