@@ -27,8 +27,12 @@ def lat_lon(option: str, text: str) -> tuple[float, float]:
     if len(found) != 2 or found[0] is None or found[1] is None:
         raise ConfigError(f"{option} {text}: {AT_FORM}")
     lat_deg, lon_deg = (_signed(match, *letters) for match, letters in zip(found, ("NS", "EW"), strict=True) if match)
-    if lat_deg is None or lon_deg is None or abs(lat_deg) > 90.0 or abs(lon_deg) > 180.0:
+    if lat_deg is None or lon_deg is None:
         raise ConfigError(f"{option} {text}: {AT_FORM}")
+    for name, value_deg, most_deg in (("latitude", lat_deg, 90.0), ("longitude", lon_deg, 180.0)):
+        if abs(value_deg) > most_deg:
+            limits = f"-{most_deg:g} to {most_deg:g} degrees"
+            raise ConfigError(f"{option} {text}: a {name} of {limits} is expected, not {value_deg:g}")
     return lat_deg, lon_deg
 
 

@@ -34,6 +34,10 @@ def parse_fault(text: str) -> FaultConfig:
     sizes = [value for value, unit in others if unit != "s"]
     if len(lasts) > 1 or len(sizes) > 1:
         raise ConfigError(f"--fault {text}: {FORM} is expected; a duration ends in s")
+    if first < 0.0:
+        raise ConfigError(f"--fault {text}: a begin of 0 s or more is expected, not {first:g}")
+    if lasts and lasts[0] <= 0.0:
+        raise ConfigError(f"--fault {text}: a duration above 0 s is expected, not {lasts[0]:g}")
     try:
         return FaultConfig.model_validate(
             {

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from asvhil.config.plant_weather import MOST_WIND_MPS
 from asvhil.config.root import Config
 from asvhil.errors import ConfigError
 from asvhil.types import record
@@ -27,10 +28,12 @@ def parse_wind(text: str) -> WindSector:
         speed_mps, toward_deg = float(speed), float(toward) if sign else 0.0
     except ValueError:
         speed_mps = toward_deg = math.nan
-    if not (math.isfinite(speed_mps) and math.isfinite(toward_deg) and speed_mps >= 0.0):
+    if not (math.isfinite(speed_mps) and math.isfinite(toward_deg)):
         raise ConfigError(
             f"--wind {text}: SPEED@DEG is expected, such as 3@90 (m/s, toward, from the station's heading)"
         )
+    if not 0.0 <= speed_mps <= MOST_WIND_MPS:
+        raise ConfigError(f"--wind {text}: a speed of 0 to {MOST_WIND_MPS:g} m/s is expected, not {speed_mps:g}")
     return WindSector(speed_mps=speed_mps, toward_deg=toward_deg)
 
 
@@ -41,8 +44,10 @@ def parse_course(text: str) -> tuple[float, float]:
         speed_mps, course_deg = float(speed), float(course) if sign else math.nan
     except ValueError:
         speed_mps = course_deg = math.nan
-    if not (math.isfinite(speed_mps) and math.isfinite(course_deg) and speed_mps >= 0.0):
+    if not (math.isfinite(speed_mps) and math.isfinite(course_deg)):
         raise ConfigError(f"--drift {text}: SPEED@DEG is expected, such as 0.3@90 (m/s, toward, from north)")
+    if speed_mps < 0.0:
+        raise ConfigError(f"--drift {text}: a speed of 0 m/s or more is expected, not {speed_mps:g}")
     return speed_mps, course_deg % 360.0
 
 

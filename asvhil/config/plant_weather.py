@@ -6,6 +6,8 @@ from pydantic import Field
 
 from asvhil.config.base import Degrees, Fraction, NonNegative, Positive, Section
 
+MOST_WIND_MPS = 100.0
+
 
 class WindSpreadConfig(Section):
     """A wind given by the spread of its speed and of its direction, as field records give it: light airs wander.
@@ -20,7 +22,7 @@ class WindSpreadConfig(Section):
 class WindConfig(Section):
     """Mean true wind and its gusts: two-component Ornstein-Uhlenbeck, fractions of the mean speed."""
 
-    speed_mps: NonNegative = Field(default=3.0, le=100.0, description="Mean speed of the wind over ground.")
+    speed_mps: NonNegative = Field(default=3.0, le=MOST_WIND_MPS, description="Mean speed of the wind over ground.")
     toward_deg: Degrees = Field(
         default=0.0, description="Direction that the wind blows toward, clockwise from north (not where it comes from)."
     )

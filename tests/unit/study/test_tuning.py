@@ -326,7 +326,9 @@ def test_a_number_that_cannot_be_is_one_line(tmp_path, monkeypatch, capsys, argu
 
 def test_an_unknown_controller_is_one_line_that_names_those_that_can_be(tmp_path, monkeypatch, capsys):
     line = refused(monkeypatch, capsys, "loter", "-o", str(tmp_path))
-    assert line.startswith("asvhil: NAME loter: unknown (known: backstepping, sliding-mode, loiter, nnsem-mpc")
+    assert line.startswith(
+        "asvhil: NAME loter: unknown, did you mean loiter? (known: backstepping, sliding-mode, loiter, nnsem-mpc"
+    )
 
 
 def test_a_controller_without_a_space_is_an_error(tmp_path):
