@@ -95,7 +95,8 @@ class LiveView:
                 distance = status["distance_m"]
                 where = "" if distance is None else f", {distance:.2f} m, {status['heading_error_deg']:.1f} deg off"
                 where += self._moved(status)
-                say(self._console, f"{status['t_s']:6.1f} s  {status['phase']}: {status['reason']}{where}")
+                barred = f"; refuses a hold: {status['in_the_way']}" if status.get("in_the_way") else ""
+                say(self._console, f"{status['t_s']:6.1f} s  {status['phase']}: {status['reason']}{where}{barred}")
 
     def _late_events(self, status: dict[str, Any]) -> list[str]:
         """Stations that were given and requests that were refused since the last status; the rest is told otherwise."""

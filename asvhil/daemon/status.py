@@ -21,9 +21,10 @@ from asvhil.estimator.learned_words import learned_text
 from asvhil.geo import wrap_rad
 from asvhil.io.sensors.dropped import dropped_of
 from asvhil.supervisor.docking_odds import HORIZONS_S
-from asvhil.supervisor.reasons import remedy
-from asvhil.types import EnergyUse, FrontseatStatus, Learned, Outputs
+from asvhil.supervisor.reasons import Reason, describe, explain, remedy
+from asvhil.types import EnergyUse, FrontseatStatus, Learned, Outputs, Phase
 
+IDLE = (Reason.WAITING_FOR_HOLD.value, Reason.RELEASED.value)  # of a standby in which nothing but a hold is waited for
 COLOURS = {"hold": "green", "standby": "yellow", "prepare": "cyan", "failsafe": "red"}
 
 
@@ -48,7 +49,25 @@ class StatusTeller:
     ) -> dict[str, Any]:
         """The status in JSON types. The tick must have been seen."""
         status = status_of(outputs, links, self._start_ns or outputs.t_ns, overruns)
-        return {**status, "vehicle": vehicle_text(vehicle), "model": self._model, **self._story.told(outputs)}
+        status |= {"vehicle": vehicle_text(vehicle), "in_the_way": in_the_way(outputs, vehicle)}
+        return {**status, "model": self._model, **self._story.told(outputs)}
+
+
+def in_the_way(outputs: Outputs, vehicle: FrontseatStatus | None) -> str:
+    """What would refuse a hold now, as far as the outputs tell; empty where nothing would, or none is waited for.
+
+    The supervisor looks at more when a hold comes (mode, sticks, fence, the vehicle's kind).
+    """
+    health = outputs.health
+    if outputs.phase is not Phase.STANDBY or health.code not in IDLE:
+        return ""
+    if not health.link_ok or vehicle is None:
+        return describe(explain(Reason.NO_HEARTBEAT))  # what it told before is not known to be so any more
+    found = [
+        *(() if vehicle.armed else (explain(Reason.NOT_ARMED, hint=vehicle.arming_fault),)),
+        *(() if health.estimate_ok else (explain(Reason.NO_ESTIMATE),)),
+    ]
+    return ", ".join(map(describe, found))
 
 
 def status_of(outputs: Outputs, links: dict[str, str], start_ns: int, overruns: int) -> dict[str, Any]:
@@ -125,6 +144,8 @@ def render(status: dict[str, Any], title: str) -> Group:
     table.add_row("time", f"{status['t_s']:.0f} s")
     table.add_row("phase", Text(f"{phase}: {status['reason']}", style=COLOURS.get(phase, "")))
     table.add_row("what to do", status["remedy"])
+    if status.get("in_the_way"):
+        table.add_row("refuses a hold", status["in_the_way"])
     if "held_s" in status:
         table.add_row("collected", f"{status['held_s']:.0f} of {status['duration_s']:.0f} s")
     if status.get("vehicle"):

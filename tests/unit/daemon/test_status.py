@@ -3,11 +3,13 @@
 import dataclasses
 import io
 
+import pytest
 from rich.console import Console
 
-from asvhil.daemon.status import energy_text, render, shares_text, status_of
+from asvhil.config import load_config
+from asvhil.daemon.status import StatusTeller, energy_text, in_the_way, render, shares_text, status_of
 from asvhil.supervisor.reasons import Reason, describe, explain, remedy
-from asvhil.types import EnergyUse, Note
+from asvhil.types import EnergyUse, FrontseatStatus, Note, Outputs, Phase
 from tests.support.log_samples import sample_outputs
 
 
@@ -22,6 +24,45 @@ def test_the_status_has_the_reason_its_code_and_the_remedy() -> None:
     console.print(render(status, "asvhil"))
     shown = console.file.getvalue()  # type: ignore[attr-defined]
     assert describe(why) in shown and remedy(Reason.STICK_MOVED) in shown
+
+
+def standby(why: Reason, *, link_ok: bool, estimate_ok: bool) -> Outputs:
+    outputs = sample_outputs(5)
+    health = dataclasses.replace(outputs.health, code=why.value, link_ok=link_ok, estimate_ok=estimate_ok)
+    return dataclasses.replace(outputs, phase=Phase.STANDBY, health=health)
+
+
+def vehicle(*, armed: bool, fault: str = "") -> FrontseatStatus:
+    return FrontseatStatus(t_ns=1, armed=armed, mode="MANUAL", ready=True, rc_us=(), outputs_us=(), arming_fault=fault)
+
+
+@pytest.mark.parametrize(
+    ("link_ok", "estimate_ok", "told", "words"),
+    [
+        (False, False, None, "no heartbeat from the autopilot"),
+        (False, True, vehicle(armed=True), "no heartbeat from the autopilot"),
+        (True, False, vehicle(armed=True), "no valid position and heading yet"),
+        (
+            *(True, False, vehicle(armed=False, fault="bad compass")),
+            "vehicle is not armed (bad compass), no valid position and heading yet",
+        ),
+        (True, True, vehicle(armed=True), ""),
+    ],
+)
+def test_a_standby_that_waits_for_a_hold_tells_what_would_refuse_it(
+    link_ok: bool, estimate_ok: bool, told: FrontseatStatus | None, words: str
+) -> None:
+    outputs = standby(Reason.WAITING_FOR_HOLD, link_ok=link_ok, estimate_ok=estimate_ok)
+    teller = StatusTeller(load_config("sitl", ("supervisor.engage=command", "controller.name=loiter")))
+    teller.see(outputs)
+    status = teller.status(outputs, {}, 0, told)
+    assert status["in_the_way"] == words
+    console = Console(file=io.StringIO(), width=200)
+    console.print(render(status, "asvhil"))
+    shown = console.file.getvalue()  # type: ignore[attr-defined]
+    assert ("refuses a hold" in shown) == bool(words) and words in shown
+    why = standby(Reason.WAITING_FOR_AUTOPILOT, link_ok=link_ok, estimate_ok=estimate_ok)
+    assert in_the_way(why, told) == in_the_way(dataclasses.replace(outputs, phase=Phase.HOLD), told) == ""
 
 
 def test_the_status_has_what_the_sensors_have_dropped_by_cause() -> None:
