@@ -73,6 +73,9 @@ def _show(console: Any, name: str, look: dict[str, Any], as_json: bool) -> None:
 def _rows(look: dict[str, Any]) -> list[tuple[str, str]]:
     """What there is to tell, in lines."""
     rows = [("phase", f"{look['phase'] or 'unknown'}: {look['reason']}")]
+    barred = _in_the_way(look)
+    if barred:
+        rows.append(("refuses a hold", barred))
     if look["state"] in ("critical", "emergency"):
         rows.append(("state", look["state"]))
     if look.get("distance_m") is not None:
@@ -105,6 +108,20 @@ def _rows(look: dict[str, Any]) -> list[tuple[str, str]]:
         told = [f"{what} {value} {unit}" for what, value, unit in known if value is not None]
         rows.append(("computer", ", ".join(told)))
     return rows + list(look["notes"].items())
+
+
+def _in_the_way(look: dict[str, Any]) -> str:
+    """As `daemon.status.in_the_way`, of what the link tells, which of a silent autopilot is nothing."""
+    from asvhil.daemon.status import IDLE
+    from asvhil.supervisor.reasons import Reason, describe, explain
+
+    boat = look.get("boat")
+    if boat is None or look["reason"] not in [describe(explain(Reason(code))) for code in IDLE]:
+        return ""
+    if boat.get("armed") is None:
+        return describe(explain(Reason.NO_HEARTBEAT))
+    missing = ((Reason.NOT_ARMED, boat["armed"]), (Reason.NO_ESTIMATE, boat.get("estimate_ok")))
+    return ", ".join(describe(explain(reason)) for reason, there in missing if not there)
 
 
 def _equipment(boat: dict[str, float | None]) -> str:

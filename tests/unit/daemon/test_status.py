@@ -6,6 +6,7 @@ import io
 import pytest
 from rich.console import Console
 
+from asvhil.commands.status import _rows
 from asvhil.config import load_config
 from asvhil.daemon.status import StatusTeller, energy_text, in_the_way, render, shares_text, status_of
 from asvhil.supervisor.reasons import Reason, describe, explain, remedy
@@ -112,3 +113,20 @@ def test_shares_of_sources_name_what_changed_and_never_round_to_all_or_nothing()
     }
     assert shares_text(shares) == "position ins.BINARY >99 %, gnss.RMC <1 %; wind mast.MWV 80 %, not heard 20 %"
     assert shares_text({}) == shares_text({"heading": {"ins.BINARY": 1.0}}) == ""
+
+
+@pytest.mark.parametrize(
+    ("boat", "words"),
+    [
+        ({"armed": None, "estimate_ok": 0.0}, "no heartbeat from the autopilot"),
+        ({"armed": 0.0, "estimate_ok": None}, "vehicle is not armed, no valid position and heading yet"),
+        ({"armed": 1.0, "estimate_ok": 1.0}, None),
+        (None, None),
+    ],
+)
+def test_the_command_tells_what_would_refuse_a_hold_by_the_link(
+    boat: dict[str, float | None] | None, words: str | None
+) -> None:
+    look = {"phase": "standby", "reason": "waiting for a hold command", "state": None, "notes": {}, "boat": boat}
+    assert dict(_rows(look)).get("refuses a hold") == words
+    assert "refuses a hold" not in dict(_rows(look | {"phase": "hold", "reason": "holding"}))
