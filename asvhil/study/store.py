@@ -15,6 +15,9 @@ from asvhil.errors import AsvhilError
 from asvhil.types import record
 
 Result = dict[str, Any]
+BEGIN = b'{"key": "'  # of each line
+SUM = b', "crc": '
+KEYS = {"key", "code", "wall_s", "idle_s", "same", "error", "result", "crc"}
 RESUMES = "what is done is kept: make room, and give the same command again"
 
 
@@ -83,16 +86,20 @@ def opened(path: Path) -> Iterator[Store]:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
             raise AsvhilError(f"{path}: another study is writing to it; wait for it, or give another -o") from None
-        text, note = _text(path), ""
-        whole = text[: text.rfind("\n") + 1]
-        runs, last = _parsed(path, whole), text[len(whole) :]
+        content = _content(path)
+        whole = content[: content.rfind(b"\n") + 1]
+        runs, last = _parsed(path, whole), content[len(whole) :]
+        notes = []
         if last:
             try:
                 runs |= _parsed(path, last)
+                whole = content
                 file.write("\n")  # the run is complete, but for the end of its line
             except AsvhilError:
-                file.truncate(len(whole.encode()))
-                note = f"{path}: the last line was cut off in writing; it is dropped, and its run done again"
+                _check_own(path, runs, last)
+                file.truncate(len(whole))
+                notes.append(f"{path}: the last line was cut off in writing; it is dropped, and its run done again")
+        note = "; ".join(filter(None, [*notes, _without_sum(path, whole)]))
         yield Store(path, runs, file, note)
 
 
@@ -106,28 +113,50 @@ def _closing(file: TextIO) -> Iterator[None]:
             file.close()
 
 
-def _text(path: Path) -> str:
+def _content(path: Path) -> bytes:
     try:
-        return path.read_bytes().decode()
+        return path.read_bytes()
     except OSError as error:
         raise AsvhilError(f"{path}: cannot be read ({error.strerror})") from None
-    except UnicodeDecodeError as error:
-        words = "is no text, so this is not a store of runs; give another -o, or delete the file"
-        raise AsvhilError(f"{path}: byte {error.start} {words}") from None
 
 
-def _parsed(path: Path, text: str) -> dict[str, StoredRun]:
+def _check_own(path: Path, runs: dict[str, StoredRun], last: bytes) -> None:
+    """AsvhilError where nothing in a file is of a store: what its last line lacks is not to be dropped then."""
+    if not runs and not last.startswith(BEGIN[: len(last)]):
+        raise AsvhilError(f"{path}: line 1 is not a stored run, so this is no store of runs; give another -o")
+
+
+def _parsed(path: Path, content: bytes) -> dict[str, StoredRun]:
+    """The runs of whole lines. The bytes of each are judged apart, so that damage is that of one line."""
     runs = {}
-    for number, line in enumerate(text.splitlines(), 1):
+    for number, line in enumerate(content.splitlines(), 1):
         try:
-            row = json.loads(line)
-            body, mark, crc = line.rpartition(', "crc": ')
-            if mark and int(crc.removesuffix("}")) != zlib.crc32(f"{body}}}".encode()):
+            row = json.loads(line.decode())
+            body, mark, crc = line.rpartition(SUM)
+            if mark and int(crc.removesuffix(b"}")) != zlib.crc32(body + b"}"):
                 raise ValueError("its sum does not fit")
+            if bool(mark) != ("crc" in row) or not set(row) <= KEYS:
+                raise ValueError("not as a store writes it: a damaged key, or an edit")
             runs[row["key"]] = _run_of(row)
         except (ValueError, KeyError, TypeError, AttributeError):
             raise AsvhilError(f"{path}: line {number} is not a stored run; delete it, or the file") from None
     return runs
+
+
+def _without_sum(path: Path, content: bytes) -> str:
+    """What to say of lines without a sum: none of those that were written before there were sums.
+
+    AsvhilError for one whose code has written others with a sum: it has lost its own, as in an edit.
+    """
+    lines = content.splitlines()
+    bare = {number: json.loads(line)["code"] for number, line in enumerate(lines, 1) if SUM not in line}
+    summed = {json.loads(line)["code"] for line in lines if SUM in line} if bare else set()
+    for number, code in bare.items():
+        if code in summed:
+            words = "has lost its checksum, which other runs of its code have; delete it, and its run is done again"
+            raise AsvhilError(f"{path}: line {number} {words}")
+    count = f"{len(bare)} lines have" if len(bare) != 1 else f"line {next(iter(bare))} has"
+    return f"{path}: {count} no checksum, as of an older version; taken as they are, edited or not" if bare else ""
 
 
 def _run_of(row: dict[str, Any]) -> StoredRun:

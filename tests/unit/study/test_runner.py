@@ -16,6 +16,7 @@ from asvhil.errors import AsvhilError
 from asvhil.study import code_version, executors, runner
 from asvhil.study.made_of import run_files
 from asvhil.study.runner import Job, run_jobs
+from asvhil.study.store import _parsed, _without_sum
 from tests.support.paths import ROOT
 from tests.support.study_jobs import die_at_three, fail_at_three, jobs, square
 from tests.support.waiting import wait_until
@@ -162,12 +163,71 @@ def test_a_whole_line_without_its_end_is_kept(tmp_path):
     assert store.read_text().count("\n") == 4 and not any(now.note for now in seen)
 
 
-def test_a_store_that_is_no_text_is_left_alone_and_named_with_the_byte(tmp_path):
+@pytest.mark.parametrize("content", [b"ab\xff\xfebin\n", b"ab\xff\xfebin", b"\x00\x00", b"my notes"])
+def test_a_file_that_is_no_store_is_left_alone_and_named(tmp_path, content):
     store = tmp_path / "store.jsonl"
-    store.write_bytes(b"ab\xff\xfebin\n")
-    with pytest.raises(AsvhilError, match=r"store\.jsonl: byte 2 is no text"):
+    store.write_bytes(content)
+    with pytest.raises(AsvhilError, match=r"store\.jsonl: line 1 is not a stored run"):
         run_jobs(square, jobs(tmp_path, 1), store, workers=0)
-    assert store.read_bytes() == b"ab\xff\xfebin\n"
+    assert store.read_bytes() == content
+
+
+@pytest.mark.parametrize("tail", [b'{"key": "\xff\xfe', b'{"key": "s\xc3', b"\x00" * 40])
+def test_a_last_line_that_was_cut_off_among_its_bytes_is_dropped(tmp_path, tail):
+    store = tmp_path / "store.jsonl"
+    run_jobs(square, jobs(tmp_path, 2), store, workers=0)
+    whole = store.read_bytes()
+    store.write_bytes(whole + tail)
+    seen = []
+    assert squares(run_jobs(square, jobs(tmp_path, 2), store, workers=0, tell=seen.append)) == [1.0, 4.0]
+    assert store.read_bytes() == whole and "the last line was cut off" in seen[0].note
+    assert ran(tmp_path) == [1, 2]
+
+
+def test_a_flipped_bit_is_named_with_its_line_wherever_it_is(tmp_path):
+    store = tmp_path / "store.jsonl"
+    run_jobs(square, jobs(tmp_path, 3), store, workers=0)
+    lines = store.read_bytes().splitlines(keepends=True)
+    for at in range(len(lines[1]) - 1):
+        for bit in (0x01, 0x80):
+            flipped = bytearray(lines[1])
+            flipped[at] ^= bit
+            if b"\n" in flipped[:-1] or b"\r" in flipped:
+                continue
+            store.write_bytes(lines[0] + flipped + lines[2])
+            with pytest.raises(AsvhilError, match=r"store\.jsonl: line 2 (is not a stored run|has lost)"):
+                run_jobs(square, jobs(tmp_path, 3), store, workers=0)
+
+
+def without_sum(line: str) -> str:
+    return line.partition(', "crc"')[0] + "}\n"
+
+
+def test_an_edited_line_without_its_sum_is_refused_by_its_number(tmp_path):
+    store = tmp_path / "store.jsonl"
+    run_jobs(square, jobs(tmp_path, 3), store, workers=0)
+    lines = store.read_text().splitlines(keepends=True)
+    store.write_text(lines[0] + without_sum(lines[1].replace('"square": 4.0', '"square": 5.0')) + lines[2])
+    with pytest.raises(AsvhilError, match=r"store\.jsonl: line 2 has lost its checksum"):
+        run_jobs(square, jobs(tmp_path, 3), store, workers=0)
+
+
+def test_lines_of_code_from_before_there_were_sums_are_taken_and_counted(tmp_path, monkeypatch):
+    store = tmp_path / "store.jsonl"
+    with monkeypatch.context() as earlier:
+        earlier.setattr(executors, "code_version", lambda: "older")
+        run_jobs(square, jobs(tmp_path, 3), store, workers=0)
+    store.write_text("".join(without_sum(line) for line in store.read_text().splitlines()))
+    seen = []
+    assert squares(run_jobs(square, jobs(tmp_path, 4), store, workers=0, tell=seen.append)) == [1.0, 4.0, 9.0, 16.0]
+    assert seen[0].note.startswith(f"{store}: 3 lines have no checksum") and not any(now.note for now in seen[1:])
+
+
+def test_the_committed_stores_are_taken_as_they_are():
+    for path in sorted((ROOT / "docs" / "results").glob("*.jsonl")):
+        content = path.read_bytes()
+        assert _parsed(path, content)
+        assert bool(_without_sum(path, content)) == (path.name == "trials.jsonl")
 
 
 @pytest.mark.parametrize(
