@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from asvhil.commands.options import JsonOption, PluginOption, RecordedPluginsOption
-from asvhil.commands.outputs import check_apart, check_json, check_writable, write_json, writing
+from asvhil.commands.outputs import check_figures, check_writable, write_json, writing
 from asvhil.commands.views import progress, say
 from asvhil.errors import AsvhilError, ConfigError
 from asvhil.files import write_text
@@ -33,8 +33,8 @@ def calibrate(
     from asvhil.logs.plugins import load_plugins
     from asvhil.preflight.calibration import COEFFICIENTS, calibrate
 
-    check_apart(("--output", output), ("--json", json_))
-    check_json(json_)
+    below = output.parent / base if output is not None and base else None
+    check_figures(json_, ("the log", log), ("--base", below), ("--output", output))
     if output is not None:
         _check_output(output, base)
     _check_boat(log, base, output)

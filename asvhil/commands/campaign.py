@@ -89,6 +89,8 @@ def campaign(
         stem=stem,
         figures=figures,
         text=markdown,
+        store=output / f"{stem}.jsonl",
+        keeps=(("the spec", path), ("the table of the runs", output / f"{stem}.parquet")),
         draw=lambda found, picture: draw(found, rows, picture),
         notes=(f"{path}: {total} runs",),
         failure=failure,

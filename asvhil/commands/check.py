@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from asvhil.commands.options import ConfigArgument, JsonOption, SetOption
-from asvhil.commands.outputs import check_json, write_json
+from asvhil.commands.outputs import check_figures, config_and_bases, write_json
 from asvhil.commands.views import say, stage_bar
 from asvhil.errors import ConfigError
 
@@ -59,7 +59,7 @@ def check(
         raise ConfigError("check: --yes goes with --fix")
     if fix and not yes and not sys.stdin.isatty():
         raise ConfigError("check: --fix needs a terminal to confirm; use --yes")
-    check_json(json_)
+    check_figures(json_, *config_and_bases(config))
     console = Console()
     if not console.is_terminal:
         console = Console(width=PIPE_WIDTH)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from asvhil.commands.options import ConfigArgument, JsonOption, SetOption
-from asvhil.commands.outputs import check_json, write_json
+from asvhil.commands.outputs import check_figures, config_and_bases, write_json
 from asvhil.commands.views import NEEDS_AUTO, LiveView, progress, say, tell_borrowed_hull, twin_hint
 from asvhil.errors import AsvhilError, ConfigError
 
@@ -43,7 +43,7 @@ def collect(
 
     if realtime and vehicle:
         raise ConfigError("collect: --realtime is the simulated boat, --vehicle the real one: give one of them")
-    check_json(json_)
+    check_figures(json_, *config_and_bases(config), ("--output", output))
     mode: Mode = "vehicle" if vehicle else "realtime" if realtime else "lockstep"
     console = Console()
     settings = load_config(config, tuple(set_))

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from asvhil.commands.options import ConfigArgument, SetOption
-from asvhil.commands.outputs import check_json, write_json, writing
+from asvhil.commands.outputs import check_figures, check_json, config_and_bases, write_json, writing
 from asvhil.commands.views import say
 from asvhil.errors import ConfigError
 from asvhil.files import write_text
@@ -41,7 +41,7 @@ def show(
 
     from asvhil.config.loading import load_with_places
 
-    check_json(json_)
+    check_figures(json_, *config_and_bases(config))
     settings, places = load_with_places(config, tuple(set_))
     tree: Any = settings.model_dump(mode="json")
     write_json(json_, tree)
@@ -70,7 +70,7 @@ def check(
     from asvhil.preflight.computer import boat_checks
     from asvhil.preflight.table import as_json, worst
 
-    check_json(json_)
+    check_figures(json_, *config_and_bases(config))
     settings = load_config(config, tuple(set_))
     files = [f"{path}{' (shipped)' if is_shipped(path) else ''}" for path in chain_of(config)]
     checks = boat_checks(settings, borrowed_from(config, set_))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from asvhil.commands.options import ColumnsOption, JsonOption, PluginOption, RecordedPluginsOption
-from asvhil.commands.outputs import check_apart, check_json, check_picture, write_json
+from asvhil.commands.outputs import check_figures, check_picture, columns_file, write_json
 from asvhil.commands.views import say
 
 if TYPE_CHECKING:
@@ -37,8 +37,8 @@ def evaluate(
     from asvhil.train.jobs import evaluate_command
 
     load_plugins(data if columns is None else (), plugin, allow_recorded=allow_recorded_plugins)
-    check_apart(("--picture", picture), ("--json", json_))
-    check_json(json_)
+    read = [*(("the model", model) for model in models), *(("the data", file) for file in data)]
+    check_figures(json_, *read, *columns_file(columns), ("--picture", picture))
     check_picture(picture)
     console = Console()
     with console.status("rolling out"):

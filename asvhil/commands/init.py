@@ -10,7 +10,7 @@ import typer
 
 from asvhil.commands.boat_questions import GUESSED, HULL, told
 from asvhil.commands.options import JsonOption
-from asvhil.commands.outputs import check_json, check_writable, write_json, writing
+from asvhil.commands.outputs import check_figures, check_json, check_writable, write_json, writing
 from asvhil.commands.views import say
 from asvhil.errors import ConfigError
 from asvhil.files import write_text
@@ -81,7 +81,8 @@ def init(
         "pwm": pwm,
     }
     if given["name"] is not None:
-        _files(file or Path(f"{given['name']}.yaml"), force)  # before any question
+        own, twin = _files(file or Path(f"{given['name']}.yaml"), force)  # before any question
+        check_figures(json_, ("the config", own), ("the config of the twin", twin))
 
     def texts_of(boat: OwnBoat) -> dict[Path, str]:
         target, twin = _files(file or Path(f"{boat.name}.yaml"), force)

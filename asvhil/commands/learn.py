@@ -14,7 +14,7 @@ import typer
 
 from asvhil.commands.collect import drive_with_display, refuse_incomplete
 from asvhil.commands.options import ConfigArgument, JsonOption, SetOption
-from asvhil.commands.outputs import check_json, write_json, writing
+from asvhil.commands.outputs import check_figures, config_and_bases, write_json, writing
 from asvhil.commands.train import train_with_bar
 from asvhil.commands.views import progress, say, tell_borrowed_hull
 from asvhil.errors import AsvhilError, ConfigError
@@ -51,6 +51,11 @@ class _Files:
     model: Path
     fitted: Path
     picture: Path
+
+    def named(self) -> list[tuple[str, Path]]:
+        """Each with what it is."""
+        logs = [("a log", self.data), ("a log", self.test)]
+        return [*logs, ("the model", self.model), ("the fitted model", self.fitted), ("the picture", self.picture)]
 
     def there(self) -> list[Path]:
         """Those that are there already."""
@@ -101,11 +106,11 @@ def learn(
     if resume and force:
         raise ConfigError("learn: --resume goes on, --force begins anew: give one of them")
     _need_terminal(yes)
-    check_json(json_)
     settings = load_config(config, tuple(set_))
-    tell_borrowed_hull(settings, config, set_)
     name = settings.vehicle.name
     files = _files(output or find_config(config).parent / f"{name}-learned", name, kind)
+    check_figures(json_, *config_and_bases(config), *(("a log", log) for log in (*data, *test)), *files.named())
+    tell_borrowed_hull(settings, config, set_)
     if files.there() and not (force or resume):
         words = "another folder by -o, --resume to go on with its drives, or --force for new ones"
         raise ConfigError(f"learn: {files.folder} is not empty: {words}")

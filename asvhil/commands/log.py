@@ -10,7 +10,7 @@ from typing import Annotated, Any
 import typer
 
 from asvhil.commands.options import JsonOption
-from asvhil.commands.outputs import check_json, write_json
+from asvhil.commands.outputs import check_figures, check_json, write_json
 from asvhil.commands.views import byte_bar, say
 
 app = typer.Typer(no_args_is_help=True, help="What a log holds; recover a damaged one; export it for other tools.")
@@ -52,10 +52,10 @@ def recover(
     from asvhil.logs.recover import recover as recover_log
     from asvhil.logs.segments import first_in
 
-    check_json(json_)
     console = Console()
     log = first_in(log)
     target = output or log.with_name(f"{log.stem}-recovered.mcap")
+    check_figures(json_, ("the log", log), ("the new log", target))
     with _reading(console, log) as on_bytes:
         result = recover_log(log, target, behind_damage=behind_damage, on_bytes=on_bytes)
     write_json(

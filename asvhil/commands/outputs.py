@@ -62,31 +62,82 @@ def check_writable(file: Path | None, option: str = "") -> None:
 
 
 def check_json(file: Path | None, option: str = "--json ") -> None:
-    """Check a file that is to hold JSON in the same way. AsvhilError too where there is a file that is not JSON.
+    """Check a file that is to hold JSON in the same way. AsvhilError too where there is a file that holds no figures.
 
-    So what a command reads, or has just written, is not lost by a slip.
+    So what a command reads, keeps, or has just written, is not lost by a slip.
     """
     check_writable(file, option)
-    if file is None:
+    if file is None or not file.is_file():
         return
     with writing(file, option):
-        begin = _head(file).lstrip()[:1]
-    if begin not in (b"", b"{", b"["):
-        raise AsvhilError(f"{option}{file}: is there already, and is not JSON; give another name, or delete it")
+        content = file.read_bytes()
+    fault = _no_figures(content)
+    if fault:
+        raise AsvhilError(f"{option}{file}: {fault}")
+
+
+def _no_figures(content: bytes) -> str:
+    """What a file holds that is not figures of an earlier run, and what to do; empty of such figures, and of nothing.
+
+    Hours of work are in what a study keeps as JSON too: the store of its runs, and the record of a search.
+    """
+    from asvhil.study.store import BEGIN
+    from asvhil.study.tuning_record import is_record
+
+    if not content.strip():
+        return ""
+    if content.startswith(BEGIN):
+        return "is a store of runs; give another name"
+    try:
+        tree = json.loads(content)
+    except RecursionError:
+        return ""
+    except json.JSONDecodeError as error:
+        if error.msg == "Extra data" and content.lstrip().startswith((b"{", b"[")):
+            return "is there already, and holds more than one piece of JSON; give another name, or delete it"
+        return "is there already, and is not JSON; give another name, or delete it"
+    except UnicodeDecodeError:
+        return "is there already, and is not JSON; give another name, or delete it"
+    return "is the record of a search; give another name" if is_record(tree) else ""
 
 
 def check_apart(*files: tuple[str, Path | None]) -> None:
-    """ConfigError where two of the files that are written, each with what names it, are one: the later would take the
-    earlier's place.
+    """ConfigError where two of the files that are read, kept or written are one: the later would take the earlier's
+    place.
+
+    Each with what names it: an option, or words such as "the config". Files of one name may be the same.
     """
-    seen: dict[Path, str] = {}
+    seen: dict[object, str] = {}
     for option, file in files:
         # A pipe, or a terminal, takes as many as come.
         if file is None or (file.exists() and not file.is_file()):
             continue
-        other = seen.setdefault(file.resolve(), option)
+        with writing(file, f"{option} "):
+            there = file.stat() if file.exists() else None
+        # By what it is, not by its name: it may have two.
+        which = (there.st_dev, there.st_ino) if there else file.resolve()
+        other = seen.setdefault(which, option)
         if other != option:
-            raise ConfigError(f"{option} {file}: is the file of {other} too; give another name")
+            what = f"the file of {other} too" if other.startswith("--") else other
+            raise ConfigError(f"{option} {file}: is {what}; give another name")
+
+
+def check_figures(json_: Path | None, *others: tuple[str, Path | None]) -> None:
+    """Check the file of --json before the work, beside what else the command reads, keeps or writes. AsvhilError."""
+    check_apart(*others, ("--json", json_))
+    check_json(json_)
+
+
+def config_and_bases(config: str) -> list[tuple[str, Path | None]]:
+    """The files of a config, for `check_figures`. ConfigError where there is no such config."""
+    from asvhil.config.loading import config_files
+
+    return [("the config", file) for file in config_files(config)]
+
+
+def columns_file(columns: str | None) -> list[tuple[str, Path | None]]:
+    """The file of --columns, for `check_figures`."""
+    return [("the column map", Path(columns))] if columns else []
 
 
 def _head(file: Path) -> bytes:

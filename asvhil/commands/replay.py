@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from asvhil.commands.options import FaultOption, JsonOption, PluginOption, RecordedPluginsOption, SetOption
-from asvhil.commands.outputs import check_apart, check_json, check_picture, write_json
+from asvhil.commands.outputs import check_apart, check_figures, check_json, check_picture, config_and_bases, write_json
 from asvhil.commands.views import progress, say
 from asvhil.errors import ConfigError
 
@@ -57,13 +57,13 @@ def replay(
     console = Console()
     if (log is None) == (tlog is None):
         raise ConfigError("replay: give either an MCAP log or --tlog FILE")
-    check_apart(("--picture", picture), ("--json", json_))
+    check_apart(("the log", log or tlog), ("--picture", picture), ("--json", json_))
     if tlog is not None:
         given: dict[str, Any] = {"fault": fault, "what-if": what_if, "picture": picture, "plugin": plugin}
         given["allow-recorded-plugins"] = allow_recorded_plugins
         for option in (name for name, value in given.items() if value):
             raise ConfigError(f"replay: --{option} goes with an MCAP log of asvhil, not with --tlog")
-        check_json(json_)
+        check_figures(json_, *config_and_bases(config or TLOG_CONFIG))
         _replay_tlog(console, tlog, config or TLOG_CONFIG, tuple(set_), json_)
         return
     assert log is not None

@@ -31,7 +31,8 @@ def report(
     """Summarise a log: errors to the station, docking windows, wind, timing; draw it, and compare it."""
     from rich.console import Console
 
-    check_apart(("--html", html), ("--picture", picture), ("--json", json_))
+    read = (("the log", log), ("the log", compare))
+    check_apart(*read, ("--html", html), ("--picture", picture), ("--json", json_))
     if html is not None and picture is not None and picture.resolve().match(f"{html.resolve().with_suffix('')}-*.png"):
         raise ConfigError(f"--picture {picture}: is a name of the page's own figures; give another")
     check_json(json_)

@@ -10,7 +10,7 @@ import typer
 
 from asvhil.commands.learned import check_kept, tell_kept, with_learned
 from asvhil.commands.options import ConfigArgument, FaultOption, JsonOption, LearnedOption, SetOption
-from asvhil.commands.outputs import check_json, check_writable
+from asvhil.commands.outputs import check_figures, check_writable, config_and_bases
 from asvhil.commands.views import NEEDS_AUTO, LiveView, progress, report_run, twin_hint
 from asvhil.errors import ConfigError
 
@@ -52,7 +52,7 @@ def sitl(
     from asvhil.config import load_config
     from asvhil.config.fault_text import with_faults
     from asvhil.config.mean_wind import parse_course, parse_wind, wind_keys
-    from asvhil.logs.learned_file import LearnedKeeper
+    from asvhil.logs.learned_file import LearnedKeeper, learned_path
     from asvhil.logs.opening import make_run_folder
     from asvhil.sitl import check_buildable, run_lockstep, run_realtime
 
@@ -74,7 +74,9 @@ def sitl(
     _check_course(settings)
     if log is not None and picture and log.suffix == ".png":
         raise ConfigError(f"--log {log}: the picture goes there; name the log .mcap, or give --no-picture")
-    check_json(json_)
+    drawn = log.with_suffix(".png") if log is not None and picture else None
+    kept = (("what was learned", file) for file in (learned, learned_path(settings)))
+    check_figures(json_, *config_and_bases(config), *kept, ("--log", log), ("the picture of --log", drawn))
     check_kept(settings)
     if log is not None and picture and log.parent.is_dir():
         check_writable(log.with_suffix(".png"))

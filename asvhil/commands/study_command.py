@@ -52,7 +52,8 @@ class Study:
     `stem` is the name of its files in the output folder: figures (json), `text` (md), and a picture (png) if there is
     one to `draw`. `notes` are printed before it begins. `resumes`: the same command continues an interrupted study.
     `failure` gives the error, if any, that the command ends with after everything is written. `made_of`: the digests of
-    the code and files that decide the figures (`asvhil.study.made_of`), for the page to say.
+    the code and files that decide the figures (`asvhil.study.made_of`), for the page to say. `store` has its runs, and
+    `keeps` what else it reads or writes, each with what it is: no figures take the place of these.
     """
 
     title: str
@@ -61,6 +62,8 @@ class Study:
     text: Callable[[Figures], str]
     made_of: Mapping[str, str] | None  # None where what it leaves is no page of this project's results
     draw: Callable[[Figures, Path], None] | None = None
+    store: Path | None = None
+    keeps: tuple[tuple[str, Path | None], ...] = ()
     notes: tuple[str, ...] = ()
     resumes: bool = True
     failure: Callable[[Figures], Exception | None] = lambda figures: None
@@ -79,7 +82,7 @@ def study_command(prepare: Callable[..., Study]) -> Callable[..., None]:
         study, output = prepare(**options), options["output"]
         for note in study.notes:
             say(console, note)
-        check_output(output, study.stem, json_)
+        check_output(output, study.stem, json_, ("the store of the runs", study.store), *study.keeps)
         outdated = again = changed = 0
         with watching(console, study.title, resumes=study.resumes) as tell:
 

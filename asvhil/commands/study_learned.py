@@ -82,6 +82,7 @@ def learned_loop(
         title="learned models",
         stem=stem_of("learned-loop", quick),
         figures=figures,
+        store=output / "trials.jsonl",
         text=markdown,
         made_of=made_of(
             ("study/learned_loop.py", "study/circumstances.py"),
@@ -167,6 +168,7 @@ def changed_boats(
         title="changed boats",
         stem=stem_of("changed-boats", quick),
         figures=figures,
+        store=output / "trials.jsonl",
         text=markdown,
         made_of=made_of(("study/changed_boats.py",), [*run_files(BASE, unchanged), *own.values()]),
     )

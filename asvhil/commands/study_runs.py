@@ -94,9 +94,11 @@ def six_tests(
         title="six tests",
         stem=stem_of(page, quick),
         figures=figures,
+        store=output / "trials.jsonl",
         text=report,
         draw=draw_bars,
         notes=(*left_out, *filter(None, [note])),
+        keeps=(("the file of --bounds", bounds),),
         made_of=made_of(
             ("study/six_tests.py", "study/six_tests_report.py"),
             [*run_files(config, *chosen.values()), *([bounds or BOUNDS] if limits else [])],
@@ -137,6 +139,7 @@ def approach(
         title="approach",
         stem=stem_of("approach", quick),
         figures=figures,
+        store=output / "approach.jsonl",
         text=markdown,
         draw=lambda _, path: draw_tracks(outcomes, path),
         made_of=made_of(("study/approach.py",), run_files("sitl", tuple(set_))),
@@ -180,6 +183,7 @@ def robustness(
         title="robustness",
         stem=stem_of("robustness", quick),
         figures=figures,
+        store=output / "trials.jsonl",
         text=markdown,
         made_of=made_of(("study/robustness.py",), run_files(config, (*set_, *controller))),
     )
@@ -216,6 +220,7 @@ def estimator(
         title="estimators",
         stem=stem_of("estimator", quick),
         figures=figures,
+        store=output / "estimator.jsonl",
         text=report,
         draw=lambda found, path: draw_estimators(found | traces, path),
         made_of=made_of(
@@ -268,6 +273,7 @@ def safety(
         title="safety",
         stem=stem_of("safety", quick),
         figures=figures,
+        store=output / "safety.jsonl",
         text=markdown,
         made_of=made_of(("study/safety.py",), [file for name in CONFIGS for file in run_files(name, tuple(set_))]),
     )
@@ -308,6 +314,7 @@ def field_tests(
         title="field tests",
         stem=stem_of("field-tests", quick),
         figures=figures,
+        store=output / "field-tests.jsonl",
         text=markdown,
         draw=lambda found, path: draw_field_tests(found, traces, path),
         made_of=made_of(

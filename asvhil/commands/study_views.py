@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from asvhil.commands.outputs import check_json, check_writable, write_json, writing
+from asvhil.commands.outputs import check_figures, check_json, check_writable, write_json, writing
 from asvhil.commands.views import progress, say
 from asvhil.errors import AsvhilError, is_interrupt
 from asvhil.files import write_text
@@ -61,17 +61,26 @@ def watching(console: Any, title: str, *, resumes: bool = True) -> Iterator[Tell
             raise
 
 
-def check_output(output: Path | None, stem: str, json_: Path | None) -> None:
+def check_output(output: Path | None, stem: str, json_: Path | None, *kept: tuple[str, Path | None]) -> None:
     """Before the work: make the folder. AsvhilError where it, a file in it or the --json file cannot be written.
 
-    Also where the page in the folder would be overwritten (`page.head_of`).
+    Also where the page in the folder would be overwritten (`page.head_of`), or what the study reads or keeps, which is
+    `kept`, with what each is.
     """
+    written: list[tuple[str, Path | None]] = []
     if output is not None:
         folder(output)
-        for ending in ("json", "md", "png"):
-            check_writable(output / f"{stem}.{ending}")
-        head_of(output / f"{stem}.md")
-    check_json(json_)
+        files = {ending: output / f"{stem}.{ending}" for ending in ("json", "md", "png")}
+        for file in files.values():
+            check_writable(file)
+        check_json(files["json"], "")
+        head_of(files["md"])
+        written = [
+            ("the page of -o", files["md"]),
+            ("the picture of -o", files["png"]),
+            ("the figures of -o", files["json"]),
+        ]
+    check_figures(json_, *kept, *written)
 
 
 def finish(

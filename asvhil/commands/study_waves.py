@@ -62,6 +62,7 @@ def waves(
         title="waves",
         stem=stem_of("waves", quick),
         figures=figures,
+        store=output / "trials.jsonl",
         text=markdown,
         made_of=made_of(("study/waves.py",), run_files(config, controller)),
     )

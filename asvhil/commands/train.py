@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 import typer
 
 from asvhil.commands.options import ColumnsOption, JsonOption, PluginOption, RecordedPluginsOption
-from asvhil.commands.outputs import check_apart, check_json, check_writable, write_json
+from asvhil.commands.outputs import check_apart, check_json, check_writable, columns_file, write_json
 from asvhil.commands.signatures import option, parameters_of, with_parameters
 from asvhil.commands.views import progress, say
 from asvhil.errors import AsvhilError, ConfigError
@@ -48,7 +48,9 @@ def train(
     from asvhil.logs.plugins import load_plugins
     from asvhil.train.jobs import picture_of
 
-    check_apart(("--output", output), ("the picture of --output", picture_of(output)), ("--json", json_))
+    made = (("--output", output), ("the picture of --output", picture_of(output)))
+    read = [*(("the data", file) for file in data), *columns_file(columns)]
+    check_apart(*read, *made, ("--json", json_))
     load_plugins(data if columns is None else (), plugin, allow_recorded=allow_recorded_plugins)
     check_json(json_)
     _check_output(output, force=force, resume=resume)

@@ -109,6 +109,8 @@ def tune(
         stem=stem_of("tune", quick),
         figures=figures,
         text=markdown,
+        store=output / f"tune{ending}.jsonl",
+        keeps=tuple((f"the record of the search of {one}", output / f"{one}{ending}.json") for one in names),
         draw=draw,
         made_of=None,
     )

@@ -5,12 +5,14 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from asvhil.errors import AsvhilError
 from asvhil.files import write_text
-from asvhil.study.search_spaces import Parameter
 from asvhil.study.store import RESUMES
+
+if TYPE_CHECKING:
+    from asvhil.study.search_spaces import Parameter
 
 Candidate = dict[str, Any]
 
@@ -33,6 +35,11 @@ def stored(path: Path, found: Mapping[str, Any], space: Sequence[Parameter], pop
         raise AsvhilError(f"{path}: cannot be read ({error.strerror})") from None
     except (ValueError, KeyError, TypeError, AttributeError):
         raise AsvhilError(f"{path}: not a whole record of a search; move it away to begin anew") from None
+
+
+def is_record(tree: Any) -> bool:
+    """Whether what a JSON file holds is the record of a search."""
+    return isinstance(tree, dict) and {"controller", "settings", "generations"} <= tree.keys()
 
 
 def _candidate(row: Mapping[str, Any], space: Sequence[Parameter]) -> Candidate:

@@ -98,7 +98,10 @@ WORDS = [
     ),
     (("report", "x.mcap", "--html", "x.html", "--json", "./x.html"), "x.html: is the file of --html too"),
     (("report", "x.mcap", "--html", "x.html", "--picture", "x-track.png"), "x-track.png: is a name of the page's own"),
-    (("train", "sd", "x.mcap", "-o", "m.npz", "--json", "m.curve.png"), "is the file of the picture of --output too"),
+    (
+        ("train", "sd", "x.mcap", "-o", "m.npz", "--json", "m.curve.png"),
+        "is the picture of --output; give another",
+    ),
     (("replay", "nowhere.mcap"), "nowhere.mcap: cannot be read"),
     (("report", "nowhere.mcap"), "nowhere.mcap: cannot be read"),
     (("report", "mine.yaml"), "mine.yaml: not a log"),

@@ -11,8 +11,10 @@ import numpy as np
 import pytest
 
 from asvhil.commands import cli
+from asvhil.commands.outputs import write_json
 from asvhil.config import load_config
 from asvhil.dynamics.weights import save_model
+from asvhil.errors import AsvhilError
 from asvhil.sitl import run_lockstep
 from tests.support.csv_columns import COLUMNS
 from tests.support.damage import odd
@@ -136,14 +138,20 @@ def test_what_is_read_is_not_written_over(
     assert code == 2 and len(said.splitlines()) == 1 and kept in said, said
 
 
-def test_a_log_that_has_just_been_written_is_not_written_over(
+def test_a_log_that_is_to_be_written_is_no_place_for_the_figures(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
     run = ("sitl", "--lockstep", "--duration", "1", "--no-picture", "--log", "new.mcap", "--json", "new.mcap")
     code, said = call(run, monkeypatch, capfd)
-    assert code == 2 and "--json new.mcap: is a log" in said
-    assert Path("new.mcap").read_bytes().startswith(b"\x89MCAP")
+    assert code == 2 and "--json new.mcap: is the file of --log too" in said and not list(tmp_path.iterdir())
+
+
+def test_a_log_that_has_just_been_written_is_not_written_over(tmp_path: Path) -> None:
+    path = tmp_path / "new.mcap"
+    path.write_bytes(b"\x89MCAP0\r\n")
+    with pytest.raises(AsvhilError, match=r"--json .*new\.mcap: is a log, which is never overwritten"):
+        write_json(path, {})
 
 
 def test_a_station_that_is_to_be_too_fast_is_refused_before_the_run(
