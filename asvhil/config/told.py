@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import difflib
+import re
 from collections.abc import Mapping
 from typing import Any, get_origin
 
 from pydantic import ValidationError
 
+from asvhil.config.wanted import count_wanted
 from asvhil.config.yaml_text import Path_, scalar
 from asvhil.errors import ConfigError
 
@@ -22,7 +24,9 @@ _WANTED = {
     **dict.fromkeys(("float_type", "float_parsing"), "a number"),
     "finite_number": "a finite number",
     "string_type": "text",
-    "tuple_type": "a list",
+    **dict.fromkeys(("tuple_type", "list_type", "set_type", "frozen_set_type"), "a list"),
+    "int_parsing_size": "a whole number of fewer digits",
+    "string_too_short": "text that is not empty",
     **dict.fromkeys(_SECTION, "a section, with keys below it,"),
 }
 _BOUNDS = {
@@ -32,6 +36,16 @@ _BOUNDS = {
     "less_than_equal": "a number of {le:g} or less",
     "literal_error": "{expected}",
 }
+# What texts may be, by the pattern that the config has for them.
+PATTERNS = {
+    "^[a-z0-9_-]+$": "a name of small letters, digits, _ and -",
+    "^[A-Z][A-Z0-9_]*$": "a name of capitals, digits and _",
+    "^[0-9a-f]{64}$": "a SHA-256 sum, 64 of 0 to 9 and a to f,",
+}
+_TAG = re.compile(
+    r"[a-z_-]+\[.*\]|\[key\]"
+)  # names what an error is of within a key: a kind of value, a key of a section
+_LONGEST = 60  # of a value that is shown
 
 
 def told(
@@ -46,23 +60,31 @@ def told(
     `alone`: what it finds without the options of the command line; None where nothing is wrong then.
     """
     first = _first(error)
-    key = ".".join(str(part) for part in first["loc"])
+    loc = _plain(first["loc"], lines)
+    key = ".".join(str(part) for part in loc)
+    counted = count_wanted(root, first)
     message, value = first["msg"].removeprefix("Value error, "), first["input"]
     if first["type"] == "extra_forbidden":
         message = f"unknown key{_suggest(root, first['loc'])}"
+    elif counted:
+        key, message = key if first["type"] != "missing" else ".".join(str(part) for part in loc[:-1]), counted
     elif first["type"] == "missing":
         message = "this key is required"
     elif first["type"] in _WANTED:
-        message = f"{_WANTED[first['type']]} is expected, not {_shown(value)}{_meant(first['type'], value)}"
+        wanted = _WANTED[first["type"]] if loc == first["loc"] else _any_of(error, loc, lines)
+        message = f"{wanted} is expected, not {_shown(value)}{_meant(first['type'], value)}"
+    elif first["type"] == "string_pattern_mismatch":
+        pattern = first["ctx"]["pattern"]
+        message = f"{PATTERNS.get(pattern, f'text of the pattern {pattern}')} is expected, not {_shown(value)}"
     elif first["type"] in _BOUNDS:
         message = f"{_BOUNDS[first['type']].format(**first['ctx'])} is expected, not {_shown(value)}"
     elif not isinstance(value, dict | list):
         message = f"{message} (got {value!r})"
-    where = place_of(first["loc"], lines)
+    where = place_of(loc, lines)
     if _is_option(where):
         source, where = where, ""
     elif not _is_among(first, alone):
-        options = _options_near(first["loc"], lines, message)
+        options = _options_near(loc, lines, message)
         where = "; ".join(part for part in (where, f"with {', '.join(options)}" if options else "") if part)
     more = f" (and {error.error_count() - 1} more)" if error.error_count() > 1 else ""
     return ConfigError(f"{source}: {f'key {key}: ' if key else ''}{message}{f' ({where})' if where else ''}{more}")
@@ -98,6 +120,21 @@ def _options_near(loc: Path_, lines: Mapping[Path_, str], message: str) -> list[
     return []
 
 
+def _plain(loc: Path_, lines: Mapping[Path_, str]) -> Path_:
+    """The path of an error without what is no key of the file."""
+    path: Path_ = ()
+    for part in loc:
+        if not (isinstance(part, str) and _TAG.fullmatch(part)) or (*path, part) in lines:
+            path = (*path, part)
+    return path
+
+
+def _any_of(error: ValidationError, loc: Path_, lines: Mapping[Path_, str]) -> str:
+    """What would be right of a key that may be of several kinds."""
+    kinds = [one["type"] for one in error.errors() if _plain(one["loc"], lines) == loc]
+    return " or ".join(dict.fromkeys(_WANTED[kind] for kind in kinds if kind in _WANTED))
+
+
 def _first(error: ValidationError) -> Any:
     """The first that was found; of a key that is missing and an unknown one beside it the second, its misspelling."""
     found = error.errors()
@@ -130,7 +167,7 @@ def _shown(value: Any) -> str:
     if value is None:
         return "nothing"
     if isinstance(value, str):
-        return f"the text {value!r}"
+        return f"the text {value[:_LONGEST]!r}{'...' if len(value) > _LONGEST else ''}"
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, dict | list):
