@@ -19,7 +19,7 @@ from asvhil.config.root import Config
 from asvhil.config.told import Lines
 from asvhil.errors import AsvhilError, ConfigError
 from asvhil.study.campaigns.shorthands import VESSEL, assignments, base_value, keys_of
-from asvhil.study.campaigns.spec import CONFIG, OWN, CampaignSpec, ParameterSpec
+from asvhil.study.campaigns.spec import CONFIG, OWN, CampaignSpec, ParameterSpec, wrong
 from asvhil.study.made_of import run_files
 from asvhil.study.runner import Job
 from asvhil.study.trials.trial import run_key
@@ -144,7 +144,7 @@ def check(spec: CampaignSpec, path: Path, lines: Lines) -> None:
         try:
             _config(base)
         except AsvhilError as error:
-            raise _wrong(path, lines, place, str(error)) from None
+            raise wrong(path, lines, place, str(error)) from None
     first = next(points_of(spec))
     variants = spec.variants or {NO_VARIANT: {}}
     for variant, keys in variants.items():
@@ -155,7 +155,7 @@ def check(spec: CampaignSpec, path: Path, lines: Lines) -> None:
         for value in parameter.ends():
             fault = _fault(spec, {**first, name: value}, {**spec.set, **keys})
             if fault:
-                raise _wrong(path, lines, ("parameters", name), fault)
+                raise wrong(path, lines, ("parameters", name), fault)
 
 
 def _blamed(spec: CampaignSpec, first: Mapping[str, Any], variant: str, path: Path, lines: Lines) -> ConfigError:
@@ -171,7 +171,7 @@ def _blamed(spec: CampaignSpec, first: Mapping[str, Any], variant: str, path: Pa
     if not fault:
         place = ("variants", variant)
         fault = _fault(spec, values, {**spec.set, **spec.variants[variant]})
-    return _wrong(path, lines, place, fault)
+    return wrong(path, lines, place, fault)
 
 
 def _check_keys(spec: CampaignSpec, path: Path, lines: Lines) -> None:
@@ -199,11 +199,11 @@ def _check_key(key: str, place: tuple[str, ...], owners: Mapping[str, str], path
     """ConfigError for a key that the campaign sets itself, or that another place sets: it, its section, or a part."""
     for own, why in OWN.items():
         if _overlap(key, own):
-            raise _wrong(path, lines, place, f"{key} cannot be set here: {why}")
+            raise wrong(path, lines, place, f"{key} cannot be set here: {why}")
     for other, owner in owners.items():
         if _overlap(key, other):
             what = key if key == other else f"{key} with {other}"
-            raise _wrong(path, lines, place, f"{what} is set by {owner} too")
+            raise wrong(path, lines, place, f"{what} is set by {owner} too")
 
 
 def _overlap(one: str, other: str) -> bool:
@@ -239,11 +239,6 @@ def _words(error: str) -> str:
     """An error of a config without the file and the override, which the reader of a campaign never wrote."""
     text = error.partition(": key ")[2] or error.removeprefix("--fault ")
     return _OVERRIDES.sub("", text)
-
-
-def _wrong(path: Path, lines: Lines, place: tuple[str, ...], words: str) -> ConfigError:
-    line = lines.get(place)
-    return ConfigError(f"{path}: key {'.'.join(place)}: {words}{f' ({line})' if line else ''}")
 
 
 def _overrides(spec: CampaignSpec, base: str, values: Mapping[str, Any], fixed: Mapping[str, Any]) -> tuple[str, ...]:

@@ -30,6 +30,7 @@ ScoreName = Literal[
     "change_per_s",
 ]
 MOST_POINTS = 10_000_000
+MOST_RUNS = MOST_POINTS  # of which each is a plan in memory
 MOST_SEED = 1_000_000_000  # each run counts on from it
 LONGEST_S = 86_400.0  # of a run
 CONFIG = "config"  # a parameter of this name chooses the config
@@ -175,18 +176,21 @@ class CampaignSpec(Section):
             raise ValueError("at least one parameter is expected")
         return value
 
-    @model_validator(mode="after")
-    def _check(self) -> CampaignSpec:
-        if not 0.0 <= self.window_s[0] < self.window_s[1]:
-            raise ValueError("window_s needs two rising times, begin and end in s")
-        if "" in self.variants:
+    @field_validator("variants")
+    @classmethod
+    def _named(cls, value: dict[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
+        if "" in value:
             raise ValueError("variants need names")
-        if self.window_s[1] > LONGEST_S:
-            raise ValueError(f"window_s must end within a day, {LONGEST_S:g} s")
-        levels = math.prod(p.count for p in self.parameters.values()) if self.design.kind == "grid" else 0
-        if levels > MOST_POINTS:
-            raise ValueError(f"the grid has {levels} points, {MOST_POINTS} at most: fewer values, or lhs or sobol")
-        return self
+        return value
+
+    @field_validator("window_s")
+    @classmethod
+    def _rising(cls, value: tuple[float, float]) -> tuple[float, float]:
+        if not 0.0 <= value[0] < value[1]:
+            raise ValueError(f"two rising times, begin and end in s, are expected, not {value[0]:g} and {value[1]:g}")
+        if value[1] > LONGEST_S:
+            raise ValueError(f"an end within a day, {LONGEST_S:g} s, is expected, not {value[1]:g}")
+        return value
 
 
 def read_spec(path: Path) -> tuple[CampaignSpec, Path, Lines]:
@@ -206,9 +210,30 @@ def read_spec(path: Path) -> tuple[CampaignSpec, Path, Lines]:
     for name, parameter in spec.parameters.items():
         fault = _fault_of(name, parameter, spec.design.kind)
         if fault:
-            line = lines.get(("parameters", name))
-            raise ConfigError(f"{found}: key parameters.{name}: {fault}{f' ({line})' if line else ''}")
+            raise wrong(found, lines, ("parameters", name), fault)
+    key, fault = _too_many(spec)
+    if fault:
+        raise wrong(found, lines, (key,), fault)
     return spec, found, lines
+
+
+def wrong(path: Path, lines: Lines, place: tuple[str, ...], words: str) -> ConfigError:
+    """What is wrong at a place of a campaign's file."""
+    line = lines.get(place)
+    return ConfigError(f"{path}: key {'.'.join(place)}: {words}{f' ({line})' if line else ''}")
+
+
+def _too_many(spec: CampaignSpec) -> tuple[str, str]:
+    """The key that asks for more runs than can be planned, and what to say of it; empty where none does."""
+    points = points_in(spec)
+    if points > MOST_POINTS:
+        return "parameters", f"the grid has {points} points, {MOST_POINTS} at most: fewer values, or lhs or sobol"
+    runs, variants = runs_of(spec), len(spec.variants)
+    if runs <= MOST_RUNS:
+        return "", ""
+    parts = [f"{points} points", *([f"{variants} variants"] if variants > 1 else [])]
+    parts += [f"{spec.repeats} repeats"] if spec.repeats > 1 else []
+    return "repeats" if spec.repeats > 1 else "variants", f"{runs} runs ({', '.join(parts)}), {MOST_RUNS} at most"
 
 
 def _fault_of(name: str, parameter: ParameterSpec, design: str) -> str:
@@ -237,8 +262,11 @@ def _fault_of(name: str, parameter: ParameterSpec, design: str) -> str:
 
 def runs_of(spec: CampaignSpec) -> int:
     """The number of runs."""
+    return points_in(spec) * max(1, len(spec.variants)) * spec.repeats
+
+
+def points_in(spec: CampaignSpec) -> int:
+    """The number of points of the design."""
     if spec.design.points is not None:
-        points = spec.design.points
-    else:
-        points = math.prod(len(parameter.levels()) for parameter in spec.parameters.values())
-    return points * max(1, len(spec.variants)) * spec.repeats
+        return spec.design.points
+    return math.prod(parameter.count for parameter in spec.parameters.values())

@@ -201,8 +201,27 @@ def test_narrow_ranges_have_the_digits_that_they_need():
             "key config: supervisor.station: a campaign",
         ),
         (f"{GRID}set: {{plant.sead: 3}}", "did you mean seed?"),
-        (f"{GRID}window_s: [20, 10]", "window_s needs two rising times"),
-        (f"{GRID}window_s: [10, 1e9]", "window_s must end within a day"),
+        (
+            f"{GRID}window_s: [20, 10]",
+            "key window_s: two rising times, begin and end in s, are expected, not 20 and 10",
+        ),
+        (f"{GRID}window_s: [20, 10]", " (line 9)"),
+        (f"{GRID}window_s: [10, 1e9]", "key window_s: an end within a day"),
+        (f"{GRID}window_s: [1, 5, 15]", "key window_s: two numbers are expected, not 3 (line 9)"),
+        (f"{GRID}window_s: [1]", "key window_s: two numbers are expected, not 1 (line 9)"),
+        ("design: {kind: grid}\nparameters: {wind_speed: [3]}\nvariants: {'': {}}", "key variants: variants need"),
+        (
+            f"{GRID}repeats: 100000000000",
+            "key repeats: 800000000000 runs (4 points, 2 variants, 100000000000 repeats), 10000000 at most (line 9)",
+        ),
+        (
+            "design: {kind: lhs, points: 10000000}\nparameters: {wind_speed: [3, 6]}\nvariants: {a: {}, b: {}}",
+            "key variants: 20000000 runs (10000000 points, 2 variants), 10000000 at most (line 3)",
+        ),
+        (
+            "design: {kind: grid}\nparameters: {wind_speed: {values: 3}}",
+            "key parameters.wind_speed.values: a list or a section, with keys below it, is expected, not 3 (line 2)",
+        ),
         (f"{GRID}score: pss", "key score: "),
         ("design: {kind: grid}\nparameters: {wind_speed: 3}", "a list of values, as [3, 5], or a range"),
         ("design: {kind: grid}\nparameters: {wind_speed: [1e30]}", "key parameters.wind_speed: plant.weather.wind"),
@@ -213,7 +232,7 @@ def test_narrow_ranges_have_the_digits_that_they_need():
         (
             "design: {kind: grid}\nparameters: {wind_speed: {low: 1, high: 2, steps: 10000}, "
             "wind_toward: {low: 1, high: 2, steps: 10000}}",
-            "the grid has 100000000 points, 10000000 at most",
+            "key parameters: the grid has 100000000 points, 10000000 at most",
         ),
         (
             "design: {kind: grid}\nparameters: {plant.seeed: {low: 1, high: 2, steps: 2, factor: true}}",
