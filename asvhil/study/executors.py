@@ -21,7 +21,7 @@ from typing import Any
 from asvhil.errors import AsvhilError
 from asvhil.machine_code.compiler import use_compiler
 from asvhil.study.code_version import PACKAGE, code_version
-from asvhil.study.trials.interrupts import interrupts_held_back
+from asvhil.study.trials.interrupts import ENDING, interrupts_held_back, let_through
 from asvhil.types import record
 
 WATCH_S = 0.3
@@ -256,6 +256,6 @@ def _obey() -> None:
 
     # Was held back at the start; what a run starts may still be interrupted by it.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+    let_through(*ENDING)
     threading.Thread(target=watch, daemon=True).start()
     use_compiler()

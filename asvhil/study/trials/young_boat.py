@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import multiprocessing
+import signal
 import time
 from concurrent.futures import ProcessPoolExecutor
 from types import TracebackType
@@ -10,7 +11,7 @@ from types import TracebackType
 from asvhil.config import Config, config_from_json
 from asvhil.config.plugins import PluginFile, load_files
 from asvhil.simplant.lockstep import Lockstep
-from asvhil.study.trials.interrupts import interrupts_held_back
+from asvhil.study.trials.interrupts import interrupts_held_back, let_through
 from asvhil.types import Outputs
 
 SETTLES_S = 20.0
@@ -49,6 +50,7 @@ def timed_ms(loop: Lockstep) -> tuple[float, Outputs]:
 
 
 def _renew(plugins: tuple[PluginFile, ...], text: str) -> None:
+    let_through(signal.SIGTERM)
     load_files(plugins)
     config = config_from_json(text, "the config of the new boat")
     _boats[:] = [Lockstep(config)]
