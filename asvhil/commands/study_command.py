@@ -22,7 +22,7 @@ RUNS = Path("runs/study")
 
 OutOption = Annotated[Path, typer.Option("-o", "--output", help="Folder of runs, tables and figures; taken up again.")]
 ConfigOption = Annotated[str, typer.Option(help="Config of the vessel, plant and controllers.")]
-SeedsOption = Annotated[int, typer.Option(min=1, help="Number of seeds, from 1 on.")]
+SeedsOption = Annotated[int, typer.Option(min=1, max=10_000, help="Number of seeds, from 1 on.")]
 RowOption = Annotated[list[str], typer.Option(help="One row by its name; repeatable.")]
 ModelsOption = Annotated[
     Path | None, typer.Option(help="Folder of model files KIND.npz; the shipped ones for kinds that it lacks.")

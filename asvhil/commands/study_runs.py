@@ -109,7 +109,7 @@ def six_tests(
 @study_command
 def approach(
     output: OutOption = RUNS,
-    runs: Annotated[int, typer.Option(min=1, help="Random starts.")] = 100,
+    runs: Annotated[int, typer.Option(min=1, max=100_000, help="Random starts.")] = 100,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the starts.")] = 1,
     workers: WorkersOption = None,
     confirm: ConfirmOption = 0,

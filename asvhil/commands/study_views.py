@@ -118,6 +118,8 @@ def finish(
 def folder(path: Path) -> Path:
     try:
         path.mkdir(parents=True, exist_ok=True)
+    except FileExistsError:
+        raise AsvhilError(f"-o {path}: is a file; the name of a folder is expected") from None
     except OSError as error:
         raise AsvhilError(f"-o {path}: cannot be made ({error.strerror})") from None
     return path

@@ -50,11 +50,23 @@ def one_line(error: Any) -> str:
     """What was wrong with the words of a command line, and where its help is; empty where help was shown instead."""
     if type(error).__name__ == "NoArgsIsHelpError":
         return ""
+    _reword(error)
     message = " ".join(error.format_message().split()).rstrip(".")
     message = message[:1].lower() + message[1:]
     context = getattr(error, "ctx", None)
     where = f"; `{context.command_path} -h` tells what it takes" if context is not None else ""
     return f"{message}{where}"
+
+
+def _reword(error: Any) -> None:
+    """Tell a value that an option cannot have in the words of the config's errors."""
+    cause = error.__cause__
+    if not hasattr(cause, "errors") or not hasattr(error, "message"):
+        return
+    from asvhil.config.told import option_wanted
+
+    given = str(cause.errors()[0]["input"])
+    error.message = option_wanted(cause, given) or error.message
 
 
 def config_names(incomplete: str) -> list[str]:

@@ -30,10 +30,10 @@ _WANTED = {
     **dict.fromkeys(_SECTION, "a section, with keys below it,"),
 }
 _BOUNDS = {
-    "greater_than": "a number above {gt:g}",
-    "greater_than_equal": "a number of {ge:g} or more",
-    "less_than": "a number below {lt:g}",
-    "less_than_equal": "a number of {le:g} or less",
+    "greater_than": "a number above {gt:.10g}",
+    "greater_than_equal": "a number of {ge:.10g} or more",
+    "less_than": "a number below {lt:.10g}",
+    "less_than_equal": "a number of {le:.10g} or less",
     "literal_error": "{expected}",
 }
 # What texts may be, by the pattern that the config has for them.
@@ -118,6 +118,15 @@ def _options_near(loc: Path_, lines: Mapping[Path_, str], message: str) -> list[
         if near:
             return near
     return []
+
+
+def option_wanted(error: ValidationError, given: str) -> str:
+    """What would be right of an option on the command line, which is one value; empty where that has no words here."""
+    first = error.errors()[0]
+    if first["type"] in _BOUNDS:
+        return f"{_BOUNDS[first['type']].format(**first['ctx'])} is expected, not {given}"
+    wanted = _WANTED.get(first["type"])
+    return f"{wanted} is expected, not {given}{_meant(first['type'], given)}" if wanted else ""
 
 
 def _plain(loc: Path_, lines: Mapping[Path_, str]) -> Path_:

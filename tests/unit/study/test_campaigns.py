@@ -195,7 +195,7 @@ def test_narrow_ranges_have_the_digits_that_they_need():
             "design: {kind: grid}\nparameters: {fault: [none, gnss-silent@90:5s]}\nwindow_s: [5, 90]",
             "gnss-silent begins at 90 s, and the runs end at 90 s (line 2)",
         ),
-        (f"{GRID}seed: 99999999999999999999999", "key seed: a number of 1e+09 or less is expected"),
+        (f"{GRID}seed: 99999999999999999999999", "key seed: a number of 1000000000 or less is expected"),
         (
             "config: field\ndesign: {kind: grid}\nparameters: {gust: [0.1]}",
             "key config: supervisor.station: a campaign",

@@ -91,6 +91,14 @@ def test_a_picture_that_fails_takes_no_table_with_it(tmp_path):
         (["solvers", "--horizon", "inf"], "--horizon inf: a finite number is expected"),
         (["solvers", "--horizon", "nan"], "--horizon nan: a finite number is expected"),
         (["solvers", "--horizon", "1e9"], "--horizon 1e+09: 0.4 to 40 s are expected"),
+        (["six-tests", "--seeds", "0"], "'--seeds': a number of 1 or more is expected, not 0; `asvhil study six-tests"),
+        (
+            ["six-tests", "--seeds", "100000000000"],
+            "'--seeds': a number of 10000 or less is expected, not 100000000000",
+        ),
+        (["approach", "--runs", "100000000000"], "'--runs': a number of 100000 or less is expected, not 100000000000"),
+        (["soak", "--hours", "long"], "'--hours': a number is expected, not long"),
+        (["waves", "--workers", "1.5"], "'--workers': a whole number is expected, not 1.5"),
         (["robustness", "--models", "typo"], "--models typo: no such folder"),
         (["learned-loop", "--models", "typo"], "--models typo: no such folder"),
         (["changed-boats", "--boat-models", "typo"], "typo/wamv16-second-boat-lagnet.npz: no model of this boat"),
@@ -121,6 +129,14 @@ def test_what_people_wrote_above_the_marker_stays_as_it_is(tmp_path):
     finish(Console(), tmp_path, "six-tests", {}, lambda _: "| second ± |\n", None)
     assert page.read_bytes() == written + f"{MARKER}\n\n| second ± |\n".encode()
     assert sorted(path.name for path in tmp_path.iterdir()) == ["six-tests.json", "six-tests.md"]
+
+
+@pytest.mark.usefixtures("idle")
+def test_a_file_in_the_place_of_the_folder_is_named(tmp_path, monkeypatch, capsys):
+    (tmp_path / "file").write_text("mine")
+    said = mistake(["robustness", "-o", str(tmp_path / "file")], monkeypatch, capsys)
+    assert "file: is a file; the name of a folder is expected" in said
+    assert (tmp_path / "file").read_text() == "mine"
 
 
 @pytest.mark.usefixtures("idle")
