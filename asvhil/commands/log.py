@@ -93,10 +93,13 @@ def export(
     from rich.console import Console
 
     from asvhil.logs.export import export_log
+    from asvhil.logs.reader import LogFile
 
     console = Console()
     with _reading(console, log) as on_bytes:
         count, damage = export_log(log, output, on_bytes)
+    for line in LogFile(log).damaged.values():
+        say(console, f"{log}: {line}")
     say(console, f"{output}: {count} {'frames' if output.suffix.lower() == '.tlog' else 'ticks'}")
     if damage is not None:
         say(console, f"{damage}; what is before that is exported")

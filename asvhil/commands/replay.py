@@ -91,6 +91,8 @@ def replay(
         task = bar.add_task("replay", total=None)
         result = replay_log(log, lambda ticks: bar.update(task, completed=ticks) if ticks % 50 == 0 else None)
     write_json(json_, _figures(result))
+    for line in result.damaged_records:
+        say(console, f"{log}: {line}")
     speed = f"{result.span_s:.1f} s in {result.wall_s:.2f} s, {result.span_s / result.wall_s:.0f} times real time"
     tail = f", up to where the log is not whole: {result.damage}" if result.truncated else ""
     if result.mismatch is None:
@@ -123,6 +125,7 @@ def _figures(result: ReplayResult) -> dict[str, Any]:
         },
         "other_machine": list(result.other_machine),
         "truncated": result.truncated,
+        "damaged_records": list(result.damaged_records),
         "span_s": result.span_s,
         "wall_s": result.wall_s,
         "realtime_factor": result.span_s / result.wall_s if result.wall_s else None,

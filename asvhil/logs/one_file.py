@@ -18,20 +18,20 @@ import zstandard
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.records import Channel, Chunk, Header, McapRecord, Message, Metadata, Schema, Statistics
+from mcap.records import Channel, Chunk, McapRecord, Message, Schema
 from mcap.stream_reader import MAGIC_SIZE, StreamReader, get_chunk_data_stream
 from mcap.writer import MCAP0_MAGIC
 
 from asvhil.config.ports import OPERATOR
 from asvhil.errors import LogError
-from asvhil.logs.recorder import CONTINUED_RECORD, LAYOUT, LAYOUT_RECORD, PROFILE, SEGMENT_RECORD
+from asvhil.logs.beginning import Beginning
+from asvhil.logs.metadata import LAYOUT, PROFILE, SEGMENT_RECORD, search_records
 from asvhil.logs.resync import RECORD_HEAD, behind_indexes, chunks_behind
+from asvhil.logs.walk import Walk, walk_records
 
 _MESSAGE_HEAD = struct.Struct("<BQHIQQ")  # opcode, length; channel, sequence, log time, publish time
-_KNOWN = frozenset(Opcode)
 COMPRESSIONS = ("zstd", "lz4", "")
 _MESSAGE, _CHANNEL, _SCHEMA = int(Opcode.MESSAGE), int(Opcode.CHANNEL), int(Opcode.SCHEMA)
-_DATA = frozenset({Opcode.CHUNK, Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE})
 _UNKNOWN_SIZE = -1  # of a zstd frame that was written as a stream
 _CHUNK_MAX_BYTES = 256 * 1024 * 1024  # unpacked; a damaged size must not ask for all of the memory
 # What the package raises on damaged bytes. RuntimeError is lz4's, OverflowError that of a length beyond 2^63.
@@ -57,7 +57,8 @@ class OneFile:
 
     `truncated`: the file has no end or a damaged tail; all that is intact before it is read. `damage` says in words
     what is wrong, None for a whole file. Damage with intact chunks behind it ends the iterators with a LogError that
-    names its byte offset, because a replay must not skip a gap.
+    names its byte offset, because a replay must not skip a gap. Damage of the records before the data stands apart, in
+    `damaged`.
     """
 
     def __init__(self, path: Path) -> None:
@@ -68,6 +69,7 @@ class OneFile:
         self.size = 0
         self.truncated = False
         self.damage: str | None = None
+        self.damaged: dict[str, str] = {}  # before the data: what is wrong with a record, by its name
         self._data: list[tuple[int, int]] = []  # (offset, size) of chunks, and of what stands outside of them
         self._scanned_to = 0  # the first byte that belongs to no intact record
         self._compression = ""
@@ -123,68 +125,77 @@ class OneFile:
         """Index the records that hold data and read the metadata; the contents of all others are skipped."""
         size = self.size = file.seek(0, 2)
         file.seek(0)
-        if file.read(MAGIC_SIZE) != MCAP0_MAGIC:
-            raise LogError(f"{self.path}: not a log: an MCAP file starts with another byte sequence at byte 0")
-        offset = MAGIC_SIZE
-        chunks, chunks_expected = 0, None
-        data_ended = whole = False
-        while offset + RECORD_HEAD.size <= size:
-            opcode, length = RECORD_HEAD.unpack(file.read(RECORD_HEAD.size))
-            end = offset + RECORD_HEAD.size + length
-            if opcode not in _KNOWN or end > size:
-                break
-            if offset == MAGIC_SIZE:
-                self._check_profile(file, offset, end)
-            elif opcode in _DATA and not data_ended:
-                chunks += opcode == Opcode.CHUNK
-                self._data.append((offset, end - offset))
-            elif opcode == Opcode.METADATA and not data_ended:
-                metadata = self._parse(file, offset, end - offset)
-                assert isinstance(metadata, Metadata)
-                self.metadata[metadata.name] = metadata.metadata
-            elif opcode == Opcode.DATA_END:
-                data_ended = True
-            elif opcode == Opcode.STATISTICS:
-                with contextlib.suppress(LogError):  # the data are readable without it
-                    statistics = self._parse(file, offset, end - offset)
-                    assert isinstance(statistics, Statistics)
-                    chunks_expected = statistics.chunk_count
-            elif opcode == Opcode.FOOTER:
-                whole = file.seek(end) == size - MAGIC_SIZE and file.read(MAGIC_SIZE) == MCAP0_MAGIC
-                break
-            offset = file.seek(end)
-        self._scanned_to = offset
-        self._check_metadata(offset)
-        if whole:
-            if chunks_expected not in (None, chunks):
+        torn = self._check_magic(file.read(MAGIC_SIZE))
+        walk = walk_records(file, MAGIC_SIZE, size)
+        beginning = Beginning(walk.begin)
+        if not beginning.is_complete:
+            foreign = beginning.profile not in (None, PROFILE) and not beginning.closed
+            first = None if foreign else self._first_data(file, walk)
+            if first is not None:
+                with mmap.mmap(file.fileno(), first, access=mmap.ACCESS_READ) as data:
+                    begin = search_records(data, MAGIC_SIZE)
+                if [offset for offset, _ in walk.data[:1]] != [first]:
+                    walk = walk_records(file, first, size)
+                beginning = Beginning([*begin, *(one for one in walk.begin if one.offset > first)])
+            elif not beginning.closed:
+                raise self._no_log(beginning, walk.offset)
+        self._take_beginning(beginning)
+        self.damaged = torn | self.damaged
+        offset = self._scanned_to = walk.offset
+        self._data = walk.data
+        if walk.whole:
+            if walk.chunks_expected not in (None, walk.chunks):
                 self.gap = True
-                self.damage = f"{self.path}: damaged: {chunks} of {chunks_expected} chunks are found"
+                self.damage = f"{self.path}: damaged: {walk.chunks} of {walk.chunks_expected} chunks are found"
             return
         file.seek(max(0, size - MAGIC_SIZE))
-        if file.read() == MCAP0_MAGIC and not data_ended:
+        if file.read() == MCAP0_MAGIC and not walk.data_ended:
             self.gap = True
             self.damage = f"{self.path}: damaged at byte {offset}: no record starts there"
         else:
             self.truncated = True
             self.damage = f"{self.path}: no end: cut off in the record at byte {offset} of {size}"
 
-    def _check_profile(self, file: BinaryIO, offset: int, end: int) -> None:
-        header = self._parse(file, offset, end - offset)
-        profile = header.profile if isinstance(header, Header) else ""
-        if profile != PROFILE:
-            raise LogError(f"{self.path}: not a log of asvhil: an MCAP file of profile {profile!r}, not {PROFILE!r}")
+    def _check_magic(self, head: bytes) -> dict[str, str]:
+        """The damage of a file's first bytes. LogError where they are not nearly those of an MCAP file."""
+        if head == MCAP0_MAGIC:
+            return {}
+        if not head:
+            raise LogError(f"{self.path}: is empty; a log is expected")
+        if MCAP0_MAGIC.startswith(head):
+            raise LogError(f"{self.path}: cut off at byte {len(head)}, in the first bytes of an MCAP file")
+        if sum(a == b for a, b in zip(head, MCAP0_MAGIC, strict=False)) <= MAGIC_SIZE // 2:
+            raise LogError(f"{self.path}: not a log: an MCAP file starts with another byte sequence at byte 0")
+        return {"first bytes": "damaged: the first bytes of an MCAP file (byte 0)"}
 
-    def _check_metadata(self, end: int) -> None:
-        """LogError unless all metadata of the recorder are in the bytes up to `end`."""
-        if LAYOUT_RECORD not in self.metadata:
-            raise LogError(f"{self.path}: not a log of asvhil, or cut off at byte {end}, in its metadata")
-        about = self.metadata.pop(LAYOUT_RECORD)
-        self.goes_on_in = self.metadata.pop(CONTINUED_RECORD, {}).get("in", "")
-        layout, count = about.get("layout"), about.get("records")
+    def _no_log(self, beginning: Beginning, end: int) -> LogError:
+        if beginning.profile not in (None, PROFILE):
+            what = f"an MCAP file of profile {beginning.profile!r}, not {PROFILE!r}"
+            return LogError(f"{self.path}: not a log of asvhil: {what}")
+        return LogError(f"{self.path}: not a log of asvhil, or cut off at byte {end}, in its metadata")
+
+    def _first_data(self, file: BinaryIO, walk: Walk) -> int | None:
+        """Where the data begin, of a file whose beginning is damaged; None where there are none."""
+
+        def read(offset: int, size: int) -> list[McapRecord] | None:
+            with contextlib.suppress(LogError):
+                return self._contents(file, offset, size)
+            return None
+
+        with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
+            for compression in filter(None, COMPRESSIONS):
+                for _, offset, _, _ in chunks_behind(data, MAGIC_SIZE, compression, read):
+                    return offset
+        return walk.data[0][0] if walk.data else None
+
+    def _take_beginning(self, beginning: Beginning) -> None:
+        """LogError for a layout that is not known."""
+        layout = LAYOUT if beginning.closing is None else beginning.closing.get("layout")
         if layout != LAYOUT:
             raise LogError(f"{self.path}: the log's layout is {layout!r}, and this asvhil reads {LAYOUT!r}")
-        if count != str(len(self.metadata)):
-            raise LogError(f"{self.path}: {len(self.metadata)} of {count} metadata records are found")
+        self.damaged = beginning.damaged()
+        self.metadata = beginning.metadata
+        self.goes_on_in = beginning.goes_on_in
         self.segment = self.metadata.pop(SEGMENT_RECORD, {})
 
     def _check_compression(self, file: BinaryIO) -> None:

@@ -52,6 +52,7 @@ class LogFile:
     `truncated`: the log has no end or a damaged tail; all that is intact before it is read. `damage` says in words
     what is wrong, None for a whole log. Damage with intact chunks behind it ends the iterators with a LogError that
     names its byte offset, because a replay must not skip a gap. Offsets count over all files; `size` is that of all.
+    `damaged` has what is wrong with records before the data, by their names: `config`, `model`, ...
     """
 
     def __init__(self, path: Path) -> None:
@@ -68,12 +69,26 @@ class LogFile:
         self._lost = lost
         self.truncated = last.truncated or lost is not None
         self.damage = next(iter(damages), lost)
+        self.damaged = self._damaged_records()
         self.size = sum(file.size for file in self._files)
 
     @property
     def segments(self) -> int:
         """How many files there are."""
         return len(self._files)
+
+    def _damaged_records(self) -> dict[str, str]:
+        """What is damaged before the data; of a record that another segment has intact, that one is taken."""
+        first, *others = self._files
+        found = {}
+        for name, line in first.damaged.items():
+            same = [file for file in others if name in file.metadata and name not in file.damaged]
+            if same:
+                self.metadata[name] = same[0].metadata[name]
+            found[f"{first.path.name} {name}" if same else name] = f"{first.path.name}: {line}" if others else line
+        for file in others:
+            found |= {f"{file.path.name} {name}": f"{file.path.name}: {line}" for name, line in file.damaged.items()}
+        return found
 
     def _find_segments(self) -> str | None:
         """The segments behind the first, up to one that is not there or not of this run: what is wrong with that."""

@@ -2,7 +2,8 @@
 
 Layout, version 1 (profile "asvhil"):
 - Metadata records stand at the start of the file, synced before the first tick: what the caller gives (config,
-  versions, seed, ...), then the record `asvhil` with the layout's version and the number of the others.
+  versions, seed, ...), then the record `asvhil` with the layout's version, the number of the others, and a SHA-256 of
+  each and of itself (`metadata.py`), for MCAP has no checksum of them. Older logs have no such digests.
 - `/frames/<port>/in` and `/frames/<port>/out`: raw frames, one channel per (port, direction, peer, via), with these
   four in the channel's metadata. log_time is the frame's t_ns. Message encodings are mavlink, nmea, vectornav, or
   octets. Logs of before `via` have `<via>|<peer>` for the peer of an operator behind another link.
@@ -42,14 +43,10 @@ from asvhil.errors import LogError
 from asvhil.files import sync_folder
 from asvhil.logs.encoding import encode_outputs
 from asvhil.logs.foxglove import LOG_TOPIC, SCHEMAS, TOPIC_SCHEMAS, convert_outputs, log_message
+from asvhil.logs.metadata import CONTINUED_RECORD, LAYOUT_RECORD, PROFILE, SEGMENT_RECORD, closing_record
 from asvhil.logs.segments import segment_path
 from asvhil.types import Frame, Inputs, Outputs
 
-PROFILE = "asvhil"
-LAYOUT = "1"
-LAYOUT_RECORD = "asvhil"  # the name of the metadata record that closes the others
-SEGMENT_RECORD = "segment"  # of those of a segment, and the one at its end
-CONTINUED_RECORD = "continued"
 INPUTS_TOPIC = "/asvhil/inputs"
 OUTPUTS_TOPIC = "/asvhil/outputs"
 TIMING_TOPIC = "/asvhil/timing"
@@ -275,7 +272,7 @@ class _LogWriter:
             mcap.start(profile=PROFILE, library=f"asvhil {__version__}")
             for name, values in metadata.items():
                 mcap.add_metadata(name, values)
-            mcap.add_metadata(LAYOUT_RECORD, {"layout": LAYOUT, "records": str(len(metadata))})
+            mcap.add_metadata(LAYOUT_RECORD, closing_record(metadata))
             sink.sync()
             sync_folder(path.parent)
         except BaseException:

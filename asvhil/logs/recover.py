@@ -14,8 +14,9 @@ from mcap.writer import CompressionType, Writer
 from asvhil import __version__
 from asvhil.errors import LogError
 from asvhil.files import whole_file
+from asvhil.logs.metadata import DAMAGED_PREFIX, LAYOUT_RECORD, PROFILE, closing_record
 from asvhil.logs.reader import LogFile
-from asvhil.logs.recorder import INPUTS_TOPIC, LAYOUT, LAYOUT_RECORD, OUTPUTS_TOPIC, PROFILE
+from asvhil.logs.recorder import INPUTS_TOPIC, OUTPUTS_TOPIC
 from asvhil.types import record
 
 PROVENANCE = "recovered"  # the metadata record of a recovered log: from which file, and what that had lost
@@ -110,7 +111,7 @@ def recover(
         messages=dict(counts),
         ticks=counts[OUTPUTS_TOPIC],
         span_s=span_s,
-        lost=tuple(copy.lost),
+        lost=(*log.damaged.values(), *copy.lost),
         left_out=copy.left_out,
     )
 
@@ -123,10 +124,10 @@ def _write(log: LogFile, copy: _Copy, path: Path) -> tuple[Counter[str], float, 
     with path.open("wb") as file:
         writer = Writer(file, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD, enable_crcs=True)
         writer.start(profile=PROFILE, library=f"asvhil {__version__}")
-        metadata = log.metadata | {PROVENANCE: {"from": log.path.name, "damage": log.damage or ""}}
+        metadata = _metadata(log)
         for name, values in metadata.items():
             writer.add_metadata(name, values)
-        writer.add_metadata(LAYOUT_RECORD, {"layout": LAYOUT, "records": str(len(metadata))})
+        writer.add_metadata(LAYOUT_RECORD, closing_record(metadata))
         schema_ids: dict[int, int] = {}
         channel_ids: dict[int, int] = {}
         for message, channel, schema in copy.messages():
@@ -149,10 +150,18 @@ def _write(log: LogFile, copy: _Copy, path: Path) -> tuple[Counter[str], float, 
     return counts, (last_ns - first_ns) * 1e-9, digest.digest()
 
 
+def _metadata(log: LogFile) -> dict[str, dict[str, str]]:
+    """The records of the new log. A damaged one is kept under a name by which nothing is taken from it."""
+    damage = "; ".join((*log.damaged.values(), *([log.damage] if log.damage else [])))
+    records = {f"{DAMAGED_PREFIX}{name}" if name in log.damaged else name: log.metadata[name] for name in log.metadata}
+    return records | {PROVENANCE: {"from": log.path.name, "damage": damage}}
+
+
 def _digest(log: LogFile) -> bytes:
     """Of all messages. LogError where the file is damaged."""
-    if log.damage is not None:
-        raise LogError(log.damage)
+    damage = log.damage or next(iter(log.damaged.values()), None)
+    if damage is not None:
+        raise LogError(damage)
     digest = blake2b()
     copy = _Copy(log, behind_damage=True, on_bytes=lambda done: None)
     for message, channel, _ in copy.messages():

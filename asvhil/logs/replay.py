@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import hashlib
 import tempfile
 import time
-from base64 import b64decode
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -17,9 +15,12 @@ from asvhil.errors import LogError
 from asvhil.logs.encoding import encode_outputs, first_difference
 from asvhil.logs.following import Followed, follow
 from asvhil.logs.machine import differences
+from asvhil.logs.metadata import DAMAGED_PREFIX, model_bytes
 from asvhil.logs.plugins import changed_packages, check_plugins
 from asvhil.logs.reader import LogFile
 from asvhil.types import record
+
+_LOST_BEFORE = "it was damaged in the log that this one was recovered from"
 
 
 @record
@@ -44,6 +45,7 @@ class ReplayResult:
     mismatch: Mismatch | None
     truncated: bool
     damage: str | None  # what the log lacks, in words
+    damaged_records: tuple[str, ...]  # of those that the replay does not need
     span_s: float
     wall_s: float
     changed_packages: tuple[str, ...]
@@ -64,10 +66,17 @@ class ReplayResult:
 def config_of(log: LogFile, path: Path, *, known_only: bool = False) -> Config:
     """The config that a log was recorded with; `known_only` as `config_from_json`.
 
-    LogError where it has none, or where a plug-in that the run needs is not available.
+    LogError where it has none, where that is damaged, or where a plug-in that the run needs is not available.
     """
+    if "config" in log.damaged:
+        lost = "what the log means depends on the config; `asvhil log recover` keeps the ticks"
+        raise LogError(f"{path}: {log.damaged['config']}; {lost}")
     stored = log.metadata.get("config", {}).get("json")
     if stored is None:
+        if f"{DAMAGED_PREFIX}config" in log.metadata:
+            raise LogError(
+                f"{path}: holds no config record: it was damaged in the log that this one was recovered from"
+            )
         raise LogError(f"{path}: holds no config record; replay needs a log written by asvhil")
     if not known_only:
         check_plugins(log, path)
@@ -88,17 +97,18 @@ def recorded_model(log: LogFile, path: Path) -> Iterator[Path | None]:
 
     LogError where it is damaged.
     """
+    needed = "the model that the run was made with is needed"
+    if "model" in log.damaged:
+        raise LogError(f"{path}: {log.damaged['model']}; {needed}")
+    if f"{DAMAGED_PREFIX}model" in log.metadata:
+        raise LogError(f"{path}: holds no model record: {_LOST_BEFORE}")
     stored = log.metadata.get("model")
     if stored is None:
         yield None
         return
-    try:
-        data = b64decode(stored["base64"], validate=True)
-        intact = hashlib.sha256(data).hexdigest() == stored["sha256"]
-    except (KeyError, ValueError):
-        intact = False
-    if not intact:
-        raise LogError(f"{path}: the model record is damaged; the model that the run was made with is needed")
+    data = model_bytes(stored)
+    if data is None:
+        raise LogError(f"{path}: the model record is damaged; {needed}")
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "model.npz"
         file.write_bytes(data)
@@ -151,6 +161,7 @@ def replay(path: Path, on_tick: Callable[[int], None] | None = None) -> ReplayRe
         mismatch=mismatch,
         truncated=log.truncated,
         damage=log.damage,
+        damaged_records=tuple(log.damaged.values()),
         span_s=span_s,
         wall_s=time.perf_counter() - start_s,
         changed_packages=tuple(changed_packages(log)),

@@ -104,6 +104,7 @@ class RunLog:
     notes: dict[str, str]
     learned: Learned | None = None  # at the end
     damage: str | None = None  # what is wrong with the log, where it is not whole: the data end there
+    damaged_records: tuple[str, ...] = ()  # of the log; the figures do not depend on them
 
 
 def read_run(path: Path, plan_every_s: float = 10.0) -> RunLog:
@@ -115,7 +116,7 @@ def read_run(path: Path, plan_every_s: float = 10.0) -> RunLog:
         reader.tick(inputs, None if recorded is None else decode_outputs(recorded, path))
     if not reader.ticks:
         raise LogError(f"{path}: holds no tick with outputs")
-    return changed(reader.run(log.metadata), damage=log.damage)
+    return changed(reader.run(log.metadata), damage=log.damage, damaged_records=tuple(log.damaged.values()))
 
 
 class RunReader:

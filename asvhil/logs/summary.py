@@ -41,6 +41,7 @@ def summarise(run: RunLog, wall_s: float | None = None) -> dict[str, Any]:
         "controller": run.config.controller.name,
         "mode": mode_of(run),
         "damage": run.damage,
+        "damaged_records": list(run.damaged_records),
         "simulated": simulated,
         "started": started(run),
         "seed": run.config.plant.seed if simulated else None,
