@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import json
+import math
 import os
 import tempfile
 from collections.abc import Iterator
@@ -18,11 +19,20 @@ MCAP_MAGIC = b"\x89MCAP"
 
 
 def write_json(path: Path | None, figures: dict[str, Any]) -> None:
-    """Write the file of --json, if there is one. AsvhilError."""
+    """Write the file of --json, if there is one; a number that is not finite is null there. AsvhilError."""
     if path is not None:
         check_json(path)  # again: the run may have written a log of that name meanwhile
         with writing(path, "--json "):
-            write_text(path, json.dumps(figures, indent=2) + "\n")
+            write_text(path, json.dumps(_finite(figures), indent=2, allow_nan=False) + "\n")
+
+
+def _finite(value: Any) -> Any:
+    """The same with None for each number that JSON does not have: NaN and the infinities."""
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, dict):
+        return {key: _finite(part) for key, part in value.items()}
+    return [_finite(part) for part in value] if isinstance(value, list | tuple) else value
 
 
 @contextmanager

@@ -74,6 +74,8 @@ class OneFile:
         self._scanned_to = 0  # the first byte that belongs to no intact record
         self._compression = ""
         self.gap = False  # the file has its end, but a gap before it
+        if path.exists() and not path.is_file():  # opening a pipe would wait for a writer
+            raise LogError(f"{path}: not a regular file; a log is expected")
         try:
             with path.open("rb") as file:
                 self._scan(file)

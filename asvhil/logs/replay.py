@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import re
 import tempfile
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from asvhil import __version__
 from asvhil.backseat.backseat import Backseat
 from asvhil.backseat.build import build_backseat
 from asvhil.config import Config, config_from_json
-from asvhil.errors import LogError
+from asvhil.errors import AsvhilError, ConfigError, LogError
 from asvhil.logs.encoding import encode_outputs, first_difference
 from asvhil.logs.following import Followed, follow
 from asvhil.logs.machine import differences
@@ -20,6 +22,7 @@ from asvhil.logs.plugins import changed_packages, check_plugins
 from asvhil.logs.reader import LogFile
 from asvhil.types import record
 
+_HINT = re.compile(r", did you mean [^?]*\?")
 _LOST_BEFORE = "it was damaged in the log that this one was recovered from"
 
 
@@ -80,7 +83,16 @@ def config_of(log: LogFile, path: Path, *, known_only: bool = False) -> Config:
         raise LogError(f"{path}: holds no config record; replay needs a log written by asvhil")
     if not known_only:
         check_plugins(log, path)
-    return config_from_json(stored, f"{path} (config record)", known_only=known_only)
+    try:
+        return config_from_json(stored, f"{path} (config record)", known_only=known_only)
+    except ConfigError as error:  # nobody has typed this: a hint at what was meant would mislead
+        raise ConfigError(f"{_HINT.sub('', str(error))}; {_other_version(log)}") from None
+
+
+def _other_version(log: LogFile) -> str:
+    by = log.metadata.get("versions", {}).get("asvhil", "(not recorded)")
+    here = f"another state of asvhil {by}" if by == __version__ else f"asvhil {by}, and this is asvhil {__version__}"
+    return f"the log is of another version: it was written by {here}"
 
 
 def check_begin(log: LogFile) -> None:
@@ -112,7 +124,10 @@ def recorded_model(log: LogFile, path: Path) -> Iterator[Path | None]:
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "model.npz"
         file.write_bytes(data)
-        yield file
+        try:
+            yield file
+        except AsvhilError as error:  # of a file that is gone when it is read about
+            raise type(error)(str(error).replace(str(file), f"{path} (model record)")) from None
 
 
 def build_recorded(log: LogFile, path: Path) -> Backseat:

@@ -132,7 +132,8 @@ def _hold(run: RunLog, number: int, span: PhaseSpan) -> dict[str, Any]:
     from_s = span.from_s + settled_from_s(span.to_s - span.from_s)
     wind = run.wind[(run.wind[:, 3] == number) & (run.wind[:, 0] >= from_s)]
     track = run.estimated.of_hold(number)
-    stations = track.station[~track.moves]  # on its course a station is none of its own at each place
+    # On its course a station is none of its own at each place; NaN, where there is none, is not equal to itself.
+    stations = track.station[~track.moves & ~np.isnan(track.station).any(axis=1)]
     return {
         "number": number,
         **_event(span),
