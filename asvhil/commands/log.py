@@ -130,6 +130,8 @@ def _print_info(console: Any, figures: dict[str, Any]) -> None:
         say(console, "  it is still being written, or was cut off; all commands read it up to there")
     elif figures["damage"]:
         say(console, "  `asvhil log recover` keeps what is intact")
+    for text in figures["warnings"]:
+        say(console, f"  {text}")
     if figures["recovered_from"]:
         say(console, f"  recovered from {figures['recovered_from']}")
     seed = f", seed {figures['seed']}" if figures["seed"] else ""

@@ -207,7 +207,7 @@ def title_of(figures: dict[str, Any]) -> str:
     if figures["simulated"]:
         wind = figures["wind"]["configured"]
         parts.append(f"wind {wind['speed_mps']:g} m/s toward {wind['toward_deg']:g} deg, seed {figures['seed']}")
-    if figures["damage"] is not None or figures["damaged_records"]:
+    if figures["damage"] is not None or figures["warnings"]:
         parts.append("log not whole")
     return ", ".join(parts)
 
@@ -217,7 +217,7 @@ def print_summary(console: Any, figures: dict[str, Any]) -> None:
 
     from asvhil.daemon.status import counts_text, shares_text, sources_text
 
-    for line in figures["damaged_records"]:
+    for line in figures["warnings"]:
         say(console, line)
     if figures["damage"] is not None:
         say(console, f"{figures['damage']}; what is before that is reported")

@@ -12,17 +12,24 @@ import msgspec
 from mcap.records import Channel, Message
 
 from asvhil.errors import LogError
+from asvhil.logs.clock import TickClock, jump_words
 from asvhil.logs.encoding import NOT_VALID, decode_outputs
 from asvhil.logs.holds import PhaseSpans
 from asvhil.logs.reader import LogFile, decode_timing
 from asvhil.logs.recorder import INPUTS_TOPIC, OUTPUTS_TOPIC, TIMING_TOPIC
+
+TICK_HZ = 20.0  # where a log does not tell
 
 
 class _Config(msgspec.Struct):
     class Controller(msgspec.Struct):
         name: str
 
+    class Daemon(msgspec.Struct):
+        tick_hz: float = TICK_HZ
+
     controller: Controller
+    daemon: Daemon = msgspec.field(default_factory=Daemon)
 
 
 def log_info(path: Path, on_bytes: Callable[[int], None] = lambda done: None) -> dict[str, Any]:
@@ -39,6 +46,9 @@ def log_info(path: Path, on_bytes: Callable[[int], None] = lambda done: None) ->
     damage = list(log.damaged.values())
     phases: Counter[str] = Counter()
     spans = PhaseSpans()
+    run, stored = log.metadata.get("run", {}), log.metadata.get("config", {})
+    config = _config(stored.get("json", ""))
+    clock = TickClock(1.0 / (config.daemon.tick_hz if config is not None and config.daemon.tick_hz > 0.0 else TICK_HZ))
     first_ns: int | None = None
     last_ns = 0
     ticks = dropped = overruns = sequence = 0
@@ -60,16 +70,16 @@ def log_info(path: Path, on_bytes: Callable[[int], None] = lambda done: None) ->
             if topic == INPUTS_TOPIC:
                 first_ns = item.log_time if first_ns is None else first_ns
                 last_ns = item.log_time
+                clock.tick(item.log_time, item.sequence)
                 ticks += 1
                 dropped += max(0, item.sequence - sequence - 1)
                 sequence = item.sequence
             elif topic == OUTPUTS_TOPIC and first_ns is not None:
                 outputs = decode_outputs(item.data, path)
                 phases[outputs.phase] += 1
-                spans.add(round((outputs.t_ns - first_ns) * 1e-9, 3), outputs.phase, outputs.health.reason)
+                spans.add(round(clock.t_s(outputs.t_ns), 3), outputs.phase, outputs.health.reason)
             elif topic == TIMING_TOPIC:
                 overruns += decode_timing(item.data, path).overrun
-    run, config = log.metadata.get("run", {}), log.metadata.get("config", {})
     return {
         "log": str(path),
         "bytes": log.size,
@@ -78,13 +88,15 @@ def log_info(path: Path, on_bytes: Callable[[int], None] = lambda done: None) ->
         "damage": damage,
         "recovered_from": log.metadata.get("recovered", {}).get("from"),
         "started": None if first_ns is None else _utc(first_ns),
-        "duration_s": 0.0 if first_ns is None else (last_ns - first_ns) * 1e-9,
+        "duration_s": 0.0 if first_ns is None else clock.t_s(last_ns),
+        "time_jumps": [{"tick": jump.tick, "at_s": jump.at_s, "by_s": jump.by_s} for jump in clock.jumps],
+        "warnings": jump_words(clock.jumps),
         "mode": run.get("mode"),
         "vehicle": run.get("vehicle"),
         "seed": run.get("seed") if run.get("mode") != "live" else None,
-        "controller": _controller(config.get("json", "")),
+        "controller": None if config is None else config.controller.name,
         "model": log.metadata.get("model", {}).get("file"),
-        "config_hash": config.get("hash"),
+        "config_hash": stored.get("hash"),
         "versions": log.metadata.get("versions", {}),
         "ticks": ticks,
         "ticks_dropped": dropped,
@@ -106,9 +118,9 @@ def log_info(path: Path, on_bytes: Callable[[int], None] = lambda done: None) ->
     }
 
 
-def _controller(config_json: str) -> str | None:
+def _config(text: str) -> _Config | None:
     try:
-        return msgspec.json.decode(config_json, type=_Config).controller.name
+        return msgspec.json.decode(text, type=_Config)
     except NOT_VALID:
         return None
 

@@ -45,7 +45,7 @@ class MotionTrack:
 
     t_s since the first tick (k,); pose (k, 3) n, e (m), psi (rad); speed over ground (m/s), relative to a station that
     moves; yaw rate (rad/s); station (k, 3) as the pose, NaN where there is none, and whether it moves; number of the
-    hold, 0 where the controller had not the motors.
+    hold, 0 where the controller had not the motors. `jumps_s`: when the clock jumped, which is no gap in t_s.
     """
 
     t_s: Array
@@ -55,6 +55,7 @@ class MotionTrack:
     station: Array
     moves: NDArray[np.bool_]
     hold: Array
+    jumps_s: tuple[float, ...] = ()
 
     def of_hold(self, number: int | None = None) -> MotionTrack:
         """The samples of one hold, of all holds where None."""
@@ -70,6 +71,7 @@ class MotionTrack:
             station=self.station[mask],
             moves=self.moves[mask],
             hold=self.hold[mask],
+            jumps_s=self.jumps_s,
         )
 
     @property
@@ -257,6 +259,8 @@ def _runs(inside: NDArray[np.bool_], track: MotionTrack) -> list[tuple[int, int]
     leapt = np.hypot(step[:, 0], step[:, 1]) > np.where(course, LEAP_M, TURN_M)
     moved = leapt | (np.abs(np.sin(0.5 * step[:, 2])) > 0.5 * LEAST_CHANGE_RAD)
     cut = (np.diff(track.t_s) > GAP_S) | (track.hold[1:] != track.hold[:-1]) | moved
+    for at_s in track.jumps_s:  # how long the boat was not seen is not known
+        cut |= (track.t_s[:-1] < at_s) & (track.t_s[1:] >= at_s)
     first, last = inside.copy(), inside.copy()
     first[1:] &= cut | np.logical_not(inside[:-1])
     last[:-1] &= cut | np.logical_not(inside[1:])

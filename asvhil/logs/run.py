@@ -18,6 +18,7 @@ from asvhil.geo import LocalFrame, body_to_ned
 from asvhil.io.mavlink.frames import Parser, decode, dialect, message_id
 from asvhil.io.sensors.decoder import Decoder
 from asvhil.io.sensors.dropped import dropped_of
+from asvhil.logs.clock import TickClock, TimeJump
 from asvhil.logs.encoding import decode_outputs
 from asvhil.logs.holds import PhaseSpan, PhaseSpans
 from asvhil.logs.metrics import MotionTrack
@@ -67,7 +68,7 @@ class NoteEvent:
 
 @record
 class RunLog:
-    """The data of a run for its figures and its pictures. Times are seconds since the first tick.
+    """The data of a run for its figures and its pictures. Times are seconds since the first tick, jumps left out.
 
     `measured` are the readings of the sources in use, calibrated; `estimated` is what the backseat made of them;
     `truth` comes from a simulator's SIM_STATE. `measured` is None where the sensors need a plug-in that is not loaded.
@@ -103,6 +104,7 @@ class RunLog:
     dropped: dict[str, dict[str, int]]  # by sensor link and cause
     notes: dict[str, str]
     learned: Learned | None = None  # at the end
+    jumps: tuple[TimeJump, ...] = ()  # of the clock, which no time has
     damage: str | None = None  # what is wrong with the log, where it is not whole: the data end there
     damaged_records: tuple[str, ...] = ()  # of the log; the figures do not depend on them
 
@@ -130,6 +132,8 @@ class RunReader:
         self._config, self._decoder = config, decoder
         self._reading = _Reading(plan_every_s)
         self._sensors: _Sensors | None = None
+        self._clock = TickClock(1.0 / config.daemon.tick_hz)
+        self._step_ms: list[tuple[float, ...]] = []
         self.timing: list[Timing] = []
 
     @property
@@ -140,13 +144,20 @@ class RunReader:
     def tick(self, inputs: Inputs, outputs: Outputs | None) -> None:
         """Take in the next tick; None where the log ends before its outputs."""
         if self._sensors is None:
-            self._sensors = _Sensors(inputs.t_ns, self._decoder)
+            self._sensors = _Sensors(inputs.t_ns, self._decoder, self._clock)
         sensors = self._sensors
+        self._take_timing()
+        self._clock.tick(inputs.t_ns)
         for frame in inputs.frames:
             sensors.read(frame)
         if outputs is not None:
-            self._reading.read((inputs.t_ns - sensors.start_ns) * 1e-9, outputs, sensors)
+            self._reading.read(self._clock.t_s(inputs.t_ns), outputs, sensors)
         sensors.forget()
+
+    def _take_timing(self) -> None:
+        """What the steps so far took, by the clock of their ticks."""
+        for row in self.timing[len(self._step_ms) :]:
+            self._step_ms.append((self._clock.t_s(row.t_ns), row.step_ns * 1e-6))
 
     def run(self, metadata: dict[str, dict[str, str]]) -> RunLog:
         """What was read, with the log's metadata. ValueError of no tick."""
@@ -155,6 +166,8 @@ class RunReader:
         if last is None or sensors is None:
             raise ValueError("no tick with outputs")
         reading.end()
+        self._take_timing()
+        jumps_s = tuple(jump.at_s for jump in self._clock.jumps)
         start_ns, origin_deg = sensors.start_ns, last.origin_deg
         local = None if origin_deg is None else LocalFrame(lat_deg=origin_deg[0], lon_deg=origin_deg[1])
         tick_s = 1.0 / self._config.daemon.tick_hz
@@ -162,11 +175,11 @@ class RunReader:
             config=self._config,
             metadata=metadata,
             start_ns=start_ns,
-            duration_s=(last.t_ns - start_ns) * 1e-9,
+            duration_s=self._clock.t_s(last.t_ns),
             ticks=reading.ticks,
-            measured=None if sensors.decoder is None else _placed(reading.measured, local),
-            estimated=_track(reading.estimated),
-            truth=_placed(reading.truth, local) if reading.truth and local is not None else None,
+            measured=None if sensors.decoder is None else _placed(reading.measured, local, jumps_s),
+            estimated=_track(reading.estimated, jumps_s),
+            truth=_placed(reading.truth, local, jumps_s) if reading.truth and local is not None else None,
             spans=reading.spans.all,
             stages=tuple(reading.stages),
             events=tuple(reading.events),
@@ -179,7 +192,7 @@ class RunReader:
             plans=reading.plans,
             model_error=_rows(reading.model_error, 8),
             phases_s={phase: round(count * tick_s, 3) for phase, count in sorted(reading.phases.items())},
-            step_ms=_rows([((row.t_ns - start_ns) * 1e-9, row.step_ns * 1e-6) for row in self.timing], 2),
+            step_ms=_rows(self._step_ms, 2),
             overruns=sum(row.overrun for row in self.timing),
             counters=dict(last.health.counters),
             sources=dict(last.health.sources),
@@ -187,6 +200,7 @@ class RunReader:
             dropped=dropped_of(last.health.counters),
             notes={note.subject: note.text for note in last.health.notes},
             learned=last.learned,
+            jumps=tuple(self._clock.jumps),
         )
 
 
@@ -202,7 +216,8 @@ class _Sensors:
     A sample comes with each position; heading, speed and yaw rate are the last ones, NaN where there are none.
     """
 
-    def __init__(self, start_ns: int, decoder: Decoder | None) -> None:
+    def __init__(self, start_ns: int, decoder: Decoder | None, clock: TickClock) -> None:
+        self._t_s = clock.t_s
         self.start_ns = start_ns
         self.decoder = decoder
         self.measured: list[Sample] = []
@@ -254,9 +269,6 @@ class _Sensors:
             return v.vn_mps, v.ve_mps
         arm_n, arm_e = body_to_ned(psi_rad, *v.arm_m)
         return v.vn_mps + rate_radps * arm_e, v.ve_mps - rate_radps * arm_n
-
-    def _t_s(self, t_ns: int) -> float:
-        return (t_ns - self.start_ns) * 1e-9
 
 
 class _Reading:
@@ -371,10 +383,10 @@ def _decoder(log: LogFile, path: Path, config: Config) -> Decoder | None:
         return None
 
 
-def _placed(samples: list[tuple[Sample, Held]], local: LocalFrame | None) -> MotionTrack:
+def _placed(samples: list[tuple[Sample, Held]], local: LocalFrame | None, jumps_s: tuple[float, ...]) -> MotionTrack:
     """The track of samples in latitude and longitude, at the boat's origin; empty where there is no local frame."""
     if local is None:
-        return _track([])
+        return _track([], jumps_s)
     found: list[tuple[Sample, Held]] = []
     for (t_s, lat_deg, lon_deg, psi_rad, *arm_m, vn_mps, ve_mps, rate_radps), held in samples:
         n_m, e_m = local.to_ned(lat_deg, lon_deg)
@@ -382,10 +394,10 @@ def _placed(samples: list[tuple[Sample, Held]], local: LocalFrame | None) -> Mot
             arm_n, arm_e = body_to_ned(psi_rad, arm_m[0], arm_m[1])
             n_m, e_m = n_m - arm_n, e_m - arm_e
         found.append(((t_s, n_m, e_m, psi_rad, 0.0, 0.0, vn_mps, ve_mps, rate_radps), held))
-    return _track(found)
+    return _track(found, jumps_s)
 
 
-def _track(samples: list[tuple[Sample, Held]]) -> MotionTrack:
+def _track(samples: list[tuple[Sample, Held]], jumps_s: tuple[float, ...]) -> MotionTrack:
     rows = _rows([(*sample, *held) for sample, held in samples], 15)
     return MotionTrack(
         t_s=rows[:, 0],
@@ -395,6 +407,7 @@ def _track(samples: list[tuple[Sample, Held]]) -> MotionTrack:
         station=rows[:, 9:12],
         moves=(rows[:, 12:14] != 0.0).any(axis=1),
         hold=rows[:, 14].astype(int),
+        jumps_s=jumps_s,
     )
 
 

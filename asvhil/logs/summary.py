@@ -9,6 +9,7 @@ import numpy as np
 
 from asvhil.dynamics.corrected import FACTORS
 from asvhil.estimator.learned_words import learned_text
+from asvhil.logs.clock import jump_words
 from asvhil.logs.holds import PhaseSpan
 from asvhil.logs.metrics import (
     MotionTrack,
@@ -41,7 +42,8 @@ def summarise(run: RunLog, wall_s: float | None = None) -> dict[str, Any]:
         "controller": run.config.controller.name,
         "mode": mode_of(run),
         "damage": run.damage,
-        "damaged_records": list(run.damaged_records),
+        "time_jumps": [{"tick": jump.tick, "at_s": jump.at_s, "by_s": jump.by_s} for jump in run.jumps],
+        "warnings": [*run.damaged_records, *jump_words(run.jumps)],
         "simulated": simulated,
         "started": started(run),
         "seed": run.config.plant.seed if simulated else None,

@@ -1,0 +1,65 @@
+"""The time of a run by its ticks, without jumps of the clock: a computer that is set right has not held a station."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from asvhil.types import record
+
+JUMP_S = 1.0  # a tick that comes later than this after its time, or before the one before it
+TOLD_MOST = 5
+
+
+@record
+class TimeJump:
+    """A jump of the clock by `by_s` before the tick of this number, counted from 1; `at_s` is the time of the run."""
+
+    tick: int
+    at_s: float
+    by_s: float
+
+    @property
+    def words(self) -> str:
+        """One line for people."""
+        return f"time jumps by {self.by_s:+.3f} s at tick {self.tick}; no figure counts that as time"
+
+
+def jump_words(jumps: Sequence[TimeJump]) -> list[str]:
+    """A line for each of the first jumps, and one for the rest."""
+    left = len(jumps) - TOLD_MOST
+    return [*(jump.words for jump in jumps[:TOLD_MOST]), *([f"time jumps {left} times more"] if left > 0 else [])]
+
+
+class TickClock:
+    """Seconds since the first tick, with jumps left out, of the ticks of a log in their order."""
+
+    def __init__(self, tick_s: float) -> None:
+        self._tick_s = tick_s
+        self._number = 0
+        self._now_ns = self._before_ns = 0
+        self._start_ns = self._start_before_ns = 0
+        self.jumps: list[TimeJump] = []
+
+    def tick(self, t_ns: int, number: int | None = None) -> None:
+        """The next tick begins; `number` counts from 1 on, and tells which are missing."""
+        number = self._number + 1 if number is None else number
+        if not self._number:
+            self._start_ns = self._now_ns = t_ns
+        self._before_ns, self._start_before_ns = self._now_ns, self._start_ns
+        if self._number:
+            expected_s = max(number - self._number, 1) * self._tick_s
+            took_s = (t_ns - self._now_ns) * 1e-9
+            if took_s < 0.0 or took_s > expected_s + JUMP_S:
+                by_s = took_s - expected_s
+                self._start_ns += round(by_s * 1e9)
+                self.jumps.append(TimeJump(tick=number, at_s=self._since(t_ns), by_s=by_s))
+        self._number, self._now_ns = number, t_ns
+
+    def t_s(self, t_ns: int) -> float:
+        """The time of the run at a time of the present tick, which may be of before a jump."""
+        if self._start_before_ns != self._start_ns and abs(t_ns - self._before_ns) < abs(t_ns - self._now_ns):
+            return (t_ns - self._start_before_ns) * 1e-9
+        return self._since(t_ns)
+
+    def _since(self, t_ns: int) -> float:
+        return (t_ns - self._start_ns) * 1e-9

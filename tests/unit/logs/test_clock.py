@@ -1,0 +1,90 @@
+"""Jumps of the clock in a log: told, and in no figure."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from asvhil.config import load_config
+from asvhil.logs.clock import TickClock, jump_words
+from asvhil.logs.encoding import decode_outputs
+from asvhil.logs.info import log_info
+from asvhil.logs.reader import LogFile
+from asvhil.logs.recorder import Recorder
+from asvhil.logs.run import read_run
+from asvhil.logs.summary import summarise
+from asvhil.sitl import run_lockstep
+from asvhil.types import changed
+from tests.support.loop import PLAIN_CONTROLLER
+
+FROM_TICK = 400
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("run") / "run.mcap"
+    run_lockstep(load_config("sitl", (PLAIN_CONTROLLER,)), path, 40.0)
+    return path
+
+
+def shifted(source: Path, target: Path, by_s: float) -> Path:
+    """The log with all times from a tick on, those of the frames of that tick too, another."""
+    log = LogFile(source)
+    recorder = Recorder(target, metadata=log.metadata, chunk_kib=128, sync_period_s=1.0, threaded=False)
+    timing = [row.step_ns for row in log.timing()]
+    for number, (inputs, data) in enumerate(log.ticks(), 1):
+        by_ns = round(by_s * 1e9) if number >= FROM_TICK else 0
+        frames = tuple(changed(frame, t_ns=frame.t_ns + by_ns) for frame in inputs.frames)
+        recorder.write_inputs(changed(inputs, t_ns=inputs.t_ns + by_ns, frames=frames))
+        assert data is not None
+        outputs = decode_outputs(data, source)
+        recorder.write_outputs(changed(outputs, t_ns=outputs.t_ns + by_ns))
+        recorder.write_timing(inputs.t_ns + by_ns, timing[number - 1], False)
+    recorder.close()
+    return target
+
+
+@pytest.mark.parametrize("by_s", [100.0, 3e8, -10.0])
+def test_a_jump_is_told_and_is_no_time(run: Path, tmp_path: Path, by_s: float) -> None:
+    path = shifted(run, tmp_path / "jump.mcap", by_s)
+    whole, jumped = summarise(read_run(run)), summarise(read_run(path))
+    line = f"time jumps by {by_s:+.3f} s at tick {FROM_TICK}; no figure counts that as time"
+    assert jumped["warnings"] == log_info(path)["warnings"] == [line]
+    assert whole["warnings"] == whole["time_jumps"] == log_info(run)["warnings"] == []
+    assert jumped["duration_s"] == pytest.approx(whole["duration_s"], abs=1e-6)
+    assert log_info(path)["duration_s"] == pytest.approx(log_info(run)["duration_s"], abs=1e-6)
+    assert log_info(path)["holds"] == log_info(run)["holds"]
+    for key in ("change_per_s", "reversals_per_min", "energy", "settled_from_s"):
+        assert jumped[key] == pytest.approx(whole[key], rel=1e-6), key
+    for way in ("truth", "estimated", "measured"):
+        for key in ("penalty_score", "vrx_score"):
+            assert jumped[way][key] == pytest.approx(whole[way][key], rel=1e-6), way
+        docking = jumped["docking"][way]
+        at_s = jumped["time_jumps"][0]["at_s"]
+        assert all(window["to_s"] < at_s or window["from_s"] >= at_s for window in docking["windows"])
+        assert docking["share"] is None or docking["share"] <= 1.0
+
+
+def test_ticks_that_are_missing_and_late_ones_are_no_jump() -> None:
+    clock = TickClock(0.05)
+    for number, t_ns in ((1, 0), (2, 50_000_000), (42, 2_050_000_000), (43, 2_900_000_000)):
+        clock.tick(t_ns, number)
+    assert clock.jumps == [] and clock.t_s(2_900_000_000) == pytest.approx(2.9)
+
+
+def test_many_jumps_are_told_shortly() -> None:
+    clock = TickClock(0.05)
+    for number in range(1, 12):
+        clock.tick(number * 100_000_000_000, number)
+    assert len(clock.jumps) == 10 and len(jump_words(clock.jumps)) == 6
+    assert jump_words(clock.jumps)[-1] == "time jumps 5 times more"
+
+
+def test_a_frame_of_before_a_jump_keeps_its_time() -> None:
+    clock = TickClock(0.05)
+    clock.tick(0)
+    clock.tick(100_000_000_000)
+    assert clock.t_s(100_000_000_000) == pytest.approx(0.05)
+    assert clock.t_s(99_990_000_000) == pytest.approx(0.04)
+    assert clock.t_s(20_000_000) == pytest.approx(0.02)
