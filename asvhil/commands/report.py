@@ -49,8 +49,9 @@ def report(
 
 
 def _report_page(logs: list[Path], html: Path | None, json_: Path | None, picture: Path | None, console: Any) -> None:
+    from asvhil.logs.comparison import comparison_notes, comparison_rows
     from asvhil.logs.picture import draw_run
-    from asvhil.logs.report import Reported, comparison_rows, report_page
+    from asvhil.logs.report import Reported, report_page
     from asvhil.logs.run import read_run
     from asvhil.logs.summary import summarise
 
@@ -76,7 +77,10 @@ def _report_page(logs: list[Path], html: Path | None, json_: Path | None, pictur
     first, *others = reported
     write_json(json_, dict(first.figures) | ({"compared": dict(others[0].figures)} if others else {}))
     if others:
-        _print_comparison(console, comparison_rows(first, others[0]))
+        named = [(one.name, one.figures) for one in reported]
+        for note in comparison_notes(*named):
+            say(console, note)
+        _print_comparison(console, comparison_rows(*named))
     else:
         print_summary(console, dict(first.figures))
     if picture is not None:

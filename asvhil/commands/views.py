@@ -216,11 +216,10 @@ def print_summary(console: Any, figures: dict[str, Any]) -> None:
     from rich.table import Table
 
     from asvhil.daemon.status import counts_text, shares_text, sources_text
+    from asvhil.logs.comparison import run_notes
 
-    for line in figures["warnings"]:
+    for line in run_notes(figures):
         say(console, line)
-    if figures["damage"] is not None:
-        say(console, f"{figures['damage']}; what is before that is reported")
     if not figures["holds"]:
         say(console, f"no station was held in these {figures['duration_s']:.1f} s")
     table = Table(title=f"from {figures['settled_from_s']:.0f} s on", title_justify="left")

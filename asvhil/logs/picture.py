@@ -22,6 +22,7 @@ TRUTH_COLOUR, ESTIMATE_COLOUR, MEASURED_COLOUR, WIND_COLOUR = "black", "tab:blue
 PLAN_COLOUR, DOCKING_COLOUR, STATION_COLOUR = "tab:orange", "tab:green", "tab:red"
 PHASE_COLOURS = {Phase.PREPARE: "khaki", Phase.HOLD: "aliceblue", Phase.FAILSAFE: "lightcoral"}
 STAGE_COLOURS = ("tab:blue", "tab:olive", "tab:pink", "tab:brown")  # of the procedure's stages, in their order
+LEAST_M = 1e-3  # of a track that is drawn as it is
 PLANS_MOST = 150  # predicted paths in one picture
 ARROWS_MOST = 6  # stations with an arrow
 LEAST_TOWARD_DEG = -45.0  # of a wind's median direction in a picture: one toward the north is drawn about 0
@@ -73,10 +74,19 @@ def draw_track(axes: Axes, run: RunLog) -> None:
         _draw_wind_arrow(axes, toward_rad, float(run.wind[:, 1].mean()))
     axes.set_xlabel("east of the station (m)")
     axes.set_ylabel("north of the station (m)")
+    _widen(axes)
     axes.set_aspect("equal", adjustable="datalim")
     axes.grid(alpha=0.3)
     if axes.lines:
         axes.legend(loc="lower right", fontsize="small")
+
+
+def _widen(axes: Axes) -> None:
+    """Limits for a track that has no extent, such as of one tick: equal axes have none for it."""
+    box = axes.dataLim  # inverted and infinite where there are no data
+    for low, high, set_limits in ((box.x0, box.x1, axes.set_xlim), (box.y0, box.y1, axes.set_ylim)):
+        if low <= high < low + LEAST_M:
+            set_limits(low - 0.5, high + 0.5)
 
 
 def _draw_stages(axes: Axes, run: RunLog, station: Station) -> None:

@@ -11,6 +11,7 @@ from typing import Any
 import yaml
 from jinja2 import Environment, StrictUndefined
 
+from asvhil.logs.comparison import Table, comparison_notes, comparison_rows, figure_text, run_notes
 from asvhil.logs.report_figures import ReportFigure, compare_figure, report_figures
 from asvhil.logs.run import RunLog
 from asvhil.logs.summary import WAYS
@@ -19,9 +20,6 @@ from asvhil.types import Phase, record
 TEMPLATE = Path(__file__).with_name("report.html.j2")
 WINDOWS_MOST = 20  # docking windows in the table, the longest ones
 EVENTS_MOST = 200
-NOTHING = "-"
-
-Table = list[list[str]]
 
 
 @record
@@ -56,42 +54,14 @@ def report_page(first: Reported, second: Reported | None = None) -> Report:
     if second is not None:
         figure = compare_figure([(reported.name, reported.run) for reported in both])
         pictures.append((figure.name, figure.png))
-        comparison = {"rows": comparison_rows(first, second), "figure": _inline(figure)}
+        named = [(one.name, one.figures) for one in both]
+        comparison = {
+            "rows": comparison_rows(*named),
+            "notes": comparison_notes(*named),
+            "figure": _inline(figure),
+        }
     page = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True).from_string(TEMPLATE.read_text())
     return Report(html=page.render(runs=sections, comparison=comparison), pictures=tuple(pictures))
-
-
-def comparison_rows(first: Reported, second: Reported) -> Table:
-    """The figures of two runs side by side, and their difference."""
-    rows: Table = [["", first.name, second.name, "difference"]]
-    for label, digits, path in COMPARED:
-        values = [_at(reported.figures, path) for reported in (first, second)]
-        if any(value is not None for value in values):
-            a, b = values
-            apart = NOTHING if a is None or b is None else f"{b - a:+.{digits}f}"
-            rows.append([label, _number(a, digits), _number(b, digits), apart])
-    return rows
-
-
-COMPARED: tuple[tuple[str, int, tuple[str, ...]], ...] = (
-    *(
-        row
-        for way in WAYS
-        for row in (
-            (f"distance, {way}, mean (m)", 3, (way, "distance_m", "mean")),
-            (f"heading error, {way}, magnitude (deg)", 2, (way, "heading_deg", "abs_mean")),
-            (f"penalty score, {way}", 2, (way, "penalty_score")),
-            (f"VRX's score, {way}", 3, (way, "vrx_score")),
-            (f"longest docking window, {way} (s)", 0, ("docking", way, "longest_s")),
-        )
-    ),
-    ("energy", 4, ("energy",)),
-    ("energy from the battery (Wh)", 2, ("energy_wh",)),
-    ("reversals per minute", 2, ("reversals_per_min",)),
-    ("change of command per second", 3, ("change_per_s",)),
-    ("wind, mean (m/s)", 2, ("wind", "estimated", "speed_mps", "mean")),
-    ("step, 99 % (ms)", 1, ("step_ms", "p99")),
-)
 
 
 def _section(reported: Reported, drawn: Sequence[ReportFigure]) -> dict[str, Any]:
@@ -105,6 +75,7 @@ def _section(reported: Reported, drawn: Sequence[ReportFigure]) -> dict[str, Any
         "title": reported.title,
         "subtitle": f"{reported.name}: {boat} {kind}, {minutes}, config {figures['config_hash']}",
         "settled": f"{figures['settled_from_s']:.0f} s",
+        "notes": run_notes(figures),
         "scores": _scores(figures),
         "work": _work(figures),
         "spans": [{}, *_spans(run)],
@@ -143,22 +114,22 @@ def _scores(figures: Mapping[str, Any]) -> Table:
             continue
         distance, heading = part["distance_m"], part["heading_deg"]
         rows += [
-            [f"distance, {way} (m)", *(_number(distance[key], 3) for key in ("mean", "std", "max_settled"))],
-            [f"heading error, {way} (deg)", _number(heading["mean"], 2), _number(heading["std"], 2), ""],
+            [f"distance, {way} (m)", *(figure_text(distance[key], 3) for key in ("mean", "std", "max_settled"))],
+            [f"heading error, {way} (deg)", figure_text(heading["mean"], 2), figure_text(heading["std"], 2), ""],
             [
                 f"the same, circular, {way} (deg)",
-                _number(heading["circular_mean"], 2),
-                _number(heading["circular_std"], 2),
+                figure_text(heading["circular_mean"], 2),
+                figure_text(heading["circular_std"], 2),
                 "",
             ],
-            [f"penalty score, {way}", _number(part["penalty_score"], 2), "", ""],
-            [f"VRX's score, {way}", _number(part["vrx_score"], 3), "", ""],
+            [f"penalty score, {way}", figure_text(part["penalty_score"], 2), "", ""],
+            [f"VRX's score, {way}", figure_text(part["vrx_score"], 3), "", ""],
         ]
     wind = figures["wind"]["estimated"]
     if wind is not None:
         name = "from the disturbance" if figures["wind"]["origin"] == "disturbance" else "estimated"
-        rows.append([f"wind, {name} (m/s)", *(_number(wind["speed_mps"][key], 2) for key in ("mean", "std")), ""])
-        around = [_number(wind["toward_deg"][key], 0) for key in ("mean", "std")]
+        rows.append([f"wind, {name} (m/s)", *(figure_text(wind["speed_mps"][key], 2) for key in ("mean", "std")), ""])
+        around = [figure_text(wind["toward_deg"][key], 0) for key in ("mean", "std")]
         rows.append([f"wind blows toward, {name} (deg)", *around, ""])
     return rows
 
@@ -167,17 +138,17 @@ def _work(figures: Mapping[str, Any]) -> Table:
     phases = ", ".join(f"{phase} {seconds:.1f} s" for phase, seconds in figures["phases"].items())
     return [
         ["", ""],
-        ["energy (mean squared command)", _number(figures["energy"], 4)],
+        ["energy (mean squared command)", figure_text(figures["energy"], 4)],
         *([] if figures["energy_by"] is None else [_energy(figures)]),
-        ["reversals of a motor per minute", _number(figures["reversals_per_min"], 2)],
-        ["change of a motor's command per second", _number(figures["change_per_s"], 3)],
+        ["reversals of a motor per minute", figure_text(figures["reversals_per_min"], 2)],
+        ["change of a motor's command per second", figure_text(figures["change_per_s"], 3)],
         ["time in each phase", phases],
         *([] if figures["learned"] is None else [["learned of the model", figures["learned"]["text"]]]),
     ]
 
 
 def _energy(figures: Mapping[str, Any]) -> list[str]:
-    return [f"energy from the battery, {figures['energy_by']} (Wh)", _number(figures["energy_wh"], 2)]
+    return [f"energy from the battery, {figures['energy_by']} (Wh)", figure_text(figures["energy_wh"], 2)]
 
 
 def _spans(run: RunLog) -> list[dict[str, Any]]:
@@ -221,12 +192,12 @@ def _holds(figures: Mapping[str, Any]) -> Table:
                     str(hold["number"]),
                     f"{hold['to_s'] - hold['from_s']:.1f}",
                     way,
-                    _number(part["distance_m"]["mean"], 2),
-                    _number(part["heading_deg"]["mean"], 2),
-                    _number(part["penalty_score"], 2),
-                    _number(hold["docking"][way]["longest_s"], 0),
-                    _number(hold["energy"], 4),
-                    _number(hold["energy_wh"], 2),
+                    figure_text(part["distance_m"]["mean"], 2),
+                    figure_text(part["heading_deg"]["mean"], 2),
+                    figure_text(part["penalty_score"], 2),
+                    figure_text(hold["docking"][way]["longest_s"], 0),
+                    figure_text(hold["energy"], 4),
+                    figure_text(hold["energy_wh"], 2),
                 ]
             )
     return rows
@@ -243,7 +214,7 @@ def _windows(figures: Mapping[str, Any]) -> tuple[Table, int]:
         left += len(windows) - len(longest)
         for window in sorted(longest, key=lambda window: window["from_s"]):
             lengths = (f"{window[key]:.1f}" for key in ("from_s", "to_s", "length_s"))
-            off = _number(window["distance_m"]["mean"], 2), _number(window["heading_deg"]["abs_mean"], 2)
+            off = figure_text(window["distance_m"]["mean"], 2), figure_text(window["heading_deg"]["abs_mean"], 2)
             rows.append([way, *lengths, *off])
     return rows, left
 
@@ -277,15 +248,3 @@ def _inline(figure: ReportFigure) -> dict[str, str]:
         "caption": figure.caption,
         "base64": base64.b64encode(figure.png).decode(),
     }
-
-
-def _at(figures: Any, path: Sequence[str]) -> float | None:
-    for key in path:
-        if figures is None:
-            return None
-        figures = figures[key]
-    return None if figures is None else float(figures)
-
-
-def _number(value: float | None, digits: int) -> str:
-    return NOTHING if value is None else f"{value:.{digits}f}"

@@ -32,6 +32,7 @@ from asvhil.logs.run import RunLog
 from asvhil.supervisor.docking import DOCKING_RATE_RADPS, DOCKING_SPEED_MPS
 from asvhil.types import record
 
+TICK_AXIS_S = 1.0  # of a run of one tick, which has no length
 DPI = 90
 WIDE = (11.0, 2.4)  # inches of a panel over time
 ROSE_SECTORS = 16
@@ -103,7 +104,7 @@ def _panels(run: RunLog, count: int) -> tuple[Figure, list[Axes]]:
     panels = list(np.atleast_1d(figure.subplots(count, 1, sharex=True)))
     for axes in panels:
         shade_phases(axes, run)
-        axes.set_xlim(0.0, run.duration_s)
+        axes.set_xlim(0.0, run.duration_s or TICK_AXIS_S)
     panels[-1].set_xlabel("time (s)")
     return figure, panels
 

@@ -11,6 +11,7 @@ import pytest
 from asvhil.commands.cli import main
 from asvhil.config import load_config
 from asvhil.logs.opening import open_recorder
+from asvhil.sitl import run_lockstep
 from tests.support.arduino_driver import must_run
 from tests.support.browser import chromium, shown
 from tests.support.log_samples import record_ticks
@@ -154,3 +155,45 @@ def test_a_mistake_is_one_line(
     monkeypatch.chdir(tmp_path)
     assert report(monkeypatch, run_logs("bream"), *arguments) == 2
     assert capsys.readouterr().err == f"asvhil: {words}\n"
+
+
+def of_field(log: Path, ticks: int, config: str = "field") -> Path:
+    """A log of this many ticks of a boat's own."""
+    recorder = open_recorder(load_config(config), log, "live", threaded=False)
+    record_ticks(recorder, range(1, ticks + 1))
+    recorder.close()
+    return log
+
+
+def test_a_comparison_tells_of_damage_of_boats_and_of_windows(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    whole, cut = of_field(tmp_path / "whole.mcap", 200), of_field(tmp_path / "cut.mcap", 100, "blueboat")
+    cut.write_bytes(cut.read_bytes()[:-40])
+    html = tmp_path / "both.html"
+    for extra in ((), ("--html", html)):
+        assert report(monkeypatch, whole, "--compare", cut, *extra) == 0
+        text = " ".join(capsys.readouterr().out.split())
+        notes = [
+            f"{cut}: no end: cut off in the record at byte",
+            "the boats differ, wamv16 and blueboat",
+            "the windows differ: scored from 5.0 s and from 2.5 s on",
+        ]
+        assert all(note in text for note in notes)
+        for row in ("vehicle", "controller", "duration (s)", "scored from (s)"):
+            assert f"│ {row} │" in text
+    page = html.read_text()
+    assert all(note in page for note in notes) and "<td>vehicle</td>" in page
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("placed", [True, False])
+def test_a_log_of_one_tick_is_drawn_without_a_warning(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, placed: bool
+) -> None:
+    log = tmp_path / "one.mcap"
+    if placed:
+        of_field(log, 1)
+    else:  # nothing has been measured yet
+        run_lockstep(load_config("sitl"), log, 0.01)
+    assert report(monkeypatch, log, "--html", tmp_path / "one.html", "--picture", tmp_path / "one.png") == 0
