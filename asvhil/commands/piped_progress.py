@@ -8,15 +8,18 @@ from typing import Any
 from rich.console import Console
 from rich.progress import Progress, TaskID
 
-EVERY_S = 10.0
+FIRST_S, EVERY_S = 2.0, 10.0
 
 
 class PipedProgress(Progress):
-    """A Progress that draws nothing, and each EVERY_S of work prints what is being done and how far it is."""
+    """A Progress that draws nothing, and prints what is being done and how far it is.
+
+    A line comes after FIRST_S of work, and then each EVERY_S.
+    """
 
     def __init__(self, console: Console) -> None:
         super().__init__(console=console, disable=True)
-        self._told_s = time.monotonic()
+        self._due_s = time.monotonic() + FIRST_S
 
     def advance(self, task_id: TaskID, advance: float = 1) -> None:
         """As of Progress."""
@@ -30,9 +33,9 @@ class PipedProgress(Progress):
 
     def _tell(self, task_id: TaskID) -> None:
         now_s = time.monotonic()
-        if now_s - self._told_s < EVERY_S:
+        if now_s < self._due_s:
             return
-        self._told_s = now_s
+        self._due_s = now_s + EVERY_S
         task = next(task for task in self.tasks if task.id == task_id)
         share = f"{task.completed:.0f}" if task.total is None else f"{task.percentage:.0f} %"
         self.console.print(f"{task.description}: {share}", markup=False, highlight=False, soft_wrap=True)

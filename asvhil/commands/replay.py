@@ -213,6 +213,8 @@ def _replay_faults(console: Any, log: Path, texts: list[str], json_file: Path | 
     if first is not None:
         off_m, apart_us = found.estimate_off_m, found.pulses_apart_us
         say(console, f"at most {off_m:.2f} m between the estimates, {apart_us} us between the commands")
+    if not found.edited:
+        raise typer.Exit(1)
 
 
 def _replay_what_if(

@@ -9,7 +9,7 @@ import typer
 
 from asvhil.commands.options import JsonOption
 from asvhil.commands.outputs import check_apart, check_json, check_picture, check_writable, write_json, writing
-from asvhil.commands.views import print_summary, progress, report_run, say, title_of
+from asvhil.commands.views import print_summary, progress, report_run, say, title_of, told_ticks
 from asvhil.errors import ConfigError
 from asvhil.files import replacement, write_text
 
@@ -60,13 +60,15 @@ def _report_page(logs: list[Path], html: Path | None, json_: Path | None, pictur
     with progress(console) as bar:
         task = bar.add_task("report: reading", total=len(logs) + (html is not None))
         for log, name in zip(logs, names, strict=True):
-            run = read_run(log)
+            run = read_run(log, on_tick=told_ticks(bar, task, f"report: reading {name}"))
             figures = summarise(run)
             reported.append(Reported(name=name, title=title_of(figures), run=run, figures=figures))
             bar.advance(task)
         if html is not None:
             bar.update(task, description="report: drawing")
-            page = report_page(*reported)
+            page = report_page(
+                *reported, on_figure=lambda name: bar.update(task, description=f"report: drawing {name}")
+            )
             with writing(html, "--html "):
                 write_text(html, page.html)
             for name, png in page.pictures:

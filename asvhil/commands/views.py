@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -183,11 +183,18 @@ def _shown(console: Any, columns: Sequence[Any]) -> Any:
     return PipedProgress(console)
 
 
+def told_ticks(bar: Any, task: Any, what: str) -> Callable[[int], None]:
+    """Tells a bar, which counts other things, the ticks too, now and then."""
+    return lambda ticks: bar.update(task, description=f"{what}, {ticks} ticks") if ticks % 50 == 0 else None
+
+
 def report_run(log: Path, json_file: Path | None, picture: Path | None, console: Any, wall_s: float | None) -> None:
     from asvhil.logs.run import read_run
     from asvhil.logs.summary import summarise
 
-    run_log = read_run(log)
+    with progress(console, spinner=True) as bar:
+        task = bar.add_task("report: reading", total=None)
+        run_log = read_run(log, on_tick=lambda ticks: bar.update(task, completed=ticks) if ticks % 50 == 0 else None)
     figures = summarise(run_log, wall_s)
     write_json(json_file, figures)
     print_summary(console, figures)

@@ -15,8 +15,8 @@ from asvhil.errors import AsvhilError, LogError
 from asvhil.files import whole_file
 from asvhil.geo import LocalFrame
 from asvhil.io.mavlink.frames import Parser, decode, dialect, message_id
+from asvhil.logs.chunk_records import LogChannel
 from asvhil.logs.encoding import decode_outputs
-from asvhil.logs.one_file import LogChannel
 from asvhil.logs.reader import LogFile, Timing, decode_timing
 from asvhil.logs.recorder import OUTPUTS_TOPIC, TIMING_TOPIC
 from asvhil.types import Outputs

@@ -17,7 +17,7 @@ from typing import Any
 from asvhil.backseat.build import build_backseat
 from asvhil.config import FaultConfig, PwmConfig
 from asvhil.controller.pwm import PulseLimiter
-from asvhil.errors import LogError
+from asvhil.errors import ConfigError, LogError
 from asvhil.logs.encoding import decode_outputs, encode_outputs, first_difference
 from asvhil.logs.fault_edits import FaultEdits
 from asvhil.logs.holds import PhaseSpans
@@ -110,6 +110,7 @@ def replay_with_faults(
     check_begin(log)
     config = config_of(log, path)
     edits = FaultEdits(faults, config)
+    _check_span(log, path, faults)
     pulses = RecordedPulses(config.vehicle.pwm)
     with recorded_model(log, path) as file:
         backseat = build_backseat(config, file, limiter=pulses)
@@ -154,6 +155,19 @@ def replay_with_faults(
         pulses_apart_us=apart_us,
         judged_to_s=judged_to_s,
     )
+
+
+def _check_span(log: LogFile, path: Path, faults: Sequence[FaultConfig]) -> None:
+    """ConfigError where a fault begins behind the log's end: known at once, and not after a replay."""
+    first_ns = next((inputs.t_ns for inputs, _ in log.ticks(up_to_gap=True)), None)
+    end_ns = log.end_ns()
+    if first_ns is None or end_ns is None:
+        return
+    lasts_s = (end_ns - first_ns) * 1e-9
+    for fault in faults:
+        if fault.from_s > lasts_s:
+            what = f"--fault {fault.kind}@{fault.from_s:g}: begins behind the end of {path}"
+            raise ConfigError(f"{what}; a time of 0 to {lasts_s:.1f} s is expected")
 
 
 def _kind_of(note: Note) -> tuple[str, str]:

@@ -12,40 +12,26 @@ import struct
 from collections.abc import Iterator
 from io import BytesIO
 from pathlib import Path
-from typing import BinaryIO, NamedTuple
+from typing import BinaryIO
 
 import zstandard
-from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
-from mcap.opcode import Opcode
-from mcap.records import Channel, Chunk, McapRecord, Message, Schema
+from mcap.records import Channel, Chunk, McapRecord, Message
 from mcap.stream_reader import MAGIC_SIZE, StreamReader, get_chunk_data_stream
 from mcap.writer import MCAP0_MAGIC
 
-from asvhil.config.ports import OPERATOR
 from asvhil.errors import LogError
 from asvhil.logs.beginning import Beginning
+from asvhil.logs.chunk_records import LogChannel, chunk_records, log_channel
 from asvhil.logs.metadata import LAYOUT, PROFILE, SEGMENT_RECORD, search_records
-from asvhil.logs.resync import RECORD_HEAD, behind_indexes, chunks_behind
+from asvhil.logs.resync import behind_indexes, chunks_behind
 from asvhil.logs.walk import Walk, walk_records
 
-_MESSAGE_HEAD = struct.Struct("<BQHIQQ")  # opcode, length; channel, sequence, log time, publish time
 COMPRESSIONS = ("zstd", "lz4", "")
-_MESSAGE, _CHANNEL, _SCHEMA = int(Opcode.MESSAGE), int(Opcode.CHANNEL), int(Opcode.SCHEMA)
 _UNKNOWN_SIZE = -1  # of a zstd frame that was written as a stream
 _CHUNK_MAX_BYTES = 256 * 1024 * 1024  # unpacked; a damaged size must not ask for all of the memory
 # What the package raises on damaged bytes. RuntimeError is lz4's, OverflowError that of a length beyond 2^63.
 _DAMAGE = (McapError, struct.error, ValueError, OverflowError, zstandard.ZstdError, RuntimeError, MemoryError)
-
-
-class LogChannel(NamedTuple):
-    """What a log says of a channel; without frames all but the topic are empty."""
-
-    topic: str
-    port: str
-    direction: str  # "in", "out", or empty where the channel holds no frames
-    peer: str
-    via: str
 
 
 class DamageError(LogError):
@@ -247,7 +233,7 @@ class OneFile:
                 if size not in (_UNKNOWN_SIZE, item.uncompressed_size):
                     raise ValueError("its two sizes differ")
             stream, size = get_chunk_data_stream(item, validate_crc=True)
-            return list(_records(stream.read(size)))
+            return list(chunk_records(stream.read(size)))
         except _DAMAGE as error:
             raise self.error(f"damaged ({error})", offset) from None
 
@@ -261,7 +247,7 @@ class OneFile:
                         if isinstance(item, Message):
                             yield channels[item.channel_id], item, offset
                         elif isinstance(item, Channel):
-                            channels[item.id] = _channel(item)
+                            channels[item.id] = log_channel(item)
         except OSError as error:
             raise LogError(f"{self.path}: cannot be read ({error.strerror})") from None
         except KeyError as error:
@@ -269,35 +255,14 @@ class OneFile:
         if self.gap:
             raise DamageError(str(self.damage))
 
+    def end_ns(self) -> int | None:
+        """The latest time in the last chunk; None of a file without a message there."""
+        times = [0]
+        with contextlib.suppress(LogError, OSError), self.path.open("rb") as file:
+            for offset, size in self._data[-1:]:
+                times += [item.log_time for item in self._contents(file, offset, size) if isinstance(item, Message)]
+        return max(times) or None
+
     def error(self, what: str, chunk_at: int) -> DamageError:
         """What is wrong in a chunk."""
         return DamageError(f"{self.path}: chunk at byte {chunk_at}: {what}")
-
-
-def _records(data: bytes) -> Iterator[McapRecord]:
-    """The records of an unpacked chunk. Messages are cut here: the package takes three times as long."""
-    at, size = 0, len(data)
-    while at < size:
-        opcode, length = RECORD_HEAD.unpack_from(data, at)
-        end = at + RECORD_HEAD.size + length
-        if end > size:
-            raise ValueError("a record is longer than its chunk")
-        if opcode == _MESSAGE:
-            _, _, channel_id, sequence, log_time, publish_time = _MESSAGE_HEAD.unpack_from(data, at)
-            content = data[at + _MESSAGE_HEAD.size : end]
-            yield Message(
-                channel_id=channel_id, data=content, log_time=log_time, publish_time=publish_time, sequence=sequence
-            )
-        elif opcode == _CHANNEL:
-            yield Channel.read(ReadDataStream(BytesIO(data[at + RECORD_HEAD.size : end])))
-        elif opcode == _SCHEMA:
-            yield Schema.read(ReadDataStream(BytesIO(data[at + RECORD_HEAD.size : end])))
-        at = end
-
-
-def _channel(declared: Channel) -> LogChannel:
-    values = declared.metadata
-    port, peer, via = values.get("port", ""), values.get("peer", ""), values.get("via")
-    if via is None and port == OPERATOR:  # of a log older than `via`
-        via, _, peer = peer.rpartition("|")
-    return LogChannel(declared.topic, port, values.get("direction", ""), peer, via or "")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import shlex
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -11,10 +12,11 @@ import msgspec
 from mcap.records import Channel, McapRecord, Message
 
 from asvhil.errors import LogError
+from asvhil.logs.chunk_records import LogChannel
 from asvhil.logs.encoding import decode_record
-from asvhil.logs.one_file import DamageError, LogChannel, OneFile
+from asvhil.logs.one_file import DamageError, OneFile
 from asvhil.logs.recorder import INPUTS_TOPIC, OUTPUTS_TOPIC, TIMING_TOPIC
-from asvhil.logs.segments import first_in, segment_path
+from asvhil.logs.segments import first_in, segment_path, segments_behind
 from asvhil.types import Frame, Inputs, record
 
 T = TypeVar("T")
@@ -77,6 +79,10 @@ class LogFile:
         """How many files there are."""
         return len(self._files)
 
+    def end_ns(self) -> int | None:
+        """The latest time at the end of the log, without a reading of the whole; None where it is not found."""
+        return self._files[-1].end_ns()
+
     def _damaged_records(self) -> dict[str, str]:
         """What is damaged before the data; of a record that another segment has intact, that one is taken."""
         first, *others = self._files
@@ -96,14 +102,27 @@ class LogFile:
             last = self._files[-1]
             path = segment_path(self.path, len(self._files))
             if not path.exists():
-                return f"{path}: is not there, and the run goes on in it" if last.goes_on_in else None
+                lost = f"{path}: is not there, and the run goes on in it"
+                return lost + self._left_out(last) if last.goes_on_in else None
             try:
                 file = OneFile(path)
             except LogError as error:
-                return str(error)
+                return str(error) + self._left_out(last)
             if file.segment.get("run") != last.segment.get("run"):
                 return f"{path}: is a log of another run" if last.goes_on_in else None
             self._files.append(file)
+
+    def _left_out(self, last: OneFile) -> str:
+        """The segments behind one that cannot be read, in words."""
+        names = []
+        for path in segments_behind(self.path, len(self._files)):
+            with contextlib.suppress(LogError):
+                if OneFile(path).segment.get("run") == last.segment.get("run"):
+                    names.append(path.name)
+        if not names:
+            return ""
+        those = names[0] if len(names) == 1 else f"{names[0]} to {names[-1]} ({len(names)} files)"
+        return f"; left out behind it: {those}, each readable by its own path"
 
     def ticks(
         self, on_timing: Callable[[Timing], None] = lambda timing: None, *, up_to_gap: bool = False
@@ -124,8 +143,7 @@ class LogFile:
                     yield inputs, None
                 tick += 1
                 if message.sequence != tick:
-                    why = "the disk stalled, or they were damaged and the log was recovered"
-                    gap = self._error(f"ticks {tick} to {message.sequence - 1} are missing ({why})", chunk_at)
+                    gap = self._error(_gap_words(tick, message.sequence), chunk_at)
                     if up_to_gap and tick > self.first_tick:
                         self.truncated, self.damage = True, str(gap)
                         return
@@ -214,6 +232,15 @@ class LogFile:
                 return file.error(what, chunk_at)
             chunk_at -= file.size
         return self._files[-1].error(what, chunk_at)
+
+
+def _gap_words(expected: int, found: int) -> str:
+    """What is wrong where a tick has another number than the one that is expected."""
+    if found < expected:
+        return f"tick {found} comes after tick {expected - 1}: another log, or a part of this one again, follows"
+    last = "" if found == expected + 1 else f" to {found - 1}"
+    what = f"ticks {expected}{last} are missing" if last else f"tick {expected} is missing"
+    return f"{what} (the disk stalled, or they were damaged and the log was recovered)"
 
 
 def _topic(channels: dict[int, Channel], message: Message) -> str:

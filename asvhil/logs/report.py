@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -40,13 +40,15 @@ class Report:
     pictures: tuple[tuple[str, bytes], ...]
 
 
-def report_page(first: Reported, second: Reported | None = None) -> Report:
-    """The page of one run, or of two with a comparison before them."""
+def report_page(
+    first: Reported, second: Reported | None = None, *, on_figure: Callable[[str], None] = lambda name: None
+) -> Report:
+    """The page of one run, or of two with a comparison before them; `on_figure` is told what is drawn next."""
     pictures: list[tuple[str, bytes]] = []
     sections = []
     both = [first] if second is None else [first, second]
     for number, reported in enumerate(both, 1):
-        drawn = report_figures(reported.run)
+        drawn = report_figures(reported.run, on_figure)
         suffix = f"-{number}" if second is not None else ""
         pictures += [(f"{figure.name}{suffix}", figure.png) for figure in drawn]
         sections.append(_section(reported, drawn))

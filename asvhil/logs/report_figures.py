@@ -49,23 +49,27 @@ class ReportFigure:
     png: bytes
 
 
-def report_figures(run: RunLog) -> list[ReportFigure]:
-    """All figures that a run has data for."""
-    captions = {
-        "track": "The way of the boat, with the stages of the procedure and predicted paths.",
-        "errors": "Errors to the station of each tick, while one is held; docking windows shaded.",
-        "docking": "Speed and rotation, with the limits of a docking window; docking windows shaded.",
-        "motors": "Commands of the controller, thrust by the boat's thrust curve, and pulses sent.",
-    }
-    draws = {"track": _track, "errors": _errors, "docking": _motion, "motors": _motors}
-    figures = [_made(name, caption, draws[name], run) for name, caption in captions.items()]
-    if len(run.wind):
-        figures.insert(2, _made("wind", f"Wind: where it came from, and over time ({_origin(run)}).", _wind, run))
-    if len(run.model_error):
-        caption = "Root mean square error of the model's prediction, one step and a horizon ahead."
-        figures.append(_made("model", caption, _model, run))
-    if len(run.step_ms):
-        figures.append(_made("timing", "What each step took, and its share of the tick.", _timing, run))
+def report_figures(run: RunLog, on_figure: Callable[[str], None] = lambda name: None) -> list[ReportFigure]:
+    """All figures that a run has data for; `on_figure` is told the name of each before it is drawn."""
+    wanted: list[tuple[str, str, Callable[[RunLog], Figure], bool]] = [
+        ("track", "The way of the boat, with the stages of the procedure and predicted paths.", _track, True),
+        ("errors", "Errors to the station of each tick, while one is held; docking windows shaded.", _errors, True),
+        ("wind", f"Wind: where it came from, and over time ({_origin(run)}).", _wind, len(run.wind) > 0),
+        ("docking", "Speed and rotation, with the limits of a docking window; docking windows shaded.", _motion, True),
+        ("motors", "Commands of the controller, thrust by the boat's thrust curve, and pulses sent.", _motors, True),
+        (
+            "model",
+            "Root mean square error of the model's prediction, one step and a horizon ahead.",
+            _model,
+            len(run.model_error) > 0,
+        ),
+        ("timing", "What each step took, and its share of the tick.", _timing, len(run.step_ms) > 0),
+    ]
+    figures = []
+    for name, caption, draw, has_data in wanted:
+        if has_data:
+            on_figure(name)
+            figures.append(_made(name, caption, draw, run))
     return figures
 
 

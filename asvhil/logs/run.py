@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections import Counter
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -109,13 +110,16 @@ class RunLog:
     damaged_records: tuple[str, ...] = ()  # of the log; the figures do not depend on them
 
 
-def read_run(path: Path, plan_every_s: float = 10.0) -> RunLog:
-    """Read a log into arrays. LogError where the file is no asvhil log or holds no tick."""
+def read_run(path: Path, plan_every_s: float = 10.0, on_tick: Callable[[int], None] = lambda ticks: None) -> RunLog:
+    """Read a log into arrays; `on_tick` is told how many ticks are read.
+
+    LogError where the file is no asvhil log or holds no tick."""
     log = LogFile(path)
     config = config_of(log, path, known_only=True)
     reader = RunReader(config, _decoder(log, path, config), plan_every_s)
     for inputs, recorded in log.ticks(reader.timing.append, up_to_gap=True):
         reader.tick(inputs, None if recorded is None else decode_outputs(recorded, path))
+        on_tick(reader.ticks)
     if not reader.ticks:
         raise LogError(f"{path}: holds no tick with outputs")
     return changed(reader.run(log.metadata), damage=log.damage, damaged_records=tuple(log.damaged.values()))

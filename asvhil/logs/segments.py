@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import glob
 import re
 from pathlib import Path
 
@@ -13,6 +14,16 @@ _FOLLOWS = re.compile(r"(.+)-([0-9]{3,}|recovered)")
 def segment_path(first: Path, number: int) -> Path:
     """The path of a segment by that of the first, whose number is 0."""
     return first if number == 0 else first.with_name(f"{first.stem}-{number:03d}{first.suffix}")
+
+
+def segments_behind(first: Path, number: int) -> list[Path]:
+    """The files with a later number than this one, in their order."""
+    found = {}
+    for path in first.parent.glob(f"{glob.escape(first.stem)}-*{first.suffix}"):
+        digits = path.stem.removeprefix(f"{first.stem}-")
+        if digits.isdigit() and int(digits) > number and path == segment_path(first, int(digits)):
+            found[int(digits)] = path
+    return [found[one] for one in sorted(found)]
 
 
 def first_in(path: Path) -> Path:

@@ -82,8 +82,8 @@ def further(config: str, *faults: str) -> list[Any]:
     return [pytest.param(config, fault, marks=pytest.mark.thorough) for fault in faults]
 
 
-def test_a_fault_that_never_comes_changes_no_byte(logs: Logs) -> None:
-    found = reaction(logs("sitl"), "gnss-jump@900:5s")
+def test_a_fault_after_the_last_fix_changes_no_byte(logs: Logs) -> None:
+    found = reaction(logs("sitl"), "gnss-jump@32.09:5s")
     assert found.ticks == 643 and found.edited == 0 and found.first_difference is None
     assert found.holds == found.recorded_holds and len(found.holds) == 1
     assert found.notes == () and found.pulses_apart_us == 0 and found.judged_to_s is None
@@ -185,3 +185,11 @@ def test_the_command_tells_and_writes_it(logs: Logs, tmp_path: Path) -> None:
 def test_a_telemetry_log_takes_no_faults() -> None:
     result = CliRunner().invoke(app, ["replay", "--tlog", "x.tlog", "--fault", "gnss@5"])
     assert result.exit_code != 0 and "--fault goes with an MCAP log" in str(result.exception or result.output)
+
+
+def test_a_fault_behind_the_end_of_the_log_is_refused_at_once(logs: Logs) -> None:
+    path = logs("sitl")
+    with pytest.raises(
+        ConfigError, match=r"--fault gnss-jump@600: begins behind the end of .*log\.mcap; a time of 0 to"
+    ):
+        replay_with_faults(path, [parse_fault("gnss-jump@600:5s:20m")], lambda ticks: pytest.fail("replayed"))

@@ -20,13 +20,13 @@ def lines_of(work: int, total: float | None, monkeypatch: pytest.MonkeyPatch) ->
     return out.getvalue().splitlines()
 
 
-def test_a_line_every_ten_seconds(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert lines_of(25, 50, monkeypatch) == ["drive [1/2]: 20 %", "drive [1/2]: 40 %"]
-    assert lines_of(12, None, monkeypatch) == ["drive [1/2]: 10"]
+def test_a_line_after_two_seconds_and_then_every_ten(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert lines_of(25, 50, monkeypatch) == ["drive [1/2]: 4 %", "drive [1/2]: 24 %", "drive [1/2]: 44 %"]
+    assert lines_of(11, None, monkeypatch) == ["drive [1/2]: 2"]
 
 
 def test_what_is_quickly_done_says_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert lines_of(9, 9, monkeypatch) == []
+    assert lines_of(1, 1, monkeypatch) == []
     out = io.StringIO()
     with stage_bar(Console(file=out)) as bar:
         bar.update(bar.add_task("ports"), description="parameters")

@@ -156,3 +156,11 @@ def test_a_copy_that_is_not_what_was_written_is_refused(
     with pytest.raises(LogError, match=r"damaged|is the disk sound"):
         recover(source, target)
     assert [path.name for path in tmp_path.iterdir()] == ["a.mcap"]
+
+
+def test_a_log_with_itself_behind_it_is_not_called_one_with_missing_ticks(whole: bytes, tmp_path: Path) -> None:
+    source = tmp_path / "twice.mcap"
+    source.write_bytes(whole + whole)
+    twice = recover(source, tmp_path / "again.mcap", behind_damage=True)
+    with pytest.raises(LogError, match=rf"tick 1 comes after tick {TICKS}: another log, or a part of this one again"):
+        list(LogFile(twice.path).ticks())

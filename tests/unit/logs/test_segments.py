@@ -150,11 +150,15 @@ def test_ticks_lost_in_the_middle_end_the_log_there(tmp_path: Path) -> None:
 @pytest.mark.parametrize("missing", [1, -1])
 def test_a_segment_that_was_left_behind_is_told(tmp_path: Path, missing: int) -> None:
     path = record(tmp_path / "log.mcap")
-    gone = files_of(path)[missing]
+    files = files_of(path)
+    gone = files[missing]
     first = ticks_of(gone)[0]
     gone.unlink()
     log = LogFile(path)
-    assert log.truncated and log.damage == f"{gone}: is not there, and the run goes on in it"
+    behind = files[2:] if missing == 1 else []
+    those = f"{behind[0].name} to {behind[-1].name} ({len(behind)} files)" if behind else ""
+    left = f"; left out behind it: {those}, each readable by its own path" if behind else ""
+    assert log.truncated and log.damage == f"{gone}: is not there, and the run goes on in it{left}"
     assert len(list(log.ticks())) == first - 1
     told = log_info(path)
     assert not told["whole"] and str(gone) in told["damage"][-1]
