@@ -10,13 +10,17 @@ from pathlib import Path
 
 import pytest
 
+from asvhil.commands.outputs import write_json
 from asvhil.config import load_config
 from asvhil.errors import AsvhilError, ConfigError, LogError
 from asvhil.logs.opening import log_metadata
 from asvhil.logs.reader import LogFile
 from asvhil.logs.recorder import Recorder
 from asvhil.logs.replay import config_of, replay
-from tests.support.log_samples import record_ticks
+from asvhil.logs.run import read_run
+from asvhil.logs.summary import summarise
+from asvhil.types import changed
+from tests.support.log_samples import record_ticks, sample_inputs, sample_outputs
 
 
 def made(path: Path, metadata: dict[str, dict[str, str]]) -> Path:
@@ -70,3 +74,28 @@ def test_a_model_that_is_none_is_named_by_its_log(tmp_path: Path) -> None:
     with pytest.raises(AsvhilError) as caught:
         replay(path)
     assert f"{path} (model record)" in str(caught.value) and "/tmp/tmp" not in str(caught.value)
+
+
+def test_a_hold_without_a_station_gives_valid_json(tmp_path: Path) -> None:
+    path, file = tmp_path / "a.mcap", tmp_path / "a.json"
+    metadata = log_metadata(load_config("sitl"), "lockstep")
+    recorder = Recorder(path, metadata=metadata, chunk_kib=16, sync_period_s=1.0, threaded=False)
+    for tick in range(40):
+        recorder.write_inputs(sample_inputs(tick))
+        recorder.write_outputs(changed(sample_outputs(tick), station=None))
+    recorder.close()
+    figures = summarise(read_run(path))
+    assert [hold["stations"] for hold in figures["holds"]] == [1]
+    write_json(file, figures)
+
+    def refuse(word: str) -> None:
+        raise AssertionError(word)
+
+    tree = json.loads(file.read_text(), parse_constant=refuse)
+    assert tree["estimated"]["distance_m"]["mean"] is None
+
+
+def test_numbers_that_json_has_not_are_null(tmp_path: Path) -> None:
+    file = tmp_path / "a.json"
+    write_json(file, {"a": [1.5, float("nan"), {"b": float("-inf")}], "c": (float("inf"), None, True)})
+    assert json.loads(file.read_text()) == {"a": [1.5, None, {"b": None}], "c": [None, None, True]}
