@@ -130,11 +130,12 @@ def _simulated_arduino(
 
 def _check_course(config: Config) -> None:
     """ConfigError where the station is to move faster than this boat's may."""
+    from asvhil.config.single import told
     from asvhil.supervisor.station_motion import fastest_mps
 
     at, most_mps = config.supervisor.station, fastest_mps(config.believed_vessel, config.supervisor.moving)
     if at is not None and at.speed_mps > most_mps:
         raise ConfigError(
             f"key supervisor.station.speed_mps: {at.speed_mps:g} m/s, and a station of this boat moves at "
-            f"{most_mps:.2f} m/s at most (supervisor.moving.max_speed_mps, and half of the thrust)"
+            f"{told(most_mps):.2f} m/s at most (supervisor.moving.max_speed_mps, and half of the thrust)"
         )

@@ -19,6 +19,7 @@ from typing import Any, Generic, TypeVar, get_args
 
 from pydantic import BaseModel
 
+from asvhil.config.single import clipped, within
 from asvhil.errors import ConfigError, meant
 from asvhil.types import record
 
@@ -82,11 +83,11 @@ class OperatorParameter:
 
     def allows(self, value: float) -> bool:
         """Whether a value of the link is one that may be set; a NaN is not."""
-        return self.least <= value <= self.most and (not self.choices or value == int(value))
+        return within(value, self.least, self.most) and (not self.choices or value == int(value))
 
     def from_link(self, value: float) -> float | str:
         """An allowed value of the link as the config has it."""
-        return self.choices[int(value)] if self.choices else value * self.scale
+        return self.choices[int(value)] if self.choices else clipped(value, self.least, self.most) * self.scale
 
     @property
     def range(self) -> str:

@@ -6,37 +6,25 @@ import math
 from collections.abc import Callable
 
 from asvhil.config import MovingConfig
+from asvhil.config.single import clipped, told, within
 from asvhil.config.vehicle import VesselConfig
 from asvhil.geo import body_to_ned
+from asvhil.supervisor.leader_report import LeaderReport, Place, carried, mean_velocity, slower
 from asvhil.supervisor.reasons import Explanation, Reason, describe, explain
-from asvhil.types import CourseCommand, Note, Station, changed, record
+from asvhil.types import CourseCommand, Note, Station, changed
 
 SUBJECT = "moving station"
 LONGEST_TICK_S = 1.0  # a longer time between two ticks is a pause, in which the station stays
 TOLD_EVERY_NS = 10_000_000_000  # the velocity of a leader, which changes with every message
 CATCH_UP_S = 2.0  # time constant with which the station follows where a leader says that it is
 COURSE_LEAST_MPS = 0.1  # a leader that is slower has no course of its own
-COURSE_TIME_S = 5.0  # time constant of the mean velocity that its course is of
 SHARE = 0.5  # of the thrust ahead, which a station's speed may take: the rest is for the weather
-FLOAT_SHARE = 1e-6  # by which a 32-bit float of the link may tell the fastest speed itself as a faster one
 BACK = 0.5  # of the distance at which a station waits: from there it goes on
-Place = tuple[float, float]
 
 
 def fastest_mps(vessel: VesselConfig, config: MovingConfig) -> float:
     """How fast a station may be: as the config says, and where SHARE of the thrust balances the drag ahead."""
     return min(config.max_speed_mps, vessel.speed_ahead_mps(SHARE))
-
-
-@record
-class LeaderReport:
-    """Where a leader is, or a set-point with a velocity has the station, at a time, and its velocity (NED)."""
-
-    t_ns: int
-    n_m: float
-    e_m: float
-    vn_mps: float
-    ve_mps: float
 
 
 class StationMotion:
@@ -84,9 +72,9 @@ class StationMotion:
     def choose(self, command: CourseCommand) -> Explanation | None:
         """Another speed, course, way or leader; what is None stays. Returns None, or why not."""
         if command.speed_mps is not None:
-            if not 0.0 <= command.speed_mps <= self._most_mps * (1.0 + FLOAT_SHARE):  # a NaN is not
-                return explain(Reason.STATION_TOO_FAST, speed=command.speed_mps, most=self._most_mps)
-            self.speed_mps = min(command.speed_mps, self._most_mps)
+            if not within(command.speed_mps, 0.0, self._most_mps):
+                return explain(Reason.STATION_TOO_FAST, speed=command.speed_mps, most=told(self._most_mps))
+            self.speed_mps = clipped(command.speed_mps, 0.0, self._most_mps)
             self._forget_leader(0)
             self._trouble = None
         if command.course_rad is not None:
@@ -151,7 +139,7 @@ class StationMotion:
         jump_m = self._jump_m(report)
         if jump_m > self._config.jump_m:
             return explain(Reason.LEADER_JUMPED, metres=jump_m, most=self._config.jump_m)
-        mean = _mean_velocity(self._mean, _slower(report, self._most_mps))  # one wrong velocity turns it for seconds
+        mean = mean_velocity(self._mean, slower(report, self._most_mps))  # one wrong velocity turns it for seconds
         course_rad = self._course_of_leader_rad
         if math.hypot(mean.vn_mps, mean.ve_mps) >= COURSE_LEAST_MPS:
             course_rad = math.atan2(mean.ve_mps, mean.vn_mps)
@@ -162,7 +150,7 @@ class StationMotion:
         self.speed_mps, self.way_m = 0.0, None
         self._report, self._mean, self._course_of_leader_rad, self._offset = report, mean, course_rad, offset
         self._refused = None
-        faster = math.hypot(report.vn_mps, report.ve_mps) > self._most_mps
+        faster = not within(math.hypot(report.vn_mps, report.ve_mps), 0.0, self._most_mps)
         self._trouble = f"{self._name} faster than {self._most_mps:.1f} m/s" if faster else None
         return None
 
@@ -172,7 +160,7 @@ class StationMotion:
         # A leader that is followed is where it was left; a stream of set-points that comes again is another one.
         if before is None or not (self.leader or self._is_fresh(report.t_ns)):
             return 0.0
-        there = _carried(before, min(report.t_ns, self._fresh_until_ns(before)))
+        there = carried(before, min(report.t_ns, self._fresh_until_ns(before)))
         places = there, (before.n_m, before.e_m)  # one wrong velocity does not lose it
         return min(math.hypot(report.n_m - n_m, report.e_m - e_m) for n_m, e_m in places)
 
@@ -230,8 +218,8 @@ class StationMotion:
         if not self._is_fresh(self._t_ns):
             self._tell_silence()
             return changed(station, vn_mps=0.0, ve_mps=0.0)
-        report = _slower(report, self._most_mps)
-        n_m, e_m = _carried(report, self._t_ns)
+        report = slower(report, self._most_mps)
+        n_m, e_m = carried(report, self._t_ns)
         n_m, e_m = n_m + self._offset[0], e_m + self._offset[1]
         gain = elapsed_s / (elapsed_s + CATCH_UP_S)
         step_n = report.vn_mps * elapsed_s + gain * (n_m - station.n_m - report.vn_mps * elapsed_s)
@@ -274,29 +262,3 @@ class StationMotion:
             after = f", after system {self.leader}" if self.leader else ""
             self._told, self._told_ns = f"{speed_mps:.2g} m/s toward {course_deg:.0f}{after}", self._t_ns
         return (Note(subject=SUBJECT, text=self._told, ok=True),)
-
-
-def _slower(report: LeaderReport, most_mps: float) -> LeaderReport:
-    """The same, at no more than a speed."""
-    speed_mps = math.hypot(report.vn_mps, report.ve_mps)
-    if speed_mps <= most_mps:
-        return report
-    share = most_mps / speed_mps
-    return changed(report, vn_mps=report.vn_mps * share, ve_mps=report.ve_mps * share)
-
-
-def _mean_velocity(before: LeaderReport | None, report: LeaderReport) -> LeaderReport:
-    """A report with the velocity's exponential mean: a leader nearly at rest has noise for a course."""
-    if before is None:
-        return report
-    elapsed_s = max((report.t_ns - before.t_ns) * 1e-9, 0.0)
-    gain = elapsed_s / (elapsed_s + COURSE_TIME_S)
-    vn_mps = before.vn_mps + gain * (report.vn_mps - before.vn_mps)
-    ve_mps = before.ve_mps + gain * (report.ve_mps - before.ve_mps)
-    return changed(report, vn_mps=vn_mps, ve_mps=ve_mps)
-
-
-def _carried(report: LeaderReport, t_ns: int) -> Place:
-    """Where a report has the station by then."""
-    elapsed_s = (t_ns - report.t_ns) * 1e-9
-    return report.n_m + report.vn_mps * elapsed_s, report.e_m + report.ve_mps * elapsed_s

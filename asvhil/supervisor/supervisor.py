@@ -10,11 +10,12 @@ from asvhil.supervisor.arming_help import ArmingHelp
 from asvhil.supervisor.conditions import Conditions
 from asvhil.supervisor.decision import Decision, Request
 from asvhil.supervisor.heading_policy import HeadingPolicy
+from asvhil.supervisor.leader_report import LeaderReport
 from asvhil.supervisor.mode_request import ModeRequest
 from asvhil.supervisor.pilot_watch import PilotWatch
 from asvhil.supervisor.reasons import Explanation, Reason, explain
 from asvhil.supervisor.situation import Situation
-from asvhil.supervisor.station_motion import LeaderReport, StationMotion
+from asvhil.supervisor.station_motion import StationMotion
 from asvhil.supervisor.stations import (
     is_another,
     is_turned,

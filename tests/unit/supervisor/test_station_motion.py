@@ -1,13 +1,14 @@
 """A station that moves: on a course, after a leader, and when it stays."""
 
 import math
+import struct
 from dataclasses import replace
 
 import pytest
 
 from asvhil.config import MovingConfig, StationConfig, SupervisorConfig, load_config
-from asvhil.supervisor.reasons import Reason, explain
-from asvhil.supervisor.station_motion import SHARE, SUBJECT, fastest_mps
+from asvhil.supervisor.reasons import Reason, describe, explain
+from asvhil.supervisor.station_motion import SHARE, SUBJECT, StationMotion, fastest_mps
 from asvhil.types import CourseCommand, HoldCommand, LeaderMessage, MoveCommand, Phase, Station
 from tests.support.supervisor_bench import ESTIMATE, FRAME, SupervisorBench
 
@@ -68,6 +69,25 @@ def test_a_course_moves_the_station_and_tells_so() -> None:
     assert bench.course(speed_mps=0.0) is None
     station = bench.wait(0.1)
     assert not station.moves and bench.wait(5.0) == station and bench.note is None
+
+
+@pytest.mark.parametrize("most", [0.8, 0.7, 0.3])
+def test_the_greatest_speed_is_allowed_as_the_link_brings_it(most: float) -> None:
+    bench = Moving(moving=MovingConfig(max_speed_mps=most))
+    (sent,) = struct.unpack("<f", struct.pack("<f", most))
+    assert bench.course(speed_mps=sent) is None
+    assert bench.step().course.speed_mps == pytest.approx(most, abs=1e-7) and bench.step().course.speed_mps <= most
+    assert bench.course(speed_mps=most + 1e-4) == explain(Reason.STATION_TOO_FAST, speed=most + 1e-4, most=most)
+    bench.course(leader=42)
+    bench.led(2.0, 0.0, sent)
+    assert (bench.note or "").endswith("after system 42"), "not faster than it may be"
+
+
+def test_the_speed_that_a_refusal_names_is_allowed() -> None:
+    motion = StationMotion(MovingConfig(), 0.7366)
+    refusal = motion.choose(CourseCommand(t_ns=1, speed_mps=0.74))
+    assert refusal is not None and "0.73 m/s at most" in describe(refusal)
+    assert motion.choose(CourseCommand(t_ns=1, speed_mps=0.73)) is None
 
 
 def test_a_new_hold_rests_and_a_move_goes_on() -> None:

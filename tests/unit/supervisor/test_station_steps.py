@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from asvhil.config import MovingConfig
+from asvhil.supervisor.leader_report import LeaderReport
 from asvhil.supervisor.reasons import Explanation, Reason, explain
-from asvhil.supervisor.station_motion import SUBJECT, LeaderReport, StationMotion
+from asvhil.supervisor.station_motion import SUBJECT, StationMotion
 from asvhil.types import CourseCommand, Note, Station
 
 S = 1_000_000_000
