@@ -193,7 +193,8 @@ class FrontseatStatus:
     sticks (`motor_channels`) command, and what their outputs do, however the boat is wired; None: not reported.
     `centres_us` is where those sticks rest, as RC values. `receiver_ignored`: a transmitter has no effect, heard or
     not. `keeps_override`: no receiver takes the place of an override that has ended, and its last value stands.
-    `rc_ns` and `outputs_ns` are when the values came; 0: never. `arming_fault`: why it would not arm, by the
+    `rc_ns` and `outputs_ns` are when the values came; 0: never. `disarmed_itself`: why the autopilot has disarmed
+    without anybody's doing, empty where it has not, as far as it tells. `arming_fault`: why it would not arm, by the
     autopilot's own words; empty where it would, or is armed, or nothing is known. `battery_percent`: of the charge;
     `battery_a`: the current that is drawn; `battery_ns`: when they came, 0: never; `batteries`: each by itself, summed;
     `battery_complaint`: what is wrong with which of them by the autopilot's judgement, empty where nothing is;
@@ -215,6 +216,7 @@ class FrontseatStatus:
     rc_ns: int = 0
     outputs_ns: int = 0
     radio: Radio = Radio.UNKNOWN
+    disarmed_itself: str = ""
     arming_fault: str = ""
     battery_v: float | None = None
     battery_percent: float | None = None

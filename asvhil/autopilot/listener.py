@@ -176,7 +176,7 @@ class AutopilotListener:
         if not self._identity.on_heartbeat(t_ns, m):
             return ()
         self.autopilot_heartbeat_ns = t_ns
-        if self._vehicle.on_heartbeat(m):
+        if self._vehicle.on_heartbeat(t_ns, m):
             self.parameters.forget()  # an ArduRover sets the defaults of some last
         if not self._vehicle.armed:
             self._output.on_disarmed(t_ns)
@@ -206,6 +206,8 @@ class AutopilotListener:
             self._timesync.restart()
             self.parameters.restart()
             self._output.on_connect(t_ns)
+        else:
+            self._vehicle.disarming.note_clock()
         self._boot_ms[msg_id] = boot_ms
 
     # --- what is known of it -------------------------------------------------------------------------------

@@ -27,6 +27,7 @@ class MotorCheck:
         self._tolerate = frozenset(tolerate)
         self._driving_ns: int | None = None
         self._unread = False
+        self._armed = True  # as last told
         self._found: Explanation | None = None  # by the readback, last
         # What follows from which findings: a fault, and what to tell. Each parameter that is read makes a new list.
         self._judged: tuple[list[Finding], Explanation | None, str] = ([], None, "")
@@ -34,6 +35,7 @@ class MotorCheck:
 
     def on_status(self, status: FrontseatStatus) -> None:
         """A report of the autopilot."""
+        self._armed = status.armed
         self._readback.on_status(status)
 
     def on_station_sticks(self, sticks: StationSticks) -> None:
@@ -49,7 +51,8 @@ class MotorCheck:
         if fault is not None:
             bend = self._tolerated_bend() if fault.cause is Cause.UNEXPLAINED else None
             tolerated = bend is not None or fault.cause in self._tolerate
-            self._found = self._explain(fault) if bend is None else _explain_bend(bend)
+            if not self._may_be_disarmed(fault):  # of which nobody is told as of a fault
+                self._found = self._explain(fault) if bend is None else _explain_bend(bend)
         elif self._readback.follows:
             self._found = None  # until then what was found last stays in the notes
         ends = fault is not None and not tolerated and self._driving_ns is not None and not self._may_be_disarmed(fault)
@@ -91,7 +94,9 @@ class MotorCheck:
         return tuple(found)
 
     def _may_be_disarmed(self, fault: Fault) -> bool:
-        """Outputs that stand still, and no heartbeat since, as on a lossy link: it would say whether it is armed."""
+        """Disarmed; or outputs that stand still, and no heartbeat since that would say so, as on a lossy link."""
+        if not self._armed:
+            return True
         beat_ns = self._autopilot.autopilot_heartbeat_ns
         return fault.cause is Cause.STUCK and beat_ns is not None and beat_ns < self._readback.differing_ns
 

@@ -8,6 +8,7 @@ from typing import Any
 
 from asvhil.autopilot.arming_checks import ArmingChecks
 from asvhil.autopilot.batteries import FORGOTTEN_NS, Batteries, charge
+from asvhil.autopilot.disarming import Disarming
 from asvhil.autopilot.motor_outputs import IGNORE_CHANNEL
 from asvhil.autopilot.parameter_watch import ParameterWatch
 from asvhil.autopilot.transmitter import Transmitter
@@ -41,6 +42,7 @@ class VehicleStatus:
         self.arming_fault = ""
         self.transmitter = Transmitter()
         self.arming_checks = ArmingChecks()
+        self.disarming = Disarming()
         self._rc_us: tuple[int, ...] = ()
         self._outputs_us: tuple[int, ...] = ()
         self._sticks_us: Pulses | None = None
@@ -59,6 +61,7 @@ class VehicleStatus:
         self._estimator_ns = None
         self.transmitter.restart()
         self.arming_checks.restart()
+        self.disarming.restart()
         self._batteries.restart()
 
     def note_estimator(self, t_ns: int, *, position: bool, attitude: bool) -> None:
@@ -114,6 +117,7 @@ class VehicleStatus:
             rc_ns=self._rc_ns,
             outputs_ns=self._outputs_ns,
             radio=self.transmitter.radio,
+            disarmed_itself=self.disarming.itself,
             arming_fault="" if self.armed else self.arming_fault,
             battery_v=self._battery_v if is_fresh else None,
             battery_percent=min((percent for percent in charges if percent is not None), default=None),
@@ -126,9 +130,10 @@ class VehicleStatus:
         )
         return (status,)
 
-    def on_heartbeat(self, m: Any) -> bool:
+    def on_heartbeat(self, t_ns: int, m: Any) -> bool:
         """Take in mode and arming. Whether the set-up after a boot has ended."""
         self.armed = bool(m.base_mode & dialect.MAV_MODE_FLAG_SAFETY_ARMED)
+        self.disarming.on_heartbeat(t_ns, armed=self.armed)
         self.mode = self._mode_names.get(m.custom_mode, f"MODE_{m.custom_mode}")
         was_booting, self.booting = self.booting, m.system_status in BOOTING
         return was_booting and not self.booting
@@ -176,4 +181,6 @@ class VehicleStatus:
     def on_text(self, t_ns: int, m: Any) -> Sequence[FrontseatStatus]:
         """STATUSTEXT."""
         self.arming_checks.on_text(t_ns, m)
+        if self.disarming.on_text(t_ns, m):
+            self.armed = False  # its heartbeat says so up to a second later
         return self.status(t_ns)

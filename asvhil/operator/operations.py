@@ -8,6 +8,7 @@ from typing import Any
 
 from asvhil.geo import wrap_rad
 from asvhil.io.sensors.sources import Switch
+from asvhil.operator.drift import DriftWatch
 from asvhil.operator.remarks import Remarks
 from asvhil.operator.reports import NOTICE, WARNING, OperatorReport
 from asvhil.operator.session import OperatorRequest, OperatorSession
@@ -20,6 +21,7 @@ from asvhil.operator.station_parameters import (
 )
 from asvhil.operator.tunables import Tunables
 from asvhil.supervisor.decision import Decision, Request
+from asvhil.supervisor.disarmed import BY_ITSELF
 from asvhil.supervisor.reasons import Explanation, Reason, describe, explain
 from asvhil.supervisor.situation import Situation
 from asvhil.types import (
@@ -34,12 +36,6 @@ from asvhil.types import (
     Wind,
     record,
 )
-
-# Whoever ended the hold so has the motors, or nobody wants them to turn.
-ENDED_BY_PEOPLE = {
-    *(Reason.RELEASED, Reason.DISARMED, Reason.MODE_CHANGED, Reason.STICK_MOVED, Reason.STATION_STICK),
-    *(Reason.OVERRIDE_NOT_FOLLOWED, Reason.TRANSMITTER_HEARD),
-}
 
 
 @record
@@ -81,7 +77,8 @@ class Operations:
         self._notes: tuple[Note, ...] = ()
         self._remarks = Remarks()
         self._control: Control | None = None
-        self._adrift_in: str | None = None  # the autopilot's mode when a failure had ended the hold
+        self._drift = DriftWatch()
+        self._named = False  # the reason of this phase is told of an autopilot that has disarmed by itself
 
     def receive(self, frame: Frame) -> None:
         """Take in a frame of the operator's port."""
@@ -125,8 +122,9 @@ class Operations:
             self._control = None
         elif control is not None:
             self._control = control
-        self._watch_for_drift(situation, decision)
-        if decision.phase is not self._phase:
+        self._drift.step(situation.status, decision)
+        named, self._named = self._named, decision.why.reason in BY_ITSELF
+        if decision.phase is not self._phase or (self._named and not named):  # which it may tell after the hold's end
             self._phase = decision.phase
             self._session.tell(t_ns, NOTICE, f"{decision.phase}: {describe(decision.why)}")
         for switch in switches:
@@ -174,7 +172,7 @@ class Operations:
         station, point, estimate, frame = decision.station, decision.point, situation.estimate, situation.frame
         known: dict[str, Any] = {"phase": decision.phase, "solve_ms": self._session.solve_ms}
         known |= {"why": decision.why, "notes": self._notes, "computer": self._session.computer}
-        known |= {"adrift": self._adrift_in is not None}
+        known |= {"adrift": self._drift.adrift}
         known |= {"docking": readings.docking, "energy": readings.energy}
         if self._control is not None:
             known |= {"iterations": float(self._control.iterations), "control_ok": self._control.ok}
@@ -209,14 +207,3 @@ class Operations:
             origin_deg=None if frame is None else (frame.lat_deg, frame.lon_deg),
             **known,
         )
-
-    def _watch_for_drift(self, situation: Situation, decision: Decision) -> None:
-        """Whether a failure has ended the hold, and the pilot has neither disarmed nor chosen a mode since."""
-        status = situation.status
-        held = self._phase in (Phase.HOLD, Phase.FAILSAFE)
-        if decision.phase is not Phase.STANDBY:
-            self._adrift_in = None
-        elif held and decision.why.reason not in ENDED_BY_PEOPLE:
-            self._adrift_in = status.mode if status is not None else ""
-        elif status is not None and (not status.armed or status.mode != self._adrift_in):
-            self._adrift_in = None

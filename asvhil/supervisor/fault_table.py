@@ -210,7 +210,14 @@ SECTIONS: dict[str, tuple[FaultRow, ...]] = {
         _row(
             "autopilot reboots",
             "its heartbeat and the time since its boot",
-            *(NEUTRAL, 3.0, (*_LINK, Reason.DISARMED, Reason.MODE_CHANGED)),
+            *(NEUTRAL, 3.0, (*_LINK, Reason.DISARMED, Reason.AUTOPILOT_REBOOTED)),
+        ),
+        _row(
+            "its fail-safe disarms",
+            "what it says of it, as where our commands do not get through",
+            *(NEUTRAL, 3.0, (Reason.AUTOPILOT_DISARMED,)),
+            told="EMERGENCY in our heartbeat",
+            proof="tests/loop/test_disarmed_by_itself.py",
         ),
         _row("its fail-safe changes the mode", "mode in its heartbeat", RELEASE, 0.3, (Reason.MODE_CHANGED,)),
         _row(

@@ -6,6 +6,7 @@ from collections import deque
 from collections.abc import Sequence
 
 from asvhil.config import SupervisorConfig
+from asvhil.supervisor.disarmed import disarmed_by_itself
 from asvhil.supervisor.reasons import Explanation, Reason, explain
 from asvhil.supervisor.situation import MotorPulses, StationSticks
 from asvhil.types import FrontseatStatus, Radio
@@ -62,7 +63,7 @@ class PilotWatch:
         if status is None:
             return None
         if not status.armed:
-            return explain(Reason.DISARMED)
+            return disarmed_by_itself(status) or explain(Reason.DISARMED)
         if status.mode != self._config.control_mode:
             return explain(Reason.MODE_CHANGED, mode=status.mode)
         theirs = self.station_stick(status, heard)

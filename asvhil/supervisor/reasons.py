@@ -45,6 +45,8 @@ class Reason(enum.StrEnum):
     TRANSMITTER_LOST = "transmitter-lost"
     STATION_LOST = "station-lost"
     NEUTRAL_ENDED = "neutral-ended"
+    AUTOPILOT_DISARMED = "autopilot-disarmed"
+    AUTOPILOT_REBOOTED = "autopilot-rebooted"
     # Why a hold is refused
     NO_HEARTBEAT = "no-heartbeat"
     NOT_ARMED = "not-armed"
@@ -172,6 +174,15 @@ WORDS: Mapping[Reason, Words] = {
     Reason.HEARTBEAT_LOST: Words(
         text="autopilot heartbeat lost",
         remedy="Look at the cable, baud rate and power of the autopilot link; then send a hold command.",
+    ),
+    Reason.AUTOPILOT_DISARMED: Words(
+        text="autopilot disarmed by itself: {why}",
+        remedy="After a fail-safe look at the link to the autopilot: it hears us no more, or its pilot. Then arm the "
+        "vehicle and send a hold command.",
+    ),
+    Reason.AUTOPILOT_REBOOTED: Words(
+        text="autopilot rebooted: it is disarmed",
+        remedy="Look at its power supply. Once it is ready, arm the vehicle and send a hold command.",
     ),
     Reason.MODE_UNKNOWN: Words(
         text="mode and arming are not told",

@@ -9,6 +9,7 @@ from asvhil.config import SupervisorConfig
 from asvhil.supervisor.arming_help import ArmingHelp
 from asvhil.supervisor.conditions import Conditions
 from asvhil.supervisor.decision import Decision, Request
+from asvhil.supervisor.disarmed import BY_ITSELF, cause_of_end
 from asvhil.supervisor.heading_policy import HeadingPolicy
 from asvhil.supervisor.leader_report import LeaderReport
 from asvhil.supervisor.mode_request import ModeRequest
@@ -398,9 +399,11 @@ class Supervisor:
             self._let_go(explain(Reason.TRANSMITTER_LOST), neutral_first=True)
             return True
         if act is not None:
-            self._pilot_ns = t_ns
-            # Where the station's messages and ours set the same channels, ours would stand until its next one.
-            self._let_go(act, neutral_first=act.reason is Reason.STATION_STICK)
+            by_itself = act.reason in BY_ITSELF
+            self._pilot_ns = self._pilot_ns if by_itself else t_ns
+            # Where the station's messages and ours set the same channels, ours would stand until its next one. And what
+            # nobody has taken is left at neutral: it may be armed again.
+            self._let_go(act, neutral_first=by_itself or act.reason is Reason.STATION_STICK)
             return True
         ends = situation.stranger or self._conditions.lost_station(situation) or situation.fault or situation.motion
         ends = ends or self._conditions.left_fence(situation)
@@ -437,14 +440,18 @@ class Supervisor:
     def _name_the_end(self, situation: Situation, *, was_held: bool) -> None:
         """A second vehicle may end a hold by what it says of itself, before it is known for another one.
 
-        Its heartbeat that says "disarmed" could be the pilot's word, and is not waited on; the reason follows.
+        Its heartbeat that says "disarmed" could be the pilot's word, and is not waited on; the reason follows. So does
+        that of an autopilot that has disarmed by itself or rebooted, which may tell why after its outputs have stopped.
         """
         if self._phase is not Phase.STANDBY or self._why.reason is Reason.RELEASED:
             self._ended_ns = None
             return
         if was_held:
             self._ended_ns = situation.t_ns
-        if self._ended_ns is None or situation.stranger is None:
+        if self._ended_ns is None:
+            return
+        self._why = cause_of_end(self._why, situation.t_ns - self._ended_ns, situation.status) or self._why
+        if situation.stranger is None:
             return
         if situation.t_ns - self._ended_ns <= NAMED_LATER_NS:
             self._why = situation.stranger

@@ -12,7 +12,7 @@ from asvhil.supervisor.decision import Decision
 from asvhil.supervisor.reasons import Explanation, Reason, explain
 from asvhil.supervisor.situation import StationSticks
 from asvhil.supervisor.supervisor import NAMED_LATER_NS, RELEASE_REPEATS
-from asvhil.types import Phase, Radio
+from asvhil.types import FrontseatStatus, Phase, Radio
 from tests.support.supervisor_bench import ESTIMATE, SupervisorBench, status
 
 S_MS = 1_000
@@ -242,3 +242,39 @@ def test_a_release_after_the_end_is_the_last_word() -> None:
     bench.step(2 * S_MS)
     assert bench.hold() is None and bench.release().why.reason is Reason.RELEASED
     assert after(bench, 50) == explain(Reason.RELEASED)
+
+
+# --- an autopilot that has disarmed by itself, known only after that has ended the hold ----------------------------
+
+
+def itself(why: str) -> FrontseatStatus:
+    return status(armed=False, disarmed_itself=why)
+
+
+@pytest.mark.parametrize(
+    ("first", "limit_ms"), [(Reason.OUTPUT_STUCK, 2000), (Reason.OUTPUTS_DIFFER, 2000), (Reason.HEARTBEAT_LOST, 10000)]
+)
+def test_the_end_of_a_hold_is_named_after_what_the_autopilot_tells_soon_after(first: Reason, limit_ms: int) -> None:
+    for late_ms, named in ((limit_ms, True), (limit_ms + 1, False)):
+        bench = holding()
+        bench.fault = explain(first)
+        assert bench.step().why == explain(first)
+        bench.fault, bench.status = None, itself("reboot")
+        why = bench.step(late_ms).why
+        assert why == (explain(Reason.AUTOPILOT_REBOOTED) if named else explain(first))
+
+
+def test_who_had_the_boat_before_keeps_the_word() -> None:
+    bench = holding()
+    bench.status = status(mode="HOLD")
+    assert bench.step().why == explain(Reason.MODE_CHANGED, mode="HOLD")
+    bench.status = itself("failsafe")
+    assert bench.step().why == explain(Reason.MODE_CHANGED, mode="HOLD")
+
+
+def test_an_autopilot_that_disarms_by_itself_is_left_at_neutral() -> None:
+    bench = holding()
+    bench.status = itself("failsafe")
+    decision = bench.step()
+    assert decision.why == explain(Reason.AUTOPILOT_DISARMED, why="failsafe")
+    assert decision.phase is Phase.STANDBY and decision.neutral and not decision.drive
