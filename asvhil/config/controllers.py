@@ -24,19 +24,27 @@ from asvhil.config.vehicle import VesselConfig
 
 DEGREE = math.pi / 180.0
 _SETS = (("NEAR", "near"), ("ALONG", "along"), ("WTHR", "weather"), ("FAR", "far"), ("POSN", "position_only"))
+# What may be set in a hold, from and to. Without any weight of the position, or of the heading, nothing keeps the boat
+# there: in 4 m/s from abeam the WAM-V was held with a tenth of the shipped position weight, and not with a hundredth.
 _WEIGHTS = (
-    ("POS", "position", 1e4),
-    ("SIDE", "sideways", 1.0),
-    ("HDG", "heading", 1e5),
-    ("VEL", "velocity", 1e4),
-    ("SLEW", "slew", 1e4),
-    ("TERM", "terminal_position_s", 1e4),
+    ("POS", "position", 0.1, 1e4),
+    ("SIDE", "sideways", 0.05, 1.0),
+    ("HDG", "heading", 1.0, 1e5),
+    ("VEL", "velocity", 0.0, 1e4),
+    ("SLEW", "slew", 0.0, 1e4),
+    ("TERM", "terminal_position_s", 0.0, 1e4),
 )
+_ANY_HEADING = frozenset({("FAR", "HDG"), ("POSN", "HDG")})  # sets that need not point anywhere
 _MPC_PARAMETERS = (
     *(
-        OperatorParameter(name=f"W_{short}_{what}", path=(section, field), least=0.0, most=most)
+        OperatorParameter(
+            name=f"W_{short}_{what}",
+            path=(section, field),
+            least=0.0 if (short, what) in _ANY_HEADING else least,
+            most=most,
+        )
         for short, section in _SETS
-        for what, field, most in _WEIGHTS
+        for what, field, least, most in _WEIGHTS
     ),
     OperatorParameter(
         name=EFFORT_PARAMETER, path=("effort",), least=0.0, most=len(EFFORTS) - 1.0, choices=tuple(EFFORTS)

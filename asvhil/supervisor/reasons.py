@@ -376,8 +376,9 @@ WORDS: Mapping[Reason, Words] = {
         "calibration (`asvhil calibrate`).",
     ),
     Reason.BEYOND_MOTORS: Words(
-        text="the motors at their limit do not hold it: {metres:.0f} m farther off the station",
-        remedy="Current or wind is stronger than the motors, or they have lost thrust: take the boat home.",
+        text="a motor at its limit, and {metres:.0f} m farther off the station",
+        remedy="Current or wind is stronger than the motors, or they have lost thrust: take the boat home. If weights "
+        "(W_*) were set in the hold: set them back.",
     ),
     Reason.DRIFTED_OFF: Words(
         text="{metres:.0f} m farther off the station than it has been",

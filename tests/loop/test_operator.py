@@ -66,10 +66,12 @@ def test_parameters_take_effect_are_bounded_and_are_replayed(tmp_path: Path) -> 
     limits = "2 km at most, and 100 m unless the hold command names more"
     out_of_range, conflict = Reason.PARAMETER_OUT_OF_RANGE, Reason.PARAMETER_CONFLICT
     for name, value, why in (
-        ("W_NEAR_SIDE", 1.5, explain(out_of_range, name="W_NEAR_SIDE", range="0 to 1")),
-        ("W_NEAR_HDG", -1.0, explain(out_of_range, name="W_NEAR_HDG", range="0 to 100000")),
-        ("W_NEAR_HDG", math.nan, explain(out_of_range, name="W_NEAR_HDG", range="0 to 100000")),
-        ("W_NEAR_HDG", math.inf, explain(out_of_range, name="W_NEAR_HDG", range="0 to 100000")),
+        ("W_NEAR_SIDE", 1.5, explain(out_of_range, name="W_NEAR_SIDE", range="0.05 to 1")),
+        ("W_NEAR_HDG", -1.0, explain(out_of_range, name="W_NEAR_HDG", range="1 to 100000")),
+        ("W_NEAR_HDG", 0.0, explain(out_of_range, name="W_NEAR_HDG", range="1 to 100000")),
+        ("W_NEAR_POS", 0.0, explain(out_of_range, name="W_NEAR_POS", range="0.1 to 10000")),
+        ("W_NEAR_HDG", math.nan, explain(out_of_range, name="W_NEAR_HDG", range="1 to 100000")),
+        ("W_NEAR_HDG", math.inf, explain(out_of_range, name="W_NEAR_HDG", range="1 to 100000")),
         ("PROC_R_D", 10.0, explain(conflict, name="PROC_R_D", rule="r_h_m < r_s_m < r_d_m must hold")),
         ("MPC_NEAR_R", 50.0, explain(conflict, name="MPC_NEAR_R", rule="near_radius_m < far_radius_m must hold")),
         ("ST_NORTH", 1e7, explain(Reason.STATION_TOO_FAR, distance_km=10000.0, limits=limits)),

@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from asvhil.config import load_config
+from asvhil.config.loading import shipped_names
 from asvhil.geo import LocalFrame
 from asvhil.io.mavlink.frames import FrameSplitter, decode, dialect
 from asvhil.operator.encoding import encode_hold, encode_parameter_question, encode_question, encode_release
@@ -72,6 +73,27 @@ def test_a_set_of_weights_that_the_config_has_not_has_no_parameters() -> None:
     assert set(tunables.names) - set(without.names) == {
         f"W_WTHR_{what}" for what in ("POS", "SIDE", "HDG", "VEL", "SLEW", "TERM")
     }
+
+
+@pytest.mark.parametrize("set_of", ["NEAR", "ALONG", "WTHR", "FAR", "POSN"])
+def test_what_nothing_would_keep_the_boat_with_is_refused_with_the_range(set_of: str) -> None:
+    tunables = Tunables(load_config("sitl").controller, Retuned())
+    refused = {"POS": "0.1 to 10000", "SIDE": "0.05 to 1"} | (
+        {} if set_of in ("FAR", "POSN") else {"HDG": "1 to 100000"}
+    )
+    for what in ("POS", "SIDE", "HDG", "VEL", "SLEW", "TERM"):
+        before = tunables.value(name := f"W_{set_of}_{what}")
+        why = tunables.set(name, 0.0)
+        if what in refused:
+            assert why is not None and refused[what] in describe(why) and tunables.value(name) == before
+        else:
+            assert why is None and tunables.value(name) == 0.0
+
+
+@pytest.mark.parametrize("name", [name for name in shipped_names() if name.startswith(("sitl", "field"))])
+def test_what_the_shipped_configs_have_may_be_set(name: str) -> None:
+    tunables = Tunables(load_config(name).controller, Retuned())
+    assert [row for row in tunables.names if tunables.set(row, tunables.value(row)) is not None] == []
 
 
 class Bench:
