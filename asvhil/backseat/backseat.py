@@ -79,7 +79,7 @@ class Backseat:
         if self._heading_cost is not None:
             # A heading that follows the weather is off it within its dead band, or on the way to it.
             asked_for = decision.station if decision.heading_policy == "fixed" else None
-            cost = self._heading_cost.step(t_ns, asked_for, self._perception.push_at)
+            cost = self._heading_cost.step(t_ns, asked_for, self._perception.push_at, self._perception.push_at_rest)
         docking: DockingWindow | None = None
         if self._docking is not None:
             held = decision.station if decision.phase is Phase.HOLD else None

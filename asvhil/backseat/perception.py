@@ -179,6 +179,10 @@ class Perception:
         """The weather's mean push (m/s^2) ahead and to starboard at a heading; None where it is not known."""
         return self._weather.push_at(psi_rad)
 
+    def push_at_rest(self, psi_rad: float) -> tuple[float, float] | None:
+        """The same without the water's drag on a boat that moves with its station."""
+        return self._weather.push_at_rest(psi_rad)
+
     def check_model(self, seen: Perceived) -> PredictionError | None:
         """In a control tick, after `note_pulses`: the errors of the model's prediction, once its horizon is filled."""
         if seen.estimate is None:

@@ -100,8 +100,17 @@ class WeatherHeading:
         """The velocity (north, east) of the station that is held; zero for one at rest, and without one."""
         self._moves[:] = velocity_mps
 
+    def push_at_rest(self, psi_rad: float) -> tuple[float, float] | None:
+        """As `push_at`, for a boat that rests though its station moves: that of the weather alone. Changes nothing."""
+        force, moves = self._force.copy(), self._moves.copy()
+        self._moves[:] = 0.0
+        self._evaluate()
+        push = self.push_at(psi_rad)
+        self._force[:], self._moves[:] = force, moves
+        return push
+
     def push_at(self, psi_rad: float) -> tuple[float, float] | None:
-        """The mean push (m/s^2) ahead and to starboard on a boat that rests at a heading; None: not known."""
+        """The mean push (m/s^2) ahead and to starboard at a heading on a boat that moves as its station; None: unknown."""
         if self._t_ns is None:
             return None
         place = (psi_rad % (2.0 * math.pi)) / (2.0 * math.pi) * HEADINGS

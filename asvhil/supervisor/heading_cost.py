@@ -18,6 +18,7 @@ from asvhil.geo import wrap_rad
 from asvhil.types import Note, Station, record
 
 SUBJECT = "heading cost"
+PushAt = Callable[[float], tuple[float, float] | None]
 # Of the bounds of the WAM-V in 3 and 6 m/s from abeam: their standard deviation of the heading, and mean distance.
 SWING = 0.92
 DISTANCE, POWER = 3.6, 0.81
@@ -91,12 +92,13 @@ class HeadingCostWatch:
         self._notes: tuple[Note, ...] = ()
 
     def step(
-        self, t_ns: int, station: Station | None, push_at: Callable[[float], tuple[float, float] | None]
+        self, t_ns: int, station: Station | None, push_at: PushAt, push_at_rest: PushAt | None = None
     ) -> tuple[Note, ...]:
         """In each tick what there is to tell, of the station that is held.
 
-        `push_at` gives the weather's push (m/s^2, ahead and to starboard) at a heading (rad), None where that is not
-        known; it is asked when the cost is looked at, which is seldom.
+        `push_at` gives the push (m/s^2, ahead and to starboard) of the weather, and of the water on a boat that moves
+        with its station, at a heading (rad), None where that is not known; `push_at_rest` that of the weather alone,
+        which is taken for the same without it. Both are asked when the cost is looked at, which is seldom.
         """
         if station is not None and self._looked is not None:
             then_ns, psi_rad = self._looked
@@ -111,18 +113,22 @@ class HeadingCostWatch:
         self._looked = t_ns, station.psi_rad
         if self._told is None or _differ(cost, self._told):
             self._told = cost
-            self._notes = self._tell(cost, station.psi_rad + math.atan2(push_mps2[1], push_mps2[0]), push_at)
+            along_rad = station.psi_rad + math.atan2(push_mps2[1], push_mps2[0])
+            at_rest = push_at_rest(station.psi_rad) if station.moves and push_at_rest is not None else None
+            still = None if at_rest is None else heading_cost(self._vessel, *at_rest)
+            course_rad = math.atan2(station.ve_mps, station.vn_mps) if _is_of_course(cost, still) else None
+            self._notes = self._tell(cost, along_rad, push_at, course_rad)
         return self._notes
 
-    def _tell(
-        self, cost: HeadingCost, along_rad: float, push_at: Callable[[float], tuple[float, float] | None]
-    ) -> tuple[Note, ...]:
-        """`along_rad`: where the weather pushes to."""
+    def _tell(self, cost: HeadingCost, along_rad: float, push_at: PushAt, course_rad: float | None) -> tuple[Note, ...]:
+        """`along_rad`: where the push is to; `course_rad`: that of the station, where it is the cause."""
         if cost.lies_still:
             return ()
         along = [push_at(wrap_rad(along_rad + turn)) for turn in (0.0, math.pi)]  # stern to it, bow to it
         powers = [self._power_w(heading_cost(self._vessel, push[0], 0.0)) for push in along if push is not None]
         least_w = min((power_w for power_w in powers if power_w is not None), default=None)
+        if course_rad is not None:
+            return _notes_of_course(cost, math.degrees(course_rad) % 360.0, self._power_w(cost))
         return _notes(cost, self._power_w(cost), least_w)
 
     def _power_w(self, cost: HeadingCost) -> float | None:
@@ -135,6 +141,25 @@ def _differ(a: HeadingCost, b: HeadingCost) -> bool:
     if a.can_be_held != b.can_be_held or a.lies_still != b.lies_still:
         return True
     return a.can_be_held and abs(a.distance_m - b.distance_m) > CHANGED * b.distance_m
+
+
+def _is_of_course(cost: HeadingCost, still: HeadingCost | None) -> bool:
+    """Whether a cost would not be there, or a station could be held, if it rested; `still`: the cost then."""
+    return still is not None and (still.lies_still if cost.can_be_held else still.can_be_held)
+
+
+def _notes_of_course(cost: HeadingCost, course_deg: float, power_w: float | None) -> tuple[Note, ...]:
+    """Of a station whose course is across the boat, and not the weather."""
+    cure = f"turn the heading along the course ({course_deg:.0f} deg), or choose a slower one"
+    if not cost.can_be_held:
+        text = f"the course is across the boat, which cannot follow so at the station's heading; {cure}"
+        return (Note(subject=SUBJECT, text=text, ok=False),)
+    takes = "" if power_w is None else f", for some {_watts(power_w)} W"
+    text = (
+        f"the course is across the boat: at best {cost.distance_m:.1f} m off, {math.degrees(cost.swing_rad):.0f} deg "
+        f"to either side, motors ahead and astern by turns{takes}; {cure}"
+    )
+    return (Note(subject=SUBJECT, text=text, ok=True),)
 
 
 def _notes(cost: HeadingCost, power_w: float | None, least_w: float | None) -> tuple[Note, ...]:

@@ -175,6 +175,7 @@ def test_on_a_course_the_drag_of_the_water_is_weather_too() -> None:
     assert found == pytest.approx(90.0, abs=1.5), "with the bow ahead"
     push = sea.finder.push_at(0.0)
     assert push is not None and push[1] < -0.01 and abs(push[0]) < 1e-3, "and on the port side of a boat that goes east"
+    assert sea.finder.push_at_rest(0.0) == (0.0, 0.0) and sea.finder.push_at(0.0) == push, "which changes nothing"
     sea.finder.note_motion((0.0, 0.0))
     sea.wait(2.0, (0.0, 0.0))
     assert sea.finder.push_at(0.0) == (0.0, 0.0)

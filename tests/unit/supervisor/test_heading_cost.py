@@ -136,3 +136,23 @@ def test_it_tells_while_a_station_is_held_across_the_weather_and_seldom_anew() -
     assert told(STATION, (0.0, 0.05), 1) == [] and told(turned, (0.0, 0.05), 1) != [], "a station that is turned"
     told(STATION, (0.0, 0.05))
     assert told(None, (0.0, 0.05)) == []
+
+
+@pytest.mark.parametrize(
+    ("moving", "at_rest", "cause"),
+    [
+        (0.25, 0.0, "cannot follow so at the station's heading"),
+        (0.25, 0.05, "cannot follow so at the station's heading"),
+        (0.25, 0.25, "this weather drives the boat off"),
+        (0.05, 0.0, "the course is across the boat: at best"),
+        (0.05, 0.04, "the weather is on the side"),
+    ],
+)
+def test_a_course_across_the_boat_is_not_told_as_weather(moving: float, at_rest: float, cause: str) -> None:
+    watch = HeadingCostWatch(VESSEL)
+    station = Station(n_m=0.0, e_m=0.0, psi_rad=0.0, ve_mps=0.5)
+    (note,) = watch.step(EVERY_NS, station, lambda psi_rad: (0.0, -moving), lambda psi_rad: (0.0, -at_rest))
+    assert cause in note.text
+    of_course = "course" in cause or "follow" in cause
+    assert ("turn the heading along the course (90 deg)" in note.text) == of_course
+    assert ("end the hold" in note.text) == (at_rest == 0.25)
