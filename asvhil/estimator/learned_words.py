@@ -14,11 +14,16 @@ SURE_STDS = 2.0
 ALIKE = 0.1  # motors that differ by less are weak for one reason
 
 
+def known(learned: Learned) -> tuple[bool, ...]:
+    """Of each factor whether it is known well enough to be told, and to begin with another time."""
+    return tuple(std <= KNOWN_STD for std in learned.std)
+
+
 def learned_text(learned: Learned, percent: float = 1.0) -> str:
     """Such as "port motor gives 71 % of the model's thrust, yaw answers by 108 %", rounded to so many per cent."""
     told: list[str] = []
-    for name, factor, std in zip(FACTORS, learned.factors, learned.std, strict=True):
-        if std > KNOWN_STD or abs(factor - 1.0) < SHOWN:
+    for name, factor, is_known in zip(FACTORS, learned.factors, known(learned), strict=True):
+        if not is_known or abs(factor - 1.0) < SHOWN:
             continue
         share = f"{percent * round(100.0 * factor / percent):.0f} %"
         if name in ("port", "starboard"):

@@ -15,14 +15,15 @@ from asvhil.backseat.build import model_file
 from asvhil.config import Config
 from asvhil.dynamics.corrected import FACTORS
 from asvhil.errors import AsvhilError, ConfigError
-from asvhil.estimator.learned_words import learned_text
+from asvhil.estimator.learned_words import KNOWN_STD, known, learned_text
 from asvhil.files import write_text
 from asvhil.types import Learned, Outputs, record
 
 FORMAT = 1
 ENDED = "%Y-%m-%d %H:%M UTC"
 LEAST_S = 60.0  # of learning: what was learned in less is not kept
-MOST_STD = 3.0  # of a factor
+LEAST_STD, MOST_STD = 1e-3, 3.0  # of a factor: nothing is known for sure, after however long
+YEARS = range(2020, 2100)  # a computer without a clock of its own may be behind, so that today is no bound
 MOST_S = 1e9  # of learning: more than a life of a boat
 
 
@@ -53,6 +54,11 @@ def model_hash(config: Config) -> str:
     return hashlib.sha256(data).hexdigest()
 
 
+def hull_hash(config: Config) -> str:
+    """SHA-256 of the hull that a model stands for, also where that is a network's: its file need not have changed."""
+    return hashlib.sha256(config.believed_vessel.canonical_json().encode()).hexdigest()
+
+
 def is_simulated(config: Config) -> bool:
     """Whether the boat of a config is simulated: nobody engages by itself on the water."""
     return config.supervisor.engage == "auto"
@@ -75,13 +81,14 @@ class LearnedKeeper:
     def save(self) -> Path | None:
         """Write the file, atomically; None where too little was learned. AsvhilError where it cannot be written."""
         learned = self._last
-        if learned is None or not self._config.learning.adapt or learned.learned_s < LEAST_S:
+        if learned is None or not self._config.learning.adapt or learned.learned_s < LEAST_S or not any(known(learned)):
             return None
         tree = {
             "format": FORMAT,
             "boat": self._config.vehicle.name,
             "simulated": is_simulated(self._config),
             "model_sha256": self._model_sha256,
+            "hull_sha256": hull_hash(self._config),
             "factors": dict(zip(FACTORS, learned.factors, strict=True)),
             "std": dict(zip(FACTORS, learned.std, strict=True)),
             "learned_s": learned.learned_s,
@@ -99,12 +106,14 @@ class LearnedKeeper:
 def read_learned(path: Path, config: Config) -> LearnedFile:
     """What a file holds. ConfigError where it cannot be read, is damaged, or is of another boat or model."""
     try:
-        tree = json.loads(path.read_text(encoding="utf-8"))
+        tree = json.loads(path.read_text(encoding="utf-8-sig"), object_pairs_hook=_no_key_twice)
+    except _KeyTwiceError as error:
+        raise ConfigError(f"{path}: damaged: {error} stands there twice; once is right") from None
     except OSError as error:
         raise ConfigError(f"{path}: cannot be read ({error.strerror})") from None
     except (ValueError, RecursionError):
         raise ConfigError(f"{path}: damaged: not JSON; take the file that a run has left, or learn anew") from None
-    if not isinstance(tree, dict) or tree.get("format") != FORMAT:
+    if not isinstance(tree, dict) or type(tree.get("format")) is not int or tree["format"] != FORMAT:
         raise ConfigError(f"{path}: not a file of what was learned on station, format {FORMAT}")
     boat, own = tree.get("boat"), config.vehicle.name
     if boat != own:
@@ -114,23 +123,44 @@ def read_learned(path: Path, config: Config) -> LearnedFile:
         raise ConfigError(f"{path}: learned on {where}, which this start is not of")
     if tree.get("model_sha256") != model_hash(config):
         raise ConfigError(f"{path}: learned with another model than the one in use; learn anew with this one")
+    if tree.get("hull_sha256") != hull_hash(config):
+        raise ConfigError(
+            f"{path}: hull_sha256: learned with another hull than vehicle.vessel is now; take that back, or learn anew"
+        )
     learned = Learned(
         factors=_numbers(tree, "factors", path, config.learning.least, config.learning.most),
-        std=_numbers(tree, "std", path, 0.0, MOST_STD),
-        learned_s=_number(tree.get("learned_s"), "learned_s", path, 0.0, MOST_S),
+        std=_numbers(tree, "std", path, LEAST_STD, MOST_STD),
+        learned_s=_number(tree.get("learned_s"), "learned_s", path, LEAST_S, MOST_S),
     )
     ended = tree.get("ended")
     if not isinstance(ended, str) or not _is_time(ended):
         raise ConfigError(f"{path}: damaged: ended is {ended!r:.40}, a date as 2026-11-29 07:30 UTC is needed")
+    if not any(known(learned)):
+        raise ConfigError(
+            f"{path}: std: nothing is known yet, {KNOWN_STD:g} or less of a factor is needed; learn longer"
+        )
     return LearnedFile(ended=ended, learned=learned)
+
+
+class _KeyTwiceError(Exception):
+    """A key that an object has twice: nobody knows which is meant."""
+
+
+def _no_key_twice(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    for key, value in pairs:
+        if key in found:
+            raise _KeyTwiceError(f"{key!r:.40}")
+        found[key] = value
+    return found
 
 
 def _is_time(text: str) -> bool:
     try:
-        datetime.strptime(text, ENDED)
+        time = datetime.strptime(text, ENDED)
     except ValueError:
         return False
-    return True
+    return time.year in YEARS and time.strftime(ENDED) == text  # by the format alone a newline passes for a space
 
 
 @record
@@ -166,9 +196,10 @@ def taken(path: Path, config: Config) -> tuple[str, ...]:
 
 
 def _start(found: LearnedFile, config: Config) -> tuple[float, ...]:
-    """Its factors to three digits, within the bounds of the config."""
+    """Its factors to three digits, within the bounds of the config; 1 for those that are not known: as it is told."""
     least, most = config.learning.least, config.learning.most
-    return tuple(min(max(round(factor, 3), least), most) for factor in found.learned.factors)
+    pairs = zip(found.learned.factors, known(found.learned), strict=True)
+    return tuple(min(max(round(factor, 3), least), most) if is_known else 1.0 for factor, is_known in pairs)
 
 
 def _numbers(tree: dict[str, Any], name: str, path: Path, least: float, most: float) -> tuple[float, ...]:

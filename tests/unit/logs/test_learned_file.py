@@ -18,6 +18,7 @@ from asvhil.simplant.lockstep import EPOCH_NS
 from asvhil.types import Health, Learned, Outputs, Phase
 
 FACTORS = (0.7123, 1.0, 1.0, 0.98, 1.05)
+NAMES = ("port", "starboard", "surge", "sway", "yaw")
 HEALTH = Health(reason="", link_ok=True, estimate_ok=True, wind_ok=True, control_ok=True, model_ok=True, counters=())
 
 
@@ -60,6 +61,9 @@ def test_little_or_nothing_learned_leaves_no_file(tmp_path: Path) -> None:
     config = config_in(tmp_path)
     assert kept(config, learned_s=59.0) is None and offer(config) is None
     assert LearnedKeeper(config).save() is None
+    unknown = LearnedKeeper(config)
+    unknown.see(outputs(Learned(factors=FACTORS, std=(0.09,) * 5, learned_s=90.0)))
+    assert unknown.save() is None
     assert kept(config_in(tmp_path, "learning.adapt=false")) is None
     assert not list(tmp_path.iterdir())
 
@@ -76,10 +80,19 @@ def test_where_it_cannot_be_written(tmp_path: Path) -> None:
         ({"boat": "bream"}, "learned on the boat 'bream', and this is 'wamv16'"),
         ({"model_sha256": "0" * 64}, "learned with another model than the one in use"),
         ({"simulated": False}, "learned on the boat itself, which this start is not of"),
+        ({"hull_sha256": "0" * 64}, "hull_sha256: learned with another hull than vehicle.vessel is now"),
+        ({"format": True}, "not a file of what was learned on station, format 1"),
+        ({"format": 1.0}, "not a file of what was learned on station, format 1"),
+        ({"learned_s": 0}, "damaged: learned_s is 0, a number from 60 to 1e.09 is needed"),
+        ({"std": dict.fromkeys(NAMES, 3.0)}, "std: nothing is known yet, 0.08 or less of a factor is needed"),
+        ({"std": dict.fromkeys(NAMES, 0)}, "damaged: std.port is 0, a number from 0.001 to 3 is needed"),
+        ({"ended": "9999-11-29 07:30 UTC"}, "damaged: ended is '9999-11-29 07:30 UTC', a date as 2026"),
+        ({"ended": "2026-11-29\n07:30 UTC"}, r"damaged: ended is '2026-11-29\\n07:30 UTC', a date as 2026"),
+        ({"ended": "2026-11-29 7:30 UTC"}, "damaged: ended is '2026-11-29 7:30 UTC', a date as 2026"),
         ({"format": 2}, "not a file of what was learned on station, format 1"),
         ({"factors": {"port": 1.0}}, "damaged: factors must have port, starboard, surge, sway, yaw"),
         ({"std": {"port": 0.1, "starboard": -0.1, "surge": 0, "sway": 0, "yaw": 0}}, "damaged: std.starboard is -0.1"),
-        ({"learned_s": "long"}, "damaged: learned_s is 'long', a number from 0 to 1e.09 is needed"),
+        ({"learned_s": "long"}, "damaged: learned_s is 'long', a number from 60 to 1e.09 is needed"),
         ({"learned_s": 10**400}, "damaged: learned_s is 1000"),
         ({"ended": "now\nasvhil: all well"}, r"damaged: ended is 'now\\nasvhil: all well', a date as 2026"),
         (
@@ -108,6 +121,44 @@ def test_another_model_of_the_same_boat_is_another_one(tmp_path: Path) -> None:
     for keys in (("controller.name=nnsem-mpc",), ("controller.name=sd-mpc",)):
         with pytest.raises(ConfigError, match="another model"):
             read_learned(path, config_in(tmp_path, *keys))
+
+
+def test_another_hull_under_the_same_name_is_another_boat(tmp_path: Path) -> None:
+    path = kept(config_in(tmp_path))
+    assert path is not None
+    with pytest.raises(ConfigError, match=r"hull_sha256: learned with another hull") as raised:
+        read_learned(path, config_in(tmp_path, "vehicle.vessel.mass_kg=300"))
+    assert str(path) in str(raised.value)
+
+
+def test_a_key_that_stands_there_twice_is_named(tmp_path: Path) -> None:
+    config = config_in(tmp_path)
+    path = kept(config)
+    assert path is not None
+    path.write_text(path.read_text().replace('"port": 0.7123,', '"port": 0.7123, "port": 1.2,'))
+    with pytest.raises(ConfigError, match=r"json: damaged: 'port' stands there twice; once is right"):
+        read_learned(path, config)
+
+
+def test_a_byte_order_mark_before_it_does_no_harm(tmp_path: Path) -> None:
+    config = config_in(tmp_path)
+    path = kept(config)
+    assert path is not None
+    before = read_learned(path, config)
+    path.write_bytes(b"\xef\xbb\xbf" + path.read_bytes())
+    assert read_learned(path, config) == before
+
+
+def test_what_is_not_known_is_neither_offered_nor_taken(tmp_path: Path) -> None:
+    config = config_in(tmp_path)
+    path = kept(config)
+    assert path is not None
+    tree = json.loads(path.read_text())
+    tree["std"]["yaw"] = 0.081
+    path.write_text(json.dumps(tree))
+    offered = offer(load_config("sitl", (f"recorder.directory={tmp_path}",)))
+    assert offered is not None and "yaw" not in offered.text and "port motor gives 71 %" in offered.text
+    assert config_in(tmp_path, *taken(path, config)).learning.start == (0.712, 1.0, 1.0, 0.98, 1.0)
 
 
 def test_damaged_and_missing_files(tmp_path: Path) -> None:
