@@ -110,7 +110,7 @@ class WeatherHeading:
         return push
 
     def push_at(self, psi_rad: float) -> tuple[float, float] | None:
-        """The mean push (m/s^2) ahead and to starboard at a heading, of a boat as its station moves; None: not known."""
+        """The mean push (m/s^2) ahead and to starboard at a heading on a boat that moves as its station; None: none."""
         if self._t_ns is None:
             return None
         place = (psi_rad % (2.0 * math.pi)) / (2.0 * math.pi) * HEADINGS

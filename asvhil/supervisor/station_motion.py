@@ -45,7 +45,7 @@ class StationMotion:
         self._course_of_leader_rad = 0.0
         self._t_ns = 0
         self._refused: tuple[int, Reason] | None = None  # the last message that was not followed
-        self._refusal_told_ns = 0
+        self._refusal, self._refusal_told_ns = "", 0  # of it, in words
         self._waits = False
         self._steered = True
         self._told = ""
@@ -106,13 +106,17 @@ class StationMotion:
     def refuse(self, t_ns: int, why: Explanation) -> None:
         """A report of the leader cannot be followed.
 
-        The metres in the words change with every message; the words do so seldom, since operators are told of each.
+        The metres in the words change with every message; the words do so seldom, since operators are told of each, and
+        of a leader that is lost for good not at all.
         """
         is_same = self._refused is not None and self._refused[1] is why.reason
-        self._refused = t_ns, why.reason
-        if not is_same or t_ns - self._refusal_told_ns > TOLD_EVERY_NS:
+        is_lost = why.reason is Reason.LEADER_JUMPED
+        if not is_same or (t_ns - self._refusal_told_ns > TOLD_EVERY_NS and not is_lost):
             self._refusal_told_ns = t_ns
-            self._trouble = f"{self._name} not followed: {describe(why)}"
+            again = "; set ST_FOLLOW anew to follow it from there" if is_lost else ""
+            self._refusal = f"{self._name} not followed: {describe(why)}{again}"
+        self._refused = t_ns, why.reason
+        self._trouble = self._refusal
 
     @property
     def _name(self) -> str:

@@ -245,6 +245,28 @@ def test_a_leader_that_is_too_far_or_beyond_the_fence_is_not_followed() -> None:
     assert not bench.wait(1.0).moves and "outside the geofence" in (bench.note or "")
 
 
+def test_a_leader_that_comes_back_far_off_is_told_once_with_what_to_do() -> None:
+    bench = Moving()
+    bench.course(leader=42)
+    bench.led(5.0, 0.3, 0.0)
+    bench.wait(30.0)
+    assert bench.note == "system 42 is silent: it stays"
+    notes = set()
+    for second in range(60):
+        bench.leader(HERE[0] + 10.2 + 0.3 * second, HERE[1], 0.3, 0.0)
+        bench.wait(1.0)
+        notes.add(bench.note)
+    (note,) = notes
+    assert note is not None and note.endswith("5 m at most; set ST_FOLLOW anew to follow it from there")
+    bench.wait(5.0)
+    assert bench.note == "system 42 is silent: it stays"
+    bench.leader(HERE[0] + 28.0, HERE[1], 0.3, 0.0)
+    assert bench.note == note, "as it was told"
+    bench.course(leader=42)
+    bench.leader(HERE[0] + 28.5, HERE[1], 0.3, 0.0)
+    assert bench.wait(0.5).moves and "after system 42" in (bench.note or "")
+
+
 @pytest.mark.parametrize("lost", ["estimate", "frame", "hold"])
 def test_a_leader_is_not_heeded_without_a_station_or_a_place_of_the_boat(lost: str) -> None:
     bench = Moving()
