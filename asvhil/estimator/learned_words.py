@@ -7,6 +7,8 @@ from asvhil.types import Learned, Note
 
 SUBJECT, MOTOR_SUBJECT = "learning", "motor thrust"
 RAN_OFF = "stopped: no motors answer as these seem to. Is the compass right?"
+HELD_STD = 9.0  # of factors that stand for nothing, however sure the filter is
+HELD_BACK = "held back: in a current thrust and response cannot be told apart"
 KNOWN_STD = 0.08  # a factor that is known worse is not told
 SHOWN = 0.05  # of a factor's difference from 1, and of the steps in which notes tell it
 WEAK, SOUND = 0.8, 0.85  # a motor is told as weak below the first, for sure, and no longer above the second
@@ -19,8 +21,15 @@ def known(learned: Learned) -> tuple[bool, ...]:
     return tuple(std <= KNOWN_STD for std in learned.std)
 
 
+def is_held_back(learned: Learned) -> bool:
+    """Whether the factors are not to be told, kept or taken."""
+    return min(learned.std) >= HELD_STD
+
+
 def learned_text(learned: Learned, percent: float = 1.0) -> str:
     """Such as "port motor gives 71 % of the model's thrust, yaw answers by 108 %", rounded to so many per cent."""
+    if is_held_back(learned):
+        return HELD_BACK
     told: list[str] = []
     for name, factor, is_known in zip(FACTORS, learned.factors, known(learned), strict=True):
         if not is_known or abs(factor - 1.0) < SHOWN:
@@ -63,6 +72,8 @@ class LearningNotes:
         """The names of those that give too little."""
         found = []
         for name, factor, std in zip(FACTORS[:2], learned.factors, learned.std, strict=False):
+            if is_held_back(learned):
+                continue
             limit = SOUND if name in self._weak else WEAK - SURE_STDS * std
             if factor < limit:
                 found.append(name)
@@ -72,6 +83,8 @@ class LearningNotes:
 def _tells_more(learned: Learned, told: Learned) -> bool:
     """Whether a factor is another one than was told, or has become known."""
     pairs = zip(learned.factors, told.factors, strict=True)
+    if is_held_back(learned) or is_held_back(told):
+        return is_held_back(learned) != is_held_back(told)
     if max(abs(factor - before) for factor, before in pairs) > SHOWN:
         return True
     return any(std <= KNOWN_STD < before for std, before in zip(learned.std, told.std, strict=True))

@@ -20,7 +20,7 @@ from asvhil.dynamics import ordered
 from asvhil.dynamics.arrays import Array
 from asvhil.dynamics.buffers import bind, fastest
 from asvhil.dynamics.corrected import COUNT, CorrectedModel
-from asvhil.estimator.learned_words import RAN_OFF
+from asvhil.estimator.learned_words import HELD_STD, RAN_OFF
 from asvhil.types import Estimate, Learned, Wind
 
 AXES = 3
@@ -35,6 +35,11 @@ NOISE_GAIN = 0.02  # of a window, on how much is left over
 STRONGER = 0.1
 BOUND_S = 2.0
 APPLIED_AFTER_S = 15.0  # of learning: what runs off does so before, and has done nothing then
+# The model has no current: in one its drag and the disturbance are wrong together, and thrusts and responses trade off
+# against each other with small standard deviations. After so long (s) a mean disturbance (m/s^2, time constant) beyond
+# this tells of one: it was at most 0.012 with the WAM-V without a current, also with weak motors once these were found,
+# and 0.037 in 0.15 m/s.
+PUSHED_S, PUSHED_MPS2, PUSH_TIME_S = 60.0, 0.03, 30.0
 GATE2 = 12.0  # squared innovation over its variance, beyond which a window is none of the model's
 
 
@@ -87,6 +92,7 @@ class Learner:
         self._m = np.zeros(SIZE)
         self._m[:COUNT] = np.array(self._config.start) - 1.0
         self._learned_s = self._bound_s = 0.0
+        self._push_mps2 = [0.0, 0.0]  # mean disturbance, north and east
         self._ran_off = True
 
     @property
@@ -113,8 +119,13 @@ class Learner:
         if estimate is not None:
             self._follow(estimate, model_input, wind, doubt)
         std = tuple(math.sqrt(v) for v in self._p.diagonal()[:COUNT].tolist())
+        std = (HELD_STD,) * COUNT if self._is_pushed() else std
         factors = tuple(1.0 + part for part in self.factors)
         return Learned(factors=factors, std=std, learned_s=self._learned_s, frozen=doubt)
+
+    def _is_pushed(self) -> bool:
+        """Whether something that the model does not know pushes for long: the factors are then of that as well."""
+        return self._learned_s >= PUSHED_S and math.hypot(*self._push_mps2) > PUSHED_MPS2
 
     def rest(self) -> None:
         """No station is held: what ran off may be tried again in the next hold."""
@@ -149,6 +160,9 @@ class Learner:
     def _correct(self, begin: Estimate, end: Estimate, span_s: float) -> None:
         """Correct factors and disturbance by a window's changes of velocity, one axis after the other."""
         self._learned_s += span_s
+        share = span_s / min(self._learned_s, PUSH_TIME_S)  # a mean at first, then a low-pass
+        for axis in (0, 1):
+            self._push_mps2[axis] += share * (end.disturbance[axis] - self._push_mps2[axis])
         moved = np.array([end.u_mps - begin.u_mps, end.v_mps - begin.v_mps, end.r_radps - begin.r_radps])
         h = self._sum_slope.reshape(AXES, SIZE, order="F")
         left = moved - self._sum_rate - ordered.product(h[:, COUNT:], self._m[COUNT:])

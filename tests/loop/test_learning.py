@@ -6,9 +6,12 @@ import pytest
 
 from asvhil.config import load_config
 from asvhil.errors import ConfigError
+from asvhil.estimator.learned_words import HELD_BACK, learned_text
 from asvhil.logs.encoding import decode_outputs
+from asvhil.logs.learned_file import LearnedKeeper
 from asvhil.logs.reader import LogFile
 from asvhil.logs.replay import replay
+from asvhil.simplant.lockstep import Lockstep
 from asvhil.sitl import run_lockstep
 
 FOULED = ("plant.motors={port_thrust: 0.7}", "plant.start_n_m=-4", "learning.enabled=true")
@@ -29,6 +32,22 @@ def test_a_fouled_motor_is_found_told_and_replayed(tmp_path: Path) -> None:
     assert outputs[10].learned is not None and outputs[10].learned.frozen == "no station is held"
     result = replay(log)
     assert result.mismatch is None and result.compared == len(outputs)
+
+
+def test_in_a_current_nothing_is_told_and_nothing_kept(tmp_path: Path) -> None:
+    weather = (
+        *("plant.weather.wind.speed_mps=3", "plant.weather.wind.toward_deg=60", "plant.seed=2"),
+        *("plant.weather.current.speed_mps=0.3", "plant.weather.current.toward_deg=120"),
+    )
+    config = load_config("sitl", ("learning.enabled=true", f"recorder.directory={tmp_path}", *weather))
+    loop, keeper, texts = Lockstep(config), LearnedKeeper(config), []
+    for _ in range(20 * 110):
+        outputs = loop.tick()[1]
+        keeper.see(outputs)
+        texts += [note.text for note in outputs.health.notes if note.subject == "learning"]
+    assert outputs.learned is not None and outputs.learned.learned_s > 60.0
+    assert texts[-1] == HELD_BACK and learned_text(outputs.learned) == HELD_BACK
+    assert keeper.save() is None and not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize(
