@@ -78,7 +78,7 @@ def boats(folder: Path) -> dict[str, tuple[str, Keys, Keys, Keys]]:
 
     heavier = vessel.model_copy(update=heavy(vessel))
     borrowed = folder / "blueboat-as-bream.npz"
-    own = read_model(find_shipped("blueboat-lagnet", "models", (".npz",), "model"))
+    own = read_model(find_shipped("blueboat-lagnet", "models", ".npz", "model"))
     save_model(borrowed, dataclasses.replace(own, vehicle="bream", hull={}))
     return {
         "as shipped": ("sitl", (), (), right_keys((1.0,) * 5)),

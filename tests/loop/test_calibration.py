@@ -59,7 +59,7 @@ def test_the_deviation_of_the_compass_and_the_turn_of_the_vane_are_found(turns: 
 @pytest.mark.parametrize(
     ("output", "base", "words"),
     [
-        ("boat.yaml", "boat.yaml", "boat.yaml: is there already"),
+        ("boat.yaml", "boat.yaml", "boat.yaml: is the file of --base too; give another name"),
         ("new.yaml", "nosuch.yaml", "--base nosuch.yaml: no such config file"),
     ],
 )

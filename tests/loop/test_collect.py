@@ -60,7 +60,9 @@ def test_one_log_for_each_wind_replayable_and_no_two_alike(tmp_path: Path) -> No
 def test_the_way_the_wind_and_the_logs_are_named(tmp_path: Path) -> None:
     assert parse_wind("3.5@-90") == WindSector(speed_mps=3.5, toward_deg=-90.0)
     assert parse_wind("4") == WindSector(speed_mps=4.0, toward_deg=0.0)
-    for text in ("3@x", "-1@0", "nan@0", "", "@90"):
+    with pytest.raises(ConfigError, match=r"--wind -1@0: a speed of 0 to 100 m/s is expected"):
+        parse_wind("-1@0")
+    for text in ("3@x", "nan@0", "", "@90"):
         with pytest.raises(ConfigError, match=r"--wind .*SPEED@DEG is expected"):
             parse_wind(text)
     wind = parse_wind("3@0")

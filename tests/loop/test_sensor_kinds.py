@@ -92,7 +92,7 @@ def test_commands_that_decode_a_log_ask_for_the_plugin(
 ) -> None:
     log = tmp_path / "log.mcap"
     run(load_config(write_line_wind(tmp_path)), log)
-    (tmp_path / "nowhere.npz").write_bytes(find_shipped("wamv16-sd", "models", (".npz",), "model").read_bytes())
+    (tmp_path / "nowhere.npz").write_bytes(find_shipped("wamv16-sd", "models", ".npz", "model").read_bytes())
     output = ["-o", "model.npz"] if command[0] == "train" else ["--horizon", "5"]
 
     def said(*options: str) -> str:

@@ -119,10 +119,10 @@ def test_a_field_test_leaves_tables_beside_the_papers_and_the_way(tmp_path):
         (["six-tests", "--models", "nowhere"], "--models nowhere: no such folder"),
         (["six-tests", "--bounds", "nowhere.json"], "nowhere.json: cannot be read"),
         (["six-tests", "--set", "plant.sead=1"], "did you mean seed?"),
-        (["six-tests", "-o", "taken"], "-o taken: cannot be made"),
+        (["six-tests", "-o", "taken"], "-o taken: is a file; the name of a folder is expected"),
         (["robustness", "--row", "9"], "--row 9: unknown"),
         (["learned-loop", "--set", "plant.sead=1"], "did you mean seed?"),
-        (["field-tests", "--test", "wamv 5"], "--test wamv 5: unknown (known: bream 1"),
+        (["field-tests", "--test", "wamv 5"], "--test wamv 5: unknown, did you mean wamv 4? (known: bream 1"),
         (["field-tests", "--set", "plant.seed=1"], "key plant.seed is set by the study itself"),
         (["approach", "--set", "plant.sead=1"], "did you mean seed?"),
         (["solvers", "--solver", "simplex"], "--solver simplex: unknown (known: sqp"),
@@ -153,4 +153,4 @@ def test_the_estimator_study_on_one_set_of_sensors(tmp_path):
 
 def test_sensors_that_no_boat_has_are_refused(tmp_path):
     wrong = study("estimator", "--sensors", "VN-200", cwd=tmp_path)
-    refused(wrong, "--sensors VN-200: unknown (known: VN-300, BREAM)\n")
+    refused(wrong, "--sensors VN-200: unknown, did you mean VN-300? (known: VN-300, BREAM)\n")

@@ -420,7 +420,7 @@ def test_a_few_missing_values_are_gaps_and_are_told(run: Run, folder: Path) -> N
     ("data", "words"),
     [
         ("short.mcap", " s of usable data, at least 30 s are needed"),
-        ("empty.mcap", "empty.mcap: not a log"),
+        ("empty.mcap", "empty.mcap: is empty; a log is expected"),
         ("nowhere.mcap", "nowhere.mcap: cannot be read (No such file or directory)"),
         ("notes.txt", "MCAP logs or CSV files are expected, all of one kind, not notes.txt"),
     ],

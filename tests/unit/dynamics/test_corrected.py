@@ -18,7 +18,7 @@ NU, A, WIND = [0.4, -0.2, 0.1], np.array([0.6, -0.3]), np.array([3.0, -4.0])
 def model_of(kind: str) -> Dynamics:
     if kind == "physics":
         return SimplifiedDynamics(VESSEL)
-    return load_model(find_shipped(f"wamv16-{kind}", "models", (".npz",), "model"))
+    return load_model(find_shipped(f"wamv16-{kind}", "models", ".npz", "model"))
 
 
 def rate(model: Dynamics, x: list[float]) -> list[float]:

@@ -74,7 +74,7 @@ def test_the_factors_of_a_boat_are_found_within_a_minute(boat: tuple[float, ...]
 
 
 def test_a_network_of_the_command_is_corrected_too() -> None:
-    model = load_model(find_shipped("wamv16-nnsem", "models", (".npz",), "model"))
+    model = load_model(find_shipped("wamv16-nnsem", "models", ".npz", "model"))
     learned, _ = learn((0.7, 1.0, 1.0, 1.0, 1.0), model)
     assert learned.factors[:2] == pytest.approx((0.7, 1.0), abs=0.05)
 
