@@ -224,7 +224,7 @@ class WindFilterConfig(Section):
         default=2.0,
         description=(
             "Such a wind is accepted once it has lasted for this long, times the square of its difference over "
-            "leap_max_mps."
+            "leap_max_mps, five times at most."
         ),
     )
 

@@ -19,6 +19,8 @@ MEAN_S = 5.0  # time constant of the accelerometer's mean error while it is doub
 # beyond 0.84 of both at once, most while the sensor's bias is still being learnt.
 LEAST_MPS2 = 0.12
 LEAST_SIGMA = 4.0  # standard deviations of a single velocity's innovation
+LATE_S = 0.4  # a velocity that comes so late is off by as much of a real acceleration, the other way
+FAR_MPS2 = 1.0  # six degrees: more is no tilt that a boat keeps, and no bias
 OPPOSED = -0.7  # cosine between the two means: the one comes of the other
 FIRST_NS, LONGEST_NS = 10_000_000_000, 320_000_000_000
 AGAIN_NS = 60_000_000_000  # after the last doubt: one that comes sooner lasts twice as long
@@ -27,8 +29,9 @@ Pair = tuple[float, float]
 
 
 class Doubt(NamedTuple):
-    """The mean innovations of specific force (m/s^2) and velocity (m/s), both in body axes, and the last doubt."""
+    """Means of the specific force, its innovation (m/s^2) and that of velocity (m/s), body axes; and the last doubt."""
 
+    shown: Pair = (0.0, 0.0)
     force: Pair = (0.0, 0.0)
     velocity: Pair = (0.0, 0.0)
     until_ns: int = NEVER
@@ -39,10 +42,10 @@ class Doubt(NamedTuple):
         """Whether the accelerometer is left out at a time."""
         return t_ns < self.until_ns
 
-    def with_force(self, t_ns: int, innovation: Pair, interval_s: float) -> Doubt:
+    def with_force(self, t_ns: int, shown: Pair, innovation: Pair, interval_s: float) -> Doubt:
         """The same after a specific force, in use or not."""
-        time_s = MEAN_S if self.holds(t_ns) else SMOOTH_S
-        return self._replace(force=_towards(self.force, innovation, interval_s / time_s))
+        share = interval_s / (MEAN_S if self.holds(t_ns) else SMOOTH_S)
+        return self._replace(shown=_towards(self.shown, shown, share), force=_towards(self.force, innovation, share))
 
     def with_velocity(self, innovation: Pair, interval_s: float) -> Doubt:
         """The same after a velocity, accepted or rejected."""
@@ -52,7 +55,7 @@ class Doubt(NamedTuple):
         """Whether a doubt begins, with the standard deviation of a velocity's innovation."""
         (ax, ay), (u, v) = self.force, self.velocity
         force, velocity = math.hypot(ax, ay), math.hypot(u, v)
-        if force < LEAST_MPS2 or velocity < LEAST_SIGMA * std_mps:
+        if force < LEAST_MPS2 or velocity < LEAST_SIGMA * std_mps + LATE_S * math.hypot(*self.shown):
             return False
         return ax * u + ay * v <= OPPOSED * force * velocity
 
@@ -65,6 +68,11 @@ class Doubt(NamedTuple):
     def is_over(self, t_ns: int) -> bool:
         """Whether the accelerometer comes into use again, with `force` as what its bias has changed by."""
         return self.open and not self.holds(t_ns)
+
+    @property
+    def is_bias(self) -> bool:
+        """Whether what it has been off by can be a bias, such as of a tilt that lasts."""
+        return math.hypot(*self.force) <= FAR_MPS2
 
     def ended(self) -> Doubt:
         """The same once that is done."""

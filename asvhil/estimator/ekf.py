@@ -37,7 +37,7 @@ SIZES: dict[str, Callable[[float], str]] = {
     "yaw_rate": lambda radps: f"{math.degrees(radps):.0f} deg/s",
     "acceleration": lambda mps2: f"{mps2:.1f} m/s2",
 }
-DOUBTED = "left out: receiver and vessel model agree against it; is the boat's tilt taken out of it?"
+DOUBTED = "left out: receiver and vessel model agree against it; is the boat's tilt taken out, is the compass right?"
 
 
 class Ekf:
@@ -140,7 +140,7 @@ class Ekf:
         found = []
         for name, track in self._history.state.tracks.items():
             text = sensor_health.fault(track, t_ns, self._stale_ns)
-            if name == "acceleration" and self._history.state.doubt.open:
+            if not text and name == "acceleration" and self._history.state.doubt.open:
                 text = DOUBTED
             if not text and sensor_health.is_taken_over(track, t_ns):
                 text = f"believed after a jump of {SIZES[name](track.taken_off)}: is it right?"

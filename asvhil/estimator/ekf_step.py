@@ -44,6 +44,8 @@ from asvhil.types import GroundVelocity, Heading, Position, SpecificForce, YawRa
 MAX_GAP_S = 5.0
 SLOWEST_INERTIAL_S = 0.2  # longest time for which a residual of the accelerometer is held
 LONGEST_TURN_S = 0.2  # for which a rejected yaw rate counts: less than a slow stream's interval is known of it
+COMPASS_FRESH_NS = 1_000_000_000
+WIDEST_RAD = 0.35  # how uncertain a heading becomes by that
 OVERDUE = 2.5  # intervals without a sample, after which the accelerometer counts as missing
 NEW_TRACK = Track()
 BIAS_SIGMA = 3.0  # bound of the slow error of a receiver: more is motion, or a jump
@@ -210,7 +212,7 @@ class Filter:
     # --- readings --------------------------------------------------------------------------------------------
 
     def _on_correction(self, state: FilterState, t_ns: int, measurements: tuple[Corrected, ...]) -> None:
-        elapsed_s = 0.0
+        judged_s = 0.0
         for m in measurements:
             if isinstance(m, GroundVelocity):
                 # An error of 1 cm/s for minutes in the velocity of an autopilot's filter would be taken for a slow
@@ -218,10 +220,11 @@ class Filter:
                 # it. So with a fused velocity the slow error is not estimated, and decays.
                 state.follows_bias = not m.fused
                 elapsed_s = fault_recovery.integrate_velocity(state, t_ns, m.vn_mps, m.ve_mps)
+                judged_s = 0.0 if m.fused else elapsed_s  # one of a time in doubt says nothing of an acceleration
         noise = self._noise[tuple(type(m) for m in measurements)]
         reading = measurement_model.reading_of(state.x, measurements, self._frame)
-        if elapsed_s > 0.0:
-            self._judge_accelerometer(state, t_ns, reading, noise, elapsed_s)
+        if judged_s > 0.0:
+            self._judge_accelerometer(state, t_ns, reading, noise, judged_s)
         self._gate_and_correct(state, t_ns, reading, noise)
 
     def _judge_accelerometer(
@@ -250,33 +253,51 @@ class Filter:
         if not (self._config.ekf.accelerometer and 0.0 < interval_s <= SLOWEST_INERTIAL_S):
             return
         if state.doubt.is_over(m.t_ns):
-            self._believe_accelerometer(state)
+            self._believe_accelerometer(state, m.t_ns)
         self._fill_buffers(state)
         motion = self._motion
         motion.arm[:] = m.arm_m
         motion.evaluate_specific_force()
         expected = motion.force
         innovation = np.array([m.ax_mps2, m.ay_mps2]) - expected
-        state.doubt = state.doubt.with_force(m.t_ns, (float(innovation[0]), float(innovation[1])), interval_s)
+        group = Group("acceleration", slice(0, 2), (m.ax_mps2, m.ay_mps2), (float(expected[0]), float(expected[1])))
+        if state.doubt.open and self._is_frozen(state, m.t_ns, group):
+            return
+        shown = m.ax_mps2 - float(state.x[A_X]), m.ay_mps2 - float(state.x[A_Y])
+        off = float(innovation[0]), float(innovation[1])
+        state.doubt = state.doubt.with_force(m.t_ns, shown, off, interval_s)
         if state.doubt.open:
             return
         h = motion.force_jacobian.copy()
         variance = self._model_density / interval_s + self._accel_density
         before = state.x
-        group = Group("acceleration", slice(0, 2), (m.ax_mps2, m.ay_mps2), (float(expected[0]), float(expected[1])))
         noise = np.array([variance, variance])
         if self._gate_and_correct(state, m.t_ns, Reading([group], innovation, h), noise):
             state.residual = innovation - ordered.product(h, state.x - before)
             state.interval_s = interval_s
 
-    def _believe_accelerometer(self, state: FilterState) -> None:
-        """Use it again after a doubt; what it was off by all the while is its bias from now on."""
+    def _is_frozen(self, state: FilterState, t_ns: int, group: Group) -> bool:
+        """The health of an accelerometer that is left out: whether it is frozen."""
+        track = state.tracks.get(group.sensor, NEW_TRACK)
+        limits = fault_recovery.FREEZE_LIMITS[group.sensor]
+        track = sensor_health.update(track, t_ns, group.value, group.expected, limits, self._frozen_ns)
+        state.tracks[group.sensor] = track
+        return track.frozen
+
+    def _believe_accelerometer(self, state: FilterState, t_ns: int) -> None:
+        """Use it again after a doubt; what it was off by all the while is its bias from now on.
+
+        Half of that is how uncertain the bias is, for the model may have been off too.
+        """
+        if not state.doubt.is_bias:
+            state.doubt = state.doubt.begun(t_ns)
+            return
         x, p = state.x.copy(), state.p.copy()
         x[A_X : A_Y + 1] += state.doubt.force
         p[A_X : A_Y + 1, :] = 0.0
         p[:, A_X : A_Y + 1] = 0.0
-        p[[A_X, A_Y], [A_X, A_Y]] = self._config.ekf.accel_bias_std_mps2**2
-        self._clip(x)
+        least = self._config.ekf.accel_bias_std_mps2**2
+        p[[A_X, A_Y], [A_X, A_Y]] = [least + 0.25 * part**2 for part in state.doubt.force]
         state.x, state.p, state.doubt = x, p, state.doubt.ended()
 
     # --- correction ------------------------------------------------------------------------------------------
@@ -306,8 +327,8 @@ class Filter:
             slack = self._gate * math.sqrt(2.0 * noise[rows.start])
             steady = fault_recovery.consistency_offset(state, t_ns, name, off)
             state.tracks[name] = track = sensor_health.reject(track, t_ns, steady, off, slack)
-            if name == "yaw_rate":
-                self._widen_heading(state, off[0], t_ns - heard_ns)
+            if name == "yaw_rate" and track.rejected_in_row > 1:  # a single wild reading is none
+                self._widen_heading(state, t_ns, off[0], t_ns - heard_ns)
             if fault_recovery.requires_reset(state, t_ns, name, math.hypot(*off) - slack, self._return_ns):
                 trusted = track.accepted >= fault_recovery.LEAST_ACCEPTED
                 track = sensor_health.take_over(track, t_ns, math.hypot(*off)) if trusted else track
@@ -325,11 +346,17 @@ class Filter:
         return True
 
     @staticmethod
-    def _widen_heading(state: FilterState, off_radps: float, elapsed_ns: int) -> None:
-        """A yaw rate that is rejected may have been a turn that no other sensor has shown yet."""
+    def _widen_heading(state: FilterState, t_ns: int, off_radps: float, elapsed_ns: int) -> None:
+        """A yaw rate that is rejected may have been a turn that no other sensor has shown yet.
+
+        Not while the heading is bridged: nothing would bring it together again.
+        """
+        if t_ns - state.tracks["heading"].accepted_ns > COMPASS_FRESH_NS:
+            return
         turned_rad = abs(off_radps) * min(elapsed_ns * 1e-9, LONGEST_TURN_S)
         state.p = state.p.copy()
-        state.p[PSI, PSI] = (math.sqrt(state.p[PSI, PSI]) + turned_rad) ** 2
+        std_rad = math.sqrt(state.p[PSI, PSI])
+        state.p[PSI, PSI] = max(std_rad, min(std_rad + turned_rad, WIDEST_RAD)) ** 2
 
     def _innovation_covariance(self, state: FilterState, h: Array, noise: Array) -> Correction:
         """The correction by rows of readings, with the covariance of their innovation."""

@@ -13,6 +13,8 @@ from asvhil.types import ApparentWind, BowWind, Estimate, Note, TrueWind, Wind
 CUPS = FreezeLimits(noise=0.03, motion=0.5)  # m/s
 VANE_TURN_RAD = math.radians(35.0)  # one and a half of the steps of a vane with 16 positions
 VANE_MOVES_MPS = 1.0  # in less wind a vane may not move
+AGREED = 5  # samples that make a wind one to compare others with for as long as it takes
+LONGEST_WAIT = 5.0  # times leap_after_s: a squall, however strong, is taken for one then
 CALM_MPS = 0.5  # in less wind the direction is undefined
 
 
@@ -41,6 +43,7 @@ class WindFilter:
         self._config = config
         self._t_ns: int | None = None
         self._vn = self._ve = self._variance = 0.0
+        self._agreed = 0  # samples in a row that were near enough to the wind so far
         self._leap_ns: int | None = None  # since when each sample has been far from the wind so far
         self._rejected_ns: int | None = None
         self._cups = Track()
@@ -125,22 +128,31 @@ class WindFilter:
                 self._vn, self._ve = speed * math.cos(toward_rad), speed * math.sin(toward_rad)
             self._variance += turn_gain * (0.5 * (dn * dn + de * de) - self._variance)
         self._t_ns = t_ns
+        self._agreed += 1
 
     def _is_plausible(self, t_ns: int, vn: float, ve: float) -> bool:
         """Whether a sample is plausible: a single outlier would disturb the prediction, and with it the position."""
         config = self._config
         if math.hypot(vn, ve) > config.speed_max_mps:
             return False
-        # A wind that is old since each sample after it was rejected is still what they are compared with.
-        heard_ns = self._t_ns if self._rejected_ns is None or self._t_ns is None else max(self._t_ns, self._rejected_ns)
+        # A wind that is old since each sample after it was rejected is still what they are compared with, if enough of
+        # them had agreed with it.
+        heard_ns = self._t_ns
+        if heard_ns is not None and self._rejected_ns is not None and self._agreed >= AGREED:
+            heard_ns = max(heard_ns, self._rejected_ns)
         known = heard_ns is not None and t_ns - heard_ns <= config.stale_after_s * 1e9
+        self._agreed = self._agreed if known else 0
         leap_mps = math.hypot(vn - self._vn, ve - self._ve)
         if not known or leap_mps <= config.leap_max_mps:
             self._leap_ns = None
             return True
         self._leap_ns = t_ns if self._leap_ns is None else self._leap_ns
         # What a wrong wind does to the prediction grows as its square.
-        return t_ns - self._leap_ns >= (leap_mps / config.leap_max_mps) ** 2 * config.leap_after_s * 1e9
+        wait_s = min((leap_mps / config.leap_max_mps) ** 2, LONGEST_WAIT) * config.leap_after_s
+        if t_ns - self._leap_ns < wait_s * 1e9:
+            return False
+        self._agreed = 0  # with another wind
+        return True
 
     def _stuck_part(self, sample: ApparentWind, estimate: Estimate) -> str:
         """Which part of the anemometer is stuck, as text; empty if none.

@@ -64,11 +64,12 @@ class AttachedAutopilot(Protocol):
 class Moored:
     """The motion of a boat held in place: the pose of a vessel, and no velocity."""
 
-    r_radps = ax_mps2 = ay_mps2 = roll_rad = pitch_rad = 0.0
+    r_radps = ax_mps2 = ay_mps2 = 0.0
 
     def __init__(self, vessel: Vessel) -> None:
         self._vessel = vessel
         self.n_m, self.e_m, self.psi_rad = vessel.n_m, vessel.e_m, vessel.psi_rad
+        self.roll_rad, self.pitch_rad = vessel.roll_rad, vessel.pitch_rad
 
     @property
     def motor_commands(self) -> tuple[float, float]:

@@ -11,31 +11,39 @@ import math
 
 from asvhil.geo import GRAVITY_MPS2
 
-FRESH_NS = 500_000_000  # an older tilt says nothing: a boat rolls through in a second or two
-LEAST_G, MOST_G = 0.5, 1.5  # of a force in which gravity shows: some bridges fill in two axes alone
+FRESH_NS = 500_000_000  # an older tilt says nothing of waves: a boat rolls through in a second or two
+MEAN_S = 10.0  # time constant of the mean tilt, a list, which lasts
 
 
 class Level:
-    """The latest tilt of one sensor, and forces in level axes by it."""
+    """The latest tilt of one sensor and its mean, and forces in level axes by it."""
 
     def __init__(self) -> None:
         self._t_ns: int | None = None
-        self._roll_rad = self._pitch_rad = 0.0
+        self._tilt_rad = self._mean_rad = (0.0, 0.0)  # roll, pitch
 
     def note(self, t_ns: int, roll_rad: float, pitch_rad: float) -> None:
         """Roll, starboard down, and pitch, bow up; not used where they are no numbers."""
-        if math.isfinite(roll_rad) and math.isfinite(pitch_rad):
-            self._t_ns, self._roll_rad, self._pitch_rad = t_ns, roll_rad, pitch_rad
+        if not (math.isfinite(roll_rad) and math.isfinite(pitch_rad)):
+            return
+        before_ns, self._t_ns = self._t_ns, t_ns
+        self._tilt_rad = roll_rad, pitch_rad
+        share = 0.0 if before_ns is None else max(t_ns - before_ns, 0) * 1e-9 / MEAN_S
+        gain = 1.0 if before_ns is None else share / (1.0 + share)
+        roll, pitch = self._mean_rad
+        self._mean_rad = roll + gain * (roll_rad - roll), pitch + gain * (pitch_rad - pitch)
 
     def force(self, t_ns: int, x: float, y: float, z: float) -> tuple[float, float]:
-        """The specific force (m/s^2) in level axes; as it is in body axes where no tilt, or no gravity, is known."""
-        if self._t_ns is None or t_ns - self._t_ns > FRESH_NS:
+        """The specific force (m/s^2) in level axes: by the tilt of now, else by the mean tilt of before.
+
+        As it is in body axes where no tilt was ever told, or z is 0: some bridges fill in two axes alone.
+        """
+        if self._t_ns is None or z == 0.0:
             return x, y
-        if not LEAST_G * GRAVITY_MPS2 < math.sqrt(x * x + y * y + z * z) < MOST_G * GRAVITY_MPS2:
-            return x, y
-        cos, sin = math.cos(self._roll_rad), math.sin(self._roll_rad)
+        roll_rad, pitch_rad = self._tilt_rad if t_ns - self._t_ns <= FRESH_NS else self._mean_rad
+        cos, sin = math.cos(roll_rad), math.sin(roll_rad)
         below = y * sin + z * cos
-        return x * math.cos(self._pitch_rad) + below * math.sin(self._pitch_rad), y * cos - z * sin
+        return x * math.cos(pitch_rad) + below * math.sin(pitch_rad), y * cos - z * sin
 
 
 def tilted(ax_mps2: float, ay_mps2: float, roll_rad: float, pitch_rad: float) -> tuple[float, float, float]:

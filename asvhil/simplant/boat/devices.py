@@ -186,7 +186,7 @@ class SimulatedSensor:
         self._port, self._kind, self._settings, self._origin = port, kind, settings, origin
         self._beat = Metronome(t_ns, kind.rate_hz)
         navigation_seed, wind_seed = seed.spawn(2)
-        self._navigation = Navigation(sensors, kind.rate_hz, t_ns, navigation_seed)
+        self._navigation = Navigation(sensors, kind.rate_hz, t_ns, navigation_seed, level=True)
         self._anemometer = Anemometer(sensors.anemometer, wind_seed)
 
     def advance(self, t_ns: int, truth: TrueMotion, wind_ned: tuple[float, float]) -> list[Frame]:

@@ -69,6 +69,7 @@ class Navigation:
         "_heading_bias",
         "_heading_std",
         "_imu_tilt",
+        "_is_level",
         "_motor_pull",
         "_period_ns",
         "_slow_ve",
@@ -108,7 +109,9 @@ class Navigation:
         *,
         filtered: bool = False,
         tilt: TiltConfig = EVEN,
+        level: bool = False,
     ) -> None:
+        """`level`: it takes gravity out of the specific force by itself."""
         gnss, imu = config.gnss, config.imu
         bias_n, bias_e, white, velocity, heading, gyro, accel, turn_on, slow_n, slow_e = (
             NormalSource(part) for part in seed.spawn(10)
@@ -140,6 +143,7 @@ class Navigation:
         self.psi_rad = self.r_radps = self.ax_mps2 = self.ay_mps2 = 0.0
         self.roll_rad = self.pitch_rad = 0.0
         self.az_mps2 = -GRAVITY_MPS2
+        self._is_level = level
         self._imu_tilt = math.radians(tilt.imu_roll_deg), math.radians(tilt.imu_pitch_deg)
         std_rad = math.radians(tilt.attitude_deg)
         self._attitude = [
@@ -196,7 +200,8 @@ class Navigation:
             self.roll_rad += self._attitude[0].advance()
             self.pitch_rad += self._attitude[1].advance()
         roll_rad, pitch_rad = roll_rad + self._imu_tilt[0], pitch_rad + self._imu_tilt[1]
-        if roll_rad == 0.0 and pitch_rad == 0.0:
+        if self._is_level or (roll_rad == 0.0 and pitch_rad == 0.0):
+            self.az_mps2 = -GRAVITY_MPS2
             return truth.ax_mps2, truth.ay_mps2
         ax_mps2, ay_mps2, self.az_mps2 = tilted(truth.ax_mps2, truth.ay_mps2, roll_rad, pitch_rad)
         return ax_mps2, ay_mps2
@@ -220,7 +225,8 @@ class SensorReading:
     """The measurements of a simulated sensor of a registered kind, with errors.
 
     Position in degrees; velocity over ground, NED; true heading in [0, 2 pi) and yaw rate, clockwise; specific force
-    along body x and y; apparent wind: speed, and the direction it comes FROM, clockwise from the bow, in [0, 2 pi).
+    ahead and to starboard, without gravity; apparent wind: speed, and the direction it comes FROM, clockwise from the
+    bow, in [0, 2 pi).
     """
 
     lat_deg: float

@@ -26,6 +26,14 @@ class ExternalAutopilot:
         return []
 
 
+def on_an_even_keel(config: Config) -> Config:
+    """The same without roll and pitch: the interfaces to other autopilots tell a level attitude, and forces with it."""
+    plant = config.plant
+    waves = plant.weather.waves.model_copy(update={"tilt": 0.0})
+    weather = plant.weather.model_copy(update={"waves": waves})
+    return config.model_copy(update={"plant": plant.model_copy(update={"tilt": None, "weather": weather})})
+
+
 class HilPlant:
     """Same boat, weather, sensors and faults as in loopback, in steps that the autopilot asks for.
 
@@ -35,7 +43,7 @@ class HilPlant:
 
     def __init__(self, config: Config, step_s: float, *, sample_each_step: bool) -> None:
         """`sample_each_step`: the sensors are read at each step, else at `plant.frontseat.loop_hz`."""
-        self._config = config
+        self._config = on_an_even_keel(config)
         self._sample_each_step = sample_each_step
         self._asked_s = step_s
         self._neutral_ns = round(1e9 * config.plant.hil.neutral_first_s)

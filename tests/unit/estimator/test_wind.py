@@ -288,13 +288,19 @@ def test_no_wind_above_the_limit_is_taken(vn: float, ve: float, taken: bool) -> 
     assert (fed((0, vn, ve)).wind(0) is not None) is taken
 
 
-@pytest.mark.parametrize(("leap_mps", "after_s"), [(12.0, 3), (20.0, 8), (40.0, 32)])
+@pytest.mark.parametrize(("leap_mps", "after_s"), [(12.0, 3), (20.0, 8), (40.0, 10)])
 def test_a_leap_is_believed_once_it_has_lasted_the_longer_the_larger_it_is(leap_mps: float, after_s: int) -> None:
-    wind = fed((0, 0.0, 0.0), *((second * S, leap_mps, 0.0) for second in range(1, 1 + after_s)))
-    at_ns = (1 + after_s) * S
+    still = [(second * S, 0.0, 0.0) for second in range(6)]
+    wind = fed(*still, *((second * S, leap_mps, 0.0) for second in range(6, 6 + after_s)))
+    at_ns = (6 + after_s) * S
     assert north_east(wind, at_ns - 1) == (0.0, 0.0)
     wind.on_true_wind(TrueWind(t_ns=at_ns, vn_mps=leap_mps, ve_mps=0.0))
     assert north_east(wind, at_ns)[0] > 0.7 * leap_mps
+
+
+def test_a_single_sample_at_the_start_is_nothing_to_wait_for() -> None:
+    wind = fed((0, 55.0, 0.0), *((second * S // 2, 4.0, 0.0) for second in range(1, 8)))
+    assert north_east(wind, 7 * S // 2) == pytest.approx((4.0, 0.0), abs=0.1)
 
 
 def test_a_leap_begins_anew_where_a_sample_was_sound_and_ends_at_once_after_a_silence() -> None:

@@ -33,11 +33,19 @@ def test_on_an_even_keel_the_numbers_stay_the_same_to_the_last_bit() -> None:
     assert level.force(0, 0.1 + 0.2, -0.7, -GRAVITY_MPS2) == (0.1 + 0.2, -0.7)
 
 
-def test_without_a_fresh_tilt_or_gravity_it_is_left_as_it_is() -> None:
+def test_without_a_tilt_or_without_z_it_is_left_as_it_is() -> None:
     level = Level()
     assert level.force(0, 1.0, 0.5, -9.8) == (1.0, 0.5)
+    level.note(0, math.nan, 0.1)
+    assert level.force(0, 1.0, 0.5, -9.8) == (1.0, 0.5)
     level.note(0, 0.1, 0.1)
-    level.note(1, math.nan, 0.1)
-    assert level.force(FRESH_NS, 1.0, 0.5, -9.8) != (1.0, 0.5)
-    assert level.force(FRESH_NS + 1, 1.0, 0.5, -9.8) == (1.0, 0.5)
     assert level.force(0, 1.0, 0.5, 0.0) == (1.0, 0.5), "a bridge that leaves z out"
+
+
+def test_a_list_stays_one_when_the_tilt_is_told_no_more() -> None:
+    level = Level()
+    for tick in range(1200):  # a list of 0.1 rad, and waves about it
+        level.note(tick * 50_000_000, 0.1 + 0.05 * math.sin(0.1 * tick), 0.0)
+    late_ns = 1199 * 50_000_000 + FRESH_NS + 1
+    shown = tilted(0.0, 0.0, 0.1, 0.0)
+    assert level.force(late_ns, *shown) == pytest.approx((0.0, 0.0), abs=0.05)
