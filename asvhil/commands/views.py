@@ -214,7 +214,8 @@ def title_of(figures: dict[str, Any]) -> str:
     if figures["simulated"]:
         wind = figures["wind"]["configured"]
         parts.append(f"wind {wind['speed_mps']:g} m/s toward {wind['toward_deg']:g} deg, seed {figures['seed']}")
-    if figures["damage"] is not None or figures["warnings"]:
+    # A stall is in the log as it was.
+    if figures["damage"] is not None or figures["damaged_records"] or figures["time_jumps"]:
         parts.append("log not whole")
     return ", ".join(parts)
 

@@ -12,7 +12,7 @@ import msgspec
 from mcap.records import Channel, Message
 
 from asvhil.errors import LogError
-from asvhil.logs.clock import TickClock, jump_words
+from asvhil.logs.clock import TickClock, jump_words, stall_words
 from asvhil.logs.encoding import NOT_VALID, decode_outputs
 from asvhil.logs.holds import PhaseSpans
 from asvhil.logs.reader import LogFile, decode_timing
@@ -90,7 +90,8 @@ def log_info(path: Path, on_bytes: Callable[[int], None] = lambda done: None) ->
         "started": None if first_ns is None else _utc(first_ns),
         "duration_s": 0.0 if first_ns is None else clock.t_s(last_ns),
         "time_jumps": [{"tick": jump.tick, "at_s": jump.at_s, "by_s": jump.by_s} for jump in clock.jumps],
-        "warnings": jump_words(clock.jumps),
+        "stalls": [{"tick": stall.tick, "at_s": stall.at_s, "for_s": stall.for_s} for stall in clock.stalls],
+        "warnings": [*jump_words(clock.jumps), *stall_words(clock.stalls)],
         "mode": run.get("mode"),
         "vehicle": run.get("vehicle"),
         "seed": run.get("seed") if run.get("mode") != "live" else None,

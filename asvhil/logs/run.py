@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Callable
 from pathlib import Path
 
@@ -19,7 +19,7 @@ from asvhil.geo import LocalFrame, body_to_ned
 from asvhil.io.mavlink.frames import Parser, decode, dialect, message_id
 from asvhil.io.sensors.decoder import Decoder
 from asvhil.io.sensors.dropped import dropped_of
-from asvhil.logs.clock import TickClock, TimeJump
+from asvhil.logs.clock import Stall, TickClock, TimeJump
 from asvhil.logs.encoding import decode_outputs
 from asvhil.logs.holds import PhaseSpan, PhaseSpans
 from asvhil.logs.metrics import MotionTrack
@@ -69,7 +69,7 @@ class NoteEvent:
 
 @record
 class RunLog:
-    """The data of a run for its figures and its pictures. Times are seconds since the first tick, jumps left out.
+    """The data of a run for its figures and its pictures. Times are seconds since the first tick, without jumps of the clock.
 
     `measured` are the readings of the sources in use, calibrated; `estimated` is what the backseat made of them;
     `truth` comes from a simulator's SIM_STATE. `measured` is None where the sensors need a plug-in that is not loaded.
@@ -106,6 +106,7 @@ class RunLog:
     notes: dict[str, str]
     learned: Learned | None = None  # at the end
     jumps: tuple[TimeJump, ...] = ()  # of the clock, which no time has
+    stalls: tuple[Stall, ...] = ()  # of the program: time in which the boat drifted
     damage: str | None = None  # what is wrong with the log, where it is not whole: the data end there
     damaged_records: tuple[str, ...] = ()  # of the log; the figures do not depend on them
 
@@ -136,7 +137,9 @@ class RunReader:
         self._config, self._decoder = config, decoder
         self._reading = _Reading(plan_every_s)
         self._sensors: _Sensors | None = None
-        self._clock = TickClock(1.0 / config.daemon.tick_hz)
+        self._tick_s = 1.0 / config.daemon.tick_hz
+        self._clock = TickClock(self._tick_s)
+        self._stalled_s: defaultdict[str, float] = defaultdict(float)
         self._step_ms: list[tuple[float, ...]] = []
         self.timing: list[Timing] = []
 
@@ -151,7 +154,7 @@ class RunReader:
             self._sensors = _Sensors(inputs.t_ns, self._decoder, self._clock)
         sensors = self._sensors
         self._take_timing()
-        self._clock.tick(inputs.t_ns)
+        self._take_stall(inputs.t_ns)
         for frame in inputs.frames:
             sensors.read(frame)
         if outputs is not None:
@@ -162,6 +165,18 @@ class RunReader:
         """What the steps so far took, by the clock of their ticks."""
         for row in self.timing[len(self._step_ms) :]:
             self._step_ms.append((self._clock.t_s(row.t_ns), row.step_ns * 1e-6))
+
+    def _take_stall(self, t_ns: int) -> None:
+        """The next tick begins: the time without one is of the phase of the tick before."""
+        before = len(self._clock.stalls)
+        self._clock.tick(t_ns)
+        if self._reading.last is not None:
+            for stall in self._clock.stalls[before:]:
+                self._stalled_s[self._reading.last.phase] += stall.for_s - self._tick_s
+
+    def _phases_s(self) -> dict[str, float]:
+        phases = sorted(self._reading.phases.items())
+        return {phase: round(count * self._tick_s + self._stalled_s[phase], 3) for phase, count in phases}
 
     def run(self, metadata: dict[str, dict[str, str]]) -> RunLog:
         """What was read, with the log's metadata. ValueError of no tick."""
@@ -174,7 +189,6 @@ class RunReader:
         jumps_s = tuple(jump.at_s for jump in self._clock.jumps)
         start_ns, origin_deg = sensors.start_ns, last.origin_deg
         local = None if origin_deg is None else LocalFrame(lat_deg=origin_deg[0], lon_deg=origin_deg[1])
-        tick_s = 1.0 / self._config.daemon.tick_hz
         return RunLog(
             config=self._config,
             metadata=metadata,
@@ -195,7 +209,7 @@ class RunReader:
             energy=_rows(reading.energy, 4),
             plans=reading.plans,
             model_error=_rows(reading.model_error, 8),
-            phases_s={phase: round(count * tick_s, 3) for phase, count in sorted(reading.phases.items())},
+            phases_s=self._phases_s(),
             step_ms=_rows(self._step_ms, 2),
             overruns=sum(row.overrun for row in self.timing),
             counters=dict(last.health.counters),
@@ -205,6 +219,7 @@ class RunReader:
             notes={note.subject: note.text for note in last.health.notes},
             learned=last.learned,
             jumps=tuple(self._clock.jumps),
+            stalls=tuple(self._clock.stalls),
         )
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from asvhil.dynamics.corrected import FACTORS
 from asvhil.estimator.learned_words import learned_text
-from asvhil.logs.clock import jump_words
+from asvhil.logs.clock import jump_words, stall_words
 from asvhil.logs.holds import PhaseSpan
 from asvhil.logs.metrics import (
     MotionTrack,
@@ -43,7 +43,9 @@ def summarise(run: RunLog, wall_s: float | None = None) -> dict[str, Any]:
         "mode": mode_of(run),
         "damage": run.damage,
         "time_jumps": [{"tick": jump.tick, "at_s": jump.at_s, "by_s": jump.by_s} for jump in run.jumps],
-        "warnings": [*run.damaged_records, *jump_words(run.jumps)],
+        "stalls": [{"tick": stall.tick, "at_s": stall.at_s, "for_s": stall.for_s} for stall in run.stalls],
+        "damaged_records": list(run.damaged_records),
+        "warnings": [*run.damaged_records, *jump_words(run.jumps), *stall_words(run.stalls)],
         "simulated": simulated,
         "started": started(run),
         "seed": run.config.plant.seed if simulated else None,

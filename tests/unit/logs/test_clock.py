@@ -1,4 +1,4 @@
-"""Jumps of the clock in a log: told, and in no figure."""
+"""Stalls in a log: told, and time. Jumps of the clock: told, and in no figure."""
 
 from __future__ import annotations
 
@@ -6,8 +6,9 @@ from pathlib import Path
 
 import pytest
 
+from asvhil.commands.views import title_of
 from asvhil.config import load_config
-from asvhil.logs.clock import TickClock, jump_words
+from asvhil.logs.clock import Stall, TickClock, jump_words, stall_words
 from asvhil.logs.encoding import decode_outputs
 from asvhil.logs.info import log_info
 from asvhil.logs.reader import LogFile
@@ -45,13 +46,14 @@ def shifted(source: Path, target: Path, by_s: float) -> Path:
     return target
 
 
-@pytest.mark.parametrize("by_s", [100.0, 3e8, -10.0])
+@pytest.mark.parametrize("by_s", [3e8, -10.0])
 def test_a_jump_is_told_and_is_no_time(run: Path, tmp_path: Path, by_s: float) -> None:
     path = shifted(run, tmp_path / "jump.mcap", by_s)
     whole, jumped = summarise(read_run(run)), summarise(read_run(path))
     line = f"time jumps by {by_s:+.3f} s at tick {FROM_TICK}; no figure counts that as time"
     assert jumped["warnings"] == log_info(path)["warnings"] == [line]
     assert whole["warnings"] == whole["time_jumps"] == log_info(run)["warnings"] == []
+    assert title_of(jumped) == f"{title_of(whole)}, log not whole" and jumped["stalls"] == []
     assert jumped["duration_s"] == pytest.approx(whole["duration_s"], abs=1e-6)
     assert log_info(path)["duration_s"] == pytest.approx(log_info(run)["duration_s"], abs=1e-6)
     assert log_info(path)["holds"] == log_info(run)["holds"]
@@ -66,25 +68,58 @@ def test_a_jump_is_told_and_is_no_time(run: Path, tmp_path: Path, by_s: float) -
         assert docking["share"] is None or docking["share"] <= 1.0
 
 
+@pytest.mark.parametrize("for_s", [3.0, 100.0])
+def test_a_stall_is_told_and_is_time(run: Path, tmp_path: Path, for_s: float) -> None:
+    path = shifted(run, tmp_path / "stall.mcap", for_s - 0.05)
+    whole, stalled = summarise(read_run(run)), summarise(read_run(path))
+    info, lasts_s = log_info(path), whole["duration_s"] + for_s - 0.05
+    line = f"no tick for {for_s:.1f} s at tick {FROM_TICK}"
+    assert stalled["warnings"] == info["warnings"] == [line]
+    assert stalled["stalls"] == info["stalls"] and stalled["stalls"][0]["tick"] == FROM_TICK
+    assert stalled["stalls"][0]["for_s"] == pytest.approx(for_s)
+    assert stalled["time_jumps"] == info["time_jumps"] == [] and whole["stalls"] == []
+    assert title_of(stalled) == title_of(whole) and info["whole"]
+    assert stalled["duration_s"] == pytest.approx(lasts_s) and info["duration_s"] == pytest.approx(lasts_s)
+    assert info["holds"][0]["to_s"] == pytest.approx(log_info(run)["holds"][0]["to_s"] + for_s - 0.05)
+    assert stalled["holds"][0]["to_s"] == pytest.approx(info["holds"][0]["to_s"], abs=1e-3)
+    assert stalled["phases"]["hold"] == pytest.approx(whole["phases"]["hold"] + for_s - 0.05, abs=0.002)
+    at_s = stalled["stalls"][0]["at_s"]
+    for way in ("truth", "estimated", "measured"):
+        windows = stalled["docking"][way]["windows"]
+        assert all(window["to_s"] < at_s or window["from_s"] >= at_s for window in windows), way
+
+
+def test_a_gap_beyond_a_day_is_a_jump_and_a_shorter_one_a_stall() -> None:
+    clock = TickClock(0.05)
+    for t_s in (0.0, 86_000.0, 86_000.0 + 86_500.0):
+        clock.tick(round(t_s * 1e9))
+    assert clock.stalls == [Stall(tick=2, at_s=86_000.0, for_s=86_000.0)]
+    assert [jump.tick for jump in clock.jumps] == [3]
+    assert clock.t_s(round(172_500e9)) == pytest.approx(86_000.05)
+
+
 def test_ticks_that_are_missing_and_late_ones_are_no_jump() -> None:
     clock = TickClock(0.05)
     for number, t_ns in ((1, 0), (2, 50_000_000), (42, 2_050_000_000), (43, 2_900_000_000)):
         clock.tick(t_ns, number)
-    assert clock.jumps == [] and clock.t_s(2_900_000_000) == pytest.approx(2.9)
+    assert not clock.jumps and not clock.stalls and clock.t_s(2_900_000_000) == pytest.approx(2.9)
 
 
-def test_many_jumps_are_told_shortly() -> None:
-    clock = TickClock(0.05)
+def test_many_jumps_and_many_stalls_are_told_shortly() -> None:
+    back, late = TickClock(0.05), TickClock(0.05)
     for number in range(1, 12):
-        clock.tick(number * 100_000_000_000, number)
-    assert len(clock.jumps) == 10 and len(jump_words(clock.jumps)) == 6
-    assert jump_words(clock.jumps)[-1] == "time jumps 5 times more"
+        back.tick(-number * 100_000_000_000, number)
+        late.tick(number * 100_000_000_000, number)
+    assert len(back.jumps) == len(late.stalls) == 10 and not back.stalls and not late.jumps
+    assert len(jump_words(back.jumps)) == len(stall_words(late.stalls)) == 6
+    assert jump_words(back.jumps)[-1] == "time jumps 5 times more"
+    assert stall_words(late.stalls)[-1] == "no tick for more than 1 s 5 times more"
 
 
 def test_a_frame_of_before_a_jump_keeps_its_time() -> None:
     clock = TickClock(0.05)
-    clock.tick(0)
+    clock.tick(200_000_000_000)
     clock.tick(100_000_000_000)
     assert clock.t_s(100_000_000_000) == pytest.approx(0.05)
-    assert clock.t_s(99_990_000_000) == pytest.approx(0.04)
-    assert clock.t_s(20_000_000) == pytest.approx(0.02)
+    assert clock.t_s(199_990_000_000) == pytest.approx(-0.01)
+    assert clock.t_s(200_020_000_000) == pytest.approx(0.02)
