@@ -180,7 +180,8 @@ class MotionMonitor:
         if velocity is None or heading is None or t_ns - heading.t_ns > OLD_NS:
             self._suspicion.reset()
             return None
-        if self._t_ns is None or (t_ns - self._t_ns) * 1e-9 > GAP_S:
+        # Times go back in logs that were edited; a step backwards has no motion.
+        if self._t_ns is None or not 0.0 <= (t_ns - self._t_ns) * 1e-9 <= GAP_S:
             rate = 0.0 if self._yaw_rate is None else self._yaw_rate.r_radps
             self._bank.reset((velocity.vn_mps, velocity.ve_mps), rate)
             self._t_ns = self._lagged_ns = t_ns

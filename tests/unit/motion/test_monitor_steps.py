@@ -109,6 +109,12 @@ def test_the_first_step_and_one_after_a_gap_start_the_bank(steps: Steps) -> None
     assert len(steps.named("reset")) == 2 and len(steps.named("predict")) == 1
 
 
+def test_a_step_back_in_time_starts_the_bank(steps: Steps) -> None:
+    steps.step()
+    steps.step(-1)
+    assert len(steps.named("reset")) == 2 and not steps.named("predict") and not steps.named("lag")
+
+
 def test_a_start_without_a_gyro_has_no_yaw_rate(monkeypatch: pytest.MonkeyPatch) -> None:
     steps = Steps(monkeypatch, with_rate=False)
     steps.step()
