@@ -88,9 +88,13 @@ class TickClock:
 
     def t_s(self, t_ns: int) -> float:
         """The time of the run at a time of the present tick, which may be of before a jump."""
+        return self.since_ns(t_ns) * 1e-9
+
+    def since_ns(self, t_ns: int) -> int:
+        """As `t_s`, in ns."""
         if self._start_before_ns != self._start_ns and abs(t_ns - self._before_ns) < abs(t_ns - self._now_ns):
-            return (t_ns - self._start_before_ns) * 1e-9
-        return self._since(t_ns)
+            return t_ns - self._start_before_ns
+        return t_ns - self._start_ns
 
     def _since(self, t_ns: int) -> float:
         return (t_ns - self._start_ns) * 1e-9

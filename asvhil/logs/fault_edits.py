@@ -13,6 +13,7 @@ from asvhil.config import Config, FaultConfig
 from asvhil.config.fault_spans import Faults, Present
 from asvhil.config.ports import ANEMOMETER, AUTOPILOT
 from asvhil.errors import ConfigError
+from asvhil.logs.clock import TickClock
 from asvhil.logs.fault_messages import MessageEdits
 from asvhil.logs.fault_sentences import SentenceEdits
 from asvhil.types import Frame, Inputs, changed
@@ -43,7 +44,7 @@ class Lines:
 
 
 class FaultEdits:
-    """`apply` gives the inputs of a tick with the faults in them; their times count from the first tick.
+    """`apply` gives the inputs of a tick with the faults in them; their times are those of `clock`.
 
     `edited` counts the frames that are not as recorded. `untouched` are the ports of sensors whose bytes have a form
     that no edit of these faults knows. ConfigError for a kind that cannot be put into a log.
@@ -57,7 +58,8 @@ class FaultEdits:
                 raise ConfigError(
                     f"--fault {fault.kind}: cannot be put into a log, whose boat moves as recorded (these can: {known})"
                 )
-        self._spans: Faults | None = None
+        self._spans = Faults(self._faults, 0)
+        self.clock = TickClock(1.0 / config.daemon.tick_hz)
         self._edits: dict[str, Edits] = {AUTOPILOT: MessageEdits()}
         untouched = []
         kinds = {fault.kind for fault in self._faults}
@@ -74,13 +76,12 @@ class FaultEdits:
 
     def apply(self, inputs: Inputs) -> Inputs:
         """The inputs with the faults that are present; without a change, the very same."""
-        if self._spans is None:
-            self._spans = Faults(self._faults, inputs.t_ns)
+        self.clock.tick(inputs.t_ns)
         frames: list[Frame] = []
         edited = 0
         for frame in inputs.frames:
             edits = self._edits.get(frame.port)
-            data = frame.data if edits is None else edits.apply(frame, self._spans.at(frame.t_ns))
+            data = frame.data if edits is None else edits.apply(frame, self._spans.at(self.clock.since_ns(frame.t_ns)))
             if data == frame.data:
                 frames.append(frame)
                 continue

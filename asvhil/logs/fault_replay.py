@@ -18,6 +18,7 @@ from asvhil.backseat.build import build_backseat
 from asvhil.config import FaultConfig, PwmConfig
 from asvhil.controller.pwm import PulseLimiter
 from asvhil.errors import ConfigError, LogError
+from asvhil.logs.clock import TickClock
 from asvhil.logs.encoding import decode_outputs, encode_outputs, first_difference
 from asvhil.logs.fault_edits import FaultEdits
 from asvhil.logs.holds import PhaseSpans
@@ -60,7 +61,7 @@ class RecordedPulses:
 
 @record
 class Noticed:
-    """What the backseat makes of a log with faults in it. Times (s) count from the first tick.
+    """What the backseat makes of a log with faults in it. Times (s) are those of a report.
 
     `edited`: frames that are not as recorded; `untouched`: ports that the faults should show on, and no edit can.
     `first_difference`: tick from 0, time, and the first field of the outputs that differs; None where none does.
@@ -110,23 +111,22 @@ def replay_with_faults(
     check_begin(log)
     config = config_of(log, path)
     edits = FaultEdits(faults, config)
-    _check_span(log, path, faults)
+    _check_span(log, path, faults, 1.0 / config.daemon.tick_hz)
     pulses = RecordedPulses(config.vehicle.pwm)
     with recorded_model(log, path) as file:
         backseat = build_backseat(config, file, limiter=pulses)
     recorded_holds, holds, notes = PhaseSpans(), PhaseSpans(), _NewNotes()
     first: tuple[int, float, str] | None = None
     judged_to_s: float | None = None
-    start_ns: int | None = None
     off_m, apart_us, ticks, t_s = 0.0, 0, 0, 0.0
     for inputs, data in log.ticks(up_to_gap=True):
         if data is None:
             break
-        start_ns = inputs.t_ns if start_ns is None else start_ns
-        t_s = round((inputs.t_ns - start_ns) * 1e-9, 3)
+        edited = edits.apply(inputs)
+        t_s = round(edits.clock.t_s(inputs.t_ns), 3)
         was = decode_outputs(data, path)
         pulses.begin_tick(was.pwm_us)
-        outputs = backseat.step(edits.apply(inputs))
+        outputs = backseat.step(edited)
         recorded_holds.add(t_s, was.phase, was.health.reason)
         if judged_to_s is None and pulses.alone:
             judged_to_s = t_s
@@ -157,17 +157,26 @@ def replay_with_faults(
     )
 
 
-def _check_span(log: LogFile, path: Path, faults: Sequence[FaultConfig]) -> None:
+def _check_span(log: LogFile, path: Path, faults: Sequence[FaultConfig], tick_s: float) -> None:
     """ConfigError where a fault begins behind the log's end: known at once, and not after a replay."""
     first_ns = next((inputs.t_ns for inputs, _ in log.ticks(up_to_gap=True)), None)
     end_ns = log.end_ns()
-    if first_ns is None or end_ns is None:
+    last = max(faults, key=lambda fault: fault.from_s, default=None)
+    if last is None or first_ns is None or end_ns is None or last.from_s <= (end_ns - first_ns) * 1e-9:
         return
-    lasts_s = (end_ns - first_ns) * 1e-9
-    for fault in faults:
-        if fault.from_s > lasts_s:
-            what = f"--fault {fault.kind}@{fault.from_s:g}: begins behind the end of {path}"
-            raise ConfigError(f"{what}; a time of 0 to {lasts_s:.1f} s is expected")
+    lasts_s = _duration_s(log, tick_s)
+    if last.from_s > lasts_s:
+        what = f"--fault {last.kind}@{last.from_s:g}: begins behind the end of {path}"
+        raise ConfigError(f"{what}; a time of 0 to {lasts_s:.1f} s is expected")
+
+
+def _duration_s(log: LogFile, tick_s: float) -> float:
+    """As a report has it, by a reading of the whole: where times go back, the last one does not tell it."""
+    clock, duration_s = TickClock(tick_s), 0.0
+    for inputs, _ in log.ticks(up_to_gap=True):
+        clock.tick(inputs.t_ns)
+        duration_s = clock.t_s(inputs.t_ns)
+    return duration_s
 
 
 def _kind_of(note: Note) -> tuple[str, str]:

@@ -69,7 +69,9 @@ class NoteEvent:
 
 @record
 class RunLog:
-    """The data of a run for its figures and its pictures. Times are seconds since the first tick, without jumps of the clock.
+    """The data of a run for its figures and its pictures. Times are seconds since the first tick, jumps left out.
+
+    A jump is one of the clock; the time of a stall is in.
 
     `measured` are the readings of the sources in use, calibrated; `estimated` is what the backseat made of them;
     `truth` comes from a simulator's SIM_STATE. `measured` is None where the sensors need a plug-in that is not loaded.

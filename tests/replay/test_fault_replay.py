@@ -17,9 +17,11 @@ from asvhil.config.fault_text import parse_fault, with_faults
 from asvhil.errors import ConfigError
 from asvhil.logs.encoding import decode_outputs
 from asvhil.logs.fault_replay import Noticed, RecordedPulses, replay_with_faults
+from asvhil.logs.info import log_info
 from asvhil.logs.reader import LogFile
 from asvhil.sitl import run_lockstep
 from asvhil.types import Phase
+from tests.support.shifted_logs import shifted
 
 Logs = Callable[..., Path]
 
@@ -193,3 +195,18 @@ def test_a_fault_behind_the_end_of_the_log_is_refused_at_once(logs: Logs) -> Non
         ConfigError, match=r"--fault gnss-jump@600: begins behind the end of .*log\.mcap; a time of 0 to"
     ):
         replay_with_faults(path, [parse_fault("gnss-jump@600:5s:20m")], lambda ticks: pytest.fail("replayed"))
+
+
+@pytest.mark.parametrize("by_s", [3.0, -3600.0])
+def test_times_of_a_fault_are_those_of_the_report(logs: Logs, tmp_path: Path, by_s: float) -> None:
+    """A stall is time, a clock that goes back is none."""
+    path = shifted(logs("sitl"), tmp_path / "shifted.mcap", by_s, 300)
+    holds = log_info(path)["holds"]
+    noticed = reaction(path, "anemometer@26:4s")
+    assert noticed.edited and noticed.span_s == pytest.approx(log_info(path)["duration_s"], abs=1e-3)
+    assert [hold["to_s"] for hold in noticed.recorded_holds] == pytest.approx([hold["to_s"] for hold in holds])
+    assert min(t_s for t_s, subject, _, ok in noticed.notes if subject == "anemometer" and t_s > 20.0) == pytest.approx(
+        28.0, abs=2.0
+    )
+    with pytest.raises(ConfigError, match=f"a time of 0 to {noticed.span_s:.1f} s is expected"):
+        reaction(path, "anemometer@600")

@@ -9,15 +9,12 @@ import pytest
 from asvhil.commands.views import title_of
 from asvhil.config import load_config
 from asvhil.logs.clock import Stall, TickClock, jump_words, stall_words
-from asvhil.logs.encoding import decode_outputs
 from asvhil.logs.info import log_info
-from asvhil.logs.reader import LogFile
-from asvhil.logs.recorder import Recorder
 from asvhil.logs.run import read_run
 from asvhil.logs.summary import summarise
 from asvhil.sitl import run_lockstep
-from asvhil.types import changed
 from tests.support.loop import PLAIN_CONTROLLER
+from tests.support.shifted_logs import shifted
 
 FROM_TICK = 400
 
@@ -29,26 +26,9 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def shifted(source: Path, target: Path, by_s: float) -> Path:
-    """The log with all times from a tick on, those of the frames of that tick too, another."""
-    log = LogFile(source)
-    recorder = Recorder(target, metadata=log.metadata, chunk_kib=128, sync_period_s=1.0, threaded=False)
-    timing = [row.step_ns for row in log.timing()]
-    for number, (inputs, data) in enumerate(log.ticks(), 1):
-        by_ns = round(by_s * 1e9) if number >= FROM_TICK else 0
-        frames = tuple(changed(frame, t_ns=frame.t_ns + by_ns) for frame in inputs.frames)
-        recorder.write_inputs(changed(inputs, t_ns=inputs.t_ns + by_ns, frames=frames))
-        assert data is not None
-        outputs = decode_outputs(data, source)
-        recorder.write_outputs(changed(outputs, t_ns=outputs.t_ns + by_ns))
-        recorder.write_timing(inputs.t_ns + by_ns, timing[number - 1], False)
-    recorder.close()
-    return target
-
-
 @pytest.mark.parametrize("by_s", [3e8, -10.0])
 def test_a_jump_is_told_and_is_no_time(run: Path, tmp_path: Path, by_s: float) -> None:
-    path = shifted(run, tmp_path / "jump.mcap", by_s)
+    path = shifted(run, tmp_path / "jump.mcap", by_s, FROM_TICK)
     whole, jumped = summarise(read_run(run)), summarise(read_run(path))
     line = f"time jumps by {by_s:+.3f} s at tick {FROM_TICK}; no figure counts that as time"
     assert jumped["warnings"] == log_info(path)["warnings"] == [line]
@@ -70,7 +50,7 @@ def test_a_jump_is_told_and_is_no_time(run: Path, tmp_path: Path, by_s: float) -
 
 @pytest.mark.parametrize("for_s", [3.0, 100.0])
 def test_a_stall_is_told_and_is_time(run: Path, tmp_path: Path, for_s: float) -> None:
-    path = shifted(run, tmp_path / "stall.mcap", for_s - 0.05)
+    path = shifted(run, tmp_path / "stall.mcap", for_s - 0.05, FROM_TICK)
     whole, stalled = summarise(read_run(run)), summarise(read_run(path))
     info, lasts_s = log_info(path), whole["duration_s"] + for_s - 0.05
     line = f"no tick for {for_s:.1f} s at tick {FROM_TICK}"
