@@ -23,7 +23,7 @@ FORMAT = 1
 ENDED = "%Y-%m-%d %H:%M UTC"
 LEAST_S = 60.0  # of learning: what was learned in less is not kept
 LEAST_STD, MOST_STD = 1e-3, 3.0  # of a factor: nothing is known for sure, after however long
-YEARS = range(2020, 2100)  # a computer without a clock of its own may be behind, so that today is no bound
+YEARS = range(1970, 2100)  # a computer without a clock of its own begins in 1970, so that its files are no damaged ones
 MOST_S = 1e9  # of learning: more than a life of a boat
 
 
@@ -123,10 +123,7 @@ def read_learned(path: Path, config: Config) -> LearnedFile:
         raise ConfigError(f"{path}: learned on {where}, which this start is not of")
     if tree.get("model_sha256") != model_hash(config):
         raise ConfigError(f"{path}: learned with another model than the one in use; learn anew with this one")
-    if tree.get("hull_sha256") != hull_hash(config):
-        raise ConfigError(
-            f"{path}: hull_sha256: learned with another hull than vehicle.vessel is now; take that back, or learn anew"
-        )
+    _check_hull(tree, path, config)
     learned = Learned(
         factors=_numbers(tree, "factors", path, config.learning.least, config.learning.most),
         std=_numbers(tree, "std", path, LEAST_STD, MOST_STD),
@@ -140,6 +137,20 @@ def read_learned(path: Path, config: Config) -> LearnedFile:
             f"{path}: std: nothing is known yet, {KNOWN_STD:g} or less of a factor is needed; learn longer"
         )
     return LearnedFile(ended=ended, learned=learned)
+
+
+def _check_hull(tree: dict[str, Any], path: Path, config: Config) -> None:
+    """ConfigError where a file's model was not of the hull of this config, or nobody knows."""
+    own = hull_hash(config)
+    if "hull_sha256" not in tree:
+        if tree["model_sha256"] == own:  # of the physics, which is checked by now: it is the hull's
+            return
+        words = "of an older version, without hull_sha256: nobody knows which hull it was learned with; learn anew"
+        raise ConfigError(f"{path}: {words}")
+    if tree["hull_sha256"] != own:
+        raise ConfigError(
+            f"{path}: hull_sha256: learned with another hull than vehicle.vessel is now; take that back, or learn anew"
+        )
 
 
 class _KeyTwiceError(Exception):

@@ -15,7 +15,7 @@ from asvhil.logs.learned_file import LearnedKeeper, learned_path, offer, read_le
 from asvhil.preflight.computer import computer_checks
 from asvhil.preflight.table import Result
 from asvhil.simplant.lockstep import EPOCH_NS
-from asvhil.types import Health, Learned, Outputs, Phase
+from asvhil.types import Health, Learned, Outputs, Phase, changed
 
 FACTORS = (0.7123, 1.0, 1.0, 0.98, 1.05)
 NAMES = ("port", "starboard", "surge", "sway", "yaw")
@@ -129,6 +129,34 @@ def test_another_hull_under_the_same_name_is_another_boat(tmp_path: Path) -> Non
     with pytest.raises(ConfigError, match=r"hull_sha256: learned with another hull") as raised:
         read_learned(path, config_in(tmp_path, "vehicle.vessel.mass_kg=300"))
     assert str(path) in str(raised.value)
+
+
+@pytest.mark.parametrize(("keys", "is_taken"), [((), False), (("controller.name=sd-mpc",), True)])
+def test_a_file_of_an_older_version_without_the_hull_is_named_as_that(
+    tmp_path: Path, keys: tuple[str, ...], is_taken: bool
+) -> None:
+    """Where the model is the physics, its hash is the hull's."""
+    config = config_in(tmp_path, *keys)
+    path = kept(config)
+    assert path is not None
+    tree = json.loads(path.read_text())
+    del tree["hull_sha256"]
+    path.write_text(json.dumps(tree))
+    if is_taken:
+        assert read_learned(path, config).learned.factors == FACTORS
+        return
+    with pytest.raises(ConfigError, match=r"json: of an older version, without hull_sha256: .*; learn anew") as raised:
+        read_learned(path, config)
+    assert "another hull" not in str(raised.value)
+
+
+def test_a_computer_without_a_clock_writes_what_it_reads(tmp_path: Path) -> None:
+    config = config_in(tmp_path)
+    keeper = LearnedKeeper(config)
+    learned = Learned(factors=FACTORS, std=(0.02,) * 5, learned_s=90.0)
+    keeper.see(changed(outputs(learned), t_ns=95_000_000_000))
+    path = keeper.save()
+    assert path is not None and read_learned(path, config).ended == "1970-01-01 00:01 UTC"
 
 
 def test_a_key_that_stands_there_twice_is_named(tmp_path: Path) -> None:
