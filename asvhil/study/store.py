@@ -18,6 +18,7 @@ Result = dict[str, Any]
 BEGIN = b'{"key": "'  # of each line
 SUM = b', "crc": '
 KEYS = {"key", "code", "wall_s", "idle_s", "same", "error", "result", "crc"}
+NAMED_MOST = 5  # lines of a store in one error
 RESUMES = "what is done is kept: make room, and give the same command again"
 
 
@@ -146,15 +147,19 @@ def _parsed(path: Path, content: bytes) -> dict[str, StoredRun]:
 def _without_sum(path: Path, content: bytes) -> str:
     """What to say of lines without a sum: none of those that were written before there were sums.
 
-    AsvhilError for one whose code has written others with a sum: it has lost its own, as in an edit.
+    AsvhilError for those whose code has written others with a sum: they have lost their own, as in an edit.
     """
     lines = content.splitlines()
     bare = {number: json.loads(line)["code"] for number, line in enumerate(lines, 1) if SUM not in line}
     summed = {json.loads(line)["code"] for line in lines if SUM in line} if bare else set()
-    for number, code in bare.items():
-        if code in summed:
-            words = "has lost its checksum, which other runs of its code have; delete it, and its run is done again"
-            raise AsvhilError(f"{path}: line {number} {words}")
+    lost = [number for number, code in bare.items() if code in summed]
+    if lost:
+        one = len(lost) == 1
+        named = ", ".join(map(str, lost[:NAMED_MOST]))
+        rest = f" and {len(lost) - NAMED_MOST} more" if len(lost) > NAMED_MOST else ""
+        which = f"line {named} has lost its" if one else f"lines {named}{rest} have lost their"
+        what = "delete it, and its run is" if one else "delete them, and their runs are"
+        raise AsvhilError(f"{path}: {which} checksum, which other runs of the same code have; {what} done again")
     count = f"{len(bare)} lines have" if len(bare) != 1 else f"line {next(iter(bare))} has"
     return f"{path}: {count} no checksum, as of an older version; taken as they are, edited or not" if bare else ""
 

@@ -212,6 +212,16 @@ def test_an_edited_line_without_its_sum_is_refused_by_its_number(tmp_path):
         run_jobs(square, jobs(tmp_path, 3), store, workers=0)
 
 
+@pytest.mark.parametrize(("bare", "words"), [(2, "lines 2, 3 have"), (12, "lines 2, 3, 4, 5, 6 and 7 more have")])
+def test_all_lines_that_lost_their_sum_are_named_at_once(tmp_path, bare, words):
+    store = tmp_path / "store.jsonl"
+    run_jobs(square, jobs(tmp_path, bare + 1), store, workers=0)
+    first, *others = store.read_text().splitlines(keepends=True)
+    store.write_text(first + "".join(without_sum(line) for line in others))
+    with pytest.raises(AsvhilError, match=rf"store\.jsonl: {words} lost their checksum.* delete them"):
+        run_jobs(square, jobs(tmp_path, bare + 1), store, workers=0)
+
+
 def test_lines_of_code_from_before_there_were_sums_are_taken_and_counted(tmp_path, monkeypatch):
     store = tmp_path / "store.jsonl"
     with monkeypatch.context() as earlier:
