@@ -134,12 +134,11 @@ def _print_info(console: Any, figures: dict[str, Any]) -> None:
         say(console, f"  {text}")
     if figures["recovered_from"]:
         say(console, f"  recovered from {figures['recovered_from']}")
-    seed = f", seed {figures['seed']}" if figures["seed"] else ""
-    model = f" ({figures['model']})" if figures["model"] else ""
-    say(console, f"started {figures['started']}, {figures['duration_s']:.1f} s")
-    say(console, f"{figures['mode']}, {figures['vehicle']}, {figures['controller']}{model}{seed}")
-    versions = figures["versions"]
-    say(console, f"asvhil {versions.get('asvhil')}, Python {versions.get('python')}, {versions.get('machine')}")
+    started = f"started {figures['started']}, " if figures["started"] else ""
+    say(console, f"{started}{figures['duration_s']:.1f} s")
+    for line in (_run_line(figures), _versions_line(figures["versions"])):
+        if line:
+            say(console, line)
     dropped = f", {figures['ticks_dropped']} dropped" if figures["ticks_dropped"] else ""
     phases = ", ".join(f"{phase} {count}" for phase, count in figures["phases"].items())
     say(console, f"{figures['ticks']} ticks{dropped}, {figures['overruns']} overruns; {phases}")
@@ -156,3 +155,19 @@ def _print_info(console: Any, figures: dict[str, Any]) -> None:
             name, str(channel["messages"]), "" if rate is None else f"{rate:.1f}", f"{channel['bytes'] / 1e3:.1f}"
         )
     console.print(table)
+
+
+def _run_line(figures: dict[str, Any]) -> str:
+    """What ran; of a damaged log that was recovered not all is known, and what is not is left out."""
+    controller, model = figures["controller"], figures["model"]
+    if controller and model:
+        controller, model = f"{controller} ({model})", None
+    seed = f"seed {figures['seed']}" if figures["seed"] else None
+    parts = (figures["mode"], figures["vehicle"], controller, model and f"model {model}", seed)
+    return ", ".join(part for part in parts if part)
+
+
+def _versions_line(versions: dict[str, str]) -> str:
+    """What it ran with, as far as it is known."""
+    named = ((name, versions.get(key)) for name, key in (("asvhil ", "asvhil"), ("Python ", "python"), ("", "machine")))
+    return ", ".join(f"{name}{version}" for name, version in named if version)

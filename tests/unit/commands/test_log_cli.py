@@ -7,9 +7,12 @@ from pathlib import Path
 
 import pytest
 
+from asvhil.config import load_config
+from asvhil.sitl import run_lockstep
 from tests.support.command_line import Said, call
 from tests.support.log_damage import chunk_spans
 from tests.support.log_samples import make_recorder, record_ticks
+from tests.support.loop import PLAIN_CONTROLLER
 
 TICKS = 80
 
@@ -39,6 +42,18 @@ def test_recover_ends_with_3_where_something_was_lost(folder: Path) -> None:
     assert asvhil(folder, "info", "cut-recovered.mcap").status == 0
     again = asvhil(folder, "recover", "cut.mcap")
     assert again.status == 2 and "cut-recovered.mcap: exists already" in again.err
+
+
+def test_info_leaves_out_what_a_recovered_log_does_not_know(tmp_path: Path) -> None:
+    run_lockstep(load_config("sitl", (PLAIN_CONTROLLER,)), tmp_path / "run.mcap", 1.0)
+    data = (tmp_path / "run.mcap").read_bytes()
+    for name, text in (("config", b'"tick_hz": 20'), ("versions", b"python"), ("run", b"lockstep")):
+        at = data.index(text, data.index(name.encode())) + len(text) - 1
+        (tmp_path / f"{name}.mcap").write_bytes(data[:at] + bytes([data[at] ^ 1]) + data[at + 1 :])
+        asvhil(tmp_path, "recover", f"{name}.mcap")
+        shown = asvhil(tmp_path, "info", f"{name}-recovered.mcap")
+        assert shown.status == 0 and "None" not in shown.out, shown.out
+        assert ("lockstep, wamv16" if name != "run" else "\nbackstepping\n") in shown.out
 
 
 def test_info_of_a_log_without_its_end_says_that_nothing_has_to_be_done(folder: Path) -> None:
