@@ -61,7 +61,7 @@ class WeatherHeading:
         """The heading (rad) with the weather on the bow; None where it is not known, or there is no weather."""
         if estimate is None or not estimate.valid:
             return self._bow_rad if self._t_ns is not None and t_ns - self._t_ns < GAP_NS else None
-        if self._t_ns is None or t_ns - self._t_ns >= GAP_NS:
+        if self._t_ns is None or not 0 <= t_ns - self._t_ns < GAP_NS:
             self._t_ns = self._since_ns = t_ns
             self._wind[:] = self._disturbance[:] = 0.0
             self._turn_rate2, self._weight_s, self._bow_rad = 0.0, CALM_S, None

@@ -6,7 +6,7 @@ import pytest
 
 from asvhil.config import load_config
 from asvhil.dynamics.rigid_body import SimplifiedDynamics
-from asvhil.estimator.weather import DOUBT_MPS2, DOUBT_SHARE, GAP_NS, LEAST_MPS2, WeatherHeading
+from asvhil.estimator.weather import DOUBT_MPS2, DOUBT_SHARE, EVERY_NS, GAP_NS, LEAST_MPS2, WeatherHeading
 from asvhil.geo import body_to_ned, wrap_rad
 from asvhil.types import Estimate, Wind
 
@@ -188,3 +188,11 @@ def test_it_tells_how_much_the_weather_pushes_on_the_bow() -> None:
         sea = Sea()
         sea.wait(5.0, (speed_mps, 90.0))
         assert sea.finder.push_mps2 == pytest.approx(mps2, rel=0.15)
+
+
+def test_it_begins_anew_where_time_goes_back() -> None:
+    """As in a log that was edited: 0.2 s before the first of its times nothing at all would be known."""
+    sea, other = Sea(), Sea()
+    sea.wait(5.0, (4.0, 0.0))
+    sea.t_ns = other.t_ns = 1_700_000_000 * S - EVERY_NS
+    assert sea.wait(2.0, (4.0, 90.0)) == other.wait(2.0, (4.0, 90.0))
