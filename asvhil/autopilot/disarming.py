@@ -1,8 +1,9 @@
 """Whether the autopilot has disarmed by itself: by what it says of it, and by its clock. Sans-IO.
 
 A heartbeat tells that a vehicle is disarmed, and not who did it. PX4 says so in a text ("Disarmed by failsafe",
-"Disarmed by external command"), an ArduRover names the fail-safe that acts ("GCS Failsafe"). Where nothing is said it
-is taken for a person's doing.
+"Disarmed by external command"), an ArduRover names the fail-safe that acts ("GCS Failsafe") before it disarms. A
+fail-safe that begins later has disarmed nothing: whoever disarms a boat may switch the transmitter off then. Where
+nothing is said it is taken for a person's doing.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ DISARMED_BY = re.compile(r"Disarmed by (.+)")  # PX4, of whatever disarms it
 # Of those, what no person does.
 ITS_OWN = frozenset({"failsafe", "landing", "auto preflight disarming", "failure detector", "lockdown"})
 FAIL_SAFE = re.compile(r"(\w+) Failsafe")  # ArduRover, of one that begins; "... Failsafe Cleared" does not match
-BEAT_NS = 1_500_000_000  # a text comes at once, the heartbeat that goes with it within a second
+BEAT_NS = 1_500_000_000  # a text comes at once, the heartbeat that goes with it up to a second later
 
 
 class Disarming:
@@ -42,7 +43,6 @@ class Disarming:
         fail_safe = FAIL_SAFE.fullmatch(text)
         if fail_safe is not None:
             self._fail_safe = t_ns, f"{fail_safe[1]} fail-safe"
-            self._name(t_ns)
         return False
 
     def on_heartbeat(self, t_ns: int, *, armed: bool) -> None:
@@ -53,9 +53,12 @@ class Disarming:
         """The clock of its boot has gone on."""
         self._armed_at_clock = self._armed
 
-    def restart(self) -> None:
-        """It has booted anew: one that was armed until then has lost that by the boot, whatever its heartbeat tells."""
-        if self._armed_at_clock:
+    def restart(self, booted_ns: int) -> None:
+        """It has booted anew, at that time by its clock: one that was armed until then has lost that by the boot.
+
+        The first heartbeat after the boot may come before its clock does; one before the boot tells of a person.
+        """
+        if self._armed_at_clock and (self._armed or self._disarmed_ns >= booted_ns):
             self.itself = REBOOT
         self._armed = self._armed_at_clock = False
         self._fail_safe = None
@@ -65,12 +68,10 @@ class Disarming:
             self.itself = ""
         elif self._armed:
             self._disarmed_ns = t_ns
+            self._name(t_ns)
         self._armed = armed
-        self._name(t_ns)
 
     def _name(self, t_ns: int) -> None:
-        """A fail-safe that began about when the vehicle was disarmed has done it, as nothing else is said."""
-        if self._armed or self.itself or self._fail_safe is None or not self._disarmed_ns:
-            return
-        if abs(self._disarmed_ns - self._fail_safe[0]) <= BEAT_NS:
+        """A fail-safe that began just before the vehicle was disarmed has done it, as nothing else is said."""
+        if self._fail_safe is not None and not self.itself and t_ns - self._fail_safe[0] <= BEAT_NS:
             self.itself = self._fail_safe[1]

@@ -200,7 +200,7 @@ class AutopilotListener:
         if boot_ms + 1000 < self._boot_ms.get(msg_id, 0) and self._new_clock:
             self._boot_ms.clear()
             self.reboots += 1
-            self._vehicle.restart()
+            self._vehicle.restart(t_ns - 1_000_000 * boot_ms)
             self._streams.restart()
             self._pace.restart()
             self._timesync.restart()

@@ -55,13 +55,13 @@ class VehicleStatus:
         self._batteries = Batteries()
         self._fix: tuple[int | None, int | None] = (None, None)
 
-    def restart(self) -> None:
-        """The autopilot has rebooted."""
+    def restart(self, booted_ns: int) -> None:
+        """The autopilot has rebooted, at that time by its clock."""
         self._ready = self._was_ready = self._has_attitude = False
         self._estimator_ns = None
         self.transmitter.restart()
         self.arming_checks.restart()
-        self.disarming.restart()
+        self.disarming.restart(booted_ns)
         self._batteries.restart()
 
     def note_estimator(self, t_ns: int, *, position: bool, attitude: bool) -> None:

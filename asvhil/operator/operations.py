@@ -33,6 +33,7 @@ from asvhil.types import (
     Note,
     ParameterChange,
     Phase,
+    ReleaseCommand,
     Wind,
     record,
 )
@@ -90,6 +91,8 @@ class Operations:
         received, self._received = self._received, []
         for request in received:
             wanted = self._meaning(request)
+            if isinstance(wanted, ReleaseCommand):
+                self._drift.release()
             if wanted is None or isinstance(wanted, Explanation):
                 self._unanswered.append(_Unanswered(request=request, asked=False, refusal=wanted))
             else:

@@ -6,7 +6,7 @@ import pytest
 
 from asvhil.config import load_config
 from asvhil.io.mavlink.frames import dialect
-from asvhil.operator.encoding import encode_presence
+from asvhil.operator.encoding import encode_presence, encode_release
 from asvhil.types import Frame, Phase
 from tests.support.loop import PLAIN_CONTROLLER, GroundStationLoop
 
@@ -81,3 +81,6 @@ def test_a_reboot_is_told_as_such_and_leaves_the_boat_adrift(config: str) -> Non
     assert loop.state() == EMERGENCY
     loop.wait(20.0)
     assert loop.state() == EMERGENCY, "nor does the mode that it starts in"
+    loop.say(encode_release(loop.config.links.autopilot))
+    loop.wait(0.2)
+    assert loop.state() == STANDBY, "an operator knows of it"

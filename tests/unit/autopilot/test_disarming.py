@@ -35,16 +35,21 @@ def test_px4_says_that_it_was_a_person(words: str) -> None:
     assert vehicle.on_text(2 * S, text(f"Disarmed by {words}\t")) and vehicle.itself == ""
 
 
-@pytest.mark.parametrize("late_ns", [-BEAT_NS, -S, 0, S, BEAT_NS])
-def test_an_ardurover_names_the_fail_safe_about_when_it_is_disarmed(late_ns: int) -> None:
+@pytest.mark.parametrize("early_ns", [0, S, BEAT_NS])
+def test_an_ardurover_names_the_fail_safe_just_before_it_is_disarmed(early_ns: int) -> None:
     vehicle = armed()
-    told = [(5 * S, None), (5 * S + late_ns, "GCS Failsafe")]
-    for t_ns, words in sorted(told, key=lambda one: one[0]):
-        if words is None:
-            vehicle.on_heartbeat(t_ns, armed=False)
-        else:
-            assert not vehicle.on_text(t_ns, text(words))
+    assert not vehicle.on_text(5 * S - early_ns, text("GCS Failsafe"))
+    vehicle.on_heartbeat(5 * S, armed=False)
     assert vehicle.itself == "GCS fail-safe"
+
+
+@pytest.mark.parametrize("late_ns", [0, S, BEAT_NS])
+def test_a_fail_safe_after_it_has_not_disarmed_it(late_ns: int) -> None:
+    vehicle = armed()
+    vehicle.on_heartbeat(5 * S, armed=False)
+    vehicle.on_text(5 * S + late_ns, text("Throttle Failsafe"))  # its pilot has switched the transmitter off
+    vehicle.on_heartbeat(5 * S + late_ns, armed=False)
+    assert vehicle.itself == ""
 
 
 @pytest.mark.parametrize(
@@ -75,16 +80,18 @@ def test_a_reboot_disarms(beat_first: bool) -> None:
     vehicle = armed()
     if beat_first:
         vehicle.on_heartbeat(2 * S, armed=False)
-    vehicle.restart()
+    vehicle.restart(2 * S)
     assert vehicle.itself == "reboot"
     vehicle.on_heartbeat(3 * S, armed=False)
     vehicle.note_clock()
     assert vehicle.itself == "reboot"
 
 
-def test_a_vehicle_that_people_disarm_and_reboot_was_disarmed_by_people() -> None:
+@pytest.mark.parametrize("clock_goes_on", [False, True])
+def test_a_vehicle_that_people_disarm_and_reboot_was_disarmed_by_people(clock_goes_on: bool) -> None:
     vehicle = armed()
     vehicle.on_heartbeat(2 * S, armed=False)
-    vehicle.note_clock()
-    vehicle.restart()
+    if clock_goes_on:
+        vehicle.note_clock()
+    vehicle.restart(2 * S + 1)
     assert vehicle.itself == ""
