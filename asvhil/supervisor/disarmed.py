@@ -1,4 +1,4 @@
-"""An autopilot that has disarmed without anybody's doing: the boat is adrift, and no pilot has it. Pure functions."""
+"""An autopilot that has disarmed without anybody's doing: the boat is adrift, and no pilot has it. Sans-IO."""
 
 from __future__ import annotations
 
@@ -23,6 +23,22 @@ def disarmed_by_itself(status: FrontseatStatus | None) -> Explanation | None:
     if status.disarmed_itself == REBOOT:
         return explain(Reason.AUTOPILOT_REBOOTED)
     return explain(Reason.AUTOPILOT_DISARMED, why=status.disarmed_itself)
+
+
+class Aftermath:
+    """Whether a person has acted since a hold has ended: what its autopilot does later did not end it."""
+
+    def __init__(self, status: FrontseatStatus | None) -> None:
+        self.acted = False
+        self._mode = None if status is None else status.mode
+        self._was_disarmed = False
+
+    def note(self, status: FrontseatStatus | None) -> None:
+        """One tick. Of a vehicle that is disarmed the mode may be that of its boot."""
+        if status is None:
+            return
+        self.acted |= status.armed and (self._was_disarmed or status.mode != self._mode)
+        self._was_disarmed |= not status.armed
 
 
 def cause_of_end(why: Explanation, since_ns: int, status: FrontseatStatus | None) -> Explanation | None:

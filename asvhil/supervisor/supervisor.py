@@ -9,7 +9,7 @@ from asvhil.config import SupervisorConfig
 from asvhil.supervisor.arming_help import ArmingHelp
 from asvhil.supervisor.conditions import Conditions
 from asvhil.supervisor.decision import Decision, Request
-from asvhil.supervisor.disarmed import BY_ITSELF, cause_of_end
+from asvhil.supervisor.disarmed import BY_ITSELF, Aftermath, cause_of_end
 from asvhil.supervisor.heading_policy import HeadingPolicy
 from asvhil.supervisor.leader_report import LeaderReport
 from asvhil.supervisor.mode_request import ModeRequest
@@ -89,6 +89,7 @@ class Supervisor:
         self._just_taken = False  # the motors, in this tick
         self._pilot_ns: int | None = None  # when the pilot took the boat last
         self._ended_ns: int | None = None  # when the last hold ended unasked, while that is the reason to stand by
+        self._aftermath = Aftermath(None)
 
     def step(self, situation: Situation, requests: Sequence[Request] = ()) -> Decision:
         """The decision of this tick: the requests in turn, then what has become of engagement in this situation."""
@@ -190,6 +191,7 @@ class Supervisor:
                 return self._stop(situation)
             case ReleaseCommand():  # always granted
                 self._auto_pending = False
+                self._aftermath.acted = True
                 if self._phase is not Phase.STANDBY:
                     self._let_go(explain(Reason.RELEASED), neutral_first=True, give_back_ns=request.t_ns)
                 return None
@@ -441,16 +443,19 @@ class Supervisor:
         """A second vehicle may end a hold by what it says of itself, before it is known for another one.
 
         Its heartbeat that says "disarmed" could be the pilot's word, and is not waited on; the reason follows. So does
-        that of an autopilot that has disarmed by itself or rebooted, which may tell why after its outputs have stopped.
+        that of an autopilot that has disarmed by itself or rebooted, which may tell why after its outputs have stopped;
+        not once a person has acted, who may have rebooted it.
         """
         if self._phase is not Phase.STANDBY or self._why.reason is Reason.RELEASED:
             self._ended_ns = None
             return
         if was_held:
-            self._ended_ns = situation.t_ns
+            self._ended_ns, self._aftermath = situation.t_ns, Aftermath(situation.status)
         if self._ended_ns is None:
             return
-        self._why = cause_of_end(self._why, situation.t_ns - self._ended_ns, situation.status) or self._why
+        self._aftermath.note(situation.status)
+        if not self._aftermath.acted:
+            self._why = cause_of_end(self._why, situation.t_ns - self._ended_ns, situation.status) or self._why
         if situation.stranger is None:
             return
         if situation.t_ns - self._ended_ns <= NAMED_LATER_NS:

@@ -264,6 +264,30 @@ def test_the_end_of_a_hold_is_named_after_what_the_autopilot_tells_soon_after(fi
         assert why == (explain(Reason.AUTOPILOT_REBOOTED) if named else explain(first))
 
 
+@pytest.mark.parametrize("first", [Reason.ESTIMATE_STALE, Reason.STICKS_UNSEEN, Reason.OUTPUT_STUCK])
+@pytest.mark.parametrize("acts", ["mode", "arms anew", "releases", "nobody", "boots into another mode"])
+def test_a_reboot_after_a_person_has_acted_did_not_end_the_hold(first: Reason, acts: str) -> None:
+    bench = holding()
+    bench.fault = explain(first)
+    assert bench.step().why == explain(first)
+    bench.fault = None
+    match acts:
+        case "mode":
+            bench.status = status(mode="AUTO")
+        case "arms anew":
+            bench.status = status(armed=False)
+            bench.step()
+            bench.status = status()
+        case "releases":
+            bench.release()
+        case "boots into another mode":  # its heartbeat may come before its clock
+            bench.status = status(armed=False, mode="HOLD")
+    bench.step()
+    bench.status = itself("reboot")
+    boot = acts in ("nobody", "boots into another mode")
+    assert bench.step().why == explain(Reason.AUTOPILOT_REBOOTED if boot else first)
+
+
 def test_who_had_the_boat_before_keeps_the_word() -> None:
     bench = holding()
     bench.status = status(mode="HOLD")
