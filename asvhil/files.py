@@ -1,4 +1,8 @@
-"""Files that have their name only once they are whole: new ones, and ones that take the place of another."""
+"""Files that have their name only once they are whole: new ones, and ones that take the place of another.
+
+And a look at a path that a user gives, which never raises: whoever opens it then tells what is wrong. Those of
+`pathlib` raise, in Python 3.11, where a folder may not be entered or a name is too long.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +10,30 @@ import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+
+
+def is_there(path: Path) -> bool:
+    """Whether there is a file, or anything else, at a path; not where that cannot be told."""
+    return os.path.exists(path)
+
+
+def is_file(path: Path) -> bool:
+    """Whether there is a regular file at a path; not where that cannot be told."""
+    return os.path.isfile(path)
+
+
+def is_folder(path: Path) -> bool:
+    """Whether there is a folder at a path; not where that cannot be told."""
+    return os.path.isdir(path)
+
+
+def identity(path: Path) -> object:
+    """What is the same for two paths of one file, whatever they are called; by the name of what is not there."""
+    try:
+        there = path.stat()
+    except (OSError, ValueError):
+        return os.path.realpath(path)
+    return there.st_dev, there.st_ino
 
 
 @contextmanager

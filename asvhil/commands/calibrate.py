@@ -12,7 +12,7 @@ from asvhil.commands.options import JsonOption, PluginOption, RecordedPluginsOpt
 from asvhil.commands.outputs import check_figures, check_writable, write_json, writing
 from asvhil.commands.views import progress, say
 from asvhil.errors import AsvhilError, ConfigError
-from asvhil.files import write_text
+from asvhil.files import is_file, is_there, write_text
 
 
 def calibrate(
@@ -63,10 +63,10 @@ def _check_output(output: Path, base: str) -> None:
     """Before the work: AsvhilError where the output exists, or where it could not be loaded with its base."""
     from asvhil.config.loading import find_config, none_shipped
 
-    if output.exists():
+    if is_there(output):
         raise AsvhilError(f"--output {output}: is there already; name a new file, and the old one with --base")
     check_writable(output, "--output ")
-    if base and not (output.parent / base).is_file():
+    if base and not is_file(output.parent / base):
         try:
             find_config(base)
         except ConfigError:
@@ -82,7 +82,7 @@ def _check_boat(log: Path, base: str, output: Path | None) -> None:
     if not base:
         return
     beside = (Path() if output is None else output.parent) / base
-    boat = vehicle_name(beside if beside.is_file() else find_config(base))
+    boat = vehicle_name(beside if is_file(beside) else find_config(base))
     logged = LogFile(log).metadata.get("run", {}).get("vehicle")
     if boat and logged and boat != logged:
         raise AsvhilError(

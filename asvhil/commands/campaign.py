@@ -19,6 +19,7 @@ from asvhil.commands.study_command import (
     study_command,
 )
 from asvhil.errors import AsvhilError
+from asvhil.files import is_folder
 from asvhil.types import changed
 
 if TYPE_CHECKING:
@@ -52,7 +53,7 @@ def campaign(
     settings, path, lines = read_spec(spec)
     check_parts()
     check(settings, path, lines)
-    if output.is_dir():
+    if is_folder(output):
         check_writable(output / f"{path.stem}.parquet")
     stem, total = path.stem, runs_of(settings)
     rows: list[Row] = []

@@ -13,7 +13,7 @@ from asvhil.commands.options import JsonOption
 from asvhil.commands.outputs import check_figures, check_json, check_writable, write_json, writing
 from asvhil.commands.views import say
 from asvhil.errors import ConfigError
-from asvhil.files import write_text
+from asvhil.files import is_there, write_text
 
 if TYPE_CHECKING:
     from asvhil.commands.boat_file import OwnBoat
@@ -108,7 +108,7 @@ def _files(target: Path, force: bool) -> tuple[Path, Path]:
         raise ConfigError(f"init: {target}: a config file ends in .yaml")
     files = target, target.with_name(f"{target.stem}-sim{target.suffix}")
     for path in files:
-        if path.exists() and not force:
+        if is_there(path) and not force:
             raise ConfigError(f"init: {path} is there already: another name, or --force to overwrite it")
         check_writable(path)
     return files

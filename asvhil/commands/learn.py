@@ -18,6 +18,7 @@ from asvhil.commands.outputs import check_figures, config_and_bases, write_json,
 from asvhil.commands.train import train_with_bar
 from asvhil.commands.views import progress, say, tell_borrowed_hull
 from asvhil.errors import AsvhilError, ConfigError
+from asvhil.files import is_folder, is_there
 
 if TYPE_CHECKING:
     from asvhil.config import Config
@@ -59,7 +60,7 @@ class _Files:
 
     def there(self) -> list[Path]:
         """Those that are there already."""
-        return sorted(self.folder.iterdir()) if self.folder.is_dir() else []
+        return sorted(self.folder.iterdir()) if is_folder(self.folder) else []
 
 
 def learn(
@@ -215,7 +216,7 @@ def _put_aside(folder: Path, console: Any) -> None:
     logs = sorted((*folder.glob("drive*.mcap"), *folder.glob("test*.mcap")))
     if not logs:
         return
-    aside = next(path for number in itertools.count(1) if not (path := folder / f"before-{number}").exists())
+    aside = next(path for number in itertools.count(1) if not is_there(path := folder / f"before-{number}"))
     aside.mkdir()
     for log in logs:
         log.rename(aside / log.name)
@@ -269,7 +270,7 @@ def _train(
         options=chosen_options(kind, 0.2, **chosen),
         seed=seed,
         tries=TRIES[kind],
-        resume=resume and checkpoint_of(files.model).exists(),
+        resume=resume and is_there(checkpoint_of(files.model)),
     )
     train_with_bar(steps.console, "sd", data, files.fitted)
     say(steps.console, f"   {files.model}: {figures['data_s']:.0f} s of data, {figures['wall_s']:.0f} s of training")

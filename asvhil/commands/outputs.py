@@ -6,6 +6,7 @@ import errno
 import json
 import math
 import os
+import stat
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -13,9 +14,16 @@ from pathlib import Path
 from typing import Any
 
 from asvhil.errors import AsvhilError, ConfigError
-from asvhil.files import write_text
+from asvhil.files import identity, is_file, is_there, write_text
 
 MCAP_MAGIC = b"\x89MCAP"
+# Of any value, with the words that only Python knows; or a byte order mark.
+JSON_BEGINS = (
+    *(bytes([one]) for one in b'{["-0123456789'),
+    *(b"true", b"false", b"null", b"NaN", b"Infinity"),
+    *(b"\xef\xbb\xbf", b"\xff\xfe", b"\xfe\xff"),
+)
+NOT_JSON = "is there already, and is not JSON; give another name, or delete it"
 
 
 def write_json(path: Path | None, figures: dict[str, Any]) -> None:
@@ -60,15 +68,17 @@ def check_writable(file: Path | None, option: str = "") -> None:
     if file is None:
         return
     with writing(file, option):
-        if file.is_dir():
-            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
-        if file.exists():  # not opened: it may be a pipe
-            if not os.access(file, os.W_OK):
-                raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
-            if _head(file).startswith(MCAP_MAGIC):
-                raise AsvhilError(f"{option}{file}: is a log, which is never overwritten; give another name")
-        else:
+        try:
+            mode = file.stat().st_mode  # which tells too of a name that no file can have
+        except FileNotFoundError:
             tempfile.TemporaryFile(dir=file.parent).close()
+            return
+        if stat.S_ISDIR(mode):
+            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+        if not os.access(file, os.W_OK):  # not opened: it may be a pipe
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+        if _head(file).startswith(MCAP_MAGIC):
+            raise AsvhilError(f"{option}{file}: is a log, which is never overwritten; give another name")
 
 
 def check_json(file: Path | None, option: str = "--json ") -> None:
@@ -77,27 +87,33 @@ def check_json(file: Path | None, option: str = "--json ") -> None:
     So what a command reads, keeps, or has just written, is not lost by a slip.
     """
     check_writable(file, option)
-    if file is None or not file.is_file():
+    if file is None or not is_file(file):
         return
     with writing(file, option):
-        content = file.read_bytes()
-    fault = _no_figures(content)
+        fault = _no_figures_by_head(_head(file)) or _no_figures(file.read_bytes())
     if fault:
         raise AsvhilError(f"{option}{file}: {fault}")
+
+
+def _no_figures_by_head(head: bytes) -> str:
+    """The same as far as the first bytes tell: a log of gigabytes is not read to refuse it."""
+    from asvhil.study.store import BEGIN
+
+    if head.startswith(BEGIN):
+        return "is a store of runs; give another name"
+    begin = head.lstrip()
+    return NOT_JSON if begin and not begin.startswith(JSON_BEGINS) else ""
 
 
 def _no_figures(content: bytes) -> str:
     """What a file holds that is not figures of an earlier run, and what to do; empty of such figures, and of nothing.
 
-    Hours of work are in what a study keeps as JSON too: the store of its runs, and the record of a search.
+    Hours of work are in what a study keeps as JSON too: the record of a search.
     """
-    from asvhil.study.store import BEGIN
     from asvhil.study.tuning_record import is_record
 
     if not content.strip():
         return ""
-    if content.startswith(BEGIN):
-        return "is a store of runs; give another name"
     try:
         tree = json.loads(content)
     except RecursionError:
@@ -105,9 +121,9 @@ def _no_figures(content: bytes) -> str:
     except json.JSONDecodeError as error:
         if error.msg == "Extra data" and content.lstrip().startswith((b"{", b"[")):
             return "is there already, and holds more than one piece of JSON; give another name, or delete it"
-        return "is there already, and is not JSON; give another name, or delete it"
+        return NOT_JSON
     except UnicodeDecodeError:
-        return "is there already, and is not JSON; give another name, or delete it"
+        return NOT_JSON
     return "is the record of a search; give another name" if is_record(tree) else ""
 
 
@@ -120,13 +136,9 @@ def check_apart(*files: tuple[str, Path | None]) -> None:
     seen: dict[object, str] = {}
     for option, file in files:
         # A pipe, or a terminal, takes as many as come.
-        if file is None or (file.exists() and not file.is_file()):
+        if file is None or (is_there(file) and not is_file(file)):
             continue
-        with writing(file, f"{option} "):
-            there = file.stat() if file.exists() else None
-        # By what it is, not by its name: it may have two.
-        which = (there.st_dev, there.st_ino) if there else file.resolve()
-        other = seen.setdefault(which, option)
+        other = seen.setdefault(identity(file), option)  # by what it is, not by its name: it may have two
         if other != option:
             what = f"the file of {other} too" if other.startswith("--") else other
             raise ConfigError(f"{option} {file}: is {what}; give another name")
@@ -152,7 +164,7 @@ def columns_file(columns: str | None) -> list[tuple[str, Path | None]]:
 
 def _head(file: Path) -> bytes:
     """The first bytes of a regular file; nothing of anything else."""
-    if not file.is_file():
+    if not is_file(file):
         return b""
     with file.open("rb") as opened:
         return opened.read(64)

@@ -12,6 +12,7 @@ from asvhil.commands.options import SetOption
 from asvhil.commands.outputs import writing
 from asvhil.commands.views import say, stage_bar
 from asvhil.errors import AsvhilError, ConfigError
+from asvhil.files import is_there
 
 if TYPE_CHECKING:
     from asvhil.preflight.script_tool import ScriptStatus, ScriptTool
@@ -97,7 +98,7 @@ def _confirm(question: str, yes: bool) -> None:
 
 
 def _copy(path: Path, text: str) -> None:
-    if path.exists():
+    if is_there(path):
         raise AsvhilError(f"--copy-to {path}: is there already; name a new file")
     with writing(path, "--copy-to "):
         path.write_text(text, encoding="ascii")

@@ -13,6 +13,7 @@ from asvhil.commands.options import ConfigArgument, FaultOption, JsonOption, Lea
 from asvhil.commands.outputs import check_figures, check_writable, config_and_bases
 from asvhil.commands.views import NEEDS_AUTO, LiveView, progress, report_run, twin_hint
 from asvhil.errors import ConfigError
+from asvhil.files import is_folder
 
 if TYPE_CHECKING:
     from asvhil.config import Config
@@ -78,7 +79,7 @@ def sitl(
     kept = (("what was learned", file) for file in (learned, learned_path(settings)))
     check_figures(json_, *config_and_bases(config), *kept, ("--log", log), ("the picture of --log", drawn))
     check_kept(settings)
-    if log is not None and picture and log.parent.is_dir():
+    if log is not None and picture and is_folder(log.parent):
         check_writable(log.with_suffix(".png"))
     board = _simulated_arduino(settings, anemometer, arduino, lockstep)
     check_buildable(settings)

@@ -14,6 +14,7 @@ from asvhil.commands.outputs import check_apart, check_json, check_writable, col
 from asvhil.commands.signatures import option, parameters_of, with_parameters
 from asvhil.commands.views import progress, say
 from asvhil.errors import AsvhilError, ConfigError
+from asvhil.files import is_folder, is_there
 from asvhil.train.options import CHOICES, NETWORKS, OPTIONS, FitOptions, chosen_options
 
 if TYPE_CHECKING:
@@ -82,12 +83,12 @@ def _check_output(output: Path, *, force: bool, resume: bool) -> None:
     from asvhil.train.jobs import checkpoint_of, picture_of
 
     for file in (output, picture_of(output)):
-        if file.exists() and not force:
+        if is_there(file) and not force:
             raise ConfigError(f"train: {file} is there already: another name, or --force to overwrite it")
-        if file.parent.is_dir():
+        if is_folder(file.parent):
             check_writable(file, "--output ")
     unfinished = checkpoint_of(output)
-    if unfinished.exists() and not (force or resume):
+    if is_there(unfinished) and not (force or resume):
         raise ConfigError(
             f"train: {unfinished} is of a training that was interrupted: --resume it, or --force to begin anew"
         )
@@ -108,7 +109,7 @@ def train_with_bar(console: Any, kind: str, data: list[Path], output: Path, **se
 
             return train_command(kind, data, output, **settings, progress=show)
     except KeyboardInterrupt:
-        if checkpoint_of(output).exists():
+        if is_there(checkpoint_of(output)):
             typer.echo(
                 f"asvhil: interrupted; the same command with --resume goes on from {checkpoint_of(output)}", err=True
             )

@@ -8,6 +8,8 @@ from typing import Any
 import typer
 from typer.core import TyperCommand, TyperGroup, TyperOption
 
+from asvhil.files import is_folder
+
 # Typer exports only the last of these three; UsageError has the context of the command.
 UsageError: Any = typer.BadParameter.__mro__[1]
 ClickException: Any = typer.BadParameter.__mro__[2]
@@ -81,9 +83,9 @@ def config_names(incomplete: str) -> list[str]:
         files = sorted(path for path in place.iterdir() if path.name.startswith(start))
     except OSError:
         return names
-    found = [f"{prefix}{path.name}{'/' if path.is_dir() else ''}" for path in files if _may_be_config(path)]
+    found = [f"{prefix}{path.name}{'/' if is_folder(path) else ''}" for path in files if _may_be_config(path)]
     return [*names, *found]
 
 
 def _may_be_config(path: Path) -> bool:
-    return path.is_dir() or path.suffix in (".yaml", ".yml")
+    return is_folder(path) or path.suffix in (".yaml", ".yml")

@@ -11,6 +11,7 @@ import typer
 
 from asvhil.commands.display import Display
 from asvhil.commands.outputs import write_json
+from asvhil.files import is_file
 
 if TYPE_CHECKING:
     from asvhil.config import Config
@@ -301,7 +302,7 @@ def say(console: Any, text: str, end: str = "\n") -> None:
 def twin_hint(config: str) -> str:
     """Which config is the simulated twin of that of a boat, where `asvhil init` has put one beside it."""
     twin = Path(config).with_name(f"{Path(config).stem}-sim.yaml")
-    return f"; the simulated twin of this boat is {twin}" if twin.is_file() else ""
+    return f"; the simulated twin of this boat is {twin}" if is_file(twin) else ""
 
 
 def tell_borrowed_hull(config: Config, name: str, overrides: Sequence[str]) -> None:

@@ -15,6 +15,7 @@ from asvhil.config.root import Config
 from asvhil.config.told import Lines, blamed, told
 from asvhil.config.yaml_text import Path_, parse_yaml, read_yaml
 from asvhil.errors import ConfigError
+from asvhil.files import is_file
 
 STORED = {"stored": True}
 KNOWN_ONLY = {**STORED, "known_only": True}
@@ -32,11 +33,11 @@ def find_shipped(name: str, folder: str, ending: str, what: str, *, typed: bool 
     `typed` it.
     """
     given = Path(name)
-    if given.is_file():
+    if is_file(given):
         return given
     for root in _shipped_roots():
         for candidate in (root / folder / name, root / folder / f"{name}{ending}"):
-            if given.name == name and candidate.is_file():
+            if given.name == name and is_file(candidate):
                 return candidate
     raise ConfigError(f"{name}: no such {what}{_meant(name, folder, ending) if typed else ''}")
 
@@ -200,7 +201,7 @@ def base_of(path: Path, tree: dict[str, Any]) -> Path | None:
     if not isinstance(base, str):
         raise ConfigError(f"{path}: key base: the name of a config file is expected, not {base!r}")
     beside = path.parent / base
-    if beside.is_file():
+    if is_file(beside):
         return beside
     try:  # a copy of a shipped config, without its base beside it
         return find_config(base)
@@ -262,7 +263,7 @@ def _place_model(tree: dict[str, Any], folder: Path) -> None:
     """The path of a model file that is beside the config and not in the working directory, so that it is found."""
     section = tree.get("controller")
     model = section.get("model") if isinstance(section, dict) else None
-    if isinstance(model, str) and not Path(model).is_file() and (folder / model).is_file():
+    if isinstance(model, str) and not is_file(Path(model)) and is_file(folder / model):
         tree["controller"] = {**section, "model": str(folder / model)}  # type: ignore[dict-item]
 
 

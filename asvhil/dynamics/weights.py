@@ -23,7 +23,7 @@ from asvhil.dynamics.node import Node
 from asvhil.dynamics.ordered import product
 from asvhil.dynamics.protocol import Dynamics
 from asvhil.errors import ModelError, OtherHullError
-from asvhil.files import replacement
+from asvhil.files import is_file, is_there, replacement
 from asvhil.types import record
 
 FORMAT = 1
@@ -130,7 +130,7 @@ def load_model(
 def read_arrays(path: Path) -> dict[str, Array]:
     """All arrays of an npz file. Raises ModelError where it is missing, damaged, or holds pickled objects."""
     try:
-        if path.exists() and not path.is_file():
+        if is_there(path) and not is_file(path):
             raise ModelError(f"{path}: is no regular file, and so no model file (npz)")
         with path.open("rb") as file:
             if file.read(4) != b"PK\x03\x04":

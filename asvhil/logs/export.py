@@ -12,7 +12,7 @@ from mcap.records import Message
 
 from asvhil.config.ports import AUTOPILOT
 from asvhil.errors import AsvhilError, LogError
-from asvhil.files import whole_file
+from asvhil.files import is_there, whole_file
 from asvhil.geo import LocalFrame
 from asvhil.io.mavlink.frames import Parser, decode, dialect, message_id
 from asvhil.logs.chunk_records import LogChannel
@@ -80,7 +80,7 @@ def export_log(source: Path, target: Path, on_bytes: Progress = lambda done: Non
     if kind not in FORMATS:
         raise AsvhilError(f"{target}: a file that ends in {', '.join(FORMATS)} is expected")
     log = LogFile(source)
-    if target.exists():
+    if is_there(target):
         raise AsvhilError(f"{target}: exists already; give another name")
     try:
         with whole_file(target) as part:

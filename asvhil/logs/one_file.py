@@ -21,6 +21,7 @@ from mcap.stream_reader import MAGIC_SIZE, StreamReader, get_chunk_data_stream
 from mcap.writer import MCAP0_MAGIC
 
 from asvhil.errors import LogError
+from asvhil.files import is_file, is_there
 from asvhil.logs.beginning import Beginning
 from asvhil.logs.chunk_records import LogChannel, chunk_records, log_channel
 from asvhil.logs.metadata import LAYOUT, PROFILE, SEGMENT_RECORD, search_records
@@ -60,7 +61,7 @@ class OneFile:
         self._scanned_to = 0  # the first byte that belongs to no intact record
         self._compression = ""
         self.gap = False  # the file has its end, but a gap before it
-        if path.exists() and not path.is_file():  # opening a pipe would wait for a writer
+        if is_there(path) and not is_file(path):  # opening a pipe would wait for a writer
             raise LogError(f"{path}: not a regular file; a log is expected")
         try:
             with path.open("rb") as file:

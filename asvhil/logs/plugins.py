@@ -15,6 +15,7 @@ from asvhil.config import Config
 from asvhil.config.plugins import Plugin, PluginFile, all_loaded, load_files, load_source, loaded
 from asvhil.config.registry import AUTOPILOTS, REGISTRIES, SENSORS, Registry
 from asvhil.errors import ConfigError, LogError
+from asvhil.files import is_file
 from asvhil.logs.reader import LogFile
 
 PREFIX = "plugin."
@@ -127,7 +128,7 @@ def _missing(record: dict[str, str]) -> str:
 def _place(file: Path, sha256: str) -> str:
     """The path of the file if it is still there, unchanged. It is read, not run: a log never chooses what is run."""
     try:
-        same = file.is_file() and hashlib.sha256(file.read_bytes()).hexdigest() == sha256
+        same = is_file(file) and hashlib.sha256(file.read_bytes()).hexdigest() == sha256
     except OSError:
         same = False
     return f" {file}" if same else ""

@@ -12,6 +12,7 @@ import msgspec
 from mcap.records import Channel, McapRecord, Message
 
 from asvhil.errors import LogError
+from asvhil.files import is_there
 from asvhil.logs.chunk_records import LogChannel
 from asvhil.logs.encoding import decode_record
 from asvhil.logs.one_file import DamageError, OneFile
@@ -101,7 +102,7 @@ class LogFile:
         while True:
             last = self._files[-1]
             path = segment_path(self.path, len(self._files))
-            if not path.exists():
+            if not is_there(path):
                 lost = f"{path}: is not there, and the run goes on in it"
                 return lost + self._left_out(last) if last.goes_on_in else None
             try:

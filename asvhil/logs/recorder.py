@@ -40,7 +40,7 @@ from mcap.writer import CompressionType, Writer
 from asvhil import __version__
 from asvhil.config.ports import ANEMOMETER, AUTOPILOT, GNSS, INS, OPERATOR
 from asvhil.errors import LogError
-from asvhil.files import sync_folder
+from asvhil.files import is_there, sync_folder
 from asvhil.logs.encoding import encode_outputs
 from asvhil.logs.foxglove import LOG_TOPIC, SCHEMAS, TOPIC_SCHEMAS, convert_outputs, log_message
 from asvhil.logs.metadata import CONTINUED_RECORD, LAYOUT_RECORD, PROFILE, SEGMENT_RECORD, closing_record
@@ -252,7 +252,7 @@ class _LogWriter:
         self._viewed_ns: int | None = None
         self._frame_channels: dict[tuple[str, str, str, str], int] = {}
         self.stuck = ""  # why the next segment could not be made
-        if self._run and segment_path(path, 1).exists():
+        if self._run and is_there(segment_path(path, 1)):
             raise FileExistsError(errno.EEXIST, f"{segment_path(path, 1).name}, a segment of another run, is there")
         self._sink, self._mcap = self._make(0, 1)
         self._declare()

@@ -13,7 +13,7 @@ from mcap.writer import CompressionType, Writer
 
 from asvhil import __version__
 from asvhil.errors import LogError
-from asvhil.files import whole_file
+from asvhil.files import is_there, whole_file
 from asvhil.logs.metadata import DAMAGED_PREFIX, LAYOUT_RECORD, PROFILE, closing_record
 from asvhil.logs.reader import LogFile
 from asvhil.logs.recorder import INPUTS_TOPIC, OUTPUTS_TOPIC
@@ -94,7 +94,7 @@ def recover(
     """
     log = LogFile(source)
     copy = _Copy(log, behind_damage=behind_damage, on_bytes=on_bytes)
-    if target.exists():
+    if is_there(target):
         raise LogError(f"{target}: exists already; a log is never overwritten")
     try:
         with whole_file(target) as part:

@@ -7,6 +7,7 @@ import re
 from pathlib import Path
 
 from asvhil.errors import LogError
+from asvhil.files import is_folder
 
 _FOLLOWS = re.compile(r"(.+)-([0-9]{3,}|recovered)")
 
@@ -28,7 +29,7 @@ def segments_behind(first: Path, number: int) -> list[Path]:
 
 def first_in(path: Path) -> Path:
     """The log at a path: itself, or the one in a run's folder. LogError where a folder has none, or several."""
-    if not path.is_dir():
+    if not is_folder(path):
         return path
     names = {file.stem for file in path.glob("*.mcap")}
     firsts = sorted(name for name in names if not ((of := _FOLLOWS.fullmatch(name)) and of[1] in names))

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any, TextIO
 
 from asvhil.errors import AsvhilError
+from asvhil.files import is_file, is_there
 from asvhil.types import record
 
 Result = dict[str, Any]
@@ -77,7 +78,7 @@ def opened(path: Path) -> Iterator[Store]:
     """
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        if path.exists() and not path.is_file():
+        if is_there(path) and not is_file(path):
             raise AsvhilError(f"{path}: is no regular file, and so no store of runs; give another -o")
         file = path.open("a+", encoding="utf-8")
     except OSError as error:

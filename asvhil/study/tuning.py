@@ -11,6 +11,7 @@ import numpy as np
 
 from asvhil.config import load_config
 from asvhil.errors import AsvhilError, ConfigError
+from asvhil.files import is_there
 from asvhil.study.rows import trial_job
 from asvhil.study.runner import Job, Run
 from asvhil.study.search_spaces import Parameter, overrides_of, spaces
@@ -108,7 +109,7 @@ def tune(
         "best": None,
     }
     search = _Search(space, seed)
-    if path.exists():
+    if is_there(path):
         found["generations"] = stored(path, found, space, search.population)
     errors: list[str] = []
 

@@ -13,6 +13,7 @@ from asvhil.dynamics.hull import differences, hull_of
 from asvhil.dynamics.protocol import Dynamics
 from asvhil.dynamics.weights import TrainedModel, read_model, save_model
 from asvhil.errors import ConfigError, ModelError
+from asvhil.files import is_file, is_there
 from asvhil.logs.reader import LogFile
 from asvhil.logs.replay import config_of
 from asvhil.train.at_rest import AtRest, at_rest
@@ -138,7 +139,7 @@ def train_command(
     checkpoint = checkpoint_of(output)
     if not resume:
         checkpoint.unlink(missing_ok=True)
-    elif not checkpoint.exists():
+    elif not is_there(checkpoint):
         raise ModelError(f"{checkpoint}: no interrupted training to go on with; leave out --resume to start anew")
     from asvhil.train.fit import fit_many  # imports torch, so only after the data are checked
 
@@ -246,9 +247,9 @@ def evaluate_command(
 def refuse_twice(paths: Sequence[Path]) -> None:
     """ConfigError where two of the files have the same content, which would count twice. LogError as `source_hash`."""
     seen: dict[str, Path] = {}
-    sizes = [path.stat().st_size for path in paths if path.is_file()]
+    sizes = [path.stat().st_size for path in paths if is_file(path)]
     for path in paths:
-        if path.is_file() and sizes.count(path.stat().st_size) < 2:
+        if is_file(path) and sizes.count(path.stat().st_size) < 2:
             continue
         content = source_hash([path])
         if content in seen:

@@ -18,6 +18,7 @@ from asvhil.dynamics.fitted_sd import FittedSd
 from asvhil.dynamics.nnsem import Scaling
 from asvhil.dynamics.weights import TrainedModel, read_model
 from asvhil.errors import ModelError
+from asvhil.files import is_there
 from asvhil.train.adam import Adam
 from asvhil.train.at_rest import LEAST, SHARE
 from asvhil.train.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
@@ -70,7 +71,7 @@ class Training:
         self._iteration = 0
         self._curve: list[list[float]] = []  # rows of (iteration, training loss, validation), means over the seeds
         self._best = [(math.inf, 0, self.trainee.export(i)) for i in range(len(seeds))]
-        if checkpoint is not None and checkpoint.exists():
+        if checkpoint is not None and is_there(checkpoint):
             saved = read_checkpoint(checkpoint, self._key)
             try:
                 self._restore(saved)

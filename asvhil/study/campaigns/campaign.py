@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from asvhil.errors import AsvhilError
+from asvhil.files import is_there
 from asvhil.study.campaigns.design import NO_VARIANT, PlannedRun, job_of, plan
 from asvhil.study.campaigns.sensitivity import sensitivities
 from asvhil.study.campaigns.spec import CampaignSpec
@@ -145,7 +146,7 @@ def _worst(
             folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise AsvhilError(f"{folder}: cannot be made ({error.strerror}), for the logs of the worst runs") from None
-    wanted = [row for row in chosen if not logs[row["run"]].exists()]
+    wanted = [row for row in chosen if not is_there(logs[row["run"]])]
     other = 0
     if wanted:
         arguments = [(*jobs[row["run"]].arguments, str(logs[row["run"]])) for row in wanted]

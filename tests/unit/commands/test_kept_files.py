@@ -1,6 +1,7 @@
 """What a command reads or keeps is never overwritten by what it writes beside: refused before the work."""
 
 import json
+import os
 from pathlib import Path
 
 import pytest
@@ -124,3 +125,38 @@ def test_a_file_is_known_by_each_of_its_names(tmp_path: Path) -> None:
         with pytest.raises(ConfigError, match="is the config; give another name"):
             check_apart(("the config", one), ("--json", other))
     check_apart(("the config", one), ("the config", link), ("--json", tmp_path / "two"), ("--picture", None))
+
+
+def test_a_log_of_others_is_refused_from_its_first_bytes(tmp_path: Path) -> None:
+    log = tmp_path / "flight.bin"
+    with log.open("wb") as file:
+        file.write(b"\xa3\x95\x80\x80")
+        file.truncate(1 << 40)  # a terabyte, of which the disk holds nothing: reading it would fail
+    with pytest.raises(AsvhilError, match="is there already, and is not JSON"):
+        check_json(log)
+
+
+LONG = "a" * 300
+UNREACHABLE = (
+    ("sitl", "--lockstep", "--log", "PLACE.mcap"),
+    ("config", "show", "sitl", "--json", "PLACE.json"),
+    ("train", "sd", "empty.mcap", "-o", "PLACE.npz"),
+    ("calibrate", "empty.mcap", "-o", "PLACE.yaml"),
+    ("report", "PLACE.mcap"),
+    ("report", "empty.mcap", "--picture", "PLACE.png"),
+    ("replay", "PLACE.mcap"),
+    ("log", "info", "PLACE.mcap"),
+    ("calibrate", "PLACE.mcap"),
+    ("train", "sd", "PLACE.mcap", "-o", "n.npz"),
+    ("evaluate", "PLACE.npz", "--data", "empty.mcap"),
+    ("config", "show", "PLACE.yaml"),
+    ("init", "PLACE.yaml"),
+)
+BARRED = pytest.param("shut/a", marks=pytest.mark.skipif(not os.getuid(), reason="nothing is shut to root"))
+
+
+@pytest.mark.parametrize("place", [LONG, BARRED])
+@pytest.mark.parametrize("order", UNREACHABLE, ids=" ".join)
+def test_a_path_that_cannot_be_looked_at_is_told_in_one_line(folder: Path, order: tuple[str, ...], place: str) -> None:
+    (folder / "shut").mkdir(mode=0)
+    refused(call(*(part.replace("PLACE", place) for part in order), cwd=folder), place)
