@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import socket
 import time
 from collections.abc import Callable
@@ -24,6 +25,9 @@ from asvhil.types import Frame
 Answer = TypeVar("Answer")
 RESEND_S = 0.5  # the command is sent again if no answer has come
 REASON_S = 1.2  # for the reason of a refusal: two repetitions, each answered with it
+# What a daemon tells of itself as a warning too, at any time: a note's subject, of a few words, with its text; a
+# quantity without a source. A refusal begins with a sentence, or with a parameter's name.
+REMARK = re.compile(r"[a-z][^\s:]*( [^\s:]+){0,2}: .+|.+ from nowhere", re.DOTALL)
 KINDS = {"udpin": socket.SOCK_DGRAM, "tcpin": socket.SOCK_STREAM}
 OURS = {"0.0.0.0": "127.0.0.1", "::": "::1"}  # where to call a daemon that listens on all addresses
 
@@ -58,21 +62,29 @@ def set_parameter(
     """Send a PARAM_SET frame until the daemon answers: (the value that the parameter now has, text). As `ask`.
 
     Values go to every operator, so another one than is wanted may tell of somebody else's change, and a network may put
-    it before the reason: the text is waited for, some repetitions long.
+    it before the reason: the text is waited for, some repetitions long, but not beyond the time of an answer.
     """
     since_s: float | None = None
     known: float | None = None
+    reason = ""
 
     def answered(message: Any, words: str) -> float | None:
-        nonlocal since_s, known
+        nonlocal since_s, known, reason
+        reason = reason if REMARK.fullmatch(words) else words
         told = _value_of(message, name)
         known = known if told is None else told
-        if known is None or is_value(known, wanted) or words:
+        if known is None or is_value(known, wanted) or reason:
             return known
         since_s = since_s or time.monotonic()
         return known if time.monotonic() - since_s > REASON_S else None
 
-    return ask(data, endpoint, answered, timeout_s, signing)
+    try:
+        value, _ = ask(data, endpoint, answered, timeout_s, signing)
+    except LinkError:
+        if known is None:
+            raise
+        value = known  # it has answered, and the reason has not come in time
+    return value, reason
 
 
 def is_value(told: float, wanted: float) -> bool:

@@ -14,10 +14,10 @@ from asvhil.errors import LinkError
 from asvhil.io.mavlink.frames import decode, dialect, sequence
 from asvhil.links.clock import Clock
 from asvhil.links.endpoint import open_endpoint
-from asvhil.links.operator_client import REASON_S, send_and_wait, set_parameter
+from asvhil.links.operator_client import REASON_S, REMARK, send_and_wait, set_parameter
 from asvhil.operator.encoding import encode_hold, encode_parameter
 from asvhil.operator.session import OperatorSession
-from asvhil.supervisor.reasons import Reason, describe, explain
+from asvhil.supervisor.reasons import WORDS, Reason, describe, explain
 from asvhil.types import Frame
 
 CONFIG = load_config("sitl").links.autopilot
@@ -171,6 +171,38 @@ async def set_speed(*told: Callable[[list[Frame]], list[Frame]]) -> tuple[float,
 )
 async def test_a_refused_setting_is_told_with_its_reason(told: list[Callable[[list[Frame]], list[Frame]]]) -> None:
     assert await set_speed(*told) == (pytest.approx(0.3), describe(TOO_FAST))
+
+
+async def test_what_a_daemon_tells_of_itself_is_no_reason_of_a_refusal() -> None:
+    for words in ("wind from nowhere", "battery: 18 %, below 20 %"):
+        mav = dialect.MAVLink(None, CONFIG.system_id, CONFIG.component_id)
+        remark = bytes(dialect.MAVLink_statustext_message(4, words.encode()).pack(mav))
+
+        def told(answers: list[Frame], remark: bytes = remark) -> list[Frame]:
+            return [Frame(t_ns=0, port="operator", data=remark, peer=answers[0].peer), *answers[1:]]
+
+        assert await set_speed(told) == (pytest.approx(0.3), describe(TOO_FAST)), "which comes with the next answer"
+
+
+def test_no_refusal_of_a_setting_reads_as_what_a_daemon_tells_of_itself() -> None:
+    refusals = [Reason.NO_STATION_HELD, Reason.STATION_TOO_FAST, Reason.HEADING_OF_WEATHER, Reason.PARAMETER_READ_ONLY]
+    refusals += [Reason.PARAMETER_OUT_OF_RANGE, Reason.PARAMETER_CONFLICT]
+    texts = [WORDS[reason].text.replace("{name}", SPEED) for reason in refusals]
+    assert not [text for text in texts if REMARK.fullmatch(text)]
+
+
+async def test_a_setting_that_is_answered_late_has_the_value_that_was_told() -> None:
+    async def late(session: OperatorSession, frame: Frame) -> list[Frame]:
+        await asyncio.sleep(1.0)
+        for request in session.receive(frame):
+            session.answer(frame.t_ns, request, None)
+        answers = session.data_to_send(frame.t_ns, value_of=lambda name: 0.3)
+        return [Frame(t_ns=0, port=f.port, data=f.data, peer=frame.peer) for f in answers]
+
+    def client(endpoint: str) -> tuple[float, str]:
+        return set_parameter(encode_parameter(CONFIG, SPEED, 5.0), endpoint, SPEED, 5.0)
+
+    assert await at_daemon("udpin:127.0.0.1:0", late, "", client) == (pytest.approx(0.3), "")
 
 
 async def test_the_reason_of_a_setting_is_not_waited_for_without_end() -> None:
