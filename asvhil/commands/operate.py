@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import re
 import sys
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -83,15 +85,8 @@ def hold(
     psi_rad = None if heading is None else math.radians(heading)
     check_course(settings, moving)
     # A policy of fixed comes first, or that of an earlier hold would turn the heading that is asked for here.
-    before = _fix_headings(settings) if policy == "fixed" else None
-    try:
+    with _headings_fixed(settings) if policy == "fixed" else contextlib.nullcontext():
         _take_station(settings, lat_deg, lon_deg, psi_rad, within)
-    except LinkError:  # nobody knows whether it was done, and nobody is there to put anything back
-        raise
-    except (AsvhilError, typer.Abort):
-        if before is not None:
-            _choose_policy(settings, before)
-        raise
     with once_held():
         if policy is not None and policy != "fixed":
             _choose_policy(settings, policy)
@@ -191,11 +186,33 @@ def _what_is_held(config: Config) -> tuple[str, str]:
     return f"holding {place}{away}", look["notes"].get(SUBJECT, "")
 
 
-def _fix_headings(config: Config) -> str | None:
-    """Choose the policy fixed. Returns the one before, to be put back where the hold is refused; None: it was fixed."""
+@contextlib.contextmanager
+def _headings_fixed(config: Config) -> Iterator[None]:
+    """Choose the policy fixed, for a hold that is asked for meanwhile; where it is not granted, that of before again.
+
+    So it is too where a person interrupts, at the question or while the answer is waited for. A hold that is granted
+    all the same then goes on with the policy of before.
+    """
     before = _unfixed(config)
-    _choose_policy(config, "fixed")
-    return before
+    try:
+        _choose_policy(config, "fixed")
+        yield
+    except LinkError:  # nobody knows whether it was done, and nobody is there to put anything back
+        raise
+    except (AsvhilError, typer.Abort, KeyboardInterrupt) as refused:
+        if before is not None:
+            _put_back(config, before, refused)
+        raise
+
+
+def _put_back(config: Config, policy: str, refused: BaseException) -> None:
+    """Choose the policy of before a hold that was not granted. AsvhilError with its refusal where that fails."""
+    try:
+        _choose_policy(config, policy)
+    except AsvhilError as error:
+        first = str(refused) if isinstance(refused, AsvhilError) else "interrupted"
+        kept = f"the heading policy is fixed now, and not {policy} as before ({error})"
+        raise AsvhilError(f"{first}; {kept}") from None
 
 
 def _choose_policy(config: Config, policy: str) -> None:

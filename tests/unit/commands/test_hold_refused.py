@@ -94,6 +94,25 @@ async def test_a_hold_that_is_refused_leaves_the_heading_policy_as_it_was(bench:
     assert bench.daemon.heard == [("ST_POLICY", 0.0), HOLD, ("ST_POLICY", 3.0)]
 
 
+async def test_a_hold_that_is_interrupted_leaves_the_heading_policy_as_it_was(
+    bench: HoldBench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    bench.daemon.parameters["ST_POLICY"] = 3.0
+    monkeypatch.setattr("asvhil.links.operator_client.send_and_wait", interrupted)
+    said = await bench.hold("--policy", "fixed", "--heading", "30")
+    assert said.status != 0 and bench.daemon.heard == [("ST_POLICY", 0.0), ("ST_POLICY", 3.0)]
+
+
+async def test_a_refusal_is_told_too_where_the_policy_cannot_be_put_back(bench: HoldBench) -> None:
+    bench.daemon.parameters["ST_POLICY"] = 3.0
+    bench.refuses(HOLD, ST_POLICY=3.0)
+    said = await bench.hold("--policy", "fixed", "--heading", "30")
+    assert said.status == 2 and "the daemon refused: vehicle is not armed; the heading policy is fixed now" in said.err
+
+
 async def test_a_daemon_that_falls_silent_after_the_hold_is_told_with_the_hold(bench: HoldBench) -> None:
     bench.daemon.parameters.pop("ST_FOLLOW")
     bench.refuses(ST_FOLLOW=42.0)
