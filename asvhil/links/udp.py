@@ -14,6 +14,7 @@ from asvhil.links.link import Handover, Link, new_socket, resolve, why
 
 MAX_PEERS = 16
 PEER_LIFE_NS = 10_000_000_000
+NEWCOMER_NS = 1_000_000_000  # until a newcomer is answered
 DATAGRAM_BYTES = 65536
 # Receive buffer for the time that the process waits for a core; the default holds some 50 ms at 5000 datagrams/s. The
 # kernel grants less where net.core.rmem_max is smaller.
@@ -58,8 +59,8 @@ class UdpIn(UdpLink):
     """Bound. Sends without a peer go to the peers heard in the last 10 s, of at most 16.
 
     Anybody may send a datagram here. A peer whose frames were accepted loses its place to none whose were not, and once
-    there is one nothing is sent to the others. Whoever was heard last is remembered beside all of them until the next
-    one, so that a newcomer's first request is answered too.
+    there is one nothing is sent to the others. One newcomer is remembered beside all of them, for a second or until the
+    next newcomer, so that its first request is answered too.
     """
 
     def __init__(self, *args: Any) -> None:
@@ -81,8 +82,14 @@ class UdpIn(UdpLink):
         if len(self._peers) > MAX_PEERS:
             others = (other for other in self._peers if other not in self._proven and other != peer)
             leaving = next(others, None)
-            if leaving is not None:
+            # Proven ones may talk before a newcomer is answered.
+            waits = peer in self._proven and leaving is not None and self._may_wait(leaving, t_ns)
+            if leaving is not None and not waits:
                 del self._peers[leaving]
+
+    def _may_wait(self, peer: str, t_ns: int) -> bool:
+        """Whether a peer in the one place beside the others may still keep it."""
+        return len(self._peers) <= MAX_PEERS + 1 and t_ns - self._peers[peer][1] < NEWCOMER_NS
 
     def _heard_lately(self) -> list[Any]:
         oldest_ns = self._now_ns() - PEER_LIFE_NS

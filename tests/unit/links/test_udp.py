@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from asvhil.links.endpoint import open_endpoint
-from asvhil.links.udp import UdpIn
+from asvhil.links.udp import NEWCOMER_NS, UdpIn
 from tests.support.endpoints import Clock, pair, recv_soon, run
 
 pytestmark = pytest.mark.real_time
@@ -141,6 +141,38 @@ def test_udpin_answers_a_newcomers_first_datagram_beside_sixteen_peers_that_are_
             assert await recv_soon(caller) == b"answer"
         assert len(near._peers) <= 17
         for link in [near, *callers]:
+            await link.close()
+
+    run(body)
+
+
+def test_udpin_answers_a_newcomer_whom_peers_that_are_proven_talk_over(tmp_path: Path) -> None:
+    async def body() -> None:
+        near = await open_endpoint("udpin:127.0.0.1:0", "near", Clock())
+        assert isinstance(near, UdpIn)
+        now_ns = near._now_ns()
+        for number in range(16):
+            near._heard(f"proven {number}", ("127.0.0.1", 9), now_ns)
+            near.note_proven(f"proven {number}")
+        newcomer = await open_endpoint(f"udpout:{near.address}", "newcomer", Clock())
+        await newcomer.send(b"question")
+        frame = await near.recv()
+
+        def talk(late_ns: int) -> None:
+            for number in range(16):
+                near._heard(f"proven {number}", ("127.0.0.1", 9), frame.t_ns + late_ns)
+
+        talk(NEWCOMER_NS - 1)
+        await near.send(b"answer", frame.peer)
+        assert await recv_soon(newcomer) == b"answer"
+        for number in range(40):
+            near._heard(f"stranger {number}", ("127.0.0.1", 9), frame.t_ns)
+            talk(0)
+            assert len(near._peers) == 17, "one place, for the last one"
+            assert f"stranger {number}" in near._peers
+        talk(NEWCOMER_NS)
+        assert list(near._peers) == [f"proven {number}" for number in range(16)]
+        for link in (near, newcomer):
             await link.close()
 
     run(body)
