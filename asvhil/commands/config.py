@@ -67,13 +67,13 @@ def check(
     from asvhil.config import load_config
     from asvhil.config.borrowed import borrowed_from, chain_of
     from asvhil.config.loading import is_shipped
-    from asvhil.preflight.computer import boat_checks
+    from asvhil.preflight.computer import boat_checks, simulation_checks
     from asvhil.preflight.table import as_json, worst
 
     check_figures(json_, *config_and_bases(config))
     settings = load_config(config, tuple(set_))
     files = [f"{path}{' (shipped)' if is_shipped(path) else ''}" for path in chain_of(config)]
-    checks = boat_checks(settings, borrowed_from(config, set_))
+    checks = [*boat_checks(settings, borrowed_from(config, set_)), *simulation_checks(settings)]
     console = Console()
     say(console, f"files: {', over '.join(files)}")
     for link, spec in settings.links.endpoints.items():

@@ -76,7 +76,6 @@ class Config(Section):
             raise ValueError(f"supervisor.control_mode must be one of {link.profile}: {names}")
         if not is_stored(info):  # a log of before can still be replayed
             self._check_control_mode()
-            self._check_faults()
         if self.learning.enabled:
             self._check_learning()
         if not known_only(info):
@@ -99,16 +98,19 @@ class Config(Section):
                 f"in {needed} alone: set {needed}, or leave the key out"
             )
 
-    def _check_faults(self) -> None:
-        """ValueError where a fault of the simulated boat is that of a device which it has not: nothing would fail."""
+    def check_faults(self) -> None:
+        """ConfigError where a fault of the simulated boat is that of a device which it has not: nothing would fail.
+
+        For whoever builds that boat: a real one is run with whatever its config has left of simulations.
+        """
         for fault in self.plant.faults:
             problem = self.why_no_fault(fault.kind, needed_device(fault))
             if problem:
-                raise ValueError(f"plant.faults: {problem}")
+                raise ConfigError(f"plant.faults: {problem}")
         for kind, device in self.plant.glitches.needed_devices if self.plant.glitches is not None else ():
             problem = self.why_no_fault(kind, device)
             if problem:
-                raise ValueError(f"plant.glitches: {problem}")
+                raise ConfigError(f"plant.glitches: {problem}")
 
     def why_no_fault(self, kind: str, device: str | None) -> str:
         """Why the simulated boat cannot have a fault of one device, in words; empty where it can."""

@@ -9,7 +9,7 @@ from asvhil.backseat.build import build_model, model_file, model_replaced
 from asvhil.config import Config
 from asvhil.dynamics.hull import hull_text
 from asvhil.dynamics.weights import read_model
-from asvhil.errors import AsvhilError
+from asvhil.errors import AsvhilError, ConfigError
 from asvhil.logs.learned_file import offer
 from asvhil.preflight.table import Check, Result
 
@@ -26,6 +26,19 @@ def computer_checks(config: Config, borrowed: str = "") -> list[Check]:
 def boat_checks(config: Config, borrowed: str = "") -> list[Check]:
     """Whose hull and whose model are in use."""
     return [_model(config), _hull(config, borrowed)]
+
+
+def simulation_checks(config: Config) -> list[Check]:
+    """A warning where the simulated boat of a config could not be built, as `asvhil run` needs none."""
+    try:
+        config.check_faults()
+    except ConfigError as error:
+        wanted, todo = "faults of devices that it has", "no simulation starts with these; `asvhil run` does"
+        row = Check(
+            section="computer", item="simulated boat", result=Result.WARN, found=str(error), wanted=wanted, todo=todo
+        )
+        return [row]
+    return []
 
 
 def _hull(config: Config, borrowed: str) -> Check:

@@ -21,6 +21,7 @@ class Lockstep:
     """A backseat and a plant on one virtual clock. `tick` advances both by one tick of the backseat."""
 
     def __init__(self, config: Config, recorder: Recorder | None = None) -> None:
+        config.check_faults()
         self.config = config
         self.plant = Plant(with_lines_read(config), EPOCH_NS)
         self.backseat: Backseat = build_backseat(config)

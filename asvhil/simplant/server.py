@@ -23,6 +23,7 @@ class PlantServer:
     """Steps a plant along the clock and carries its frames. If the host stalls, the plant's time stops too."""
 
     def __init__(self, config: Config, clock: Clock, on_truth: Callable[[Truth], None] | None = None) -> None:
+        config.check_faults()
         self._config = config
         self._clock = clock
         self._on_truth = on_truth

@@ -43,6 +43,7 @@ class HilPlant:
 
     def __init__(self, config: Config, step_s: float, *, sample_each_step: bool) -> None:
         """`sample_each_step`: the sensors are read at each step, else at `plant.frontseat.loop_hz`."""
+        config.check_faults()
         self._config = on_an_even_keel(config)
         self._sample_each_step = sample_each_step
         self._asked_s = step_s

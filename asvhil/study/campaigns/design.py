@@ -222,6 +222,7 @@ def _fault(spec: CampaignSpec, values: Mapping[str, Any], keys: Mapping[str, Any
     try:
         base = str(values.get(CONFIG, spec.config))
         config = load_config(base, _overrides(spec, base, values, keys))
+        config.check_faults()
         model_file(config)
     except AsvhilError as error:
         return _words(str(error))

@@ -113,8 +113,10 @@ def run_key(config: Config) -> str:
     """Hashes of the config and of its model file: all that a run in lockstep depends on, except the code.
 
     Only what differs from the defaults counts, so that a key which is new in the code leaves the runs of before their
-    keys; a default that has another value is a change of the code.
+    keys; a default that has another value is a change of the code. ConfigError, before any run, where its boat cannot
+    have its faults.
     """
+    config.check_faults()
     tree = config.model_dump(mode="json", exclude_defaults=True)
     tree["plugins"] = [[Path(plugin.file).name, plugin.sha256] for plugin in config.plugins]
     tree.get("controller", {}).pop("model", None)  # its content counts, not the folder that it is in

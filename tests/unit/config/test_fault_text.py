@@ -7,6 +7,12 @@ import pytest
 from asvhil.config import FaultConfig, load_config
 from asvhil.config.fault_text import parse_fault, with_faults
 from asvhil.errors import ConfigError
+from asvhil.links.clock import Clock
+from asvhil.preflight.computer import simulation_checks
+from asvhil.simplant.hil.plant import HilPlant
+from asvhil.simplant.lockstep import Lockstep
+from asvhil.simplant.server import PlantServer
+from asvhil.study.trials.trial import run_key
 
 
 @pytest.mark.parametrize(
@@ -75,6 +81,17 @@ def test_a_fault_of_a_device_that_the_boat_has_is_taken() -> None:
         ("plant.glitches={device: nmea}", "plant.glitches: gnss-jump is a fault of the device nmea"),
     ],
 )
-def test_the_same_holds_for_the_faults_of_a_config(keys: str, words: str) -> None:
+def test_the_same_holds_for_the_faults_of_a_config_where_its_boat_is_built(keys: str, words: str) -> None:
+    config = load_config("sitl", (keys,))  # of a real boat: its daemon has no use for them
     with pytest.raises(ConfigError, match=words):
-        load_config("sitl", (keys,))
+        config.check_faults()
+    with pytest.raises(ConfigError, match=words):
+        Lockstep(config)
+    with pytest.raises(ConfigError, match=words):
+        PlantServer(config, Clock())
+    with pytest.raises(ConfigError, match=words):
+        HilPlant(config, 0.01, sample_each_step=True)
+    with pytest.raises(ConfigError, match=words):
+        run_key(config)
+    (told,) = simulation_checks(config)
+    assert words in told.found and told.result == "warn"
