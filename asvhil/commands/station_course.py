@@ -49,13 +49,23 @@ def check_course(config: Config, moving: Mapping[str, float]) -> None:
 
 
 def _check_speed(config: Config, speed_mps: float) -> None:
+    """Raises AsvhilError for more than the daemon tells that it allows; one of before tells nothing, and refuses it."""
     from asvhil.links.operator_client import is_value, read_parameter
     from asvhil.operator.encoding import encode_parameter_question
-    from asvhil.operator.station_parameters import MOST_SPEED_PARAMETER
+    from asvhil.operator.station_parameters import MOST_SPEED_PARAMETER, SPEED_PARAMETER
     from asvhil.supervisor.reasons import Reason, describe, explain
 
-    link, question = config.links.operator, encode_parameter_question(config.links.autopilot, MOST_SPEED_PARAMETER)
-    most_mps = read_parameter(question, link.endpoint, MOST_SPEED_PARAMETER, signing=link.signing)
+    link = config.links.operator
+
+    def told(name: str) -> float:
+        question = encode_parameter_question(config.links.autopilot, name)
+        return read_parameter(question, link.endpoint, name, signing=link.signing)
+
+    try:
+        most_mps = told(MOST_SPEED_PARAMETER)
+    except LinkError:
+        told(SPEED_PARAMETER)  # raises where nobody answers at all
+        return
     if speed_mps > most_mps and not is_value(most_mps, speed_mps):
         too_fast = explain(Reason.STATION_TOO_FAST, speed=speed_mps, most=most_mps)
         raise AsvhilError(f"the daemon refuses {describe(too_fast)}; nothing has changed")

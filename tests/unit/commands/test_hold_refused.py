@@ -77,6 +77,16 @@ async def test_a_course_as_fast_as_may_be_is_asked_for_after_the_hold(bench: Hol
     assert settings == [HOLD, ("ST_COURSE", 90.0), ("ST_WAY", 0.0), ("ST_SPEED", float(speed))]
 
 
+async def test_a_daemon_of_before_that_tells_no_highest_speed_is_asked_all_the_same(bench: HoldBench) -> None:
+    bench.daemon.parameters.pop("ST_SPEED_MAX")
+    said = await bench.hold("--drift", "0.3@90")
+    assert said.status == 0 and "moving: 0.3@90" in said.out, said
+    bench.daemon.parameters.pop("ST_SPEED")
+    bench.daemon.heard.clear()
+    said = await bench.hold("--drift", "0.3@90")
+    assert said.status == 2 and "no answer; is `asvhil run` up" in said.err and bench.daemon.heard == []
+
+
 async def test_a_setting_that_is_refused_after_the_hold_all_the_same_is_told_with_what_is_held(
     bench: HoldBench,
 ) -> None:
