@@ -58,7 +58,7 @@ def test_a_study_is_of_what_it_imports_and_a_run_of_all_that_decides_it() -> Non
     named = {name for file in COMMANDS.glob("*.py") for name in re.findall(r'"(study/\w+\.py)"', file.read_text())}
     assert len(named) >= 15 and all((code_version.PACKAGE / name).is_file() for name in named)
     alone = set(made_of.made_of(("study/bound.py",)))
-    assert alone == {"config", "dynamics", "geo.py", "study/bound.py", "types.py"}
+    assert alone == {"config", "dynamics", "files.py", "geo.py", "study/bound.py", "types.py"}
 
 
 def test_runs_read_their_config_those_below_it_and_the_model_of_each_controller() -> None:
