@@ -93,7 +93,10 @@ links:
 
 estimator:
   ekf:
-{_estimator_lines(boat)}
+    accelerometer: false       # an autopilot's roll and pitch are not good enough for it; true with an INS of its own
+    position_bias_std_m: 1.0   # slow error of a plain GNSS receiver: followed, not chased; 0 with RTK
+    position_bias_time_s: 90
+    heading_std_deg: 2.0       # a compass near motors, see `asvhil calibrate`; two antennas: 0.5
 
 controller:
   # Predicts with the guess above. `asvhil learn` trains a model on the boat's own logs and says what to put here.
@@ -196,14 +199,3 @@ def _weight_lines(vessel: VesselConfig) -> str:
         near = ", slew: 20"
     lag = "    unmodelled_lag_s: 0.13     # two thirds of the motor lag: for learned models, which have no motor states"
     return f"    # {words}\n    near: {{heading: 120{near}}}\n    lasting_offset_m: [0.10, 0.25]\n{lag}"
-
-
-def _estimator_lines(boat: OwnBoat) -> str:
-    lines = [
-        "    position_bias_std_m: 1.0   # slow error of a plain GNSS receiver: followed, not chased; 0 with RTK",
-        "    position_bias_time_s: 90",
-        "    heading_std_deg: 2.0       # a compass near motors, see `asvhil calibrate`; two antennas: 0.5",
-    ]
-    if boat.autopilot == "px4":
-        lines.append("    accel_bias_walk_mps2: 0.001   # a PX4 takes the bias out of HIGHRES_IMU within half a minute")
-    return "\n".join(lines)

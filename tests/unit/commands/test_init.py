@@ -26,6 +26,13 @@ def test_options_alone_write_a_config_and_its_twin(tmp_path: Path) -> None:
     assert "asvhil learn mycat-sim.yaml" in said.out
 
 
+@pytest.mark.parametrize("autopilot", ["ardurover", "px4"])
+def test_a_boat_does_without_the_accelerometer_of_its_autopilot(tmp_path: Path, autopilot: str) -> None:
+    """docs/results/estimator.md: a quarter of a degree of error in what it tells of roll and pitch is too much."""
+    assert call("init", "mycat.yaml", *CAT, "--anemometer", "none", "--autopilot", autopilot, cwd=tmp_path).status == 0
+    assert not load_config(tmp_path / "mycat.yaml").estimator.ekf.accelerometer
+
+
 def test_every_key_of_the_hull_says_what_it_is(tmp_path: Path) -> None:
     assert call("init", "mycat.yaml", *CAT, cwd=tmp_path).status == 0
     text = (tmp_path / "mycat.yaml").read_text()
