@@ -186,7 +186,7 @@ def test_tuning_tells_both_sets_of_winds_and_leaves_the_search(tmp_path, monkeyp
     [
         (["nowhere.yaml"], "nowhere.yaml: no such campaign file"),
         (["winds.yaml", "--scheduler", "tcp//here"], "--scheduler tcp//here: no Dask scheduler answers"),
-        (["winds.yaml", "-o", "taken"], "-o taken: cannot be made"),
+        (["winds.yaml", "-o", "taken"], "-o taken: is a file; the name of a folder is expected"),
     ],
 )
 def test_a_mistake_is_one_line(arguments, words, tmp_path, monkeypatch, capsys):
