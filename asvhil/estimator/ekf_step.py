@@ -12,6 +12,7 @@ from asvhil.dynamics import ordered
 from asvhil.dynamics.arrays import Array
 from asvhil.dynamics.protocol import Dynamics
 from asvhil.estimator import fault_recovery, measurement_model, sensor_health, validity
+from asvhil.estimator.agreement import Agreement
 from asvhil.estimator.covariance import Correction
 from asvhil.estimator.measurement_model import Corrected, Group, Reading
 from asvhil.estimator.prediction import MAX_STEP_S, MotionModel
@@ -49,6 +50,8 @@ WIDEST_RAD = 0.35  # how uncertain a heading becomes by that
 OVERDUE = 2.5  # intervals without a sample, after which the accelerometer counts as missing
 NEW_TRACK = Track()
 BIAS_SIGMA = 3.0  # bound of the slow error of a receiver: more is motion, or a jump
+MODEL_S = 8.0  # time constant of the mean of the velocity's innovation
+MODEL_MPS = 0.1  # from which on that mean is the model's error, and no noise
 CARRIED_NS = 10_000_000_000  # without wind, after which its load stays in the disturbance
 
 
@@ -62,6 +65,7 @@ class Filter:
         self._frozen_ns = round(config.trust.frozen_after_s * 1e9)
         self._return_ns = round(config.trust.return_after_s * 1e9)
         self._gate = ekf.gate_sigma
+        self._agreement_slack_m = fault_recovery.AGREEMENT_SLACK * ekf.gate_sigma * ekf.position_std_m
         self._gate2 = ekf.gate_sigma**2
         self._n_motor = model.n_motor
         self._motion = MotionModel(model, ekf.position_bias_time_s)
@@ -220,12 +224,32 @@ class Filter:
                 # it. So with a fused velocity the slow error is not estimated, and decays.
                 state.follows_bias = not m.fused
                 elapsed_s = fault_recovery.integrate_velocity(state, t_ns, m.vn_mps, m.ve_mps)
+                if elapsed_s == 0.0:
+                    state.agreement = Agreement()
                 judged_s = 0.0 if m.fused else elapsed_s  # one of a time in doubt says nothing of an acceleration
+            elif isinstance(m, YawRate):
+                fault_recovery.integrate_rate(state, t_ns, m.r_radps)
         noise = self._noise[tuple(type(m) for m in measurements)]
         reading = measurement_model.reading_of(state.x, measurements, self._frame)
         if judged_s > 0.0:
+            self._judge_model(state, reading, judged_s)
             self._judge_accelerometer(state, t_ns, reading, noise, judged_s)
         self._gate_and_correct(state, t_ns, reading, noise)
+
+    @staticmethod
+    def _judge_model(state: FilterState, reading: Reading, elapsed_s: float) -> None:
+        """Follow no slow error of the receiver while the velocity is off the prediction, one way, for long.
+
+        In a current a boat that goes ahead and astern by turns feels forces that change with its course, which a
+        constant disturbance cannot be. Its estimated velocity is then off by decimetres a second, and the integral of
+        that would be taken for the receiver's error, until its positions are rejected.
+        """
+        rows = next(group.rows for group in reading.groups if group.sensor == "velocity")
+        gain = elapsed_s / (MODEL_S + elapsed_s)
+        (north, east), (off_n, off_e) = state.model_off, reading.innovation[rows].tolist()
+        state.model_off = north + gain * (off_n - north), east + gain * (off_e - east)
+        if math.hypot(*state.model_off) >= MODEL_MPS:
+            state.follows_bias = False
 
     def _judge_accelerometer(
         self, state: FilterState, t_ns: int, reading: Reading, noise: Array, elapsed_s: float
@@ -318,8 +342,10 @@ class Filter:
             if fault_recovery.is_frozen(state, name, track):
                 state.tracks[name] = sensor_health.exclude(track)
                 continue
-            distance2 = _mahalanobis2(variances, offs, rows)
-            if distance2 <= self._gate2 * (rows.stop - rows.start):
+            passes = _mahalanobis2(variances, offs, rows) <= self._gate2 * (rows.stop - rows.start)
+            if name in ("position", "heading"):
+                fault_recovery.note_place(state, t_ns, name, value, t_ns - heard_ns, accepted=passes)
+            if passes:
                 state.tracks[name] = sensor_health.accept(track, t_ns)
                 used.append(group)
                 continue
@@ -329,10 +355,12 @@ class Filter:
             state.tracks[name] = track = sensor_health.reject(track, t_ns, steady, off, slack)
             if name == "yaw_rate" and track.rejected_in_row > 1:  # a single wild reading is none
                 self._widen_heading(state, t_ns, off[0], t_ns - heard_ns)
-            if fault_recovery.requires_reset(state, t_ns, name, math.hypot(*off) - slack, self._return_ns):
-                trusted = track.accepted >= fault_recovery.LEAST_ACCEPTED
+            cleared = fault_recovery.is_cleared(state, t_ns, name, self._agreement_slack_m, self._return_ns)
+            if cleared or fault_recovery.requires_reset(state, t_ns, name, math.hypot(*off) - slack, self._return_ns):
+                state.cleared_ns = t_ns if cleared else state.cleared_ns
+                trusted = track.accepted >= fault_recovery.LEAST_ACCEPTED and not cleared
                 track = sensor_health.take_over(track, t_ns, math.hypot(*off)) if trusted else track
-                self._reset(state, name, math.hypot(*off))
+                self._reset(state, name, math.hypot(*off), moved=cleared)
                 variances = self._innovation_covariance(state, h, noise).s.tolist()
                 state.tracks[name] = sensor_health.accept(track, t_ns)
                 used.append(group)
@@ -367,15 +395,15 @@ class Filter:
         correction.evaluate_innovation()
         return correction
 
-    def _reset(self, state: FilterState, name: str, off: float) -> None:
+    def _reset(self, state: FilterState, name: str, off: float, *, moved: bool) -> None:
         """Reset the states of a rejected sensor to its reading.
 
         A position that is `off` (m) while the receiver's velocity was accepted means a slow error of the receiver, and
-        no motion of the boat: then that error is what is reset.
+        no motion of the boat, unless it is known to have `moved`: then that error is what is reset.
         """
         std_m = self._config.ekf.position_bias_std_m
         velocity = state.tracks.get("velocity")
-        moved = velocity is None or velocity.accepted == 0 or velocity.rejected_in_row > 0
+        moved = moved or velocity is None or velocity.accepted == 0 or velocity.rejected_in_row > 0
         if name != "position" or moved or not state.follows_bias or off > BIAS_SIGMA * std_m:
             fault_recovery.reset_states(state, name)
             return
@@ -386,8 +414,11 @@ class Filter:
     def _correct(self, state: FilterState, correction: Correction, innovation: Array) -> None:
         """State and covariance after a correction; the covariance stays symmetric."""
         correction.innovation[:] = innovation
-        # A fused velocity holds the heading's own error.
-        correction.used[:] = self._all_used if state.follows_bias else self._unbiased
+        # A fused velocity holds the heading's own error. While a velocity is rejected, a position that leaves the
+        # prediction may be a motion as well as an error of the receiver.
+        velocity = state.tracks.get("velocity", NEW_TRACK)
+        follows = state.follows_bias and velocity.rejected_in_row < sensor_health.TOLD_AFTER
+        correction.used[:] = self._all_used if follows else self._unbiased
         correction.evaluate()
         x = state.x + correction.change
         x[PSI] = wrap_rad(x[PSI])

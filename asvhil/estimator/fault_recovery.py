@@ -8,11 +8,16 @@ from __future__ import annotations
 import math
 
 from asvhil.estimator import sensor_health
+from asvhil.estimator.agreement import Agreement, Pair
 from asvhil.estimator.sensor_health import FreezeLimits, Track
-from asvhil.estimator.states import B_E, B_N, PSI, E, FilterState, N, R, U, V
+from asvhil.estimator.states import B_E, B_N, G_R, PSI, E, FilterState, N, R, U, V
 from asvhil.geo import wrap_rad
 
 LONGEST_GAP_S = 1.5  # between two velocities that are integrated
+CLEARED_BY = {"position": "velocity", "velocity": "position", "heading": "yaw_rate", "yaw_rate": "heading"}
+TURN_SLACK_RAD = 0.1  # by which a compass in a turn may leave the gyro: deviation, and the pull of motors
+AGAIN_NS = 20_000_000_000  # after the filter was wrong, in which it is sooner taken to be
+AGREEMENT_SLACK = 0.7  # of a rejection's limit by a position's own noise: two of a sound receiver differ by less
 LEAST_ACCEPTED = 20  # readings that a sensor needs for a record to compare a jump with
 
 # States that are reset with a sensor's, and their variances then. The velocity over ground is known
@@ -88,6 +93,61 @@ def requires_reset(state: FilterState, t_ns: int, name: str, distance: float, re
         return False
     span_s = (t_ns - velocity.rejected_since_ns) * 1e-9
     return span_s * 1e9 >= return_ns and distance <= math.hypot(*velocity.innovation) * span_s
+
+
+def integrate_rate(state: FilterState, t_ns: int, r_radps: float) -> None:
+    """Integrate the yaw rate of the gyro, less its bias."""
+    elapsed_s = (t_ns - state.turned_ns) * 1e-9
+    state.turned_ns = t_ns
+    if elapsed_s > LONGEST_GAP_S:
+        state.turn_agreement = Agreement()
+    else:
+        state.turned_rad += (r_radps - float(state.x[G_R])) * elapsed_s
+
+
+def note_place(state: FilterState, t_ns: int, name: str, value: Pair, elapsed_ns: int, *, accepted: bool) -> None:
+    """Keep how a position (m, NED) or heading (rad), so long after the last, agrees with the velocity or yaw rate.
+
+    Without a rate of late there is nothing to agree with.
+    """
+    elapsed_s = min(elapsed_ns * 1e-9, LONGEST_GAP_S)
+    if name == "position":
+        state.agreement = (
+            state.agreement.with_place(value, state.displacement, elapsed_s, accepted=accepted)
+            if t_ns - state.displacement_ns <= LONGEST_GAP_S * 1e9
+            else Agreement()
+        )
+    elif t_ns - state.turned_ns <= LONGEST_GAP_S * 1e9:
+        first = state.turn_agreement.mean
+        near_rad = state.turned_rad + (0.0 if first is None else first[0])  # of the turns, the nearest one
+        psi_rad = near_rad + wrap_rad(value[0] - near_rad)
+        state.turn_agreement = state.turn_agreement.with_place(
+            (psi_rad, 0.0), (state.turned_rad, 0.0), elapsed_s, accepted=accepted
+        )
+    else:
+        state.turn_agreement = Agreement()
+
+
+def is_cleared(state: FilterState, t_ns: int, name: str, slack_m: float, return_ns: int) -> bool:
+    """Whether a rejected sensor agrees with the one that measures its integral or its rate: then the filter is wrong.
+
+    It must have been rejected for the return time. Once the filter has been wrong that is not waited for again: what it
+    does not know is still there.
+    """
+    track = state.tracks[name]
+    if name not in CLEARED_BY or track.accepted < LEAST_ACCEPTED or track.rejected_in_row < sensor_health.TOLD_AFTER:
+        return False
+    agreement, slack = (
+        (state.turn_agreement, TURN_SLACK_RAD) if name in ("heading", "yaw_rate") else (state.agreement, slack_m)
+    )
+    if t_ns - state.cleared_ns <= AGAIN_NS:
+        return agreement.clears_place(slack)
+    span_s = (t_ns - track.rejected_since_ns) * 1e-9
+    if span_s * 1e9 < return_ns:
+        return False
+    if name in ("position", "heading"):
+        return agreement.clears_place(slack)
+    return agreement.clears_rate(math.hypot(*track.innovation), span_s, slack)
 
 
 def reset_states(state: FilterState, name: str) -> None:

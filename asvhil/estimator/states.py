@@ -16,6 +16,7 @@ import numpy as np
 from asvhil.config import EkfConfig
 from asvhil.dynamics.arrays import Array
 from asvhil.estimator.accelerometer_doubt import Doubt
+from asvhil.estimator.agreement import Agreement
 from asvhil.estimator.sensor_health import NEVER, Track
 
 N, E, PSI, U, V, R, D_N, D_E, D_R, A_X, A_Y, G_R, B_N, B_E = range(14)
@@ -73,7 +74,9 @@ class FilterState:
     """The complete state of the filter at a time. Its arrays and tracks are replaced, never changed in place."""
 
     __slots__ = (
+        "agreement",
         "carries_wind",
+        "cleared_ns",
         "displacement",
         "displacement_ns",
         "doubt",
@@ -82,6 +85,7 @@ class FilterState:
         "inertial_ns",
         "interval_s",
         "invalid_since_ns",
+        "model_off",
         "motor",
         "p",
         "resets",
@@ -89,6 +93,9 @@ class FilterState:
         "started_ns",
         "t_ns",
         "tracks",
+        "turn_agreement",
+        "turned_ns",
+        "turned_rad",
         "x",
     )
 
@@ -101,6 +108,12 @@ class FilterState:
         self.tracks: dict[str, Track] = {}
         self.displacement = (0.0, 0.0)  # integral of the receiver's velocity (m, NED)
         self.displacement_ns = NEVER
+        self.agreement = Agreement()  # of the receiver's position and velocity
+        self.turned_rad = 0.0  # integral of the gyro's yaw rate
+        self.turned_ns = NEVER
+        self.turn_agreement = Agreement()  # of compass and gyro
+        self.cleared_ns = NEVER  # when two sensors that agree were believed last, against the filter
+        self.model_off = (0.0, 0.0)  # mean of the velocity's innovation (m/s, NED), which a right model leaves at zero
         self.doubt = Doubt()  # of the accelerometer
         self.invalid_since_ns = NEVER
         self.resets = 0
@@ -116,7 +129,9 @@ class FilterState:
         other.inertial_ns, other.interval_s = self.inertial_ns, self.interval_s
         other.tracks = self.tracks.copy()
         other.displacement, other.displacement_ns = self.displacement, self.displacement_ns
-        other.doubt = self.doubt
+        other.model_off, other.doubt = self.model_off, self.doubt
+        other.agreement, other.turn_agreement = self.agreement, self.turn_agreement
+        other.turned_rad, other.turned_ns, other.cleared_ns = self.turned_rad, self.turned_ns, self.cleared_ns
         other.invalid_since_ns, other.resets = self.invalid_since_ns, self.resets
         other.started_ns, other.carries_wind = self.started_ns, self.carries_wind
         other.follows_bias = self.follows_bias

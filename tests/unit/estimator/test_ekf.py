@@ -163,7 +163,7 @@ def test_a_filter_without_a_record_accepts_a_persistent_reading() -> None:
 
 @pytest.mark.parametrize(
     ("accelerometer", "speed", "resets", "config", "within_m"),
-    [(False, 1.2, 0, CONFIG, 0.5), (True, 3.0, 1, CONFIG, 0.5), (True, 3.0, 1, SHIPPED, 1.0)],
+    [(False, 1.2, 0, CONFIG, 0.5), (True, 3.0, 2, CONFIG, 0.5), (True, 3.0, 2, SHIPPED, 1.0)],
 )
 def test_a_push_that_only_the_receiver_measures_is_followed(
     accelerometer: bool, speed: float, resets: int, config: Config, within_m: float
