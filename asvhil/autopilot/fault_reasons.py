@@ -12,6 +12,7 @@ from asvhil.supervisor.reasons import Explanation, Reason, describe, explain, fi
 from asvhil.types import Cause
 
 LINE_LENGTH = 50  # of a STATUSTEXT
+LATE = "slow link"
 REASONS = {
     Cause.IGNORED: Reason.OVERRIDES_IGNORED,
     Cause.MIXED: Reason.COMMANDS_MIXED,
@@ -46,11 +47,13 @@ def _hint(fault: Fault, findings: Iterable[Finding], room: int) -> str:
 
     Those that were read and are wrong, or where there are none those that have not answered: a parameter that was read,
     and is right, is left out. For outputs that do not follow without a known pattern it is the command that looks at
-    all of them.
+    all of them, but the link where reports come in bursts.
     """
     findings = [finding for finding in findings if finding.requirement.cause is not None]
     suspects = [finding for finding in findings if not finding.ok]
     if fault.cause not in LOOK_AT:
+        if fault.late:
+            return LATE
         return "asvhil check" if suspects else ""
     causes = (Cause.IGNORED, *LOOK_AT[fault.cause]) if fault.blind else LOOK_AT[fault.cause]
     by_cause: list[list[str]] = []

@@ -11,15 +11,17 @@ from collections.abc import Iterator, Sequence
 from itertools import pairwise
 
 import numpy as np
-import numpy.typing as npt
 
+from asvhil.autopilot.bursts import Bursts
 from asvhil.autopilot.distortions import Pulses, distortions
+from asvhil.autopilot.sent_pulses import SentPulses
 from asvhil.config import ReadbackConfig
-from asvhil.types import Cause, FrontseatStatus, record
+from asvhil.types import Cause, FrontseatStatus, changed, record
 
 WINDOW_NS = 2_500_000_000  # of reports that are judged together
 SETTLE_NS = 250_000_000  # after taking the motors: what is reported may still be of before
 KEEP_SENT_NS = WINDOW_NS + 1_500_000_000
+MOST_SILENCE_NS = 1_000_000_000  # before a burst of reports, that counts as lag
 LEAST_SPAN_NS = 700_000_000  # since the first report that differs, before anything is said
 LEAST_DIFFERENCE_NS = 350_000_000  # for which outputs differ, in sum
 REPORT_NS = 250_000_000  # a report speaks for the time since the last one, at most for this
@@ -39,31 +41,38 @@ EQUAL_US = 2.0  # residuals closer than this are equal: the simpler distortion i
 class Fault:
     """Why the outputs do not follow the commands; `motor` is port or starboard, empty for both.
 
-    `blind`: the sticks were never reported, so it may be that the autopilot ignores the overrides.
+    `blind`: the sticks were never reported, so it may be that the autopilot ignores the overrides. `late`: the reports
+    come in bursts, so it may be that the link is slow.
     """
 
     cause: Cause
     motor: str = ""
     blind: bool = False
+    late: bool = False
 
 
 @record
 class _Report:
     """One report of two channels (us). `fits`: pulses that it may answer differ from it by the tolerance at most.
 
-    `stale`: none do, but the outputs fitted and have not changed since, as while the link loses commands.
+    `stale`: none do, but the outputs fitted and have not changed since, as while the link loses commands. `lag_ns`: for
+    how long it may have been on its way, with the command. `burst`: it is the last of several that came together.
     """
 
     t_ns: int
     us: tuple[float, float]
     fits: bool
     stale: bool
+    lag_ns: int
+    burst: bool
 
 
 class Readback:
     """The residual test of the outputs while the motors are driven.
 
-    A report may answer any pulses sent within `lag_s` before it came, and differs where it fits none of them.
+    A report may answer any pulses sent within `lag_s` before it came, and differs where it fits none of them. Of those
+    that a link delivers together, after a silence, the last one counts alone, and the silence is added to the lag: what
+    was not heard meanwhile proves nothing.
     `fault` is what was found, until the motors are taken anew; None while the outputs follow, or it is undecided.
     `differing_ns` is the time of the first report that it was found by.
     """
@@ -86,6 +95,7 @@ class Readback:
         self._outputs: deque[_Report] = deque()
         self._sticks: deque[_Report] = deque()
         self._reported_ns = {"outputs": 0, "rc": 0}
+        self._bursts = {"outputs": Bursts(), "rc": Bursts()}
         self._last: dict[str, tuple[float, float] | None] = {"outputs": None, "rc": None}
         self._start_ns: int | None = None
         self._start_us: tuple[float, float] | None = None
@@ -130,16 +140,17 @@ class Readback:
             if t_ns <= self._reported_ns[name] or pulses is None:
                 continue
             self._reported_ns[name] = t_ns
+            self._bursts[name].take(t_ns)
             us = self._last[name] = (float(pulses[0]), float(pulses[1]))
             if self._start_ns is None or t_ns < self._start_ns + SETTLE_NS:
                 continue
             if name == "outputs":
-                self._keep(self._outputs, t_ns, us, self._config.tolerance_us)
+                self._keep(self._outputs, t_ns, us, self._config.tolerance_us, self._bursts[name].silence_ns)
                 plain = _apart_us(us, (self._neutral_us, self._neutral_us)) > PLAIN_US
                 self.follows = self.follows or (plain and self._outputs[-1].fits)
             elif self._overrides_sticks:
                 self._note_rest(t_ns, us)
-                self._keep(self._sticks, t_ns, us, RC_TOLERANCE_US)
+                self._keep(self._sticks, t_ns, us, RC_TOLERANCE_US, self._bursts[name].silence_ns)
                 self.override_seen = self.override_seen or self._is_override(t_ns, us)
 
     def note_station(self, t_ns: int, us: tuple[int, int]) -> None:
@@ -154,22 +165,29 @@ class Readback:
         if rests and self.override_seen and all(_apart_us(sent, us) > RC_TOLERANCE_US for sent in self._recent(t_ns)):
             self._rests = t_ns, us
 
-    def _keep(self, reports: deque[_Report], t_ns: int, us: tuple[float, float], tolerance_us: float) -> None:
-        fits = any(_apart_us(sent, us) <= tolerance_us for sent in self._recent(t_ns))
+    def _keep(
+        self, reports: deque[_Report], t_ns: int, us: tuple[float, float], tolerance_us: float, silence_ns: int
+    ) -> None:
+        burst = silence_ns > 0
+        if burst and reports:
+            reports.pop()  # the one that came just before, which is older
+        lag_ns = self._lag_ns + min(silence_ns, MOST_SILENCE_NS)
+        fits = any(_apart_us(sent, us) <= tolerance_us for sent in self._recent(t_ns, lag_ns))
         if not fits and self._rests is not None and t_ns - self._rests[0] < REST_NS:
             fits = _apart_us(self._rests[1], us) <= tolerance_us
         last = reports[-1] if reports else None
         stale = not fits and last is not None and (last.fits or last.stale) and _apart_us(last.us, us) <= STILL_US
-        reports.append(_Report(t_ns=t_ns, us=us, fits=fits, stale=stale))
+        reports.append(_Report(t_ns=t_ns, us=us, fits=fits, stale=stale, lag_ns=lag_ns, burst=burst))
         while reports[0].t_ns < t_ns - WINDOW_NS:
             reports.popleft()
 
-    def _recent(self, t_ns: int) -> Iterator[tuple[int, int]]:
+    def _recent(self, t_ns: int, lag_ns: int | None = None) -> Iterator[tuple[int, int]]:
         """What a report may be an answer to: sent within the lag, and what stood when that began."""
+        lag_ns = self._lag_ns if lag_ns is None else lag_ns
         for sent_ns, us in reversed(self._sent):
             if sent_ns <= t_ns:
                 yield us
-            if sent_ns <= t_ns - self._lag_ns:
+            if sent_ns <= t_ns - lag_ns:
                 return
 
     def _is_override(self, t_ns: int, us: tuple[float, float]) -> bool:
@@ -205,7 +223,7 @@ class Readback:
         if self._is_ignored():
             return Fault(cause=Cause.IGNORED)
         span_ns = t_ns - reports[0].t_ns
-        sent = SentPulses(self._sent, [report.t_ns for report in reports], self._lag_ns)
+        sent = SentPulses(self._sent, [report.t_ns for report in reports], [report.lag_ns for report in reports])
         reported = np.array([report.us for report in reports])
         stuck = self._stuck(sent, reported)
         if stuck is not None:
@@ -216,7 +234,7 @@ class Readback:
         stays = span_ns >= STALE_SPAN_NS and missed >= STALE_SHARE * len(reports)
         if _time_ns(reports, stale=False) < LEAST_DIFFERENCE_NS and not stays:
             return None
-        return self._named(sent, reported)
+        return changed(self._named(sent, reported), late=any(report.burst for report in reports))
 
     def _is_ignored(self) -> bool:
         """Whether the autopilot shows sticks that have never been our overrides."""
@@ -247,32 +265,6 @@ class Readback:
             return Fault(cause=Cause.UNEXPLAINED)
         best = next(n for n, residual_us in enumerate(distorted_us) if residual_us <= min(distorted_us) + EQUAL_US)
         return Fault(cause=self._distortions[best].cause, motor=self._distortions[best].motor)
-
-
-class SentPulses:
-    """Pulses sent (rows), and for each report which of them it may be an answer to."""
-
-    def __init__(self, sent: Sequence[tuple[int, tuple[int, int]]], reported_ns: list[int], lag_ns: int) -> None:
-        times = np.array([t_ns for t_ns, _ in sent])
-        self.pulses: Pulses = np.array([us for _, us in sent], dtype=float)
-        self._answers = np.zeros((len(reported_ns), len(times)), dtype=bool)
-        for row, t_ns in enumerate(reported_ns):
-            stood = int(np.searchsorted(times, t_ns - lag_ns, side="right")) - 1
-            self._answers[row, max(stood, 0) : int(np.searchsorted(times, t_ns, side="right"))] = True
-
-    def residuals_us(self, expected: Pulses, reported: Pulses) -> npt.NDArray[np.float64]:
-        """For each report its least distance to what is expected of the pulses it may answer, the worse motor's.
-
-        Both motors must fit by the same pulses: they went out in one message.
-        """
-        off_us = np.abs(reported[:, None, :] - expected[None, :, :]).max(axis=2)
-        least_us: npt.NDArray[np.float64] = np.where(self._answers, off_us, np.inf).min(axis=1)
-        return least_us
-
-    def least(self, values: Pulses) -> Pulses:
-        """The least of a value of the pulses among those that a report may answer, by report and motor."""
-        found: Pulses = np.where(self._answers[:, :, None], values[None, :, :], np.inf).min(axis=1)
-        return found
 
 
 def _apart_us(a: tuple[float, float], b: tuple[float, float]) -> float:

@@ -8,6 +8,7 @@ from typing import Any
 
 from asvhil.autopilot.arming_checks import ArmingChecks
 from asvhil.autopilot.batteries import FORGOTTEN_NS, Batteries, charge
+from asvhil.autopilot.bursts import time_of_its_own
 from asvhil.autopilot.disarming import Disarming
 from asvhil.autopilot.motor_outputs import IGNORE_CHANNEL
 from asvhil.autopilot.parameter_watch import ParameterWatch
@@ -140,7 +141,7 @@ class VehicleStatus:
 
     def on_rc_channels(self, t_ns: int, m: Any) -> Sequence[FrontseatStatus]:
         """RC_CHANNELS."""
-        self._rc_ns = t_ns
+        self._rc_ns = time_of_its_own(t_ns, self._rc_ns)
         self._rc_us = tuple([0 if value == IGNORE_CHANNEL else value for value in CHANNELS_OF(m)])
         self._sticks_us = self._parameters.wiring.of_sticks(self._rc_us)
         self.transmitter.on_rc_channels(t_ns, m.chancount, m.rssi)
@@ -152,7 +153,7 @@ class VehicleStatus:
 
     def on_outputs(self, t_ns: int, outputs_us: tuple[int, ...]) -> Sequence[FrontseatStatus]:
         """Pulse widths (us) of the outputs, from the first; 0: no signal."""
-        self._outputs_ns = t_ns
+        self._outputs_ns = time_of_its_own(t_ns, self._outputs_ns)
         self._outputs_us = outputs_us
         self._motors_us = self._parameters.wiring.of_outputs(outputs_us)
         return self.status(t_ns)

@@ -42,7 +42,8 @@ class ReadbackConfig(Section):
         le=2.0,
         description=(
             "A report is compared with everything sent up to this long before it arrived: command, autopilot and "
-            "report together. Raise it for a slow telemetry radio."
+            "report together. Raise it for a slow telemetry radio; where reports come several at once, the silence "
+            "before them, up to 1 s, is added by itself."
         ),
     )
     tolerate: tuple[Cause, ...] = Field(

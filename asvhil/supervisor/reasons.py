@@ -348,7 +348,8 @@ WORDS: Mapping[Reason, Words] = {
     ),
     Reason.OUTPUTS_DIFFER: Words(
         text="outputs do not follow the commands",
-        remedy="Run `asvhil check`: a dead zone, a scale or a slew limit of the autopilot bends the commands.",
+        remedy="Run `asvhil check`: a dead zone, a scale or a slew limit of the autopilot bends the commands. A slow "
+        "link delivers commands or reports too late: raise supervisor.readback.lag_s, or ask less of the link.",
     ),
     Reason.MOTORS_REVERSED: Words(
         text="the boat goes astern for ahead: both motors are reversed",

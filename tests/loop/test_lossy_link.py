@@ -4,7 +4,8 @@ import pytest
 
 from asvhil.config import load_config
 from asvhil.io.mavlink.frames import decode, dialect
-from asvhil.types import Frame, Outputs, Phase
+from asvhil.simplant.lockstep import Lockstep
+from asvhil.types import Frame, Outputs, Phase, changed
 from tests.support.loop import PLAIN_CONTROLLER, GroundStationLoop
 from tests.support.lossy_link import check_start, hold_start
 
@@ -91,3 +92,30 @@ def test_where_it_cannot_be_had_a_hold_is_not_refused_for_it_for_ever_and_the_no
     assert _notes(outputs)["streams"] == SLOW
     loop.wait(0.2)
     assert not any(SLOW in text for text in loop.texts), "the answer is another one, if any"
+
+
+class InBursts(Lockstep):
+    """A link that delivers all that the autopilot sends at once, every so many seconds."""
+
+    def __init__(self, every_s: float) -> None:
+        super().__init__(
+            load_config("sitl", ("plant.start_n_m=-4", "plant.start_e_m=0", "plant.sensors.gnss.slow_bias_m=0"))
+        )
+        self._every_ns = round(every_s * 1e9)
+        self._next_ns = 0
+        self._waiting: list[Frame] = []
+
+    def receive(self) -> tuple[Frame, ...]:
+        self._waiting += super().receive()
+        if self.t_ns < self._next_ns:
+            return ()
+        self._next_ns = self.t_ns + self._every_ns
+        frames, self._waiting = self._waiting, []
+        return tuple(changed(frame, t_ns=self.t_ns) for frame in frames)
+
+
+@pytest.mark.parametrize("every_s", [0.6, 0.9])
+def test_a_link_that_delivers_in_bursts_ends_no_hold(every_s: float) -> None:
+    loop = InBursts(every_s)
+    holds = [outputs for _, outputs in (loop.tick() for _ in range(800)) if outputs.phase is Phase.HOLD]
+    assert len(holds) > 600 and holds[-1].t_ns == loop.t_ns, loop.tick()[1].health.reason

@@ -50,6 +50,8 @@ def test_each_fault_has_its_reason(fault: Fault, reason: Reason, text: str) -> N
         (Fault(cause=Cause.STUCK, motor="starboard"), "SERVO3_FUNCTION"),
         (Fault(cause=Cause.STUCK, blind=True), "SYSID_MYGCS or SERVO1/3_FUNCTION"),
         (Fault(cause=Cause.UNEXPLAINED), "asvhil check"),
+        (Fault(cause=Cause.UNEXPLAINED, late=True), "slow link"),
+        (Fault(cause=Cause.REVERSED, motor="port", late=True), "SERVO1_REVERSED"),
     ],
 )
 def test_what_was_not_read_is_to_be_looked_at(fault: Fault, expected: str) -> None:

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
-from asvhil.autopilot.readback import Fault, SentPulses
+from asvhil.autopilot.readback import Fault
+from asvhil.autopilot.sent_pulses import SentPulses
 from asvhil.types import Cause
 from tests.support.readback_bench import (
     AFTER_MS,
@@ -254,13 +257,13 @@ def test_a_motor_that_was_told_next_to_nothing_is_not_called_stuck_for_the_other
 def test_a_report_answers_what_stood_a_lag_before_it_and_what_was_sent_since() -> None:
     sent = [(10 * n, (1000 + 100 * n, 2000 - 100 * n)) for n in range(4)]
     for t_ns, answers in ((30, {2, 3}), (29, {1, 2}), (20, {1, 2}), (19, {0, 1}), (5, {0}), (10, {0, 1}), (99, {3})):
-        pulses = SentPulses(sent, [t_ns], 10)
+        pulses = SentPulses(sent, [t_ns], [10])
         found = {n for n, (_, us) in enumerate(sent) if pulses.residuals_us(pulses.pulses, np.array([us]))[0] == 0.0}
         assert found == answers, t_ns
 
 
 def test_each_report_has_a_residual_of_its_own_by_the_worse_motor() -> None:
-    pulses = SentPulses([(0, (1600, 1400))], [5, 6, 7], 10)
+    pulses = SentPulses([(0, (1600, 1400))], [5, 6, 7], [10] * 3)
     reported = np.array([[1600.0, 1400.0], [1610.0, 1430.0], [1550.0, 1410.0]])
     assert pulses.residuals_us(pulses.pulses, reported).tolist() == [0.0, 30.0, 50.0]
     assert pulses.least(np.abs(pulses.pulses - 1500.0)).tolist() == [[100.0, 100.0]] * 3
@@ -269,3 +272,72 @@ def test_each_report_has_a_residual_of_its_own_by_the_worse_motor() -> None:
 def test_a_boat_that_follows_raises_no_fault() -> None:
     bench = ReadbackBench()
     assert bench.play(swinging(100), followed) is None and bench.watch.follows and bench.watch.override_seen
+
+
+# --- reports that come in bursts ------------------------------------------------------------------------------------
+
+
+def play_in_bursts(
+    bench: ReadbackBench,
+    burst_ms: int,
+    outputs: Callable[[int, Pair], Pair] = followed,
+    *,
+    apart_ns: int = 10_000,
+    both_ways: bool = False,
+) -> float | None:
+    """10 s of commands at 10 Hz, each answered at once; the answers, and perhaps the commands, come in bursts.
+
+    When a fault was found (ms); None where there was none.
+    """
+    waiting: list[Pair] = []
+    has = NEUTRAL  # the autopilot's last command
+    commands = swinging(100)
+    for n, us in enumerate(commands):
+        ms = 100 * n
+        bench.sent(ms, us)
+        delivers = ms % burst_ms < 100
+        if delivers or not both_ways:
+            has = us
+        waiting.append(outputs(n, has))
+        if delivers:
+            for place, reported in enumerate(waiting):
+                bench.reports(ms + 60 + place * apart_ns * NS, outputs=reported)
+            waiting = []
+        if bench.judge(ms + 99) is not None:
+            return ms + 99.0
+    return None
+
+
+@pytest.mark.parametrize("burst_ms", [300, 600, 800, 1000])
+@pytest.mark.parametrize("both_ways", [False, True])
+def test_a_link_that_delivers_in_bursts_raises_no_fault(burst_ms: int, both_ways: bool) -> None:
+    bench = ReadbackBench()
+    assert play_in_bursts(bench, burst_ms, both_ways=both_ways) is None
+    assert bench.watch.follows
+
+
+@pytest.mark.parametrize("burst_ms", [300, 600, 800, 1000])
+def test_and_hides_none_for_more_than_some_bursts(burst_ms: int) -> None:
+    turned = ReadbackBench()
+    found_ms = play_in_bursts(turned, burst_ms, mirrored)
+    assert found_ms is not None and found_ms <= 700 + 3 * burst_ms
+    assert turned.watch.fault == Fault(cause=Cause.REVERSED, late=True)
+
+
+def test_outputs_that_follow_nothing_known_are_told_with_the_bursts_that_they_come_in() -> None:
+    bench = ReadbackBench()
+    assert play_in_bursts(bench, 600, lambda n, us: (1300 + 37 * (n % 11), 1620 + 53 * (n % 7))) is not None
+    assert bench.watch.fault == Fault(cause=Cause.UNEXPLAINED, late=True)
+
+
+def test_a_report_that_comes_alone_has_the_lag_alone() -> None:
+    """A stream that is slow, and not late, hides no difference."""
+    slow, bursts = ReadbackBench(), ReadbackBench()
+    for bench, twice in ((slow, False), (bursts, True)):
+        for ms, us in ((0, (1700, 1300)), (500, (1600, 1400)), (1300, (1600, 1400))):
+            bench.sent(ms, us)
+        for ms in (300, 1290):  # the second as if it had waited since the first
+            bench.reports(ms - (0.05 if twice else 0.0), outputs=(1700, 1300))
+            if twice:
+                bench.reports(ms, outputs=(1700, 1300))
+    assert [bench.watch._outputs[-1].fits for bench in (slow, bursts)] == [False, True]
