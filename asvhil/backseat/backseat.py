@@ -170,6 +170,7 @@ class Backseat:
             fault=self._actuation.fault or self._battery.fault,
             unverified=self._actuation.unverified,
             motion=motion or self._perception.mismatch,
+            lacks=self._perception.lacks,
             control_ok=self._actuation.control_ok,
             sent=self._actuation.sent,
             station_age_s=None if station_ns is None else (seen.t_ns - station_ns) * 1e-9,

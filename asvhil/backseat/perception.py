@@ -49,6 +49,13 @@ WATCHED: dict[str, type] = {
     NAMES["heading"]: Heading,
     NAMES["yaw_rate"]: YawRate,
 }
+PLACED = frozenset({NAMES["position"], NAMES["heading"], NAMES["yaw_rate"]})  # what validity asks for
+# How a sensor that the estimate lacks is told: a source that is heard and not believed is not one that is silent.
+LACKS = {
+    sensor_health.SILENT: "silent",
+    sensor_health.FROZEN: "frozen",
+    sensor_health.REJECTED: "rejected, though heard",
+}
 DEAD = frozenset({sensor_health.SILENT, sensor_health.FROZEN})
 REMEMBERED_NS = 30_000_000_000  # for so long a measured wind is a better guess than the disturbance
 
@@ -205,6 +212,15 @@ class Perception:
     def sensors_in_doubt(self, t_ns: int) -> bool:
         """Whether the health of any sensor, the anemometer too, has something to tell."""
         return bool(self._sensor_notes or self._wind.notes(t_ns))
+
+    @property
+    def lacks(self) -> str:
+        """Which sensors of place and heading the estimate does without, and why; empty where it has them all."""
+        return ", ".join(
+            f"{note.subject} {LACKS[note.text]}"
+            for note in self._sensor_notes
+            if note.subject in PLACED and note.text in LACKS
+        )
 
     @property
     def model_ok(self) -> bool:

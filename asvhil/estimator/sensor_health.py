@@ -11,7 +11,7 @@ from typing import NamedTuple
 from asvhil.types import changed, record
 
 NEVER = -(2**62)
-SILENT, FROZEN = "silent", "frozen"  # faults, as `fault` tells them
+SILENT, FROZEN, REJECTED = "silent", "frozen", "jump rejected"  # faults, as `fault` tells them
 LEAST_REPEATS = 4  # a stream that sends each reading twice makes three of one repeat by chance
 JITTER_GAIN = 0.05
 STEPS_OF_NOISE = 3.0  # noise of fewer steps of the resolution repeats itself often enough
@@ -151,5 +151,5 @@ def fault(track: Track, t_ns: int, stale_ns: int) -> str:
     if track.frozen:
         return FROZEN
     if track.rejected_in_row >= TOLD_AFTER:
-        return "jump rejected"
+        return REJECTED
     return ""

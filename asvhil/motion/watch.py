@@ -7,10 +7,11 @@ from asvhil.config.registry import CONTROLLERS
 from asvhil.motion.carried import CarriedWatch
 from asvhil.motion.distance import DistanceWatch
 from asvhil.motion.monitor import MotionMonitor
-from asvhil.supervisor.reasons import Explanation, describe
-from asvhil.types import Estimate, GroundVelocity, Measurement, Note, Position, Station, WaveMotion, Wind
+from asvhil.supervisor.reasons import Explanation, Reason, describe
+from asvhil.types import Estimate, GroundVelocity, Measurement, Note, Position, Station, WaveMotion, Wind, changed
 
 SUBJECT = "motion"
+OF_DISTANCE = frozenset({Reason.BEYOND_MOTORS, Reason.DRIFTED_OFF})
 ROUGH_SHARE, ROUGH_MPS = 0.5, 0.04  # of the waves that the wave filter takes out, and their size: rough from there on
 # After a hold has begun what is likely is told: later chance has had time to make as much of a sound boat.
 LIKELY_S = 20.0
@@ -110,9 +111,17 @@ class MotionWatch:
         if (t_ns - self._seen_ns) * 1e-9 > FORGET_S and not self._ended:
             self._found, self._is_sure = None, False
         if sure is not None and not self._is_sure:
-            self._found, self._is_sure = sure, True
+            self._found, self._is_sure = self._cause(sure), True
         elif self._found is None:
             self._found = likely
+
+    def _cause(self, sure: Explanation) -> Explanation:
+        """What is sure; but where it is the distance alone, a fault that was told as likely, and still is, is why."""
+        likely = self._found
+        if likely is None or sure.reason not in OF_DISTANCE:
+            return sure
+        detail = {"hint": f"{self._distance.farther_m:.0f} m farther off", **dict(likely.detail)}
+        return changed(likely, detail=tuple(sorted(detail.items())))
 
     def note_station(self, station: Station | None, point: Station | None = None) -> None:
         """The station that is held from now on, None where none is; `point`: that of the point that is kept there."""

@@ -199,7 +199,9 @@ WORDS: Mapping[Reason, Words] = {
     ),
     Reason.ESTIMATE_STALE: Words(
         text="position or heading is stale",
-        remedy="Look at which source is silent (`sources` in the status); then send a hold command.",
+        remedy="A source that is silent: look at its cable and power (`sources` in the status). One that is heard and "
+        "rejected: is the compass right (mounting, iron, the motors' current), and the receiver? Then send a hold "
+        "command.",
     ),
     Reason.NO_SOLUTION: Words(
         text="the controller found no solution",

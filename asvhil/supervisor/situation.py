@@ -43,8 +43,8 @@ class Situation:
     `slow`: what comes too slowly to begin a hold, while it is being asked for again.
     `fault`: why the motors do not, or would not, follow the commands. `unverified`: what it means if the motors' sticks
     do not show our commands; None once they have, for then somebody else has them. `motion`: why a boat that is held
-    does not move as it is told to. `control_ok`: whether the solution of the last tick can be used; None where there
-    was none. `sent`: what the last tick sent to the motors.
+    does not move as it is told to. `lacks`: which sensors the estimate does without, and why. `control_ok`: whether the
+    solution of the last tick can be used; None where there was none. `sent`: what the last tick sent to the motors.
     `station_age_s`: since anything was heard of the pilot's ground station; None: never. `station_sticks`: what was
     heard, since the last tick, of sticks of ground stations that the autopilot obeys. `bow_rad`: the heading with the
     mean force of the weather on the bow, and that force over the boat's mass there.
@@ -62,6 +62,7 @@ class Situation:
     fault: Explanation | None = None
     unverified: Explanation | None = None
     motion: Explanation | None = None
+    lacks: str = ""
     control_ok: bool | None = None
     sent: MotorPulses | None = None
     station_age_s: float | None = None

@@ -434,6 +434,8 @@ class Supervisor:
             return
         if self._failing_since_ns is None:
             self._failing_since_ns = situation.t_ns
+        elif failure.reason is self._why.reason:
+            failure = self._why  # the sensor that was missing first is the cause, and told once
         if (situation.t_ns - self._failing_since_ns) * 1e-9 >= self._config.failsafe_neutral_s:
             self._let_go(failure, neutral_first=True)
             return
@@ -468,7 +470,7 @@ class Supervisor:
         if unheard is not None:
             return unheard
         if situation.estimate is None or not situation.estimate.valid:
-            return explain(Reason.ESTIMATE_STALE)
+            return explain(Reason.ESTIMATE_STALE, hint=situation.lacks)
         if self._control_failed:
             return explain(Reason.NO_SOLUTION)
         return None

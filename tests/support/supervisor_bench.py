@@ -46,6 +46,7 @@ class SupervisorBench:
         self.slow: Explanation | None = None
         self.station_age_s: float | None = None
         self.motion: Explanation | None = None
+        self.lacks = ""
         self.fault: Explanation | None = None
         self.unverified: Explanation | None = None
         self.station_sticks: tuple[StationSticks, ...] = ()  # since the last tick
@@ -79,6 +80,7 @@ class SupervisorBench:
             station_sticks=self.station_sticks,
             station_age_s=self.station_age_s,
             motion=self.motion,
+            lacks=self.lacks,
             control_ok=self.control_ok,
             sent=self.sent,
             bow_rad=self.bow_rad,

@@ -7,7 +7,7 @@ import pytest
 
 from asvhil.backseat.build import build_link, build_model, build_perception
 from asvhil.backseat.perception import Perceived, Perception
-from asvhil.config import load_config
+from asvhil.config import Config, load_config
 from asvhil.simplant.plant import Plant
 from asvhil.types import Frame, Inputs
 
@@ -24,8 +24,9 @@ def run(
     seconds: float,
     keep: Callable[[Frame], bool] = lambda frame: True,
     pulses_us: tuple[int, int] | None = None,
+    config: Config = CONFIG,
 ) -> list[Perceived]:
-    plant = Plant(CONFIG, 0)
+    plant = Plant(config, 0)
     seen = []
     for tick in range(1, round(seconds * 1e9 / TICK_NS) + 1):
         frames = tuple(frame for frame in plant.advance(tick * TICK_NS) if keep(frame))
@@ -67,6 +68,17 @@ def test_without_an_anemometer_there_is_no_usable_wind_and_after_30_s_that_of_th
     assert [(note.subject, note.text) for note in perception.notes(20_000_000_000)] == [("anemometer", "silent")]
     late = at[45.0]
     assert late.usable_wind is None and late.wind is not None and late.wind.origin == "disturbance"
+
+
+def test_a_sensor_that_the_estimate_lacks_is_told_with_what_ails_it() -> None:
+    silent = make()
+    assert silent.lacks == ""
+    run(silent, 12.0, keep=lambda frame: frame.port != "autopilot" or frame.t_ns < 10_000_000_000)
+    assert silent.lacks == "gnss position silent, compass silent, gyro silent"
+    jump = load_config("sitl-bream", ("controller.name=loiter", "plant.faults=[{kind: heading-jump, from_s: 10}]"))
+    rejected = build_perception(jump, build_model(jump), build_link(jump))
+    run(rejected, 12.0, config=jump)
+    assert rejected.lacks == "compass rejected, though heard"
 
 
 @pytest.mark.parametrize(("pulses_us", "ahead"), [((1900, 1900), True), (None, False)])

@@ -148,10 +148,22 @@ def test_what_is_sure_takes_the_place_of_what_is_likely(monkeypatch: pytest.Monk
     assert "port motor gave no thrust" in boat.watch.notes[0].text, "and keeps it"
 
 
-def test_a_boat_that_leaves_with_something_likely_is_let_go_for_the_distance(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_boat_that_leaves_with_something_likely_is_let_go_for_that(monkeypatch: pytest.MonkeyPatch) -> None:
     boat = SuspectedBoat(monkeypatch)
     boat.likely = LIKELY
     boat.run(5.0)
+    boat.off_m = 8.1
+    found = boat.run(0.1)
+    assert found is not None and describe(found) == f"{describe(LIKELY)} (8 m farther off)"
+    assert boat.watch.notes[0].text == describe(found)
+
+
+def test_what_was_likely_and_is_taken_back_is_not_why_it_leaves(monkeypatch: pytest.MonkeyPatch) -> None:
+    boat = SuspectedBoat(monkeypatch)
+    boat.likely = LIKELY
+    boat.run(5.0)
+    boat.likely = None
+    boat.run(20.2)
     boat.off_m = 8.1
     found = boat.run(0.1)
     assert found is not None and found.reason is Reason.DRIFTED_OFF

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from asvhil.config import StationConfig, SupervisorConfig
-from asvhil.supervisor.reasons import Explanation, Reason, explain
+from asvhil.supervisor.reasons import Explanation, Reason, describe, explain
 from asvhil.supervisor.situation import MotorPulses
 from asvhil.types import FrontseatStatus, HoldCommand, MoveCommand, Phase, Radio, ReleaseCommand, Station
 from tests.support.supervisor_bench import ESTIMATE, FRAME, STICKS, SupervisorBench, status
@@ -235,6 +235,17 @@ def test_a_failing_input_means_neutral_then_release(spoil: dict[str, object], wh
     assert decision.phase is Phase.STANDBY and not decision.drive and decision.why.reason is why
     bench.age_s, bench.estimate = 0.1, ESTIMATE
     assert not bench.step().drive
+
+
+def test_what_the_estimate_lacks_first_is_told_until_the_end() -> None:
+    bench = SupervisorBench()
+    bench.hold()
+    bench.drive()
+    bench.estimate, bench.lacks = replace(ESTIMATE, valid=False), "compass rejected, though heard"
+    reasons = [describe(bench.step().why)]
+    bench.lacks = "compass silent"
+    reasons += [describe(bench.step().why) for _ in range(50)]
+    assert set(reasons) == {"position or heading is stale (compass rejected, though heard)"}
 
 
 def test_a_short_failure_is_ridden_out_with_neutral_motors() -> None:
