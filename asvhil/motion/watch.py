@@ -15,6 +15,12 @@ OF_DISTANCE = frozenset({Reason.BEYOND_MOTORS, Reason.DRIFTED_OFF})
 ROUGH_SHARE, ROUGH_MPS = 0.5, 0.04  # of the waves that the wave filter takes out, and their size: rough from there on
 # After a hold has begun what is likely is told: later chance has had time to make as much of a sound boat.
 LIKELY_S = 20.0
+# What is wired wrong shows before that. A motor that turns wrong in mid hold, or never stops, has the boat spin, and
+# estimate and controller go astray with it: then these resemble each other.
+IN_MID_HOLD: dict[Reason, str] = {
+    Reason.MOTORS_REVERSED: "or one of them alone, or one is stuck",
+    Reason.MOTOR_REVERSED: "or the other one, or stuck",
+}
 FOUND_AGAIN_NS = 3_000_000_000  # after a receiver has come back the estimate goes to where the boat is
 FORGET_S = 20.0  # a fault without enough evidence for this long was a chance
 
@@ -89,7 +95,8 @@ class MotionWatch:
         if self._begin_ns is None:
             self._begin_ns = t_ns
         likely = self._monitor.likely if early and since_s <= LIKELY_S else None
-        self._note(t_ns, fault or away, likely)
+        found = fault if fault is None or since_s <= LIKELY_S else _widened(fault)
+        self._note(t_ns, found or away, likely)
         confirmed = (fault is not None and early) or away is not None
         confirmed = confirmed or (self._is_sure and self._distance.farther_m >= self._config.confirm_m)
         ends = confirmed and self._keeps_station and self._config.on_fault == "release"
@@ -120,8 +127,7 @@ class MotionWatch:
         likely = self._found
         if likely is None or sure.reason not in OF_DISTANCE:
             return sure
-        detail = {"hint": f"{self._distance.farther_m:.0f} m farther off", **dict(likely.detail)}
-        return changed(likely, detail=tuple(sorted(detail.items())))
+        return _hinted(likely, f"{self._distance.farther_m:.0f} m farther off")
 
     def note_station(self, station: Station | None, point: Station | None = None) -> None:
         """The station that is held from now on, None where none is; `point`: that of the point that is kept there."""
@@ -137,3 +143,14 @@ class MotionWatch:
         if self._found is None or self._station is None:
             return ()
         return (Note(subject=SUBJECT, text=describe(self._found), ok=False),)
+
+
+def _widened(fault: Explanation) -> Explanation:
+    """A fault that was found in mid hold, with what it may be as well."""
+    hint = IN_MID_HOLD.get(fault.reason)
+    return fault if hint is None else _hinted(fault, hint)
+
+
+def _hinted(why: Explanation, hint: str) -> Explanation:
+    """A reason with a hint, unless it has one."""
+    return changed(why, detail=tuple(sorted({"hint": hint, **dict(why.detail)}.items())))

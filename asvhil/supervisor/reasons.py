@@ -380,12 +380,13 @@ WORDS: Mapping[Reason, Words] = {
     ),
     Reason.BEYOND_MOTORS: Words(
         text="a motor at its limit, and {metres:.0f} m farther off the station",
-        remedy="Current or wind is stronger than the motors, or they have lost thrust: take the boat home. If weights "
-        "(W_*) were set in the hold: set them back.",
+        remedy="Current or wind is stronger than the motors, or they have lost thrust, or one is stuck: take the "
+        "boat home. If weights (W_*) were set in the hold: set them back.",
     ),
     Reason.DRIFTED_OFF: Words(
         text="{metres:.0f} m farther off the station than it has been",
-        remedy="Look at the motors, at the compass and at the current; supervisor.motion sets how far is too far.",
+        remedy="Look at the motors (one may be stuck), at the compass and at the current; supervisor.motion "
+        "sets how far is too far.",
     ),
     Reason.MODEL_MISMATCH: Words(
         text="the boat does not move as the model says: {what} is off by {error} within {horizon_s:g} s",

@@ -209,6 +209,25 @@ def test_in_waves_an_early_suspicion_ends_a_hold_no_sooner_than_a_late_one(
     assert boat.run(1.0) is not None
 
 
+@pytest.mark.parametrize(
+    ("fault", "late"),
+    [
+        (explain(Reason.MOTORS_REVERSED), " (or one of them alone, or one is stuck)"),
+        (explain(Reason.MOTOR_REVERSED, motor="port"), " (or the other one, or stuck)"),
+        (explain(Reason.MOTOR_DEAD, motor="port"), ""),
+    ],
+)
+def test_a_motor_that_turns_wrong_in_mid_hold_may_be_one_or_the_other(
+    fault: Explanation, late: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for begins_s, hint in ((19.0, ""), (21.0, late)):
+        boat = SuspectedBoat(monkeypatch)
+        boat.run(begins_s)
+        monkeypatch.setattr(MotionMonitor, "step", lambda *_, **__: fault)
+        found = boat.run(0.1)
+        assert found is not None and describe(found) == describe(fault) + hint
+
+
 def test_a_late_suspicion_ends_the_hold_of_a_boat_that_leaves(monkeypatch: pytest.MonkeyPatch) -> None:
     boat = SuspectedBoat(monkeypatch)
     boat.run(40.0)
