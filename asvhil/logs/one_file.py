@@ -44,8 +44,8 @@ class OneFile:
 
     `truncated`: the file has no end or a damaged tail; all that is intact before it is read. `damage` says in words
     what is wrong, None for a whole file. Damage with intact chunks behind it ends the iterators with a LogError that
-    names its byte offset, because a replay must not skip a gap. Damage of the records before the data stands apart, in
-    `damaged`.
+    names its byte offset, because a replay must not skip a gap. So does another log behind the end of this one. Damage
+    of the records before the data stands apart, in `damaged`, and so do bytes behind the end that are no log.
     """
 
     def __init__(self, path: Path) -> None:
@@ -60,7 +60,8 @@ class OneFile:
         self._data: list[tuple[int, int]] = []  # (offset, size) of chunks, and of what stands outside of them
         self._scanned_to = 0  # the first byte that belongs to no intact record
         self._compression = ""
-        self.gap = False  # the file has its end, but a gap before it
+        self.gap = False  # there are data behind what is damaged or missing
+        self._another_at: int | None = None  # where another log follows the end of this one
         if is_there(path) and not is_file(path):  # opening a pipe would wait for a writer
             raise LogError(f"{path}: not a regular file; a log is expected")
         try:
@@ -93,7 +94,7 @@ class OneFile:
         """Chunks behind the last byte that the scan understood."""
         last_offset, last_size = self._data[-1] if self._data else (self._scanned_to, 0)
         with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
-            known = first = behind_indexes(data, last_offset + last_size)
+            known = first = self._another_at or behind_indexes(data, last_offset + last_size)
 
             def read(offset: int, size: int) -> list[McapRecord] | None:
                 with contextlib.suppress(LogError):
@@ -101,7 +102,9 @@ class OneFile:
                 return None
 
             for damaged, offset, end, records in chunks_behind(data, known, self._compression, read):
-                if damaged:
+                if damaged and known == self._another_at:
+                    yield known, LogError(str(self.damage))
+                elif damaged:
                     yield offset - damaged, self.error(f"{damaged} bytes are damaged", offset - damaged)
                 yield offset, records
                 known = end
@@ -132,18 +135,32 @@ class OneFile:
         self.damaged = torn | self.damaged
         offset = self._scanned_to = walk.offset
         self._data = walk.data
-        if walk.whole:
+        if walk.end is not None:
             if walk.chunks_expected not in (None, walk.chunks):
                 self.gap = True
                 self.damage = f"{self.path}: damaged: {walk.chunks} of {walk.chunks_expected} chunks are found"
+            elif walk.end < size:
+                self._take_rest(file, walk.end)
             return
         file.seek(max(0, size - MAGIC_SIZE))
-        if file.read() == MCAP0_MAGIC and not walk.data_ended:
+        ended = file.read() == MCAP0_MAGIC and not walk.data_ended
+        if ended or self._chunk_from(file, offset) is not None:
             self.gap = True
             self.damage = f"{self.path}: damaged at byte {offset}: no record starts there"
         else:
             self.truncated = True
             self.damage = f"{self.path}: no end: cut off in the record at byte {offset} of {size}"
+
+    def _take_rest(self, file: BinaryIO, end: int) -> None:
+        """What stands behind the end of the log, at a byte: another log, or bytes that are none."""
+        file.seek(end)
+        if file.read(MAGIC_SIZE) == MCAP0_MAGIC or self._chunk_from(file, end) is not None:
+            self.gap = True
+            self._another_at = end
+            self.damage = f"{self.path}: the log ends at byte {end} of {self.size}, and another log follows"
+        else:
+            line = f"{self.size - end} bytes behind the end of the log (byte {end}) are not of it, and left out"
+            self.damaged["bytes behind the end"] = line
 
     def _check_magic(self, head: bytes) -> dict[str, str]:
         """The damage of a file's first bytes. LogError where they are not nearly those of an MCAP file."""
@@ -165,17 +182,23 @@ class OneFile:
 
     def _first_data(self, file: BinaryIO, walk: Walk) -> int | None:
         """Where the data begin, of a file whose beginning is damaged; None where there are none."""
+        found = self._chunk_from(file, MAGIC_SIZE)
+        return found if found is not None or not walk.data else walk.data[0][0]
+
+    def _chunk_from(self, file: BinaryIO, start: int) -> int | None:
+        """Where the first intact chunk is from a byte on, whatever stands before it; None where there is none."""
 
         def read(offset: int, size: int) -> list[McapRecord] | None:
             with contextlib.suppress(LogError):
                 return self._contents(file, offset, size)
             return None
 
-        with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
+        # Up to the size of the scan: a log that is still being written has gone on since.
+        with mmap.mmap(file.fileno(), self.size, access=mmap.ACCESS_READ) as data:
             for compression in filter(None, COMPRESSIONS):
-                for _, offset, _, _ in chunks_behind(data, MAGIC_SIZE, compression, read):
+                for _, offset, _, _ in chunks_behind(data, start, compression, read):
                     return offset
-        return walk.data[0][0] if walk.data else None
+        return None
 
     def _take_beginning(self, beginning: Beginning) -> None:
         """LogError for a layout that is not known."""

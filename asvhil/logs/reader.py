@@ -200,18 +200,22 @@ class LogFile:
         last_tick = 0
         for file, later in zip(self._files, [*self._files[1:], None], strict=True):
             held: tuple[int, LogError] | None = None
+            damaged = False
             for offset, piece in file.pieces():
                 if held is not None:
                     yield held
                 held = None
                 if isinstance(piece, LogError):
-                    held = before + offset, piece
+                    held, damaged = (before + offset, piece), True
                     continue
+                if not _declare(declared, piece):
+                    if not damaged:
+                        raise LogError(f"{file.path}: numbers its channels otherwise than the segments before it")
+                    what = "of a log that numbers its channels otherwise, left out with all behind it in the file"
+                    held = before + offset, file.error(what, offset)
+                    break
                 for item in piece:
-                    if isinstance(item, Channel):
-                        if _content(declared.setdefault(item.id, item)) != _content(item):
-                            raise LogError(f"{file.path}: numbers its channels otherwise than the segments before it")
-                    elif isinstance(item, Message) and _topic(declared, item) == INPUTS_TOPIC:
+                    if isinstance(item, Message) and _topic(declared, item) == INPUTS_TOPIC:
                         last_tick = item.sequence
                 yield before + offset, piece
             unbroken = later is not None and file.truncated and later.segment.get("first_tick") == str(last_tick + 1)
@@ -242,6 +246,16 @@ def _gap_words(expected: int, found: int) -> str:
     last = "" if found == expected + 1 else f" to {found - 1}"
     what = f"ticks {expected}{last} are missing" if last else f"tick {expected} is missing"
     return f"{what} (the disk stalled, or they were damaged and the log was recovered)"
+
+
+def _declare(channels: dict[int, Channel], piece: list[McapRecord]) -> bool:
+    """Take in the channels of a piece; False, and none is taken, where one of their numbers is of another channel."""
+    found = [item for item in piece if isinstance(item, Channel)]
+    if any(_content(channels.get(item.id, item)) != _content(item) for item in found):
+        return False
+    for item in found:
+        channels.setdefault(item.id, item)
+    return True
 
 
 def _topic(channels: dict[int, Channel], message: Message) -> str:

@@ -31,7 +31,7 @@ class Walk:
     chunks: int = 0
     chunks_expected: int | None = None
     data_ended: bool = False
-    whole: bool = False  # the file has its end
+    end: int | None = None  # the first byte behind the end that a whole file has; None: it has none
 
 
 def walk_records(file: BinaryIO, offset: int, size: int) -> Walk:
@@ -53,7 +53,9 @@ def walk_records(file: BinaryIO, offset: int, size: int) -> Walk:
         elif opcode == Opcode.STATISTICS:
             walk.chunks_expected = _chunk_count(file.read(length))
         elif opcode == Opcode.FOOTER:
-            walk.whole = file.seek(end) == size - MAGIC_SIZE and file.read(MAGIC_SIZE) == MCAP0_MAGIC
+            file.seek(end)
+            if file.read(MAGIC_SIZE) == MCAP0_MAGIC:
+                walk.end = end + MAGIC_SIZE
             break
         offset = file.seek(end)
     walk.offset = offset

@@ -153,6 +153,40 @@ def test_a_hole_in_a_file_that_has_its_end(whole: bytes, tmp_path: Path) -> None
     assert len(read) > 0
 
 
+def test_a_log_behind_the_end_of_another_is_told(whole: bytes, tmp_path: Path) -> None:
+    path = tmp_path / "two.mcap"
+    for behind in (whole, whole[:-2000], b"a torn line" + whole[metadata_end(whole) :]):
+        path.write_bytes(whole + behind)
+        log = LogFile(path)
+        assert not log.truncated
+        read = []
+        follows = rf"two\.mcap: the log ends at byte {len(whole)} of {len(whole + behind)}, and another log follows"
+        with pytest.raises(LogError, match=rf"{follows}; `asvhil log recover .* -o NEW`"):
+            for inputs, _ in log.ticks():
+                read.append(inputs)
+        assert read == [sample_inputs(tick, tick % 4) for tick in range(TICKS)]
+
+
+def test_bytes_behind_the_end_that_are_no_log_are_told(whole: bytes, tmp_path: Path) -> None:
+    path = tmp_path / "longer.mcap"
+    for behind in (b"\n", bytes(70_000), random.Random(3).randbytes(70_000)):
+        path.write_bytes(whole + behind)
+        log = LogFile(path)
+        assert len(read_all(log)) == TICKS and not log.truncated and log.damage is None
+        line = f"{len(behind)} bytes behind the end of the log (byte {len(whole)}) are not of it, and left out"
+        assert list(log.damaged.values()) == [line]
+
+
+def test_chunks_behind_damage_are_told_of_a_log_without_its_end(whole: bytes, tmp_path: Path) -> None:
+    path = tmp_path / "worn.mcap"
+    start = chunk_spans(whole)[3][0]
+    path.write_bytes(whole[:start] + bytes(50) + whole[start + 50 : -2000])
+    log = LogFile(path)
+    assert not log.truncated
+    with pytest.raises(LogError, match=rf"worn\.mcap: damaged at byte {start}.*; `asvhil log recover .* -o NEW`"):
+        read_all(log)
+
+
 def test_any_flipped_byte_raises_nothing_but_log_error(whole: bytes, tmp_path: Path) -> None:
     path = tmp_path / "flip.mcap"
     for position in range(0, len(whole), 211):

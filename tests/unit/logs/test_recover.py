@@ -13,6 +13,7 @@ from asvhil.errors import LogError
 from asvhil.logs.info import log_info
 from asvhil.logs.reader import LogFile
 from asvhil.logs.recover import recover
+from asvhil.types import changed
 from tests.support.log_damage import chunk_spans, rewrite
 from tests.support.log_samples import make_recorder, record_ticks, sample_inputs
 
@@ -164,3 +165,17 @@ def test_a_log_with_itself_behind_it_is_not_called_one_with_missing_ticks(whole:
     twice = recover(source, tmp_path / "again.mcap", behind_damage=True)
     with pytest.raises(LogError, match=rf"tick 1 comes after tick {TICKS}: another log, or a part of this one again"):
         list(LogFile(twice.path).ticks())
+
+
+def test_a_log_of_another_boat_behind_the_end_is_left_out(whole: bytes, tmp_path: Path) -> None:
+    source, other = tmp_path / "two.mcap", tmp_path / "other.mcap"
+    recorder = make_recorder(other)
+    inputs = sample_inputs(0)
+    recorder.write_inputs(changed(inputs, frames=inputs.frames[::-1]))  # so another channel comes first
+    recorder.close()
+    source.write_bytes(whole + other.read_bytes())
+    for behind_damage in (False, True):
+        result = recover(source, tmp_path / f"{behind_damage}.mcap", behind_damage=behind_damage)
+        assert f"the log ends at byte {len(whole)}" in result.lost[0]
+        assert "of a log that numbers its channels otherwise, left out" in result.lost[1]
+        assert ticks_of(result.path) == list(range(TICKS))
