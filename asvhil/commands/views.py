@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 
 NEEDS_AUTO = "key supervisor.engage: a simulated boat needs auto (nobody is there to say hold)"
+END_S = 1.0  # a release so near the end of a log belongs to the end of the run
 LINES_KEPT = 64  # statuses that wait for a slow reader of a pipe
 
 
@@ -225,16 +226,15 @@ def print_summary(console: Any, figures: dict[str, Any]) -> None:
     from rich.table import Table
 
     from asvhil.daemon.status import counts_text, shares_text, sources_text
-    from asvhil.logs.comparison import run_notes
+    from asvhil.logs.comparison import run_notes, unscored
+    from asvhil.logs.summary import WAYS
 
-    for line in run_notes(figures):
+    for line in (*run_notes(figures), *unscored(figures)):
         say(console, line)
-    if not figures["holds"]:
-        say(console, f"no station was held in these {figures['duration_s']:.1f} s")
     table = Table(title=f"from {figures['settled_from_s']:.0f} s on", title_justify="left")
     for heading in ("", "mean", "std", "max"):
         table.add_column(heading, justify="left" if not heading else "right")
-    for name in ("truth", "estimated", "measured"):
+    for name in WAYS:
         part = figures[name]
         if part is None or part["penalty_score"] is None:
             continue
@@ -256,7 +256,7 @@ def print_summary(console: Any, figures: dict[str, Any]) -> None:
             around = wind["toward_deg"]
             table.add_row(f"wind toward, {name} (deg)", f"{around['mean']:.0f}", f"{around['std']:.0f}", "")
     console.print(table)
-    if len(figures["holds"]) > 1 or figures["failsafes"]:
+    if len(figures["holds"]) > 1 or figures["failsafes"] or _ended_early(figures):
         print_spans(console, figures)
     steps = figures["step_ms"]
     phases = ", ".join(f"{phase} {seconds:.1f} s" for phase, seconds in figures["phases"].items())
@@ -276,16 +276,34 @@ def print_summary(console: Any, figures: dict[str, Any]) -> None:
         say(console, f"{subject}: {text}")
 
 
+def _ended_early(figures: dict[str, Any]) -> bool:
+    """Whether the last hold was ended by something else than the end of the run, which releases just before it."""
+    from asvhil.supervisor.reasons import Reason
+
+    ended = [hold for hold in figures["holds"] if hold["ended"] is not None]
+    return bool(ended) and not any(
+        release["code"] in (Reason.RELEASED, Reason.STOPPED) and figures["duration_s"] - release["at_s"] < END_S
+        for release in figures["releases"]
+        if release["at_s"] > ended[-1]["to_s"]
+    )
+
+
 def print_spans(console: Any, figures: dict[str, Any]) -> None:
-    """A line for each hold, fail-safe and release, in the order of their times."""
+    """A line for each hold, fail-safe and release, in the order of their times; a hold's tells what ended it."""
+    from asvhil.logs.summary import WAYS
+    from asvhil.types import Phase
+
     lines: list[tuple[float, str]] = []
     for hold in figures["holds"]:
-        part = next((hold[name] for name in ("truth", "estimated", "measured") if hold[name] is not None), None)
-        where = "" if part is None or part["penalty_score"] is None else f", {part['distance_m']['mean']:.2f} m off"
-        lines.append((hold["from_s"], f"hold {hold['number']} to {hold['to_s']:.1f} s{where}"))
+        means = ((way, hold[way]["distance_m"]["mean"]) for way in WAYS if hold[way] is not None)
+        where = next((f", {mean:.2f} m off ({way})" for way, mean in means if mean is not None), "")
+        ended = "" if hold["ended"] is None else f", ended by {hold['ended']}"
+        lines.append((hold["from_s"], f"hold {hold['number']} to {hold['to_s']:.1f} s{where}{ended}"))
     for failsafe in figures["failsafes"]:
         lines.append((failsafe["from_s"], f"failsafe to {failsafe['to_s']:.1f} s: {failsafe['reason']}"))
     for release in figures["releases"]:
+        if release["after"] == Phase.HOLD:
+            continue  # told with the hold
         lines.append((release["at_s"], f"released after {release['after']}: {release['reason']}"))
     for at_s, text in sorted(lines):
         say(console, f"{at_s:7.1f} s  {text}")

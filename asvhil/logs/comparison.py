@@ -42,11 +42,24 @@ def run_notes(figures: Figures) -> list[str]:
     return [*figures["warnings"], *cut]
 
 
+def unscored(figures: Figures) -> list[str]:
+    """Why a run has no scores, in a line; none of one that has."""
+    if any(figures[way] is not None and figures[way]["penalty_score"] is not None for way in WAYS):
+        return []
+    if not figures["holds"]:
+        return [f"no station was held in these {figures['duration_s']:.1f} s: no scores"]
+    from_s = figures["settled_from_s"]
+    held = any(hold["to_s"] >= from_s for hold in figures["holds"])
+    what = "the boat's position is not known in a hold" if held else "no station was held"
+    return [f"{what} from {from_s:.0f} s on: no scores"]
+
+
 def comparison_notes(first: tuple[str, Figures], second: tuple[str, Figures]) -> list[str]:
-    """What is wrong with each of two logs, and how far their figures are of one kind."""
+    """What is wrong with each of two logs, which has no scores, and how far their figures are of one kind."""
     notes = []
     for name, figures in (first, second):
-        notes += [line if name in line else f"{name}: {line}" for line in run_notes(figures)]
+        lines = [*run_notes(figures), *unscored(figures)]
+        notes += [line if name in line else f"{name}: {line}" for line in lines]
     (_, a), (_, b) = first, second
     if a["vehicle"] != b["vehicle"]:
         notes.append(f"the boats differ, {a['vehicle']} and {b['vehicle']}: so do the figures, whatever steers them")

@@ -11,7 +11,7 @@ from typing import Any
 import yaml
 from jinja2 import Environment, StrictUndefined
 
-from asvhil.logs.comparison import Table, comparison_notes, comparison_rows, figure_text, run_notes
+from asvhil.logs.comparison import Table, comparison_notes, comparison_rows, figure_text, run_notes, unscored
 from asvhil.logs.report_figures import ReportFigure, compare_figure, report_figures
 from asvhil.logs.run import RunLog
 from asvhil.logs.summary import WAYS
@@ -77,7 +77,7 @@ def _section(reported: Reported, drawn: Sequence[ReportFigure]) -> dict[str, Any
         "title": reported.title,
         "subtitle": f"{reported.name}: {boat} {kind}, {minutes}, config {figures['config_hash']}",
         "settled": f"{figures['settled_from_s']:.0f} s",
-        "notes": run_notes(figures),
+        "notes": [*run_notes(figures), *unscored(figures)],
         "scores": _scores(figures),
         "work": _work(figures),
         "spans": [{}, *_spans(run)],
