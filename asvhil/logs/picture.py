@@ -150,11 +150,7 @@ def draw_errors(distance: Axes, heading: Axes, run: RunLog, *, measured: bool = 
     for name, track, colour in tracks:
         if track is None or not (held := track.of_hold()).hold.any():
             continue
-        errors = held.errors
-        apart = np.flatnonzero(np.diff(held.hold)) + 1  # no line from one hold to the next
-        t_s, off_m, off_deg = (
-            np.insert(part, apart, np.nan) for part in (errors.t_s, errors.distance_m, errors.heading_deg)
-        )
+        t_s, off_m, off_deg = held_errors(held)
         distance.plot(t_s, off_m, color=colour, linewidth=0.9, label=name)
         heading.plot(t_s, off_deg, color=colour, linewidth=0.9)
     shade_docking((distance, heading), best_track(run)[1])
@@ -165,6 +161,25 @@ def draw_errors(distance: Axes, heading: Axes, run: RunLog, *, measured: bool = 
     if distance.lines:
         distance.legend(fontsize="small")
     heading.set_ylabel("heading error (deg)")
+
+
+def held_errors(held: MotionTrack) -> tuple[Array, Array, Array]:
+    """Times (s), distances (m) and heading errors (deg) of the samples of holds, with no line between two holds."""
+    errors = held.errors
+    rows = np.column_stack((errors.t_s, errors.distance_m, errors.heading_deg))
+    t_s, off_m, off_deg = parted(rows, held.hold).T
+    return t_s, off_m, off_deg
+
+
+def parted(rows: Array, numbers: Array) -> Array:
+    """Rows (k, n) that begin with a time, and a number of each: where that changes a line through them has a gap.
+
+    A row of NaN stands there, at the time of the row before, where a step ends.
+    """
+    at = np.flatnonzero(np.diff(numbers)) + 1
+    gaps = np.full((len(at), rows.shape[1]), np.nan)
+    gaps[:, 0] = rows[at - 1, 0]
+    return np.insert(rows, at, gaps, axis=0)
 
 
 def shade_docking(panels: Sequence[Axes], track: MotionTrack) -> None:
@@ -204,19 +219,20 @@ def draw_wind(axes: Axes, run: RunLog) -> None:
 
 
 def draw_commands(axes: Axes, run: RunLog) -> None:
-    """The commands of the motors over time."""
-    _draw_motors(axes, run.command)
+    """The commands of the motors over time; none between two holds."""
+    draw_motors(axes, parted(run.command, run.command[:, 3]))
     axes.set_ylabel("motor command")
     axes.set_ylim(-1.05, 1.05)
 
 
 def draw_pulses(axes: Axes, run: RunLog) -> None:
     """The pulses that were sent over time; none where the motors were released."""
-    _draw_motors(axes, run.pwm)
+    draw_motors(axes, run.pwm)
     axes.set_ylabel("pulse (us)")
 
 
-def _draw_motors(axes: Axes, rows: Array) -> None:
+def draw_motors(axes: Axes, rows: Array) -> None:
+    """Steps of both motors, of rows (t_s, port, starboard); NaN where there is none."""
     for column, name, colour in ((1, "port", PORT_COLOUR), (2, "starboard", STARBOARD_COLOUR)):
         axes.step(rows[:, 0], rows[:, column], where="post", color=colour, linewidth=0.7, label=name)
     axes.grid(alpha=0.3)

@@ -17,14 +17,14 @@ from asvhil.dynamics.arrays import Array
 from asvhil.dynamics.rigid_body import ThrustCurve
 from asvhil.logs.picture import (
     PHASE_COLOURS,
-    PORT_COLOUR,
-    STARBOARD_COLOUR,
     best_track,
     draw_commands,
     draw_errors,
+    draw_motors,
     draw_pulses,
     draw_track,
     draw_wind,
+    held_errors,
     shade_docking,
     shade_phases,
 )
@@ -82,10 +82,9 @@ def compare_figure(runs: Sequence[tuple[str, RunLog]]) -> ReportFigure:
         held = track.of_hold()
         if not len(held.t_s):
             continue
-        errors = held.errors
-        t_s = errors.t_s - errors.t_s[0]
-        distance.plot(t_s, errors.distance_m, linewidth=0.9, label=f"{name} ({way})")
-        heading.plot(t_s, errors.heading_deg, linewidth=0.9)
+        t_s, off_m, off_deg = held_errors(held)
+        distance.plot(t_s - t_s[0], off_m, linewidth=0.9, label=f"{name} ({way})")
+        heading.plot(t_s - t_s[0], off_deg, linewidth=0.9)
     _over_time(distance, "distance (m)", legend=True)
     _over_time(heading, "heading error (deg)")
     heading.set_xlabel("time since the first hold (s)")
@@ -189,16 +188,22 @@ def _draw_rose(axes: PolarAxes, speed_mps: Array, from_rad: Array) -> None:
 def _motors(run: RunLog) -> Figure:
     figure, (command, thrust, pulses) = _panels(run, 3)
     draw_commands(command, run)
-    curve, pwm = ThrustCurve(run.config.vehicle.vessel.thrust_curve), run.config.vehicle.pwm
-    sent = run.pwm[np.isfinite(run.pwm[:, 1])]
-    pulses_us, at = np.unique(sent[:, 1:], return_inverse=True)
-    newtons = np.array([curve.thrust_n(command_of_pulse(pwm, int(pulse_us))) for pulse_us in pulses_us])
-    thrusts = newtons[at].reshape(-1, 2) if len(sent) else np.empty((0, 2))
-    for motor, colour in enumerate((PORT_COLOUR, STARBOARD_COLOUR)):
-        thrust.step(sent[:, 0], thrusts[:, motor], where="post", color=colour, linewidth=0.7)
+    draw_motors(thrust, _thrusts(run))
     _over_time(thrust, "thrust (N)")
     draw_pulses(pulses, run)
     return figure
+
+
+def _thrusts(run: RunLog) -> Array:
+    """Rows (t_s, port, starboard N) of the pulses that were sent, by the boat's thrust curve; NaN where released."""
+    curve, pwm = ThrustCurve(run.config.vehicle.vessel.thrust_curve), run.config.vehicle.pwm
+    rows = run.pwm.copy()
+    sent = np.isfinite(rows[:, 1])
+    pulses_us, at = np.unique(rows[sent, 1:], return_inverse=True)
+    newtons = np.array([curve.thrust_n(command_of_pulse(pwm, int(pulse_us))) for pulse_us in pulses_us])
+    if len(newtons):
+        rows[sent, 1:] = newtons[at].reshape(-1, 2)
+    return rows
 
 
 def _model(run: RunLog) -> Figure:

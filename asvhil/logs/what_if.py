@@ -25,7 +25,7 @@ from asvhil.logs.encoding import decode_outputs
 from asvhil.logs.fault_replay import RecordedPulses
 from asvhil.logs.figure import save_figure
 from asvhil.logs.metrics import motor_figures
-from asvhil.logs.picture import PORT_COLOUR, STARBOARD_COLOUR, shade_phases
+from asvhil.logs.picture import PORT_COLOUR, STARBOARD_COLOUR, parted, shade_phases
 from asvhil.logs.reader import LogFile
 from asvhil.logs.replay import check_begin, config_of, recorded_model
 from asvhil.logs.run import RunLog, RunReader
@@ -37,7 +37,9 @@ OPTION = "--what-if"
 
 @record
 class WhatIf:
-    """Both runs, with the command (t_s, port, starboard) that each had for the motors while both drove them.
+    """Both runs, with the command that each had for the motors while both drove them.
+
+    Rows of commands: t_s, port, starboard, number of the stretch of ticks without another between them.
 
     `other` has the motion and the commands of the other controller and estimator. `judged_to_s`: from then on the other
     one drives and the record does not, and nothing more is compared; None: to the end.
@@ -68,6 +70,7 @@ def replay_what_if(path: Path, overrides: Sequence[str], on_tick: Callable[[int]
     wanted: list[tuple[float, ...]] = []
     judged_to_s: float | None = None
     start_ns: int | None = None
+    stretch, driven = 0, False
     for inputs, data in log.ticks(up_to_gap=True):
         if data is None:
             break
@@ -81,9 +84,13 @@ def replay_what_if(path: Path, overrides: Sequence[str], on_tick: Callable[[int]
             break
         recorded.tick(inputs, was)
         other.tick(inputs, outputs)
+        before, driven = driven, False
         if was.phase is Phase.HOLD and outputs.phase is Phase.HOLD and was.pwm_us and pulses.wanted_us:
+            driven = True
+            stretch += not before
             for rows, pair_us in ((sent, was.pwm_us), (wanted, pulses.wanted_us)):
-                rows.append((t_s, *(command_of_pulse(config.vehicle.pwm, pulse_us) for pulse_us in pair_us)))
+                pair = (command_of_pulse(config.vehicle.pwm, pulse_us) for pulse_us in pair_us)
+                rows.append((t_s, *pair, stretch))
         on_tick(recorded.ticks)
     if not recorded.ticks:
         raise LogError(f"{path}: holds no tick with outputs to compare")
@@ -91,15 +98,15 @@ def replay_what_if(path: Path, overrides: Sequence[str], on_tick: Callable[[int]
         overrides=tuple(overrides),
         recorded=recorded.run(log.metadata),
         other=other.run(log.metadata),
-        recorded_command=np.array(sent).reshape(-1, 3),
-        other_command=np.array(wanted).reshape(-1, 3),
+        recorded_command=np.array(sent).reshape(-1, 4),
+        other_command=np.array(wanted).reshape(-1, 4),
         judged_to_s=judged_to_s,
     )
 
 
 def what_if_figures(found: WhatIf) -> dict[str, Any]:
     """The differences as a JSON-ready tree; parts that the log has no data for are None."""
-    apart = found.other_command[:, 1:] - found.recorded_command[:, 1:]
+    apart = found.other_command[:, 1:3] - found.recorded_command[:, 1:3]
     position_m, heading_deg = _estimates_apart(found)
     runs = {"recorded": found.recorded, "what_if": found.other}
     return {
@@ -133,9 +140,9 @@ def draw_what_if(found: WhatIf, path: Path) -> None:
         shade_phases(axes, found.recorded)
         axes.grid(alpha=0.3)
     for column, axes, name, colour in ((1, port, "port", PORT_COLOUR), (2, starboard, "starboard", STARBOARD_COLOUR)):
-        rows = found.recorded_command
+        rows = parted(found.recorded_command, found.recorded_command[:, 3])
         axes.step(rows[:, 0], rows[:, column], where="post", color="grey", linewidth=0.9, label="recorded")
-        rows = found.other_command
+        rows = parted(found.other_command, found.other_command[:, 3])
         axes.step(rows[:, 0], rows[:, column], where="post", color=colour, linewidth=0.9, label="what if")
         axes.set_ylabel(name)
         axes.set_ylim(-1.05, 1.05)

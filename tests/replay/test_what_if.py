@@ -25,6 +25,14 @@ def test_the_same_config_asks_for_the_same_to_the_bit(run_logs: Runs) -> None:
     assert len(found.recorded_command) > 500
 
 
+def test_the_commands_of_two_holds_are_drawn_apart(run_logs: Runs) -> None:
+    found = replay_what_if(run_logs("two_holds"), ["controller.backstepping.kp=[900, 900, 16]"])
+    assert len(found.recorded.spans) > 2
+    for rows in (found.recorded_command, found.other_command):
+        (at,) = np.flatnonzero(np.diff(rows[:, 3]))
+        assert rows[at + 1, 0] - rows[at, 0] > 5.0 and np.diff(rows[:at, 0]).max() < 1.0
+
+
 def test_another_controller_asks_for_other_commands_of_the_same_boat(run_logs: Runs, tmp_path: Path) -> None:
     """LOITER shares the estimator's sensors; its commands differ, and the boat stays where the record has it."""
     picture, figures_file = tmp_path / "differences.png", tmp_path / "figures.json"

@@ -6,36 +6,15 @@ from pathlib import Path
 
 import pytest
 
-from asvhil.config import load_config
-from asvhil.logs.opening import open_recorder
-from asvhil.types import Phase, changed
+from asvhil.types import Phase
 from tests.support.command_line import call
-from tests.support.log_samples import sample_inputs, sample_outputs
+from tests.support.phase_logs import Ticks, hold, record_phases
 
 REVERSED = "the port motor is reversed"
 
 
-def made(log: Path, *spans: tuple[int, Phase, str, str]) -> Path:
-    """A log of phases, each of so many ticks of 0.05 s, with its reason and the reason's code."""
-    recorder = open_recorder(load_config("field"), log, "live", threaded=False)
-    tick = 0
-    for ticks, phase, reason, code in spans:
-        for _ in range(ticks):
-            outputs = sample_outputs(tick, control=phase is Phase.HOLD)
-            health = changed(outputs.health, reason=reason, code=code)
-            recorder.write_inputs(sample_inputs(tick))
-            recorder.write_outputs(changed(outputs, phase=phase, health=health))
-            tick += 1
-    recorder.close()
-    return log
-
-
-def hold(ticks: int) -> tuple[int, Phase, str, str]:
-    return ticks, Phase.HOLD, "holding", "holding"
-
-
 def test_the_end_of_an_only_hold_is_told_with_its_reason(tmp_path: Path) -> None:
-    made(tmp_path / "a.mcap", hold(101), (300, Phase.STANDBY, REVERSED, "motor_fault"))
+    record_phases(tmp_path / "a.mcap", hold(101), (300, Phase.STANDBY, REVERSED, "motor_fault"))
     said = call("report", "a.mcap", cwd=tmp_path).out
     assert f"0.0 s  hold 1 to 5.0 s, 0.33 m off (estimated), ended by standby: {REVERSED}\n" in said
     assert "no station was held from 10 s on: no scores" in said
@@ -47,14 +26,14 @@ def test_the_end_of_an_only_hold_is_told_with_its_reason(tmp_path: Path) -> None
 
 def test_each_of_several_holds_tells_its_end_and_by_what_its_distance_is_known(tmp_path: Path) -> None:
     neutral = 20, Phase.STANDBY, "the sticks were moved", "pilot"
-    made(tmp_path / "a.mcap", hold(101), neutral, hold(100))
+    record_phases(tmp_path / "a.mcap", hold(101), neutral, hold(100))
     said = call("report", "a.mcap", cwd=tmp_path).out
     assert "hold 1 to 5.0 s, 0.33 m off (estimated), ended by standby: the sticks were moved" in said
     assert "hold 2 to 11.0 s, 0.33 m off (estimated)\n" in said and "released after hold" not in said
 
 
 @pytest.mark.parametrize("spans", [(hold(100),), (hold(100), (3, Phase.STANDBY, "by the operator", "released"))])
-def test_an_only_hold_that_the_run_ends_is_not_told(tmp_path: Path, spans: tuple[tuple[int, Phase, str, str]]) -> None:
-    made(tmp_path / "a.mcap", *spans)
+def test_an_only_hold_that_the_run_ends_is_not_told(tmp_path: Path, spans: tuple[Ticks, ...]) -> None:
+    record_phases(tmp_path / "a.mcap", *spans)
     said = call("report", "a.mcap", cwd=tmp_path).out
     assert "hold 1" not in said and "no scores" not in said and "penalty score, estimated" in said
