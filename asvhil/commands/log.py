@@ -97,12 +97,12 @@ def export(
 
     console = Console()
     with _reading(console, log) as on_bytes:
-        count, damage = export_log(log, output, on_bytes)
-    for line in LogFile(log).damaged.values():
+        exported = export_log(log, output, on_bytes)
+    for line in (*LogFile(log).damaged.values(), *exported.warnings):
         say(console, f"{log}: {line}")
-    say(console, f"{output}: {count} {'frames' if output.suffix.lower() == '.tlog' else 'ticks'}")
-    if damage is not None:
-        say(console, f"{damage}; what is before that is exported")
+    say(console, f"{output}: {exported.count} {'frames' if output.suffix.lower() == '.tlog' else 'ticks'}")
+    if exported.damage is not None:
+        say(console, f"{exported.damage}; what is before that is exported")
 
 
 @contextmanager

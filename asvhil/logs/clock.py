@@ -4,8 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import msgspec
+
+from asvhil.logs.encoding import NOT_VALID
 from asvhil.types import record
 
+TICK_HZ = 20.0  # where a log does not tell
 STALL_S = 1.0  # a tick that comes later than this after its time
 LEAP_S = 86400.0  # no computer stands still for so long and goes on: its clock was set
 TOLD_MOST = 5
@@ -91,10 +95,28 @@ class TickClock:
         return self.since_ns(t_ns) * 1e-9
 
     def since_ns(self, t_ns: int) -> int:
-        """As `t_s`, in ns."""
+        """As `t_s`, in ns; 0 before the first tick."""
+        if not self._number:
+            return 0
         if self._start_before_ns != self._start_ns and abs(t_ns - self._before_ns) < abs(t_ns - self._now_ns):
             return t_ns - self._start_before_ns
         return t_ns - self._start_ns
 
     def _since(self, t_ns: int) -> float:
         return (t_ns - self._start_ns) * 1e-9
+
+
+class _Ticking(msgspec.Struct):
+    class Daemon(msgspec.Struct):
+        tick_hz: float = TICK_HZ
+
+    daemon: Daemon = msgspec.field(default_factory=Daemon)
+
+
+def clock_of(metadata: dict[str, dict[str, str]]) -> TickClock:
+    """The clock of a log with this metadata; of one that does not tell its tick rate, or a damaged one, of 20 Hz."""
+    try:
+        tick_hz = msgspec.json.decode(metadata.get("config", {}).get("json", ""), type=_Ticking).daemon.tick_hz
+    except NOT_VALID:
+        tick_hz = TICK_HZ
+    return TickClock(1.0 / (tick_hz if tick_hz > 0.0 else TICK_HZ))

@@ -16,10 +16,11 @@ from asvhil.files import is_there, whole_file
 from asvhil.geo import LocalFrame
 from asvhil.io.mavlink.frames import Parser, decode, dialect, message_id
 from asvhil.logs.chunk_records import LogChannel
+from asvhil.logs.clock import TickClock, clock_of, jump_words, stall_words
 from asvhil.logs.encoding import decode_outputs
 from asvhil.logs.reader import LogFile, Timing, decode_timing
-from asvhil.logs.recorder import OUTPUTS_TOPIC, TIMING_TOPIC
-from asvhil.types import Outputs
+from asvhil.logs.recorder import INPUTS_TOPIC, OUTPUTS_TOPIC, TIMING_TOPIC
+from asvhil.types import Outputs, record
 
 Progress: TypeAlias = Callable[[int], None]
 Row: TypeAlias = tuple[float | int | str | bool | None, ...]
@@ -28,8 +29,9 @@ FORMATS = (".tlog", ".csv", ".parquet")
 _TLOG_TIME = struct.Struct(">Q")
 _ROWS_AT_ONCE = 5000
 
-# One row a tick. Times: since 1970, and since the first tick. Positions: the local NED frame, whose origin is the
-# last two columns. What is unknown in a tick is empty. Truth is the last SIM_STATE of a simulator that sends it.
+# One row a tick. Times: since 1970, and since the first tick, in which a jump of the clock is none. Positions: the
+# local NED frame, whose origin is the last two columns. What is unknown in a tick is empty. Truth is the last SIM_STATE
+# of a simulator that sends it.
 COLUMNS: dict[str, type] = {
     "unix_ns": int,
     "t_s": float,
@@ -70,8 +72,17 @@ COLUMNS: dict[str, type] = {
 }
 
 
-def export_log(source: Path, target: Path, on_bytes: Progress = lambda done: None) -> tuple[int, str | None]:
-    """Write a log in the format that the target's ending names: how many frames or rows, and what the log lacks.
+@record
+class Exported:
+    """How many frames or rows were written, what the log lacks (None: nothing), and a line for each jump and stall."""
+
+    count: int
+    damage: str | None
+    warnings: tuple[str, ...]
+
+
+def export_log(source: Path, target: Path, on_bytes: Progress = lambda done: None) -> Exported:
+    """Write a log in the format that the target's ending names.
 
     A file that exists is not overwritten. LogError where the log is damaged;
     AsvhilError for an unknown ending, or where the file cannot be written. Nothing is left of a failed export.
@@ -80,31 +91,39 @@ def export_log(source: Path, target: Path, on_bytes: Progress = lambda done: Non
     if kind not in FORMATS:
         raise AsvhilError(f"{target}: a file that ends in {', '.join(FORMATS)} is expected")
     log = LogFile(source)
+    clock = clock_of(log.metadata)
     if is_there(target):
         raise AsvhilError(f"{target}: exists already; give another name")
     try:
         with whole_file(target) as part:
             if kind == ".tlog":
-                return _write_tlog(log, part, on_bytes), log.damage
-            rows = _rows(log, on_bytes)
-            count = _write_csv(rows, part) if kind == ".csv" else _write_parquet(rows, part)
-            return count, log.damage
+                count = _write_tlog(_messages(log, clock, on_bytes), part)
+            else:
+                rows = _rows(log, clock, on_bytes)
+                count = _write_csv(rows, part) if kind == ".csv" else _write_parquet(rows, part)
     except OSError as error:
         raise AsvhilError(f"{target}: cannot be written ({error.strerror or error})") from None
+    warnings = (*jump_words(clock.jumps), *stall_words(clock.stalls))
+    return Exported(count=count, damage=log.damage, warnings=warnings)
 
 
-def _messages(log: LogFile, on_bytes: Progress) -> Iterator[tuple[LogChannel, Message]]:
-    """All messages, with their channels. LogError at the first damage; a log without an end is read up to it."""
+def _messages(log: LogFile, clock: TickClock, on_bytes: Progress) -> Iterator[tuple[LogChannel, Message]]:
+    """All messages, with their channels, and the clock set to the tick of each.
+
+    LogError at the first damage; a log without an end is read up to it.
+    """
     for channel, message, offset in log.messages():
         on_bytes(offset)
+        if channel.topic == INPUTS_TOPIC:
+            clock.tick(message.log_time, message.sequence)
         yield channel, message
 
 
-def _write_tlog(log: LogFile, part: Path, on_bytes: Progress) -> int:
+def _write_tlog(messages: Iterator[tuple[LogChannel, Message]], part: Path) -> int:
     """The frames of the autopilot's link, in and out, in the order of their time: as a ground station would have it."""
     frames: list[tuple[int, bytes]] = []
     parsers: dict[str, Parser] = {}
-    for channel, message in _messages(log, on_bytes):
+    for channel, message in messages:
         if channel.port == AUTOPILOT:
             parser = parsers.setdefault(channel.direction, Parser())
             frames += [(message.log_time // 1000, bytes(data)) for data in parser.receive(channel.peer, message.data)]
@@ -115,32 +134,32 @@ def _write_tlog(log: LogFile, part: Path, on_bytes: Progress) -> int:
     return len(frames)
 
 
-def _rows(log: LogFile, on_bytes: Progress) -> Iterator[Row]:
+def _rows(log: LogFile, clock: TickClock, on_bytes: Progress) -> Iterator[Row]:
     """A row of `COLUMNS` for each tick with outputs."""
     outputs: Outputs | None = None
-    first_ns: int | None = None
+    t_s = 0.0
     parser = Parser()
     truth: Any = None
     truth_at: Any = None
     timing: Timing | None = None
-    for channel, message in _messages(log, on_bytes):
+    for channel, message in _messages(log, clock, on_bytes):
         if channel.topic == OUTPUTS_TOPIC:
-            if outputs is not None and first_ns is not None:
-                yield _row(outputs, first_ns, timing, truth_at)
+            if outputs is not None:
+                yield _row(outputs, t_s, timing, truth_at)
             outputs, timing, truth_at = decode_outputs(message.data, log.path), None, truth
-            first_ns = outputs.t_ns if first_ns is None else first_ns
+            t_s = clock.t_s(outputs.t_ns)
         elif channel.topic == TIMING_TOPIC:
             timing = decode_timing(message.data, log.path)
         elif channel.port == AUTOPILOT and channel.direction == "in":
             for data in parser.receive(channel.peer, message.data):
                 if message_id(data) == dialect.MAVLINK_MSG_ID_SIM_STATE:
                     truth = decode(data) or truth
-    if outputs is None or first_ns is None:
+    if outputs is None:
         raise LogError(f"{log.path}: holds no tick with outputs")
-    yield _row(outputs, first_ns, timing, truth_at)
+    yield _row(outputs, t_s, timing, truth_at)
 
 
-def _row(outputs: Outputs, first_ns: int, timing: Timing | None, truth: Any) -> Row:
+def _row(outputs: Outputs, t_s: float, timing: Timing | None, truth: Any) -> Row:
     estimate, station, wind, control = outputs.estimate, outputs.station, outputs.wind, outputs.control
     health, origin = outputs.health, outputs.origin_deg
     true_pose: Row = (None, None, None)
@@ -152,7 +171,7 @@ def _row(outputs: Outputs, first_ns: int, timing: Timing | None, truth: Any) -> 
         timing = None
     return (
         outputs.t_ns,
-        (outputs.t_ns - first_ns) * 1e-9,
+        t_s,
         outputs.phase.value,
         health.code,
         *((estimate.n_m, estimate.e_m, estimate.psi_rad) if estimate else unknown3),

@@ -12,24 +12,18 @@ import msgspec
 from mcap.records import Channel, Message
 
 from asvhil.errors import LogError
-from asvhil.logs.clock import TickClock, jump_words, stall_words
+from asvhil.logs.clock import clock_of, jump_words, stall_words
 from asvhil.logs.encoding import NOT_VALID, decode_outputs
 from asvhil.logs.holds import PhaseSpans
 from asvhil.logs.reader import LogFile, decode_timing
 from asvhil.logs.recorder import INPUTS_TOPIC, OUTPUTS_TOPIC, TIMING_TOPIC
-
-TICK_HZ = 20.0  # where a log does not tell
 
 
 class _Config(msgspec.Struct):
     class Controller(msgspec.Struct):
         name: str
 
-    class Daemon(msgspec.Struct):
-        tick_hz: float = TICK_HZ
-
     controller: Controller
-    daemon: Daemon = msgspec.field(default_factory=Daemon)
 
 
 def log_info(path: Path, on_bytes: Callable[[int], None] = lambda done: None) -> dict[str, Any]:
@@ -48,7 +42,7 @@ def log_info(path: Path, on_bytes: Callable[[int], None] = lambda done: None) ->
     spans = PhaseSpans()
     run, stored = log.metadata.get("run", {}), log.metadata.get("config", {})
     config = _config(stored.get("json", ""))
-    clock = TickClock(1.0 / (config.daemon.tick_hz if config is not None and config.daemon.tick_hz > 0.0 else TICK_HZ))
+    clock = clock_of(log.metadata)
     first_ns: int | None = None
     last_ns = 0
     ticks = dropped = overruns = sequence = 0

@@ -14,14 +14,17 @@ from asvhil.config import load_config
 from asvhil.errors import AsvhilError, LogError
 from asvhil.logs import export
 from asvhil.logs.encoding import decode_outputs
-from asvhil.logs.export import COLUMNS, export_log
+from asvhil.logs.export import COLUMNS, Exported, export_log
 from asvhil.logs.info import log_info
 from asvhil.logs.reader import LogFile
 from asvhil.logs.run import read_run
 from asvhil.logs.tlog import read_tlog
 from asvhil.sitl import run_lockstep
 from asvhil.types import Phase, Station, changed
+from tests.support.command_line import call
 from tests.support.log_damage import chunk_spans
+from tests.support.log_samples import make_recorder, record_ticks, sample_inputs
+from tests.support.shifted_logs import shifted
 
 SPAN_S = 12.0
 
@@ -36,8 +39,9 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_the_telemetry_log_has_every_frame_of_the_autopilots_link(log: Path, tmp_path: Path) -> None:
     target = tmp_path / "run.tlog"
-    count, damage = export_log(log, target)
-    assert damage is None
+    exported = export_log(log, target)
+    count = exported.count
+    assert exported.damage is None
     times = [t_us for t_us, _ in read_tlog(target)]
     assert len(times) == count and times == sorted(times)
     sent = {"in": 0, "out": 0}
@@ -70,7 +74,7 @@ def test_tables_have_a_row_for_each_tick(log: Path, tmp_path: Path) -> None:
     outputs = [decode_outputs(data) for _, data in LogFile(log).ticks() if data is not None]
     for ending in (".csv", ".parquet"):
         target = tmp_path / f"run{ending}"
-        assert export_log(log, target) == (len(outputs), None)
+        assert export_log(log, target) == Exported(count=len(outputs), damage=None, warnings=())
         rows = table(target)
         assert [list(row) for row in rows[:1]] == [list(COLUMNS)]
         assert [row["unix_ns"] for row in rows] == [tick.t_ns for tick in outputs]
@@ -102,17 +106,38 @@ def test_a_station_that_moves_has_its_velocity_in_the_row(log: Path) -> None:
         (outputs, (0.0, 0.0)),
         (changed(outputs, station=None), (None, None)),
     ):
-        row = dict(zip(COLUMNS, export._row(tick, 0, None, None), strict=True))
+        row = dict(zip(COLUMNS, export._row(tick, 0.0, None, None), strict=True))
         assert (row["station_vn_mps"], row["station_ve_mps"]) == velocity
+
+
+@pytest.mark.parametrize(("by_s", "words"), [(3e8, "time jumps by"), (-10.0, "time jumps by"), (3.0, "no tick for")])
+def test_times_of_rows_are_those_of_the_report(log: Path, tmp_path: Path, by_s: float, words: str) -> None:
+    path = shifted(log, tmp_path / "shifted.mcap", by_s, 100)
+    for target in (tmp_path / "run.csv", tmp_path / "run.tlog"):
+        said = call("log", "export", path.name, target.name, cwd=tmp_path)
+        assert said.status == 0 and f"{path.name}: {words}" in said.out
+    rows = table(tmp_path / "run.csv")
+    assert rows[-1]["t_s"] == pytest.approx(read_run(path).duration_s, abs=1e-6)
+    jump_s = 0.05 if words == "time jumps by" else 0.05 + by_s
+    assert rows[99]["t_s"] - rows[98]["t_s"] == pytest.approx(jump_s, abs=1e-6)
+
+
+def test_times_of_rows_begin_with_the_first_tick(tmp_path: Path) -> None:
+    recorder = make_recorder(tmp_path / "late.mcap")
+    recorder.write_inputs(sample_inputs(0))
+    record_ticks(recorder, range(1, 40))
+    recorder.close()
+    export_log(tmp_path / "late.mcap", tmp_path / "late.csv")
+    assert table(tmp_path / "late.csv")[0]["t_s"] == pytest.approx(0.05)
 
 
 def test_a_log_without_its_end_is_exported_as_far_as_it_goes(log: Path, tmp_path: Path) -> None:
     data = log.read_bytes()
     cut = tmp_path / "cut.mcap"
     cut.write_bytes(data[: len(data) // 2])
-    rows, damage = export_log(cut, tmp_path / "cut.csv")
-    assert damage is not None and "no end: cut off in the record at byte" in damage
-    assert rows == sum(data is not None for _, data in LogFile(cut).ticks()) > 0
+    exported = export_log(cut, tmp_path / "cut.csv")
+    assert exported.damage is not None and "no end: cut off in the record at byte" in exported.damage
+    assert exported.count == sum(data is not None for _, data in LogFile(cut).ticks()) > 0
 
 
 def test_what_cannot_be_exported_leaves_no_file(log: Path, tmp_path: Path) -> None:
