@@ -96,12 +96,13 @@ def score(errors: PoseErrors, from_s: float) -> dict[str, Any]:
     `max` is over all samples given, `max_settled` over the window. Heading: `mean` and `std` are the arithmetic ones of
     the wrapped errors, as in the paper's ps; `abs_mean` is of the magnitude; `circular_mean` and `circular_std` are
     those of `circular_deg`, which alone mean something where the errors go all round. VRX's score (VRX 2023, task 1) is
-    the mean of d + 0.75^d |dpsi| in m and rad. None where the window holds no sample.
+    the mean of d + 0.75^d |dpsi| in m and rad. Where the window holds no sample all but `max` are None.
     """
     window = errors.t_s >= from_s
+    most = float(errors.distance_m.max()) if len(window) else None
     if not window.any():
         return {
-            "distance_m": {"mean": None, "std": None, "max": None, "max_settled": None},
+            "distance_m": {"mean": None, "std": None, "max": most, "max_settled": None},
             "heading_deg": dict.fromkeys(("mean", "std", "abs_mean", "circular_mean", "circular_std")),
             "penalty_score": None,
             "vrx_score": None,
@@ -114,7 +115,7 @@ def score(errors: PoseErrors, from_s: float) -> dict[str, Any]:
         "distance_m": {
             "mean": e_d,
             "std": s_d,
-            "max": float(errors.distance_m.max()),
+            "max": most,
             "max_settled": float(distance.max()),
         },
         "heading_deg": {

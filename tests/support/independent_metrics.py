@@ -147,7 +147,7 @@ def scores(rows: list[Sample], from_s: float) -> dict[str, Any]:
     d = [row["d"] for row in rows if row["t_s"] >= from_s]
     h = [row["h"] for row in rows if row["t_s"] >= from_s]
     if not d:
-        return {"penalty_score": None}
+        return {"distance_m": {"max": max(row["d"] for row in rows)}, "penalty_score": None}
     c, s = (fmean(f(math.radians(angle)) for angle in h) for f in (math.cos, math.sin))
     return {
         "distance_m": {"mean": fmean(d), "std": pstdev(d), "max": max(row["d"] for row in rows), "max_settled": max(d)},

@@ -1,6 +1,7 @@
 """Metrics of series whose values are known beforehand."""
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,7 +18,11 @@ from asvhil.logs.metrics import (
     score,
     wind_figures,
 )
+from asvhil.logs.run import read_run
+from asvhil.logs.summary import summarise
 from asvhil.types import Phase
+from tests.support.independent_metrics import figures as independent
+from tests.support.phase_logs import hold, record_phases
 
 
 def track(seconds: float = 30.0, step_s: float = 0.1, **changes: float) -> MotionTrack:
@@ -181,3 +186,13 @@ def test_spans_know_the_phase_that_followed() -> None:
         {"from_s": 4.0, "ended": None, "to_s": 4.0},
     ]
     assert spans.hold == 2
+
+
+def test_the_way_counts_in_the_maximum_of_a_hold_that_ended_before_its_scores_begin(tmp_path: Path) -> None:
+    released = 300, Phase.STANDBY, "the sticks were moved", "pilot"
+    log = record_phases(tmp_path / "a.mcap", hold(100), released)
+    own, other = summarise(read_run(log)), independent(log)
+    assert own["settled_from_s"] > 9.0 and own["estimated"]["penalty_score"] is None
+    distance_m = own["estimated"]["distance_m"]
+    assert distance_m["max"] == pytest.approx(other["estimated"]["distance_m"]["max"]) == pytest.approx(1.0 / 3.0)
+    assert distance_m["mean"] is distance_m["max_settled"] is None
