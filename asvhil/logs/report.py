@@ -85,15 +85,7 @@ def _section(reported: Reported, drawn: Sequence[ReportFigure]) -> dict[str, Any
         "windows": windows,
         "windows_left": left,
         "figures": [_inline(figure) for figure in drawn],
-        "events": [
-            {
-                "at_s": f"{event.t_s:.1f}",
-                "subject": event.subject,
-                "text": event.text or "as it should be again",
-                "ok": event.ok,
-            }
-            for event in run.events[:EVENTS_MOST]
-        ],
+        "events": _events(run)[:EVENTS_MOST],
         "events_left": max(0, len(run.events) - EVENTS_MOST),
         "sources": _sources(run),
         "timing": _timing(figures),
@@ -174,6 +166,18 @@ def _spans(run: RunLog) -> list[dict[str, Any]]:
             "bad": span.phase is Phase.FAILSAFE,
         }
         found.append(row)
+    return found
+
+
+def _events(run: RunLog) -> list[dict[str, Any]]:
+    """Notes as they came, changed and went; one that was no trouble has nothing to recover from."""
+    found: list[dict[str, Any]] = []
+    was_ok: dict[str, bool] = {}
+    for event in run.events:
+        ended = "over" if was_ok.get(event.subject, True) else "as it should be again"
+        was_ok[event.subject] = event.ok
+        text = event.text or ended
+        found.append({"at_s": f"{event.t_s:.1f}", "subject": event.subject, "text": text, "ok": event.ok})
     return found
 
 

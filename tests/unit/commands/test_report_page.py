@@ -12,9 +12,10 @@ from asvhil.commands.cli import main
 from asvhil.config import load_config
 from asvhil.logs.opening import open_recorder
 from asvhil.sitl import run_lockstep
+from asvhil.types import Note, changed
 from tests.support.arduino_driver import must_run
 from tests.support.browser import chromium, shown
-from tests.support.log_samples import record_ticks
+from tests.support.log_samples import record_ticks, sample_inputs, sample_outputs
 
 MOST_BYTES = 5_000_000
 FIGURES = {"track", "errors", "wind", "docking", "motors", "model", "timing"}
@@ -99,6 +100,21 @@ def test_a_browser_shows_it_and_asks_nobody(page: Path, tmp_path: Path) -> None:
     assert (ink > 0.01).mean() > 0.4, "text and figures from top to bottom"
     red = (picture[:, :, 0] > 0.6) & (picture[:, :, 1:].max(axis=2) < 0.3)
     assert np.count_nonzero(red) > 300, "the fail-safe stands in red, and the figures are there"
+
+
+def test_only_a_trouble_is_told_to_be_as_it_should_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    log, html = tmp_path / "log.mcap", tmp_path / "run.html"
+    recorder = open_recorder(load_config("field"), log, "live", threaded=False)
+    notes = Note(subject="moving station", text="to the north", ok=True), Note(subject="winds", text="lost", ok=False)
+    for tick in range(40):
+        outputs = sample_outputs(tick)
+        health = changed(outputs.health, notes=notes if tick < 20 else ())
+        recorder.write_inputs(sample_inputs(tick))
+        recorder.write_outputs(changed(outputs, health=health))
+    recorder.close()
+    assert report(monkeypatch, log, "--html", html) == 0
+    text = html.read_text()
+    assert "<td>moving station</td><td>over</td>" in text and "<td>winds</td><td>as it should be again</td>" in text
 
 
 @pytest.mark.thorough
