@@ -13,6 +13,7 @@ from asvhil.config import load_config
 from asvhil.logs.opening import open_recorder
 from asvhil.sitl import run_lockstep
 from asvhil.types import Note, changed
+from tests.support import page_bench
 from tests.support.arduino_driver import must_run
 from tests.support.browser import chromium, shown
 from tests.support.log_samples import record_ticks, sample_inputs, sample_outputs
@@ -100,6 +101,21 @@ def test_a_browser_shows_it_and_asks_nobody(page: Path, tmp_path: Path) -> None:
     assert (ink > 0.01).mean() > 0.4, "text and figures from top to bottom"
     red = (picture[:, :, 0] > 0.6) & (picture[:, :, 1:].max(axis=2) < 0.3)
     assert np.count_nonzero(red) > 300, "the fail-safe stands in red, and the figures are there"
+
+
+@pytest.mark.usefixtures("browser")
+def test_it_is_read_on_a_phone_and_at_night(page: Path) -> None:
+    """No wider than the screen, with every table to be scrolled to its end; and light on dark where that is wanted."""
+    with page_bench.browser() as program:
+        night = program.new_page(viewport={"width": 390, "height": 844}, color_scheme="dark")
+        night.goto(page.resolve().as_uri())
+        assert night.evaluate("document.documentElement.scrollWidth") == 390
+        outside = "[...document.querySelectorAll('table')].filter(t => t.parentElement.scrollWidth < t.offsetWidth)"
+        assert night.evaluate(f"{outside}.length") == 0
+        levels = [night.evaluate(f"getComputedStyle(document.body).{name}") for name in ("color", "backgroundColor")]
+        ink, paper = (sum(map(int, re.findall(r"\d+", level)[:3])) for level in levels)
+        assert ink > 600 and paper < 100
+        night.close()
 
 
 def test_only_a_trouble_is_told_to_be_as_it_should_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
