@@ -14,11 +14,12 @@ FIRST_S, EVERY_S = 2.0, 10.0
 class PipedProgress(Progress):
     """A Progress that draws nothing, and prints what is being done and how far it is.
 
-    A line comes after FIRST_S of work, and then each EVERY_S.
+    A line comes after FIRST_S of work, and then each EVERY_S. `unit`: of what is counted where no total is known.
     """
 
-    def __init__(self, console: Console) -> None:
+    def __init__(self, console: Console, unit: str = "") -> None:
         super().__init__(console=console, disable=True)
+        self._unit = unit
         self._due_s = time.monotonic() + FIRST_S
 
     def advance(self, task_id: TaskID, advance: float = 1) -> None:
@@ -37,5 +38,8 @@ class PipedProgress(Progress):
             return
         self._due_s = now_s + EVERY_S
         task = next(task for task in self.tasks if task.id == task_id)
-        share = f"{task.completed:.0f}" if task.total is None else f"{task.percentage:.0f} %"
-        self.console.print(f"{task.description}: {share}", markup=False, highlight=False, soft_wrap=True)
+        if task.total is not None:
+            share = f": {task.percentage:.0f} %"
+        else:
+            share = f": {task.completed:.0f} {self._unit}".rstrip() if task.completed else ""
+        self.console.print(f"{task.description}{share}", markup=False, highlight=False, soft_wrap=True)

@@ -10,7 +10,7 @@ import typer
 
 from asvhil.commands.options import FaultOption, JsonOption, PluginOption, RecordedPluginsOption, SetOption
 from asvhil.commands.outputs import check_apart, check_figures, check_json, check_picture, config_and_bases, write_json
-from asvhil.commands.views import progress, say
+from asvhil.commands.views import progress, say, ticks_to
 from asvhil.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -89,7 +89,7 @@ def replay(
         return
     with progress(console, spinner=True) as bar:
         task = bar.add_task("replay", total=None)
-        result = replay_log(log, lambda ticks: bar.update(task, completed=ticks) if ticks % 50 == 0 else None)
+        result = replay_log(log, ticks_to(bar, task))
     write_json(json_, _figures(result))
     for line in result.damaged_records:
         say(console, f"{log}: {line}")
@@ -169,9 +169,7 @@ def _replay_faults(console: Any, log: Path, texts: list[str], json_file: Path | 
     faults = [parse_fault(text) for text in texts]
     with progress(console, spinner=True) as bar:
         task = bar.add_task("replay", total=None)
-        found = replay_with_faults(
-            log, faults, lambda ticks: bar.update(task, completed=ticks) if ticks % 50 == 0 else None
-        )
+        found = replay_with_faults(log, faults, ticks_to(bar, task))
     first = found.first_difference
     figures = {
         "faults": texts,
@@ -224,9 +222,7 @@ def _replay_what_if(
 
     with progress(console, spinner=True) as bar:
         task = bar.add_task("replay", total=None)
-        found = replay_what_if(
-            log, overrides, lambda ticks: bar.update(task, completed=ticks) if ticks % 50 == 0 else None
-        )
+        found = replay_what_if(log, overrides, ticks_to(bar, task))
     figures = what_if_figures(found)
     write_json(json_file, figures)
     say(console, f"{log}: {figures['ticks']} ticks with {', '.join(overrides)}; open loop, the boat moves as recorded")

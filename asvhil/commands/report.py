@@ -9,7 +9,7 @@ import typer
 
 from asvhil.commands.options import JsonOption
 from asvhil.commands.outputs import check_apart, check_json, check_picture, check_writable, write_json, writing
-from asvhil.commands.views import print_summary, progress, report_run, say, title_of, told_ticks
+from asvhil.commands.views import print_summary, progress, report_run, say, stage_bar, ticks_to, title_of
 from asvhil.errors import ConfigError
 from asvhil.files import replacement, write_text
 
@@ -57,23 +57,23 @@ def _report_page(logs: list[Path], html: Path | None, json_: Path | None, pictur
 
     names = [log.name if len({other.name for other in logs}) == len(logs) else str(log) for log in logs]
     reported = []
-    with progress(console) as bar:
-        task = bar.add_task("report: reading", total=len(logs) + (html is not None))
+    with progress(console, spinner=True) as bar:
         for log, name in zip(logs, names, strict=True):
-            run = read_run(log, on_tick=told_ticks(bar, task, f"report: reading {name}"))
+            task = bar.add_task(f"report: reading {name}", total=None)
+            run = read_run(log, on_tick=ticks_to(bar, task))
             figures = summarise(run)
             reported.append(Reported(name=name, title=title_of(figures), run=run, figures=figures))
-            bar.advance(task)
-        if html is not None:
-            bar.update(task, description="report: drawing")
+    if html is not None:
+        with stage_bar(console) as bar:
+            task = bar.add_task("report: drawing", total=None)
             page = report_page(
                 *reported, on_figure=lambda name: bar.update(task, description=f"report: drawing {name}")
             )
-            with writing(html, "--html "):
-                write_text(html, page.html)
-            for name, png in page.pictures:
-                with writing(file := html.with_name(f"{html.stem}-{name}.png")), replacement(file) as part:
-                    part.write_bytes(png)
+        with writing(html, "--html "):
+            write_text(html, page.html)
+        for name, png in page.pictures:
+            with writing(file := html.with_name(f"{html.stem}-{name}.png")), replacement(file) as part:
+                part.write_bytes(png)
     if picture is not None:
         draw_run(reported[0].run, picture, reported[0].title)
     first, *others = reported

@@ -157,7 +157,7 @@ def progress(console: Any, *, spinner: bool = False) -> Any:
         ]
     else:
         columns = [TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn()]
-    return _shown(console, columns)
+    return _shown(console, columns, "ticks" if spinner else "")
 
 
 def stage_bar(console: Any) -> Any:
@@ -174,20 +174,20 @@ def byte_bar(console: Any) -> Any:
     return _shown(console, (TextColumn("{task.description}"), BarColumn(), DownloadColumn(), TimeElapsedColumn()))
 
 
-def _shown(console: Any, columns: Sequence[Any]) -> Any:
-    """A bar of these columns on a terminal; on a pipe a line now and then."""
+def _shown(console: Any, columns: Sequence[Any], unit: str = "") -> Any:
+    """A bar of these columns on a terminal; on a pipe a line now and then, with the unit of a count without a total."""
     from rich.progress import Progress
 
     from asvhil.commands.piped_progress import PipedProgress
 
     if console.is_terminal:
         return Progress(*columns, console=console, transient=True)
-    return PipedProgress(console)
+    return PipedProgress(console, unit)
 
 
-def told_ticks(bar: Any, task: Any, what: str) -> Callable[[int], None]:
-    """Tells a bar, which counts other things, the ticks too, now and then."""
-    return lambda ticks: bar.update(task, description=f"{what}, {ticks} ticks") if ticks % 50 == 0 else None
+def ticks_to(bar: Any, task: Any) -> Callable[[int], None]:
+    """Tells a bar now and then how many ticks are read."""
+    return lambda ticks: bar.update(task, completed=ticks) if ticks % 50 == 0 else None
 
 
 def report_run(log: Path, json_file: Path | None, picture: Path | None, console: Any, wall_s: float | None) -> None:
@@ -196,7 +196,7 @@ def report_run(log: Path, json_file: Path | None, picture: Path | None, console:
 
     with progress(console, spinner=True) as bar:
         task = bar.add_task("report: reading", total=None)
-        run_log = read_run(log, on_tick=lambda ticks: bar.update(task, completed=ticks) if ticks % 50 == 0 else None)
+        run_log = read_run(log, on_tick=ticks_to(bar, task))
     figures = summarise(run_log, wall_s)
     write_json(json_file, figures)
     print_summary(console, figures)
