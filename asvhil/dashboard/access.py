@@ -68,8 +68,8 @@ def read_token(path: Path) -> str:
         token = path.expanduser().read_text().strip()
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigError(f"{path}: no token can be read ({getattr(error, 'strerror', None) or 'no text'})") from None
-    if len(token) < LEAST_CHARACTERS or not token.isascii() or len(token.split()) != 1:
-        raise ConfigError(f"{path}: a token is one word of {LEAST_CHARACTERS} ASCII characters or more")
+    if len(token) < LEAST_CHARACTERS or not (token.isascii() and token.isprintable()) or " " in token:
+        raise ConfigError(f"{path}: a token is one word of {LEAST_CHARACTERS} printable ASCII characters or more")
     return token
 
 

@@ -179,3 +179,34 @@ def test_the_token_of_an_address_counts_in_a_page_that_is_open_already(shown: Sh
     page.goto(f"{shown.address}#token={TOKEN}")
     page.wait_for_selector("#hold:not(:disabled)")
     assert page.url == shown.address, "it does not stay in the address"
+
+
+def test_what_is_no_token_is_refused_where_it_is_typed_and_locks_nothing(shown: ShownPage) -> None:
+    """No header may have an ellipsis, as a phone makes it of three dots: the browser would send no request with it."""
+    page = shown.page
+    page.goto(shown.address)
+    page.wait_for_selector("#token-form:not([hidden])")
+    for typed in ("0123456789abcde…", "0123 456789abcdef", "0123456789abcdeé"):
+        page.fill("#token", typed)
+        page.press("#token", "Enter")
+        wait_for_text(lambda: page.inner_text("#answer"), lambda text: text.startswith("That is no token"), 3.0)
+        assert page.is_visible("#token-form") and page.is_disabled("#neutral"), typed
+    page.fill("#token", f" {TOKEN} ")
+    page.press("#token", "Enter")
+    page.wait_for_selector("#neutral:not(:disabled)")
+    assert page.inner_text("#answer") == "" and page.is_hidden("#token-form")
+
+
+def test_what_is_no_token_in_address_or_store_leaves_the_form_or_the_token_of_before(shown: ShownPage) -> None:
+    page = shown.page
+    page.goto(f"{shown.address}#token=0123456789abcde%E2%80%A6")
+    page.wait_for_selector("#token-form:not([hidden])")
+    assert page.inner_text("#answer").startswith("That is no token")
+    page.evaluate("sessionStorage.setItem('token', '0123456789abcde\u2026')")  # as a page of before kept it
+    page.reload()
+    page.wait_for_selector("#token-form:not([hidden])")
+    page.goto(f"{shown.address}#token={TOKEN}")
+    page.wait_for_selector("#hold:not(:disabled)")
+    page.goto(f"{shown.address}#token=0123456789abcde%E2%80%A6")
+    wait_for_text(lambda: page.inner_text("#answer"), lambda text: text.startswith("That is no token"), 3.0)
+    assert page.is_enabled("#hold") and page.url == shown.address

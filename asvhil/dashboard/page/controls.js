@@ -1,5 +1,7 @@
 // What changes something on the boat: with a token, and after a second word.
 
+import { NO_TOKEN, forgetToken, keepToken, keptToken, tokenOfAddress } from "./token.js";
+
 const STOPPING = ["neutral", "release"];
 const AGAIN_MS = 3000;
 const CHOICES = {
@@ -12,17 +14,16 @@ export class Controls {
   constructor() {
     this.facts = null;
     this.live = null;
-    this.token = this.take();
+    this.take();
     this.neutralTimer = null; // runs while the next press sends
     this.waiting = new Set(); // what ends each request that is under way
     window.addEventListener("hashchange", () => {
-      this.token = this.take();
+      this.take();
       this.show();
     });
     $("token-form").addEventListener("submit", (event) => {
       event.preventDefault();
-      this.token = $("token").value.trim();
-      sessionStorage.setItem("token", this.token);
+      this.unlock($("token").value.trim());
       $("token").value = "";
       this.show();
     });
@@ -57,12 +58,18 @@ export class Controls {
 
   // The token of the address stays out of the history, and of what is shown or shared.
   take() {
-    const found = /(?:^#|&)token=([^&]+)/.exec(location.hash);
-    if (found) {
-      sessionStorage.setItem("token", decodeURIComponent(found[1]));
+    const found = tokenOfAddress(location.hash);
+    if (found !== null) {
       history.replaceState(null, "", location.pathname + location.search);
-    }
-    return sessionStorage.getItem("token") ?? "";
+      this.unlock(found);
+    } else this.token = keptToken();
+  }
+
+  // What is no token is told at once, and that of before stays.
+  unlock(text) {
+    const good = keepToken(text);
+    this.token = keptToken();
+    this.say(good ? "" : NO_TOKEN, good);
   }
 
   get open() { return Boolean(this.facts?.controllable && this.token); }
@@ -147,7 +154,7 @@ export class Controls {
       const said = await answer.json();
       if (answer.status === 403) {
         this.token = "";
-        sessionStorage.removeItem("token");
+        forgetToken();
         this.show();
       }
       this.say(`${body.action}: ${said.words ?? said.error}`, answer.ok);

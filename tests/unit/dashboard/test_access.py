@@ -75,7 +75,13 @@ def test_tokens_are_long_and_never_the_same() -> None:
     assert len({new_token() for _ in range(50)}) == 50 and len(new_token()) >= 20
 
 
-@pytest.mark.parametrize("content", [b"", b"short", b"two words of a token", "0123456789abcdé€".encode(), b"\xff" * 20])
+@pytest.mark.parametrize(
+    "content",
+    [
+        *(b"", b"short", b"two words of a token", "0123456789abcdé€".encode(), b"\xff" * 20),
+        b"0123456789\x01abcdef",  # which no header may have
+    ],
+)
 def test_a_file_without_a_token_is_refused(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / "token"
     path.write_bytes(content)
