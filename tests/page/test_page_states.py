@@ -210,3 +210,42 @@ def test_what_is_no_token_in_address_or_store_leaves_the_form_or_the_token_of_be
     page.goto(f"{shown.address}#token=0123456789abcde%E2%80%A6")
     wait_for_text(lambda: page.inner_text("#answer"), lambda text: text.startswith("That is no token"), 3.0)
     assert page.is_enabled("#hold") and page.url == shown.address
+
+
+@pytest.mark.parametrize("damaged", ["#token=%", "#token=%ff%ff", "#token="])
+def test_a_damaged_token_in_the_address_is_told_and_the_page_lives(shown: ShownPage, damaged: str) -> None:
+    page = shown.page
+    shown.tell(HELD)
+    page.goto(shown.address + damaged)
+    page.wait_for_selector(".boat")
+    assert page.url == shown.address and page.inner_text("#answer").startswith("That is no token")
+    page.wait_for_selector("#token-form:not([hidden])")
+
+
+def test_where_a_browser_denies_storage_the_page_lives_and_keeps_the_token_while_it_is_open(shown: ShownPage) -> None:
+    page = shown.page
+    denied = "get() { throw new DOMException('denied', 'SecurityError') }"
+    for area in ("sessionStorage", "localStorage"):
+        page.add_init_script(f"Object.defineProperty(window, '{area}', {{ {denied} }})")
+    shown.tell(HELD)
+    page.goto(shown.address)
+    page.wait_for_selector(".boat")
+    theme = page.inner_text("#theme")
+    page.click("#theme")
+    assert page.inner_text("#theme") != theme
+    page.fill("#token", TOKEN)
+    page.press("#token", "Enter")
+    page.wait_for_selector("#neutral:not(:disabled)")
+    page.unroute("**/control")
+    page.route("**/control", lambda route: route.fulfill(status=403, json={"error": "the token is wrong"}))
+    page.click("#neutral")
+    page.click("#neutral")
+    page.wait_for_selector("#token-form:not([hidden])")
+
+
+def test_a_page_whose_script_fails_says_that_it_has_no_data(shown: ShownPage) -> None:
+    page = shown.page
+    page.add_init_script("window.ResizeObserver = window.matchMedia = () => { throw new Error('not here') }")
+    shown.tell(HELD)
+    page.goto(shown.address)
+    wait_for_text(lambda: page.inner_text("#stale"), lambda text: text.startswith("NO DATA"), 5.0)

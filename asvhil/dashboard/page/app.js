@@ -4,12 +4,21 @@ import { Chart, Motors } from "./charts.js";
 import { Controls } from "./controls.js";
 import { BoatMap } from "./map.js";
 import { velocityOf } from "./motion.js";
+import { keep, recall } from "./store.js";
 
 const OLD_MS = 600; // as the dashboard has it
 const KEPT_S = 900;
 const $ = (id) => document.getElementById(id);
 const FIXES = ["no GNSS", "no fix", "2D", "3D", "DGPS", "RTK float", "RTK fixed", "static", "PPP"];
 
+let facts = null;
+let latest = null;
+let latestMs = 0;
+let rows = [];
+let lastPhase = null;
+let track = 0;
+
+setInterval(age, 100); // first of all: whatever fails below, the page never looks as if it were alive
 const controls = new Controls();
 const map = new BoatMap($("map"), $("map-picture"), (n, e) => controls.pick(n, e), (n, e) => {
   const boat = latest?.boat;
@@ -18,12 +27,6 @@ const map = new BoatMap($("map"), $("map-picture"), (n, e) => controls.pick(n, e
 const distance = new Chart($("distance-chart"), "distance", "m", 1, false);
 const heading = new Chart($("heading-chart"), "heading error", "deg", 5, true);
 const motors = new Motors($("motors"));
-let facts = null;
-let latest = null;
-let latestMs = 0;
-let rows = [];
-let lastPhase = null;
-let track = 0;
 
 // Without the sign of a zero.
 const digitsOf = (value, digits) => value.toFixed(digits).replace(/^-(0(?:\.0*)?)$/, "$1");
@@ -209,7 +212,7 @@ function theme(wanted) {
 
 $("theme").addEventListener("click", () => {
   const wanted = document.documentElement.dataset.theme === "dark" ? "light" : "dark";
-  localStorage.setItem("theme", wanted);
+  keep("localStorage", "theme", wanted);
   theme(wanted);
 });
 $("nearer").addEventListener("click", () => map.zoom(0.5));
@@ -219,7 +222,6 @@ $("confirm").addEventListener("close", () => {
   map.drop();
   $("map-cursor").textContent = "";
 });
-theme(localStorage.getItem("theme") ?? (matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light"));
+theme(recall("localStorage", "theme") ?? (matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light"));
 controls.show();
 connect();
-setInterval(age, 100);
