@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import signal
 import sys
 from collections.abc import Callable
 from typing import Annotated, Any
@@ -28,7 +29,7 @@ from asvhil.commands.report import report
 from asvhil.commands.run import run
 from asvhil.commands.sitl import sitl
 from asvhil.commands.status import status
-from asvhil.commands.termination import termination_interrupts
+from asvhil.commands.termination import interrupted_by
 from asvhil.commands.train import train
 from asvhil.commands.tune import tune
 from asvhil.commands.typer_parts import HELP, ClickException, one_line, show_flags_plainly
@@ -37,6 +38,8 @@ from asvhil.errors import AsvhilError, is_interrupt
 RUN_A_BACKSEAT = {"run", "sitl", "replay", "study", "learn", "collect", "campaign", "tune"}
 # Long work, often in several processes. A daemon takes SIGTERM itself.
 ENDS_LIKE_CTRL_C = RUN_A_BACKSEAT - {"run"} | {"train", "evaluate"}
+# asyncio takes Ctrl-C itself where nobody has before, and ends what waits in order.
+WAITS_IN_ASYNCIO = {"check", "script", "dashboard"}
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -73,8 +76,9 @@ def _main(
         bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version and exit.")
     ] = False,
 ) -> None:
-    if context.invoked_subcommand in ENDS_LIKE_CTRL_C:
-        context.with_resource(termination_interrupts())
+    if context.invoked_subcommand not in WAITS_IN_ASYNCIO:
+        also = (signal.SIGTERM,) if context.invoked_subcommand in ENDS_LIKE_CTRL_C else ()
+        context.with_resource(interrupted_by(signal.SIGINT, *also))
     if context.invoked_subcommand in RUN_A_BACKSEAT:
         from asvhil.machine_code.compiler import tell_on_terminal, use_compiler
 

@@ -1,28 +1,91 @@
-"""SIGTERM as Ctrl-C: what ends a command from afar lets it end its processes, and say how to go on."""
+"""Ctrl-C, and SIGTERM as Ctrl-C: what ends a command from outside, and is not lost on its way through a library.
+
+A signal becomes a KeyboardInterrupt wherever Python happens to be. Where that is within a call from C, as CasADi's for
+the shape of a matrix while a graph is built, the library may drop it, and the command would run on to its end.
+"""
 
 from __future__ import annotations
 
+import _thread
 import signal
+import sys
 import threading
+import time
+import weakref
 from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
+from typing import Any
+
+from asvhil.errors import is_interrupt
+
+AGAIN_S = 0.02  # after a loss: by then whatever dropped the interrupt has gone on
+# What each signal does in a process that nobody has told otherwise.
+UNTOUCHED: dict[signal.Signals, Any] = {signal.SIGINT: signal.default_int_handler, signal.SIGTERM: signal.SIG_DFL}
+
+
+class WatchedInterrupt(KeyboardInterrupt):
+    """A KeyboardInterrupt that takes weak references, by which its loss is noticed."""
 
 
 @contextmanager
-def termination_interrupts() -> Iterator[None]:
-    """Within it SIGTERM raises KeyboardInterrupt; where it is ignored, or another handler takes it, it stays so."""
-    here = threading.current_thread() is threading.main_thread()
-    if not here or signal.getsignal(signal.SIGTERM) != signal.SIG_DFL:
+def interrupted_by(*numbers: signal.Signals) -> Iterator[None]:
+    """Within it these of SIGINT and SIGTERM raise KeyboardInterrupt, and do so again where that was dropped.
+
+    One that is ignored, or that another handler takes, stays as it is; off the main thread, all do.
+    """
+    if threading.current_thread() is not threading.main_thread():
         yield
         return
-    signal.signal(signal.SIGTERM, _interrupt)
+    interrupts = _Interrupts()
+    taken = [number for number in numbers if signal.getsignal(number) == UNTOUCHED[number]]
+    for number in taken:
+        signal.signal(number, interrupts.take)
     try:
         yield
     finally:
-        if signal.getsignal(signal.SIGTERM) == _interrupt:
-            signal.signal(signal.SIGTERM, signal.SIG_DFL)
+        interrupts.end()
+        for number in taken:
+            if signal.getsignal(number) == interrupts.take:
+                signal.signal(number, UNTOUCHED[number])
 
 
-def _interrupt(number: int, frame: FrameType | None) -> None:
-    raise KeyboardInterrupt
+class _Interrupts:
+    """The handler, and the interrupt that is on its way."""
+
+    def __init__(self) -> None:
+        self._over = False
+        self._sending = threading.Lock()
+        self._number = int(signal.SIGINT)
+        self._watch: weakref.ref[WatchedInterrupt] | None = None
+        self._repeated = False
+
+    def end(self) -> None:
+        """From here on nothing is sent again: the signals may soon do what they do without a handler."""
+        with self._sending:
+            self._over = True
+
+    def take(self, number: int, frame: FrameType | None) -> None:
+        repeated, self._repeated = self._repeated, False
+        if repeated and is_interrupt(sys.exc_info()[1]):  # dropped, but a library has made an error of its own of it
+            return
+        self._number = number
+        raise self._watched()
+
+    def _watched(self) -> WatchedInterrupt:
+        """In a frame of its own: that of the handler is in the traceback, and would keep the interrupt alive."""
+        interrupt = WatchedInterrupt()
+        self._watch = weakref.ref(interrupt, self._gone)
+        return interrupt
+
+    def _gone(self, watch: weakref.ref[WatchedInterrupt]) -> None:
+        """Nobody has it any more. What is raised here would be lost too, so a thread sends the signal again."""
+        if not self._over:
+            _thread.start_new_thread(self._send_again, ())
+
+    def _send_again(self) -> None:
+        time.sleep(AGAIN_S)
+        with self._sending:
+            if not self._over:
+                self._repeated = True
+                signal.pthread_kill(threading.main_thread().ident or 0, self._number)

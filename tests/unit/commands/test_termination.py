@@ -4,11 +4,14 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
+from types import CodeType, FrameType
 
+import casadi
 import pytest
 
-from asvhil.commands.termination import termination_interrupts
+from asvhil.commands.termination import interrupted_by
 from tests.support.waiting import wait_until
 
 SPEC = """
@@ -22,17 +25,70 @@ repeats: 500
 """
 
 
+SHAPE = casadi.MX.shape.fget.__code__
+ENDING = (signal.SIGINT, signal.SIGTERM)
+
+
 def test_a_sigterm_is_an_interrupt_within_and_what_it_was_thereafter() -> None:
-    with pytest.raises(KeyboardInterrupt), termination_interrupts():
+    with pytest.raises(KeyboardInterrupt), interrupted_by(*ENDING):
         os.kill(os.getpid(), signal.SIGTERM)
     assert signal.getsignal(signal.SIGTERM) == signal.SIG_DFL
+    assert signal.getsignal(signal.SIGINT) == signal.default_int_handler
     try:
         signal.signal(signal.SIGTERM, signal.SIG_IGN)
-        with termination_interrupts():
+        with interrupted_by(*ENDING):
             os.kill(os.getpid(), signal.SIGTERM)
         assert signal.getsignal(signal.SIGTERM) == signal.SIG_IGN
     finally:
         signal.signal(signal.SIGTERM, signal.SIG_DFL)
+
+
+def interrupt_within(code: CodeType, number: signal.Signals, times: int) -> list[signal.Signals]:
+    """Send this process a signal as often, each time when a function begins; the list grows by what was sent."""
+    sent: list[signal.Signals] = []
+
+    def look(frame: FrameType, event: str, argument: object) -> None:
+        if event == "call" and frame.f_code is code and len(sent) < times:
+            sent.append(number)
+            os.kill(os.getpid(), number)
+
+    sys.setprofile(look)
+    return sent
+
+
+@pytest.mark.real_time
+@pytest.mark.parametrize("times", [1, 3])
+@pytest.mark.parametrize("number", ENDING)
+def test_an_interrupt_that_casadi_drops_comes_again(number: signal.Signals, times: int) -> None:
+    """Of each matrix that Python hands it, CasADi asks the shape, from C, and drops what is raised there."""
+    symbol, handed = casadi.MX.sym("x"), 0
+    try:
+        with pytest.raises(KeyboardInterrupt), interrupted_by(*ENDING):
+            sent = interrupt_within(SHAPE, number, times)
+            end_s = time.monotonic() + 20.0
+            while time.monotonic() < end_s:
+                symbol * symbol
+                handed += 1
+    finally:
+        sys.setprofile(None)
+    assert sent and handed > 1, "the first was dropped"
+
+
+@pytest.mark.real_time
+def test_an_interrupt_of_which_a_library_made_an_error_lets_all_be_cleared_away() -> None:
+    symbol, cleared = casadi.MX.sym("x"), False
+    try:
+        with pytest.raises(RuntimeError), interrupted_by(*ENDING):
+            try:
+                interrupt_within(SHAPE, signal.SIGINT, 1)
+                symbol * symbol
+                raise RuntimeError("KeyboardInterrupt, says the library")
+            finally:
+                time.sleep(0.2)
+                cleared = True
+    finally:
+        sys.setprofile(None)
+    assert cleared
 
 
 @pytest.mark.real_time
