@@ -249,3 +249,15 @@ def test_a_page_whose_script_fails_says_that_it_has_no_data(shown: ShownPage) ->
     shown.tell(HELD)
     page.goto(shown.address)
     wait_for_text(lambda: page.inner_text("#stale"), lambda text: text.startswith("NO DATA"), 5.0)
+
+
+@pytest.mark.parametrize(
+    ("n_m", "labels"), [(3.0, "3 1.5 0"), (9.96, "10 5 0"), (99.6, "100 50 0"), (183.0, "183 92 0")]
+)
+def test_charts_are_labelled_in_plain_figures(shown: ShownPage, n_m: float, labels: str) -> None:
+    page = shown.page
+    at = replace(ESTIMATE, n_m=STATION.n_m + n_m, e_m=STATION.e_m)
+    shown.tell(replace(HELD, estimate=at))
+    page.goto(shown.address)
+    told = lambda: " ".join(reversed(page.locator("#distance-chart text[text-anchor=end]").all_text_contents()))  # noqa: E731
+    wait_for_text(told, lambda text: text.endswith(labels), 5.0)

@@ -6,6 +6,9 @@ const HEIGHT = 104;
 const LEFT = 46;
 const SPAN_S = 300;
 
+// Two digits, and all before the point.
+const labelOf = (value) => (Math.abs(value) < 10 ? value.toPrecision(2).replace(/\.0$/, "") : value.toFixed(0));
+
 export class Chart {
   constructor(root, name, unit, least, symmetric) {
     Object.assign(this, { root, name, unit, least, symmetric });
@@ -25,7 +28,7 @@ export class Chart {
     d.begin(width, HEIGHT);
     for (const value of this.symmetric ? [low, 0, high] : [0, high / 2, high]) {
       d.node(`g${value === 0 ? 0 : value > 0 ? (value === high ? 2 : 1) : -1}`, "line", { class: "grid", x1: LEFT, x2: width, y1: y(value), y2: y(value) });
-      d.node(`l${value === 0 ? 0 : value > 0 ? (value === high ? 2 : 1) : -1}`, "text", { class: "faint", x: LEFT - 4, y: y(value) + 4, "text-anchor": "end" }, value.toPrecision(2).replace(/\.0$/, ""));
+      d.node(`l${value === 0 ? 0 : value > 0 ? (value === high ? 2 : 1) : -1}`, "text", { class: "faint", x: LEFT - 4, y: y(value) + 4, "text-anchor": "end" }, labelOf(value));
     }
     d.node("title", "text", { x: LEFT + 4, y: 14 }, `${this.name} (${this.unit})`);
     d.node("from", "text", { class: "faint", x: LEFT, y: HEIGHT - 2 }, `${SPAN_S / 60} min ago`);
@@ -84,7 +87,7 @@ export class Motors {
       const force = command === null ? null : thrustOf(facts.thrust, command);
       const top = 20 + i * 66;
       d.node(`${side}n`, "text", { x: 0, y: top }, side);
-      const said = us === null ? "released" : `${Math.round(us)} µs, ${force.toFixed(force < 100 ? 1 : 0)} N`;
+      const said = us === null ? "released" : `${Math.round(us)} µs, ${force.toFixed(Math.abs(force) < 100 ? 1 : 0)} N`;
       d.node(`${side}v`, "text", { x: width, y: top, "text-anchor": "end" }, said);
       this.bar(d, `${side}p`, "bar", top + 6, command ?? 0, "pulse", width);
       this.bar(d, `${side}t`, "bar thrust", top + 26, force === null ? 0 : force / most, "thrust", width);
