@@ -234,7 +234,7 @@ def test_an_operator_sees_the_boat_moves_the_station_stops_the_motors_and_notice
         wait_for_text(told["reason"], lambda text: text.startswith("neutral"), 5.0)
         wait_for_text(page.locator("circle.station").count, "0".__eq__, 5.0)  # it is told apart from the reason
         page.click("#drift")
-        assert page.inner_text("#answer") == "No station is held: hold first, then have it move."
+        assert page.inner_text("#answer") == "No station is held: hold first, then have it move or turn."
         assert page.is_hidden("#confirm")
         wait_for_text(lambda: page.inner_text("#events"), lambda text: "neutral, asked for by 127.0.0.1" in text, 5.0)
 

@@ -261,3 +261,20 @@ def test_charts_are_labelled_in_plain_figures(shown: ShownPage, n_m: float, labe
     page.goto(shown.address)
     told = lambda: " ".join(reversed(page.locator("#distance-chart text[text-anchor=end]").all_text_contents()))  # noqa: E731
     wait_for_text(told, lambda text: text.endswith(labels), 5.0)
+
+
+def test_what_is_asked_of_a_station_is_refused_at_once_where_none_is_held(shown: ShownPage) -> None:
+    page = shown.page
+    shown.tell(replace(HELD, station=None, point=None))
+    page.goto(f"{shown.address}#token={TOKEN}")
+    page.wait_for_selector(".boat")
+    page.wait_for_selector("#heading:not(:disabled)")
+    fields = {"heading-wish": "40", "drift-speed": "0.2", "drift-course": "90", "follow-system": "42"}
+    for name, value in fields.items():
+        page.fill(f"#{name}", value)
+    for button in ("heading", "drift", "follow", "stay"):
+        page.evaluate("document.getElementById('answer').textContent = ''")
+        page.click(f"#{button}")
+        assert page.is_hidden("#confirm"), button
+        assert page.inner_text("#answer") == "No station is held: hold first, then have it move or turn."
+    assert not shown.sent

@@ -33,22 +33,22 @@ export class Controls {
     $("heading-form").addEventListener("submit", (event) => {
       event.preventDefault();
       const heading = Number($("heading-wish").value);
-      this.confirm(`Turn the station to a heading of ${heading}°?`, { action: "heading", heading_deg: heading });
+      this.confirmStation(`Turn the station to a heading of ${heading}°?`, { action: "heading", heading_deg: heading });
     });
     $("drift-form").addEventListener("submit", (event) => {
       event.preventDefault();
       const [speed, course, way] = ["speed", "course", "way"].map((name) => Number($(`drift-${name}`).value));
       const end = way > 0 ? `for ${way} m` : "until told otherwise";
-      this.confirmMotion(`Have the station move at ${speed} m/s toward ${course}°, ${end}? The boat goes with it.`,
+      this.confirmStation(`Have the station move at ${speed} m/s toward ${course}°, ${end}? The boat goes with it.`,
         { action: "drift", speed_mps: speed, course_deg: course, way_m: way });
     });
     $("follow-form").addEventListener("submit", (event) => {
       event.preventDefault();
       const system = Number($("follow-system").value);
-      this.confirmMotion(`Have the station follow system ${system}, by its FOLLOW_TARGET messages? The boat goes with it.`,
+      this.confirmStation(`Have the station follow system ${system}, by its FOLLOW_TARGET messages? The boat goes with it.`,
         { action: "follow", system_id: system });
     });
-    $("stay").addEventListener("click", () => this.confirmMotion("Have the station stay where it is now?", { action: "stay" }));
+    $("stay").addEventListener("click", () => this.confirmStation("Have the station stay where it is now?", { action: "stay" }));
     for (const [name, question] of Object.entries(CHOICES)) {
       $(name).addEventListener("change", () => this.confirm(question($(name).selectedOptions[0].textContent), { action: name, [name]: $(name).value }));
     }
@@ -110,8 +110,9 @@ export class Controls {
     return true;
   }
 
-  confirmMotion(text, body) {
-    if (typeof this.live?.boat.station_n_m !== "number") this.say("No station is held: hold first, then have it move.", false);
+  // What is asked of the station: where none is held there is nothing to ask.
+  confirmStation(text, body) {
+    if (typeof this.live?.boat.station_n_m !== "number") this.say("No station is held: hold first, then have it move or turn.", false);
     else this.confirm(text, body);
   }
 
