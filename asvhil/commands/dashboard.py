@@ -52,7 +52,7 @@ def dashboard(
 
     settings = load_config(config, tuple(set_))
     token = None if read_only else new_token() if token_file is None else read_token(token_file)
-    access = PageAccess(token, tuple(allow_host), tuple(allow_origin))
+    access = PageAccess(token, tuple(allow_host), tuple(allow_origin), token_in_file=token_file is not None)
     picture = BoatPicture(settings.supervisor.geofence)
     server = PageServer(settings, picture, DaemonClient(settings, picture), access, steady_s)
 

@@ -22,9 +22,20 @@ class PageAccess:
     sends with a WebSocket).
     """
 
-    def __init__(self, token: str | None, hosts: tuple[str, ...] = (), origins: tuple[str, ...] = ()) -> None:
-        """`hosts`: further names by which the page is called; `origins`: pages of others that may embed it."""
+    def __init__(
+        self,
+        token: str | None,
+        hosts: tuple[str, ...] = (),
+        origins: tuple[str, ...] = (),
+        *,
+        token_in_file: bool = False,
+    ) -> None:
+        """`hosts`: further names by which the page is called; `origins`: pages of others that may embed it.
+
+        `token_in_file`: whether the token is a file's, and so on no terminal.
+        """
         self._token = token
+        self.token_in_file = token_in_file
         name = socket.gethostname().lower()
         self._hosts = {"localhost", name, f"{name}.local", *(host.lower() for host in hosts)}
         self._origins = {origin.lower().rstrip("/") for origin in origins}

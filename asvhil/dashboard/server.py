@@ -57,7 +57,9 @@ class PageServer:
         self._clock = clock
         self._pages: dict[web.WebSocketResponse, OpenPage] = {}
         self._streams = 0  # of values
-        self._facts = json.dumps({**boat_facts(config), "controllable": access.controllable})
+        self._facts = json.dumps(
+            {**boat_facts(config), "controllable": access.controllable, "token_in_file": access.token_in_file}
+        )
 
     def application(self) -> web.Application:
         """All that the server answers to."""

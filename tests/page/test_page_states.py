@@ -58,11 +58,12 @@ class ShownPage:
 
 
 @contextlib.contextmanager
-def served() -> Iterator[tuple[str, BoatPicture]]:
+def served(token_in_file: bool = False) -> Iterator[tuple[str, BoatPicture]]:
     """A page's server on a thread of its own, at a port where no daemon is."""
     config = load_config("sitl", (f"links.operator.endpoint=udpin:127.0.0.1:{free_port()}",))
     picture = BoatPicture()
-    server = PageServer(config, picture, DaemonClient(config, picture), PageAccess(TOKEN), steady_s)
+    access = PageAccess(TOKEN, token_in_file=token_in_file)
+    server = PageServer(config, picture, DaemonClient(config, picture), access, steady_s)
     loop, addresses = asyncio.new_event_loop(), list[str]()
     up = threading.Event()
 
@@ -278,3 +279,11 @@ def test_what_is_asked_of_a_station_is_refused_at_once_where_none_is_held(shown:
         assert page.is_hidden("#confirm"), button
         assert page.inner_text("#answer") == "No station is held: hold first, then have it move or turn."
     assert not shown.sent
+
+
+@pytest.mark.parametrize(("token_in_file", "place"), [(False, "on the terminal of"), (True, "with --token-file")])
+def test_a_locked_page_says_where_the_token_stands(token_in_file: bool, place: str) -> None:
+    with served(token_in_file) as (address, _), browser() as chromium:
+        page = chromium.new_page()
+        page.goto(address)
+        wait_for_text(lambda: page.inner_text("#locked"), lambda text: place in text, 5.0)

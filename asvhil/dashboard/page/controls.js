@@ -78,8 +78,15 @@ export class Controls {
     for (const id of ["neutral", "hold", "release", "heading", "drift", "stay", "follow"]) $(id).disabled = !this.open;
     this.showChoices();
     $("token-form").hidden = this.open || !this.facts?.controllable;
-    $("locked").textContent = !this.facts ? "" : !this.facts.controllable ? "This page only shows: it was started without controls." :
-      this.open ? "" : "The token stands on the terminal of asvhil dashboard.";
+    $("locked").textContent = this.lockedWords();
+  }
+
+  // Why the controls are shut, and what opens them.
+  lockedWords() {
+    if (!this.facts || this.open) return "";
+    if (!this.facts.controllable) return "This page only shows: it was started without controls.";
+    return this.facts.token_in_file ? "The token stands in the file that asvhil dashboard was given with --token-file." :
+      "The token stands on the terminal of asvhil dashboard.";
   }
 
   // What is in force, unless a question about it is open; a daemon without such a choice leaves it closed.
