@@ -11,6 +11,7 @@ import typer
 
 from asvhil.commands.options import ConfigArgument, JsonOption, SetOption
 from asvhil.commands.outputs import check_figures, config_and_bases, write_json
+from asvhil.commands.termination import logs_told
 from asvhil.commands.views import NEEDS_AUTO, LiveView, progress, say, tell_borrowed_hull, twin_hint
 from asvhil.errors import AsvhilError, ConfigError
 
@@ -82,10 +83,12 @@ def drive_with_display(
                 on_status=lambda run, status: view.show_status(status),
                 watches={"display": lambda: view.trouble},
             )
-    with progress(console) as bar:
+    logs: list[Path] = []
+    with logs_told(logs), progress(console) as bar:
         tasks: dict[int, Any] = {}
 
         def start(run: int, log: Path, words: str) -> None:
+            logs.append(log)
             tasks[run] = bar.add_task(words or log.name, total=duration)
 
         def show(run: int, status: dict[str, Any]) -> None:

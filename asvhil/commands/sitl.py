@@ -11,6 +11,7 @@ import typer
 from asvhil.commands.learned import check_kept, tell_kept, with_learned
 from asvhil.commands.options import ConfigArgument, FaultOption, JsonOption, LearnedOption, SetOption
 from asvhil.commands.outputs import check_figures, check_writable, config_and_bases
+from asvhil.commands.termination import logs_told
 from asvhil.commands.views import NEEDS_AUTO, LiveView, progress, report_run, twin_hint
 from asvhil.errors import ConfigError
 from asvhil.files import is_folder
@@ -86,7 +87,7 @@ def sitl(
     console = Console()
     if lockstep:
         path = log or make_run_folder(settings, "lockstep") / "log.mcap"
-        with progress(console) as bar:
+        with logs_told([path]), progress(console) as bar:
             task = bar.add_task("lockstep", total=round(duration * settings.daemon.tick_hz))
             keeper = LearnedKeeper(settings)
 
@@ -101,7 +102,7 @@ def sitl(
         path = log or folder / "log.mcap"
         title = f"asvhil sitl: {settings.vehicle.name}, {settings.controller.name}, {duration:.0f} s"
         view = LiveView(settings, title)
-        with board or contextlib.nullcontext(), view:
+        with logs_told([path]), board or contextlib.nullcontext(), view:
             wall_s = run_realtime(settings, folder, path, duration, view.show_status, board)
     report_run(path, json_, path.with_suffix(".png") if picture else None, console, wall_s)
     if keeper is not None:

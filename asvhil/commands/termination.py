@@ -12,12 +12,16 @@ import sys
 import threading
 import time
 import weakref
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from pathlib import Path
 from types import FrameType
 from typing import Any
 
+import typer
+
 from asvhil.errors import is_interrupt
+from asvhil.files import is_there
 
 AGAIN_S = 0.02  # after a loss: by then whatever dropped the interrupt has gone on
 # What each signal does in a process that nobody has told otherwise.
@@ -48,6 +52,18 @@ def interrupted_by(*numbers: signal.Signals) -> Iterator[None]:
         for number in taken:
             if signal.getsignal(number) == interrupts.take:
                 signal.signal(number, UNTOUCHED[number])
+
+
+@contextmanager
+def logs_told(logs: Sequence[Path]) -> Iterator[None]:
+    """What is recorded within it is kept where it is interrupted; a line then tells where. The list may grow."""
+    try:
+        yield
+    except BaseException as error:
+        there = [str(log) for log in logs if is_there(log)]
+        if there and is_interrupt(error):
+            typer.echo(f"asvhil: interrupted; log {', '.join(there)} (read it with `asvhil report`)", err=True)
+        raise
 
 
 class _Interrupts:

@@ -12,6 +12,8 @@ import casadi
 import pytest
 
 from asvhil.commands.termination import interrupted_by
+from asvhil.logs.reader import LogFile
+from tests.support.loop import PLAIN_CONTROLLER
 from tests.support.waiting import wait_until
 
 SPEC = """
@@ -114,3 +116,32 @@ def test_a_campaign_that_is_ended_says_how_to_go_on(tmp_path: Path, number: int,
     assert campaign.returncode == 130
     assert words == "asvhil: campaign: interrupted; the same command goes on where it was\n"
     assert b"error" not in store.read_bytes(), "a process that was ended has not failed"
+
+
+@pytest.mark.real_time
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("sitl", "--lockstep", "--duration", "100000", "--no-picture", "--log", "run.mcap"),
+        ("sitl", "--duration", "600", "--no-picture", "--log", "run.mcap"),
+        ("collect", "--duration", "100000", "-o", "run.mcap"),
+    ],
+)
+def test_a_run_that_is_ended_says_where_its_log_is(tmp_path: Path, words: tuple[str, ...]) -> None:
+    log = tmp_path / "run.mcap"
+    with subprocess.Popen(
+        [sys.executable, "-m", "asvhil", *words, "--set", PLAIN_CONTROLLER],
+        cwd=tmp_path,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+    ) as run:
+        try:
+            wait_until(lambda: log.exists() and log.stat().st_size > 0, 120.0)
+            run.send_signal(signal.SIGINT)
+            _, told = run.communicate(timeout=60.0)
+        finally:
+            run.kill()
+    assert run.returncode == 130
+    assert told == "asvhil: interrupted; log run.mcap (read it with `asvhil report`)\n"
+    LogFile(log)  # is whole
