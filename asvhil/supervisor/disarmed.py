@@ -13,6 +13,8 @@ _SEEN_FIRST = {
     **dict.fromkeys((Reason.OUTPUT_STUCK, Reason.OUTPUTS_UNCHANGED, Reason.OUTPUTS_DIFFER), _AT_ONCE_NS),
     **dict.fromkeys((Reason.DISARMED, Reason.HEARTBEAT_LOST, Reason.MODE_UNKNOWN), _LATER_NS),
     **dict.fromkeys((Reason.ESTIMATE_STALE, Reason.STICKS_UNSEEN), _LATER_NS),
+    # Overrides that do not get through lapse, and the sticks show: the autopilot's fail-safe acts after that.
+    Reason.OVERRIDE_NOT_FOLLOWED: _LATER_NS,
 }
 
 

@@ -89,11 +89,15 @@ class PilotWatch:
         """Which of the motors' own channels shows something else than our commands: somebody else has the boat.
 
         At first, while nobody knows yet whether our commands are heeded, only a stick that has moved is the pilot's.
-        Later resting sticks of a ground station are excused where they come in turn with our commands.
+        Later resting sticks of a ground station are excused where they come in turn with our commands. A report is
+        judged when it comes. One that stands because no other follows, as on a link that is lost, says nothing new, and
+        what was sent before it is not kept for ever.
         """
         if status is None or not self._overrides_sticks or status.sticks_us is None:
             return None
         told_ns = status.rc_ns or t_ns
+        if self._sent and told_ns < self._sent[-1].t_ns - self._echo_ns:
+            return None
         now_us = _motor_sticks(status)
         sent_us = self._echoed_us(told_ns)
         if not all(now_us) or told_ns < self._engaged_ns:

@@ -252,7 +252,11 @@ def itself(why: str) -> FrontseatStatus:
 
 
 @pytest.mark.parametrize(
-    ("first", "limit_ms"), [(Reason.OUTPUT_STUCK, 2000), (Reason.OUTPUTS_DIFFER, 2000), (Reason.HEARTBEAT_LOST, 10000)]
+    ("first", "limit_ms"),
+    [
+        *((Reason.OUTPUT_STUCK, 2000), (Reason.OUTPUTS_DIFFER, 2000)),
+        *((Reason.HEARTBEAT_LOST, 10000), (Reason.OVERRIDE_NOT_FOLLOWED, 10000)),
+    ],
 )
 def test_the_end_of_a_hold_is_named_after_what_the_autopilot_tells_soon_after(first: Reason, limit_ms: int) -> None:
     for late_ms, named in ((limit_ms, True), (limit_ms + 1, False)):

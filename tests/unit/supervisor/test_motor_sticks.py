@@ -108,6 +108,24 @@ def test_the_one_command_of_a_long_stall_stands_however_old_it_is() -> None:
     assert sticks.shows(200 * S, (1500, 1500)) is None
 
 
+def test_a_report_that_stands_on_a_lost_link_stays_as_it_was_judged_when_it_came() -> None:
+    """On a real ArduRover it became the pilot's 2 s after the last byte: what it had echoed was forgotten by then."""
+    sticks = Sticks()
+    last = sticks.status(T_NS + 5 * S, OURS)
+    for after_ns in range(0, 10 * S, 50 * MS):
+        sticks.sends(after_ns, OURS if after_ns < 5 * S else (1500, 1500))
+        told = last if after_ns >= 5 * S else sticks.status(T_NS + after_ns, OURS)
+        assert sticks.pilot.sticks_taken(T_NS + after_ns + 50 * MS, told) is None, after_ns / S
+    assert sticks.shows(10 * S, OURS) == not_followed(1), "the link is back, and somebody else has the boat"
+
+
+def test_a_report_that_waits_through_a_stall_is_judged_all_the_same() -> None:
+    sticks = Sticks()
+    sticks.sends(5 * S)
+    told = sticks.status(T_NS + 5 * S + 20 * MS, (1500, 1500))
+    assert sticks.pilot.sticks_taken(T_NS + 20 * S, told) == not_followed(1)
+
+
 def test_where_nothing_was_sent_or_is_told_nothing_can_be_taken() -> None:
     sticks = Sticks()
     assert sticks.shows(5 * S, (1800, 1800)) is None, "nothing was sent"
