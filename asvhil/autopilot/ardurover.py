@@ -7,7 +7,7 @@ from functools import partial
 from typing import Any
 
 from asvhil.autopilot.after_silence import RECEIVER_IGNORED, AfterSilence, after_silence_of_ardurover
-from asvhil.autopilot.ardurover_parameters import OPTIONAL, requirements
+from asvhil.autopilot.ardurover_parameters import FENCE_ACTION, OPTIONAL, requirements
 from asvhil.autopilot.ardurover_wiring import names_of_wiring, wiring_of
 from asvhil.autopilot.ground_stations import is_station, names_of_stations
 from asvhil.autopilot.mavlink_autopilot import MavlinkAutopilot
@@ -19,6 +19,7 @@ from asvhil.types import Measurement, Radio
 
 EKF_HORIZONTAL_POSITION = dialect.EKF_POS_HORIZ_ABS
 STATION_WAIT_NS = 5_000_000_000  # for a ground station, since the autopilot was heard first
+TERMINATE = 5.0  # FENCE_ACTION: disarm
 EKF_CONSTANT_POSITION = dialect.EKF_CONST_POS_MODE
 
 
@@ -34,8 +35,9 @@ class ArduRoverAutopilot(MavlinkAutopilot):
             wiring=partial(wiring_of, config, pwm),
             requirements=partial(requirements, config, pwm),
             names_of_wiring=partial(names_of_wiring, config, pwm),
-            names_to_know=partial(names_of_stations, config),
+            names_to_know=lambda values: (*names_of_stations(config, values), (FENCE_ACTION,)),
             receiver_ignored=_ignores_receiver,
+            fence_disarms=lambda values: values.get(FENCE_ACTION, TERMINATE) == TERMINATE,
             optional=OPTIONAL,
         )
         super().__init__(config, pwm, rules)

@@ -31,7 +31,10 @@ MOST_OVERRIDE_S = 3  # of RC_OVERRIDE_TIME: for longer the motors must not run o
 BELOW_US = 10  # of FS_THR_VALUE, where it is too high
 
 # Names that exist in some firmware only, whose absence means nothing.
-OPTIONAL = frozenset({"ARMING_CHECK", "ARMING_SKIPCHK", "BRD_SAFETY_DEFLT", "SYSID_ENFORCE", "MAV_OPTIONS", LAST_NAME})
+FENCE_ACTION = "FENCE_ACTION"  # some boards' firmware has no fence
+OPTIONAL = frozenset(
+    {"ARMING_CHECK", "ARMING_SKIPCHK", "BRD_SAFETY_DEFLT", "SYSID_ENFORCE", "MAV_OPTIONS", LAST_NAME, FENCE_ACTION}
+)
 
 # What several rows say.
 IGNORED = "overrides are ignored"

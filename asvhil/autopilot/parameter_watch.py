@@ -19,7 +19,8 @@ class ParameterRules:
 
     `names_of_wiring` are the parameters that tell the wiring, `names_to_know` those that are asked for besides, each
     under the names that firmware versions give it. `receiver_ignored`: the autopilot is told to ignore its receiver, so
-    that a transmitter has no effect.
+    that a transmitter has no effect. `fence_disarms`: whether a breach of the autopilot's own fence would disarm it, as
+    far as is known.
     """
 
     wiring: Callable[[Values], Wiring]
@@ -27,6 +28,7 @@ class ParameterRules:
     names_of_wiring: Callable[[Values], Iterable[str]] = lambda values: ()
     names_to_know: Callable[[Values], Iterable[tuple[str, ...]]] = lambda values: ()
     receiver_ignored: Callable[[Values], bool] = lambda values: False
+    fence_disarms: Callable[[Values], bool] = lambda values: True
     optional: frozenset[str] = frozenset()
 
 
@@ -74,6 +76,11 @@ class ParameterWatch:
         if self._judged_changes != self._client.changes:
             self._update()
         return self._receiver_ignored
+
+    @property
+    def fence_disarms(self) -> bool:
+        """Whether a breach of the autopilot's own fence would disarm it, as far as is known."""
+        return self._rules.fence_disarms(self._client.values)
 
     @property
     def unread(self) -> tuple[str, ...]:

@@ -43,7 +43,7 @@ class VehicleStatus:
         self.arming_fault = ""
         self.transmitter = Transmitter()
         self.arming_checks = ArmingChecks()
-        self.disarming = Disarming()
+        self.disarming = Disarming(lambda: parameters.fence_disarms)
         self._rc_us: tuple[int, ...] = ()
         self._outputs_us: tuple[int, ...] = ()
         self._sticks_us: Pulses | None = None

@@ -177,8 +177,8 @@ WORDS: Mapping[Reason, Words] = {
     ),
     Reason.AUTOPILOT_DISARMED: Words(
         text="autopilot disarmed by itself: {why}",
-        remedy="After a fail-safe look at the link to the autopilot: it hears us no more, or its pilot. Then arm the "
-        "vehicle and send a hold command.",
+        remedy="After a fail-safe look at the link to the autopilot: it hears us no more, or its pilot; else at that "
+        "battery, or where the boat is. Then arm the vehicle and send a hold command.",
     ),
     Reason.AUTOPILOT_REBOOTED: Words(
         text="autopilot rebooted: it is disarmed",
