@@ -203,6 +203,7 @@ class AutopilotListener:
             self._vehicle.restart(t_ns - 1_000_000 * boot_ms)
             self._streams.restart()
             self._pace.restart()
+            self._sensors.restart()
             self._timesync.restart()
             self.parameters.restart()
             self._output.on_connect(t_ns)

@@ -86,6 +86,11 @@ class MavlinkSensors:
             dialect.MAVLINK_MSG_ID_WIND_COV: _wind_cov,
         }
 
+    def restart(self) -> None:
+        """The autopilot has rebooted: it may have been mounted otherwise, and another inertial unit be heard first."""
+        self.level = Level()
+        self._units.clear()
+
     def _of_one_unit(self, handler: Callable[[int, Any], Found]) -> Callable[[int, Any], Found]:
         """The same for one inertial unit alone: the first that is heard, since several share these messages."""
         units = self._units

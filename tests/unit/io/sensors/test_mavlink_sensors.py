@@ -234,3 +234,22 @@ def test_several_inertial_units_are_not_one_source() -> None:
 
     rates = [m.r_radps for _, m in read(ardurover, imu(1, 100), imu(0, 300), imu(1, 200)) if isinstance(m, YawRate)]
     assert rates == pytest.approx([0.1, 0.2])
+
+
+def test_tilt_and_inertial_unit_of_before_a_reboot_are_forgotten() -> None:
+    """It may have been mounted otherwise while it was off, and its first unit have failed."""
+    ardurover = link()
+
+    def forces(*messages: object) -> list[float]:
+        return [m.ay_mps2 for _, m in read(ardurover, *messages) if isinstance(m, SpecificForce)]
+
+    def imu(number: int) -> object:
+        return d.MAVLink_raw_imu_message(1, 0, 100, -1000, 0, 0, 0, 0, 0, 0, id=number, temperature=0)
+
+    read(ardurover, d.MAVLink_heartbeat_message(10, 3, 0, 0, 4, 3), READY)
+    read(ardurover, d.MAVLink_attitude_message(60_000, 0.5, 0.0, 1.0, 0.0, 0.0, 0.0))
+    [levelled] = forces(imu(0))
+    assert levelled == pytest.approx(9.80665 * (0.1 * math.cos(0.5) + math.sin(0.5))) and forces(imu(1)) == []
+    attitude = d.MAVLink_attitude_message(1_000, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
+    assert forces(attitude, imu(1)) == pytest.approx([0.980665]) and ardurover.reboots == 1
+    assert forces(imu(0)) == []
