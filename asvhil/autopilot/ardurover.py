@@ -7,7 +7,7 @@ from functools import partial
 from typing import Any
 
 from asvhil.autopilot.after_silence import RECEIVER_IGNORED, AfterSilence, after_silence_of_ardurover
-from asvhil.autopilot.ardurover_parameters import FENCE_ACTION, OPTIONAL, requirements
+from asvhil.autopilot.ardurover_parameters import FENCE_ACTION, OPTIONAL, TRIM, requirements
 from asvhil.autopilot.ardurover_wiring import names_of_wiring, wiring_of
 from asvhil.autopilot.ground_stations import is_station, names_of_stations
 from asvhil.autopilot.mavlink_autopilot import MavlinkAutopilot
@@ -30,14 +30,17 @@ class ArduRoverAutopilot(MavlinkAutopilot):
     _obeys_stations = True
     _keeps_overrides = True
 
-    def __init__(self, config: AutopilotLinkConfig, pwm: PwmConfig) -> None:
+    def __init__(self, config: AutopilotLinkConfig, pwm: PwmConfig, *, levels: bool = False) -> None:
+        """`levels`: its accelerometer is used, and so it is asked for the trim of its attitude."""
+        besides = ((FENCE_ACTION,), *(((name,) for name in TRIM) if levels else ()))
         rules = ParameterRules(
             wiring=partial(wiring_of, config, pwm),
             requirements=partial(requirements, config, pwm),
             names_of_wiring=partial(names_of_wiring, config, pwm),
-            names_to_know=lambda values: (*names_of_stations(config, values), (FENCE_ACTION,)),
+            names_to_know=lambda values: (*names_of_stations(config, values), *besides),
             receiver_ignored=_ignores_receiver,
             fence_disarms=lambda values: values.get(FENCE_ACTION, TERMINATE) == TERMINATE,
+            trim_rad=lambda values: (values.get(TRIM[0], 0.0), values.get(TRIM[1], 0.0)),
             optional=OPTIONAL,
         )
         super().__init__(config, pwm, rules)
@@ -84,4 +87,6 @@ def _ignores_receiver(values: Mapping[str, float]) -> bool:
 
 def build(config: Config) -> ArduRoverAutopilot:
     """The conversation of a config."""
-    return ArduRoverAutopilot(config.links.autopilot, config.vehicle.pwm)
+    estimator = config.estimator
+    levels = estimator.kind != "ekf" or estimator.ekf.accelerometer
+    return ArduRoverAutopilot(config.links.autopilot, config.vehicle.pwm, levels=levels)

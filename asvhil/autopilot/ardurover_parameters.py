@@ -32,8 +32,11 @@ BELOW_US = 10  # of FS_THR_VALUE, where it is too high
 
 # Names that exist in some firmware only, whose absence means nothing.
 FENCE_ACTION = "FENCE_ACTION"  # some boards' firmware has no fence
+# Roll and pitch (rad) that are taken off the board's attitude before it is told. Its accelerometer is told as it is.
+TRIM = ("AHRS_TRIM_X", "AHRS_TRIM_Y")
 OPTIONAL = frozenset(
-    {"ARMING_CHECK", "ARMING_SKIPCHK", "BRD_SAFETY_DEFLT", "SYSID_ENFORCE", "MAV_OPTIONS", LAST_NAME, FENCE_ACTION}
+    {"ARMING_CHECK", "ARMING_SKIPCHK", "BRD_SAFETY_DEFLT", "SYSID_ENFORCE", "MAV_OPTIONS"}
+    | {LAST_NAME, FENCE_ACTION, *TRIM}
 )
 
 # What several rows say.

@@ -87,7 +87,11 @@ class AutopilotListener:
         self._stations = GroundStations(tuple(own), config.autopilot_system_id)
         self._pace = Pace()
         self._sensors = MavlinkSensors(
-            self._vehicle.ready, lambda: self._vehicle.knows_attitude, self._pace.was_late, self._pace.age_ns
+            self._vehicle.ready,
+            lambda: self._vehicle.knows_attitude,
+            self._pace.was_late,
+            self._pace.age_ns,
+            lambda: self._known.trim_rad,
         )
         self._t_ns = 0
         self._boot_ms: dict[int, int] = {}  # by message

@@ -20,7 +20,7 @@ class ParameterRules:
     `names_of_wiring` are the parameters that tell the wiring, `names_to_know` those that are asked for besides, each
     under the names that firmware versions give it. `receiver_ignored`: the autopilot is told to ignore its receiver, so
     that a transmitter has no effect. `fence_disarms`: whether a breach of the autopilot's own fence would disarm it, as
-    far as is known.
+    far as is known. `trim_rad`: roll and pitch of the board over the axes whose attitude is told.
     """
 
     wiring: Callable[[Values], Wiring]
@@ -29,6 +29,7 @@ class ParameterRules:
     names_to_know: Callable[[Values], Iterable[tuple[str, ...]]] = lambda values: ()
     receiver_ignored: Callable[[Values], bool] = lambda values: False
     fence_disarms: Callable[[Values], bool] = lambda values: True
+    trim_rad: Callable[[Values], tuple[float, float]] = lambda values: (0.0, 0.0)
     optional: frozenset[str] = frozenset()
 
 
@@ -81,6 +82,11 @@ class ParameterWatch:
     def fence_disarms(self) -> bool:
         """Whether a breach of the autopilot's own fence would disarm it, as far as is known."""
         return self._rules.fence_disarms(self._client.values)
+
+    @property
+    def trim_rad(self) -> tuple[float, float]:
+        """Roll and pitch of the board over the axes whose attitude is told; 0 until it is known."""
+        return self._rules.trim_rad(self._client.values)
 
     @property
     def unread(self) -> tuple[str, ...]:

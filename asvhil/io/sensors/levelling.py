@@ -8,6 +8,7 @@ R_y(pitch) R_x(roll)).
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 from asvhil.geo import GRAVITY_MPS2
 
@@ -16,14 +17,20 @@ MEAN_S = 10.0  # time constant of the mean tilt, a list, which lasts
 
 
 class Level:
-    """The latest tilt of one sensor and its mean, and forces in level axes by it."""
+    """The latest tilt of one sensor and its mean, and forces in level axes by it.
 
-    def __init__(self) -> None:
+    `trim_rad`: roll and pitch of the accelerometer's axes over those whose tilt is told.
+    """
+
+    def __init__(self, trim_rad: Callable[[], tuple[float, float]] = lambda: (0.0, 0.0)) -> None:
+        self._trim_rad = trim_rad
         self._t_ns: int | None = None
         self._tilt_rad = self._mean_rad = (0.0, 0.0)  # roll, pitch
 
     def note(self, t_ns: int, roll_rad: float, pitch_rad: float) -> None:
         """Roll, starboard down, and pitch, bow up; not used where they are no numbers."""
+        trim_rad = self._trim_rad()
+        roll_rad, pitch_rad = roll_rad + trim_rad[0], pitch_rad + trim_rad[1]
         if not (math.isfinite(roll_rad) and math.isfinite(pitch_rad)):
             return
         before_ns, self._t_ns = self._t_ns, t_ns

@@ -55,7 +55,8 @@ class MavlinkSensors:
     guesses.
     `late`: whether its messages have come late, so that a velocity times our time is not the way that the boat has
     gone. `age_ns`: how old at our time is what it dates so (us since its start).
-    `level`: the boat's tilt by ATTITUDE, which is not handled here; specific forces are told in level axes.
+    `level`: the boat's tilt by ATTITUDE, which is not handled here; specific forces are told in level axes. `trim_rad`:
+    roll and pitch of the board over the axes of that tilt.
     """
 
     def __init__(
@@ -64,11 +65,13 @@ class MavlinkSensors:
         knows_attitude: Callable[[], bool],
         late: Callable[[int], bool] = lambda t_ns: False,
         age_ns: Callable[[int, int], int] = lambda t_ns, boot_us: 0,
+        trim_rad: Callable[[], tuple[float, float]] = lambda: (0.0, 0.0),
     ) -> None:
         self._knows_position, self._knows_attitude = knows_position, knows_attitude
         self._late = late
         self._age_ns = age_ns
-        self.level = Level()
+        self._trim_rad = trim_rad
+        self.level = Level(trim_rad)
         self._h_acc_m = 0.0
         self._last_fixes: dict[int, tuple[int, ...]] = {}  # time and content, by message
         self._units: dict[int, int] = {}  # number of the inertial unit that is heard, by message
@@ -88,7 +91,7 @@ class MavlinkSensors:
 
     def restart(self) -> None:
         """The autopilot has rebooted: it may have been mounted otherwise, and another inertial unit be heard first."""
-        self.level = Level()
+        self.level = Level(self._trim_rad)
         self._units.clear()
 
     def _of_one_unit(self, handler: Callable[[int, Any], Found]) -> Callable[[int, Any], Found]:

@@ -115,6 +115,8 @@ class Parameters(ParameterTable):
             ("FS_TIMEOUT", 1.5, REAL32, FIXED),
             ("FS_GCS_ENABLE", 0, INT8, (0.0, 2.0)),
             ("FS_GCS_TIMEOUT", 5.0, REAL32, (2.0, 120.0)),
+            ("AHRS_TRIM_X", 0, REAL32, FIXED),
+            ("AHRS_TRIM_Y", 0, REAL32, FIXED),
             ("FENCE_ACTION", 1, INT8, FIXED),
             ("BRD_SAFETY_DEFLT", 0, INT8, (0.0, 1.0)),
             ("RCMAP_ROLL", first, INT8, (1.0, 16.0)),

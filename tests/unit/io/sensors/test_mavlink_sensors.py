@@ -236,6 +236,27 @@ def test_several_inertial_units_are_not_one_source() -> None:
     assert rates == pytest.approx([0.1, 0.2])
 
 
+@pytest.mark.parametrize("levels", [True, False])
+def test_the_trim_of_an_ardupilots_attitude_is_none_of_its_accelerometers(levels: bool) -> None:
+    """AHRS_TRIM_X and _Y are taken off ATTITUDE, and not off RAW_IMU: 0.05 rad are 0.5 m/s^2."""
+    config = AutopilotLinkConfig(endpoint="udpin:127.0.0.1:0")
+    ardurover = ArduRoverAutopilot(config, PwmConfig(), levels=levels)
+    read(ardurover, d.MAVLink_heartbeat_message(10, 3, 0, 0, 4, 3), READY)
+    board = tilted(0.3, -0.2, 0.15, -0.085)
+    milli_g = [round(a / 9.80665e-3) for a in board]
+    imu = d.MAVLink_raw_imu_message(1, *milli_g, 0, 0, 0, 0, 0, 0, id=0, temperature=0)
+
+    def off(roll_rad: float, pitch_rad: float) -> float:
+        attitude = d.MAVLink_attitude_message(1000, roll_rad, pitch_rad, 1.0, 0.0, 0.0, 0.0)
+        [force] = [m for _, m in read(ardurover, attitude, imu) if isinstance(m, SpecificForce)]
+        return math.hypot(force.ax_mps2 - 0.3, force.ay_mps2 + 0.2)
+
+    assert off(0.15, -0.085) < 0.02, "without a trim"
+    for name, value in ((b"AHRS_TRIM_X", 0.05), (b"AHRS_TRIM_Y", -0.035)):
+        read(ardurover, d.MAVLink_param_value_message(name, value, d.MAV_PARAM_TYPE_REAL32, 900, 1))
+    assert (off(0.10, -0.05) < 0.02) is levels
+
+
 def test_tilt_and_inertial_unit_of_before_a_reboot_are_forgotten() -> None:
     """It may have been mounted otherwise while it was off, and its first unit have failed."""
     ardurover = link()
