@@ -35,6 +35,8 @@ FaultKind = Literal[
     "motors-swapped",
     "port-motor-weak",
     "starboard-motor-weak",
+    "port-motor-stuck",
+    "starboard-motor-stuck",
     "gnss",
     "gnss-jump",
     "gnss-frozen",

@@ -7,6 +7,7 @@ from asvhil.config.registry import CONTROLLERS
 from asvhil.motion.carried import CarriedWatch
 from asvhil.motion.distance import DistanceWatch
 from asvhil.motion.monitor import MotionMonitor
+from asvhil.motion.turning import TurningWatch
 from asvhil.supervisor.reasons import Explanation, Reason, describe
 from asvhil.types import Estimate, GroundVelocity, Measurement, Note, Position, Station, WaveMotion, Wind, changed
 
@@ -39,7 +40,7 @@ class MotionWatch:
         self._monitor = MotionMonitor(self._config, config.estimator.ekf, vessel)
         procedure = config.controller.procedure
         self._distance = DistanceWatch(self._config, vessel, procedure if procedure.enabled else None)
-        self._carried = CarriedWatch()
+        self._carried, self._turning = CarriedWatch(), TurningWatch()
         self._velocity: GroundVelocity | None = None
         self._station: Station | None = None
         self._point: Station | None = None
@@ -84,6 +85,7 @@ class MotionWatch:
             place = self._carried.step(t_ns, None if GroundVelocity in ailing else self._velocity, estimate)
         else:
             self._carried.reset()
+            self._turning.begin()
         if station is None:
             return None
         away = None
@@ -92,6 +94,7 @@ class MotionWatch:
         if self._keeps_station and place is not None:
             current, doubt_m = self._monitor.current_ned, self._carried.off_m
             away = self._distance.step(t_ns, place, station, command, current, doubt_m, self._point)
+            away = away or self._turning.step(t_ns, place, station)
         if self._begin_ns is None:
             self._begin_ns = t_ns
         likely = self._monitor.likely if early and since_s <= LIKELY_S else None
@@ -134,6 +137,7 @@ class MotionWatch:
         if station is not None and self._station is None:
             self._monitor.begin()
             self._distance.begin()
+            self._turning.begin()
             self._found, self._is_sure, self._ended, self._begin_ns = None, False, False, None
         self._station, self._point = station, point
 

@@ -149,6 +149,12 @@ SECTIONS: dict[str, tuple[FaultRow, ...]] = {
         _moves_wrong("no thrust at all: aground, moored, no power", Reason.NO_THRUST),
         _moves_wrong("compass off by 45 degrees or more", Reason.HEADING_OFF),
         _row(
+            "a motor stuck at its thrust",
+            "two and a half turns one way on the station, or {supervisor.motion.farther_m:g} m farther off",
+            *(NEUTRAL, 25.0, (Reason.TURNS_ROUND, Reason.MOTOR_REVERSED, Reason.MOTORS_REVERSED, *_CARRIED, *_STALE)),
+            proof=RUNAWAYS,
+        ),
+        _row(
             "current or wind beyond the motors, or any other cause",
             "{supervisor.motion.farther_m:g} m farther off than since the hold began",
             *(NEUTRAL, 15.0, _CARRIED),

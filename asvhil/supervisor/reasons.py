@@ -88,6 +88,7 @@ class Reason(enum.StrEnum):
     HEADING_OFF = "heading-off"
     BEYOND_MOTORS = "beyond-motors"
     DRIFTED_OFF = "drifted-off"
+    TURNS_ROUND = "turns-round"
     MODEL_MISMATCH = "model-mismatch"
     BATTERY_LOW = "battery-low"
     BATTERY_COMPLAINT = "battery-complaint"
@@ -387,6 +388,10 @@ WORDS: Mapping[Reason, Words] = {
         text="{metres:.0f} m farther off the station than it has been",
         remedy="Look at the motors (one may be stuck), at the compass and at the current; supervisor.motion "
         "sets how far is too far.",
+    ),
+    Reason.TURNS_ROUND: Words(
+        text="the boat turns round and round on its station, {turns:.1f} times",
+        remedy="A motor is stuck at its thrust, fouled or reversed: look at its speed controller, cable and propeller.",
     ),
     Reason.MODEL_MISMATCH: Words(
         text="the boat does not move as the model says: {what} is off by {error} within {horizon_s:g} s",

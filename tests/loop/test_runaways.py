@@ -73,6 +73,20 @@ def test_where_it_is_only_told_the_hold_goes_on_with_a_note() -> None:
     assert result["ended_s"] is None and "swapped" in " ".join(result["told"])
 
 
+@pytest.mark.parametrize("base", ["sitl", "sitl-blueboat"])
+@pytest.mark.parametrize("motor", ["port", "starboard"])
+def test_a_motor_that_is_stuck_at_full_thrust_ends_the_hold(base: str, motor: str) -> None:
+    """The boat turns round and round near its station, where the distance says nothing."""
+    keys = (
+        f"plant.faults=[{{kind: {motor}-motor-stuck, from_s: 30}}]",
+        *wind_keys(3.0, 90.0, 1),
+        *start_keys(4.0, 90.0),
+    )
+    result = run_hold(base, keys, 60.0)
+    begin_s = 30.0 - 6.0  # of the fault, since the hold began
+    assert result["ended_s"] is not None and result["ended_s"] < begin_s + 25.0, result
+
+
 def test_a_motor_that_dies_while_it_is_held() -> None:
     """The port motor is lost after half a minute: 20 s at the station in a wind across it."""
     keys = ("plant.faults=[{kind: port-motor, from_s: 30}]", *wind_keys(5.0, 90.0, 4), *start_keys(3.0, 90.0))

@@ -9,6 +9,7 @@ import numpy as np
 from asvhil.config import OF_ONE_DEVICE, FaultConfig, GlitchesConfig, PlantConfig
 from asvhil.simplant.boat.vessel import NO_SIGNAL_US
 
+STUCK_US = 5000  # beyond every range of pulses: full ahead
 GLITCH_STREAM = 5  # of the plant's seed; 0 to 4 are those of the weather and the sensors
 
 
@@ -23,7 +24,7 @@ def all_faults(plant: PlantConfig) -> tuple[FaultConfig, ...]:
 def motor_signals_us(outputs_us: tuple[int, int], faults: frozenset[str], neutral_us: int) -> tuple[int, int]:
     """The pulse widths (port, starboard) that reach the motors: 0 for a dead one, mirrored for a reversed one.
 
-    Swapped: each motor hangs on the other's output. The other kinds name the motor, not the output.
+    A stuck one has full ahead, as from a speed controller whose output has burnt through. Swapped: each motor hangs on the other's output. The other kinds name the motor, not the output.
     """
     if not faults:
         return outputs_us
@@ -37,6 +38,8 @@ def motor_signals_us(outputs_us: tuple[int, int], faults: frozenset[str], neutra
 def _signal_us(output_us: int, motor: str, faults: frozenset[str], neutral_us: int) -> int:
     if motor in faults or output_us == NO_SIGNAL_US:
         return NO_SIGNAL_US
+    if f"{motor}-stuck" in faults:
+        return STUCK_US
     return 2 * neutral_us - output_us if f"{motor}-reversed" in faults else output_us
 
 

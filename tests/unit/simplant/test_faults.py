@@ -11,7 +11,7 @@ from asvhil.config import FaultConfig, load_config
 from asvhil.config.fault_spans import SOUND, Faults
 from asvhil.errors import ConfigError
 from asvhil.geo import wrap_rad
-from asvhil.simplant.boat.faults import all_faults, motor_signals_us
+from asvhil.simplant.boat.faults import STUCK_US, all_faults, motor_signals_us
 from tests.support.simplant_boat import Boat, of
 
 SECOND = 1_000_000_000
@@ -48,6 +48,8 @@ def test_the_first_look_may_be_late() -> None:
         (("motors-swapped", "port-motor-reversed"), (1250, 1600)),  # the port motor, on the starboard output
         (("motors-swapped", "port-motor"), (0, 1600)),
         (("port-motor-weak",), (1600, 1750)),
+        (("starboard-motor-stuck",), (1600, STUCK_US)),
+        (("port-motor-stuck", "port-motor"), (0, 1750)),
     ],
 )
 def test_what_reaches_the_motors(faults: tuple[str, ...], signals_us: tuple[int, int]) -> None:
