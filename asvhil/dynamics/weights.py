@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import json
+import lzma
 import math
+import struct
+import tokenize
 import zipfile
 import zlib
 from collections.abc import Callable, Mapping
@@ -29,6 +32,9 @@ from asvhil.types import record
 FORMAT = 1
 MOST_BYTES = 200_000_000  # of all arrays of a file: a checkpoint of many tries has some MB
 DT_TOLERANCE_S = 1e-6
+
+# What zipfile and numpy's parser of headers raise for what is no array, beside ValueError and OSError.
+_DAMAGE = (zipfile.BadZipFile, zlib.error, lzma.LZMAError, struct.error, EOFError, SyntaxError, tokenize.TokenError)
 
 Shape = tuple[int | str, ...]  # a letter is a free length, the same in all shapes of a file
 
@@ -139,6 +145,9 @@ def read_arrays(path: Path) -> dict[str, Array]:
             with zipfile.ZipFile(file) as packed:
                 if sum(entry.file_size for entry in packed.infolist()) > MOST_BYTES:
                     raise ModelError(f"{path}: holds more than {MOST_BYTES // 1_000_000} MB: no model of asvhil")
+                damaged = packed.testzip()  # before numpy parses a header, which a flipped bit makes into any text
+                if damaged is not None:
+                    raise ModelError(f"{path}: damaged: the checksum of {damaged} is wrong")
             file.seek(0)
             with np.load(file, allow_pickle=False) as archive:
                 arrays = {name: archive[name] for name in archive.files}
@@ -154,7 +163,7 @@ def read_arrays(path: Path) -> dict[str, Array]:
         raise ModelError(f"{path}: damaged ({_first_line(error)})") from None
     except MemoryError:
         raise ModelError(f"{path}: damaged: an array claims to be larger than the memory") from None
-    except (zipfile.BadZipFile, zlib.error, EOFError, KeyError, NotImplementedError, RuntimeError) as error:
+    except (*_DAMAGE, KeyError, NotImplementedError, RuntimeError) as error:
         raise ModelError(f"{path}: damaged ({_first_line(error)})") from None
 
 

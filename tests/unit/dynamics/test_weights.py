@@ -93,6 +93,26 @@ def test_every_flipped_byte_is_seen_or_harmless(tmp_path: Path) -> None:
     assert seen > 20
 
 
+def test_every_flipped_bit_of_an_arrays_header_is_damage(tmp_path: Path) -> None:
+    # numpy parses the header as Python text, and a flipped bit makes that any text.
+    file = written(tmp_path)
+    whole = file.read_bytes()
+    start = whole.index(b"{'descr'")
+    for at in range(start, whole.index(b"\n", start)):
+        for bit in range(8):
+            file.write_bytes(whole[:at] + bytes([whole[at] ^ (1 << bit)]) + whole[at + 1 :])
+            assert "damaged: the checksum of " in complaint(file)
+
+
+@pytest.mark.parametrize("header", [b"{'descr': '<f8', 'fortran_order': False, 'shape': (3,", b"{'descr' '<f8'}", b")"])
+def test_a_header_that_is_no_python_under_a_right_checksum(header: bytes, tmp_path: Path) -> None:
+    file = written(tmp_path)
+    with zipfile.ZipFile(file, "a") as archive:
+        text = header.ljust(117) + b"\n"
+        archive.writestr("more.npy", b"\x93NUMPY\x01\x00" + len(text).to_bytes(2, "little") + text)
+    assert "damaged (" in complaint(file)
+
+
 def test_a_pickled_object_is_refused(tmp_path: Path) -> None:
     pickled = np.array([{"a": 1}], dtype=object)
     assert "pickled object" in complaint(written(tmp_path, "nnsem", {"weights.w1": pickled}))
