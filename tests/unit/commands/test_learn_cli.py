@@ -304,7 +304,7 @@ def bomb(path: Path, size: int, shape: tuple[int, ...] | None = None) -> None:
 
 DAMAGED = {
     "truncated": (lambda path: path.write_bytes(SHIPPED.read_bytes()[:3000]), "damaged (File is not a zip file)"),
-    "flipped": (flipped, "damaged (Bad CRC-32 for file 'weights.w1.npy')"),
+    "flipped": (flipped, "damaged: the checksum of weights.w1.npy is wrong"),
     "huge": (lambda path: bomb(path, 300_000_000), "holds more than 200 MB: no model of asvhil"),
     "claims": (lambda path: bomb(path, 100, shape=(10**11,)), "damaged: an array claims to be larger than the memory"),
     "text": (lambda path: path.write_text("no weights"), "not a model file (npz)"),
