@@ -78,7 +78,13 @@ def learn(
     iterations: Annotated[int | None, typer.Option(min=50, help="Steps of the training.")] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the training.")] = 1,
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", metavar="DIR", help="Folder; NAME-learned beside the config.")
+        Path | None,
+        typer.Option(
+            "-o",
+            "--output",
+            metavar="DIR",
+            help="Folder; NAME-learned or, of a simulated boat, NAME-sim-learned beside the config.",
+        ),
     ] = None,
     yes: Annotated[bool, typer.Option("--yes", help="Do not stop to ask.")] = False,
     resume: Annotated[
@@ -107,9 +113,14 @@ def learn(
     if resume and force:
         raise ConfigError("learn: --resume goes on, --force begins anew: give one of them")
     _need_terminal(yes)
+    from asvhil.train.origin import of_simulation
+
     settings = load_config(config, tuple(set_))
     name = settings.vehicle.name
-    files = _files(output or find_config(config).parent / f"{name}-learned", name, kind)
+    simulated = of_simulation(settings)
+    # Rehearsal and boat have a folder each: the one's drives say nothing of the other.
+    folder = f"{name}-sim-learned" if simulated else f"{name}-learned"
+    files = _files(output or find_config(config).parent / folder, name, kind)
     check_figures(json_, *config_and_bases(config), *(("a log", log) for log in (*data, *test)), *files.named())
     tell_borrowed_hull(settings, config, set_)
     if files.there() and not (force or resume):
@@ -123,7 +134,7 @@ def learn(
             raise ConfigError(f"learn: --resume: {files.folder} holds no drives to go on with; leave it out")
     if not data:
         data, test = _drive(settings, files, duration, wind, steps, force)
-    figures = _train(settings, kind, [*data], files, iterations, seed, steps, test, resume=resume)
+    figures = _train(settings, config, kind, [*data], files, iterations, seed, steps, test, resume=resume)
     verdict, scores, check = _judge(settings, kind, files, test, steps)
     held = _hold(settings, kind, files, steps) if settings.supervisor.engage == "auto" else {}
     _advise(console, settings, kind, files, find_config(config), verdict, check, held)
@@ -237,6 +248,7 @@ def _other(settings: Config) -> Config:
 
 def _train(
     settings: Config,
+    config: str | Path,
     kind: str,
     data: list[Path],
     files: _Files,
@@ -249,8 +261,9 @@ def _train(
 ) -> dict[str, Any]:
     """Both models, and the figures of the network's training. ConfigError for logs of another boat."""
     from asvhil.dynamics.hull import differences
-    from asvhil.train.jobs import checkpoint_of, origin_of, refuse_twice
+    from asvhil.train.jobs import checkpoint_of
     from asvhil.train.options import chosen_options
+    from asvhil.train.origin import boat, of_simulation, origin_of, refuse_twice
 
     refuse_twice([*data, *test])
     origin = origin_of([*data, *test])
@@ -258,6 +271,10 @@ def _train(
     if origin.vehicle != settings.vehicle.name or apart:
         words = f"of the boat {origin.vehicle!r}" + (f", of another hull ({apart})" if apart else "")
         raise ConfigError(f"learn: {data[0]}: {words}, and the config is of {settings.vehicle.name!r}")
+    if origin.simulated != of_simulation(settings):
+        raise ConfigError(
+            f"learn: {data[0]}: of {boat(origin.simulated)}, and {config} is of {boat(not origin.simulated)}"
+        )
     steps.begin(f"training of {kind} on {len(data)} logs, and the physics fitted to the same")
     with writing(files.folder):
         files.folder.mkdir(parents=True, exist_ok=True)

@@ -27,8 +27,9 @@ from asvhil.study.model_jobs import IN_WAVES, TrainingJob, chosen_jobs
 from asvhil.study.model_logs import Logs, Tell, wave_figures
 from asvhil.study.page import write_page
 from asvhil.train.evaluate import HOLD, Case, Window, absolute_errors, predict, windows_of
-from asvhil.train.jobs import DT_S, DataOrigin, origin_of, test_cases, training_data
+from asvhil.train.jobs import DT_S, test_cases, training_data
 from asvhil.train.options import FitOptions
+from asvhil.train.origin import DataOrigin, origin_of
 from asvhil.train.progress import TrainingProgress
 from asvhil.train.records import Dataset
 from asvhil.types import Estimate, Station, Wind, record

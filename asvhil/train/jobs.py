@@ -9,11 +9,10 @@ from types import MappingProxyType
 from typing import Any
 
 from asvhil.config import VesselConfig
-from asvhil.dynamics.hull import differences, hull_of
 from asvhil.dynamics.protocol import Dynamics
 from asvhil.dynamics.weights import TrainedModel, read_model, save_model
 from asvhil.errors import ConfigError, ModelError
-from asvhil.files import is_file, is_there
+from asvhil.files import is_there
 from asvhil.logs.reader import LogFile
 from asvhil.logs.replay import config_of
 from asvhil.train.at_rest import AtRest, at_rest
@@ -28,9 +27,8 @@ from asvhil.train.dataset import (
 from asvhil.train.evaluate import Case, evaluate, predict, windows_of
 from asvhil.train.log_series import read_log_series
 from asvhil.train.options import FitOptions, chosen_options
+from asvhil.train.origin import DataOrigin, origin_of, refuse_twice
 from asvhil.train.progress import TrainingProgress
-from asvhil.train.records import source_hash
-from asvhil.types import record
 
 DT_S = 0.2
 
@@ -65,30 +63,6 @@ def test_cases(paths: Sequence[Path], columns: str | None, dt_s: float, *, truth
             name = path.name if len(seen.segments) == 1 else f"{path.name} part {number + 1}"
             cases.append(Case(name=name, seen=given, reference=wanted))
     return cases
-
-
-@record
-class DataOrigin:
-    """Where training data come from: vehicle, config hash, and figures of the hull (empty where it is not known)."""
-
-    vehicle: str
-    config_hash: str
-    hull: Mapping[str, float]
-
-
-def origin_of(paths: Sequence[Path]) -> DataOrigin:
-    """The origin of MCAP logs; ConfigError where they come from two vehicles, by name or by hull."""
-    configs = [config_of(LogFile(path), path, known_only=True) for path in paths]
-    names = {config.vehicle.name for config in configs}
-    if len(names) > 1:
-        raise ConfigError(f"data: logs of different vehicles ({', '.join(sorted(names))})")
-    first = configs[0]
-    for path, config in zip(paths, configs, strict=True):
-        apart = differences(hull_of(first.vehicle.vessel), config.vehicle.vessel)
-        if apart:
-            raise ConfigError(f"data: {path} is of another hull than {paths[0]} by vehicle.vessel ({apart})")
-    vehicle = first.vehicle
-    return DataOrigin(vehicle=vehicle.name, config_hash=first.content_hash(), hull=hull_of(vehicle.vessel))
 
 
 def simulated_vessel(paths: Sequence[Path]) -> VesselConfig | None:
@@ -129,7 +103,7 @@ def train_command(
         raise ConfigError("train: --tries does not apply to model sd, which has no random start")
     _check_output(output)
     if is_csv(data):
-        origin = DataOrigin(vehicle=_named(vehicle, columns), config_hash="", hull={})
+        origin = DataOrigin(vehicle=_named(vehicle, columns), config_hash="", hull={}, simulated=False)
     else:
         origin = origin_of(data)
         if vehicle is not None and vehicle != origin.vehicle:
@@ -242,19 +216,6 @@ def evaluate_command(
         "rows": rows,
         "at_rest": {name: {**check.figures(), "verdict": check.verdict()} for name, check in checks.items()},
     }
-
-
-def refuse_twice(paths: Sequence[Path]) -> None:
-    """ConfigError where two of the files have the same content, which would count twice. LogError as `source_hash`."""
-    seen: dict[str, Path] = {}
-    sizes = [path.stat().st_size for path in paths if is_file(path)]
-    for path in paths:
-        if is_file(path) and sizes.count(path.stat().st_size) < 2:
-            continue
-        content = source_hash([path])
-        if content in seen:
-            raise ConfigError(f"data: {seen[content]} and {path} are the same record: give it once")
-        seen[content] = path
 
 
 def picture_of(output: Path) -> Path:

@@ -11,7 +11,9 @@ from rich.console import Console
 from asvhil.commands import learn as learn_module
 from asvhil.config import load_config
 from asvhil.dynamics.weights import read_model
+from asvhil.logs.opening import open_recorder
 from asvhil.train.at_rest import AtRest, Load
+from asvhil.train.origin import origin_of
 from asvhil.train.verdict import ModelVerdict
 from tests.support.command_line import call, refused
 
@@ -35,7 +37,7 @@ def learned(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_all_steps_leave_their_files_and_a_verdict(learned: Path) -> None:
-    made = {path.name for path in (learned / "cat-learned").iterdir()}
+    made = {path.name for path in (learned / "cat-sim-learned").iterdir()}
     assert made >= {"drive.mcap", "test.mcap", "cat-nnsem.npz", "cat-sd.npz", "fit.png"}
     figures = json.loads((learned / "f.json").read_text())
     assert list(figures["rows"]) == ["nnsem", "sd", "physics as configured", "hold the initial value"]
@@ -50,7 +52,7 @@ def test_all_steps_leave_their_files_and_a_verdict(learned: Path) -> None:
 
 def test_the_lines_that_it_advises_are_taken(learned: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (learned / "own.yaml").write_text(
-        "base: cat-sim.yaml\ncontroller:\n  name: nnsem-mpc\n  model: cat-learned/cat-nnsem.npz\n"
+        "base: cat-sim.yaml\ncontroller:\n  name: nnsem-mpc\n  model: cat-sim-learned/cat-nnsem.npz\n"
     )
     monkeypatch.chdir(learned.parent)  # the path counts from the config
     config = load_config(learned / "own.yaml")
@@ -60,7 +62,7 @@ def test_the_lines_that_it_advises_are_taken(learned: Path, monkeypatch: pytest.
 
 
 def test_advice_names_the_lines_that_are_there_and_a_wind_load_that_is_off(learned: Path) -> None:
-    files = learn_module._files(learned / "cat-learned", "cat", "nnsem")
+    files = learn_module._files(learned / "cat-sim-learned", "cat", "nnsem")
     load = Load(side="port", speed_mps=10.0, rates=(0.0, 0.0, 0.0), reference=(0.0, 0.1, 0.0), error=4.4)
     good = ModelVerdict(passed=("all",), faults=())
     said = []
@@ -78,12 +80,12 @@ def test_advice_names_the_lines_that_are_there_and_a_wind_load_that_is_off(learn
 
 
 def test_nothing_is_overwritten_and_no_log_counts_twice(learned: Path) -> None:
-    before = {path: path.read_bytes() for path in (learned / "cat-learned").iterdir()}
+    before = {path: path.read_bytes() for path in (learned / "cat-sim-learned").iterdir()}
     refused(
         call("learn", "cat-sim.yaml", "--yes", cwd=learned),
-        "cat-learned is not empty: another folder by -o, --resume to go on with its drives, or --force",
+        "cat-sim-learned is not empty: another folder by -o, --resume to go on with its drives, or --force",
     )
-    drive, test = "cat-learned/drive.mcap", "cat-learned/test.mcap"
+    drive, test = "cat-sim-learned/drive.mcap", "cat-sim-learned/test.mcap"
     logs = ("--data", drive, "--data", test, "--test", test)
     refused(
         call("learn", "cat-sim.yaml", "--yes", "-o", "other", *logs, cwd=learned), "are the same record: give it once"
@@ -96,12 +98,30 @@ def test_another_boats_logs_are_refused_before_the_training(learned: Path) -> No
         call("init", "dog.yaml", *CAT[:-4], "--mass", "90", *CAT[-2:], "--motors-apart", "0.84", cwd=learned).status
         == 0
     )
-    logs = ("--data", "cat-learned/drive.mcap", "--test", "cat-learned/test.mcap")
+    logs = ("--data", "cat-sim-learned/drive.mcap", "--test", "cat-sim-learned/test.mcap")
     said = call("learn", "dog-sim.yaml", "--yes", *logs, cwd=learned)
     refused(said, "drive.mcap: of the boat 'cat', of another hull (mass")
-    assert not (learned / "dog-learned").exists()
+    assert not (learned / "dog-sim-learned").exists()
     for made in learned.glob("dog*"):
         made.unlink()
+
+
+def test_a_rehearsal_teaches_nothing_of_the_real_boat(learned: Path) -> None:
+    drive, test = "cat-sim-learned/drive.mcap", "cat-sim-learned/test.mcap"
+    words = f"learn: {drive}: of the simulated boat, and cat.yaml is of the real boat"
+    refused(call("learn", "cat.yaml", "--yes", "--data", drive, "--test", test, cwd=learned), words)
+    refused(call("learn", "cat.yaml", "--yes", "--resume", "-o", "cat-sim-learned", cwd=learned), words)
+    assert not (learned / "cat-learned").exists()
+
+
+def test_logs_of_the_rehearsal_and_of_the_boat_train_no_model_together(learned: Path) -> None:
+    own, drive = learned / "own.mcap", learned / "cat-sim-learned" / "drive.mcap"
+    recorder = open_recorder(load_config(learned / "cat.yaml"), own, "live", threaded=False)
+    recorder.close()
+    assert origin_of([drive]).simulated and not origin_of([own]).simulated
+    said = call("train", "sd", str(drive), str(own), "-o", "both.npz", cwd=learned)
+    own.unlink()
+    refused(said, f"{own} is of the real boat, and {drive} of the simulated boat")
 
 
 def test_forced_drives_put_the_logs_that_are_there_aside(tmp_path: Path) -> None:
