@@ -34,7 +34,7 @@ def evaluate(
     from rich.table import Table
 
     from asvhil.logs.plugins import load_plugins
-    from asvhil.train.jobs import evaluate_command
+    from asvhil.train.jobs import evaluate_command, left_out_words
 
     load_plugins(data if columns is None else (), plugin, allow_recorded=allow_recorded_plugins)
     read = [*(("the model", model) for model in models), *(("the data", file) for file in data)]
@@ -46,6 +46,8 @@ def evaluate(
             models, data, columns=columns, horizon_s=horizon, every_s=every, truth=truth, figure=picture
         )
     write_json(json_, figures)
+    for path in figures["left_out"]:
+        say(console, left_out_words(path))
     table = Table(title=f"mean absolute error over {horizon:g} s, {figures['reference']}", title_justify="left")
     for heading in ("model", "windows", "u (m/s)", "v (m/s)", "r (rad/s)", "count"):
         table.add_column(heading, justify="left" if heading in ("model", "windows") else "right")

@@ -103,6 +103,7 @@ def learn(
     from rich.console import Console
 
     from asvhil.config import find_config, load_config
+    from asvhil.logs.segments import logs_in
 
     if kind not in KINDS:
         raise ConfigError(f"learn: --kind {kind}: {' or '.join(KINDS)} is expected")
@@ -129,7 +130,8 @@ def learn(
     console = Console()
     steps = _Steps(console, yes)
     if resume and not data:
-        data, test = (sorted(files.folder.glob(f"{one.stem}*.mcap")) for one in (files.data, files.test))
+        there = logs_in(files.folder)
+        data, test = ([log for log in there if log.stem.startswith(one.stem)] for one in (files.data, files.test))
         if not (data and test):
             raise ConfigError(f"learn: --resume: {files.folder} holds no drives to go on with; leave it out")
     if not data:
@@ -261,11 +263,14 @@ def _train(
 ) -> dict[str, Any]:
     """Both models, and the figures of the network's training. ConfigError for logs of another boat."""
     from asvhil.dynamics.hull import differences
-    from asvhil.train.jobs import checkpoint_of
+    from asvhil.train.jobs import checkpoint_of, left_out_words
     from asvhil.train.options import chosen_options
-    from asvhil.train.origin import boat, of_simulation, origin_of, refuse_twice
+    from asvhil.train.origin import boat, of_simulation, once, origin_of, refuse_shared
 
-    refuse_twice([*data, *test])
+    (data, more), (test, further) = once(data), once(test)
+    for path in (*more, *further):
+        say(steps.console, left_out_words(path))
+    refuse_shared(data, test)
     origin = origin_of([*data, *test])
     apart = differences(origin.hull, settings.vehicle.vessel)
     if origin.vehicle != settings.vehicle.name or apart:

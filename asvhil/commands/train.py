@@ -47,7 +47,7 @@ def train(
 
     need_torch()
     from asvhil.logs.plugins import load_plugins
-    from asvhil.train.jobs import picture_of
+    from asvhil.train.jobs import left_out_words, picture_of
 
     made = (("--output", output), ("the picture of --output", picture_of(output)))
     read = [*(("the data", file) for file in data), *columns_file(columns)]
@@ -74,6 +74,8 @@ def train(
     words = f"{output}: {kind} for {figures['vehicle']}, {figures['data_s']:.0f} s of data, {figures['wall_s']:.1f} s"
     if figures["missing_rows"] or figures["outliers"]:
         words += f"; left out: {figures['missing_rows']} rows with a missing value, {figures['outliers']} jumps"
+    for path in figures["left_out"]:
+        say(console, left_out_words(path))
     say(console, words)
     say(console, figures["at_rest"]["verdict"])
 

@@ -76,6 +76,16 @@ class LogFile:
         self.size = sum(file.size for file in self._files)
 
     @property
+    def run(self) -> str:
+        """The random word of the run that the files belong to; empty of a run in one file, which has none."""
+        return self._files[0].segment.get("run", "")
+
+    @property
+    def parts(self) -> frozenset[str]:
+        """The numbers of the run's segments that are read; empty of a run in one file."""
+        return frozenset(file.segment["number"] for file in self._files if "number" in file.segment)
+
+    @property
     def segments(self) -> int:
         """How many files there are."""
         return len(self._files)

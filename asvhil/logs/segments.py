@@ -31,11 +31,17 @@ def first_in(path: Path) -> Path:
     """The log at a path: itself, or the one in a run's folder. LogError where a folder has none, or several."""
     if not is_folder(path):
         return path
-    names = {file.stem for file in path.glob("*.mcap")}
-    firsts = sorted(name for name in names if not ((of := _FOLLOWS.fullmatch(name)) and of[1] in names))
+    firsts = logs_in(path)
     if len(firsts) != 1:
-        found = ", ".join(f"{name}.mcap" for name in firsts[:5])
+        found = ", ".join(log.name for log in firsts[:5])
         found += f" and {len(firsts) - 5} more" if len(firsts) > 5 else ""
         what = f"several logs: {found}; name one" if firsts else "no log (.mcap)"
         raise LogError(f"{path}: a folder with {what}")
-    return path / f"{firsts[0]}.mcap"
+    return firsts[0]
+
+
+def logs_in(folder: Path) -> list[Path]:
+    """The logs of a folder by their names: without later segments, and without what was recovered of one."""
+    names = {file.stem for file in folder.glob("*.mcap")}
+    firsts = sorted(name for name in names if not ((of := _FOLLOWS.fullmatch(name)) and of[1] in names))
+    return [folder / f"{name}.mcap" for name in firsts]

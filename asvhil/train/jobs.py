@@ -27,7 +27,7 @@ from asvhil.train.dataset import (
 from asvhil.train.evaluate import Case, evaluate, predict, windows_of
 from asvhil.train.log_series import read_log_series
 from asvhil.train.options import FitOptions, chosen_options
-from asvhil.train.origin import DataOrigin, origin_of, refuse_twice
+from asvhil.train.origin import DataOrigin, once, origin_of
 from asvhil.train.progress import TrainingProgress
 
 DT_S = 0.2
@@ -102,13 +102,14 @@ def train_command(
     if tries > 1 and kind == "sd":
         raise ConfigError("train: --tries does not apply to model sd, which has no random start")
     _check_output(output)
-    if is_csv(data):
+    csv = is_csv(data)
+    data, left_out = once(data)
+    if csv:
         origin = DataOrigin(vehicle=_named(vehicle, columns), config_hash="", hull={}, simulated=False)
     else:
         origin = origin_of(data)
         if vehicle is not None and vehicle != origin.vehicle:
             raise ConfigError(f"train: the logs come from vehicle {origin.vehicle!r}, not from {vehicle!r}")
-    refuse_twice(data)
     dataset = training_data(data, columns, dt_s, smoothed=smoothed)
     checkpoint = checkpoint_of(output)
     if not resume:
@@ -143,6 +144,7 @@ def train_command(
         "model": str(output),
         "picture": str(picture),
         "data": [str(path) for path in data],
+        "left_out": [str(path) for path in left_out],
         "data_s": round(dataset.duration_s, 1),
         "outliers": dataset.outliers,
         "missing_rows": dataset.missing,
@@ -184,8 +186,8 @@ def evaluate_command(
     for option, seconds in (("--horizon", horizon_s), ("--every", every_s)):
         if round(seconds / dt_s) < 1:
             raise ConfigError(f"evaluate: {option} {seconds:g}: at least a step of the model, {dt_s:g} s, is expected")
+    data, left_out = once(data)
     origin = None if is_csv(data) else origin_of(data)
-    refuse_twice(data)
     for path, model in loaded.items():
         _check(path, model, dt_s, origin)
     cases = test_cases(data, columns, dt_s, truth=truth)
@@ -212,6 +214,7 @@ def evaluate_command(
         "every_s": every_s,
         "reference": "truth" if truth else "measured",
         "data": [str(path) for path in data],
+        "left_out": [str(path) for path in left_out],
         "models": [str(path) for path in models],
         "rows": rows,
         "at_rest": {name: {**check.figures(), "verdict": check.verdict()} for name, check in checks.items()},
@@ -266,6 +269,11 @@ def _required(columns: str | None) -> str:
     if columns is None:
         raise ConfigError("data: CSV files need a column map (--columns)")
     return columns
+
+
+def left_out_words(path: str | Path) -> str:
+    """The line on a file that was given and is not read by itself."""
+    return f"{path}: left out: it is read with the first segment of its log"
 
 
 def _list(paths: Sequence[Path]) -> str:

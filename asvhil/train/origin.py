@@ -73,8 +73,42 @@ def _from_simulation(log: LogFile, config: Config) -> bool:
     return of_simulation(config) or log.metadata.get("run", {}).get("mode") == "lockstep"
 
 
-def refuse_twice(paths: Sequence[Path]) -> None:
-    """ConfigError where two of the files have the same content, which would count twice. LogError as `source_hash`."""
+def once(paths: Sequence[Path]) -> tuple[list[Path], list[Path]]:
+    """The files to read, and those that are left out: later segments of a log whose first is given, and read with it.
+
+    ConfigError where two files are the same record, which would count twice. LogError where one cannot be read.
+    """
+    _refuse_same_content(paths)
+    logs = {path: LogFile(path) for path in paths if path.suffix.lower() == ".mcap"}
+    left_out = []
+    for path, log in logs.items():
+        for other, whole in logs.items():
+            if other == path or not _shared(log, whole):
+                continue
+            if log.first_tick == whole.first_tick:
+                raise ConfigError(f"data: {path} and {other} are the same record: give it once")
+            if log.first_tick > whole.first_tick:
+                left_out.append(path)
+                break
+    return [path for path in paths if path not in left_out], left_out
+
+
+def refuse_shared(data: Sequence[Path], test: Sequence[Path]) -> None:
+    """ConfigError where a log to test on is one to train on, or has segments of one."""
+    _refuse_same_content([*data, *test])
+    trained = {path: LogFile(path) for path in data}
+    for path in test:
+        log = LogFile(path)
+        for other, whole in trained.items():
+            if _shared(log, whole):
+                raise ConfigError(f"data: {path} is of the same run as {other}, and to test on another drive is needed")
+
+
+def _shared(a: LogFile, b: LogFile) -> bool:
+    return bool(a.run) and a.run == b.run and not a.parts.isdisjoint(b.parts)
+
+
+def _refuse_same_content(paths: Sequence[Path]) -> None:
     seen: dict[str, Path] = {}
     sizes = [path.stat().st_size for path in paths if is_file(path)]
     for path in paths:

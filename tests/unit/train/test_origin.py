@@ -1,0 +1,65 @@
+"""No log counts twice, and no test is part of what is trained on: segments of a split log, by their own paths too."""
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+
+from asvhil.collect import collect
+from asvhil.config import load_config
+from asvhil.config.mean_wind import parse_wind
+from asvhil.errors import ConfigError
+from asvhil.train.origin import once, refuse_shared
+from tests.support.command_line import call, refused
+
+
+@pytest.fixture(scope="module")
+def split(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a drive of 75 s in two segments."""
+    log = tmp_path_factory.mktemp("split") / "drive.mcap"
+    collect(load_config("sitl", ("recorder.segment_s=50",)), "lockstep", 75.0, [parse_wind("3@90")], log)
+    assert [path.name for path in sorted(log.parent.glob("*.mcap"))] == ["drive-001.mcap", "drive.mcap"]
+    return log.parent
+
+
+def test_a_later_segment_is_read_once_with_its_first(split: Path) -> None:
+    first, later = split / "drive.mcap", split / "drive-001.mcap"
+    assert once([later, first]) == once([first, later]) == ([first], [later])
+    assert once([later]) == ([later], [])  # by itself it is what was given
+
+
+def test_a_copy_of_the_first_segment_is_the_same_record(split: Path, tmp_path: Path) -> None:
+    copy = shutil.copy(split / "drive.mcap", tmp_path / "copy.mcap")
+    shutil.copy(split / "drive-001.mcap", tmp_path / "copy-001.mcap")
+    with pytest.raises(ConfigError, match=r"drive\.mcap and .*copy\.mcap are the same record: give it once"):
+        once([split / "drive.mcap", copy])
+
+
+def test_a_test_is_no_part_of_the_training(split: Path) -> None:
+    first, later = split / "drive.mcap", split / "drive-001.mcap"
+    for data, test in (([first], [later]), ([later], [first])):
+        with pytest.raises(ConfigError, match="is of the same run as"):
+            refuse_shared(data, test)
+
+
+def test_training_and_scores_count_a_split_drive_once_and_say_so(split: Path) -> None:
+    pytest.importorskip("torch")
+    both = ("drive-001.mcap", "drive.mcap")
+    said = call("train", "sd", *both, "-o", "sd.npz", "--json", "t.json", cwd=split)
+    assert said.status == 0 and "drive-001.mcap: left out: it is read with the first segment" in said.out, said
+    figures = json.loads((split / "t.json").read_text())
+    assert (figures["data"], figures["left_out"]) == (["drive.mcap"], ["drive-001.mcap"])
+    assert figures["data_s"] < 80.0
+    scored = [
+        call("evaluate", "sd.npz", *data, "--horizon", "10", "--json", "e.json", cwd=split)
+        and json.loads((split / "e.json").read_text())["rows"]["sd"]["all"]["windows"]
+        for data in (("--data", "drive.mcap"), ("--data", both[0], "--data", both[1]))
+    ]
+    assert scored[0] == scored[1]
+    said = call("evaluate", "sd.npz", "--data", both[0], "--data", both[1], "--horizon", "10", cwd=split)
+    assert "drive-001.mcap: left out" in said.out
+    config = Path(split / "boat.yaml")
+    config.write_text("base: sitl\n")
+    said = call("learn", "boat.yaml", "--yes", "--data", both[1], "--test", both[0], "-o", "new", cwd=split)
+    refused(said, "drive.mcap is of the same run as drive-001.mcap")
