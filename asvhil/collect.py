@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Literal
@@ -16,7 +16,10 @@ from asvhil.daemon.daemon import Daemon
 from asvhil.daemon.status import StatusTeller
 from asvhil.errors import AsvhilError, ConfigError
 from asvhil.links.clock import Clock
+from asvhil.logs.encoding import decode_outputs
 from asvhil.logs.opening import make_run_folder, open_recorder
+from asvhil.logs.reader import LogFile
+from asvhil.logs.replay import config_of
 from asvhil.simplant.lockstep import Lockstep
 from asvhil.sitl import run_realtime
 from asvhil.types import FrontseatStatus, Outputs, Phase, record
@@ -86,8 +89,11 @@ def collect(
     on_status: Callable[[int, Status], None] = lambda run, status: None,
     on_start: Callable[[int, Path, str], None] = lambda run, log, note: None,
     watches: Mapping[str, Callable[[], str]] = MappingProxyType({}),
+    skip: Collection[Path] = (),
 ) -> list[Collected]:
     """Drive the manoeuvres once for each wind and write a log each; `on_status` comes twice a second of boat time.
+
+    `skip`: logs that are there already, of which no other drive is made; they are not among the results.
 
     `watches`, by subject, tell a real vehicle's operators what is wrong outside, such as with the display.
 
@@ -109,6 +115,8 @@ def collect(
     folder = make_run_folder(first, "collect") if output is None or mode == "realtime" else output.parent
     results: list[Collected] = []
     for run, (wind, log) in enumerate(zip(sectors, log_paths(output, folder, sectors), strict=True)):
+        if log in skip:
+            continue
         settings = with_manoeuvres(config, duration_s, wind, note, run)
         watch = _Watch(settings, duration_s, lambda status, run=run: on_status(run, status))  # type: ignore[misc]
         on_start(run, log, settings.controller.manoeuvres.note)
@@ -125,10 +133,31 @@ def collect(
     return results
 
 
+def recorded(log: Path) -> Collected:
+    """What a log holds of its programme, as `collect` told it at the end, but for the time that the drive took.
+
+    LogError where it is no log, or damaged in the middle; ConfigError where it is of no manoeuvres.
+    """
+    file = LogFile(log)
+    config = config_of(file, log, known_only=True)
+    if config.controller.name != "manoeuvres":
+        raise ConfigError(f"{log}: is of the controller {config.controller.name}, and a drive of manoeuvres is needed")
+    watch = _Watch(config, config.controller.manoeuvres.duration_s)
+    start_ns: int | None = None
+    for inputs, outputs in file.ticks():
+        start_ns = inputs.t_ns if start_ns is None else start_ns
+        if outputs is not None:
+            found = decode_outputs(outputs, log)
+            watch.note_phase((inputs.t_ns - start_ns) * 1e-9, found.phase, found.health.reason)
+    return watch.result(log, 0.0)
+
+
 class _Watch:
     """Monitors one run by its ticks or its status: since when it holds, and how it ended."""
 
-    def __init__(self, config: Config, duration_s: float, on_status: Callable[[Status], None]) -> None:
+    def __init__(
+        self, config: Config, duration_s: float, on_status: Callable[[Status], None] = lambda status: None
+    ) -> None:
         self._note = config.controller.manoeuvres.note
         self._duration_s = duration_s
         self._on_status = on_status
@@ -148,14 +177,14 @@ class _Watch:
         self._teller.see(outputs)
         self._start_ns = outputs.t_ns if self._start_ns is None else self._start_ns
         t_s = (outputs.t_ns - self._start_ns) * 1e-9
-        self._note_phase(t_s, outputs.phase, outputs.health.reason)
+        self.note_phase(t_s, outputs.phase, outputs.health.reason)
         self._ticks += 1
         if self._ticks % self._every == 0:
             self._tell(self._teller.status(outputs, links or {}, 0, vehicle))
 
     def see_status(self, status: Status) -> None:
         """One status line of a daemon in another process."""
-        self._note_phase(float(status["t_s"]), str(status["phase"]), str(status["reason"]))
+        self.note_phase(float(status["t_s"]), str(status["phase"]), str(status["reason"]))
         self._tell(status)
 
     @property
@@ -178,7 +207,8 @@ class _Watch:
             wall_s=wall_s,
         )
 
-    def _note_phase(self, t_s: float, phase: str, reason: str) -> None:
+    def note_phase(self, t_s: float, phase: str, reason: str) -> None:
+        """The phase at a time (s) since the first tick."""
         if self.over:
             return
         if phase in (Phase.HOLD, Phase.FAILSAFE):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -66,6 +66,7 @@ def drive_with_display(
     output: Path | None,
     note: str,
     console: Any,
+    skip: Collection[Path] = (),
 ) -> list[Collected]:
     """`collect.collect`, shown as it goes: a real boat in the live table, a simulated one as a bar for each run."""
     from asvhil.collect import collect as drive
@@ -82,6 +83,7 @@ def drive_with_display(
                 note,
                 on_status=lambda run, status: view.show_status(status),
                 watches={"display": lambda: view.trouble},
+                skip=skip,
             )
     logs: list[Path] = []
     with logs_told(logs), progress(console) as bar:
@@ -94,7 +96,7 @@ def drive_with_display(
         def show(run: int, status: dict[str, Any]) -> None:
             bar.update(tasks[run], completed=round(status["held_s"], 1))
 
-        return drive(settings, mode, duration, winds, output, note, on_status=show, on_start=start)
+        return drive(settings, mode, duration, winds, output, note, on_status=show, on_start=start, skip=skip)
 
 
 def refuse_incomplete(runs: Sequence[Collected], console: Any) -> None:

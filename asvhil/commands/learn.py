@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
-import itertools
 import sys
 import tempfile
 from collections.abc import Sequence
@@ -12,24 +10,19 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from asvhil.commands.collect import drive_with_display, refuse_incomplete
+from asvhil.commands.learn_drives import LearnDrives, LearnFiles, LearnSteps
 from asvhil.commands.options import ConfigArgument, JsonOption, SetOption
 from asvhil.commands.outputs import check_figures, config_and_bases, write_json, writing
 from asvhil.commands.train import train_with_bar
 from asvhil.commands.views import progress, say, tell_borrowed_hull
-from asvhil.errors import AsvhilError, ConfigError
-from asvhil.files import is_folder, is_there
+from asvhil.errors import ConfigError
+from asvhil.files import is_there
 
 if TYPE_CHECKING:
     from asvhil.config import Config
     from asvhil.train.at_rest import AtRest
     from asvhil.train.verdict import ModelVerdict
 
-STOPPED = "stopped; logs that were made are kept: the same command with --resume goes on with them"
-TEST_SEED = 500  # added for the drive that is tested on, so that it is another one
-TEST_SHARE = 0.4  # of the time of one drive
-WINDS = ("2@0", "4@120", "5@-60", "3@90")
-TEST_WIND = "4@45"
 HOLD_S = 90.0
 HOLD_WIND = "4@60"
 AS_GOOD = 1.2  # times the physics' penalty score
@@ -42,27 +35,6 @@ TRIES = {"nnsem": 2, "lagnet": 1}
 PHYSICS = "physics as configured"
 
 
-@dataclasses.dataclass(frozen=True)
-class _Files:
-    """What `learn` leaves."""
-
-    folder: Path
-    data: Path
-    test: Path
-    model: Path
-    fitted: Path
-    picture: Path
-
-    def named(self) -> list[tuple[str, Path]]:
-        """Each with what it is."""
-        logs = [("a log", self.data), ("a log", self.test)]
-        return [*logs, ("the model", self.model), ("the fitted model", self.fitted), ("the picture", self.picture)]
-
-    def there(self) -> list[Path]:
-        """Those that are there already."""
-        return sorted(self.folder.iterdir()) if is_folder(self.folder) else []
-
-
 def learn(
     config: ConfigArgument,
     set_: SetOption = [],  # noqa: B006 - typer copies its defaults
@@ -70,7 +42,10 @@ def learn(
         list[Path], typer.Option("--data", help="A log that is there already, instead of driving; repeatable.")
     ] = [],  # noqa: B006
     test: Annotated[list[Path], typer.Option("--test", help="A log to test on, with --data; repeatable.")] = [],  # noqa: B006
-    duration: Annotated[float, typer.Option(min=80.0, help="Seconds of manoeuvres in each drive.")] = 600.0,
+    duration: Annotated[
+        float | None,
+        typer.Option(min=80.0, help="Seconds of manoeuvres in each drive; 600, or with --resume as before."),
+    ] = None,
     wind: Annotated[
         list[str], typer.Option(metavar="SPEED@DEG", help="Mean wind of a drive of the simulated boat; repeatable.")
     ] = [],  # noqa: B006
@@ -88,7 +63,11 @@ def learn(
     ] = None,
     yes: Annotated[bool, typer.Option("--yes", help="Do not stop to ask.")] = False,
     resume: Annotated[
-        bool, typer.Option("--resume", help="Go on with the drives and the unfinished training in the folder.")
+        bool,
+        typer.Option(
+            "--resume",
+            help="Go on where it stopped: with the drives there, those missing, the training.",
+        ),
     ] = False,
     force: Annotated[
         bool, typer.Option("--force", help="Overwrite what is in the folder, but for logs, which are put aside.")
@@ -103,7 +82,6 @@ def learn(
     from rich.console import Console
 
     from asvhil.config import find_config, load_config
-    from asvhil.logs.segments import logs_in
 
     if kind not in KINDS:
         raise ConfigError(f"learn: --kind {kind}: {' or '.join(KINDS)} is expected")
@@ -111,6 +89,8 @@ def learn(
         raise ConfigError("learn: --data and --test go together: a model is not tested on what it was trained on")
     if data and wind:
         raise ConfigError("learn: --wind is of drives, and with --data there are none")
+    if data and duration is not None:
+        raise ConfigError("learn: --duration is of drives, and with --data there are none")
     if resume and force:
         raise ConfigError("learn: --resume goes on, --force begins anew: give one of them")
     _need_terminal(yes)
@@ -121,21 +101,18 @@ def learn(
     simulated = of_simulation(settings)
     # Rehearsal and boat have a folder each: the one's drives say nothing of the other.
     folder = f"{name}-sim-learned" if simulated else f"{name}-learned"
-    files = _files(output or find_config(config).parent / folder, name, kind)
+    files = LearnFiles.of(output or find_config(config).parent / folder, name, kind)
     check_figures(json_, *config_and_bases(config), *(("a log", log) for log in (*data, *test)), *files.named())
     tell_borrowed_hull(settings, config, set_)
     if files.there() and not (force or resume):
         words = "another folder by -o, --resume to go on with its drives, or --force for new ones"
         raise ConfigError(f"learn: {files.folder} is not empty: {words}")
     console = Console()
-    steps = _Steps(console, yes)
-    if resume and not data:
-        there = logs_in(files.folder)
-        data, test = ([log for log in there if log.stem.startswith(one.stem)] for one in (files.data, files.test))
-        if not (data and test):
-            raise ConfigError(f"learn: --resume: {files.folder} holds no drives to go on with; leave it out")
+    steps = LearnSteps(console, yes)
+    if resume and not data and not files.there():
+        raise ConfigError(f"learn: --resume: {files.folder} holds no drives to go on with; leave it out")
     if not data:
-        data, test = _drive(settings, files, duration, wind, steps, force)
+        data, test = LearnDrives(settings, files, duration, wind, steps).make(force=force, resume=resume)
     figures = _train(settings, config, kind, [*data], files, iterations, seed, steps, test, resume=resume)
     verdict, scores, check = _judge(settings, kind, files, test, steps)
     held = _hold(settings, kind, files, steps) if settings.supervisor.engage == "auto" else {}
@@ -159,22 +136,6 @@ def learn(
         raise typer.Exit(1)
 
 
-class _Steps:
-    """Numbers the steps, and stops before each where somebody is to confirm."""
-
-    def __init__(self, console: Any, yes: bool) -> None:
-        self.console = console
-        self._yes = yes
-        self._number = 0
-
-    def begin(self, words: str) -> None:
-        """Tell the next step, and ask whether to go on."""
-        self._number += 1
-        say(self.console, f"{self._number}. {words}")
-        if not self._yes and not typer.confirm("   Go on?", default=True):
-            raise AsvhilError(STOPPED)
-
-
 def _need_terminal(yes: bool) -> None:
     from asvhil.commands.train import need_torch
 
@@ -183,80 +144,15 @@ def _need_terminal(yes: bool) -> None:
         raise ConfigError("learn: it stops to ask, and there is no terminal: use --yes")
 
 
-def _files(folder: Path, name: str, kind: str) -> _Files:
-    return _Files(
-        folder=folder,
-        data=folder / "drive.mcap",
-        test=folder / "test.mcap",
-        model=folder / f"{name}-{kind}.npz",
-        fitted=folder / f"{name}-sd.npz",
-        picture=folder / "fit.png",
-    )
-
-
-def _drive(
-    settings: Config, files: _Files, duration: float, winds: Sequence[str], steps: _Steps, force: bool
-) -> tuple[list[Path], list[Path]]:
-    """The logs to train on, and those to test on."""
-    from asvhil.config.mean_wind import parse_wind
-
-    simulated = settings.supervisor.engage == "auto"
-    if winds and not simulated:
-        raise ConfigError("--wind: nobody makes the wind for a real vehicle; go out in more than one")
-    radius_m = settings.controller.manoeuvres.geofence_radius_m
-    where = "simulated" if simulated else f"the real boat, full throttle within {radius_m:g} m of where it is held"
-    sectors = [parse_wind(text) for text in winds or WINDS] if simulated else []
-    drives = f"{len(sectors)} drives" if len(sectors) > 1 else "a drive"
-    steps.begin(f"{drives} of {duration:.0f} s of manoeuvres ({where})")
-    with writing(files.folder):
-        files.folder.mkdir(parents=True, exist_ok=True)
-        if force:
-            _put_aside(files.folder, steps.console)
-    mode: Any = "lockstep" if simulated else "vehicle"
-    runs = drive_with_display(settings, mode, duration, sectors, files.data, "", steps.console)
-    refuse_incomplete(runs, steps.console)
-    test_s = max(60.0, TEST_SHARE * duration)
-    steps.begin(f"a drive of {test_s:.0f} s to test on, which the model never sees in training")
-    tested = drive_with_display(
-        _other(settings), mode, test_s, [parse_wind(TEST_WIND)] if simulated else [], files.test, "", steps.console
-    )
-    refuse_incomplete(tested, steps.console)
-    return [run.log for run in runs], [run.log for run in tested]
-
-
-def _put_aside(folder: Path, console: Any) -> None:
-    """Move the logs of earlier drives into a folder of their own: none is ever overwritten, or deleted."""
-    logs = sorted((*folder.glob("drive*.mcap"), *folder.glob("test*.mcap")))
-    if not logs:
-        return
-    aside = next(path for number in itertools.count(1) if not is_there(path := folder / f"before-{number}"))
-    aside.mkdir()
-    for log in logs:
-        log.rename(aside / log.name)
-    say(console, f"   {len(logs)} logs that were there are in {aside} now")
-
-
-def _other(settings: Config) -> Config:
-    """The same boat, with other manoeuvres, weather and noise."""
-    import json
-
-    from asvhil.config import config_from_json
-
-    tree = settings.model_dump(mode="json")
-    tree["controller"]["manoeuvres"]["seed"] += TEST_SEED
-    tree["plant"]["seed"] += TEST_SEED
-    return config_from_json(json.dumps(tree), "learn")
-
-
 def _train(
     settings: Config,
     config: str | Path,
     kind: str,
     data: list[Path],
-    files: _Files,
+    files: LearnFiles,
     iterations: int | None,
     seed: int,
-    steps: _Steps,
+    steps: LearnSteps,
     test: Sequence[Path],
     *,
     resume: bool,
@@ -300,7 +196,7 @@ def _train(
 
 
 def _judge(
-    settings: Config, kind: str, files: _Files, test: Sequence[Path], steps: _Steps
+    settings: Config, kind: str, files: LearnFiles, test: Sequence[Path], steps: LearnSteps
 ) -> tuple[ModelVerdict, dict[str, Any], AtRest]:
     """The verdict, and the scores and the check at rest that it comes from."""
     from asvhil.dynamics.rigid_body import SimplifiedDynamics
@@ -332,7 +228,7 @@ def _judge(
     return judge(kind, scores["rows"], check), scores, check
 
 
-def _hold(settings: Config, kind: str, files: _Files, steps: _Steps) -> dict[str, float]:
+def _hold(settings: Config, kind: str, files: LearnFiles, steps: LearnSteps) -> dict[str, float]:
     """Penalty scores of the simulated boat that holds a station by the physics as configured, and by the new model."""
     import json
 
@@ -366,7 +262,7 @@ def _advise(
     console: Any,
     settings: Config,
     kind: str,
-    files: _Files,
+    files: LearnFiles,
     config: Path,
     verdict: ModelVerdict,
     check: AtRest,

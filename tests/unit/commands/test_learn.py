@@ -8,8 +8,11 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
+from asvhil.collect import collect, log_paths, recorded
 from asvhil.commands import learn as learn_module
+from asvhil.commands.learn_drives import LearnFiles, put_aside
 from asvhil.config import load_config
+from asvhil.config.mean_wind import parse_wind
 from asvhil.dynamics.weights import read_model
 from asvhil.logs.opening import open_recorder
 from asvhil.train.at_rest import AtRest, Load
@@ -62,7 +65,7 @@ def test_the_lines_that_it_advises_are_taken(learned: Path, monkeypatch: pytest.
 
 
 def test_advice_names_the_lines_that_are_there_and_a_wind_load_that_is_off(learned: Path) -> None:
-    files = learn_module._files(learned / "cat-sim-learned", "cat", "nnsem")
+    files = LearnFiles.of(learned / "cat-sim-learned", "cat", "nnsem")
     load = Load(side="port", speed_mps=10.0, rates=(0.0, 0.0, 0.0), reference=(0.0, 0.1, 0.0), error=4.4)
     good = ModelVerdict(passed=("all",), faults=())
     said = []
@@ -129,7 +132,7 @@ def test_forced_drives_put_the_logs_that_are_there_aside(tmp_path: Path) -> None
     for turn in (1, 2):
         for name, content in made.items():
             (tmp_path / name).write_bytes(content)
-        learn_module._put_aside(tmp_path, Console(file=io.StringIO()))
+        put_aside(tmp_path, sorted(tmp_path.glob("*.mcap")), Console(file=io.StringIO()))
         aside = tmp_path / f"before-{turn}"
         assert {path.name: path.read_bytes() for path in aside.iterdir()} == made
         assert not list(tmp_path.glob("*.mcap"))
@@ -139,6 +142,34 @@ def test_a_no_ends_it_and_says_how_to_go_on(learned: Path) -> None:
     said = call("learn", "cat-sim.yaml", "-o", "third", cwd=learned, typed="n\n")
     assert said.status == 2 and "the same command with --resume goes on" in said.err
     assert not (learned / "third").exists()
+
+
+def test_resume_makes_the_drives_that_are_missing_or_broken_off(learned: Path, tmp_path: Path) -> None:
+    """Stopped before the test, with one drive of two there and the other one cut off, as a power cut leaves it."""
+    folder = tmp_path / "half"
+    winds = ("--wind", "3@90", "--wind", "2@0")
+    settings = load_config(learned / "cat-sim.yaml")
+    sectors = [parse_wind(text) for text in winds[1::2]]
+    logs = log_paths(folder / "drive.mcap", folder, sectors)
+    folder.mkdir()
+    collect(settings, "lockstep", 80.0, sectors, folder / "drive.mcap")
+    whole = logs[0].read_bytes()
+    second = logs[1].read_bytes()
+    logs[1].write_bytes(second[: len(second) // 2])
+    order = ("learn", "cat-sim.yaml", "-o", str(folder), "--resume", *winds)
+    refused(call(*order, "--yes", "--duration", "90", cwd=learned), "is of 80 s, and not of the 90 s that are asked")
+    other = ("learn", "cat-sim.yaml", "-o", str(folder), "--resume", "--yes")
+    refused(call(*other, "--wind", "2@0", "--wind", "3@90", cwd=learned), "in their order")
+    refused(call(*other, cwd=learned), "give its --wind options")
+    said = call(*order, cwd=learned, typed="y\ny\nn\n")
+    assert said.status == 2 and "stopped" in said.err, said
+    assert "broken off after" in said.out.replace("\n", " ") and "1. a drive of 80 s of manoeuvres" in said.out
+    assert "2. a drive of 60 s to test on" in said.out
+    assert logs[0].read_bytes() == whole and len(logs[1].read_bytes()) > 0.9 * len(second)
+    assert (folder / "before-1" / logs[1].name).read_bytes() == second[: len(second) // 2]
+    assert recorded(logs[1]).complete and recorded(folder / "test.mcap").complete
+    said = call(*other[:-1], cwd=learned, typed="n\n")  # all is there: the winds need not be told
+    assert said.status == 2 and "1. training of nnsem on 2 logs" in said.out, said
 
 
 @pytest.mark.parametrize(
