@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from asvhil.dynamics.arrays import Array
 from asvhil.errors import LogError
 from asvhil.geo import wrap_rad
+from asvhil.train.angles import check_heading, check_within_turn
 from asvhil.train.columns import ColumnMap, MotorColumn, load_columns
 from asvhil.train.records import Dataset, Segment, source_hash
 from asvhil.train.series import (
@@ -41,6 +42,7 @@ DECIMAL = re.compile(r"[+-]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][+-]?[0-9]{1,3})?",
 PULSE_US = (500.0, 2500.0)
 WINDS = ("wind_u", "wind_v", "wind_n", "wind_e", "wind_speed")
 FASTEST_WIND_MPS = 75.0  # a hurricane: more is a wrong unit
+CALM_MPS = 0.1  # a wind speed may be so far below 0, by the offset of a sensor in a calm
 LONGEST_S = 1e7  # of a file, some four months: more is a wrong unit of time
 DELIMITERS = (";", "\t", ",", "|")
 
@@ -169,6 +171,13 @@ def _read(path: Path, columns: ColumnMap) -> tuple[dict[str, Array], int]:
             if name in WINDS:
                 good = np.abs(table[name]) <= FASTEST_WIND_MPS
                 _check_range(path, column.column, raw[name], rows, good, f"beyond {FASTEST_WIND_MPS:g} m/s of wind")
+            if name == "wind_speed":
+                good = table[name] >= -CALM_MPS
+                _check_range(path, column.column, raw[name], rows, good, "a negative speed: is its sign right?")
+            if name == "wind_from":
+                check_within_turn(path, columns.wind_from, raw[name], rows)
+    if columns.psi is not None:
+        check_heading(path, columns.psi, raw["psi"], rows, table)
     return table, int((~keep).sum())
 
 

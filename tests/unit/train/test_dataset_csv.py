@@ -261,6 +261,50 @@ def test_a_wind_beyond_any_hurricane_is_a_wrong_unit(tmp_path: Path, speed: str)
         dataset_from_csv([path], column_map(tmp_path, text), 0.2)
 
 
+APPARENT = "wind_speed: {column: aws, unit: m/s}\nwind_from: {column: awa, unit: %s}\n"
+
+
+@pytest.mark.parametrize(
+    ("unit", "speed", "origin", "words"),
+    [
+        ("rad", "3", "181.38", r"row 2, column 'awa': 181\.38 is no angle in rad \(beyond 2 pi\): unit deg\?"),
+        ("deg", "3", "-400", r"row 2, column 'awa': -400 is no angle in deg \(beyond 360\): is the unit right\?"),
+        ("deg", "-9", "90", r"row 2, column 'aws': -9 is a negative speed: is its sign right\?"),
+    ],
+)
+def test_a_wind_that_none_has_is_a_wrong_unit_or_sign(
+    tmp_path: Path, unit: str, speed: str, origin: str, words: str
+) -> None:
+    data = write(tmp_path, [[*r, speed, origin] for r in all_rows()], HEADER + ",aws,awa")
+    with pytest.raises(LogError, match=words):
+        dataset_from_csv([data], column_map(tmp_path, MAP + APPARENT % unit), 0.2)
+
+
+@pytest.mark.parametrize("offset_deg", [0.0, -7000.0])
+def test_a_heading_may_count_from_turn_to_turn_but_not_in_another_unit(tmp_path: Path, offset_deg: float) -> None:
+    """Circles at 12 deg/s, for 60 s: two turns."""
+    t_s = np.arange(0.0, 60.0, 0.1)
+    noise = np.random.default_rng(1).normal(0.0, 1.0, len(t_s))
+    continuous = 12.0 * t_s + noise + offset_deg
+
+    def read(headings: np.ndarray, unit: str) -> None:
+        rows = [f"{t:.1f},1,0,0.20943951,{psi:.6f},0.5,0.2" for t, psi in zip(t_s, headings, strict=True)]
+        (tmp_path / "psi.csv").write_text("\n".join(["t,u,v,r,psi,l,s", *rows]))
+        text = "time: {column: t, unit: s}\nu: {column: u, unit: m/s}\nv: {column: v, unit: m/s}\n"
+        text += "r: {column: r, unit: rad/s}\nport: {column: l, unit: '1'}\nstarboard: {column: s, unit: '1'}\n"
+        columns = column_map(tmp_path, text + f"psi: {{column: psi, unit: {unit}}}")
+        dataset_from_csv([tmp_path / "psi.csv"], columns, 0.2)
+
+    for headings in (continuous, continuous % 360.0):
+        read(headings, "deg")
+        read(np.radians(headings), "rad")
+        with pytest.raises(LogError, match=r"is no angle in rad \(beyond 2 pi\): unit deg\?; and it does not change"):
+            read(headings, "rad")
+    wrapped = np.radians(continuous % 360.0)
+    with pytest.raises(LogError, match=r"from \S+ to \S+ deg while the boat turns by \d+ degrees: unit rad"):
+        read(wrapped, "deg")
+
+
 def test_another_delimiter_and_a_byte_order_mark(tmp_path: Path) -> None:
     path = write(tmp_path, sep=";")
     path.write_bytes(b"\xef\xbb\xbf" + path.read_bytes())
