@@ -157,11 +157,15 @@ def _train(
     *,
     resume: bool,
 ) -> dict[str, Any]:
-    """Both models, and the figures of the network's training. ConfigError for logs of another boat."""
+    """Both models, and the figures of the network's training.
+
+    ConfigError for logs of another boat, and for a test that could not be judged by: before the training, not after.
+    """
     from asvhil.dynamics.hull import differences
-    from asvhil.train.jobs import checkpoint_of, left_out_words
+    from asvhil.train.jobs import DT_S, check_test, checkpoint_of, left_out_words, trained_before
     from asvhil.train.options import chosen_options
     from asvhil.train.origin import boat, of_simulation, once, origin_of, refuse_shared
+    from asvhil.train.verdict import EVERY_S, HORIZON_S, LEAST_WINDOWS
 
     (data, more), (test, further) = once(data), once(test)
     for path in (*more, *further):
@@ -176,22 +180,24 @@ def _train(
         raise ConfigError(
             f"learn: {data[0]}: of {boat(origin.simulated)}, and {config} is of {boat(not origin.simulated)}"
         )
+    check_test(test, horizon_s=HORIZON_S, every_s=EVERY_S, least=LEAST_WINDOWS)
+    chosen = chosen_options(kind, DT_S, **OPTIONS[kind], **({} if iterations is None else {"iterations": iterations}))
     steps.begin(f"training of {kind} on {len(data)} logs, and the physics fitted to the same")
     with writing(files.folder):
         files.folder.mkdir(parents=True, exist_ok=True)
-    chosen = {**OPTIONS[kind], **({} if iterations is None else {"iterations": iterations})}
-    figures = train_with_bar(
-        steps.console,
-        kind,
-        data,
-        files.model,
-        options=chosen_options(kind, 0.2, **chosen),
-        seed=seed,
-        tries=TRIES[kind],
-        resume=resume and is_there(checkpoint_of(files.model)),
-    )
+    seeds = range(seed, seed + TRIES[kind])
+    figures = trained_before(files.model, kind, data, seeds, chosen) if resume else None
+    if figures is not None:
+        say(steps.console, f"   {files.model}: is there already, of the same data, options and seed")
+    else:
+        resumed = resume and is_there(checkpoint_of(files.model))
+        figures = train_with_bar(
+            steps.console, kind, data, files.model, options=chosen, seed=seed, tries=len(seeds), resume=resumed
+        )
+        say(
+            steps.console, f"   {files.model}: {figures['data_s']:.0f} s of data, {figures['wall_s']:.0f} s of training"
+        )
     train_with_bar(steps.console, "sd", data, files.fitted)
-    say(steps.console, f"   {files.model}: {figures['data_s']:.0f} s of data, {figures['wall_s']:.0f} s of training")
     return figures
 
 

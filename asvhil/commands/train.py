@@ -70,7 +70,6 @@ def train(
         tries=tries,
         resume=resume,
     )
-    write_json(json_, figures)
     words = f"{output}: {kind} for {figures['vehicle']}, {figures['data_s']:.0f} s of data, {figures['wall_s']:.1f} s"
     if figures["missing_rows"] or figures["outliers"]:
         words += f"; left out: {figures['missing_rows']} rows with a missing value, {figures['outliers']} jumps"
@@ -78,6 +77,9 @@ def train(
         say(console, left_out_words(path))
     say(console, words)
     say(console, figures["at_rest"]["verdict"])
+    write_json(json_, figures)
+    if figures["picture_fault"]:
+        raise AsvhilError(f"{figures['picture_fault']}; the model {output} is whole")
 
 
 def _check_output(output: Path, *, force: bool, resume: bool) -> None:

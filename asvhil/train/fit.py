@@ -34,7 +34,9 @@ def fit(
     progress: Callable[[TrainingProgress], None] | None = None,
     checkpoint: Path | None = None,
 ) -> TrainedModel:
-    """One trained model. With a checkpoint file, an interrupted training goes on from there; it is removed at the end.
+    """One trained model. With a checkpoint file, an interrupted training goes on from there.
+
+    Who saves the model removes that file, and not before.
 
     ModelError where the data are not suitable, or where the checkpoint belongs to another training.
     """

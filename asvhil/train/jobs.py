@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+import json
 import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -11,7 +13,7 @@ from typing import Any
 from asvhil.config import VesselConfig
 from asvhil.dynamics.protocol import Dynamics
 from asvhil.dynamics.weights import TrainedModel, read_model, save_model
-from asvhil.errors import ConfigError, ModelError
+from asvhil.errors import AsvhilError, ConfigError, ModelError
 from asvhil.files import is_there
 from asvhil.logs.reader import LogFile
 from asvhil.logs.replay import config_of
@@ -29,6 +31,7 @@ from asvhil.train.log_series import read_log_series
 from asvhil.train.options import FitOptions, chosen_options
 from asvhil.train.origin import DataOrigin, once, origin_of
 from asvhil.train.progress import TrainingProgress
+from asvhil.train.records import source_hash
 
 DT_S = 0.2
 
@@ -63,6 +66,19 @@ def test_cases(paths: Sequence[Path], columns: str | None, dt_s: float, *, truth
             name = path.name if len(seen.segments) == 1 else f"{path.name} part {number + 1}"
             cases.append(Case(name=name, seen=given, reference=wanted))
     return cases
+
+
+def check_test(paths: Sequence[Path], *, horizon_s: float, every_s: float, least: int) -> None:
+    """ConfigError or LogError where logs to test on are damaged, too short, or move in fewer than `least` windows.
+
+    A training of hours must not end with a test that nothing can be told by.
+    """
+    cases = test_cases(paths, None, DT_S, truth=False)
+    moving = sum(window.moving for window in windows_of(cases, horizon_s, every_s, DT_S))
+    if moving < least:
+        names = ", ".join(map(str, paths))
+        found = f"{moving} stretches of {horizon_s:g} s in motion, and {least} or more are needed"
+        raise ConfigError(f"data: the test ({names}) has {found}: drive it for longer")
 
 
 def simulated_vessel(paths: Sequence[Path]) -> VesselConfig | None:
@@ -134,15 +150,20 @@ def train_command(
     model = models[0] if tries == 1 else best_of(models)
     check = at_rest(model.dynamics(), model.scaling.half[5:], simulated_vessel(data))
     save_model(output, model)
+    checkpoint.unlink(missing_ok=True)  # only now: until the model is on the disk it is all that there is
     from asvhil.train.pictures import draw_curve
 
-    picture = picture_of(output)
-    draw_curve(model.figures, f"{kind}, {origin.vehicle}", picture)
+    picture, fault = picture_of(output), ""
+    try:
+        draw_curve(model.figures, f"{kind}, {origin.vehicle}", picture)
+    except AsvhilError as error:  # the model is whole, and so are its figures
+        fault = str(error)
     return {
         "kind": kind,
         "vehicle": origin.vehicle,
         "model": str(output),
-        "picture": str(picture),
+        "picture": None if fault else str(picture),
+        "picture_fault": fault,
         "data": [str(path) for path in data],
         "left_out": [str(path) for path in left_out],
         "data_s": round(dataset.duration_s, 1),
@@ -155,6 +176,21 @@ def train_command(
         "at_rest": {**check.figures(), "verdict": check.verdict()},
         **{name: value for name, value in model.figures.items() if name != "curve"},
     }
+
+
+def trained_before(
+    output: Path, kind: str, data: Sequence[Path], seeds: Sequence[int], options: FitOptions
+) -> dict[str, Any] | None:
+    """The figures of a model file that the same training has left, which is the same to the last bit; else None."""
+    try:
+        model = read_model(output)
+    except ModelError:
+        return None
+    same = json.loads(json.dumps(dataclasses.asdict(options))) == model.figures.get("options")
+    if not same or model.kind != kind or model.seed not in seeds or model.data_hash != source_hash(data):
+        return None
+    figures = {name: value for name, value in model.figures.items() if name != "curve"}
+    return {"kind": kind, "vehicle": model.vehicle, "model": str(output), "seed": model.seed, **figures}
 
 
 def evaluate_command(

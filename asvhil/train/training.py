@@ -105,8 +105,6 @@ class Training:
                         models=self.models,
                     )
                 )
-        if self._path is not None:
-            self._path.unlink(missing_ok=True)
 
     def models(self) -> list[TrainedModel]:
         """The best model of each seed so far."""

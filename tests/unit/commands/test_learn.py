@@ -96,6 +96,24 @@ def test_nothing_is_overwritten_and_no_log_counts_twice(learned: Path) -> None:
     assert {path: path.read_bytes() for path in before} == before and not (learned / "other").exists()
 
 
+def test_a_test_is_looked_at_before_the_training(learned: Path) -> None:
+    short = learned / "short.mcap"
+    collect(load_config(learned / "cat-sim.yaml"), "lockstep", 15.0, [parse_wind("3@90")], short)
+    drive = "cat-sim-learned/drive.mcap"
+    said = call("learn", "cat-sim.yaml", "--yes", "-o", "new", "--data", drive, "--test", short.name, cwd=learned)
+    short.unlink()
+    refused(said, "short.mcap: ")
+    assert "s are needed" in said.err and not (learned / "new").exists() and "training" not in said.out
+
+
+def test_a_model_that_is_there_is_not_trained_again(learned: Path) -> None:
+    model = learned / "cat-sim-learned" / "cat-nnsem.npz"
+    before = model.stat().st_mtime_ns
+    said = call("learn", "cat-sim.yaml", "--resume", "--iterations", "60", cwd=learned, typed="y\nn\n")
+    assert "cat-nnsem.npz: is there already, of the same data, options and seed" in said.out.replace("\n", " "), said
+    assert model.stat().st_mtime_ns == before and "stopped" in said.err
+
+
 def test_another_boats_logs_are_refused_before_the_training(learned: Path) -> None:
     assert (
         call("init", "dog.yaml", *CAT[:-4], "--mass", "90", *CAT[-2:], "--motors-apart", "0.84", cwd=learned).status

@@ -286,7 +286,7 @@ def test_an_interrupted_training_goes_on_to_the_same_weights(kind: str, tmp_path
     )
     whole = fit(kind, DATA, seed=5, options=options)
     assert seen == [30]
-    assert not checkpoint.exists()
+    assert checkpoint.exists()  # until the model is saved it is all that there is
     assert all((resumed.weights[name] == whole.weights[name]).all() for name in whole.weights)
     assert resumed.figures == whole.figures
 

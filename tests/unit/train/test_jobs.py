@@ -23,7 +23,7 @@ from asvhil.study.models import markdown, mpc_tick_ms, study_models  # noqa: E40
 from asvhil.study.page import MARKER  # noqa: E402
 from asvhil.train.at_rest import thrust_dip  # noqa: E402
 from asvhil.train.choice import TOLERANCE_MPS2, best_of, check_at_rest  # noqa: E402
-from asvhil.train.jobs import evaluate_command, is_csv, train_command  # noqa: E402
+from asvhil.train.jobs import check_test, evaluate_command, is_csv, train_command, trained_before  # noqa: E402
 from asvhil.train.options import chosen_options  # noqa: E402
 from asvhil.train.progress import TrainingProgress  # noqa: E402
 from tests.support.paths import ROOT  # noqa: E402
@@ -68,6 +68,35 @@ def test_a_trained_model_knows_where_it_comes_from(log: Path, trained: Path) -> 
     assert len(model.data_hash) == 64 and len(model.config_hash) == 16
     assert load_model(trained, vehicle="wamv16", dt_s=0.2).name == "nnsem"
     assert not trained.with_name("wamv16-nnsem.npz.checkpoint").exists()
+
+
+def test_a_model_that_cannot_be_saved_leaves_its_checkpoint_and_a_picture_is_not_missed(
+    log: Path, tmp_path: Path
+) -> None:
+    output = tmp_path / "m.npz"
+    output.mkdir()
+    options = chosen_options("nnsem", 0.2, iterations=20)
+    with pytest.raises(ModelError, match=r"m\.npz: cannot be written"):
+        train_command("nnsem", [log], output, options=options)
+    checkpoint = tmp_path / "m.npz.checkpoint"
+    assert checkpoint.exists()
+    output.rmdir()
+    (tmp_path / "m.curve.png").mkdir()
+    figures = train_command("nnsem", [log], output, options=options, resume=True)
+    assert read_model(output).kind == "nnsem" and not checkpoint.exists()
+    assert figures["picture"] is None and "m.curve.png: cannot be written" in figures["picture_fault"]
+    assert trained_before(output, "nnsem", [log], range(1, 3), options) is not None
+    other = dataclasses.replace(options, iterations=21)
+    for seeds, chosen in ((range(2, 4), options), (range(1, 3), other)):
+        assert trained_before(output, "nnsem", [log], seeds, chosen) is None
+
+
+def test_a_test_that_tells_nothing_is_refused(log: Path) -> None:
+    check_test([log], horizon_s=10.0, every_s=2.0, least=10)
+    with pytest.raises(ConfigError, match=r"stretches of 10 s in motion, and 1000 or more are needed: drive it"):
+        check_test([log], horizon_s=10.0, every_s=2.0, least=1000)
+    with pytest.raises(LogError, match="no stretch for a rollout of 300 s"):
+        check_test([log], horizon_s=300.0, every_s=2.0, least=10)
 
 
 def test_evaluate_gives_a_row_for_each_model_and_for_holding(log: Path, trained: Path, tmp_path: Path) -> None:
