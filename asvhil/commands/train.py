@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Iterator
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 
@@ -45,7 +46,7 @@ def train(
     """Train a vessel model on logs. Writes the model file and a picture of its loss."""
     from rich.console import Console
 
-    need_torch()
+    need_torch(kind)
     from asvhil.logs.plugins import load_plugins
     from asvhil.train.jobs import left_out_words, picture_of
 
@@ -120,14 +121,23 @@ def train_with_bar(console: Any, kind: str, data: list[Path], output: Path, **se
         raise
 
 
-def need_torch() -> None:
-    """One clear line where the training extra is not installed."""
-    from importlib.util import find_spec
-
-    if find_spec("torch") is None:
-        raise AsvhilError(
-            "training needs torch: pip install '.[train]' in the clone of asvhil (6 GB; less: docs/installation.md)"
-        )
+def need_torch(kind: str = "") -> None:
+    """One clear line where what trains a kind is not installed, or does not load."""
+    packages = ("torch", "torchdiffeq") if kind in ("node", "knode") else ("torch",)
+    for package in packages:
+        try:
+            import_module(package)
+        except (ImportError, OSError) as error:  # OSError: of its libraries one is missing, or for another computer
+            if getattr(error, "name", None) == package:
+                raise AsvhilError(
+                    f"training needs {package}: pip install '.[train]' in the clone of asvhil"
+                    " (6 GB; less: docs/installation.md)"
+                ) from None
+            why = (str(error) or type(error).__name__).splitlines()[0]
+            raise AsvhilError(
+                f"training needs {package}, which is installed and does not load ({why}): install it again"
+                " (docs/installation.md)"
+            ) from None
 
 
 def _kind_options() -> Iterator[inspect.Parameter]:

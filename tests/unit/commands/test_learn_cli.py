@@ -3,6 +3,7 @@
 import csv
 import io
 import json
+import os
 import signal
 import subprocess
 import sys
@@ -147,6 +148,31 @@ def test_an_interrupted_training_resumes_to_the_same_bits(run: Run, folder: Path
     cut, whole = read_model(folder / "cut.npz"), read_model(folder / "whole.npz")
     assert all((cut.weights[name] == whole.weights[name]).all() for name in whole.weights)
     assert (folder / "cut.npz").read_bytes() == (folder / "whole.npz").read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("kind", "package", "code", "words"),
+    [
+        ("nnsem", "torch", "raise OSError('libcudart.so.12: cannot open')", "does not load (libcudart.so.12: cannot o"),
+        (
+            "nnsem",
+            "torch",
+            "import libtorch_of_another_python",
+            "is installed and does not load (No module named",
+        ),
+        ("node", "torchdiffeq", "raise ModuleNotFoundError(name='torchdiffeq')", "needs torchdiffeq: pip install"),
+    ],
+)
+def test_a_package_that_does_not_load_is_one_line(
+    folder: Path, tmp_path: Path, kind: str, package: str, code: str, words: str
+) -> None:
+    (tmp_path / f"{package}.py").write_text(code)
+    done = subprocess.run(
+        [sys.executable, "-m", "asvhil", "train", kind, "run.csv", *OF_CSV, "-o", "never.npz"],
+        cwd=folder, text=True, capture_output=True, timeout=100,
+        env={**os.environ, "PYTHONPATH": f"{tmp_path}{os.pathsep}{ROOT}"},
+    )  # fmt: skip
+    refused((done.returncode, done.stdout, done.stderr), words)
 
 
 def test_options_reach_the_training(run: Run, folder: Path) -> None:
