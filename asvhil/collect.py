@@ -15,11 +15,13 @@ from asvhil.config.mean_wind import WindSector, wind_keys
 from asvhil.daemon.daemon import Daemon
 from asvhil.daemon.status import StatusTeller
 from asvhil.errors import AsvhilError, ConfigError
+from asvhil.files import is_there
 from asvhil.links.clock import Clock
 from asvhil.logs.encoding import decode_outputs
 from asvhil.logs.opening import make_run_folder, open_recorder
 from asvhil.logs.reader import LogFile
 from asvhil.logs.replay import config_of
+from asvhil.logs.segments import segment_path
 from asvhil.simplant.lockstep import Lockstep
 from asvhil.sitl import run_realtime
 from asvhil.types import FrontseatStatus, Outputs, Phase, record
@@ -70,8 +72,13 @@ def with_manoeuvres(
 
 
 def log_paths(output: Path | None, folder: Path, winds: Sequence[WindSector | None]) -> list[Path]:
-    """A log for each wind: the output as it is where there is one, else its name with the wind in it."""
+    """A log for each wind: the output as it is where there is one, else its name with the wind in it.
+
+    ConfigError where the output is no name of a log.
+    """
     base = output if output is not None else folder / "log.mcap"
+    if base.suffix != ".mcap":
+        raise ConfigError(f"--output {base}: a log ends in .mcap, such as {base.name}.mcap")
     if len(winds) < 2:
         return [base]
     names = ["" if wind is None else f"-{wind.speed_mps:g}mps-{wind.toward_deg:g}deg" for wind in winds]
@@ -112,9 +119,12 @@ def collect(
     sectors: list[WindSector | None] = list(winds) or [None]
     # The first run's config: its controller is that of the manoeuvres, whatever the boat's own one needs.
     first = with_manoeuvres(config, duration_s, sectors[0], note, 0)
+    given = None if output is None else log_paths(output, output.parent, sectors)
+    _refuse_there([log for log in given or () if log not in skip])
     folder = make_run_folder(first, "collect") if output is None or mode == "realtime" else output.parent
+    logs = log_paths(None, folder, sectors) if given is None else given
     results: list[Collected] = []
-    for run, (wind, log) in enumerate(zip(sectors, log_paths(output, folder, sectors), strict=True)):
+    for run, (wind, log) in enumerate(zip(sectors, logs, strict=True)):
         if log in skip:
             continue
         settings = with_manoeuvres(config, duration_s, wind, note, run)
@@ -131,6 +141,14 @@ def collect(
         if not results[-1].complete:
             break
     return results
+
+
+def _refuse_there(logs: Sequence[Path]) -> None:
+    """ConfigError, before the first drive, where the log of any is there already, or the next segment of one."""
+    for log in logs:
+        for path in (log, segment_path(log, 1)):
+            if is_there(path):
+                raise ConfigError(f"{path}: is there already, and no log is overwritten; give another name")
 
 
 def recorded(log: Path) -> Collected:

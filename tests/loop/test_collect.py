@@ -90,6 +90,18 @@ def test_what_cannot_be_collected_is_refused_before_it_starts(tmp_path: Path) ->
     assert list(tmp_path.iterdir()) == []
 
 
+def test_a_log_that_is_there_is_met_before_the_first_drive(tmp_path: Path) -> None:
+    winds = [parse_wind("3@0"), parse_wind("4@90")]
+    for name in ("day-4mps-90deg.mcap", "day-4mps-90deg-001.mcap"):
+        (tmp_path / name).write_bytes(b"of before")
+        with pytest.raises(ConfigError, match=f"{name}: is there already, and no log is overwritten"):
+            collect(CONFIG, "lockstep", 60.0, winds, tmp_path / "day.mcap")
+        assert [path.name for path in tmp_path.iterdir()] == [name]
+        (tmp_path / name).unlink()
+    with pytest.raises(ConfigError, match=r"--output .*day\.v2: a log ends in \.mcap, such as day\.v2\.mcap"):
+        collect(CONFIG, "lockstep", 60.0, winds, tmp_path / "day.v2")
+
+
 class Boat:
     """The simulated boat on a UDP socket in a thread of this process, armed by its pilot; ends with `stop`."""
 
