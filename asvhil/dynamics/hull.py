@@ -23,11 +23,15 @@ def hull_of(vessel: VesselConfig) -> dict[str, float]:
 
 def differences(trained: Mapping[str, float], vessel: VesselConfig) -> str:
     """How the hull of a model differs from a vessel, in words; "" where they are of one boat, or nothing is known."""
-    own = hull_of(vessel)
+    return figures_apart(trained, hull_of(vessel))
+
+
+def figures_apart(trained: Mapping[str, float], own: Mapping[str, float]) -> str:
+    """The same of two hulls by their figures."""
     return ", ".join(
         f"{name} {trained[name]:.3g} {unit} for {own[name]:.3g} {unit}"
         for name, unit in UNITS.items()
-        if name in trained and not 1.0 / SAME <= trained[name] / own[name] <= SAME
+        if name in trained and name in own and not 1.0 / SAME <= trained[name] / own[name] <= SAME
     )
 
 

@@ -11,9 +11,10 @@ from types import MappingProxyType
 from typing import Any
 
 from asvhil.config import VesselConfig
+from asvhil.dynamics.hull import figures_apart
 from asvhil.dynamics.protocol import Dynamics
 from asvhil.dynamics.weights import TrainedModel, read_model, save_model
-from asvhil.errors import AsvhilError, ConfigError, ModelError
+from asvhil.errors import AsvhilError, ConfigError, ModelError, OtherHullError
 from asvhil.files import is_there
 from asvhil.logs.reader import LogFile
 from asvhil.logs.replay import config_of
@@ -283,6 +284,9 @@ def _check(path: Path, model: TrainedModel, dt_s: float, origin: DataOrigin | No
     if origin is not None and model.vehicle != origin.vehicle:
         of = f"{model.vehicle!r}, the logs are of {origin.vehicle!r}"
         raise ModelError(f"{path}: this model was trained for vehicle {of}")
+    apart = "" if origin is None else figures_apart(model.hull or {}, origin.hull)
+    if apart:
+        raise OtherHullError(f"{path}: this model was trained on another boat than that of the logs ({apart})")
 
 
 def _refuse_columns(columns: str | None) -> None:

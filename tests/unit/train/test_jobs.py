@@ -123,6 +123,10 @@ def test_evaluate_refuses_another_vehicle_another_step_and_short_data(log: Path,
     save_model(other, type(stranger)(**{**_fields(stranger), "vehicle": "bream"}))
     with pytest.raises(ModelError, match=r"other\.npz: .* trained for vehicle 'bream', the logs are of 'wamv16'"):
         evaluate_command([trained, other], [log])
+    hull = {**(read_model(trained).hull or {}), "mass": 38.0}
+    save_model(other, type(stranger)(**{**_fields(stranger), "hull": hull}))
+    with pytest.raises(ModelError, match=r"other\.npz: .* another boat than that of the logs \(mass 38 kg for "):
+        evaluate_command([trained, other], [log])
     save_model(other, type(stranger)(**{**_fields(stranger), "dt_s": 0.1}))
     with pytest.raises(ModelError, match=r"other\.npz: .* steps of 0\.1 s, the first one 0\.2 s"):
         evaluate_command([trained, other], [log])
