@@ -109,10 +109,16 @@ def train_with_bar(console: Any, kind: str, data: list[Path], output: Path, **se
             task = bar.add_task(kind, total=options.iterations)
 
             def show(state: TrainingProgress) -> None:
-                words = f"{kind}, best validation error {state.validation:.4f}"
+                # SD is fitted to all that it is given: there is nothing that its error is validated on.
+                what = "error" if kind == "sd" else "best validation error"
+                words = f"{kind}, {what} {state.validation:.4f}"
                 bar.update(task, completed=state.iteration, total=state.iterations, description=words)
 
-            return train_command(kind, data, output, **settings, progress=show)
+            figures = train_command(kind, data, output, **settings, progress=show)
+            bar.update(task, completed=bar.tasks[0].total)  # it may end before all iterations
+        for line in figures["notes"]:
+            typer.echo(f"asvhil: warning: {line}", err=True)
+        return figures
     except KeyboardInterrupt:
         if is_there(checkpoint_of(output)):
             typer.echo(

@@ -17,17 +17,19 @@ from asvhil.errors import LogError
 from asvhil.geo import wrap_rad
 from asvhil.train.angles import check_heading, check_within_turn
 from asvhil.train.columns import ColumnMap, MotorColumn, load_columns
-from asvhil.train.records import Dataset, Segment, source_hash
+from asvhil.train.records import Dataset, Segment, source_hash, still_motors
 from asvhil.train.series import (
     MIN_DATA_S,
     MIN_SEGMENT_S,
     VELOCITY_HALF_WIDTH_S,
     YAW_HALF_WIDTH_S,
     Series,
+    bridged_s,
     grid,
     hold_mean,
     interpolate,
     rotate,
+    scattered_words,
     series,
     smooth,
     spans,
@@ -57,15 +59,22 @@ def dataset_from_csv(
     """
     columns = load_columns(column_map)
     segments: list[Segment] = []
+    notes: list[str] = []
     outliers = missing = 0
     for path in paths:
         table, left_out = _read(path, columns)
         found, removed = _segments(path, columns, table, dt_s, smoothed, max_gap_s)
         segments += found
+        notes += still_motors(path, found)
         outliers += removed
         missing += left_out
     return Dataset(
-        dt_s=dt_s, segments=tuple(segments), source_hash=source_hash(paths), outliers=outliers, missing=missing
+        dt_s=dt_s,
+        segments=tuple(segments),
+        source_hash=source_hash(paths),
+        outliers=outliers,
+        missing=missing,
+        notes=tuple(notes),
     )
 
 
@@ -73,6 +82,7 @@ def _segments(
     path: Path, columns: ColumnMap, table: dict[str, Array], dt_s: float, smoothed: bool, max_gap_s: float
 ) -> tuple[list[Segment], int]:
     t_s = table["time"]
+    max_gap_s = bridged_s(t_s, max_gap_s)
     if columns.psi is not None and columns.psi.settle_s is not None:
         steadied = _steadied_heading(t_s, table["psi"], table["r"], columns.psi.settle_s, max_gap_s)
         turned = rotate(table["psi"] - steadied, np.column_stack([table["u"], table["v"]]))
@@ -106,7 +116,9 @@ def _segments(
         )
     total_s = dt_s * sum(len(segment.t_s) for segment in segments)
     if total_s < MIN_DATA_S:
-        raise LogError(f"{path}: {total_s:.1f} s of usable data, at least {MIN_DATA_S:.0f} s are needed")
+        usual_s = float(np.median(np.diff(t_s))) if len(t_s) > 1 else 0.0
+        why = scattered_words(float(t_s[-1]), total_s, usual_s, len(t_s), max_gap_s)
+        raise LogError(f"{path}: {total_s:.1f} s of usable data, at least {MIN_DATA_S:.0f} s are needed{why}")
     return segments, jumps_v + jumps_r
 
 

@@ -170,6 +170,7 @@ def train_command(
         "data_s": round(dataset.duration_s, 1),
         "outliers": dataset.outliers,
         "missing_rows": dataset.missing,
+        "notes": list(dataset.notes),
         "smoothed": smoothed,
         "data_hash": dataset.source_hash,
         "seed": model.seed,

@@ -11,7 +11,7 @@ import numpy as np
 from asvhil.dynamics.arrays import Array
 from asvhil.errors import LogError
 from asvhil.train.log_series import LogSeries, read_log_series
-from asvhil.train.records import Dataset, Segment, source_hash
+from asvhil.train.records import Dataset, Segment, source_hash, still_motors
 from asvhil.train.series import (
     MIN_DATA_S,
     MIN_SEGMENT_S,
@@ -32,6 +32,7 @@ from asvhil.train.series import (
 
 Source = Literal["smoothed", "measured", "estimate", "truth"]
 
+SILENT = "though its config has a source of wind"
 WIND_GAP_S = 5.0
 OFF = 0.02  # commands below it are motors that are off
 OFF_HALF_WIDTH_S = 6.0  # of smoothing the velocity while nothing drives the boat
@@ -56,12 +57,34 @@ def dataset_from_logs(
     reports. Rows begin when commands change. Gaps beyond max_gap_s in any source end a segment.
     """
     segments: list[Segment] = []
+    notes: list[str] = []
+    calm: list[tuple[Path, bool]] = []
     outliers = 0
     for path in paths:
         raw = read_log_series(path)
-        segments += _segments(path, raw, dt_s, source, max_gap_s)
+        found = _segments(path, raw, dt_s, source, max_gap_s)
+        segments += found
         outliers += raw.outliers
-    return Dataset(dt_s=dt_s, segments=tuple(segments), source_hash=source_hash(paths), outliers=outliers)
+        notes += still_motors(path, found)
+        if not len(raw.wind.t_s):
+            calm.append((path, raw.wind_link))
+    notes += _calm(calm, len(paths))
+    return Dataset(
+        dt_s=dt_s,
+        segments=tuple(segments),
+        source_hash=source_hash(paths),
+        outliers=outliers,
+        notes=tuple(notes),
+    )
+
+
+def _calm(calm: Sequence[tuple[Path, bool]], logs: int) -> list[str]:
+    """A line for each log that counts as calm: where it should have had wind, or where others have."""
+    return [
+        f"{path}: no wind was measured, {SILENT if linked else 'which other logs have'}: it counts as calm"
+        for path, linked in calm
+        if linked or len(calm) < logs
+    ]
 
 
 def truth_from_log(path: Path, dt_s: float, max_gap_s: float = 0.6) -> Dataset:
@@ -94,8 +117,23 @@ def _segments(path: Path, raw: LogSeries, dt_s: float, source: Source, max_gap_s
     ]
     total_s = dt_s * sum(len(segment.t_s) for segment in segments)
     if total_s < MIN_DATA_S:
-        raise LogError(f"{path}: {total_s:.1f} s of usable data, at least {MIN_DATA_S:.0f} s are needed")
+        why = _gaps(needed, total_s, max_gap_s)
+        raise LogError(f"{path}: {total_s:.1f} s of usable data, at least {MIN_DATA_S:.0f} s are needed{why}")
     return segments
+
+
+def _gaps(sources: Sequence[tuple[str, Series]], total_s: float, max_gap_s: float) -> str:
+    """Which source has its gaps where little of a log is left, in words; empty where the log is just short."""
+    whole = [(name, source, spans(source.t_s, max_gap_s)) for name, source in sources]
+    name, source, stretches = min(whole, key=lambda one: max(end - begin for begin, end in one[2]))
+    lasted_s = float(source.t_s[-1] - source.t_s[0])
+    if lasted_s - total_s < MIN_SEGMENT_S:
+        return ""
+    return (
+        f": {lasted_s:.0f} s were recorded, and gaps beyond {max_gap_s:g} s end a stretch; of {name} the longest lasts"
+        f" {max(end - begin for begin, end in stretches):.1f} s, with samples each"
+        f" {float(np.median(np.diff(source.t_s))):.2g} s"
+    )
 
 
 def _segment(raw: LogSeries, t_s: Array, dt_s: float, source: Source) -> Segment:

@@ -9,7 +9,7 @@ import numpy as np
 
 from asvhil.backseat.build import build_decoder
 from asvhil.config import Config
-from asvhil.config.ports import AUTOPILOT
+from asvhil.config.ports import ANEMOMETER, AUTOPILOT
 from asvhil.controller.pwm import command_of_pulse
 from asvhil.errors import LogError
 from asvhil.geo import ned_to_body
@@ -45,6 +45,7 @@ class LogSeries:
     estimate: Series  # u, v, r, psi (continuous)
     truth: Series  # u, v, r, psi (continuous)
     outliers: int  # number of outliers left out
+    wind_link: bool = False  # whether the config has a link that wind should have come on
 
 
 KEPT = 8  # logs
@@ -90,7 +91,15 @@ def _decoded(log: LogFile, path: Path, config: Config) -> LogSeries:
         estimate=_unwrapped(series(reader.estimate, 4), 3),
         truth=_unwrapped(series(reader.truth, 4), 3),
         outliers=jumps_psi + jumps_r + jumps_v,
+        wind_link=_has_wind_link(config),
     )
+
+
+def _has_wind_link(config: Config) -> bool:
+    links = config.links
+    there = {AUTOPILOT, *links.sensors, *((ANEMOMETER,) if links.anemometer is not None else ())}
+    wanted = {source.link for source in config.sources.wind} or {ANEMOMETER}
+    return not wanted.isdisjoint(there)
 
 
 class _Reader:

@@ -13,6 +13,9 @@ from asvhil.dynamics.arrays import Array
 from asvhil.errors import LogError
 from asvhil.types import record
 
+MOTORS = ("port", "starboard")
+STILL_COMMAND = 1e-6  # a command that spans less never changes: what is left is rounding
+
 
 @record
 class Segment:
@@ -35,6 +38,7 @@ class Dataset:
     source_hash: str
     outliers: int = 0  # samples that were left out because no boat jumps like that
     missing: int = 0  # rows of CSV files that were left out because a value is missing
+    notes: tuple[str, ...] = ()  # what is odd about the files, a line each
 
     @property
     def duration_s(self) -> float:
@@ -92,6 +96,17 @@ def ranges(dataset: Dataset) -> Ranges:
         command=extremes([segment.command for segment in dataset.segments]),
         wind=extremes([segment.wind for segment in dataset.segments]),
     )
+
+
+def still_motors(path: Path, segments: Sequence[Segment]) -> list[str]:
+    """A line for the motor of a file whose command never changes, while that of the other does."""
+    command = np.concatenate([segment.command for segment in segments])
+    spread = np.ptp(command, axis=0)
+    return [
+        f"{path}: the command of the {name} motor is {command[0, motor]:g} throughout: is its column the right one?"
+        for motor, name in enumerate(MOTORS)
+        if spread[motor] < STILL_COMMAND <= spread[1 - motor]
+    ]
 
 
 def source_hash(paths: Sequence[Path]) -> str:

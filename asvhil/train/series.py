@@ -12,6 +12,8 @@ WINDOW = 7  # samples of the running median that a sample is held against
 # Widths of the smoothing, chosen against the simulated truth: see `dataset_from_logs`.
 MIN_DATA_S = 30.0  # of one file
 MIN_SEGMENT_S = 2.0
+SLOW_GAPS = 1.2  # times the usual step of a slow record: some jitter of it is no gap
+SLOWEST_S = 1.1  # a usual step: one that is longer is of no record to train on
 VELOCITY_HALF_WIDTH_S = 1.2
 YAW_HALF_WIDTH_S = 0.7
 
@@ -58,6 +60,24 @@ def spans(t_s: Array, max_gap_s: float) -> list[tuple[float, float]]:
     breaks = np.flatnonzero(np.diff(t_s) > max_gap_s)
     begins, ends = np.append(0, breaks + 1), np.append(breaks, len(t_s) - 1)
     return [(float(t_s[a]), float(t_s[b])) for a, b in zip(begins, ends, strict=True)]
+
+
+def bridged_s(t_s: Array, max_gap_s: float) -> float:
+    """The longest gap that a record is bridged over: max_gap_s, or a little more than a step of one as slow as that."""
+    if len(t_s) < 3:
+        return max_gap_s
+    usual_s = float(np.median(np.diff(t_s)))
+    return max(max_gap_s, SLOW_GAPS * usual_s) if usual_s <= SLOWEST_S else max_gap_s
+
+
+def scattered_words(total_s: float, stretches_s: float, step_s: float, rows: int, max_gap_s: float) -> str:
+    """Why a record of total_s has little in stretches long enough, where its gaps or its unit of time are to blame."""
+    if total_s - stretches_s < MIN_SEGMENT_S:
+        return ""
+    return (
+        f": {total_s:.3g} s in {rows} rows, but rows are {step_s:.3g} s apart and gaps beyond {max_gap_s:.3g} s end a"
+        f" stretch, of which those of {MIN_SEGMENT_S:.0f} s or more count; is the unit of time right?"
+    )
 
 
 def common(a: list[tuple[float, float]], b: list[tuple[float, float]]) -> list[tuple[float, float]]:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from asvhil.dynamics.arrays import Array
 from asvhil.dynamics.nnsem import Scaling
 from asvhil.errors import ModelError
-from asvhil.train.records import Dataset, Segment, ranges
+from asvhil.train.records import MOTORS, STILL_COMMAND, Dataset, Segment, ranges
 
 SHORTEST_S = 60.0  # less data cannot train a model
 MOVING_MPS = 0.2  # mean speed of a window in motion
@@ -37,8 +37,17 @@ def check(dataset: Dataset) -> None:
             f"the training data hold no motion: u spans {spread[0]:.3f} m/s and r {spread[2]:.4f} rad/s"
             f" (at least {STILL_MPS} and {STILL_RADPS} are needed)"
         )
-    if not np.ptp(np.concatenate([segment.command for segment in dataset.segments]), axis=0).all():
-        raise ModelError("the training data hold no motion of the motors: a command never changes")
+    command = np.concatenate([segment.command for segment in dataset.segments])
+    still = [
+        f"{name} motor ({values[0]:g})"
+        for name, values in zip(MOTORS, command.T, strict=True)
+        if np.ptp(values) < STILL_COMMAND
+    ]
+    if still:
+        raise ModelError(
+            f"the training data hold no motion of the motors: in none of the files the command of the"
+            f" {' and the '.join(still)} ever changes; is its column or channel the right one?"
+        )
 
 
 def scaling_of(dataset: Dataset, *, symmetric: bool) -> Scaling:

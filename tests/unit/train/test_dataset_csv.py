@@ -1,5 +1,6 @@
 """CSV files of somebody's boat: units, signs and winds by a column map, and a clear line for every broken file."""
 
+import dataclasses
 import math
 import random
 import re
@@ -8,9 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from asvhil.errors import ConfigError, LogError
+from asvhil.errors import ConfigError, LogError, ModelError
 from asvhil.train.columns import load_columns
 from asvhil.train.dataset import dataset_from_csv, find_columns
+from asvhil.train.windows import check
 from tests.support.paths import ROOT
 
 MAP = """
@@ -259,6 +261,39 @@ def test_a_wind_beyond_any_hurricane_is_a_wrong_unit(tmp_path: Path, speed: str)
     text = MAP + "wind_speed: {column: speed, unit: m/s}\nwind_from: {column: from, unit: deg}\n"
     with pytest.raises(LogError, match=r"run\.csv: row 9, column 'speed': .* is beyond 75 m/s of wind"):
         dataset_from_csv([path], column_map(tmp_path, text), 0.2)
+
+
+def slow(tmp_path: Path, step_s: float, jitter_s: float, unit: str = "s") -> Path:
+    """120 rows so far apart."""
+    t_s = step_s * np.arange(120) + np.random.default_rng(2).uniform(-jitter_s, jitter_s, 120)
+    (tmp_path / "map.yaml").write_text(MAP.replace("unit: ms}", f"unit: {unit}}}"))
+    rows = [[f"{t:.4f}", *row(10 * k)[1:4], f"{math.degrees(k % 6):.3f}", *row(10 * k)[5:]] for k, t in enumerate(t_s)]
+    return write(tmp_path, rows)
+
+
+def test_the_jitter_of_a_slow_record_is_no_gap(tmp_path: Path) -> None:
+    data = dataset_from_csv([slow(tmp_path, 1.0, 0.02)], tmp_path / "map.yaml", 0.2)
+    assert len(data.segments) == 1 and data.duration_s > 118.0
+
+
+def test_little_that_is_usable_says_why(tmp_path: Path) -> None:
+    words = r"0\.0 s of usable data, .*: 238 s in 120 rows, but rows are 2 s apart and gaps beyond 1 s end a stretch"
+    with pytest.raises(LogError, match=words):
+        dataset_from_csv([slow(tmp_path, 2.0, 0.02)], tmp_path / "map.yaml", 0.2)
+    with pytest.raises(LogError, match=r"10\.0 s of usable data, at least 30 s are needed$"):
+        dataset_from_csv([write(tmp_path, all_rows()[:101])], column_map(tmp_path), 0.2)
+
+
+def test_a_motor_that_stands_still_in_a_file_is_told(tmp_path: Path) -> None:
+    rows = [[*r[:5], "1700", r[6]] for r in all_rows()]
+    data = dataset_from_csv([write(tmp_path, rows)], column_map(tmp_path), 0.2)
+    (note,) = data.notes
+    assert note.endswith("run.csv: the command of the port motor is 0.5 throughout: is its column the right one?")
+    turning = dataclasses.replace(data.segments[0], nu=np.random.default_rng(1).normal(size=data.segments[0].nu.shape))
+    long = dataclasses.replace(data, segments=(turning, turning))
+    with pytest.raises(ModelError, match=r"in none of the files the command of the port motor \(0\.5\) ever changes"):
+        check(long)
+    assert dataset_from_csv([write(tmp_path)], column_map(tmp_path), 0.2).notes == ()
 
 
 APPARENT = "wind_speed: {column: aws, unit: m/s}\nwind_from: {column: awa, unit: %s}\n"

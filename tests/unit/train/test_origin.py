@@ -10,6 +10,7 @@ from asvhil.collect import collect
 from asvhil.config import load_config
 from asvhil.config.mean_wind import parse_wind
 from asvhil.errors import ConfigError
+from asvhil.train.dataset import dataset_from_logs
 from asvhil.train.origin import once, refuse_shared
 from tests.support.command_line import call
 
@@ -62,3 +63,16 @@ def test_training_and_scores_count_a_split_drive_once_and_say_so(split: Path) ->
     (split / "boat.yaml").write_text("base: sitl\n")
     said = call("learn", "boat.yaml", "--yes", "--data", both[1], "--test", both[0], "-o", "new", cwd=split)
     assert said.status != 0 and "drive-001.mcap is of the same run as drive.mcap" in said.err
+
+
+def test_logs_without_wind_beside_others_and_a_silent_wind_sensor_are_told(split: Path, tmp_path: Path) -> None:
+    silent, without = tmp_path / "silent.mcap", tmp_path / "without.mcap"
+    never_sent = "sources.wind=[{link: autopilot, message: WIND}]"
+    no_sensor = ("links.anemometer=null", "plant.links.anemometer=null")
+    collect(load_config("sitl", (never_sent,)), "lockstep", 40.0, [], silent)
+    collect(load_config("sitl", no_sensor), "lockstep", 40.0, [], without)
+    (note,) = dataset_from_logs([silent], 0.2).notes
+    assert note == f"{silent}: no wind was measured, though its config has a source of wind: it counts as calm"
+    assert dataset_from_logs([without], 0.2).notes == ()
+    (note,) = dataset_from_logs([split / "drive.mcap", without], 0.2).notes
+    assert note == f"{without}: no wind was measured, which other logs have: it counts as calm"
