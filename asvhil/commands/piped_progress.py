@@ -6,7 +6,7 @@ import time
 from typing import Any
 
 from rich.console import Console
-from rich.progress import Progress, TaskID
+from rich.progress import Progress, Task, TaskID
 
 FIRST_S, EVERY_S = 2.0, 10.0
 
@@ -14,12 +14,14 @@ FIRST_S, EVERY_S = 2.0, 10.0
 class PipedProgress(Progress):
     """A Progress that draws nothing, and prints what is being done and how far it is.
 
-    A line comes after FIRST_S of work, and then each EVERY_S. `unit`: of what is counted where no total is known.
+    A line comes after FIRST_S of work, and then each EVERY_S; and at the end one for each work that had a line before
+    and is finished. `unit`: of what is counted where no total is known.
     """
 
     def __init__(self, console: Console, unit: str = "") -> None:
         super().__init__(console=console, disable=True)
         self._unit = unit
+        self._said: dict[TaskID, float] = {}  # what was done of each work when its last line came
         self._due_s = time.monotonic() + FIRST_S
 
     def advance(self, task_id: TaskID, advance: float = 1) -> None:
@@ -37,7 +39,17 @@ class PipedProgress(Progress):
         if now_s < self._due_s:
             return
         self._due_s = now_s + EVERY_S
-        task = next(task for task in self.tasks if task.id == task_id)
+        self._say(next(task for task in self.tasks if task.id == task_id))
+
+    def stop(self) -> None:
+        """As of Progress."""
+        for task in self.tasks:
+            if task.finished and self._said.get(task.id, task.completed) != task.completed:
+                self._say(task)
+        super().stop()
+
+    def _say(self, task: Task) -> None:
+        self._said[task.id] = task.completed
         if task.total is not None:
             share = f": {task.percentage:.0f} %"
         else:

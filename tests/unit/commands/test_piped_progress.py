@@ -41,6 +41,10 @@ def test_the_page_of_a_report_tells_how_far_the_log_is_read(tmp_path: Path, monk
     assert not any("%" in line for line in said if line.startswith("report: "))
 
 
+def test_what_had_a_line_and_is_finished_has_a_last_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert lines_of(8, 8, monkeypatch) == ["drive [1/2]: 25 %", "drive [1/2]: 100 %"]
+
+
 def test_what_is_quickly_done_says_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     assert lines_of(1, 1, monkeypatch) == []
     out = io.StringIO()
