@@ -1,4 +1,4 @@
-"""Forces that the vessel model does not know, a current across and the ground, in the closed loop: where the boat is."""
+"""Forces that no vessel model knows, a current across and the ground, in the closed loop: where the boat is."""
 
 import math
 

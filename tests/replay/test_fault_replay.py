@@ -178,7 +178,7 @@ def test_the_command_tells_and_writes_it(logs: Logs, tmp_path: Path) -> None:
     figures = json.loads(out.read_text())
     assert figures["faults"] == ["gnss-silent@8", "anemometer@22:5s"] and figures["edited_frames"] > 100
     assert figures["first_difference"]["t_s"] == pytest.approx(8.1, abs=0.2)
-    assert figures["holds"][0]["ended"] == "failsafe: position or heading is stale"
+    assert figures["holds"][0]["ended"] == "failsafe: position or heading is stale (gnss position frozen)"
     assert {note["subject"] for note in figures["notes"]} >= {"gnss position", "anemometer"}
     text = " ".join(result.output.split())
     assert "with the faults: hold from" in text and "position or heading is stale" in text

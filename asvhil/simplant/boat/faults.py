@@ -24,7 +24,8 @@ def all_faults(plant: PlantConfig) -> tuple[FaultConfig, ...]:
 def motor_signals_us(outputs_us: tuple[int, int], faults: frozenset[str], neutral_us: int) -> tuple[int, int]:
     """The pulse widths (port, starboard) that reach the motors: 0 for a dead one, mirrored for a reversed one.
 
-    A stuck one has full ahead, as from a speed controller whose output has burnt through. Swapped: each motor hangs on the other's output. The other kinds name the motor, not the output.
+    A stuck one has full ahead, as from a speed controller whose output has burnt through. Swapped: each motor hangs on
+    the other's output. The other kinds name the motor, not the output.
     """
     if not faults:
         return outputs_us
