@@ -18,20 +18,21 @@ Pair = tuple[float, float]
 
 
 class Agreement(NamedTuple):
-    """The mean of the places less the integrated rate, and how far the last place was from it. In m, NED, or rad."""
+    """The mean of the places less the integrated rate, the last one, and how far that was off. In m, NED, or rad."""
 
     mean: Pair | None = None
+    last: Pair = (0.0, 0.0)
     off: float = 0.0
 
     def with_place(self, place: Pair, integral: Pair, elapsed_s: float, *, accepted: bool) -> Agreement:
-        """The same after a place, so long after the one before; one that was rejected moves no mean."""
+        """The same after a place, so long after the one before; the mean moves while both sensors are `accepted`."""
         apart = place[0] - integral[0], place[1] - integral[1]
         mean = apart if self.mean is None else self.mean
         off = apart[0] - mean[0], apart[1] - mean[1]
         if accepted:
             gain = elapsed_s / (MEAN_S + elapsed_s)
             mean = mean[0] + gain * off[0], mean[1] + gain * off[1]
-        return Agreement(mean, math.hypot(*off))
+        return Agreement(mean, apart, math.hypot(*off))
 
     def clears_place(self, slack: float) -> bool:
         """Whether the last place has not jumped by more than a slack."""

@@ -52,6 +52,7 @@ NEW_TRACK = Track()
 BIAS_SIGMA = 3.0  # bound of the slow error of a receiver: more is motion, or a jump
 MODEL_S = 8.0  # time constant of the mean of the velocity's innovation
 MODEL_MPS = 0.1  # from which on that mean is the model's error, and no noise
+MODEL_MOST_MPS = 1.0  # of one reading
 CARRIED_NS = 10_000_000_000  # without wind, after which its load stays in the disturbance
 
 
@@ -225,7 +226,7 @@ class Filter:
                 state.follows_bias = not m.fused
                 elapsed_s = fault_recovery.integrate_velocity(state, t_ns, m.vn_mps, m.ve_mps)
                 if elapsed_s == 0.0:
-                    state.agreement = Agreement()
+                    state.agreement, state.model_off = Agreement(), (0.0, 0.0)
                 judged_s = 0.0 if m.fused else elapsed_s  # one of a time in doubt says nothing of an acceleration
             elif isinstance(m, YawRate):
                 fault_recovery.integrate_rate(state, t_ns, m.r_radps)
@@ -246,7 +247,9 @@ class Filter:
         """
         rows = next(group.rows for group in reading.groups if group.sensor == "velocity")
         gain = elapsed_s / (MODEL_S + elapsed_s)
-        (north, east), (off_n, off_e) = state.model_off, reading.innovation[rows].tolist()
+        north, east = state.model_off
+        # One wild reading says nothing of the model.
+        off_n, off_e = (min(max(off, -MODEL_MOST_MPS), MODEL_MOST_MPS) for off in reading.innovation[rows].tolist())
         state.model_off = north + gain * (off_n - north), east + gain * (off_e - east)
         if math.hypot(*state.model_off) >= MODEL_MPS:
             state.follows_bias = False
@@ -357,7 +360,8 @@ class Filter:
                 self._widen_heading(state, t_ns, off[0], t_ns - heard_ns)
             cleared = fault_recovery.is_cleared(state, t_ns, name, self._agreement_slack_m, self._return_ns)
             if cleared or fault_recovery.requires_reset(state, t_ns, name, math.hypot(*off) - slack, self._return_ns):
-                state.cleared_ns = t_ns if cleared else state.cleared_ns
+                if cleared:
+                    fault_recovery.note_cleared(state, t_ns, name)
                 trusted = track.accepted >= fault_recovery.LEAST_ACCEPTED and not cleared
                 track = sensor_health.take_over(track, t_ns, math.hypot(*off)) if trusted else track
                 self._reset(state, name, math.hypot(*off), moved=cleared)

@@ -16,7 +16,8 @@ from asvhil.geo import wrap_rad
 LONGEST_GAP_S = 1.5  # between two velocities that are integrated
 CLEARED_BY = {"position": "velocity", "velocity": "position", "heading": "yaw_rate", "yaw_rate": "heading"}
 TURN_SLACK_RAD = 0.1  # by which a compass in a turn may leave the gyro: deviation, and the pull of motors
-AGAIN_NS = 20_000_000_000  # after the filter was wrong, in which it is sooner taken to be
+AGAIN_NS = 20_000_000_000  # after the filter was wrong about a pair, in which it is sooner taken to be
+SOON_NS = 1_000_000_000  # for which a rate is rejected then: in less, nothing shows in the places
 AGREEMENT_SLACK = 0.7  # of a rejection's limit by a position's own noise: two of a sound receiver differ by less
 LEAST_ACCEPTED = 20  # readings that a sensor needs for a record to compare a jump with
 
@@ -108,9 +109,12 @@ def integrate_rate(state: FilterState, t_ns: int, r_radps: float) -> None:
 def note_place(state: FilterState, t_ns: int, name: str, value: Pair, elapsed_ns: int, *, accepted: bool) -> None:
     """Keep how a position (m, NED) or heading (rad), so long after the last, agrees with the velocity or yaw rate.
 
-    Without a rate of late there is nothing to agree with.
+    Without a rate of late there is nothing to agree with. While the rate is rejected what they agreed on is kept: else
+    a wrong one would be borne out in the end by a mean that has followed it.
     """
     elapsed_s = min(elapsed_ns * 1e-9, LONGEST_GAP_S)
+    rate = state.tracks.get(CLEARED_BY[name])
+    accepted = accepted and rate is not None and rate.rejected_in_row == 0
     if name == "position":
         state.agreement = (
             state.agreement.with_place(value, state.displacement, elapsed_s, accepted=accepted)
@@ -118,8 +122,7 @@ def note_place(state: FilterState, t_ns: int, name: str, value: Pair, elapsed_ns
             else Agreement()
         )
     elif t_ns - state.turned_ns <= LONGEST_GAP_S * 1e9:
-        first = state.turn_agreement.mean
-        near_rad = state.turned_rad + (0.0 if first is None else first[0])  # of the turns, the nearest one
+        near_rad = state.turned_rad + state.turn_agreement.last[0]  # of the turns, the nearest one
         psi_rad = near_rad + wrap_rad(value[0] - near_rad)
         state.turn_agreement = state.turn_agreement.with_place(
             (psi_rad, 0.0), (state.turned_rad, 0.0), elapsed_s, accepted=accepted
@@ -131,23 +134,29 @@ def note_place(state: FilterState, t_ns: int, name: str, value: Pair, elapsed_ns
 def is_cleared(state: FilterState, t_ns: int, name: str, slack_m: float, return_ns: int) -> bool:
     """Whether a rejected sensor agrees with the one that measures its integral or its rate: then the filter is wrong.
 
-    It must have been rejected for the return time. Once the filter has been wrong that is not waited for again: what it
-    does not know is still there.
+    It must have been rejected for the return time. Once the filter has been wrong about such a pair that is not waited
+    for again: what it does not know is still there.
     """
     track = state.tracks[name]
     if name not in CLEARED_BY or track.accepted < LEAST_ACCEPTED or track.rejected_in_row < sensor_health.TOLD_AFTER:
         return False
-    agreement, slack = (
-        (state.turn_agreement, TURN_SLACK_RAD) if name in ("heading", "yaw_rate") else (state.agreement, slack_m)
-    )
-    if t_ns - state.cleared_ns <= AGAIN_NS:
-        return agreement.clears_place(slack)
-    span_s = (t_ns - track.rejected_since_ns) * 1e-9
-    if span_s * 1e9 < return_ns:
-        return False
+    turns = name in ("heading", "yaw_rate")
+    agreement, slack = (state.turn_agreement, TURN_SLACK_RAD) if turns else (state.agreement, slack_m)
+    again = t_ns - (state.turn_cleared_ns if turns else state.cleared_ns) <= AGAIN_NS
+    span_ns = t_ns - track.rejected_since_ns
     if name in ("position", "heading"):
-        return agreement.clears_place(slack)
-    return agreement.clears_rate(math.hypot(*track.innovation), span_s, slack)
+        return (again or span_ns >= return_ns) and agreement.clears_place(slack)
+    if span_ns < (SOON_NS if again else return_ns):
+        return False
+    return agreement.clears_rate(math.hypot(*track.innovation), span_ns * 1e-9, slack)
+
+
+def note_cleared(state: FilterState, t_ns: int, name: str) -> None:
+    """Keep when a sensor was believed because it agrees with the other one of its pair."""
+    if name in ("heading", "yaw_rate"):
+        state.turn_cleared_ns = t_ns
+    else:
+        state.cleared_ns = t_ns
 
 
 def reset_states(state: FilterState, name: str) -> None:

@@ -94,6 +94,7 @@ class FilterState:
         "t_ns",
         "tracks",
         "turn_agreement",
+        "turn_cleared_ns",
         "turned_ns",
         "turned_rad",
         "x",
@@ -112,7 +113,8 @@ class FilterState:
         self.turned_rad = 0.0  # integral of the gyro's yaw rate
         self.turned_ns = NEVER
         self.turn_agreement = Agreement()  # of compass and gyro
-        self.cleared_ns = NEVER  # when two sensors that agree were believed last, against the filter
+        # When position and velocity, or compass and gyro, were believed last since they agree, against the filter.
+        self.cleared_ns = self.turn_cleared_ns = NEVER
         self.model_off = (0.0, 0.0)  # mean of the velocity's innovation (m/s, NED), which a right model leaves at zero
         self.doubt = Doubt()  # of the accelerometer
         self.invalid_since_ns = NEVER
@@ -131,7 +133,8 @@ class FilterState:
         other.displacement, other.displacement_ns = self.displacement, self.displacement_ns
         other.model_off, other.doubt = self.model_off, self.doubt
         other.agreement, other.turn_agreement = self.agreement, self.turn_agreement
-        other.turned_rad, other.turned_ns, other.cleared_ns = self.turned_rad, self.turned_ns, self.cleared_ns
+        other.turned_rad, other.turned_ns = self.turned_rad, self.turned_ns
+        other.cleared_ns, other.turn_cleared_ns = self.cleared_ns, self.turn_cleared_ns
         other.invalid_since_ns, other.resets = self.invalid_since_ns, self.resets
         other.started_ns, other.carries_wind = self.started_ns, self.carries_wind
         other.follows_bias = self.follows_bias

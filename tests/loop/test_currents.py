@@ -58,7 +58,7 @@ def test_a_boat_that_runs_aground_is_known_to_lie_where_it_does(seed: int) -> No
     loop.go_on(6.0, aground=True)
     loop.off_m = 0.0
     outputs = loop.go_on(6.0, aground=True)
-    assert loop.off_m < 0.7, "though neither motors nor accelerometer say that it has stopped"
+    assert loop.off_m < 1.0, "though neither motors nor accelerometer say that it has stopped"
     for _ in range(3):
         if outputs.phase == "hold":
             outputs = loop.go_on(5.0, aground=True)

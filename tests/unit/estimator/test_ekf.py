@@ -190,6 +190,43 @@ def test_a_push_that_only_the_receiver_measures_is_followed(
     assert ekf.resets == resets and end.valid
 
 
+@pytest.mark.parametrize("accelerometer", [False, True])
+@pytest.mark.parametrize(("push", "gyro"), [(2.0, 0.0), (5.0, 0.0), (0.0, 0.5), (0.0, 1.0), (0.0, 2.0)])
+def test_a_rate_that_its_place_denies_is_not_believed_however_long_it_lasts(
+    accelerometer: bool, push: float, gyro: float
+) -> None:
+    """A boat at rest, whose receiver says that it moves but not that it is elsewhere; or gyro and compass alike."""
+    ekf = started(config=SHIPPED)
+    rng = np.random.default_rng(3)
+    for tick in range(1, 80 * 20):
+        t_ns = tick * S // 20
+        wrong = t_ns > 20 * S
+        ekf.on_measurements(attitude(t_ns, rng.normal(0, 0.004), rng.normal(0, 0.009) + (gyro if wrong else 0.0)))
+        if accelerometer:
+            ax, ay = rng.normal(0, 0.02, 2)
+            ekf.on_measurements([SpecificForce(t_ns=t_ns, ax_mps2=ax, ay_mps2=ay)])
+        if tick % 2 == 0:
+            dn, de, vn, ve = rng.normal(0, 0.05, 4)
+            ekf.on_measurements(fix(t_ns, dn, de, vn + (push if wrong else 0.0), ve))
+        if tick % 20 == 0:
+            estimate = now(ekf, t_ns)
+            if estimate.valid and wrong:
+                assert math.hypot(estimate.n_m, estimate.e_m) < 0.5, t_ns / S
+                assert abs(estimate.psi_rad) < math.radians(3.0) and abs(estimate.r_radps) < 0.1, t_ns / S
+
+
+def test_one_wild_velocity_leaves_the_slow_error_followed() -> None:
+    ekf = started(config=SHIPPED)
+    rng = np.random.default_rng(4)
+    for tick in range(1, 20 * 20):
+        t_ns = tick * S // 20
+        ekf.on_measurements(attitude(t_ns, rng.normal(0, 0.004), rng.normal(0, 0.009)))
+        if tick % 4 == 0:
+            dn, de, vn, ve = rng.normal(0, 0.05, 4)
+            ekf.on_measurements(fix(t_ns, dn, de, vn + (50.0 if tick == 360 else 0.0), ve))
+    assert ekf.state.follows_bias
+
+
 def test_without_fixes_it_dead_reckons_within_its_limits() -> None:
     ekf = started()
     drive(ekf, 20.0, np.random.default_rng(4), speed=0.0, psi=0.0)
