@@ -73,7 +73,7 @@ class Backseat:
         self._perception.note_pulses(self._actuation.pulses_us, seen.usable_wind)
         learned = self._learn(seen, decision)
         model_error = self._perception.check_model(seen) if control is not None else None
-        self._motion.note_station(decision.station, decision.point)
+        self._motion.note_station(decision.station, decision.point, decision.heading_policy)
         self._perception.note_station(decision.station)
         cost: tuple[Note, ...] = ()
         if self._heading_cost is not None:

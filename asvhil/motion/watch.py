@@ -44,6 +44,7 @@ class MotionWatch:
         self._velocity: GroundVelocity | None = None
         self._station: Station | None = None
         self._point: Station | None = None
+        self._follows = False  # the station's heading: what a policy says
         self._found: Explanation | None = None
         self._is_sure = False  # or is it told alone
         self._ended = False
@@ -94,7 +95,7 @@ class MotionWatch:
         if self._keeps_station and place is not None:
             current, doubt_m = self._monitor.current_ned, self._carried.off_m
             away = self._distance.step(t_ns, place, station, command, current, doubt_m, self._point)
-            away = away or self._turning.step(t_ns, place, station)
+            away = away or self._turning.step(t_ns, place, station, follows=self._follows)
         if self._begin_ns is None:
             self._begin_ns = t_ns
         likely = self._monitor.likely if early and since_s <= LIKELY_S else None
@@ -126,20 +127,30 @@ class MotionWatch:
             self._found = likely
 
     def _cause(self, sure: Explanation) -> Explanation:
-        """What is sure; but where it is the distance alone, a fault that was told as likely, and still is, is why."""
+        """What is sure; but where it is the distance alone, a fault that was told as likely, and still is, is why.
+
+        One that was told a while ago may have been chance: it is a hint.
+        """
         likely = self._found
         if likely is None or sure.reason not in OF_DISTANCE:
             return sure
-        return _hinted(likely, f"{self._distance.farther_m:.0f} m farther off")
+        if self._monitor.likely == likely:
+            return _hinted(likely, f"{self._distance.farther_m:.0f} m farther off")
+        return _hinted(sure, f"before that: {describe(likely)}")
 
-    def note_station(self, station: Station | None, point: Station | None = None) -> None:
-        """The station that is held from now on, None where none is; `point`: that of the point that is kept there."""
+    def note_station(
+        self, station: Station | None, point: Station | None = None, heading_policy: str = "fixed"
+    ) -> None:
+        """The station that is held from now on, None where none is; `point`: that of the point that is kept there.
+
+        `heading_policy`: what turns its heading.
+        """
         if station is not None and self._station is None:
             self._monitor.begin()
             self._distance.begin()
             self._turning.begin()
             self._found, self._is_sure, self._ended, self._begin_ns = None, False, False, None
-        self._station, self._point = station, point
+        self._station, self._point, self._follows = station, point, heading_policy != "fixed"
 
     @property
     def notes(self) -> tuple[Note, ...]:
