@@ -39,7 +39,7 @@ class ArduRoverAutopilot(MavlinkAutopilot):
             names_of_wiring=partial(names_of_wiring, config, pwm),
             names_to_know=lambda values: (*names_of_stations(config, values), *besides),
             receiver_ignored=_ignores_receiver,
-            fence_disarms=lambda values: values.get(FENCE_ACTION, TERMINATE) == TERMINATE,
+            fence_disarms=lambda values: values.get(FENCE_ACTION) == TERMINATE,
             trim_rad=lambda values: (values.get(TRIM[0], 0.0), values.get(TRIM[1], 0.0)),
             optional=OPTIONAL,
         )

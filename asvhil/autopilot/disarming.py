@@ -95,6 +95,8 @@ class Disarming:
     def _note(self, t_ns: int, *, armed: bool) -> None:
         if armed:
             self.itself = ""
+            if not self._armed:
+                self._said_ns = None
         elif self._armed:
             self._disarmed_ns = t_ns
             self._name(t_ns)

@@ -434,7 +434,7 @@ class Supervisor:
             return
         if self._failing_since_ns is None:
             self._failing_since_ns = situation.t_ns
-        elif failure.reason is self._why.reason:
+        elif failure.reason is self._why.reason and "hint" in dict(self._why.detail):
             failure = self._why  # the sensor that was missing first is the cause, and told once
         if (situation.t_ns - self._failing_since_ns) * 1e-9 >= self._config.failsafe_neutral_s:
             self._let_go(failure, neutral_first=True)
