@@ -1,13 +1,11 @@
 """Forces that no vessel model knows, a current across and the ground, in the closed loop: where the boat is."""
 
-import math
-
 import pytest
 
 from asvhil.config import load_config
-from asvhil.geo import LocalFrame
 from asvhil.simplant.lockstep import Lockstep
 from asvhil.types import Outputs
+from tests.support.loop import place_error_m
 
 HZ = 20
 STEADY_RECEIVER = "plant.sensors.gnss.slow_bias_m=0"
@@ -23,15 +21,10 @@ class Measured(Lockstep):
     def go_on(self, seconds: float, *, aground: bool = False) -> Outputs:
         for _ in range(round(seconds * HZ)):
             _, outputs = self.tick()
-            vessel, truth, estimate = self.plant._vessel, self.plant.truth, outputs.estimate
+            vessel, off_m = self.plant._vessel, place_error_m(self, outputs)
             if aground:
                 vessel.u_mps = vessel.v_mps = vessel.r_radps = 0.0
-            if estimate is None or not estimate.valid or outputs.origin_deg is None:
-                continue
-            lat_deg, lon_deg = outputs.origin_deg
-            place = LocalFrame(lat_deg=lat_deg, lon_deg=lon_deg).to_geodetic(estimate.n_m, estimate.e_m)
-            n_m, e_m = self.plant.origin.to_ned(*place)
-            self.off_m = max(self.off_m, math.hypot(n_m - truth.n_m, e_m - truth.e_m))
+            self.off_m = max(self.off_m, off_m or 0.0)
         return outputs
 
 

@@ -8,10 +8,11 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from asvhil.config import load_config
-from asvhil.geo import LocalFrame, wrap_rad
+from asvhil.geo import wrap_rad
 from asvhil.io.sensors.nmea_checksum import nmea_sentence
 from asvhil.simplant.lockstep import Lockstep
 from asvhil.types import Frame, Outputs
+from tests.support.loop import place_error_m
 
 HZ = 20
 CALM_RECEIVER = ("plant.sensors.gnss.slow_bias_m=0", "plant.weather.wind.speed_mps=4")
@@ -56,13 +57,10 @@ class Altered(Lockstep):
         for _ in range(round(seconds * HZ)):
             _, outputs = self.tick()
             self.notes |= {f"{note.subject}: {note.text}" for note in outputs.health.notes}
-            estimate, truth = outputs.estimate, self.plant.truth
-            if estimate is None or not estimate.valid or outputs.origin_deg is None:
+            estimate, truth, off_m = outputs.estimate, self.plant.truth, place_error_m(self, outputs)
+            if estimate is None or off_m is None:
                 continue
-            lat_deg, lon_deg = outputs.origin_deg
-            place = LocalFrame(lat_deg=lat_deg, lon_deg=lon_deg).to_geodetic(estimate.n_m, estimate.e_m)
-            n_m, e_m = self.plant.origin.to_ned(*place)
-            self.off_m = max(self.off_m, math.hypot(n_m - truth.n_m, e_m - truth.e_m))
+            self.off_m = max(self.off_m, off_m)
             self.off_rad = max(self.off_rad, abs(wrap_rad(estimate.psi_rad - truth.psi_rad)))
             self.away_m = max(self.away_m, math.hypot(truth.n_m, truth.e_m))
         return outputs

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any
 
 from asvhil.config import Config
+from asvhil.geo import LocalFrame
 from asvhil.io.mavlink.frames import dialect, renumbered
 from asvhil.io.mavlink.texts import TextReader
 from asvhil.logs.recorder import Recorder
@@ -77,3 +79,14 @@ class GroundStationLoop(Lockstep):
         lat_deg, lon_deg = (None, None) if at_deg is None else at_deg
         self.say(encode_hold(self.config.links.autopilot, lat_deg, lon_deg, psi_rad))
         return self.step()
+
+
+def place_error_m(loop: Lockstep, outputs: Outputs) -> float | None:
+    """How far (m) the estimate is from where the boat truly is; None while it is not valid."""
+    estimate, truth = outputs.estimate, loop.plant.truth
+    if estimate is None or not estimate.valid or outputs.origin_deg is None:
+        return None
+    lat_deg, lon_deg = outputs.origin_deg
+    place = LocalFrame(lat_deg=lat_deg, lon_deg=lon_deg).to_geodetic(estimate.n_m, estimate.e_m)
+    n_m, e_m = loop.plant.origin.to_ned(*place)
+    return math.hypot(n_m - truth.n_m, e_m - truth.e_m)
