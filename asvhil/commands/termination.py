@@ -36,22 +36,28 @@ class WatchedInterrupt(KeyboardInterrupt):
 def interrupted_by(*numbers: signal.Signals) -> Iterator[None]:
     """Within it these of SIGINT and SIGTERM raise KeyboardInterrupt, and do so again where that was dropped.
 
-    One that is ignored, or that another handler takes, stays as it is; off the main thread, all do.
+    One that is ignored, or that another handler takes, stays as it is; off the main thread, all do. A KeyboardInterrupt
+    that is caught on purpose within it counts as dropped, and comes again: code in there lets it pass.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
         return
     interrupts = _Interrupts()
     taken = [number for number in numbers if signal.getsignal(number) == UNTOUCHED[number]]
-    for number in taken:
-        signal.signal(number, interrupts.take)
     try:
-        yield
+        try:
+            for number in taken:
+                signal.signal(number, interrupts.take)
+            yield
+        finally:
+            interrupts.end()
     finally:
-        interrupts.end()
+        interrupts.end()  # again, since a signal may have come before the first had any effect
         for number in taken:
             if signal.getsignal(number) == interrupts.take:
                 signal.signal(number, UNTOUCHED[number])
+        if interrupts.late:
+            raise KeyboardInterrupt
 
 
 @contextmanager
@@ -70,6 +76,7 @@ class _Interrupts:
     """The handler, and the interrupt that is on its way."""
 
     def __init__(self) -> None:
+        self.late = False  # a signal came when it was over, and nothing has been raised yet
         self._over = False
         self._sending = threading.Lock()
         self._number = int(signal.SIGINT)
@@ -77,13 +84,20 @@ class _Interrupts:
         self._repeated = False
 
     def end(self) -> None:
-        """From here on nothing is sent again: the signals may soon do what they do without a handler."""
+        """From here on nothing is sent again: the signals may soon do what they do without a handler.
+
+        Nor does the handler raise, which would leave it in place: `late` says whether it would have.
+        """
+        self._over = True  # without the lock, whose taking may be interrupted
         with self._sending:
-            self._over = True
+            pass  # a thread that has found it not over has sent by now
 
     def take(self, number: int, frame: FrameType | None) -> None:
         repeated, self._repeated = self._repeated, False
         if repeated and is_interrupt(sys.exc_info()[1]):  # dropped, but a library has made an error of its own of it
+            return
+        if self._over:
+            self.late = True
             return
         self._number = number
         raise self._watched()

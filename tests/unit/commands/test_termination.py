@@ -11,7 +11,7 @@ from types import CodeType, FrameType
 import casadi
 import pytest
 
-from asvhil.commands.termination import interrupted_by
+from asvhil.commands.termination import AGAIN_S, UNTOUCHED, _Interrupts, interrupted_by
 from asvhil.logs.reader import LogFile
 from tests.support.loop import PLAIN_CONTROLLER
 from tests.support.waiting import wait_until
@@ -45,17 +45,40 @@ def test_a_sigterm_is_an_interrupt_within_and_what_it_was_thereafter() -> None:
         signal.signal(signal.SIGTERM, signal.SIG_DFL)
 
 
-def interrupt_within(code: CodeType, number: signal.Signals, times: int) -> list[signal.Signals]:
-    """Send this process a signal as often, each time when a function begins; the list grows by what was sent."""
+def interrupt_within(code: CodeType, number: signal.Signals, times: int, first: int = 1) -> list[signal.Signals]:
+    """Send this process a signal as often, each time when a function begins, from the `first` of its calls on.
+
+    The list that is returned grows by what was sent.
+    """
     sent: list[signal.Signals] = []
+    calls = 0
 
     def look(frame: FrameType, event: str, argument: object) -> None:
+        nonlocal calls
         if event == "call" and frame.f_code is code and len(sent) < times:
-            sent.append(number)
-            os.kill(os.getpid(), number)
+            calls += 1
+            if calls >= first:
+                sent.append(number)
+                os.kill(os.getpid(), number)
 
     sys.setprofile(look)
     return sent
+
+
+@pytest.mark.real_time
+@pytest.mark.parametrize("call", [1, 2], ids=["as it begins", "once it is over"])
+@pytest.mark.parametrize("number", ENDING)
+def test_an_interrupt_at_the_very_end_is_raised_and_leaves_no_handler(number: signal.Signals, call: int) -> None:
+    try:
+        with pytest.raises(KeyboardInterrupt), interrupted_by(*ENDING):
+            interrupt_within(_Interrupts.end.__code__, number, 1, call)
+        sys.setprofile(None)
+        assert [signal.getsignal(one) for one in ENDING] == [UNTOUCHED[one] for one in ENDING]
+        time.sleep(5.0 * AGAIN_S)  # nothing comes again
+    finally:
+        sys.setprofile(None)
+        for one in ENDING:
+            signal.signal(one, UNTOUCHED[one])
 
 
 @pytest.mark.real_time
