@@ -149,6 +149,7 @@ def train_command(
     )
     wall_s = time.perf_counter() - start_s
     model = models[0] if tries == 1 else best_of(models)
+    model = dataclasses.replace(model, figures={**model.figures, "smoothed": smoothed})
     check = at_rest(model.dynamics(), model.scaling.half[5:], simulated_vessel(data))
     save_model(output, model)
     checkpoint.unlink(missing_ok=True)  # only now: until the model is on the disk it is all that there is
@@ -171,7 +172,6 @@ def train_command(
         "outliers": dataset.outliers,
         "missing_rows": dataset.missing,
         "notes": list(dataset.notes),
-        "smoothed": smoothed,
         "data_hash": dataset.source_hash,
         "seed": model.seed,
         "wall_s": round(wall_s, 2),
@@ -183,13 +183,19 @@ def train_command(
 def trained_before(
     output: Path, kind: str, data: Sequence[Path], seeds: Sequence[int], options: FitOptions
 ) -> dict[str, Any] | None:
-    """The figures of a model file that the same training has left, which is the same to the last bit; else None."""
+    """The figures of a model file that the same training has left, which is the same to the last bit; else None.
+
+    That is a training of smoothed data at `DT_S`, which tried just these seeds.
+    """
     try:
         model = read_model(output)
     except ModelError:
         return None
-    same = json.loads(json.dumps(dataclasses.asdict(options))) == model.figures.get("options")
-    if not same or model.kind != kind or model.seed not in seeds or model.data_hash != source_hash(data):
+    found, wanted = model.figures, json.loads(json.dumps(dataclasses.asdict(options)))
+    if (model.kind, model.dt_s, found.get("options"), found.get("smoothed")) != (kind, DT_S, wanted, True):
+        return None
+    tried = {int(seed) for seed in found.get("validation_of_seeds", [model.seed])}
+    if tried != set(seeds) or model.data_hash != source_hash(data):
         return None
     figures = {name: value for name, value in model.figures.items() if name != "curve"}
     return {"kind": kind, "vehicle": model.vehicle, "model": str(output), "seed": model.seed, **figures}

@@ -24,7 +24,7 @@ from asvhil.study.page import MARKER  # noqa: E402
 from asvhil.train.at_rest import thrust_dip  # noqa: E402
 from asvhil.train.choice import TOLERANCE_MPS2, best_of, check_at_rest  # noqa: E402
 from asvhil.train.jobs import check_test, evaluate_command, is_csv, train_command, trained_before  # noqa: E402
-from asvhil.train.options import chosen_options  # noqa: E402
+from asvhil.train.options import FitOptions, chosen_options  # noqa: E402
 from asvhil.train.progress import TrainingProgress  # noqa: E402
 from tests.support.paths import ROOT  # noqa: E402
 
@@ -85,10 +85,24 @@ def test_a_model_that_cannot_be_saved_leaves_its_checkpoint_and_a_picture_is_not
     figures = train_command("nnsem", [log], output, options=options, resume=True)
     assert read_model(output).kind == "nnsem" and not checkpoint.exists()
     assert figures["picture"] is None and "m.curve.png: cannot be written" in figures["picture_fault"]
-    assert trained_before(output, "nnsem", [log], range(1, 3), options) is not None
-    other = dataclasses.replace(options, iterations=21)
-    for seeds, chosen in ((range(2, 4), options), (range(1, 3), other)):
-        assert trained_before(output, "nnsem", [log], seeds, chosen) is None
+
+
+def test_a_model_is_of_the_same_training_by_all_that_decides_it(log: Path, tmp_path: Path) -> None:
+    output = tmp_path / "m.npz"
+    options = chosen_options("nnsem", 0.2, iterations=20)
+
+    def same(*seeds: int, chosen: FitOptions = options) -> bool:
+        return trained_before(output, "nnsem", [log], seeds, chosen) is not None
+
+    train_command("nnsem", [log], output, options=options)
+    assert same(1) and not same(1, 2) and not same(2)
+    assert not same(1, chosen=dataclasses.replace(options, iterations=21))
+    train_command("nnsem", [log], output, options=options, tries=2)
+    assert same(1, 2) and not same(1) and not same(2) and not same(0, 1) and not same(2, 3)
+    train_command("nnsem", [log], output, options=options, smoothed=False)
+    assert not same(1)
+    train_command("nnsem", [log], output, options=chosen_options("nnsem", 0.1, iterations=20), dt_s=0.1)
+    assert not same(1, chosen=chosen_options("nnsem", 0.1, iterations=20))
 
 
 def test_a_test_that_tells_nothing_is_refused(log: Path) -> None:
