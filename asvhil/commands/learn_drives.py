@@ -95,6 +95,8 @@ class LearnDrives:
             raise ConfigError("--wind: nobody makes the wind for a real vehicle; go out in more than one")
         self._sectors = [parse_wind(text) for text in winds or WINDS] if self._simulated else []
         self._plan = log_paths(files.data, files.folder, self._sectors or [None])  # of the drives, one a wind
+        self._tests = [files.test]
+        self._aside: list[Path] = []  # what makes room for drives, once somebody has confirmed them
 
     def make(self, *, force: bool, resume: bool) -> tuple[list[Path], list[Path]]:
         """The logs to train on, and those to test on. With `resume` those that are there are taken, if they are whole.
@@ -103,22 +105,38 @@ class LearnDrives:
         to its end, or where nobody confirms.
         """
         data, test = self._there() if resume else ([], [])
+        if force:
+            self._aside = self._logs_there()
         duration = DRIVE_S if self._duration is None else self._duration
         missing = [log for log in self._plan if log not in data]
         if missing:
-            self._steps.begin(self._words(missing, duration))
-            with writing(self._files.folder):
-                self._files.folder.mkdir(parents=True, exist_ok=True)
-                if force:
-                    put_aside(self._files.folder, self._logs_there(), self._steps.console)
-            self._drive(self._settings, duration, self._sectors, self._files.data, skip=data)
+            self._begin(self._words(missing, duration))
+            self._drive_all(missing, duration, skip=data)
             data = sorted((*data, *missing), key=_place)
-        if not test:
+        missing = [log for log in self._tests if log not in test]
+        if missing:
             test_s = max(60.0, TEST_SHARE * duration)
-            self._steps.begin(f"a drive of {test_s:.0f} s to test on, which the model never sees in training")
-            self._drive(_other(self._settings), test_s, self._test_sectors(), self._files.test)
-            test = [self._files.test]
+            self._begin(f"a drive of {test_s:.0f} s to test on, which the model never sees in training")
+            for log in missing:
+                self._drive(_other(self._settings), test_s, self._test_sectors(), log)
+            test = sorted((*test, *missing))
         return data, test
+
+    def _begin(self, words: str) -> None:
+        """The next step, which makes drives: there is room for them thereafter."""
+        self._steps.begin(words)
+        with writing(self._files.folder):
+            self._files.folder.mkdir(parents=True, exist_ok=True)
+            put_aside(self._files.folder, self._aside, self._steps.console)
+        self._aside = []
+
+    def _drive_all(self, missing: Sequence[Path], duration: float, skip: Sequence[Path]) -> None:
+        """The drives to train on that are missing: of the simulated boat one a wind, of the real one as they come."""
+        if self._simulated:
+            self._drive(self._settings, duration, self._sectors, self._files.data, skip)
+            return
+        for log in missing:
+            self._drive(self._settings, duration, [], log)
 
     def _drive(
         self, settings: Config, duration: float, sectors: list[WindSector], output: Path, skip: Sequence[Path] = ()
@@ -150,14 +168,15 @@ class LearnDrives:
         from asvhil.logs.segments import logs_in
 
         there = logs_in(self._files.folder)
-        data, test = (
+        drives, tests = (
             [log for log in there if log.stem.startswith(one.stem)] for one in (self._files.data, self._files.test)
         )
-        told = self._check_winds(data, tested=bool(test))
-        data = [log for log in data if self._is_kept(log, self._drive_in(log, told=told), again=told)]
-        test = [log for log in test if self._is_kept(log, _recorded(log, whole=not self._simulated), again=True)]
-        if data and not (self._simulated and told):
-            self._plan = data  # of a real boat those that are there are enough
+        told = self._check_winds(drives, tested=bool(tests))
+        data = [log for log in drives if self._is_kept(log, self._drive_in(log, told=told), again=told)]
+        test = [log for log in tests if self._is_kept(log, _recorded(log, whole=not self._simulated), again=True)]
+        if drives and not (self._simulated and told):
+            self._plan = drives  # of a real boat those that are there are enough, once the bad ones are driven again
+        self._tests = tests or self._tests
         return sorted(data, key=_place), test
 
     def _check_winds(self, data: Sequence[Path], *, tested: bool) -> bool:
@@ -174,7 +193,7 @@ class LearnDrives:
         raise ConfigError(f"learn: --resume: {other[0]} is none of the drives of {winds}: give its --wind options")
 
     def _is_kept(self, log: Path, run: Collected | None, *, again: bool) -> bool:
-        """Whether a log is whole, or is taken as it is; if not, it is put out of the way. `again`: another can be made.
+        """Whether a log is whole, or is taken as it is; if not, it is to make room. `again`: another can be made.
 
         Of a real boat somebody may say that it will do: the water is far. A simulated one just drives again.
         """
@@ -193,13 +212,14 @@ class LearnDrives:
         if self._simulated and not again:
             raise ConfigError(f"learn: --resume: {log}: {words}; to drive it again, give the --wind options of before")
         say(console, f"   {log}: {words}: it is driven again")
-        put_aside(self._files.folder, [log, *segments_behind(log, 0)], console)
+        self._aside += [log, *segments_behind(log, 0)]
         return False
 
     def _drive_in(self, log: Path, *, told: bool) -> Collected | None:
         """What a log to train on holds, None where nothing can be read; ConfigError where another drive is asked for.
 
-        Where the command does not say how long the drives are, they are as long as this one from now on.
+        Where the command does not say how long the drives are, they are as long as the first one. Those of a real boat
+        may be of any length: they are taken as they are.
         """
         from asvhil.collect import with_manoeuvres
 
@@ -209,7 +229,7 @@ class LearnDrives:
         manoeuvres = _config(log).controller.manoeuvres
         if self._duration is None:
             self._duration = manoeuvres.duration_s
-        elif self._duration != manoeuvres.duration_s:
+        elif self._simulated and self._duration != manoeuvres.duration_s:
             words = f"is of {manoeuvres.duration_s:g} s, and not of the {self._duration:g} s that are asked for"
             raise ConfigError(f"learn: --resume: {log} {words}: give its --duration")
         if told and self._simulated and log in self._plan:
@@ -252,7 +272,7 @@ def _place(log: Path) -> tuple[int, str]:
 
 
 def put_aside(folder: Path, logs: Sequence[Path], console: Any) -> None:
-    """Move the logs of earlier drives into a folder of their own: none is ever overwritten, or deleted."""
+    """Move the logs of earlier drives into a folder of their own: none is ever overwritten, or deleted. OSError."""
     if not logs:
         return
     aside = next(path for number in itertools.count(1) if not is_there(path := folder / f"before-{number}"))

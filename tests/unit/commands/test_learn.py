@@ -3,12 +3,15 @@
 import dataclasses
 import io
 import json
+import os
+import signal
+import threading
 from pathlib import Path
 
 import pytest
 from rich.console import Console
 
-from asvhil.collect import collect, log_paths, recorded
+from asvhil.collect import collect, log_paths, recorded, with_manoeuvres
 from asvhil.commands import learn as learn_module
 from asvhil.commands.learn_drives import LearnFiles, put_aside
 from asvhil.config import load_config
@@ -19,6 +22,8 @@ from asvhil.train.at_rest import AtRest, Load
 from asvhil.train.origin import origin_of
 from asvhil.train.verdict import ModelVerdict
 from tests.support.command_line import call, refused
+from tests.support.ports import free_port
+from tests.support.waiting import wait_until
 
 pytest.importorskip("torch")
 CAT = ("--port", "udpin:0.0.0.0:14550", "--length", "1.6", "--beam", "1", "--mass", "38", "--top-speed", "2")
@@ -188,6 +193,53 @@ def test_resume_makes_the_drives_that_are_missing_or_broken_off(learned: Path, t
     assert recorded(logs[1]).complete and recorded(folder / "test.mcap").complete
     said = call(*other[:-1], cwd=learned, typed="n\n")  # all is there: the winds need not be told
     assert said.status == 2 and "1. training of nnsem on 2 logs" in said.out, said
+
+
+def real_logs(learned: Path, folder: Path, **lengths_s: float) -> dict[str, Path]:
+    """Logs of drives of the real boat by their names, each of so many seconds and broken off before it engaged."""
+    folder.mkdir(parents=True)
+    settings = load_config(learned / "cat.yaml")
+    logs = {name: folder / f"{name.replace('_', '-')}.mcap" for name in lengths_s}
+    for name, log in logs.items():
+        open_recorder(with_manoeuvres(settings, lengths_s[name]), log, "live", threaded=False).close()
+    return logs
+
+
+def test_on_a_real_boat_drives_may_be_of_any_length(learned: Path, tmp_path: Path) -> None:
+    real_logs(learned, tmp_path / "own", drive=600.0, drive_monday=300.0, test=240.0)
+    order = ("learn", "cat.yaml", "-o", str(tmp_path / "own"), "--resume")
+    for more in ((), ("--duration", "200")):
+        said = call(*order, *more, cwd=learned, typed="n\nn\nn\nn\n")
+        assert said.out.count("it is used as it is") == 3, said
+        assert said.err.endswith("test.mcap: holds no tick\n"), "it has gone on, to the look at the test"
+
+
+@pytest.mark.real_time
+def test_on_a_real_boat_what_is_to_be_driven_again_is_driven_under_its_own_name(learned: Path, tmp_path: Path) -> None:
+    """The serial line of the autopilot is not there, so the drive waits until it is interrupted."""
+    logs = real_logs(learned, tmp_path / "own", drive=600.0, drive_monday=300.0, test=240.0)
+    before = {log: log.read_bytes() for log in logs.values()}
+    order = ("learn", "cat.yaml", "-o", str(tmp_path / "own"), "--resume")
+    said = call(*order, cwd=learned, typed="n\ny\ny\nn\n")
+    assert "1. a drive of 600 s of manoeuvres (the real boat" in said.out and "stopped" in said.err, said
+    assert {log: log.read_bytes() for log in before} == before, "nothing is moved before somebody has confirmed"
+    monday, aside = logs["drive_monday"], tmp_path / "own" / "before-1"
+
+    def interrupt() -> None:
+        wait_until(lambda: "asyncio" in signal.getsignal(signal.SIGINT).__module__, 20.0)  # type: ignore[union-attr]
+        os.kill(os.getpid(), signal.SIGINT)
+
+    hand = threading.Thread(target=interrupt)
+    hand.start()
+    operator = f"links.operator.endpoint=udpin:127.0.0.1:{free_port()}"
+    no_line = ("--set", "links.autopilot.endpoint=serial:/none:57600", "--set", operator)
+    said = call(*order, *no_line, cwd=learned, typed="n\ny\ny\ny\n")
+    hand.join()
+    assert "drive-monday.mcap: not complete after 0 s: waiting for a hold command" in said.err, said
+    assert {path.name: path.read_bytes() for path in aside.iterdir()} == {
+        log.name: before[log] for log in (monday, logs["test"])
+    }
+    assert monday.exists() and logs["drive"].read_bytes() == before[logs["drive"]] and not logs["test"].exists()
 
 
 @pytest.mark.parametrize(
