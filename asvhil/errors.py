@@ -87,6 +87,10 @@ class OtherHullError(ModelError):
     """A model was trained on another boat, by its hull and motors, than `vehicle.vessel` describes."""
 
 
+class OtherTrainingError(ModelError):
+    """The state of an interrupted training is of other data, options or seeds than are asked for."""
+
+
 def is_interrupt(error: BaseException | None) -> bool:
     """Whether it is Ctrl-C, or came of one.
 

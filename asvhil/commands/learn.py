@@ -11,12 +11,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from asvhil.commands.learn_drives import LearnDrives, LearnFiles, LearnSteps
+from asvhil.commands.learn_training import KINDS, train_models
 from asvhil.commands.options import ConfigArgument, JsonOption, SetOption
-from asvhil.commands.outputs import check_figures, config_and_bases, write_json, writing
-from asvhil.commands.train import train_with_bar
+from asvhil.commands.outputs import check_figures, config_and_bases, write_json
 from asvhil.commands.views import progress, say, tell_borrowed_hull
 from asvhil.errors import ConfigError
-from asvhil.files import is_there
 
 if TYPE_CHECKING:
     from asvhil.config import Config
@@ -26,12 +25,6 @@ if TYPE_CHECKING:
 HOLD_S = 90.0
 HOLD_WIND = "4@60"
 AS_GOOD = 1.2  # times the physics' penalty score
-KINDS = {"nnsem": "nnsem-mpc", "lagnet": "lagnet-mpc"}
-OPTIONS: dict[str, dict[str, Any]] = {
-    "nnsem": {"paired": True, "still": True, "rate": 0.005, "last_rate": 3e-5},
-    "lagnet": {},
-}
-TRIES = {"nnsem": 2, "lagnet": 1}
 PHYSICS = "physics as configured"
 
 
@@ -113,7 +106,7 @@ def learn(
         raise ConfigError(f"learn: --resume: {files.folder} holds no drives to go on with; leave it out")
     if not data:
         data, test = LearnDrives(settings, files, duration, wind, steps).make(force=force, resume=resume)
-    figures = _train(settings, config, kind, [*data], files, iterations, seed, steps, test, resume=resume)
+    figures = train_models(settings, config, kind, [*data], files, iterations, seed, steps, test, resume=resume)
     verdict, scores, check = _judge(settings, kind, files, test, steps)
     held = _hold(settings, kind, files, steps) if settings.supervisor.engage == "auto" else {}
     _advise(console, settings, kind, files, find_config(config), verdict, check, held)
@@ -142,63 +135,6 @@ def _need_terminal(yes: bool) -> None:
     need_torch()
     if not yes and not sys.stdin.isatty():
         raise ConfigError("learn: it stops to ask, and there is no terminal: use --yes")
-
-
-def _train(
-    settings: Config,
-    config: str | Path,
-    kind: str,
-    data: list[Path],
-    files: LearnFiles,
-    iterations: int | None,
-    seed: int,
-    steps: LearnSteps,
-    test: Sequence[Path],
-    *,
-    resume: bool,
-) -> dict[str, Any]:
-    """Both models, and the figures of the network's training.
-
-    ConfigError for logs of another boat, and for a test that could not be judged by: before the training, not after.
-    """
-    from asvhil.dynamics.hull import differences
-    from asvhil.train.jobs import DT_S, check_test, checkpoint_of, left_out_words, trained_before
-    from asvhil.train.options import chosen_options
-    from asvhil.train.origin import boat, of_simulation, once, origin_of, refuse_shared
-    from asvhil.train.verdict import EVERY_S, HORIZON_S, LEAST_WINDOWS
-
-    (data, more), (test, further) = once(data), once(test)
-    for path in (*more, *further):
-        say(steps.console, left_out_words(path))
-    refuse_shared(data, test)
-    origin = origin_of([*data, *test])
-    apart = differences(origin.hull, settings.vehicle.vessel)
-    if origin.vehicle != settings.vehicle.name or apart:
-        words = f"of the boat {origin.vehicle!r}" + (f", of another hull ({apart})" if apart else "")
-        raise ConfigError(f"learn: {data[0]}: {words}, and the config is of {settings.vehicle.name!r}")
-    if origin.simulated != of_simulation(settings):
-        raise ConfigError(
-            f"learn: {data[0]}: of {boat(origin.simulated)}, and {config} is of {boat(not origin.simulated)}"
-        )
-    check_test(test, horizon_s=HORIZON_S, every_s=EVERY_S, least=LEAST_WINDOWS)
-    chosen = chosen_options(kind, DT_S, **OPTIONS[kind], **({} if iterations is None else {"iterations": iterations}))
-    steps.begin(f"training of {kind} on {len(data)} logs, and the physics fitted to the same")
-    with writing(files.folder):
-        files.folder.mkdir(parents=True, exist_ok=True)
-    seeds = range(seed, seed + TRIES[kind])
-    figures = trained_before(files.model, kind, data, seeds, chosen) if resume else None
-    if figures is not None:
-        say(steps.console, f"   {files.model}: is there already, of the same data, options and seed")
-    else:
-        resumed = resume and is_there(checkpoint_of(files.model))
-        figures = train_with_bar(
-            steps.console, kind, data, files.model, options=chosen, seed=seed, tries=len(seeds), resume=resumed
-        )
-        say(
-            steps.console, f"   {files.model}: {figures['data_s']:.0f} s of data, {figures['wall_s']:.0f} s of training"
-        )
-    train_with_bar(steps.console, "sd", data, files.fitted)
-    return figures
 
 
 def _judge(

@@ -271,15 +271,15 @@ def _place(log: Path) -> tuple[int, str]:
     return _config(log).controller.manoeuvres.seed, log.name
 
 
-def put_aside(folder: Path, logs: Sequence[Path], console: Any) -> None:
-    """Move the logs of earlier drives into a folder of their own: none is ever overwritten, or deleted. OSError."""
-    if not logs:
+def put_aside(folder: Path, files: Sequence[Path], console: Any, what: str = "of earlier drives") -> None:
+    """Move what is there into a folder of its own, and say so: none is ever overwritten, or deleted. OSError."""
+    if not files:
         return
     aside = next(path for number in itertools.count(1) if not is_there(path := folder / f"before-{number}"))
     aside.mkdir()
-    for log in logs:
-        log.rename(aside / log.name)
-    say(console, f"   {len(logs)} logs that were there are in {aside} now")
+    for file in files:
+        file.rename(aside / file.name)
+    say(console, f"   put into {aside}: {', '.join(file.name for file in files)}, {what}")
 
 
 def _other(settings: Config) -> Config:

@@ -11,7 +11,7 @@ import numpy as np
 
 from asvhil.dynamics.arrays import Array
 from asvhil.dynamics.weights import read_arrays
-from asvhil.errors import ModelError
+from asvhil.errors import ModelError, OtherTrainingError
 from asvhil.files import replacement
 from asvhil.types import record
 
@@ -39,7 +39,7 @@ def write_checkpoint(path: Path, checkpoint: Checkpoint) -> None:
 
 
 def read_checkpoint(path: Path, key: str) -> Checkpoint:
-    """The checkpoint of a file. ModelError if it is damaged, or of a training with other data, options or seeds."""
+    """The checkpoint of a file. ModelError if it is damaged, OtherTrainingError if of other data, options or seeds."""
     arrays = dict(read_arrays(path))
     try:
         head = json.loads(str(arrays.pop("head")))
@@ -47,5 +47,7 @@ def read_checkpoint(path: Path, key: str) -> Checkpoint:
     except (KeyError, TypeError, ValueError):
         raise ModelError(f"{path}: not the checkpoint of a training") from None
     if found.key != key:
-        raise ModelError(f"{path}: belongs to a training with other data, options or seed; remove it to start anew")
+        raise OtherTrainingError(
+            f"{path}: belongs to a training with other data, options or seed; remove it to start anew"
+        )
     return found

@@ -4,6 +4,7 @@ import dataclasses
 import io
 import json
 import os
+import shutil
 import signal
 import threading
 from pathlib import Path
@@ -19,6 +20,7 @@ from asvhil.config.mean_wind import parse_wind
 from asvhil.dynamics.weights import read_model
 from asvhil.logs.opening import open_recorder
 from asvhil.train.at_rest import AtRest, Load
+from asvhil.train.checkpoint import Checkpoint, write_checkpoint
 from asvhil.train.origin import origin_of
 from asvhil.train.verdict import ModelVerdict
 from tests.support.command_line import call, refused
@@ -117,6 +119,27 @@ def test_a_model_that_is_there_is_not_trained_again(learned: Path) -> None:
     said = call("learn", "cat-sim.yaml", "--resume", "--iterations", "60", cwd=learned, typed="y\nn\n")
     assert "cat-nnsem.npz: is there already, of the same data, options and seed" in said.out.replace("\n", " "), said
     assert model.stat().st_mtime_ns == before and "stopped" in said.err
+
+
+def test_what_another_training_has_left_is_put_aside(learned: Path, tmp_path: Path) -> None:
+    """A model that is finished, and then the state of one that was interrupted."""
+    folder = Path(shutil.copytree(learned / "cat-sim-learned", tmp_path / "kept"))
+    made = ("cat-nnsem.npz", "cat-nnsem.curve.png", "cat-sd.npz", "cat-sd.curve.png", "fit.png")
+    before = {name: (folder / name).read_bytes() for name in made}
+    order = ("learn", "cat-sim.yaml", "-o", str(folder), "--resume", "--iterations", "60")
+    said = call(*order, "--seed", "2", cwd=learned, typed="y\nn\n")
+    words = f"put into {folder / 'before-1'}: {', '.join(made)}, of another training"
+    assert words in said.out.replace("\n", " ") and "stopped" in said.err, said
+    assert {path.name: path.read_bytes() for path in (folder / "before-1").iterdir()} == before
+    model = folder / made[0]
+    assert read_model(model).seed in (2, 3)
+    model.unlink()
+    state = folder / "cat-nnsem.npz.checkpoint"
+    write_checkpoint(state, Checkpoint(key="of another drive", iteration=50, curve=[], arrays={}))
+    kept = state.read_bytes()
+    said = call(*order, "--seed", "2", cwd=learned, typed="y\nn\n")
+    assert "of a training of other data, options or seeds" in said.out.replace("\n", " "), said
+    assert (folder / "before-3" / state.name).read_bytes() == kept and not state.exists() and model.exists()
 
 
 def test_another_boats_logs_are_refused_before_the_training(learned: Path) -> None:
