@@ -79,15 +79,15 @@ def once(paths: Sequence[Path]) -> tuple[list[Path], list[Path]]:
     ConfigError where two files are the same record, which would count twice. LogError where one cannot be read.
     """
     _refuse_same_content(paths)
-    logs = {path: LogFile(path) for path in paths if path.suffix.lower() == ".mcap"}
+    runs = {path: _run_of(path) for path in paths if path.suffix.lower() == ".mcap"}
     left_out = []
-    for path, log in logs.items():
-        for other, whole in logs.items():
-            if other == path or not _shared(log, whole):
+    for path, run in runs.items():
+        for other, whole in runs.items():
+            if other == path or not _shared(run, whole):
                 continue
-            if log.first_tick == whole.first_tick:
+            if run.first_tick == whole.first_tick:
                 raise ConfigError(f"data: {path} and {other} are the same record: give it once")
-            if log.first_tick > whole.first_tick:
+            if run.first_tick > whole.first_tick:
                 left_out.append(path)
                 break
     return [path for path in paths if path not in left_out], left_out
@@ -96,16 +96,38 @@ def once(paths: Sequence[Path]) -> tuple[list[Path], list[Path]]:
 def refuse_shared(data: Sequence[Path], test: Sequence[Path]) -> None:
     """ConfigError where a log to test on is one to train on, or has segments of one."""
     _refuse_same_content([*data, *test])
-    trained = {path: LogFile(path) for path in data}
+    trained = {path: _run_of(path) for path in data}
     for path in test:
-        log = LogFile(path)
+        run = _run_of(path)
         for other, whole in trained.items():
-            if _shared(log, whole):
+            if _shared(run, whole):
                 raise ConfigError(f"data: {path} is of the same run as {other}, and to test on another drive is needed")
 
 
-def _shared(a: LogFile, b: LogFile) -> bool:
-    return bool(a.run) and a.run == b.run and not a.parts.isdisjoint(b.parts)
+@record
+class _RunOf:
+    """What a log is of: the run by its word, the segments that are read, and how it begins (config, time in ns)."""
+
+    word: str
+    parts: frozenset[str]
+    begin: tuple[str, int] | None
+    first_tick: int
+
+
+def _run_of(path: Path) -> _RunOf:
+    """LogError where the log cannot be read."""
+    log = LogFile(path)
+    start_ns = next((inputs.t_ns for inputs, _ in log.ticks()), None)
+    config_hash = config_of(log, path, known_only=True).content_hash()
+    begin = None if start_ns is None else (config_hash, start_ns)
+    return _RunOf(word=log.run, parts=log.parts, begin=begin, first_tick=log.first_tick)
+
+
+def _shared(a: _RunOf, b: _RunOf) -> bool:
+    """Whether both have something of one run. A log in one file has no word, nor what was recovered of several."""
+    if a.begin is not None and a.begin == b.begin:
+        return True
+    return bool(a.word) and a.word == b.word and not a.parts.isdisjoint(b.parts)
 
 
 def _refuse_same_content(paths: Sequence[Path]) -> None:

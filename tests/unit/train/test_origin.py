@@ -37,11 +37,41 @@ def test_a_copy_of_the_first_segment_is_the_same_record(split: Path, tmp_path: P
         once([split / "drive.mcap", copy])
 
 
+def test_what_was_recovered_of_a_split_log_is_of_the_same_run(split: Path, tmp_path: Path) -> None:
+    part = tmp_path / "recovered.mcap"
+    assert call("log", "recover", "drive.mcap", "-o", str(part), cwd=split).status == 0
+    with pytest.raises(ConfigError, match=r"drive\.mcap and .*recovered\.mcap are the same record: give it once"):
+        once([split / "drive.mcap", part])
+    with pytest.raises(ConfigError, match="is of the same run as"):
+        refuse_shared([part], [split / "drive.mcap"])
+
+
 def test_a_test_is_no_part_of_the_training(split: Path) -> None:
     first, later = split / "drive.mcap", split / "drive-001.mcap"
     for data, test in (([first], [later]), ([later], [first])):
         with pytest.raises(ConfigError, match="is of the same run as"):
             refuse_shared(data, test)
+
+
+@pytest.mark.parametrize("made", ["recovered", "cut"])
+def test_a_part_of_a_log_in_one_file_is_of_the_same_run(tmp_path: Path, made: str) -> None:
+    whole, part = tmp_path / "drive.mcap", tmp_path / f"drive-{made}.mcap"
+    settings = load_config("sitl", ("recorder.segment_s=0", "recorder.segment_mb=0"))
+    collect(settings, "lockstep", 40.0, [parse_wind("3@90")], whole)
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(whole.read_bytes()[: whole.stat().st_size // 2])
+    if made == "recovered":
+        assert call("log", "recover", "cut.mcap", "-o", part.name, cwd=tmp_path).status == 3
+    else:
+        cut.rename(part)
+    with pytest.raises(ConfigError, match=rf"drive\.mcap and .*drive-{made}\.mcap are the same record: give it once"):
+        once([whole, part])
+    with pytest.raises(ConfigError, match=rf"drive-{made}\.mcap is of the same run as .*drive\.mcap"):
+        refuse_shared([whole], [part])
+    other = tmp_path / "other.mcap"
+    collect(settings, "lockstep", 15.0, [parse_wind("3@60")], other)
+    assert once([whole, other]) == ([whole, other], [])
+    refuse_shared([whole], [other])
 
 
 def test_training_and_scores_count_a_split_drive_once_and_say_so(split: Path) -> None:
