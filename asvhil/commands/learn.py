@@ -87,11 +87,16 @@ def learn(
     if resume and force:
         raise ConfigError("learn: --resume goes on, --force begins anew: give one of them")
     _need_terminal(yes)
-    from asvhil.train.origin import of_simulation
+    from asvhil.train.origin import TRUTH, of_simulation
 
     settings = load_config(config, tuple(set_))
     name = settings.vehicle.name
     simulated = of_simulation(settings)
+    if simulated and settings.supervisor.engage != "auto":
+        raise ConfigError(
+            f"learn: {config}: links.autopilot.streams_hz has {TRUTH}, as of the simulated boat, and supervisor.engage"
+            f" is command, as of a real one: set engage to auto, or for the real boat take {TRUTH} out"
+        )
     # Rehearsal and boat have a folder each: the one's drives say nothing of the other.
     folder = f"{name}-sim-learned" if simulated else f"{name}-learned"
     files = LearnFiles.of(output or find_config(config).parent / folder, name, kind)
@@ -108,7 +113,7 @@ def learn(
         data, test = LearnDrives(settings, files, duration, wind, steps).make(force=force, resume=resume)
     figures = train_models(settings, config, kind, [*data], files, iterations, seed, steps, test, resume=resume)
     verdict, scores, check = _judge(settings, kind, files, test, steps)
-    held = _hold(settings, kind, files, steps) if settings.supervisor.engage == "auto" else {}
+    held = _hold(settings, kind, files, steps) if simulated else {}
     _advise(console, settings, kind, files, find_config(config), verdict, check, held)
     write_json(
         json_,
@@ -212,6 +217,7 @@ def _advise(
 ) -> None:
     """The verdict in words, and the lines to put into the config."""
     from asvhil.config.yaml_text import read_yaml
+    from asvhil.train.origin import of_simulation
 
     for words in verdict.passed:
         say(console, f"   right: {words}")
@@ -230,7 +236,7 @@ def _advise(
         say(console, f"   note: the wind's load on the boat at rest is not learned well, least in {wind}: while it is")
         say(console, "         held, the disturbance that the estimator finds makes up for that")
     if verdict.good:
-        if settings.supervisor.engage == "auto":
+        if of_simulation(settings):
             say(console, "This was the simulated boat: a rehearsal. Of your real boat this model knows nothing.")
         given = read_yaml(config).tree
         there = isinstance(given, dict) and "controller" in given

@@ -87,10 +87,11 @@ class LearnDrives:
         """`duration` (s) and `winds`: None and none where the command did not say. ConfigError for wrong winds."""
         from asvhil.collect import log_paths
         from asvhil.config.mean_wind import parse_wind
+        from asvhil.train.origin import of_simulation
 
         self._settings, self._files, self._steps = settings, files, steps
         self._duration, self._told_winds = duration, tuple(winds)
-        self._simulated = settings.supervisor.engage == "auto"
+        self._simulated = of_simulation(settings)
         if winds and not self._simulated:
             raise ConfigError("--wind: nobody makes the wind for a real vehicle; go out in more than one")
         self._sectors = [parse_wind(text) for text in winds or WINDS] if self._simulated else []

@@ -281,6 +281,10 @@ def test_on_a_real_boat_what_is_to_be_driven_again_is_driven_under_its_own_name(
         ),
         (("cat.yaml", "--yes", "-o", "new", "--wind", "3@0"), "nobody makes the wind for a real vehicle"),
         (("dog.yaml", "--yes"), "dog.yaml: no such config file"),
+        (
+            ("cat-sim.yaml", "--yes", "-o", "new", "--set", "supervisor.engage=command"),
+            "has SIM_STATE, as of the simulated boat, and supervisor.engage is command, as of a real one: set engage",
+        ),
     ],
 )
 def test_mistakes_are_one_line_before_anything_is_done(learned: Path, order: tuple[str, ...], words: str) -> None:
