@@ -17,8 +17,7 @@ SLACK = 1.001  # of a turn: rounding
 STEP_S = 2.0  # the heading is held against the yaw rate over steps of at least so long, which noise counts little in
 TURNING_RAD = 0.1  # in such a step: less does not tell the unit
 LEAST_STEPS = 5  # in which the boat turns
-MOST = 3.0  # times what the yaw rate says: degrees that are taken for radians turn 57 times as far
-TURNED_RAD = np.pi  # a heading in degrees that stays within 2 pi of them while the boat turns so far is in radians
+MOST = 3.0  # times what the yaw rate says, or as much less: degrees that are taken for radians turn 57 times as far
 
 
 def check_within_turn(path: Path, column: AngleColumn | None, raw: Array, rows: Array) -> None:
@@ -33,18 +32,24 @@ def check_heading(path: Path, column: AngleColumn, raw: Array, rows: Array, tabl
     """LogError where a heading (N,) is in another unit than the map says.
 
     `table` has time (s), psi (rad) and r (rad/s) by the map. A heading beyond a turn is right where it goes on counting
-    from turn to turn, and so changes as the yaw rate says.
+    from turn to turn, and so changes as the yaw rate says. Where the boat hardly turns that cannot be told: then such a
+    heading is taken in degrees alone, since one in radians beyond 2 pi is mostly in degrees.
     """
-    beyond = _beyond_turn(column, raw)
-    if len(beyond) and _turns_by(table) > MOST:
+    beyond, turns = _beyond_turn(column, raw), _turns_by(table)
+    why = ""
+    if turns is None:
+        why = "and the boat turns too little to tell" if column.unit == "rad" else ""
+    elif turns > MOST:
+        why = "and it does not change as r says"
+    if len(beyond) and why:
         at = beyond[0]
+        raise LogError(f"{_place(path, column, rows[at])}: {_beyond_words(column, raw[at])}; {why}")
+    within = np.abs(raw).max() <= SLACK * TURN["rad"]
+    if column.unit == "deg" and within and turns is not None and turns < 1.0 / MOST:
+        reach = f"from {raw.min():g} to {raw.max():g} deg"
         raise LogError(
-            f"{_place(path, column, rows[at])}: {_beyond_words(column, raw[at])}; and it does not change as r says"
+            f"{path}: column {column.column!r}: {reach}, which changes {turns:.2g} times as far as r says: unit rad?"
         )
-    if column.unit == "deg" and np.abs(raw).max() <= SLACK * TURN["rad"] and np.ptp(_turned(table)) > TURNED_RAD:
-        reach = f"from {raw.min():g} to {raw.max():g}"
-        turned = f"{np.degrees(np.ptp(_turned(table))):.0f} degrees"
-        raise LogError(f"{path}: column {column.column!r}: {reach} deg while the boat turns by {turned}: unit rad?")
 
 
 def _beyond_turn(column: AngleColumn | None, raw: Array) -> NDArray[np.int64]:
@@ -69,15 +74,16 @@ def _turned(table: Mapping[str, Array]) -> Array:
     return np.concatenate([[0.0], np.cumsum(0.5 * (r[1:] + r[:-1]) * np.diff(t_s))])
 
 
-def _turns_by(table: Mapping[str, Array]) -> float:
-    """How many times as far as by the yaw rate the heading turns; infinite where the boat hardly turns.
+def _turns_by(table: Mapping[str, Array]) -> float | None:
+    """How many times as far as by the yaw rate the heading turns; None where the boat hardly turns.
 
-    The median over steps in which it turns: few of them have a jump from one end of the circle to the other.
+    The median over steps in which it turns: few of them have a jump from one end of the circle to the other. Over a gap
+    nobody knows the yaw rate.
     """
     t_s = table["time"]
     picks = np.unique(np.searchsorted(t_s, np.arange(t_s[0], t_s[-1], STEP_S)))
     by_rate, by_heading = np.diff(_turned(table)[picks]), np.diff(table["psi"][picks])
-    turning = np.abs(by_rate) > TURNING_RAD
+    turning = (np.abs(by_rate) > TURNING_RAD) & (np.diff(t_s[picks]) < 2.0 * STEP_S)
     if turning.sum() < LEAST_STEPS:
-        return np.inf
+        return None
     return abs(float(np.median(by_heading[turning] / by_rate[turning])))

@@ -315,6 +315,17 @@ def test_a_wind_that_none_has_is_a_wrong_unit_or_sign(
         dataset_from_csv([data], column_map(tmp_path, MAP + APPARENT % unit), 0.2)
 
 
+def read_headings(tmp_path: Path, headings: np.ndarray, unit: str, r: np.ndarray | float, step_s: float = 0.1) -> None:
+    """Read a file with a heading a row, and the yaw rate (rad/s)."""
+    rates = np.broadcast_to(r, headings.shape)
+    rows = [f"{i * step_s:.1f},1,0,{rates[i]:.8f},{psi:.6f},0.5,0.2" for i, psi in enumerate(headings)]
+    (tmp_path / "psi.csv").write_text("\n".join(["t,u,v,r,psi,l,s", *rows]))
+    text = "time: {column: t, unit: s}\nu: {column: u, unit: m/s}\nv: {column: v, unit: m/s}\n"
+    text += "r: {column: r, unit: rad/s}\nport: {column: l, unit: '1'}\nstarboard: {column: s, unit: '1'}\n"
+    columns = column_map(tmp_path, text + f"psi: {{column: psi, unit: {unit}}}")
+    dataset_from_csv([tmp_path / "psi.csv"], columns, 0.2)
+
+
 @pytest.mark.parametrize("offset_deg", [0.0, -7000.0])
 def test_a_heading_may_count_from_turn_to_turn_but_not_in_another_unit(tmp_path: Path, offset_deg: float) -> None:
     """Circles at 12 deg/s, for 60 s: two turns."""
@@ -323,12 +334,7 @@ def test_a_heading_may_count_from_turn_to_turn_but_not_in_another_unit(tmp_path:
     continuous = 12.0 * t_s + noise + offset_deg
 
     def read(headings: np.ndarray, unit: str) -> None:
-        rows = [f"{t:.1f},1,0,0.20943951,{psi:.6f},0.5,0.2" for t, psi in zip(t_s, headings, strict=True)]
-        (tmp_path / "psi.csv").write_text("\n".join(["t,u,v,r,psi,l,s", *rows]))
-        text = "time: {column: t, unit: s}\nu: {column: u, unit: m/s}\nv: {column: v, unit: m/s}\n"
-        text += "r: {column: r, unit: rad/s}\nport: {column: l, unit: '1'}\nstarboard: {column: s, unit: '1'}\n"
-        columns = column_map(tmp_path, text + f"psi: {{column: psi, unit: {unit}}}")
-        dataset_from_csv([tmp_path / "psi.csv"], columns, 0.2)
+        read_headings(tmp_path, headings, unit, np.radians(12.0))
 
     for headings in (continuous, continuous % 360.0):
         read(headings, "deg")
@@ -336,8 +342,17 @@ def test_a_heading_may_count_from_turn_to_turn_but_not_in_another_unit(tmp_path:
         with pytest.raises(LogError, match=r"is no angle in rad \(beyond 2 pi\): unit deg\?; and it does not change"):
             read(headings, "rad")
     wrapped = np.radians(continuous % 360.0)
-    with pytest.raises(LogError, match=r"from \S+ to \S+ deg while the boat turns by \d+ degrees: unit rad"):
+    with pytest.raises(LogError, match=r"from \S+ to \S+ deg, which changes 0\.01\d times as far as r says: unit rad"):
         read(wrapped, "deg")
+
+
+def test_a_heading_on_a_straight_leg_is_refused_only_where_it_can_be_no_other(tmp_path: Path) -> None:
+    """The numbers 368 to 372 of a compass that counts on; and +-2 deg with an offset of the gyro, 205 deg in 600 s."""
+    sway = np.sin(np.arange(0.0, 600.0, 0.5))
+    read_headings(tmp_path, 370.0 + 2.0 * sway, "deg", 0.0, 0.5)
+    with pytest.raises(LogError, match=r"beyond 2 pi\): unit deg\?; and the boat turns too little to tell"):
+        read_headings(tmp_path, 370.0 + 2.0 * sway, "rad", 0.0, 0.5)
+    read_headings(tmp_path, 2.0 * sway, "deg", np.radians(205.0 / 600.0), 0.5)
 
 
 def test_another_delimiter_and_a_byte_order_mark(tmp_path: Path) -> None:
