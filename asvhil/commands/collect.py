@@ -67,8 +67,12 @@ def drive_with_display(
     note: str,
     console: Any,
     skip: Collection[Path] = (),
+    go_on: str = "",
 ) -> list[Collected]:
-    """`collect.collect`, shown as it goes: a real boat in the live table, a simulated one as a bar for each run."""
+    """`collect.collect`, shown as it goes: a real boat in the live table, a simulated one as a bar for each run.
+
+    `go_on`: what to say behind where the logs are, of a simulated drive that is interrupted.
+    """
     from asvhil.collect import collect as drive
 
     if mode == "vehicle":
@@ -86,7 +90,7 @@ def drive_with_display(
                 skip=skip,
             )
     logs: list[Path] = []
-    with logs_told(logs), progress(console) as bar:
+    with logs_told(logs, go_on), progress(console) as bar:
         tasks: dict[int, Any] = {}
 
         def start(run: int, log: Path, words: str) -> None:
@@ -99,10 +103,10 @@ def drive_with_display(
         return drive(settings, mode, duration, winds, output, note, on_status=show, on_start=start, skip=skip)
 
 
-def refuse_incomplete(runs: Sequence[Collected], console: Any) -> None:
-    """Tell each run; AsvhilError where the last one has not come to its end."""
+def refuse_incomplete(runs: Sequence[Collected], console: Any, go_on: str = "") -> None:
+    """Tell each run; AsvhilError where the last one has not come to its end, with how to go on."""
     for run in runs:
         note = f", {run.note}" if run.note else ""
         say(console, f"{run.log}: {run.held_s:.0f} s{note}" if run.complete else f"{run.log}: {run.reason}")
     if not runs[-1].complete:
-        raise AsvhilError(f"{runs[-1].log}: not complete after {runs[-1].held_s:.0f} s: {runs[-1].reason}")
+        raise AsvhilError(f"{runs[-1].log}: not complete after {runs[-1].held_s:.0f} s: {runs[-1].reason}{go_on}")

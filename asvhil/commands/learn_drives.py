@@ -21,7 +21,8 @@ if TYPE_CHECKING:
     from asvhil.config import Config
     from asvhil.config.mean_wind import WindSector
 
-STOPPED = "stopped; logs that were made are kept: the same command with --resume goes on with them"
+GO_ON = "the same command with --resume goes on"
+STOPPED = f"stopped; logs that were made are kept: {GO_ON} with them"
 TEST_SEED = 500  # added for the drive that is tested on, so that it is another one
 TEST_SHARE = 0.4  # of the time of one drive
 DRIVE_S = 600.0
@@ -143,8 +144,9 @@ class LearnDrives:
         self, settings: Config, duration: float, sectors: list[WindSector], output: Path, skip: Sequence[Path] = ()
     ) -> None:
         mode: Any = "lockstep" if self._simulated else "vehicle"
-        runs = drive_with_display(settings, mode, duration, sectors, output, "", self._steps.console, skip)
-        refuse_incomplete(runs, self._steps.console)
+        console, go_on = self._steps.console, f"; {GO_ON}"
+        runs = drive_with_display(settings, mode, duration, sectors, output, "", console, skip, go_on)
+        refuse_incomplete(runs, console, go_on)
 
     def _words(self, missing: Sequence[Path], duration: float) -> str:
         radius_m = self._settings.controller.manoeuvres.geofence_radius_m
@@ -202,7 +204,7 @@ class LearnDrives:
 
         if run is not None and run.complete:
             return True
-        words, console = "nothing of it can be read", self._steps.console
+        words, console = "damaged" if _has_config(log) else "its config cannot be read", self._steps.console
         if run is not None:
             words = f"broken off after {run.held_s:.0f} s of {_config(log).controller.manoeuvres.duration_s:.0f} s"
             if not self._simulated:
@@ -248,9 +250,7 @@ def _recorded(log: Path, *, whole: bool) -> Collected | None:
     """What a log holds of its drive; None where that cannot be told. With `whole` LogError for damage in the middle."""
     from asvhil.collect import recorded
 
-    try:
-        _config(log)
-    except LogError:
+    if not _has_config(log):
         return None
     try:
         return recorded(log)
@@ -258,6 +258,14 @@ def _recorded(log: Path, *, whole: bool) -> Collected | None:
         if whole:
             raise
         return None
+
+
+def _has_config(log: Path) -> bool:
+    try:
+        _config(log)
+    except LogError:
+        return False
+    return True
 
 
 def _config(log: Path) -> Config:

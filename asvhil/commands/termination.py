@@ -61,14 +61,17 @@ def interrupted_by(*numbers: signal.Signals) -> Iterator[None]:
 
 
 @contextmanager
-def logs_told(logs: Sequence[Path]) -> Iterator[None]:
-    """What is recorded within it is kept where it is interrupted; a line then tells where. The list may grow."""
+def logs_told(logs: Sequence[Path], go_on: str = "") -> Iterator[None]:
+    """What is recorded within it is kept where it is interrupted; a line then tells where. The list may grow.
+
+    `go_on`: how to go on, for the end of that line.
+    """
     try:
         yield
     except BaseException as error:
         there = [str(log) for log in logs if is_there(log)]
         if there and is_interrupt(error):
-            typer.echo(f"asvhil: interrupted; log {', '.join(there)} (read it with `asvhil report`)", err=True)
+            typer.echo(f"asvhil: interrupted; log {', '.join(there)} (read it with `asvhil report`){go_on}", err=True)
         raise
 
 

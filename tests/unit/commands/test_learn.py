@@ -256,9 +256,16 @@ def test_on_a_real_boat_what_is_to_be_driven_again_is_driven_under_its_own_name(
     hand.start()
     operator = f"links.operator.endpoint=udpin:127.0.0.1:{free_port()}"
     no_line = ("--set", "links.autopilot.endpoint=serial:/none:57600", "--set", operator)
-    said = call(*order, *no_line, cwd=learned, typed="n\ny\ny\ny\n")
-    hand.join()
-    assert "drive-monday.mcap: not complete after 0 s: waiting for a hold command" in said.err, said
+    handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        said = call(*order, *no_line, cwd=learned, typed="n\ny\ny\ny\n")
+    finally:  # the daemon leaves them ignored, as the end of its process
+        hand.join()
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
+    assert "drive-monday.mcap: not complete after 0 s: waiting for a hold command; the same command with" in said.err, (
+        said
+    )
     assert {path.name: path.read_bytes() for path in aside.iterdir()} == {
         log.name: before[log] for log in (monday, logs["test"])
     }

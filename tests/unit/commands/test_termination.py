@@ -143,15 +143,24 @@ def test_a_campaign_that_is_ended_says_how_to_go_on(tmp_path: Path, number: int,
 
 @pytest.mark.real_time
 @pytest.mark.parametrize(
-    "words",
+    ("words", "name", "go_on"),
     [
-        ("sitl", "--lockstep", "--duration", "100000", "--no-picture", "--log", "run.mcap"),
-        ("sitl", "--duration", "600", "--no-picture", "--log", "run.mcap"),
-        ("collect", "--duration", "100000", "-o", "run.mcap"),
+        (("sitl", "--lockstep", "--duration", "100000", "--no-picture", "--log", "run.mcap"), "run.mcap", ""),
+        (("sitl", "--duration", "600", "--no-picture", "--log", "run.mcap"), "run.mcap", ""),
+        (("collect", "--duration", "100000", "-o", "run.mcap"), "run.mcap", ""),
+        (
+            ("learn", "sitl", "--yes", "--wind", "3@90", "--duration", "100000", "-o", "out"),
+            "out/drive.mcap",
+            "; the same command with --resume goes on",
+        ),
     ],
 )
-def test_a_run_that_is_ended_says_where_its_log_is(tmp_path: Path, words: tuple[str, ...]) -> None:
-    log = tmp_path / "run.mcap"
+def test_a_run_that_is_ended_says_where_its_log_is(
+    tmp_path: Path, words: tuple[str, ...], name: str, go_on: str
+) -> None:
+    if words[0] == "learn":
+        pytest.importorskip("torch")
+    log = tmp_path / name
     with subprocess.Popen(
         [sys.executable, "-m", "asvhil", *words, "--set", PLAIN_CONTROLLER],
         cwd=tmp_path,
@@ -166,5 +175,5 @@ def test_a_run_that_is_ended_says_where_its_log_is(tmp_path: Path, words: tuple[
         finally:
             run.kill()
     assert run.returncode == 130
-    assert told == "asvhil: interrupted; log run.mcap (read it with `asvhil report`)\n"
+    assert told == f"asvhil: interrupted; log {name} (read it with `asvhil report`){go_on}\n"
     LogFile(log)  # is whole
