@@ -6,9 +6,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import typer
+
 from asvhil.commands.learn_drives import LearnFiles, LearnSteps, put_aside
 from asvhil.commands.outputs import writing
-from asvhil.commands.train import train_with_bar
+from asvhil.commands.train import tell_notes, train_with_bar
 from asvhil.commands.views import say
 from asvhil.errors import ConfigError, OtherTrainingError
 from asvhil.files import is_there
@@ -88,7 +90,11 @@ def train_models(
         say(
             steps.console, f"   {files.model}: {figures['data_s']:.0f} s of data, {figures['wall_s']:.0f} s of training"
         )
-    train_with_bar(steps.console, "sd", data, files.fitted)
+    fitted = train_with_bar(steps.console, "sd", data, files.fitted)
+    tell_notes(fitted)  # the network's are the same: they are of the data
+    for made in (figures, fitted):
+        if made.get("picture_fault"):
+            typer.echo(f"asvhil: warning: {made['picture_fault']}; the model {made['model']} is whole", err=True)
     return figures
 
 

@@ -71,6 +71,7 @@ def train(
         tries=tries,
         resume=resume,
     )
+    tell_notes(figures)
     words = f"{output}: {kind} for {figures['vehicle']}, {figures['data_s']:.0f} s of data, {figures['wall_s']:.1f} s"
     if figures["missing_rows"] or figures["outliers"]:
         words += f"; left out: {figures['missing_rows']} rows with a missing value, {figures['outliers']} jumps"
@@ -116,8 +117,6 @@ def train_with_bar(console: Any, kind: str, data: list[Path], output: Path, **se
 
             figures = train_command(kind, data, output, **settings, progress=show)
             bar.update(task, completed=bar.tasks[0].total)  # it may end before all iterations
-        for line in figures["notes"]:
-            typer.echo(f"asvhil: warning: {line}", err=True)
         return figures
     except KeyboardInterrupt:
         if is_there(checkpoint_of(output)):
@@ -125,6 +124,12 @@ def train_with_bar(console: Any, kind: str, data: list[Path], output: Path, **se
                 f"asvhil: interrupted; the same command with --resume goes on from {checkpoint_of(output)}", err=True
             )
         raise
+
+
+def tell_notes(figures: dict[str, Any]) -> None:
+    """What is odd about the data of a training, a warning each."""
+    for line in figures["notes"]:
+        typer.echo(f"asvhil: warning: {line}", err=True)
 
 
 def need_torch(kind: str = "") -> None:

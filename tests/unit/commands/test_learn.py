@@ -142,6 +142,21 @@ def test_what_another_training_has_left_is_put_aside(learned: Path, tmp_path: Pa
     assert (folder / "before-3" / state.name).read_bytes() == kept and not state.exists() and model.exists()
 
 
+def test_a_warning_of_the_data_comes_once_and_a_picture_that_cannot_be_written_is_told(
+    learned: Path, tmp_path: Path
+) -> None:
+    silent = "sources.wind=[{link: autopilot, message: WIND}]"  # which it never sends
+    settings = load_config(learned / "cat-sim.yaml", (silent,))
+    for name, number in (("drive.mcap", 0), ("test.mcap", 1)):
+        collect(settings, "lockstep", 80.0, [parse_wind(f"{3 + number}@90")], tmp_path / name)
+    (tmp_path / "out" / "cat-nnsem.curve.png").mkdir(parents=True)
+    logs = ("--data", str(tmp_path / "drive.mcap"), "--test", str(tmp_path / "test.mcap"))
+    order = ("learn", "cat-sim.yaml", "--force", "-o", str(tmp_path / "out"), "--iterations", "50", *logs)
+    said = call(*order, cwd=learned, typed="y\nn\n")
+    assert said.err.count("no wind was measured") == 1, said
+    assert said.err.count("cat-nnsem.curve.png: cannot be written") == 1, said
+
+
 def test_another_boats_logs_are_refused_before_the_training(learned: Path) -> None:
     assert (
         call("init", "dog.yaml", *CAT[:-4], "--mass", "90", *CAT[-2:], "--motors-apart", "0.84", cwd=learned).status
