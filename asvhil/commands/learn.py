@@ -59,7 +59,7 @@ def learn(
         bool,
         typer.Option(
             "--resume",
-            help="Go on where it stopped: with the drives there, those missing, the training.",
+            help="Go on where it stopped: keep the drives that are there, make those missing, continue the training.",
         ),
     ] = False,
     force: Annotated[
