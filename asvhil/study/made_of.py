@@ -101,7 +101,7 @@ def state_of(page: Path, name: str) -> PageState:
     except (ValueError, KeyError, TypeError):
         return PageState(page=name, state="unmarked", changed=("its mark cannot be read",))
     changed = [part for part, digest in then.items() if _now(part) != digest]
-    if differ:
+    if differ and others:  # else every run is of one code by now
         changed.append(f"{differ} of {again} runs of other code came out otherwise when run again")
     elif others and again < ENOUGH:
         changed.append(f"{others} runs of other code")
