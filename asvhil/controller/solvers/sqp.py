@@ -43,11 +43,12 @@ class Sqp:
         self._problem = problem
         self._p, self._u = np.zeros(problem.n_parameters), np.zeros(width)
         self._x, self._cost = np.zeros((stages + 1) * n), np.zeros(1)
-        self._x_tangent, self._blocks = np.zeros((stages + 1) * n), np.zeros(stages * n * (n + 2))
+        self._reached = self._x.reshape(-1, n)[1:]  # after each stage
+        self._blocks = np.zeros(stages * n * (n + 2))
         self._gradient = np.zeros(width)  # half of the cost's
         self._roll = bind(problem.rollout, [self._p, self._u], [self._x, self._cost])
-        tangent = [self._x_tangent, self._blocks, self._cost, self._gradient]
-        self._linearise = bind(problem.linearised, [self._p, self._u], tangent)
+        linearised = [self._x, self._blocks, self._cost, self._gradient]
+        self._linearise = bind(problem.linearised, [self._p, self._u], linearised)
         # Row block k holds d s_k / d U over d a_k / d U, so that one product with [dF/ds | dF/da] gives d s_k+1 / d U.
         self._gains = np.zeros((stages + 1, n + 2, width))
         for k in range(stages):
@@ -82,17 +83,14 @@ class Sqp:
         root = np.sqrt(weights)
         smoothing = slew * self._smoothing
 
-        self._u[:] = u
-        self._linearise()
-        cost = float(self._cost[0])
+        cost, linearised = self._cost_of(u, linearise=True), True
         if not math.isfinite(cost):
             return failure(problem, "the prediction from the start is not finite")
-        states = self._x_tangent.copy()
+        states = self._x.copy()
         solved, status = 0, "iteration cap"
         while solved < iterations:
-            if solved:
-                self._u[:] = u
-                self._linearise()
+            if not linearised:
+                self._cost_of(u, linearise=True)
             step, slope = self._step(u, root, soft, smoothing)
             if step is None:
                 status = "the QP failed"
@@ -101,11 +99,11 @@ class Sqp:
             if -slope <= (TOLERANCE if solved <= USUAL else COARSE) * cost:
                 status = "converged"
                 break
-            taken = self._search(u, step, slope, cost)
+            taken = self._search(u, step, slope, cost, linearise=solved < iterations)
             if taken is None:
                 status = "no descent along the step"
                 break
-            u, cost = taken
+            u, cost, linearised = taken
             states[:] = self._x
         return Solution(
             inputs=u.reshape(-1, 2),
@@ -116,10 +114,13 @@ class Sqp:
             status=status,
         )
 
-    def _cost_of(self, u: Array) -> float:
-        """Cost of the inputs; leaves their states in the buffer."""
+    def _cost_of(self, u: Array, *, linearise: bool) -> float:
+        """Cost of the inputs; leaves their states in the buffer, and if wanted the sensitivities and the gradient."""
         self._u[:] = u
-        self._roll()
+        if linearise:
+            self._linearise()
+        else:
+            self._roll()
         return float(self._cost[0])
 
     def _step(self, u: Array, root: Array, soft: Array | None, smoothing: Array) -> tuple[Array | None, float]:
@@ -184,8 +185,7 @@ class Sqp:
 
     def _limited(self) -> tuple[Array, Array]:
         """The errors that have a soft limit (stages, 4), and the Jacobian of them all in one column by the inputs."""
-        reached = self._x_tangent.reshape(-1, self._problem.n_state)[1:]
-        errors = reached[:, :POSE_AND_VELOCITY] - self._problem.targets(self._p, reached)
+        errors = self._reached[:, :POSE_AND_VELOCITY] - self._problem.targets(self._p, self._reached)
         jacobian = self._jacobian(self._ones).reshape(len(errors), POSE_AND_VELOCITY, -1)
         return errors[:, LIMITED], jacobian[:, LIMITED].reshape(-1, jacobian.shape[-1])
 
@@ -194,8 +194,7 @@ class Sqp:
         weighted: Array = root[:, :, None] * self._weighted_gains
         if self._moves:
             # The station's velocity in body axes, to which the boat's is relative, turns with the boat.
-            reached = self._x_tangent.reshape(-1, self._problem.n_state)[1:]
-            moves = self._problem.targets(self._p, reached)[:, 3:5, None]
+            moves = self._problem.targets(self._p, self._reached)[:, 3:5, None]
             turns = self._weighted_gains[:, 2]
             weighted[:, 3] -= root[:, 3, None] * moves[:, 1] * turns
             weighted[:, 4] += root[:, 4, None] * moves[:, 0] * turns
@@ -230,8 +229,14 @@ class Sqp:
         step[free] = ordered.solve(hessian[np.ix_(free, free)], -pull[free])
         return step
 
-    def _search(self, u: Array, step: Array, slope: float, cost: float) -> tuple[Array, float] | None:
-        """The first of ever shorter steps that lowers the true cost enough, and its cost.
+    def _search(
+        self, u: Array, step: Array, slope: float, cost: float, *, linearise: bool
+    ) -> tuple[Array, float, bool] | None:
+        """The inputs after the first of ever shorter steps that lowers the true cost enough, their cost, and whether
+        they are linearised.
+
+        Where that is what comes next, the full step is linearised at once, since most are taken: the linearisation
+        has the same cost to the last bit.
 
         The next length is the minimum of the parabola through what is known (Nocedal and Wright 2006, eq. 3.58): where
         the heading oscillates, the Gauss-Newton step is several times too long, and halving would be inaccurate.
@@ -240,9 +245,10 @@ class Sqp:
         least, most = SHORTENED_TO
         while length >= SHORTEST_STEP:
             trial = bounded(u + length * step, self._lower, self._upper)
-            trial_cost = self._cost_of(trial)
+            trial_cost = self._cost_of(trial, linearise=linearise)
             if trial_cost <= cost + ARMIJO * length * slope:  # False for NaN
-                return trial, trial_cost
+                return trial, trial_cost, linearise
+            linearise = False
             bend = trial_cost - cost - slope * length
             share = -0.5 * slope * length / bend if bend < np.inf else 0.0  # False for NaN too
             length *= min(max(share, least), most)

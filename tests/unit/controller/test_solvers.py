@@ -86,14 +86,16 @@ def searched(monkeypatch, cost_at) -> tuple[list[float], float | None]:
     """Lengths that the search tries on a cost of the step's length (slope -1 at the start), and the one it takes."""
     solver, tried = Sqp(PROBLEM), []
 
-    def cost_of(u: np.ndarray) -> float:
+    def cost_of(u: np.ndarray, *, linearise: bool) -> float:
         tried.append(float(u[0]))
+        assert linearise == (len(tried) == 1)  # the full step, in case that it is taken
         return cost_at(tried[-1])
 
     monkeypatch.setattr(solver, "_cost_of", cost_of)
     step = np.zeros(2 * PROBLEM.stages)
     step[0] = 1.0
-    taken = solver._search(np.zeros_like(step), step, -1.0, 0.0)
+    taken = solver._search(np.zeros_like(step), step, -1.0, 0.0, linearise=True)
+    assert taken is None or taken[2] == (len(tried) == 1)
     return tried, None if taken is None else float(taken[0][0])
 
 

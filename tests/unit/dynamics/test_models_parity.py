@@ -8,7 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from asvhil.config import MpcConfig, load_config
+from asvhil.config import MpcConfig, SoftLimits, load_config
+from asvhil.controller.solvers.problem import StationProblem
 from asvhil.controller.station_mpc import StationMpc
 from asvhil.dynamics.fitted_sd import PARAMETERS
 from asvhil.dynamics.lagnet import ThrustMap
@@ -180,6 +181,24 @@ def test_lagnet_inputs_are_thrusts_within_their_bounds() -> None:
     assert model.input_of_command((0.0, 1.0)) == (0.0, 1.0)
     assert model.input_of_command((-1.0, -1.0)) == (model.input_lower, model.input_lower)
     assert model.command_of_input(model.input_of_command((0.37, -0.62))) == pytest.approx((0.37, -0.62), abs=1e-6)
+
+
+@every_model
+def test_the_linearisation_has_the_states_and_the_cost_of_the_prediction_to_the_last_bit(name: str) -> None:
+    """The SQP takes either for the other."""
+    model = MODELS[name]
+    near = MpcConfig().near.model_copy(update={"soft": 5000.0})
+    config = MpcConfig(stages=8, soft_limits=SoftLimits(), near=near)
+    problem, rng = StationProblem(model, config), np.random.default_rng(6)
+    x, _, wind = inputs(name, 20, 5)
+    for state, air in zip(x, wind, strict=True):
+        s, push, moves = (*rng.uniform(-5.0, 5.0, 3), *state), rng.uniform(-0.05, 0.05, 3), rng.uniform(-1.0, 1.0, 2)
+        p = problem.pack(s, air, push, 0.05, (0.1, 0.0), config.near, moves_mps=moves)
+        u = rng.uniform(model.input_lower, model.input_upper, 16)
+        states, cost = (np.array(part) for part in problem.rollout(p, u))
+        same_states, _, same_cost, _ = (np.array(part) for part in problem.linearised(p, u))
+        assert np.array_equal(same_states, states, equal_nan=True)
+        assert np.array_equal(same_cost, cost, equal_nan=True)
 
 
 @pytest.mark.parametrize("kind", KINDS)
