@@ -16,6 +16,7 @@ import numpy as np
 from asvhil.dynamics.arrays import Array, namespace_of
 from asvhil.dynamics.nnsem import TanhNetwork
 from asvhil.dynamics.ordered import product
+from asvhil.dynamics.table import Table
 
 MAP_POINTS = 4001
 # Each skip term is the product of these components of z; of a component with itself, x |x|.
@@ -33,20 +34,21 @@ class ThrustMap:
     """
 
     def __init__(self, gain: Array, slope: Array, centre: Array) -> None:
-        self._command = np.linspace(-1.0, 1.0, MAP_POINTS)
-        bent = np.vectorize(math.tanh)(slope * (self._command[:, None] - centre))
+        command = np.linspace(-1.0, 1.0, MAP_POINTS)
+        bent = np.vectorize(math.tanh)(slope * (command[:, None] - centre))
         g = product(bent, gain)
         middle = g[MAP_POINTS // 2]
-        self._thrust: Array = (g - middle) / (g[-1] - middle)
-        self.astern = float(self._thrust[0])
+        thrust: Array = (g - middle) / (g[-1] - middle)
+        self.astern = float(thrust[0])
+        self._thrust_of, self._command_of = Table(command, thrust), Table(thrust, command)
 
     def thrust(self, command: float) -> float:
         """Thrust of one motor, relative to full ahead, at a command in [-1, 1]."""
-        return float(np.interp(command, self._command, self._thrust))
+        return self._thrust_of.at(command)
 
     def command(self, thrust: float) -> float:
         """The command in [-1, 1] that gives a relative thrust, clamped to the map's range."""
-        return float(np.interp(thrust, self._thrust, self._command))
+        return self._command_of.at(thrust)
 
 
 class LagNet:

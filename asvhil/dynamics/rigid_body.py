@@ -9,6 +9,7 @@ import numpy as np
 from asvhil.config import VesselConfig
 from asvhil.dynamics.arrays import namespace_of
 from asvhil.dynamics.coupling import CoupledBody
+from asvhil.dynamics.table import Table
 from asvhil.dynamics.wind_load import QuadraticWind, WindLoad
 
 
@@ -50,32 +51,29 @@ class ThrustCurve:
     """Thrust (N) of one motor at a command in [-1, 1], by linear interpolation in a table, and its inverse."""
 
     def __init__(self, rows: tuple[tuple[float, float], ...]) -> None:
-        self._command = np.array([row[0] for row in rows])
-        self._thrust_n = np.array([row[1] for row in rows])
-        dead = self._command[self._thrust_n == 0.0]
+        command = np.array([row[0] for row in rows])
+        thrust_n = np.array([row[1] for row in rows])
+        dead = command[thrust_n == 0.0]
         if not dead.size:  # the curve crosses zero between two rows
-            dead = np.interp([0.0], self._thrust_n, self._command)
+            dead = np.interp([0.0], thrust_n, command)
         # The inverse steps across the dead band: each side ends at its own edge of it.
-        below, above = self._thrust_n < 0.0, self._thrust_n > 0.0
-        self._below = np.append(self._command[below], dead[0]), np.append(self._thrust_n[below], 0.0)
-        self._above = np.append(dead[-1], self._command[above]), np.append(0.0, self._thrust_n[above])
+        below, above = thrust_n < 0.0, thrust_n > 0.0
+        self._thrust_of = Table(command, thrust_n)
+        self._command_astern = Table(np.append(thrust_n[below], 0.0), np.append(command[below], dead[0]))
+        self._command_ahead = Table(np.append(0.0, thrust_n[above]), np.append(dead[-1], command[above]))
         self._idle = float(np.clip(0.0, dead[0], dead[-1]))
-        self.astern_n = float(self._thrust_n[0])
-        self.ahead_n = float(self._thrust_n[-1])
+        self.astern_n = float(thrust_n[0])
+        self.ahead_n = float(thrust_n[-1])
 
     def thrust_n(self, command: float) -> float:
         """Thrust (N) at a command, clamped to the table's ends."""
-        return float(np.interp(command, self._command, self._thrust_n))
+        return self._thrust_of.at(command)
 
     def command(self, thrust_n: float) -> float:
         """The command that gives a thrust (N), clamped to the table's ends; for zero thrust, that nearest to 0."""
         if thrust_n > 0.0:
-            command, thrust = self._above
-        elif thrust_n < 0.0:
-            command, thrust = self._below
-        else:
-            return self._idle
-        return float(np.interp(thrust_n, thrust, command))
+            return self._command_ahead.at(thrust_n)
+        return self._command_astern.at(thrust_n) if thrust_n < 0.0 else self._idle
 
 
 class SimplifiedDynamics:
