@@ -52,7 +52,8 @@ class PulseLimiter:
 
     def __init__(self, config: PwmConfig) -> None:
         self._config = config
-        self._last_us = (config.neutral_us, config.neutral_us)
+        self._last_us = self._wanted_us = (config.neutral_us, config.neutral_us)
+        self._command = (0.0, 0.0)  # that `_wanted_us` are the pulses of
         self._t_ns: int | None = None
         self._spare_us = 0.0  # less than a microsecond of change that a tick before left over
         self._pauses = _ReversalPause(config), _ReversalPause(config)
@@ -72,11 +73,15 @@ class PulseLimiter:
     def step(self, t_ns: int, command: tuple[float, float]) -> tuple[int, int]:
         """Pulse widths (port, starboard) for a command, moved from the last ones no faster than the slew rate."""
         reach_us = self._reach_us(t_ns)
-        port, starboard = (
-            pause.step(t_ns, self._approach(last_us, pulse_of_command(self._config, part), reach_us))
-            for pause, last_us, part in zip(self._pauses, self._last_us, command, strict=True)
+        if command != self._command:  # a command holds for several ticks
+            port, starboard = command
+            self._wanted_us = pulse_of_command(self._config, port), pulse_of_command(self._config, starboard)
+            self._command = command
+        (port_us, starboard_us), (port_pause, starboard_pause) = self._last_us, self._pauses
+        self._last_us = (
+            port_pause.step(t_ns, self._approach(port_us, self._wanted_us[0], reach_us)),
+            starboard_pause.step(t_ns, self._approach(starboard_us, self._wanted_us[1], reach_us)),
         )
-        self._last_us = (port, starboard)
         return self._last_us
 
     def _reach_us(self, t_ns: int) -> int:
@@ -92,11 +97,10 @@ class PulseLimiter:
 
     def _approach(self, last_us: int, wanted_us: int, reach_us: int) -> int:
         neutral_us = self._config.neutral_us
-        if (wanted_us - neutral_us) * (last_us - neutral_us) >= 0 and abs(wanted_us - neutral_us) <= abs(
-            last_us - neutral_us
-        ):
+        wanted, last = wanted_us - neutral_us, last_us - neutral_us
+        if wanted * last >= 0 and abs(wanted) <= abs(last):
             return wanted_us  # towards neutral
-        start_us = neutral_us if (wanted_us - neutral_us) * (last_us - neutral_us) < 0 else last_us
+        start_us = neutral_us if wanted * last < 0 else last_us
         return min(max(wanted_us, start_us - reach_us), start_us + reach_us)
 
 
