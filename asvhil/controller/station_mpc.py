@@ -19,7 +19,7 @@ from asvhil.dynamics.arrays import Array
 from asvhil.dynamics.corrected import has_lag
 from asvhil.dynamics.ordered import product
 from asvhil.dynamics.protocol import Dynamics
-from asvhil.geo import body_to_ned, ned_to_body, wrap_rad
+from asvhil.geo import ned_to_body, wrap_rad
 from asvhil.types import Control, Estimate, Station, Wind
 
 ALTERNATE_STARTS = (0.0, 0.7, -0.7)  # of full ahead (positive) or astern, both motors, in turn
@@ -53,6 +53,7 @@ class StationMpc:
         self._delay_s = config.delay_s + (0.0 if has_lag(model) else config.unmodelled_lag_s)
         self._problem = StationProblem(model, config, limits)
         self._solver = make_solver(self._problem)
+        self._times_s: list[float] = self._problem.times_s.tolist()
         self._shift = shift_matrix(self._problem.times_s, period_s)
         of_thrust = model.input_of_command((0.5, 0.5)) != (0.5, 0.5)  # a model of the command has the dead band in it
         self._least_thrust, self._thrust_slew = (config.least_thrust, config.thrust_slew) if of_thrust else (0.0, 0.0)
@@ -234,17 +235,19 @@ class StationMpc:
         self._plan = solution.inputs
         port, starboard = solution.inputs[0].tolist()
         self._apply((port, starboard))
-        rows = []
-        for t_s, (x, y, psi_rad) in zip(self._problem.times_s.tolist(), solution.states[:, :3].tolist(), strict=True):
-            n_m, e_m = body_to_ned(station.psi_rad, x, y)
-            rows.append((t_s, station.n_m + n_m, station.e_m + e_m, wrap_rad(station.psi_rad + psi_rad)))
+        n_m, e_m, heading_rad = station.n_m, station.e_m, station.psi_rad
+        cos, sin = math.cos(heading_rad), math.sin(heading_rad)  # once for `body_to_ned` of all rows
+        plan = [
+            (t_s, n_m + (cos * x - sin * y), e_m + (sin * x + cos * y), wrap_rad(heading_rad + psi_rad))
+            for t_s, (x, y, psi_rad) in zip(self._times_s, solution.states[:, :3].tolist(), strict=True)
+        ]
         return Control(
             command=self._model.command_of_input(self._input),
             ok=True,
             iterations=iterations,
             cost=solution.cost,
-            plan=tuple(rows),
-            inputs=tuple((port, starboard) for port, starboard in solution.inputs.tolist()),
+            plan=tuple(plan),
+            inputs=tuple([(port, starboard) for port, starboard in solution.inputs.tolist()]),
         )
 
     def _apply(self, wanted: tuple[float, float]) -> None:
