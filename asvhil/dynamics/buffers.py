@@ -43,7 +43,6 @@ def bind(function: ca.Function, arguments: list[Array], results: list[Array]) ->
     for i, array in enumerate(results):
         buffer.set_res(i, array.data)
 
-    def evaluate(keep_alive: tuple[object, ...] = (function, buffer, *arguments, *results)) -> None:
-        call()
-
+    call.kept_alive = (function, buffer, *arguments, *results)  # a functools.partial, which takes attributes
+    evaluate: Callable[[], None] = call
     return evaluate
