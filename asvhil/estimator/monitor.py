@@ -4,18 +4,21 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Callable
 
 import casadi as ca
 import numpy as np
 
 from asvhil.config import MonitorConfig
-from asvhil.dynamics.buffers import bind
+from asvhil.dynamics.arrays import Array
+from asvhil.dynamics.buffers import bind, fastest
 from asvhil.dynamics.integrate import advance, substeps
-from asvhil.dynamics.ordered import total
 from asvhil.dynamics.protocol import Dynamics
 from asvhil.types import Estimate, PredictionError, Wind
 
 NU = slice(3, 6)
+
+Triple = tuple[float, float, float]
 
 
 class ModelMonitor:
@@ -31,15 +34,18 @@ class ModelMonitor:
         s, a, wind = ca.SX.sym("s", size), ca.SX.sym("a", 2), ca.SX.sym("wind", 2)
         count = substeps(period_s, model.max_step_s)
         after = advance(model, s, a, wind, ca.SX.zeros(3), period_s, count)
-        self._state, self._a, self._w, self._after = np.zeros(size), np.zeros(2), np.zeros(2), np.zeros(size)
-        function = ca.Function("monitor", [s, a, wind], [after], {"cse": True})
-        self._advance = bind(function, [self._state, self._a, self._w], [self._after])
+        one_step = ca.Function("monitor", [s, a, wind], [after], {"cse": True})
         self._steps = max(1, round(config.horizon_s / period_s))
         self._max_gap_ns = round(1.5e9 * period_s)
-        self._past: deque[tuple[Estimate, tuple[float, float], tuple[float, float]]] = deque(maxlen=self._steps)
-        window = max(1, round(config.window_s / period_s))
-        self._one_step = _Window(window)
-        self._horizon = _Window(window)
+        self._past: deque[Estimate] = deque(maxlen=self._steps)
+        # Inputs and winds from each of these states on, the newest last.
+        self._inputs, self._winds = np.zeros(2 * self._steps), np.zeros(2 * self._steps)
+        self._state, self._after = np.zeros(size), np.zeros(size)
+        newest = [self._inputs[-2:], self._winds[-2:]]
+        self._advance = bind(fastest(one_step), [self._state, *newest], [self._after])
+        roll_out = fastest(one_step.fold(self._steps))
+        self._roll_out = bind(roll_out, [self._state, self._inputs, self._winds], [self._after])
+        self._window = _Window(max(1, round(config.window_s / period_s)))
 
     def reset(self) -> None:
         """Forget everything, after a time in which others had the motors: the inputs are not known."""
@@ -47,26 +53,26 @@ class ModelMonitor:
 
     def step(self, estimate: Estimate, model_input: tuple[float, float], wind: Wind | None) -> PredictionError | None:
         """Add the state of a control tick and the input from then on: the errors, once the horizon is filled."""
-        if self._past and estimate.t_ns - self._past[-1][0].t_ns > self._max_gap_ns:
+        if self._past and estimate.t_ns - self._past[-1].t_ns > self._max_gap_ns:
             self.reset()
-        wind_ned = (wind.vn_mps, wind.ve_mps) if wind is not None else (0.0, 0.0)
-        past = list(self._past)
-        self._past.append((estimate, model_input, wind_ned))
-        if len(past) < self._steps:
+        errors = None
+        if len(self._past) == self._steps:
+            of_one_step = self._prediction_error(self._past[-1], self._advance, estimate)
+            errors = (*of_one_step, *self._prediction_error(self._past[0], self._roll_out, estimate))
+        self._past.append(estimate)
+        _append(self._inputs, model_input)
+        _append(self._winds, (0.0, 0.0) if wind is None else (wind.vn_mps, wind.ve_mps))
+        if errors is None:
             return None
-        one_step = self._one_step.rms(self._prediction_error(past[-1:], estimate))
-        horizon = self._horizon.rms(self._prediction_error(past[-self._steps :], estimate))
+        one_step, horizon = self._window.rms(errors)
         limits = (self._config.max_u_mps, self._config.max_v_mps, self._config.max_r_radps)
         # NaN compares false, so a model that diverges is not ok.
-        ok = not self._horizon.full or all(error <= limit for error, limit in zip(horizon, limits, strict=True))
+        ok = not self._window.full or all(error <= limit for error, limit in zip(horizon, limits, strict=True))
         return PredictionError(one_step=one_step, horizon=horizon, horizon_s=self._config.horizon_s, ok=ok)
 
-    def _prediction_error(
-        self, rows: list[tuple[Estimate, tuple[float, float], tuple[float, float]]], now: Estimate
-    ) -> tuple[float, float, float]:
-        """Predicted less estimated (u, v, r) after rolling the model over rows of (state, input, wind)."""
-        start = rows[0][0]
-        self._after[:] = (
+    def _prediction_error(self, start: Estimate, predict: Callable[[], None], now: Estimate) -> Triple:
+        """Predicted less estimated (u, v, r), of a prediction from a state on."""
+        self._state[:] = (
             start.n_m,
             start.e_m,
             start.psi_rad,
@@ -75,29 +81,35 @@ class ModelMonitor:
             start.r_radps,
             *start.motor,
         )
-        for _, model_input, wind_ned in rows:
-            self._state[:] = self._after
-            self._a[:] = model_input
-            self._w[:] = wind_ned
-            self._advance()
+        predict()
         u, v, r = self._after[NU].tolist()
         return u - now.u_mps, v - now.v_mps, r - now.r_radps
 
 
+def _append(pairs: Array, newest: tuple[float, float]) -> None:
+    """Drop the oldest of the pairs, and add one."""
+    pairs[:-2] = pairs[2:]
+    pairs[-2:] = newest
+
+
 class _Window:
-    """Squared errors of (u, v, r) over the last control ticks, summed anew each time: a running sum would drift."""
+    """Squared errors over the last control ticks, summed anew each time: a running sum would drift."""
 
     def __init__(self, length: int) -> None:
-        self._length = length
-        self._squares: tuple[deque[float], ...] = tuple(deque(maxlen=length) for _ in range(3))
+        self._squares: Array = np.zeros((length, 6))  # the newest last
+        self._count = 0
 
     @property
     def full(self) -> bool:
-        return len(self._squares[0]) == self._length
+        return self._count == len(self._squares)
 
-    def rms(self, error: tuple[float, float, float]) -> tuple[float, float, float]:
-        """Add an error: the root mean squares."""
-        for squares, value in zip(self._squares, error, strict=True):
-            squares.append(value * value)
-        u, v, r = (math.sqrt(total(squares) / len(squares)) for squares in self._squares)
-        return u, v, r
+    def rms(self, errors: tuple[float, ...]) -> tuple[Triple, Triple]:
+        """Add errors of (u, v, r), one step and a horizon ahead: the root mean squares."""
+        squares = self._squares
+        self._count = min(self._count + 1, len(squares))
+        squares[:-1] = squares[1:]
+        squares[-1] = [error * error for error in errors]
+        # Row by row, in their order (`ordered.product`).
+        totals: list[float] = np.add.reduce(squares[-self._count :], axis=0).tolist()
+        a, b, c, d, e, f = (math.sqrt(total / self._count) for total in totals)
+        return (a, b, c), (d, e, f)
