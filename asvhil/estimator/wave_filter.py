@@ -87,10 +87,11 @@ class WaveFilter:
             [after, left_over, ca.vertcat(surge, sway, rate[2])],
             {"cse": True},
         )
+        function = fastest(function)
         arguments = [self._x, self._measured, self._motor, self._input, self._wind, self._f, self._h]
-        self._run = bind(
-            fastest(function), [*arguments, self._k_place, self._k_yaw], [self._after, self._left_over, self._pushed]
-        )
+        results = [self._after, self._left_over, self._pushed]
+        self._predict = bind(function, [*arguments, np.zeros(2 * n), np.zeros(2 * n)], results)
+        self._predict_and_correct = bind(function, [*arguments, self._k_place, self._k_yaw], results)
 
     def set_forcing(self, model_input: tuple[float, float], wind: Wind | None) -> None:
         """The model's input (2) and the usable wind from now on."""
@@ -143,7 +144,8 @@ class WaveFilter:
         y[0], y[2] = estimate.n_m, estimate.e_m
         y[1] = c * estimate.u_mps - s * estimate.v_mps
         y[3] = s * estimate.u_mps + c * estimate.v_mps
-        y[4] = self._x[2 * STATES] + wrap_rad(estimate.psi_rad - self._x[2 * STATES])
+        psi_rad = float(self._x[2 * STATES])
+        y[4] = psi_rad + wrap_rad(estimate.psi_rad - psi_rad)
         y[5] = estimate.r_radps
         steps = 0 if self._t_ns is None else round((estimate.t_ns - self._t_ns) * 1e-9 / self._step_s)
         if self._t_ns is None or steps * self._step_s > LONGEST_GAP_S or self._has_jumped():
@@ -154,11 +156,11 @@ class WaveFilter:
         self._t_ns += round(steps * self._step_s * 1e9)
         self._motor[:] = estimate.motor
         for number in range(steps, 0, -1):
-            correct = number == 1
-            self._k_place[:] = self._gain_place if correct else 0.0
-            self._k_yaw[:] = self._gain_yaw if correct else 0.0
-            self._run()
-            if not math.isfinite(float(self._after.sum())):
+            if number == 1:
+                self._predict_and_correct()
+            else:
+                self._predict()
+            if not all(map(math.isfinite, self._after.tolist())):
                 self._restart(estimate)
                 return
             self._x[:] = self._after
@@ -171,11 +173,14 @@ class WaveFilter:
 
     def _has_jumped(self) -> bool:
         """Whether the estimate is away from the state by more than a boat moves in a tick."""
-        x = self._x.reshape(3, STATES)
-        pose = x[:, 0] + x[:, WAVE_POSITION] / self._peak_radps
-        off = np.abs(self._measured[0::2] - pose)
-        fast = np.abs(self._measured[1::2] - x[:, 1] - x[:, WAVE_VELOCITY])
-        return bool(max(off[0], off[1]) > JUMP_M or off[2] > JUMP_RAD or max(fast[0], fast[1]) > JUMP_MPS)
+        north, east, yaw = self._x.reshape(3, STATES).tolist()
+        n_m, vn, e_m, ve, psi_rad, _ = self._measured.tolist()
+        off_n, off_e, off_psi = (
+            abs(place - (axis[0] + axis[WAVE_POSITION] / self._peak_radps))
+            for place, axis in ((n_m, north), (e_m, east), (psi_rad, yaw))
+        )
+        fast_n, fast_e = (abs(v - axis[1] - axis[WAVE_VELOCITY]) for v, axis in ((vn, north), (ve, east)))
+        return max(off_n, off_e) > JUMP_M or off_psi > JUMP_RAD or max(fast_n, fast_e) > JUMP_MPS
 
     def _restart(self, estimate: Estimate) -> None:
         """No waves, and the low-frequency motion as the estimator has it; spectrum and share stay."""
@@ -215,7 +220,7 @@ class WaveFilter:
             (config.velocity_walk_mps, config.disturbance_walk_mps2),
             (config.yaw_rate_walk_radps, config.disturbance_yaw_walk_radps2),
         )
-        self._gain_place, self._gain_yaw = (
+        self._k_place[:], self._k_yaw[:] = (
             wave_gain.gain(peak_radps, *design, least * LEVEL_BASE**level, *walk, std).ravel(order="F")
             for least, level, walk, std in zip(self._least, levels, walks, MEASURED_STD, strict=True)
         )
