@@ -6,6 +6,8 @@ Of a covariance only the lower triangle is read and worked out, and mirrored: it
 from __future__ import annotations
 
 import functools
+import math
+from collections.abc import Callable
 from typing import Any
 
 import casadi as ca
@@ -14,50 +16,81 @@ import numpy as np
 from asvhil.dynamics.arrays import Array
 from asvhil.dynamics.buffers import bind, fastest
 from asvhil.dynamics.ordered import symmetric
-from asvhil.estimator.states import SIZE
+from asvhil.estimator.states import B_E, D_N, PSI, SIZE
 
 
 class Correction:
-    """Kalman correction by `rows` scalar readings with independent noise.
+    """Kalman correction of `x` (SIZE) and `p` (SIZE * SIZE) by `rows` scalar readings with independent noise.
 
-    Fill `p` (SIZE * SIZE), `h` (rows, SIZE) and `noise` (rows, variances), call `evaluate_innovation`, and read `s`
-    (rows, rows), the covariance of the innovation. Then fill `innovation` (rows) and `used` (SIZE; 0 for a state that
-    is to stay, else 1), call `evaluate`, and read `change` (SIZE) of the state and the covariance `after`.
+    Fill `h` (rows, SIZE), `noise` (rows, variances) and `innovation` (rows), call `evaluate_innovation`, and read `s`
+    (rows, rows), the covariance of the innovation. Or `compares` has made the function that gives all of these from
+    readings. Then fill `used` (SIZE; 0 for a state that is to stay, else 1), call `evaluate`, and read the state
+    `x_after` and its covariance `p_after` (SIZE, SIZE).
+
+    `most` bounds the states from D_N to B_E. Corrections may share `x`, `p` and `most`.
     """
 
-    def __init__(self, rows: int) -> None:
-        self.p, self.after = np.zeros(SIZE * SIZE), np.zeros(SIZE * SIZE)
-        h_rows, self.noise, self.innovation = np.zeros(rows * SIZE), np.zeros(rows), np.zeros(rows)
-        s_columns, self._ph = np.zeros(rows * rows), np.zeros(SIZE * rows)
-        self.used, self.change = np.ones(SIZE), np.zeros(SIZE)
-        self.h: Array = h_rows.reshape(rows, SIZE)
-        self.s: Array = s_columns.reshape(rows, rows, order="F")
-        before, innovate = _functions(rows)
-        self.evaluate_innovation = bind(before, [self.p, h_rows, self.noise], [self._ph, s_columns])
-        self.evaluate = bind(
-            innovate, [self.p, self._ph, s_columns, self.innovation, self.used], [self.change, self.after]
-        )
+    def __init__(self, rows: int, x: Array, p: Array, most: Array) -> None:
+        self._p = p
+        self._h, self.noise, self.innovation = np.zeros(rows * SIZE), np.zeros(rows), np.zeros(rows)
+        self._s, self._ph = np.zeros(rows * rows), np.zeros(SIZE * rows)
+        self.used, self.x_after = np.ones(SIZE), np.zeros(SIZE)
+        after = np.zeros(SIZE * SIZE)
+        self.p_after: Array = after.reshape(SIZE, SIZE)
+        self.h: Array = self._h.reshape(rows, SIZE)
+        self.s: Array = self._s.reshape(rows, rows, order="F")
+        innovate, correct = _functions(rows)
+        self.evaluate_innovation = bind(innovate, [p, self._h, self.noise], [self._ph, self._s])
+        arguments = [x, p, self._ph, self._s, self.innovation, self.used, most]
+        self.evaluate = bind(correct, arguments, [self.x_after, after])
+
+    def compares(self, function: ca.Function, readings: list[Array], expected: Array) -> Callable[[], None]:
+        """A call of (*readings, p, variances) -> (*`compared`), which fills what `evaluate` needs, and `expected`."""
+        results = [self.innovation, expected, self._h, self._ph, self._s]
+        return bind(function, [*readings, self._p, self.noise], results)
+
+
+def compared(innovation: Any, expected: Any, h: Any, p: Any, variances: Any) -> list[Any]:
+    """Of readings, for `Correction.compares`: innovation, expected readings, H by rows, P H' and S."""
+    return [innovation, expected, ca.vec(ca.densify(h.T)), *_innovation_covariance(p, h, variances)]
+
+
+def wrapped(angle: Any) -> Any:
+    """The angle (rad) in [-pi, pi), as `geo.wrap_rad`: the remainder of C has the sign of the dividend."""
+    rest = ca.fmod(angle + math.pi, 2.0 * math.pi)
+    return rest + (rest < 0.0) * (2.0 * math.pi) - math.pi
+
+
+def _innovation_covariance(p: Any, h: Any, variances: Any) -> tuple[Any, Any]:
+    """P H', and S = H P H' + R."""
+    ph = ca.densify(symmetric(p) @ h.T)
+    return ph, symmetric(h @ ph + ca.diag(variances))
 
 
 @functools.lru_cache(maxsize=8)
 def _functions(rows: int) -> tuple[ca.Function, ca.Function]:
-    """(P, H, variances) -> (P H', S), and (P, P H', S, innovation, used) -> (change of the state, P after it).
+    """(P, H, variances) -> (P H', S), and (x, P, P H', S, innovation, used, most) -> (x, P) after the correction.
 
     With any gain K the covariance is (I - K H) P (I - K H)' + K R K' (the Joseph form), which is
     P - K (P H')' - P H' K' + K S K'.
     """
     p, h_rows, variances = ca.SX.sym("p", SIZE, SIZE), ca.SX.sym("h", rows * SIZE), ca.SX.sym("r", rows)
-    before, h = symmetric(p), ca.reshape(h_rows, SIZE, rows).T
-    ph_of = before @ h.T
-    s_of = symmetric(h @ ph_of + ca.diag(variances))
-    innovation_of = ca.Function("ekf_innovation", [p, h_rows, variances], [ph_of, s_of], {"cse": True})
+    h = ca.reshape(h_rows, SIZE, rows).T
+    innovation_of = ca.Function(
+        "ekf_innovation", [p, h_rows, variances], [*_innovation_covariance(p, h, variances)], {"cse": True}
+    )
 
     ph, s, innovation = ca.SX.sym("ph", SIZE, rows), ca.SX.sym("s", rows, rows), ca.SX.sym("i", rows)
-    used = ca.SX.sym("used", SIZE)
+    x, used, most = ca.SX.sym("x", SIZE), ca.SX.sym("used", SIZE), ca.SX.sym("most", B_E + 1 - D_N)
     gain = _times_inverse(ph, s) * ca.repmat(used, 1, rows)
     half = ph - 0.5 * (gain @ s)
-    after = symmetric(before - gain @ half.T - half @ gain.T)
-    correct = ca.Function("ekf_correct", [p, ph, s, innovation, used], [gain @ innovation, after], {"cse": True})
+    p_after = symmetric(symmetric(p) - gain @ half.T - half @ gain.T)
+    moved = x + gain @ innovation
+    bounded = moved[D_N : B_E + 1]
+    bounded = ca.if_else(bounded < -most, -most, bounded)
+    bounded = ca.if_else(bounded > most, most, bounded)
+    x_after = ca.vertcat(moved[:PSI], wrapped(moved[PSI]), moved[PSI + 1 : D_N], bounded, moved[B_E + 1 :])
+    correct = ca.Function("ekf_correct", [x, p, ph, s, innovation, used, most], [x_after, p_after], {"cse": True})
     return fastest(innovation_of), fastest(correct)
 
 

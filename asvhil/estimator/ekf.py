@@ -16,7 +16,7 @@ from asvhil.config import Config, EstimatorConfig
 from asvhil.dynamics.protocol import Dynamics
 from asvhil.estimator import sensor_health
 from asvhil.estimator.ekf_step import Filter
-from asvhil.estimator.measurement_model import Correction, corrections
+from asvhil.estimator.measurement_model import Event, corrections
 from asvhil.estimator.out_of_sequence import History
 from asvhil.estimator.states import D_E, D_N, D_R, PSI, E, Factors, FilterState, Forcing, N, R, U, V
 from asvhil.geo import LocalFrame, wrap_rad
@@ -148,7 +148,7 @@ class Ekf:
                 found.append(Note(subject=NAMES[name], text=text, ok=False))
         return tuple(found)
 
-    def _start(self, event: Correction) -> None:
+    def _start(self, event: Event) -> None:
         """Keep a heading; start at a position, if the heading is not stale by then."""
         match event:
             case (Heading() as heading, *rest):

@@ -8,13 +8,12 @@ from typing import Any
 import numpy as np
 
 from asvhil.config import EstimatorConfig
-from asvhil.dynamics import ordered
 from asvhil.dynamics.arrays import Array
 from asvhil.dynamics.protocol import Dynamics
 from asvhil.estimator import fault_recovery, measurement_model, sensor_health, validity
 from asvhil.estimator.agreement import Agreement
 from asvhil.estimator.covariance import Correction
-from asvhil.estimator.measurement_model import Corrected, Group, Reading
+from asvhil.estimator.measurement_model import Comparison, Corrected, Group
 from asvhil.estimator.prediction import MAX_STEP_S, MotionModel
 from asvhil.estimator.sensor_health import Track
 from asvhil.estimator.states import (
@@ -49,6 +48,7 @@ COMPASS_FRESH_NS = 1_000_000_000
 WIDEST_RAD = 0.35  # how uncertain a heading becomes by that
 OVERDUE = 2.5  # intervals without a sample, after which the accelerometer counts as missing
 NEW_TRACK = Track()
+FORCE_ROWS = slice(0, 2)
 BIAS_SIGMA = 3.0  # bound of the slow error of a receiver: more is motion, or a jump
 MODEL_S = 8.0  # time constant of the mean of the velocity's innovation
 MODEL_MPS = 0.1  # from which on that mean is the model's error, and no noise
@@ -69,11 +69,8 @@ class Filter:
         self._agreement_slack_m = fault_recovery.AGREEMENT_SLACK * ekf.gate_sigma * ekf.position_std_m
         self._gate2 = ekf.gate_sigma**2
         self._n_motor = model.n_motor
-        self._motion = MotionModel(model, ekf.position_bias_time_s)
         self._buffered: Forcing | None = None  # the one whose input and wind are in the buffers of the model
         self._noise_rate = noise_rate(ekf)
-        self._noise_rate_without_bias = self._noise_rate.copy()
-        self._noise_rate_without_bias[[B_N, B_E]] = 0.0
         self._model_density = float(self._noise_rate[U])  # the same for v
         self._accel_density = ekf.accel_std_mps2**2  # times the interval between samples
         # Bounds of the states from D_N to B_E: disturbance, biases and slow error of the receiver.
@@ -82,6 +79,7 @@ class Filter:
         self._most[D_R - D_N] = ekf.disturbance_yaw_max_radps2
         self._most[[B_N - D_N, B_E - D_N]] = BIAS_SIGMA * ekf.position_bias_std_m
         self._least: Array = -self._most
+        self._motion = motion = MotionModel(model, ekf.position_bias_time_s, self._noise_rate, self._most)
         heading_rad = math.radians(ekf.heading_std_deg)
         variances: dict[type, list[float]] = {
             Position: [ekf.position_std_m**2] * 2,
@@ -90,10 +88,12 @@ class Filter:
             YawRate: [ekf.yaw_rate_std_radps**2],
         }
         together = [(kind,) for kind in variances] + list(measurement_model.PAIRS)
-        self._noise: dict[tuple[type, ...], Array] = {
-            kinds: np.array([variance for kind in kinds for variance in variances[kind]]) for kinds in together
+        before = motion.x, motion.p_flat, self._most
+        self._comparisons = {
+            kinds: Comparison(kinds, [variance for kind in kinds for variance in variances[kind]], *before)
+            for kinds in together
         }
-        self._corrections = {rows: Correction(rows) for rows in (1, 2, 4)}
+        self._partial = {rows: Correction(rows, *before) for rows in (1, 2)}  # by those of a pair that are accepted
         self._all_used, self._unbiased = np.ones(SIZE), np.ones(SIZE)
         self._unbiased[DEVIATION] = self._unbiased[B_N : B_E + 1] = 0.0
         self._frame = LocalFrame(lat_deg=0.0, lon_deg=0.0)
@@ -150,26 +150,25 @@ class Filter:
     def _predict(self, state: FilterState, t_ns: int) -> None:
         remaining_s = (t_ns - state.t_ns) * 1e-9
         state.t_ns = t_ns
-        noise_rate = self._noise_rate if state.follows_bias else self._noise_rate_without_bias
+        if remaining_s <= 1e-9:
+            return
         if remaining_s > MAX_GAP_S:
+            noise_rate = self._noise_rate.copy()
+            if not state.follows_bias:
+                noise_rate[[B_N, B_E]] = 0.0
             state.p = state.p + np.diag(noise_rate) * remaining_s
             return
         motion = self._motion
+        motion.residual[:] = state.residual
         fused = state.interval_s > 0.0 and (t_ns - state.inertial_ns) * 1e-9 <= OVERDUE * state.interval_s
         gain = self._gain(state.interval_s) if fused else 0.0
         while remaining_s > 1e-9:
             dt_s = min(remaining_s, MAX_STEP_S)
             remaining_s -= dt_s
             self._fill_buffers(state)
-            motion.residual[:] = state.residual
-            motion.covariance[:] = state.p.reshape(-1)
-            np.multiply(noise_rate, dt_s, out=motion.variance)
-            if gain:
-                motion.variance[U : V + 1] -= gain * self._model_density * dt_s
-            motion.predict(dt_s, gain)
-            state.x = motion.after[:SIZE].copy()
-            state.motor = motion.after[SIZE:].copy()
-            state.p = motion.covariance_after.reshape(SIZE, SIZE).copy()
+            motion.p[:] = state.p
+            motion.predict(dt_s, gain, follows_bias=state.follows_bias)
+            state.x, state.motor, state.p = motion.x_after.copy(), motion.motor_after.copy(), motion.p_after.copy()
 
     def _gain(self, interval_s: float) -> float:
         """Gain of the accelerometer's residual: k = q_m / (q_m + q_a), see `prediction.py`."""
@@ -177,8 +176,8 @@ class Filter:
 
     def _fill_buffers(self, state: FilterState) -> None:
         motion = self._motion
-        motion.state[:SIZE] = state.x
-        motion.state[SIZE:] = state.motor
+        motion.x[:] = state.x
+        motion.motor[:] = state.motor
         if state.forcing is not self._buffered:
             self._buffered = state.forcing
             motion.input[:] = state.forcing.model_input
@@ -230,48 +229,49 @@ class Filter:
                 judged_s = 0.0 if m.fused else elapsed_s  # one of a time in doubt says nothing of an acceleration
             elif isinstance(m, YawRate):
                 fault_recovery.integrate_rate(state, t_ns, m.r_radps)
-        noise = self._noise[tuple(type(m) for m in measurements)]
-        reading = measurement_model.reading_of(state.x, measurements, self._frame)
+        comparison = self._comparisons[tuple(map(type, measurements))]
+        self._fill_state(state)
+        groups = comparison.compare(measurements, self._frame)
         if judged_s > 0.0:
-            self._judge_model(state, reading, judged_s)
-            self._judge_accelerometer(state, t_ns, reading, noise, judged_s)
-        self._gate_and_correct(state, t_ns, reading, noise)
+            rows = next(group.rows for group in groups if group.sensor == "velocity")
+            self._judge_model(state, comparison.correction.innovation[rows].tolist(), judged_s)
+            self._judge_accelerometer(state, t_ns, comparison.correction, rows, judged_s)
+        self._gate_and_correct(state, t_ns, groups, comparison.correction)
 
     @staticmethod
-    def _judge_model(state: FilterState, reading: Reading, elapsed_s: float) -> None:
+    def _judge_model(state: FilterState, innovation: list[float], elapsed_s: float) -> None:
         """Follow no slow error of the receiver while the velocity is off the prediction, one way, for long.
 
         In a current a boat that goes ahead and astern by turns feels forces that change with its course, which a
         constant disturbance cannot be. Its estimated velocity is then off by decimetres a second, and the integral of
         that would be taken for the receiver's error, until its positions are rejected.
         """
-        rows = next(group.rows for group in reading.groups if group.sensor == "velocity")
         gain = elapsed_s / (MODEL_S + elapsed_s)
         north, east = state.model_off
         # One wild reading says nothing of the model.
-        off_n, off_e = (min(max(off, -MODEL_MOST_MPS), MODEL_MOST_MPS) for off in reading.innovation[rows].tolist())
+        off_n, off_e = (min(max(off, -MODEL_MOST_MPS), MODEL_MOST_MPS) for off in innovation)
         state.model_off = north + gain * (off_n - north), east + gain * (off_e - east)
         if math.hypot(*state.model_off) >= MODEL_MPS:
             state.follows_bias = False
 
     def _judge_accelerometer(
-        self, state: FilterState, t_ns: int, reading: Reading, noise: Array, elapsed_s: float
+        self, state: FilterState, t_ns: int, correction: Correction, rows: slice, elapsed_s: float
     ) -> None:
         """Doubt the accelerometer where a receiver's velocity and the model agree against it.
 
         Then the velocity is as uncertain as it has been off, so that the receiver's is taken.
         """
-        rows = next(group.rows for group in reading.groups if group.sensor == "velocity")
-        off = ned_to_body(float(state.x[PSI]), *reading.innovation[rows].tolist())
+        off = ned_to_body(float(state.x[PSI]), *correction.innovation[rows].tolist())
         state.doubt = doubt = state.doubt.with_velocity(off, elapsed_s)
         if doubt.holds(t_ns):
             return
-        variance = noise[rows.start] + max(state.p[U, U], state.p[V, V])
+        variance = correction.noise[rows.start] + max(state.p[U, U], state.p[V, V])
         if doubt.is_due(math.sqrt(variance)):
             state.p = state.p.copy()
             state.p[[U, V], [U, V]] += 4.0 * (off[0] ** 2 + off[1] ** 2)
             state.doubt = doubt.begun(t_ns)
             state.interval_s = 0.0
+            self._compare_again(state, correction)
 
     def _on_specific_force(self, state: FilterState, m: SpecificForce) -> None:
         interval_s = (m.t_ns - state.inertial_ns) * 1e-9
@@ -283,24 +283,24 @@ class Filter:
             self._believe_accelerometer(state, m.t_ns)
         self._fill_buffers(state)
         motion = self._motion
+        motion.p[:] = state.p
         motion.arm[:] = m.arm_m
-        motion.evaluate_specific_force()
-        expected = motion.force
-        innovation = np.array([m.ax_mps2, m.ay_mps2]) - expected
-        group = Group("acceleration", slice(0, 2), (m.ax_mps2, m.ay_mps2), (float(expected[0]), float(expected[1])))
+        motion.force[:] = measured = m.ax_mps2, m.ay_mps2
+        correction = motion.correction
+        correction.noise[:] = self._model_density / interval_s + self._accel_density
+        motion.compare_specific_force()
+        expected_x, expected_y = motion.expected_force.tolist()
+        group = Group("acceleration", FORCE_ROWS, measured, (expected_x, expected_y))
         if state.doubt.open and self._is_frozen(state, m.t_ns, group):
             return
         shown = m.ax_mps2 - float(state.x[A_X]), m.ay_mps2 - float(state.x[A_Y])
-        off = float(innovation[0]), float(innovation[1])
-        state.doubt = state.doubt.with_force(m.t_ns, shown, off, interval_s)
+        off_x, off_y = correction.innovation.tolist()
+        state.doubt = state.doubt.with_force(m.t_ns, shown, (off_x, off_y), interval_s)
         if state.doubt.open:
             return
-        h = motion.force_jacobian.copy()
-        variance = self._model_density / interval_s + self._accel_density
         before = state.x
-        noise = np.array([variance, variance])
-        if self._gate_and_correct(state, m.t_ns, Reading([group], innovation, h), noise):
-            state.residual = innovation - ordered.product(h, state.x - before)
+        if self._gate_and_correct(state, m.t_ns, [group], correction):
+            state.residual = correction.innovation - np.add.reduce(correction.h * (state.x - before), axis=1)
             state.interval_s = interval_s
 
     def _is_frozen(self, state: FilterState, t_ns: int, group: Group) -> bool:
@@ -329,13 +329,9 @@ class Filter:
 
     # --- correction ------------------------------------------------------------------------------------------
 
-    def _gate_and_correct(self, state: FilterState, t_ns: int, reading: Reading, noise: Array) -> bool:
+    def _gate_and_correct(self, state: FilterState, t_ns: int, groups: list[Group], correction: Correction) -> bool:
         """Correct with the groups of rows that pass the gate: whether there was any."""
-        groups, innovation, h = reading
-        if not groups:
-            return False
-        correction = self._innovation_covariance(state, h, noise)
-        variances, offs = correction.s.tolist(), innovation.tolist()
+        variances, offs = correction.s.tolist(), correction.innovation.tolist()
         used = []
         for group in groups:
             name, rows, value, expected = group
@@ -353,7 +349,7 @@ class Filter:
                 used.append(group)
                 continue
             off = offs[rows.start], offs[rows.stop - 1] if rows.stop - rows.start == 2 else 0.0
-            slack = self._gate * math.sqrt(2.0 * noise[rows.start])
+            slack = self._gate * math.sqrt(2.0 * correction.noise[rows.start])
             steady = fault_recovery.consistency_offset(state, t_ns, name, off)
             state.tracks[name] = track = sensor_health.reject(track, t_ns, steady, off, slack)
             if name == "yaw_rate" and track.rejected_in_row > 1:  # a single wild reading is none
@@ -365,16 +361,16 @@ class Filter:
                 trusted = track.accepted >= fault_recovery.LEAST_ACCEPTED and not cleared
                 track = sensor_health.take_over(track, t_ns, math.hypot(*off)) if trusted else track
                 self._reset(state, name, math.hypot(*off), moved=cleared)
-                variances = self._innovation_covariance(state, h, noise).s.tolist()
+                self._compare_again(state, correction)
+                variances = correction.s.tolist()
                 state.tracks[name] = sensor_health.accept(track, t_ns)
                 used.append(group)
         if not used:
             return False
         if len(used) < len(groups):
-            rows = used[0][1]
-            innovation = innovation[rows]
-            correction = self._innovation_covariance(state, h[rows], noise[rows])
-        self._correct(state, correction, innovation)
+            correction = self._part(correction, used[0].rows)
+            self._compare_again(state, correction)
+        self._correct(state, correction)
         return True
 
     @staticmethod
@@ -390,14 +386,21 @@ class Filter:
         std_rad = math.sqrt(state.p[PSI, PSI])
         state.p[PSI, PSI] = max(std_rad, min(std_rad + turned_rad, WIDEST_RAD)) ** 2
 
-    def _innovation_covariance(self, state: FilterState, h: Array, noise: Array) -> Correction:
-        """The correction by rows of readings, with the covariance of their innovation."""
-        correction = self._corrections[len(noise)]
-        correction.p[:] = state.p.reshape(-1)
-        correction.h[:] = h
-        correction.noise[:] = noise
+    def _fill_state(self, state: FilterState) -> None:
+        """The state and its covariance, which all corrections share."""
+        self._motion.x[:], self._motion.p[:] = state.x, state.p
+
+    def _compare_again(self, state: FilterState, correction: Correction) -> None:
+        """The covariance of the same innovation, after the state's has been changed."""
+        self._fill_state(state)
         correction.evaluate_innovation()
-        return correction
+
+    def _part(self, correction: Correction, rows: slice) -> Correction:
+        """The correction by some of the rows."""
+        part = self._partial[rows.stop - rows.start]
+        part.h[:], part.noise[:] = correction.h[rows], correction.noise[rows]
+        part.innovation[:] = correction.innovation[rows]
+        return part
 
     def _reset(self, state: FilterState, name: str, off: float, *, moved: bool) -> None:
         """Reset the states of a rejected sensor to its reading.
@@ -415,20 +418,15 @@ class Filter:
         state.p = state.p.copy()
         state.p[[B_N, B_E], [B_N, B_E]] += std_m**2
 
-    def _correct(self, state: FilterState, correction: Correction, innovation: Array) -> None:
+    def _correct(self, state: FilterState, correction: Correction) -> None:
         """State and covariance after a correction; the covariance stays symmetric."""
-        correction.innovation[:] = innovation
         # A fused velocity holds the heading's own error. While a velocity is rejected, a position that leaves the
         # prediction may be a motion as well as an error of the receiver.
         velocity = state.tracks.get("velocity", NEW_TRACK)
         follows = state.follows_bias and velocity.rejected_in_row < sensor_health.TOLD_AFTER
         correction.used[:] = self._all_used if follows else self._unbiased
         correction.evaluate()
-        x = state.x + correction.change
-        x[PSI] = wrap_rad(x[PSI])
-        self._clip(x)
-        state.x = x
-        state.p = correction.after.reshape(SIZE, SIZE).copy()
+        state.x, state.p = correction.x_after.copy(), correction.p_after.copy()
 
     def _clip(self, x: Array) -> None:
         part = x[D_N : B_E + 1]

@@ -19,6 +19,7 @@ from asvhil.dynamics.buffers import bind, fastest
 from asvhil.dynamics.integrate import motion_derivative
 from asvhil.dynamics.ordered import symmetric
 from asvhil.dynamics.protocol import Dynamics
+from asvhil.estimator.covariance import Correction, compared
 from asvhil.estimator.states import A_X, A_Y, B_E, B_N, D_N, D_R, MOVING, SIZE, R, U, V
 
 MAX_STEP_S = 0.1
@@ -28,37 +29,45 @@ REMEMBERED = 8  # sets of functions
 class MotionModel:
     """Three functions, each with its buffers: fill those of the arguments, call it, and read the others.
 
-    `predict` is one midpoint step: `after`, and `covariance_after` (SIZE * SIZE). `evaluate_specific_force` is the
-    reading expected of the inertial sensor: `force` and its `force_jacobian`. `evaluate_acceleration` is (u, v, r) dot
-    by the model and the disturbance: `acceleration`. Arguments are `state` (SIZE + motors), `input` (2), `wind` (2,
-    NED) and `arm` (2, m, body axes: where the inertial sensor is), and of a step also `residual` (2, m/s^2),
-    `covariance` (SIZE * SIZE) and `variance` (SIZE, what the step adds to its diagonal).
+    `predict` is one midpoint step: `x_after`, `motor_after` and `p_after` (SIZE, SIZE). `compare_specific_force` is
+    the comparison of a reading of the inertial sensor, `force` (2, m/s^2), with what is expected of it,
+    `expected_force`; it fills `correction`. `evaluate_acceleration` is (u, v, r) dot by the model and the disturbance:
+    `acceleration`. Arguments are `x` (SIZE), `motor`, `p` (SIZE, SIZE), `input` (2), `wind` (2, NED) and `arm` (2, m,
+    body axes: where the inertial sensor is), and of a step also `residual` (2, m/s^2).
+
+    `noise_rate`: variance per second of each state. `most`: see `Correction`.
     """
 
-    def __init__(self, model: Dynamics, bias_time_s: float) -> None:
+    def __init__(self, model: Dynamics, bias_time_s: float, noise_rate: Array, most: Array) -> None:
         size = SIZE + model.n_motor
-        self.state, self.after = np.zeros(size), np.zeros(size)
+        state, after = np.zeros(size), np.zeros(size)
+        self.x, self.motor, self.x_after, self.motor_after = state[:SIZE], state[SIZE:], after[:SIZE], after[SIZE:]
         self.input, self.wind, self.arm, self.residual = np.zeros(2), np.zeros(2), np.zeros(2), np.zeros(2)
-        self._gain, self._dt = np.zeros(1), np.zeros(1)
-        self.force = np.zeros(2)
-        self.covariance, self.variance = np.zeros(SIZE * SIZE), np.zeros(SIZE)
-        self.covariance_after = np.zeros(SIZE * SIZE)
-        force_columns = np.zeros(2 * SIZE)
-        self.force_jacobian: Array = force_columns.reshape(2, SIZE, order="F")
+        self._gain, self._dt, self._follows_bias = np.zeros(1), np.zeros(1), np.zeros(1)
+        self.p_flat, p_after = np.zeros(SIZE * SIZE), np.zeros(SIZE * SIZE)
+        self.p: Array = self.p_flat.reshape(SIZE, SIZE)
+        self.p_after: Array = p_after.reshape(SIZE, SIZE)
+        self.force, self.expected_force = np.zeros(2), np.zeros(2)
+        self.correction = Correction(2, self.x, self.p_flat, most)
 
         x, a, wind = ca.SX.sym("x", size), ca.SX.sym("a", 2), ca.SX.sym("w", 2)
         rate = ca.Function("rate", [x, a, wind], [_model_rate(model, bias_time_s, x, a, wind)])
         step, force, accelerate = _functions(rate.serialize())
-        arrays = [self.state, self.input, self.wind, self.arm, self.residual, self._gain, self._dt]
-        self._step = bind(step, [*arrays, self.covariance, self.variance], [self.after, self.covariance_after])
-        self.evaluate_specific_force = bind(force, arrays[:4], [self.force, force_columns])
+        arrays = [state, self.input, self.wind, self.arm]
+        of_step = [self.residual, self._gain, self._dt, self.p_flat, noise_rate, self._follows_bias]
+        self._step = bind(step, [*arrays, *of_step], [after, p_after])
+        self.compare_specific_force = self.correction.compares(force, [*arrays, self.force], self.expected_force)
         self.acceleration = np.zeros(3)
         self.evaluate_acceleration = bind(accelerate, arrays[:3], [self.acceleration])
 
-    def predict(self, dt_s: float, gain: float) -> None:
-        """The state and the covariance after a step of dt_s, with the residual fed back by the gain."""
+    def predict(self, dt_s: float, gain: float, *, follows_bias: bool) -> None:
+        """The state and the covariance after a step of dt_s, with the residual fed back by the gain.
+
+        `follows_bias`: whether the receiver's slow error walks.
+        """
         self._dt[0] = dt_s
         self._gain[0] = gain
+        self._follows_bias[0] = follows_bias
         self._step()
 
 
@@ -94,13 +103,18 @@ def _functions(serialized: str) -> tuple[ca.Function, ca.Function, ca.Function]:
     slope = ca.jacobian(ca.vertcat(free[:U], fused, free[R:SIZE]), x[:SIZE])
     a_middle = ca.substitute(slope, ca.vertcat(x, z_given), ca.vertcat(middle, z))
     jacobian = ca.SX.eye(SIZE) + dt * a_middle
-    p, added = ca.SX.sym("p", SIZE, SIZE), ca.SX.sym("q", SIZE)
+    p, noise_rate, follows_bias = ca.SX.sym("p", SIZE, SIZE), ca.SX.sym("q", SIZE), ca.SX.sym("f")
+    walks = ca.vertcat(noise_rate[:B_N], follows_bias * noise_rate[B_N : B_E + 1], noise_rate[B_E + 1 :])
+    added = walks * dt
+    added[U : V + 1] -= gain * noise_rate[U] * dt
     covariance = symmetric(jacobian @ symmetric(p) @ jacobian.T + ca.diag(added))
-    arguments = [s, a, wind, arm, e, gain, dt, p, added]
+    arguments = [s, a, wind, arm, e, gain, dt, p, noise_rate, follows_bias]
     step = ca.Function("ekf_step", arguments, [after, covariance], {"cse": True})
 
-    force_jacobian = ca.densify(ca.jacobian(specific_force(s), s[:SIZE]))
-    force = ca.Function("ekf_specific_force", [s, a, wind, arm], [specific_force(s), force_jacobian], {"cse": True})
+    reading, variances, expected = ca.SX.sym("y", 2), ca.SX.sym("r", 2), specific_force(s)
+    slope = ca.jacobian(expected, s[:SIZE])
+    results = compared(reading - expected, expected, slope, p, variances)
+    force = ca.Function("ekf_specific_force", [s, a, wind, arm, reading, p, variances], results, {"cse": True})
     accelerate = ca.Function("ekf_acceleration", [s, a, wind], [rate_of_model(s)[U : R + 1]], {"cse": True})
     return fastest(step), fastest(force), accelerate
 

@@ -40,7 +40,6 @@ SUMS = {
     "autopilot/batteries.py": 1,
     "autopilot/readback.py": 3,
     "dynamics/weights.py": 1,
-    "estimator/measurement_model.py": 1,
     "io/mavlink/frames.py": 1,
     "io/mavlink/messages.py": 1,
     "io/sensors/nmea.py": 1,

@@ -15,12 +15,16 @@ from asvhil.config import load_config
 from asvhil.controller.solvers import graphs
 from asvhil.controller.solvers.problem import StationProblem
 from asvhil.dynamics import buffers
-from asvhil.estimator import covariance
-from asvhil.estimator.covariance import Correction
+from asvhil.estimator import covariance, measurement_model, wave_spectrum
+from asvhil.estimator.measurement_model import Comparison
+from asvhil.estimator.monitor import ModelMonitor
 from asvhil.estimator.prediction import MotionModel
+from asvhil.estimator.states import B_E, D_N, SIZE
+from asvhil.estimator.wave_spectrum import WaveSpectrum
 from asvhil.machine_code import compiler
 from asvhil.machine_code.compiler import SWITCH, Compiler, use_compiler
 from asvhil.motion.monitor import MotionMonitor
+from asvhil.types import GroundVelocity, Heading, Position, YawRate
 
 pytestmark = pytest.mark.skipif(shutil.which("cc") is None and "CI" not in os.environ, reason="there is no C compiler")
 
@@ -88,9 +92,10 @@ def test_the_functions_of_controller_and_estimator_have_the_same_bits(
     recorder = Recorder(tmp_path)
     buffers.evaluate_with(recorder)
     StationProblem(model, read.controller.mpc)
-    MotionModel(model, 60.0)
+    MotionModel(model, 60.0, np.ones(SIZE), np.ones(B_E + 1 - D_N))
+    ModelMonitor(read.estimator.monitor, model, 0.2)
     made = {function.name(): (function, compiled) for function, compiled in recorder.made}
-    assert set(made) == {"rollout", "linearised", "ekf_step", "ekf_specific_force"}
+    assert set(made) == {"rollout", "linearised", "ekf_step", "ekf_specific_force", "monitor", "fold_monitor"}
     for function, compiled in made.values():
         plain = function.expand() if function.is_a("MXFunction") else function
         assert_same_bits(plain, compiled)
@@ -101,10 +106,18 @@ def test_the_functions_of_filters_have_the_same_bits(tmp_path: Path) -> None:
     recorder = Recorder(tmp_path)
     buffers.evaluate_with(recorder)
     MotionMonitor(config.supervisor.motion, config.estimator.ekf, config.believed_vessel)
-    covariance._functions.cache_clear()
-    Correction(3)
-    covariance._functions.cache_clear()
-    assert [function.name() for function, _ in recorder.made] == ["predict", "correct", "ekf_innovation", "ekf_correct"]
+    remembered = (covariance._functions, measurement_model._function, wave_spectrum._function)
+    for functions in remembered:
+        functions.cache_clear()
+    before = np.zeros(SIZE), np.zeros(SIZE * SIZE), np.ones(B_E + 1 - D_N)
+    Comparison((Position, GroundVelocity), [1.0] * 4, *before)
+    Comparison((Heading, YawRate), [1.0] * 2, *before)
+    WaveSpectrum(0.2, 1.0)
+    for functions in remembered:
+        functions.cache_clear()
+    names = {function.name() for function, _ in recorder.made}
+    assert {"predict", "correct", "ekf_innovation", "ekf_correct", "wave_spectrum"} < names
+    assert {"ekf_position_velocity", "ekf_heading_yaw_rate"} < names
     for function, compiled in recorder.made:
         assert_same_bits(function, compiled, spread=2.0)
 
