@@ -57,6 +57,7 @@ LACKS = {
     sensor_health.REJECTED: "rejected, though heard",
 }
 DEAD = frozenset({sensor_health.SILENT, sensor_health.FROZEN})
+NONE_AILS: frozenset[type] = frozenset()
 REMEMBERED_NS = 30_000_000_000  # for so long a measured wind is a better guess than the disturbance
 
 
@@ -128,6 +129,7 @@ class Perception:
         self._forcing_wind: Wind | None = None
         self._wind_ns = -REMEMBERED_NS
         self._model_input = (0.0, 0.0)
+        self._driving_us: tuple[int, int] | None = None  # the pulses of command and model input
         self.command = (0.0, 0.0)  # of the motors since the last tick, ours or the autopilot's
 
     @property
@@ -172,9 +174,7 @@ class Perception:
             bow_rad=self._weather.step(t_ns, estimate, usable_wind),
             bow_push_mps2=self._weather.push_mps2,
             measurements=tuple(self._measurements),
-            ailing=frozenset(
-                WATCHED[note.subject] for note in self._sensor_notes if note.text in DEAD and note.subject in WATCHED
-            ),
+            ailing=_ailing(self._sensor_notes) if self._sensor_notes else NONE_AILS,
         )
 
     def note_pulses(self, pulses_us: tuple[int, int] | None, wind: Wind | None) -> None:
@@ -216,6 +216,8 @@ class Perception:
     @property
     def lacks(self) -> str:
         """Which sensors of place and heading the estimate does without, and why; empty where it has them all."""
+        if not self._sensor_notes:
+            return ""
         return ", ".join(
             f"{note.subject} {LACKS[note.text]}"
             for note in self._sensor_notes
@@ -297,9 +299,16 @@ class Perception:
         if pulses is None:
             reported = self._status.motors_us if self._status is not None else None
             pulses = reported or (0, 0)
-        self.command = (command_of_pulse(self._pwm, pulses[0]), command_of_pulse(self._pwm, pulses[1]))
-        self._model_input = self._model.input_of_command(self.command)
+        if pulses != self._driving_us:
+            self._driving_us = pulses
+            self.command = (command_of_pulse(self._pwm, pulses[0]), command_of_pulse(self._pwm, pulses[1]))
+            self._model_input = self._model.input_of_command(self.command)
         self._forcing_wind = wind
         if self._waves is not None:
             self._waves.set_forcing(self._model_input, wind)
         self._estimator.set_forcing(self._model_input, None if wind is None else (wind.vn_mps, wind.ve_mps))
+
+
+def _ailing(notes: tuple[Note, ...]) -> frozenset[type]:
+    """The kinds of measurements whose sensor is told to be silent or frozen."""
+    return frozenset(WATCHED[note.subject] for note in notes if note.text in DEAD and note.subject in WATCHED)

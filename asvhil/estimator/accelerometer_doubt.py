@@ -45,7 +45,8 @@ class Doubt(NamedTuple):
     def with_force(self, t_ns: int, shown: Pair, innovation: Pair, interval_s: float) -> Doubt:
         """The same after a specific force, in use or not."""
         share = interval_s / (MEAN_S if self.holds(t_ns) else SMOOTH_S)
-        return self._replace(shown=_towards(self.shown, shown, share), force=_towards(self.force, innovation, share))
+        means = _towards(self.shown, shown, share), _towards(self.force, innovation, share)
+        return Doubt(*means, self.velocity, self.until_ns, self.lasts_ns, self.open)  # _replace takes twice as long
 
     def with_velocity(self, innovation: Pair, interval_s: float) -> Doubt:
         """The same after a velocity, accepted or rejected."""

@@ -10,8 +10,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 
-import numpy as np
-
 from asvhil.config import Config, EstimatorConfig
 from asvhil.dynamics.protocol import Dynamics
 from asvhil.estimator import sensor_health
@@ -29,6 +27,7 @@ NAMES = {
     "yaw_rate": "gyro",
     "acceleration": "accelerometer",
 }
+REJECTED = tuple(f"ekf.rejected_{name}" for name in NAMES)  # the counters
 # How a jump of each is told.
 SIZES: dict[str, Callable[[float], str]] = {
     "position": lambda m: f"{m:.1f} m",
@@ -77,7 +76,10 @@ class Ekf:
 
     def set_forcing(self, model_input: tuple[float, float], wind_ned: tuple[float, float] | None) -> None:
         """Set what drives the prediction from now on: the model's input (2), and the true wind (m/s, NED) if known."""
-        self._forcing = Forcing(model_input, wind_ned)
+        forcing = Forcing(model_input, wind_ned)
+        if forcing == self._forcing:  # no event: it drives the prediction already
+            return
+        self._forcing = forcing
         if self._history is not None:
             self._history.add(self._history.t_ns, self._forcing)
 
@@ -101,7 +103,7 @@ class Ekf:
     def counters(self) -> tuple[tuple[str, int], ...]:
         """Cumulative counts of rejected readings, of those that came too late, and of resets."""
         return (
-            *((f"ekf.rejected_{name}", count) for name, count in self.rejected.items()),
+            *zip(REJECTED, self.rejected.values(), strict=True),
             ("ekf.too_late", self.too_late),
             ("ekf.resets", self.resets),
         )
@@ -128,7 +130,7 @@ class Ekf:
             v_mps=x[V],
             r_radps=x[R],
             motor=tuple(state.motor.tolist()),
-            std=tuple(np.sqrt(np.maximum(state.p.diagonal()[:6], 0.0)).tolist()),
+            std=tuple([math.sqrt(max(variance, 0.0)) for variance in state.p.diagonal()[:6].tolist()]),
             disturbance=(x[D_N], x[D_E], x[D_R]),
             valid=state.invalid_since_ns == sensor_health.NEVER,
         )

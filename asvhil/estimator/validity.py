@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 
 from asvhil.config import TrustConfig
-from asvhil.dynamics.arrays import is_finite
 from asvhil.estimator.states import PSI, E, FilterState, N
 
 
@@ -15,16 +14,17 @@ def is_valid(state: FilterState, t_ns: int, stale_ns: int, config: TrustConfig) 
     Position is bridged on heading and yaw rate (with velocity and acceleration where there are any), heading on
     position and yaw rate, within `dead_reckoning_s` and the limits of the predicted standard deviations.
     """
-    if not is_finite(state.x):
+    if not all(map(math.isfinite, state.x.tolist())):
         return False
-    bridge_ns = config.dead_reckoning_s * 1e9
-    age_ns = {name: t_ns - track.accepted_ns for name, track in state.tracks.items()}
-    position_ns, heading_ns = age_ns["position"], age_ns["heading"]
+    tracks = state.tracks
+    position_ns, heading_ns = t_ns - tracks["position"].accepted_ns, t_ns - tracks["heading"].accepted_ns
     if position_ns <= stale_ns and heading_ns <= stale_ns:
         return True
+    bridge_ns = config.dead_reckoning_s * 1e9
     if max(position_ns, heading_ns) > bridge_ns or min(position_ns, heading_ns) > stale_ns:
         return False
-    if age_ns.get("yaw_rate", math.inf) > stale_ns:
+    yaw_rate = tracks.get("yaw_rate")
+    if yaw_rate is None or t_ns - yaw_rate.accepted_ns > stale_ns:
         return False
     variance = state.p
     position_std_m = math.sqrt(max(variance[N, N], variance[E, E]))

