@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from collections import deque
 from collections.abc import Callable
@@ -12,8 +13,9 @@ import numpy as np
 from asvhil.config import MonitorConfig
 from asvhil.dynamics.arrays import Array
 from asvhil.dynamics.buffers import bind, fastest
-from asvhil.dynamics.integrate import advance, substeps
+from asvhil.dynamics.integrate import integrate, motion_derivative, substeps
 from asvhil.dynamics.protocol import Dynamics
+from asvhil.estimator.prediction import REMEMBERED
 from asvhil.types import Estimate, PredictionError, Wind
 
 NU = slice(3, 6)
@@ -32,9 +34,7 @@ class ModelMonitor:
         self._config = config
         size = 6 + model.n_motor
         s, a, wind = ca.SX.sym("s", size), ca.SX.sym("a", 2), ca.SX.sym("wind", 2)
-        count = substeps(period_s, model.max_step_s)
-        after = advance(model, s, a, wind, ca.SX.zeros(3), period_s, count)
-        one_step = ca.Function("monitor", [s, a, wind], [after], {"cse": True})
+        rate = ca.Function("rate", [s, a, wind], [motion_derivative(model, s, a, wind, ca.SX.zeros(3))])
         self._steps = max(1, round(config.horizon_s / period_s))
         self._max_gap_ns = round(1.5e9 * period_s)
         self._past: deque[Estimate] = deque(maxlen=self._steps)
@@ -42,8 +42,9 @@ class ModelMonitor:
         self._inputs, self._winds = np.zeros(2 * self._steps), np.zeros(2 * self._steps)
         self._state, self._after = np.zeros(size), np.zeros(size)
         newest = [self._inputs[-2:], self._winds[-2:]]
-        self._advance = bind(fastest(one_step), [self._state, *newest], [self._after])
-        roll_out = fastest(one_step.fold(self._steps))
+        count = substeps(period_s, model.max_step_s)
+        one_step, roll_out = _functions(rate.serialize(), period_s, count, model.euler, self._steps)
+        self._advance = bind(one_step, [self._state, *newest], [self._after])
         self._roll_out = bind(roll_out, [self._state, self._inputs, self._winds], [self._after])
         self._window = _Window(max(1, round(config.window_s / period_s)))
 
@@ -84,6 +85,18 @@ class ModelMonitor:
         predict()
         u, v, r = self._after[NU].tolist()
         return u - now.u_mps, v - now.v_mps, r - now.r_radps
+
+
+@functools.lru_cache(maxsize=REMEMBERED)
+def _functions(
+    serialized: str, period_s: float, count: int, euler: bool, steps: int
+) -> tuple[ca.Function, ca.Function]:
+    """(state, input, wind) -> state by a model's rate, one step and several; remembered as those of `prediction.py`."""
+    rate = ca.Function.deserialize(serialized)
+    s, a, wind = ca.SX.sym("s", rate.size1_in(0)), ca.SX.sym("a", 2), ca.SX.sym("wind", 2)
+    after = integrate(lambda x: rate(x, a, wind), s, period_s, count, euler)
+    one_step = ca.Function("monitor", [s, a, wind], [after], {"cse": True})
+    return fastest(one_step), fastest(one_step.fold(steps))
 
 
 def _append(pairs: Array, newest: tuple[float, float]) -> None:

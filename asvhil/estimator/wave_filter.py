@@ -8,6 +8,7 @@ waves the estimate passes unchanged, to the bit.
 
 from __future__ import annotations
 
+import functools
 import math
 from typing import Any
 
@@ -18,6 +19,7 @@ from asvhil.config import VesselConfig, WaveFilterConfig
 from asvhil.dynamics.buffers import bind, fastest
 from asvhil.dynamics.protocol import Dynamics
 from asvhil.estimator import wave_gain
+from asvhil.estimator.prediction import REMEMBERED
 from asvhil.estimator.wave_gain import STATES, WAVE_POSITION, WAVE_VELOCITY
 from asvhil.estimator.wave_spectrum import FREQUENCIES_HZ, WaveSpectrum
 from asvhil.geo import wrap_rad
@@ -63,31 +65,9 @@ class WaveFilter:
         self._f, self._h = np.zeros(n * n), np.zeros(2 * n)
         self._k_place, self._k_yaw = np.zeros(2 * n), np.zeros(2 * n)
         self._left_over, self._pushed = np.zeros(3), np.zeros(3)
-        x, y = ca.SX.sym("x", n, 3), ca.SX.sym("y", 2, 3)
-        motor, a, wind = ca.SX.sym("m", model.n_motor), ca.SX.sym("a", 2), ca.SX.sym("w", 2)
-        f, h = ca.SX.sym("f", n, n), ca.SX.sym("h", 2, n)
-        k_place, k_yaw = ca.SX.sym("k", n, 2), ca.SX.sym("l", n, 2)
-        c, s = ca.cos(x[0, 2]), ca.sin(x[0, 2])
-        nu = _to_body(c, s, x[1, :2])
-        r = x[1, 2]
-        rate = model.derivative(ca.vertcat(*nu, r, motor), a, ca.vertcat(*_to_body(c, s, wind)))
-        # Of the velocity in north and east: nu_dot + S(r) nu, turned (Fossen 2011, eq. 2.26 differentiated).
-        surge, sway = rate[0] - r * nu[1], rate[1] + r * nu[0]
-        north, east = c * surge - s * sway, s * surge + c * sway
-        pushed = ca.vertcat(0.5 * self._step_s**2, self._step_s, ca.SX.zeros(n - 2))
-        before = ca.mtimes(f, x) + ca.mtimes(pushed, ca.horzcat(north, east, rate[2]))
-        innovation = y - ca.mtimes(h, before)
-        gains = (k_place, k_place, k_yaw)
-        after = ca.horzcat(*(before[:, i] + ca.mtimes(gains[i], innovation[:, i]) for i in range(3)))
-        left = y[1, :] - after[1, :]
-        left_over = ca.vertcat(*_to_body(c, s, left[:2]), left[2])
-        function = ca.Function(
-            "wave_filter",
-            [x, y, motor, a, wind, f, h, k_place, k_yaw],
-            [after, left_over, ca.vertcat(surge, sway, rate[2])],
-            {"cse": True},
-        )
-        function = fastest(function)
+        x, a, wind = ca.SX.sym("x", 3 + model.n_motor), ca.SX.sym("a", 2), ca.SX.sym("w", 2)
+        rate = ca.Function("rate", [x, a, wind], [model.derivative(x, a, wind)])
+        function = _function(rate.serialize(), self._step_s)
         arguments = [self._x, self._measured, self._motor, self._input, self._wind, self._f, self._h]
         results = [self._after, self._left_over, self._pushed]
         self._predict = bind(function, [*arguments, np.zeros(2 * n), np.zeros(2 * n)], results)
@@ -229,3 +209,35 @@ class WaveFilter:
 def _to_body(c: Any, s: Any, v: Any) -> tuple[Any, Any]:
     """An earth-fixed vector (2) in body axes."""
     return c * v[0] + s * v[1], c * v[1] - s * v[0]
+
+
+@functools.lru_cache(maxsize=REMEMBERED)
+def _function(serialized: str, step_s: float) -> ca.Function:
+    """The step by a model's rate (nu and motors, input, body wind) -> x_dot; remembered as those of `prediction.py`."""
+    rate_of = ca.Function.deserialize(serialized)
+    n, n_motor = STATES, rate_of.size1_in(0) - 3
+    x, y = ca.SX.sym("x", n, 3), ca.SX.sym("y", 2, 3)
+    motor, a, wind = ca.SX.sym("m", n_motor), ca.SX.sym("a", 2), ca.SX.sym("w", 2)
+    f, h = ca.SX.sym("f", n, n), ca.SX.sym("h", 2, n)
+    k_place, k_yaw = ca.SX.sym("k", n, 2), ca.SX.sym("l", n, 2)
+    c, s = ca.cos(x[0, 2]), ca.sin(x[0, 2])
+    nu = _to_body(c, s, x[1, :2])
+    r = x[1, 2]
+    rate = rate_of(ca.vertcat(*nu, r, motor), a, ca.vertcat(*_to_body(c, s, wind)))
+    # Of the velocity in north and east: nu_dot + S(r) nu, turned (Fossen 2011, eq. 2.26 differentiated).
+    surge, sway = rate[0] - r * nu[1], rate[1] + r * nu[0]
+    north, east = c * surge - s * sway, s * surge + c * sway
+    pushed = ca.vertcat(0.5 * step_s**2, step_s, ca.SX.zeros(n - 2))
+    before = ca.mtimes(f, x) + ca.mtimes(pushed, ca.horzcat(north, east, rate[2]))
+    innovation = y - ca.mtimes(h, before)
+    gains = (k_place, k_place, k_yaw)
+    after = ca.horzcat(*(before[:, i] + ca.mtimes(gains[i], innovation[:, i]) for i in range(3)))
+    left = y[1, :] - after[1, :]
+    left_over = ca.vertcat(*_to_body(c, s, left[:2]), left[2])
+    function = ca.Function(
+        "wave_filter",
+        [x, y, motor, a, wind, f, h, k_place, k_yaw],
+        [after, left_over, ca.vertcat(surge, sway, rate[2])],
+        {"cse": True},
+    )
+    return fastest(function)

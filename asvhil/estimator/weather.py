@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import functools
 import math
 
 import casadi as ca
 import numpy as np
 
-from asvhil.dynamics.buffers import bind
+from asvhil.dynamics.buffers import bind, fastest
 from asvhil.dynamics.integrate import motion_derivative
 from asvhil.dynamics.protocol import Dynamics
+from asvhil.estimator.prediction import REMEMBERED
 from asvhil.geo import body_to_ned, ned_to_body, wrap_rad
 from asvhil.types import Estimate, Wind
 
@@ -38,14 +40,10 @@ class WeatherHeading:
 
     def __init__(self, model: Dynamics, time_constant_s: float) -> None:
         self._time_constant_s = time_constant_s
-        psi, wind, disturbance = ca.SX.sym("psi"), ca.SX.sym("w", 2), ca.SX.sym("d", 3)
-        neutral = ca.SX(ca.DM(model.input_of_command((0.0, 0.0))))
-        moves = ca.SX.sym("c", 2)
-        along = ca.cos(psi) * moves[0] + ca.sin(psi) * moves[1], ca.cos(psi) * moves[1] - ca.sin(psi) * moves[0]
-        with_it = ca.vertcat(0.0, 0.0, psi, *along, ca.SX.zeros(1 + model.n_motor))
-        push = motion_derivative(model, with_it, neutral, wind, disturbance)[3:5]
-        at_one = ca.Function("push", [psi, wind, disturbance, moves], [push], {"cse": True})
-        function = at_one.map("pushes", "serial", HEADINGS, [1, 2, 3], [])
+        x, a = ca.SX.sym("x", 6 + model.n_motor), ca.SX.sym("a", 2)
+        wind, disturbance = ca.SX.sym("w", 2), ca.SX.sym("d", 3)
+        rate = ca.Function("rate", [x, a, wind, disturbance], [motion_derivative(model, x, a, wind, disturbance)])
+        function = _function(rate.serialize(), model.input_of_command((0.0, 0.0)))
         self._wind, self._disturbance, self._force = np.zeros(2), np.zeros(3), np.zeros(2 * HEADINGS)
         self._moves = np.zeros(2)
         headings = 2.0 * math.pi * np.arange(HEADINGS) / HEADINGS
@@ -138,3 +136,16 @@ class WeatherHeading:
         self.push_mps2 = -best[0]
         self._wind_push_mps2 = max(self.push_mps2 - math.hypot(*self._disturbance[:2].tolist()), 0.0)
         return best[1]
+
+
+@functools.lru_cache(maxsize=REMEMBERED)
+def _function(serialized: str, neutral: tuple[float, float]) -> ca.Function:
+    """(headings, wind, disturbance, motion) -> pushes by a model's rate; remembered as those of `prediction.py`."""
+    rate_of = ca.Function.deserialize(serialized)
+    psi, wind, disturbance = ca.SX.sym("psi"), ca.SX.sym("w", 2), ca.SX.sym("d", 3)
+    moves = ca.SX.sym("c", 2)
+    along = ca.cos(psi) * moves[0] + ca.sin(psi) * moves[1], ca.cos(psi) * moves[1] - ca.sin(psi) * moves[0]
+    with_it = ca.vertcat(0.0, 0.0, psi, *along, ca.SX.zeros(rate_of.size1_in(0) - 5))
+    push = rate_of(with_it, ca.SX(ca.DM(neutral)), wind, disturbance)[3:5]
+    at_one = ca.Function("push", [psi, wind, disturbance, moves], [push], {"cse": True})
+    return fastest(at_one.map("pushes", "serial", HEADINGS, [1, 2, 3], []))

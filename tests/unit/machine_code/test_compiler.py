@@ -15,9 +15,8 @@ from asvhil.config import load_config
 from asvhil.controller.solvers import graphs
 from asvhil.controller.solvers.problem import StationProblem
 from asvhil.dynamics import buffers
-from asvhil.estimator import covariance, measurement_model, wave_spectrum
+from asvhil.estimator import covariance, measurement_model, monitor, wave_spectrum, weather
 from asvhil.estimator.measurement_model import Comparison
-from asvhil.estimator.monitor import ModelMonitor
 from asvhil.estimator.prediction import MotionModel
 from asvhil.estimator.states import B_E, D_N, SIZE
 from asvhil.estimator.wave_spectrum import WaveSpectrum
@@ -93,11 +92,18 @@ def test_the_functions_of_controller_and_estimator_have_the_same_bits(
     buffers.evaluate_with(recorder)
     StationProblem(model, read.controller.mpc)
     MotionModel(model, 60.0, np.ones(SIZE), np.ones(B_E + 1 - D_N))
-    ModelMonitor(read.estimator.monitor, model, 0.2)
+    for functions in (monitor._functions, weather._function):
+        functions.cache_clear()
+    monitor.ModelMonitor(read.estimator.monitor, model, 0.2)
+    weather.WeatherHeading(model, 60.0)
+    for functions in (monitor._functions, weather._function):
+        functions.cache_clear()
     made = {function.name(): (function, compiled) for function, compiled in recorder.made}
     of_filters = {"ekf_innovation", "ekf_correct"}  # here, or remembered by another test
     made = {name: each for name, each in made.items() if name not in of_filters}
-    assert set(made) == {"rollout", "linearised", "ekf_step", "ekf_specific_force", "monitor", "fold_monitor"}
+    assert set(made) == {
+        *("rollout", "linearised", "ekf_step", "ekf_specific_force", "monitor", "fold_monitor", "pushes")
+    }
     for function, compiled in made.values():
         plain = function.expand() if function.is_a("MXFunction") else function
         assert_same_bits(plain, compiled)
