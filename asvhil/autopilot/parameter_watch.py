@@ -50,6 +50,8 @@ class ParameterWatch:
         self._wiring_names: tuple[str, ...] = ()
         self._findings: list[Finding] = []
         self._receiver_ignored = False
+        self._silent: tuple[str, ...] = ()  # as last told by `client`; what follows from it
+        self._unread: tuple[str, ...] = ()
         self._update()
 
     @property
@@ -91,14 +93,20 @@ class ParameterWatch:
     @property
     def unread(self) -> tuple[str, ...]:
         """Required parameters that were asked for often enough to be heard of, and have not answered."""
-        return tuple(name for name in self._client.silent if name not in self._rules.optional)
+        silent = self._client.silent
+        if silent is not self._silent:
+            self._silent = silent
+            self._unread = tuple(name for name in silent if name not in self._rules.optional)
+        return self._unread
 
     @property
     def unread_text(self) -> str:
         """The same for people; empty where there is none."""
         unread = self.unread
+        if not unread:
+            return ""
         more = f" and {len(unread) - 1} more" if len(unread) > 1 else ""
-        return f"{unread[0]}{more}: no answer yet, unverified" if unread else ""
+        return f"{unread[0]}{more}: no answer yet, unverified"
 
     @property
     def driven_wiring(self) -> Wiring | None:

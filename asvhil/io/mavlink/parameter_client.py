@@ -88,7 +88,7 @@ class ParameterClient:
         self._absent: set[str] = set()
         self._answered_attempts = self._answered_groups = 0
         self._asking: dict[tuple[str, ...], _Request] = {}
-        self._any_given_up = False
+        self._silent: tuple[str, ...] | None = ()  # None where something has changed that it follows from
         self._next_ns = 0
         self._spoken_ns: int | None = None
         self._writes: dict[str, tuple[float, _Request]] = {}
@@ -105,6 +105,7 @@ class ParameterClient:
         self._group_of = {name: group for group in wanted for name in group}
         self._asking = {group: self._asking.get(group) or _Request() for group in wanted}
         self._values = {name: value for name, value in self._values.items() if name in self._group_of}
+        self._silent = None
         self._next_ns = 0
 
     def is_pending(self, name: str) -> bool:
@@ -115,6 +116,7 @@ class ParameterClient:
     def restart(self) -> None:
         """The autopilot has rebooted: ask for everything again; what was known stands until it is answered."""
         self._asking = {group: _Request() for group in self._groups}
+        self._silent = None
         self._absent.clear()
         self._next_ns = 0
 
@@ -137,11 +139,10 @@ class ParameterClient:
     @property
     def silent(self) -> tuple[str, ...]:
         """The first names of those that were given up: whether they exist, and what they are, is not known."""
-        if not self._any_given_up:  # as in nearly every tick
-            return ()
-        silent = [group for group, asking in self._asking.items() if asking.given_up]
-        self._any_given_up = bool(silent)
-        return tuple(group[0] for group in silent if not self._known(group) and not self._is_absent(group))
+        if self._silent is None:  # seldom, but it is asked for in each tick
+            given_up = [group for group, asking in self._asking.items() if asking.given_up]
+            self._silent = tuple(g[0] for g in given_up if not self._known(g) and not self._is_absent(g))
+        return self._silent
 
     def receive(self, t_ns: int, message: Any) -> None:
         """A PARAM_VALUE of the autopilot."""
@@ -154,6 +155,7 @@ class ParameterClient:
             return
         self.changes += self._values.get(name) != value
         self._values[name] = value
+        self._silent = None
         self._kinds[name] = message.param_type
         self._absent.discard(name)
         asking = self._asking[group]
@@ -174,6 +176,7 @@ class ParameterClient:
         """A PARAM_ERROR of the autopilot: it has no parameter of that name."""
         if message.error == dialect.MAV_PARAM_ERROR_DOES_NOT_EXIST and message.param_id in self._group_of:
             self._absent.add(message.param_id)
+            self._silent = None
             self.changes += 1
 
     def data_to_send(self, t_ns: int) -> list[Any]:
@@ -201,7 +204,7 @@ class ParameterClient:
                 if self._values and not self._known(group):
                     asking.rounds += 1  # PX4's simulation has no PWM_MAIN_MIN: do not ask for it without end
                 asking.attempts, asking.given_up, asking.due_ns = 0, True, t_ns + wait_ns
-                self._any_given_up = True
+                self._silent = None
                 continue
             name = names[asking.attempts % len(names)]
             asking.attempts += 1
@@ -270,6 +273,7 @@ class ParameterClient:
         self._values.pop(name, None)
         if name in self._group_of:
             self._asking[self._group_of[name]] = _Request()
+        self._silent = None
         self._next_ns = 0
         self.changes += 1
 
