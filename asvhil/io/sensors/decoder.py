@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from itertools import chain
 
 from asvhil.config import Config, EstimatorConfig
 from asvhil.config.ports import AUTOPILOT
@@ -84,8 +85,11 @@ class Decoder:
 
     def decode(self, frame: Frame) -> list[Measurement]:
         """The measurements in a frame that are to be used, in the order of its bytes; none of an unknown port."""
+        found = self.decode_every_source(frame)
+        if not found:
+            return []
         select = self._selector.select
-        chosen = [used for name, m in self.decode_every_source(frame) if (used := select(name, m)) is not None]
+        chosen = [used for name, m in found if (used := select(name, m)) is not None]
         return [self._calibration.apply(m) for m in chosen] if self._is_calibrated else chosen
 
     def decode_every_source(self, frame: Frame) -> list[NamedMeasurement]:
@@ -94,7 +98,8 @@ class Decoder:
         Codecs remember the rest of a stream, so a frame goes to this method or to `decode`, never to both.
         """
         decode = self._decode.get(frame.port)
-        return [] if decode is None else [(f"{frame.port}.{message}", m) for message, m in decode(frame)]
+        found = () if decode is None else decode(frame)
+        return [(f"{frame.port}.{message}", m) for message, m in found] if found else []
 
     def sources(self, t_ns: int) -> tuple[tuple[str, str], ...]:
         """The source in use for each quantity, empty where none is heard."""
@@ -106,4 +111,4 @@ class Decoder:
 
     def counters(self) -> tuple[tuple[str, int], ...]:
         """Cumulative counts of what came in on the sensor links and what was dropped."""
-        return tuple(counter for codec in self._codecs.values() for counter in codec.counters())
+        return tuple(chain.from_iterable([codec.counters() for codec in self._codecs.values()]))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Callable, Mapping
 from operator import attrgetter
 from typing import Any, NamedTuple
@@ -32,11 +33,14 @@ class QuantityKind(NamedTuple):
 
     quantity: Quantity
     values: Callable[[Any], tuple[float, ...]]
-    most: float = math.inf
+    most: float = sys.float_info.max
 
     def is_valid(self, m: Measurement) -> bool:
         """Whether all values of a measurement can be."""
-        return all(abs(value) <= self.most and math.isfinite(value) for value in self.values(m))
+        for value in self.values(m):
+            if not abs(value) <= self.most:  # so it is of infinity, and of NaN
+                return False
+        return True
 
 
 KINDS: Mapping[type, QuantityKind] = {
@@ -79,7 +83,7 @@ class SourceChoice:
         self._numbers = {name: number for number, name in enumerate(self._names)}
         self._timeouts_ns = [round(source.timeout_s * NS_PER_S) for source in sources]
         self._return_ns = round(return_after_s * NS_PER_S)
-        self._heard_ns: list[int | None] = [None] * len(sources)
+        self._until_ns: list[float] = [-math.inf] * len(sources)  # each is alive
         self._alive_since_ns = [0] * len(sources)
         self._using: int | None = None
         self._begun_ns: int | None = None  # when the first of all was heard
@@ -94,10 +98,9 @@ class SourceChoice:
         number = self._numbers.get(name)
         if number is None:
             return False
-        heard_ns = self._heard_ns[number]
-        if heard_ns is None or t_ns - heard_ns > self._timeouts_ns[number]:
+        if t_ns > self._until_ns[number]:
             self._alive_since_ns[number] = t_ns
-        self._heard_ns[number] = t_ns
+        self._until_ns[number] = t_ns + self._timeouts_ns[number]
         if self._begun_ns is None:
             self._begun_ns = t_ns
         if number == self._using == 0:  # the preferred one, as nearly always
@@ -107,19 +110,16 @@ class SourceChoice:
 
     def current(self, t_ns: int) -> str:
         """The name of the source in use, empty while none is alive."""
-        if self._using != 0 or not self._alive(0, t_ns):
-            self._choose(t_ns)
-        return "" if self._using is None or not self._alive(self._using, t_ns) else self._names[self._using]
-
-    def _alive(self, number: int, t_ns: int) -> bool:
-        heard_ns = self._heard_ns[number]
-        return heard_ns is not None and t_ns - heard_ns <= self._timeouts_ns[number]
+        if self._using == 0 and t_ns <= self._until_ns[0]:  # the preferred one, as nearly always
+            return self._names[0]
+        self._choose(t_ns)
+        return "" if self._using is None or t_ns > self._until_ns[self._using] else self._names[self._using]
 
     def _choose(self, t_ns: int) -> None:
         using = self._using
-        lost = using is None or not self._alive(using, t_ns)
+        lost = using is None or t_ns > self._until_ns[using]
         for number in range(len(self._names) if using is None or lost else using):
-            if self._alive(number, t_ns) and (lost or self._may_return(number, t_ns)):
+            if t_ns <= self._until_ns[number] and (lost or self._may_return(number, t_ns)):
                 self._using = number
                 return
 
@@ -137,7 +137,8 @@ class SourceSelector:
 
     def __init__(self, sources: Mapping[Quantity, tuple[SourceConfig, ...]], return_after_s: float) -> None:
         self._choices = {quantity: SourceChoice(list_, return_after_s) for quantity, list_ in sources.items()}
-        self._shown: dict[Quantity, str] = dict.fromkeys(self._choices, "")
+        self._open = {quantity: choice for quantity, choice in self._choices.items() if not choice.alone}
+        self._shown: dict[Quantity, str] = dict.fromkeys(self._open, "")
         self._places = {
             (quantity, source.name): (round(source.delay_s * NS_PER_S), source.arm_m)
             for quantity, list_ in sources.items()
@@ -161,14 +162,12 @@ class SourceSelector:
 
     def current(self, t_ns: int) -> tuple[tuple[str, str], ...]:
         """The source in use for each quantity, empty where none is heard."""
-        return tuple((quantity, choice.current(t_ns)) for quantity, choice in self._choices.items())
+        return tuple([(quantity, choice.current(t_ns)) for quantity, choice in self._choices.items()])
 
     def switches(self, t_ns: int) -> list[Switch]:
         """What has changed since the last call, for quantities that have a choice."""
         changed = []
-        for quantity, choice in self._choices.items():
-            if choice.alone:
-                continue
+        for quantity, choice in self._open.items():
             name = choice.current(t_ns)
             if name != self._shown[quantity]:
                 changed.append(Switch(quantity=quantity, before=self._shown[quantity], after=name))
