@@ -37,10 +37,8 @@ class QuantityKind(NamedTuple):
 
     def is_valid(self, m: Measurement) -> bool:
         """Whether all values of a measurement can be."""
-        for value in self.values(m):
-            if not abs(value) <= self.most:  # so it is of infinity, and of NaN
-                return False
-        return True
+        beyond = [value for value in self.values(m) if not abs(value) <= self.most]  # infinity and NaN too
+        return not beyond
 
 
 KINDS: Mapping[type, QuantityKind] = {
