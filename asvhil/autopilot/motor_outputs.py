@@ -108,12 +108,11 @@ class _Sticks(Output):
         middle = self.drive(self._neutral_us, self._neutral_us)
         return [middle] * (LAST_NEUTRALS if neutral else 0) + [self.release(0)] * LAST_RELEASES
 
-    def _packed(self, message: Any) -> list[bytes]:
-        return [pack(message, self._mav)]
-
 
 class RcOverride(_Sticks):
     """RC_CHANNELS_OVERRIDE of the two motor channels; every other channel is left to the pilot."""
+
+    _last: tuple[tuple[Pulses, Pulses], bytes] | None = None  # channels and values, and the message of these
 
     def drive(self, port_us: int, starboard_us: int) -> list[bytes]:
         return self._override(self.wiring.to_sticks((port_us, starboard_us)))
@@ -124,11 +123,15 @@ class RcOverride(_Sticks):
 
     def _override(self, values: Pulses) -> list[bytes]:
         """Without the channels of MAVLink 2 where they are not needed: zeros, which say "ignore" there, are cut off."""
-        channels = [IGNORE_CHANNEL] * FIRST_CHANNELS + [0] * (CHANNELS - FIRST_CHANNELS)
-        for channel, value in zip(self.wiring.channels, values, strict=True):
-            channels[channel - 1] = value
-        to = self._system_id, self._component_id
-        return self._packed(dialect.MAVLink_rc_channels_override_message(*to, *channels))
+        asked = self.wiring.channels, values
+        if self._last is None or self._last[0] != asked:  # in most ticks they are the same again
+            channels = [IGNORE_CHANNEL] * FIRST_CHANNELS + [0] * (CHANNELS - FIRST_CHANNELS)
+            for channel, value in zip(*asked, strict=True):
+                channels[channel - 1] = value
+            to = self._system_id, self._component_id
+            message = dialect.MAVLink_rc_channels_override_message(*to, *channels)
+            self._last = asked, pack(message, self._mav)
+        return [self._last[1]]
 
 
 class ManualControl(_Sticks):
@@ -146,9 +149,8 @@ class ManualControl(_Sticks):
         return self._axes(RELEASE_AXIS, RELEASE_AXIS)
 
     def _axes(self, y: int, z: int) -> list[bytes]:
-        return self._packed(
-            dialect.MAVLink_manual_control_message(self._system_id, RELEASE_AXIS, y, z, RELEASE_AXIS, 0)
-        )
+        message = dialect.MAVLink_manual_control_message(self._system_id, RELEASE_AXIS, y, z, RELEASE_AXIS, 0)
+        return [pack(message, self._mav)]
 
 
 class _Held(ABC):
