@@ -53,7 +53,8 @@ class ArduRoverAutopilot(MavlinkAutopilot):
     @property
     def after_silence(self) -> AfterSilence | None:
         values, radio = self.parameters.values, self.transmitter.radio
-        others = any(is_station(system, values) for system in self._neighbours.systems(self._t_ns))
+        systems = self._neighbours.systems(self._t_ns)
+        others = bool(systems) and any(is_station(system, values) for system in systems)
         known = self.parameters.changes, radio, others
         if known != self._after_silence[0]:
             self._after_silence = known, after_silence_of_ardurover(self._config, values, radio, others=others)

@@ -39,6 +39,11 @@ OLD_MODE_NS = 2_000_000_000
 # What a hold waits for: pose, and the pilot's sticks. The rest is told, and does without.
 HOLD_NEEDS = frozenset({"ATTITUDE", "ATTITUDE_QUATERNION", "GPS_RAW_INT", "GPS2_RAW", "RC_CHANNELS"})
 
+SAID = (  # the subjects of the notes, in turn
+    *("autopilot", "autopilot's mode", "transmitter", "arming", "motor output", "motor commands", "ground station"),
+    *("streams", "autopilot's estimator", "autopilot's clock", "unread parameters"),
+)
+
 
 class AutopilotListener:
     """The receiving half of `MavlinkAutopilot`, with the protocols that have an end in either half.
@@ -316,23 +321,23 @@ class AutopilotListener:
         vehicle, t_ns = self._vehicle, self._t_ns
         lost = self.transmitter.radio is Radio.LOST
         said = (
-            ("autopilot", self._identity.text(t_ns)),
-            ("autopilot's mode", "old: its heartbeat does not come" if self._mode_age_ns() > OLD_MODE_NS else ""),
-            ("transmitter", "lost: the pilot's sticks and switches have no effect" if lost else ""),
-            ("arming", "" if vehicle.armed else vehicle.arming_fault),
-            ("motor output", self._output.hazard),
-            ("motor commands", self._output.refused),
-            ("ground station", self._station_text()),
-            ("streams", self._slow_text()),
-            ("autopilot's estimator", ESTIMATOR_SILENT if vehicle.estimator_is_silent(t_ns) else ""),
-            ("autopilot's clock", self._pace.text(t_ns)),
-            ("unread parameters", self._known.unread_text),
+            self._identity.text(t_ns),
+            "old: its heartbeat does not come" if self._mode_age_ns() > OLD_MODE_NS else "",
+            "lost: the pilot's sticks and switches have no effect" if lost else "",
+            "" if vehicle.armed else vehicle.arming_fault,
+            self._output.hazard,
+            self._output.refused,
+            self._station_text(),
+            self._slow_text(),
+            ESTIMATOR_SILENT if vehicle.estimator_is_silent(t_ns) else "",
+            self._pace.text(t_ns),
+            self._known.unread_text,
         )
-        heard = self.autopilot_heartbeat_ns is not None
-        return (
-            *(Note(subject=subject, text=text, ok=False) for subject, text in said if text),
-            *self._neighbours.notes(t_ns, autopilot_heard=heard),
-        )
+        neighbours = self._neighbours.notes(t_ns, autopilot_heard=self.autopilot_heartbeat_ns is not None)
+        if not any(said):  # as in nearly every tick
+            return neighbours
+        own = [Note(subject=subject, text=text, ok=False) for subject, text in zip(SAID, said, strict=True) if text]
+        return (*own, *neighbours)
 
     def _mode_age_ns(self) -> int:
         """For how long other messages have come without a heartbeat."""

@@ -50,12 +50,15 @@ class MavlinkAutopilot(AutopilotListener):
         if connected:
             booting = self._vehicle.booting
             due += self._streams.data_to_send(t_ns)
-            due += [] if booting else self.parameters.data_to_send(t_ns)
+            if not booting:
+                due += self.parameters.data_to_send(t_ns)
             if not (self._vehicle.armed or booting) and self.arming_checks.is_due(t_ns):
                 due.append(self._sender.command(dialect.MAV_CMD_RUN_PREARM_CHECKS))
             due += self._questions(t_ns)
         sender = self._sender
-        return [sender.frame(t_ns, message) for message in due] + sender.frames(t_ns, self._output.data_to_send(t_ns))
+        frames = [sender.frame(t_ns, message) for message in due] if due else []
+        held = self._output.data_to_send(t_ns)
+        return frames + sender.frames(t_ns, held) if held else frames
 
     def _questions(self, t_ns: int) -> list[Any]:
         """Its mode, where its heartbeats get lost; its hardware's number, where it is heard by several ways."""
@@ -65,7 +68,8 @@ class MavlinkAutopilot(AutopilotListener):
             asked.append(dialect.MAVLINK_MSG_ID_HEARTBEAT)
         if self._one.wants_uid(t_ns):
             asked.append(dialect.MAVLINK_MSG_ID_AUTOPILOT_VERSION)
-        return [self._sender.command(dialect.MAV_CMD_REQUEST_MESSAGE, float(msg_id)) for msg_id in asked]
+        request = dialect.MAV_CMD_REQUEST_MESSAGE
+        return [self._sender.command(request, float(msg_id)) for msg_id in asked] if asked else []
 
     def drive(self, t_ns: int, port_us: int, starboard_us: int) -> list[Frame]:
         """Both motors, as pulse widths (us)."""

@@ -88,6 +88,8 @@ class Neighbours:
 
     def systems(self, t_ns: int) -> frozenset[int]:
         """The system ids of those that send heartbeats, besides ourselves and the autopilot."""
+        if not self._heard:  # as on most boats; it is asked for in each tick
+            return frozenset()
         there = (sender for sender, n in self._heard.items() if n.beats and t_ns - n.heard_ns < THERE_NS)
         return frozenset(sender[0] for sender in there)
 
@@ -99,19 +101,21 @@ class Neighbours:
     def notes(self, t_ns: int, *, autopilot_heard: bool) -> tuple[Note, ...]:
         """What people should know of them."""
         self._t_ns = max(self._t_ns, t_ns)
+        if not (self._heard or self._own):
+            return ()
         found = []
         system_id, component_id = self._config.autopilot_system_id, self._config.autopilot_component_id
-        claims = [
-            (sender, neighbour)
-            for sender, neighbour in sorted(self._heard.items())
+        claims = sorted(
+            (sender, neighbour.kind)
+            for sender, neighbour in self._heard.items()
             if neighbour.is_autopilot and sender[0] == system_id and t_ns - neighbour.heard_ns < THERE_NS
-        ]
+        )
         if claims and autopilot_heard:
-            names = ", ".join(_name(sender, neighbour.kind) for sender, neighbour in claims)
+            names = ", ".join(_name(sender, kind) for sender, kind in claims)
             text = f"{names}: not the autopilot, though its heartbeat says so"
             found.append(Note(subject="neighbours", text=text, ok=True))
         elif claims:
-            heard = _name(claims[0][0], claims[0][1].kind)
+            heard = _name(*claims[0])
             text = f"{heard} is heard, {system_id}/{component_id} is not (links.autopilot.autopilot_component_id)"
             found.append(Note(subject="neighbours", text=text, ok=False))
         if self.own_id_is_used:

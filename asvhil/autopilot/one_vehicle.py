@@ -72,6 +72,8 @@ class OneVehicle:
 
     def wants_uid(self, t_ns: int) -> bool:
         """Whether to ask for AUTOPILOT_VERSION now: by several ways, and their hardware is not known."""
+        if len(self._ways) < 2:  # as nearly always
+            return False
         ways = self._alive(t_ns)
         if len(ways) < 2 or all(way.uid for way in ways.values()) or t_ns - self._asked_ns < ASK_NS:
             return False
