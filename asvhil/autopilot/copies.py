@@ -60,12 +60,13 @@ class Copies:
         clock, per_s = _clock(m)
         if not clock:
             return False
-        newest, by = self._newest.get(m.get_msgId(), (0, peer))
+        number = m.get_msgId()
+        newest, by = self._newest.get(number, (0, peer))
         if by != peer and not new_clock and 0 < newest - clock < LATE_S * per_s:
             same_ns = self._same_ns.get(frozenset((peer, by)))
             if same_ns is not None and t_ns - same_ns < ONE_BOAT_NS:
                 return True
-        self._newest[m.get_msgId()] = clock, peer
+        self._newest[number] = clock, peer
         return False
 
 

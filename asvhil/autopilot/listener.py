@@ -136,7 +136,7 @@ class AutopilotListener:
             if msg_id == COMMAND_ACK and not self.is_for_us(data):
                 self._on_sign_of_life(t_ns)
                 continue
-            self._streams.receive(data)
+            self._streams.receive(msg_id, data)
             handler = self._handlers.get(msg_id)
             if handler is not None:
                 message = decode(data)
@@ -151,7 +151,8 @@ class AutopilotListener:
                     continue
                 if msg_id == GPS_RAW_INT:
                     self._vehicle.on_fix(message)
-                found += [(message.msgname, measurement) for measurement in handler(t_ns, message) or ()]
+                for measurement in handler(t_ns, message) or ():
+                    found.append((message.msgname, measurement))
             self._on_sign_of_life(t_ns)
         return found
 

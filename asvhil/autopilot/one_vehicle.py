@@ -92,12 +92,12 @@ class OneVehicle:
             return m.tc1 != 0 and self._on_clock(t_ns, peer, number, m.tc1)
         elif number == dialect.MAVLINK_MSG_ID_AUTOPILOT_VERSION:
             self._on_version(t_ns, way, m)
-        elif hasattr(m, "time_boot_ms"):
-            if number in STATES and m.time_boot_ms and (number != SYSTEM_TIME or m.time_unix_usec):
+        elif (boot_ms := getattr(m, "time_boot_ms", None)) is not None:
+            if number in STATES and boot_ms and (number != SYSTEM_TIME or m.time_unix_usec):
                 self._on_state(t_ns, peer, number, m)
             if number == dialect.MAVLINK_MSG_ID_GLOBAL_POSITION_INT:
                 self._on_place(t_ns, way, m)
-            return self._on_clock(t_ns, peer, number, m.time_boot_ms * 1_000_000)
+            return self._on_clock(t_ns, peer, number, boot_ms * 1_000_000)
         return False
 
     def _way(self, peer: str) -> _Way:

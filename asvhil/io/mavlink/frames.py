@@ -10,7 +10,7 @@ import difflib
 import os
 import re
 import struct
-from collections import Counter
+from collections import Counter, OrderedDict
 from operator import attrgetter
 
 from fastcrc.crc16 import mcrf4xx
@@ -148,7 +148,7 @@ class Numbering:
 
     def __init__(self) -> None:
         self._next: dict[tuple[int, int], int] = {}
-        self._sent: dict[bytes, int] = {}
+        self._sent: OrderedDict[bytes, int] = OrderedDict()
 
     def number(self, t_ns: int, frame: bytes) -> bytes:
         """A MAVLink 2 frame of ours with its number; any other as it is."""
@@ -160,7 +160,7 @@ class Numbering:
         numbered = _with_number(frame, number)
         self._sent[numbered] = t_ns
         if len(self._sent) > self.KEPT:
-            self._sent.pop(next(iter(self._sent)))
+            self._sent.popitem(last=False)
         return numbered
 
     def ahead(self, frame: bytes, by: int) -> bytes:
@@ -293,7 +293,7 @@ class FrameSplitter:
         last = self._sequences.get(sender)
         if last is not None:
             missing = (number - last - 1) % 256
-            if missing < 128:
+            if 0 < missing < 128:
                 self._lost[sender] += missing
         elif len(self._sequences) >= self.MAX_SENDERS:
             return
@@ -301,7 +301,7 @@ class FrameSplitter:
 
     def lost_of(self, sender: tuple[int, int]) -> int:
         """Frames of a (system, component) that did not come. Of one that is routed to us others may be held back."""
-        return self._lost[sender]
+        return self._lost.get(sender, 0)
 
     def forget(self, other: FrameSplitter) -> None:
         """Go on with the counts of another, which is gone."""
@@ -334,7 +334,7 @@ def _is_one_frame(data: bytes) -> bool:
     body_end = HEADER_V2 + data[1]
     if size != body_end + CRC_LENGTH + (SIGNATURE_LENGTH if data[2] else 0):
         return False
-    extra = CRC_EXTRA.get(int.from_bytes(data[7:10], "little"))
+    extra = CRC_EXTRA.get(data[7] | data[8] << 8 | data[9] << 16)
     crc = data[body_end] | data[body_end + 1] << 8
     return extra is not None and crc == mcrf4xx(data[1:body_end] + extra)
 
@@ -373,12 +373,13 @@ class Parser:
 
     def receive(self, peer: str, data: bytes, via: str = "") -> list[bytes]:
         """The frames that bytes of one peer bring to an end; those of another link, `via`, come whole."""
-        splitter = self._splitters.pop((via, peer), None)
+        splitter = self._splitters.get((via, peer))
         if splitter is None:
             if len(self._splitters) >= self.MAX_PEERS:
                 self._forget()
-            splitter = FrameSplitter(datagrams=bool(via))
-        self._splitters[via, peer] = splitter
+            splitter = self._splitters[via, peer] = FrameSplitter(datagrams=bool(via))
+        elif len(self._splitters) > 1:
+            self._splitters[via, peer] = self._splitters.pop((via, peer))
         return splitter.receive(data)
 
     def totals(self) -> tuple[int, int, int, int]:
@@ -393,10 +394,7 @@ class Parser:
 
     def lost_of(self, sender: tuple[int, int]) -> int:
         """Frames of a (system, component) that did not come, over all peers: by its numbers with each of them."""
-        return sum(splitter.lost_of(sender) for splitter in self._every())
-
-    def _every(self) -> list[FrameSplitter]:
-        return [*self._splitters.values(), self._forgotten]
+        return self._forgotten.lost_of(sender) + sum([one.lost_of(sender) for one in self._splitters.values()])
 
     def _forget(self) -> None:
         oldest = next(iter(self._splitters))

@@ -6,7 +6,7 @@ import math
 from collections.abc import Collection
 from typing import Any
 
-from asvhil.io.mavlink.frames import decode, dialect, message_id, target
+from asvhil.io.mavlink.frames import decode, dialect, target
 
 EVERYBODY = (0, 0)  # an acknowledgement of MAVLink 1 names nobody
 ACK_TIMEOUT_NS = 500_000_000
@@ -108,9 +108,8 @@ class StreamRequester:
                 return self._names[msg_id], self._wanted[msg_id]
         return None
 
-    def receive(self, frame: bytes) -> None:
+    def receive(self, msg_id: int, frame: bytes) -> None:
         """Any complete frame of the autopilot: it is counted, and an acknowledgement of a request is understood."""
-        msg_id = message_id(frame)
         if msg_id in self._counts:
             if msg_id in self._absent and self._t_ns:  # as outputs do, once the vehicle is armed
                 self._absent.discard(msg_id)
@@ -128,7 +127,7 @@ class StreamRequester:
         request = self._interval_request(t_ns)
         if request is not None:
             due.append(request)
-        return due + self._stream_requests()
+        return due + self._stream_requests() if self._legacy else due
 
     def _is_for_us(self, acknowledgement: bytes) -> bool:
         return self._us is None or target(acknowledgement) in (self._us, EVERYBODY)

@@ -135,7 +135,7 @@ def test_a_stream_that_dries_up_is_asked_for_again_and_a_denied_one_is_named() -
         return [(m.param1, m.param2) for m in requester.data_to_send(t_ns)]
 
     def receive(message: Any) -> None:
-        requester.receive(bytes(message.pack(AUTOPILOT)))
+        requester.receive(message.get_msgId(), bytes(message.pack(AUTOPILOT)))
 
     assert asked(0) == [(30, 100_000.0)]
     receive(dialect.MAVLink_command_ack_message(511, 0))

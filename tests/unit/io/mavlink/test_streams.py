@@ -40,7 +40,7 @@ class Exchange:
             for name, due_ns in self.due_ns.items():
                 if self.t_ns >= due_ns:
                     self.due_ns[name] = self.t_ns + round(S / self.hz[name])
-                    self.streams.receive(bytes(SENT[name].pack(PX4)))
+                    self.streams.receive(SENT[name].get_msgId(), bytes(SENT[name].pack(PX4)))
             for message in self.streams.data_to_send(self.t_ns):
                 name = next(name for name, number in NUMBERS.items() if number == message.param1)
                 self.asked.append((self.t_ns / S, name))
@@ -48,7 +48,7 @@ class Exchange:
                     self.hz[name] = 1e6 / message.param2
                     if self.answered(name):
                         ack = dialect.MAVLink_command_ack_message(511, 0, 0, 0, 1, 191)
-                        self.streams.receive(bytes(ack.pack(PX4)))
+                        self.streams.receive(ack.get_msgId(), bytes(ack.pack(PX4)))
 
     def times(self, name: str) -> int:
         return len([1 for _, asked in self.asked if asked == name])
@@ -135,7 +135,7 @@ def test_of_a_seldom_message_chance_is_no_reason_to_call_it_slow(hz: float) -> N
     for tick in range(20 * 3600):
         streams.data_to_send(tick * 50 * MS)
         if tick % round(20 / hz) == 0 and chance.random() < 0.66:
-            streams.receive(beat)
+            streams.receive(dialect.MAVLINK_MSG_ID_SYSTEM_TIME, beat)
         slow += streams.slow != ()
     assert slow < 0.01 * 20 * 3600
 
