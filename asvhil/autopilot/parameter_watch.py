@@ -50,6 +50,7 @@ class ParameterWatch:
         self._wiring_names: tuple[str, ...] = ()
         self._findings: list[Finding] = []
         self._receiver_ignored = False
+        self._trim_rad, self._trim_changes = (0.0, 0.0), -1
         self._silent: tuple[str, ...] = ()  # as last told by `client`; what follows from it
         self._unread: tuple[str, ...] = ()
         self._update()
@@ -88,7 +89,9 @@ class ParameterWatch:
     @property
     def trim_rad(self) -> tuple[float, float]:
         """Roll and pitch of the board over the axes whose attitude is told; 0 until it is known."""
-        return self._rules.trim_rad(self._client.values)
+        if self._trim_changes != self._client.changes:  # asked for with each attitude
+            self._trim_changes, self._trim_rad = self._client.changes, self._rules.trim_rad(self._client.values)
+        return self._trim_rad
 
     @property
     def unread(self) -> tuple[str, ...]:

@@ -133,25 +133,25 @@ class Readback:
 
     def on_status(self, status: FrontseatStatus) -> None:
         """A report of the autopilot, which counts once."""
-        for name, t_ns, pulses in (
-            ("rc", status.rc_ns, status.sticks_us),
-            ("outputs", status.outputs_ns, status.motors_us),
-        ):
-            if t_ns <= self._reported_ns[name] or pulses is None:
-                continue
-            self._reported_ns[name] = t_ns
-            self._bursts[name].take(t_ns)
-            us = self._last[name] = (float(pulses[0]), float(pulses[1]))
-            if self._start_ns is None or t_ns < self._start_ns + SETTLE_NS:
-                continue
-            if name == "outputs":
-                self._keep(self._outputs, t_ns, us, self._config.tolerance_us, self._bursts[name].silence_ns)
-                plain = _apart_us(us, (self._neutral_us, self._neutral_us)) > PLAIN_US
-                self.follows = self.follows or (plain and self._outputs[-1].fits)
-            elif self._overrides_sticks:
-                self._note_rest(t_ns, us)
-                self._keep(self._sticks, t_ns, us, RC_TOLERANCE_US, self._bursts[name].silence_ns)
-                self.override_seen = self.override_seen or self._is_override(t_ns, us)
+        if status.sticks_us is not None and status.rc_ns > self._reported_ns["rc"]:
+            self._on_report("rc", status.rc_ns, status.sticks_us)
+        if status.motors_us is not None and status.outputs_ns > self._reported_ns["outputs"]:
+            self._on_report("outputs", status.outputs_ns, status.motors_us)
+
+    def _on_report(self, name: str, t_ns: int, pulses: tuple[int, int]) -> None:
+        self._reported_ns[name] = t_ns
+        self._bursts[name].take(t_ns)
+        us = self._last[name] = (float(pulses[0]), float(pulses[1]))
+        if self._start_ns is None or t_ns < self._start_ns + SETTLE_NS:
+            return
+        if name == "outputs":
+            self._keep(self._outputs, t_ns, us, self._config.tolerance_us, self._bursts[name].silence_ns)
+            plain = _apart_us(us, (self._neutral_us, self._neutral_us)) > PLAIN_US
+            self.follows = self.follows or (plain and self._outputs[-1].fits)
+        elif self._overrides_sticks:
+            self._note_rest(t_ns, us)
+            self._keep(self._sticks, t_ns, us, RC_TOLERANCE_US, self._bursts[name].silence_ns)
+            self.override_seen = self.override_seen or self._is_override(t_ns, us)
 
     def note_station(self, t_ns: int, us: tuple[int, int]) -> None:
         """What the sticks of a ground station command, by its own messages, in turn with ours."""

@@ -100,8 +100,9 @@ class VehicleStatus:
         wiring = self._parameters.wiring
         batteries = self._batteries.sum(t_ns)
         is_fresh = t_ns - self._battery_ns < FORGOTTEN_NS
-        # SYS_STATUS tells the charge of the first alone (ArduPilot).
-        charges = (self._battery_percent if is_fresh else None, self._batteries.lowest_percent(t_ns))
+        percent, lowest = self._battery_percent if is_fresh else None, self._batteries.lowest_percent(t_ns)
+        if percent is None or (lowest is not None and lowest < percent):
+            percent = lowest  # SYS_STATUS tells the charge of the first alone (ArduPilot)
         status = FrontseatStatus(
             t_ns=t_ns,
             armed=self.armed,
@@ -121,7 +122,7 @@ class VehicleStatus:
             disarmed_itself=self.disarming.itself,
             arming_fault="" if self.armed else self.arming_fault,
             battery_v=self._battery_v if is_fresh else None,
-            battery_percent=min((percent for percent in charges if percent is not None), default=None),
+            battery_percent=percent,
             battery_a=self._battery_a if is_fresh else None,
             battery_ns=self._battery_ns,
             batteries=batteries,

@@ -139,8 +139,8 @@ class MavlinkSensors:
 
     def _scaled_imu(self, t_ns: int, m: Any) -> Found:
         """RAW_IMU and SCALED_IMU as ArduPilot fills them: milli-g and mrad/s."""
-        x, y, z = (milli * 1e-3 * GRAVITY_MPS2 for milli in (m.xacc, m.yacc, m.zacc))
-        ax_mps2, ay_mps2 = self.level.force(t_ns, x, y, z)
+        x, y = m.xacc * 1e-3 * GRAVITY_MPS2, m.yacc * 1e-3 * GRAVITY_MPS2
+        ax_mps2, ay_mps2 = self.level.force(t_ns, x, y, m.zacc * 1e-3 * GRAVITY_MPS2)
         return (
             YawRate(t_ns=t_ns, r_radps=m.zgyro * 1e-3),
             SpecificForce(t_ns=t_ns, ax_mps2=ax_mps2, ay_mps2=ay_mps2),
