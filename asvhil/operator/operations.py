@@ -11,7 +11,7 @@ from asvhil.io.sensors.sources import Switch
 from asvhil.operator.drift import DriftWatch
 from asvhil.operator.remarks import Remarks
 from asvhil.operator.reports import NOTICE, WARNING, OperatorReport
-from asvhil.operator.session import OperatorRequest, OperatorSession
+from asvhil.operator.session import NOTHING, OperatorRequest, OperatorSession
 from asvhil.operator.state_arrays import BoatState
 from asvhil.operator.station_parameters import (
     MOST_SPEED_PARAMETER,
@@ -145,7 +145,8 @@ class Operations:
             policy, course = decision.heading_policy, decision.course
             return station_value(name, decision.point, situation.frame, policy, course)
 
-        return self._session.data_to_send(t_ns, self._report(situation, decision, readings), value_of)
+        report = self._report(situation, decision, readings) if self._session.may_report else NOTHING
+        return self._session.data_to_send(t_ns, report, value_of)
 
     @property
     def shell_notes(self) -> tuple[Note, ...]:

@@ -167,6 +167,11 @@ class OperatorSession:
         return self._replies.take()
 
     @property
+    def may_report(self) -> bool:
+        """Whether `data_to_send` may have a use for a report: not before an operator was heard."""
+        return self._heard_ns is not None
+
+    @property
     def is_asked(self) -> bool:
         """Whether anybody has asked for a message since the last `data_to_send`."""
         return bool(self._asked)
