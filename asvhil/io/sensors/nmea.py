@@ -39,6 +39,7 @@ class NmeaCodec:
         self._framer = NmeaFramer()
         self.sentences = 0
         self.dropped: dict[DropCause, int] = dict.fromkeys(DropCause, 0)
+        self._counted: tuple[tuple[str, int], ...] | None = None  # of now
         self._counters = tuple(f"{port}.{name}" for name in ("sentences", "bad", *self.dropped))
         self.heard: dict[str, int] = {}
         self.refused: dict[str, dict[DropCause, int]] = {}
@@ -51,6 +52,7 @@ class NmeaCodec:
     def decode(self, frame: Frame) -> list[NamedMeasurement]:
         """Measurements in one chunk of the stream, each with the name of its sentence."""
         found: list[NamedMeasurement] = []
+        self._counted = None
         for body in self._framer.receive(frame.data):
             try:
                 if isinstance(body, DropCause):
@@ -63,8 +65,11 @@ class NmeaCodec:
 
     def counters(self) -> tuple[tuple[str, int], ...]:
         """Cumulative counts of sentences with a right checksum, of bad lines, and of what gave nothing by cause."""
-        bad = sum([self.dropped[cause] for cause in BAD_LINES])
-        return tuple(zip(self._counters, (self.sentences, bad, *self.dropped.values()), strict=True))
+        if self._counted is None:  # once for each chunk, and not in each tick
+            bad = sum([self.dropped[cause] for cause in BAD_LINES])
+            counts = self.sentences, bad, *self.dropped.values()
+            self._counted = tuple(zip(self._counters, counts, strict=True))
+        return self._counted
 
     def _sentence(self, t_ns: int, body: bytes) -> list[NamedMeasurement]:
         fields = Fields(body)
