@@ -85,11 +85,12 @@ class Decoder:
 
     def decode(self, frame: Frame) -> list[Measurement]:
         """The measurements in a frame that are to be used, in the order of its bytes; none of an unknown port."""
-        found = self.decode_every_source(frame)
-        if not found:
-            return []
-        select = self._selector.select
-        chosen = [used for name, m in found if (used := select(name, m)) is not None]
+        decode = self._decode.get(frame.port)
+        chosen: list[Measurement] = []
+        for message, m in () if decode is None else decode(frame):
+            used = self._selector.select(f"{frame.port}.{message}", m)
+            if used is not None:
+                chosen.append(used)
         return [self._calibration.apply(m) for m in chosen] if self._is_calibrated else chosen
 
     def decode_every_source(self, frame: Frame) -> list[NamedMeasurement]:
@@ -98,8 +99,7 @@ class Decoder:
         Codecs remember the rest of a stream, so a frame goes to this method or to `decode`, never to both.
         """
         decode = self._decode.get(frame.port)
-        found = () if decode is None else decode(frame)
-        return [(f"{frame.port}.{message}", m) for message, m in found] if found else []
+        return [] if decode is None else [(f"{frame.port}.{message}", m) for message, m in decode(frame)]
 
     def sources(self, t_ns: int) -> tuple[tuple[str, str], ...]:
         """The source in use for each quantity, empty where none is heard."""
