@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
 
 from asvhil.autopilot.ardurover_wiring import (
     CHANNEL_MAP,
@@ -20,7 +19,7 @@ from asvhil.autopilot.requirements import Requirement, exactly, within
 from asvhil.autopilot.wiring import LEAST_SPAN_US, NEUTRAL_SLACK_US, MotorWiring
 from asvhil.autopilot.wiring_requirements import function_row, travel_rows
 from asvhil.config import AutopilotLinkConfig, MotorOutputConfig, PwmConfig
-from asvhil.types import Cause
+from asvhil.types import Cause, changed
 
 THROTTLE = {
     "port": "one output must be throttle left (SERVOn_FUNCTION 73)",
@@ -53,12 +52,12 @@ def requirements(link: AutopilotLinkConfig, pwm: PwmConfig, values: Mapping[str,
     """
     if link.output == "set_servo":
         sides = zip(("port", "starboard"), pwm.outputs, strict=True)
-        return tuple(replace(_free_output(output), motor=side) for side, output in sides)
+        return tuple(changed(_free_output(output), motor=side) for side, output in sides)
     wiring = wiring_of(link, pwm, values)
     channels = stick_channels(values)
     motors = zip(("port", "starboard"), (pwm.port, pwm.starboard), MOTORS, wiring.motors, channels, strict=True)
     wired = tuple(
-        replace(row, motor=side, wiring=True)
+        changed(row, motor=side, wiring=True)
         for side, config, function, motor, channel in motors
         for row in (
             function_row(side, config, function, motor.output, FUNCTIONS, values, THROTTLE[side]),
@@ -69,7 +68,7 @@ def requirements(link: AutopilotLinkConfig, pwm: PwmConfig, values: Mapping[str,
     if link.output == "script":
         return (*_script(), *wired)
     dead_zones = tuple(
-        replace(_dead_zone(channel), motor=side) for side, channel in zip(("port", "starboard"), channels, strict=True)
+        changed(_dead_zone(channel), motor=side) for side, channel in zip(("port", "starboard"), channels, strict=True)
     )
     # As if nothing bent it, which would only keep it nearer to its centre.
     least_us = min(round(wiring.sticks[1].pulse_us(wiring.throttle(1, us))) for us in (pwm.astern_us, pwm.ahead_us))
@@ -95,14 +94,14 @@ def _script() -> tuple[Requirement, ...]:
     pulses = "outputs must be pulses"
     return (
         within("SCR_ENABLE", (1, 1), None, "scripts are off", enable, Cause.STUCK),
-        replace(within("MOT_PWM_TYPE", (0, 2), None, NO_PULSES, pulses, Cause.SCALED), wiring=True),
+        changed(within("MOT_PWM_TYPE", (0, 2), None, NO_PULSES, pulses, Cause.SCALED), wiring=True),
         within("BRD_SAFETY_DEFLT BRD_SAFETYENABLE", (0, 0), None, "press the safety switch", switch, must=False),
     )
 
 
 def _free_output(channel: int) -> Requirement:
     why = "DO_SET_SERVO is refused on an output that has a function"
-    return replace(exactly(f"SERVO{channel}_FUNCTION", 0, "no set_servo", why, Cause.STUCK), wiring=True)
+    return changed(exactly(f"SERVO{channel}_FUNCTION", 0, "no set_servo", why, Cause.STUCK), wiring=True)
 
 
 def _station(gcs_id: int, values: Mapping[str, float]) -> Requirement:
@@ -151,7 +150,7 @@ def _bends() -> tuple[Requirement, ...]:
         within(
             "MANUAL_OPTIONS", (0, 2**31), 0, BENT, "with its bit 0 steering lessens with speed", Cause.SCALED, clear=1
         ),
-        replace(within("MOT_PWM_TYPE", (0, 2), None, NO_PULSES, "outputs must be pulses", Cause.SCALED), wiring=True),
+        changed(within("MOT_PWM_TYPE", (0, 2), None, NO_PULSES, "outputs must be pulses", Cause.SCALED), wiring=True),
     )
 
 
@@ -163,7 +162,7 @@ def _channel_map(values: Mapping[str, float]) -> Iterator[Requirement]:
         if side == "starboard" and values.get(name) == values.get(CHANNEL_MAP[0], 0.0):
             other = 1 if values[name] == usual else usual
             row = exactly(name, other, "both on one stick", why, Cause.SWAPPED)
-        yield replace(row, motor=side, wiring=True)
+        yield changed(row, motor=side, wiring=True)
 
 
 def _output(side: str, config: MotorOutputConfig, pwm: PwmConfig, wired: MotorWiring) -> tuple[Requirement, ...]:

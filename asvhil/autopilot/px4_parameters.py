@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 
 from asvhil.autopilot.px4_wiring import FUNCTIONS, REVERSED, functions, turns, wiring_of
 from asvhil.autopilot.requirements import Requirement, exactly, within
 from asvhil.autopilot.wiring import MotorWiring
 from asvhil.autopilot.wiring_requirements import function_row, travel_rows
 from asvhil.config import AutopilotLinkConfig, MotorOutputConfig, PwmConfig
-from asvhil.types import Cause
+from asvhil.types import Cause, changed
 
 TERMINATE, DISARM = 6, 7  # COM_OBL_RC_ACT
 NEUTRAL_SLACK_US = 5
@@ -31,7 +30,7 @@ def requirements(link: AutopilotLinkConfig, pwm: PwmConfig, values: Mapping[str,
         strict=True,
     )
     outputs = (
-        replace(row, motor=side, wiring=True)
+        changed(row, motor=side, wiring=True)
         for side, config, function, actuator, wired in motors
         for row in (
             function_row(
