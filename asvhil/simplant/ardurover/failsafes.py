@@ -8,6 +8,7 @@ from asvhil.config import FrontseatConfig
 from asvhil.config.autopilots import ARDUROVER_MODES
 from asvhil.simplant.ardurover.parameters import Parameters
 from asvhil.simplant.vehicle.rc import RcInputs
+from asvhil.types import record
 
 RECEIVER_IGNORED, OVERRIDES_IGNORED = 1, 2  # bits of RC_OPTIONS
 DISARM = -1
@@ -24,6 +25,19 @@ FAILSAFE_ACTIONS: dict[int, tuple[int, ...]] = {
 WARNING = dialect.MAV_SEVERITY_WARNING
 
 
+@record
+class RadioSettings:
+    """What the parameters say of the radio. `override_ns`: how long an override stands, None: until another."""
+
+    enabled: bool
+    throttle_us: float
+    receiver_ignored: bool
+    overrides_ignored: bool
+    override_ns: int | None
+    neutral_ns: int  # of silence, until sticks count as neutral; a parameter since 4.7
+    failsafe_ns: int  # of silence, until the fail-safe acts
+
+
 class RadioWatch:
     """Receiver and overrides, which count as one radio. `texts` takes what the stations are told."""
 
@@ -34,6 +48,7 @@ class RadioWatch:
         self._parameters = parameters
         self._rc = rc
         self._texts = texts
+        self._settings: tuple[int, RadioSettings] | None = None  # with how often parameters had changed by then
         self.restart()
 
     def restart(self) -> None:
@@ -43,34 +58,43 @@ class RadioWatch:
         self._low_ns: int | None = None
 
     @property
-    def neutral_ns(self) -> int:
-        """Of silence, until sticks count as neutral; a parameter since 4.7."""
-        return round(1e9 * (self._parameters.get("RC_FS_TIMEOUT") or self._config.neutral_timeout_s))
+    def settings(self) -> RadioSettings:
+        """As the parameters are now."""
+        if self._settings is None or self._settings[0] != self._parameters.changes:
+            self._settings = self._parameters.changes, self._read()
+        return self._settings[1]
 
-    @property
-    def overrides_ignored(self) -> bool:
-        """Whether parameters tell it to."""
-        options = int(self._parameters["RC_OPTIONS"])
-        return bool(options & OVERRIDES_IGNORED) or self._parameters["RC_OVERRIDE_TIME"] == 0.0
+    def _read(self) -> RadioSettings:
+        parameters, config = self._parameters, self._config
+        options, hold_s = int(parameters["RC_OPTIONS"]), parameters["RC_OVERRIDE_TIME"]
+        neutral_ns = round(1e9 * (parameters.get("RC_FS_TIMEOUT") or config.neutral_timeout_s))
+        return RadioSettings(
+            enabled=parameters["FS_THR_ENABLE"] != 0.0,
+            throttle_us=parameters["FS_THR_VALUE"],
+            receiver_ignored=bool(options & RECEIVER_IGNORED),
+            overrides_ignored=bool(options & OVERRIDES_IGNORED) or hold_s == 0.0,
+            override_ns=round(1e9 * hold_s) if hold_s > 0.0 else None,
+            neutral_ns=neutral_ns,
+            failsafe_ns=neutral_ns + round(1e9 * (config.failsafe_timeout_s - config.neutral_timeout_s)),
+        )
 
     def look_at_throttle(self, t_ns: int, throttle_us: int) -> None:
         """A throttle stick below FS_THR_VALUE, overridden or not, says that the transmitter is lost."""
-        if not 0 < throttle_us < self._parameters["FS_THR_VALUE"]:
+        if not 0 < throttle_us < self.settings.throttle_us:
             self._low_ns = None
         elif self._low_ns is None:
             self._low_ns = t_ns
 
     def advance(self, t_ns: int) -> bool:
         """Time-outs of one loop; True where the fail-safe begins in it."""
-        rc, enabled = self._rc, self._parameters["FS_THR_ENABLE"] != 0.0
-        hold_s = self._parameters["RC_OVERRIDE_TIME"]
-        if self.overrides_ignored:
+        rc, settings = self._rc, self.settings
+        enabled, neutral_ns = settings.enabled, settings.neutral_ns
+        if settings.overrides_ignored:
             rc.drop_overrides()
-        elif hold_s > 0.0:
-            rc.expire(t_ns, round(1e9 * hold_s))
-        rc.ignored = bool(int(self._parameters["RC_OPTIONS"]) & RECEIVER_IGNORED)
+        elif settings.override_ns is not None:
+            rc.expire(t_ns, settings.override_ns)
+        rc.ignored = settings.receiver_ignored
         rc.note_frame(t_ns)
-        neutral_ns = self.neutral_ns
         lost = enabled and self._is_lost(t_ns, neutral_ns, neutral_ns)
         if enabled:  # with 0 nobody looks any more: what was found last stands
             self.silent = lost
@@ -79,8 +103,7 @@ class RadioWatch:
                 self.failsafe = False
                 self._texts.append((WARNING, "Radio Failsafe Cleared"))
             return False
-        later_ns = round(1e9 * (self._config.failsafe_timeout_s - self._config.neutral_timeout_s))
-        self.failsafe = enabled and self._is_lost(t_ns, neutral_ns + later_ns, neutral_ns)
+        self.failsafe = enabled and self._is_lost(t_ns, settings.failsafe_ns, neutral_ns)
         return self.failsafe
 
     def _is_lost(self, t_ns: int, timeout_ns: int, neutral_ns: int) -> bool:
@@ -109,9 +132,9 @@ class StationWatch:
     def advance(self, t_ns: int) -> bool:
         """Time-outs of one loop; True where the fail-safe begins: as with a real one, not before a first heartbeat."""
         parameters = self._parameters
-        timeout_ns = round(1e9 * (parameters["FS_GCS_TIMEOUT"] + parameters["FS_TIMEOUT"]))
-        silent = self._heard_ns is not None and t_ns - self._heard_ns > timeout_ns
-        lost = silent and parameters["FS_GCS_ENABLE"] != 0.0
+        lost = False
+        if parameters["FS_GCS_ENABLE"] != 0.0 and self._heard_ns is not None:
+            lost = t_ns - self._heard_ns > round(1e9 * (parameters["FS_GCS_TIMEOUT"] + parameters["FS_TIMEOUT"]))
         if self.failsafe and not lost:
             self._texts.append((WARNING, "GCS Failsafe Cleared"))
         begins = lost and not self.failsafe

@@ -3,12 +3,49 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 from asvhil.simplant.ardurover.parameters import Parameters
+from asvhil.types import record
 
 TWO_PADDLES = 1  # PILOT_STEER_TYPE: a stick for each motor
 STEERING_NOT_FLIPPED = 3  # PILOT_STEER_TYPE: steering keeps its sense when going astern
 SPEED_SCALING = 1  # bit of MANUAL_OPTIONS
+
+
+@record
+class SteeringSettings:
+    """What the parameters say of sticks and motors. `step`: of the throttle from loop to loop, None: any."""
+
+    two_paddles: bool
+    flips_astern: bool
+    step: float | None
+    stick_expo: float
+    largest: float
+    scaled_by_speed: bool
+    speed_base_mps: float
+    asymmetry: float
+    mix: float
+    least: float
+    thrust_expo: float
+
+    @classmethod
+    def of(cls, parameters: Parameters, loop_hz: float) -> SteeringSettings:
+        """As the parameters are now."""
+        slew = parameters["MOT_SLEWRATE"]  # percent per second
+        return cls(
+            two_paddles=parameters["PILOT_STEER_TYPE"] == TWO_PADDLES,
+            flips_astern=parameters["PILOT_STEER_TYPE"] != STEERING_NOT_FLIPPED,
+            step=0.01 * slew / loop_hz if slew > 0.0 else None,
+            stick_expo=parameters["MANUAL_STR_EXPO"],
+            largest=0.01 * parameters["MOT_THR_MAX"],
+            scaled_by_speed=bool(int(parameters["MANUAL_OPTIONS"]) & SPEED_SCALING),
+            speed_base_mps=parameters["MOT_SPD_SCA_BASE"],
+            asymmetry=max(parameters["MOT_THST_ASYM"], 1.0),
+            mix=parameters["MOT_STR_THR_MIX"],
+            least=0.01 * parameters["MOT_THR_MIN"],
+            thrust_expo=parameters["MOT_THST_EXPO"],
+        )
 
 
 class SkidSteering:
@@ -18,39 +55,52 @@ class SkidSteering:
         self._parameters = parameters
         self._loop_hz = loop_hz
         self._throttle = 0.0
+        self._changes, self._settings = parameters.changes, SteeringSettings.of(parameters, loop_hz)
+        # The last sticks with their throttles, where these depend on nothing else; a loop is shorter than they stand.
+        self._last: tuple[tuple[float, float], tuple[float, float]] | None = None
 
     def stop(self) -> None:
         """The motors are not driven: the next throttle starts from zero."""
         self._throttle = 0.0
+        self._last = None
 
-    def throttles(self, first: float, second: float, speed_mps: float) -> tuple[float, float]:
-        """Port and starboard in [-1, 1], from two sticks in [-1, 1] and the speed ahead over ground."""
-        parameters = self._parameters
-        steer_type = parameters["PILOT_STEER_TYPE"]
-        if steer_type == TWO_PADDLES:
+    def throttles(self, first: float, second: float, speed_mps: Callable[[], float]) -> tuple[float, float]:
+        """Port and starboard in [-1, 1], from two sticks in [-1, 1] and the speed ahead over ground, if it counts."""
+        if self._changes != self._parameters.changes:
+            self._changes = self._parameters.changes
+            self._settings = SteeringSettings.of(self._parameters, self._loop_hz)
+            self._last = None
+        if self._last is not None and self._last[0] == (first, second):
+            return self._last[1]
+        throttles = self._throttles(first, second, speed_mps)
+        if self._settings.step is None and not self._settings.scaled_by_speed:
+            self._last = (first, second), throttles
+        return throttles
+
+    def _throttles(self, first: float, second: float, speed_mps: Callable[[], float]) -> tuple[float, float]:
+        settings = self._settings
+        if settings.two_paddles:
             throttle, steering = 0.5 * (first + second), 0.5 * (first - second)
         else:
             throttle, steering = second, first
             asked = abs(throttle) + abs(steering)
             if asked > 1.0:  # of a boat with two motors, both are lessened alike
                 throttle, steering = throttle / asked, steering / asked
-            if throttle < 0.0 and steer_type != STEERING_NOT_FLIPPED:
+            if throttle < 0.0 and settings.flips_astern:
                 steering = -steering
-        slew = parameters["MOT_SLEWRATE"]
-        if slew > 0.0:  # percent per second, of the throttle alone
-            step = 0.01 * slew / self._loop_hz
+        step = settings.step
+        if step is not None:  # of the throttle alone
             throttle = max(self._throttle - step, min(self._throttle + step, throttle))
         self._throttle = throttle
-        expo = parameters["MANUAL_STR_EXPO"]
+        expo = settings.stick_expo
         if expo < 0.95:
             steering = (1.0 - expo) * steering / (1.0 - expo * abs(steering))
-        largest = 0.01 * parameters["MOT_THR_MAX"]
+        largest = settings.largest
         throttle = max(-largest, min(largest, throttle))
-        if int(parameters["MANUAL_OPTIONS"]) & SPEED_SCALING:
-            steering = _scaled_by_speed(steering, speed_mps, parameters["MOT_SPD_SCA_BASE"])
-        asymmetry = max(parameters["MOT_THST_ASYM"], 1.0)
-        port, starboard = _mix(steering, throttle, asymmetry, parameters["MOT_STR_THR_MIX"])
-        least, thrust_expo = 0.01 * parameters["MOT_THR_MIN"], parameters["MOT_THST_EXPO"]
+        if settings.scaled_by_speed:
+            steering = _scaled_by_speed(steering, speed_mps(), settings.speed_base_mps)
+        port, starboard = _mix(steering, throttle, settings.asymmetry, settings.mix)
+        least, thrust_expo = settings.least, settings.thrust_expo
         return _thrust_curve(port, least, thrust_expo), _thrust_curve(starboard, least, thrust_expo)
 
 

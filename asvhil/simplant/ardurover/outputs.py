@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from asvhil.config import PwmConfig
-from asvhil.simplant.ardurover.parameters import OUTPUTS, PORT_MOTOR, STARBOARD_MOTOR, Parameters
+from asvhil.simplant.ardurover.parameters import OUTPUTS, PORT_MOTOR, STARBOARD_MOTOR, MotorOutput, Parameters
 from asvhil.simplant.vehicle.wiring import WiredMotor
 
 
@@ -22,6 +22,10 @@ class ServoOutputs:
             self._wired(pwm, function, usual)
             for function, usual in zip((PORT_MOTOR, STARBOARD_MOTOR), pwm.outputs, strict=True)
         )
+        # The last pulses of both with what they are to plain motors, and throttles with their pulses: commands stand
+        # for several loops.
+        self._plain_us: tuple[tuple[int, int], tuple[int, int]] = ((0, 0), (0, 0))
+        self._put: tuple[tuple[float, float], tuple[MotorOutput, ...], list[tuple[int, int]]] | None = None
 
     def restart(self) -> None:
         """Power on: what scripts hold is forgotten."""
@@ -34,7 +38,10 @@ class ServoOutputs:
         0: no signal, as before boot.
         """
         port, starboard = self._motors
-        return port.plain_us(self._servo_us), starboard.plain_us(self._servo_us)
+        pulses_us = self._servo_us[port.output - 1], self._servo_us[starboard.output - 1]
+        if pulses_us != self._plain_us[0]:
+            self._plain_us = pulses_us, (port.plain_us(self._servo_us), starboard.plain_us(self._servo_us))
+        return self._plain_us[1]
 
     def set_servo(self, channel: int, pulse_us: int) -> bool:
         """DO_SET_SERVO: refused on outputs with a function; any other holds its value until power-off."""
@@ -62,9 +69,15 @@ class ServoOutputs:
         """
         if emergency_stop:
             port = starboard = 0.0
-        for output in self._parameters.motor_outputs:
-            throttle = port if output.function == PORT_MOTOR else starboard
-            self._servo_us[output.number - 1] = output.pulse_us(throttle)
+        throttles, outputs = (port, starboard), self._parameters.motor_outputs
+        if self._put is None or self._put[0] != throttles or self._put[1] is not outputs:
+            pulses_us = [
+                (output.number - 1, output.pulse_us(port if output.function == PORT_MOTOR else starboard))
+                for output in outputs
+            ]
+            self._put = throttles, outputs, pulses_us
+        for index, pulse_us in self._put[2]:
+            self._servo_us[index] = pulse_us
         if self._held:
             self._put_out_held(motors_stopped=emergency_stop and armed)
 

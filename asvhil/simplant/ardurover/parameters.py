@@ -132,6 +132,8 @@ class Parameters(ParameterTable):
         rows += [(name, value, REAL32, FIXED) for name, value in delivered.items()]
         self._dead_zones = (f"RC{first}_DZ", f"RC{second}_DZ")
         self._late: list[str] = []
+        self.changes = 0  # counts them, so that who makes something of several parameters does so once for each
+        self._mapped: tuple[int, int] | None = None
         self._sticks: dict[int, ChannelCalibration] = {}
         self._functions: tuple[int, ...] | None = None
         self._motor_outputs: tuple[MotorOutput, ...] | None = None
@@ -155,6 +157,13 @@ class Parameters(ParameterTable):
                 low_us=low_us, trim_us=trim_us, high_us=high_us, dead_zone_us=dead_zone_us, reversed=reverse != 0.0
             )
         return found
+
+    @property
+    def mapped(self) -> tuple[int, int]:
+        """The channels that drive, which a real one reads anew each second."""
+        if self._mapped is None:
+            self._mapped = int(self["RCMAP_ROLL"]), int(self["RCMAP_THROTTLE"])
+        return self._mapped
 
     def begin_setup(self) -> None:
         """Power on: a dead zone that is at its default reads 0 until the default is set."""
@@ -190,6 +199,8 @@ class Parameters(ParameterTable):
 
     def _put(self, name: str, value: float) -> None:
         super()._put(name, value)
+        self.changes += 1
+        self._mapped = None
         self._sticks.clear()
         self._functions = None
         self._motor_outputs = None

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from asvhil.config import FrontseatConfig, PwmConfig
@@ -30,11 +32,12 @@ class Rover(PoweredVehicle):
     Modes other than MANUAL are entered and reported, but leave the motors neutral: navigation is not simulated.
     """
 
-    def __init__(self, config: FrontseatConfig, pwm: PwmConfig, t_ns: int) -> None:
+    def __init__(self, config: FrontseatConfig, pwm: PwmConfig, t_ns: int, speed_mps: Callable[[], float]) -> None:
+        """`speed_mps`: that of the boat ahead, over ground."""
         super().__init__(config, t_ns)
         self._setup_ns = round(1e9 * config.setup_s)
         self.parameters = Parameters(config, pwm)
-        self.speed_mps = 0.0  # ahead, over ground
+        self._speed_mps = speed_mps
         self.named_floats: list[tuple[str, float]] = []  # from scripts to the stations
         self._steering = SkidSteering(self.parameters, config.loop_hz)
         self.outputs = ServoOutputs(self.parameters, pwm, self.servo_us, config.loop_hz)
@@ -117,19 +120,22 @@ class Rover(PoweredVehicle):
     def end(self) -> None:
         """The end of a loop: time-outs, then the motors."""
         t_ns, parameters, booted = self.t_ns, self.parameters, self.mode != MODE_INITIALISING
+        radio = self._radio
         self.rc.read()
-        self._radio.look_at_throttle(t_ns, self.rc.radio_us[int(parameters["RCMAP_THROTTLE"]) - 1])
-        if booted and self._radio.advance(t_ns):
+        radio.look_at_throttle(t_ns, self.rc.radio_us[parameters.mapped[1] - 1])
+        if booted and radio.advance(t_ns):
             self._fail_safe("Radio")
-        able = booted and not self.armed and not self._radio.silent and parameters["ARMING_RUDDER"] != 0.0
+        able = booted and not self.armed and not radio.silent and parameters["ARMING_RUDDER"] != 0.0
         if self._rudder.asks(t_ns, self.sticks() if able else CENTRED):
             self.arm(by_rudder=True)
         if self._station.advance(t_ns):
             self._fail_safe("GCS")
-        self._watch_checks()
+        if t_ns - self._checked_ns >= CHECKS_NS:
+            self._watch_checks()
         port = starboard = 0.0
-        if self.armed and self.mode == MODE_MANUAL and not self._radio.silent:
-            port, starboard = self._steering.throttles(*self.sticks(), self.speed_mps)
+        if self.armed and self.mode == MODE_MANUAL and not radio.silent:
+            first, second = self.sticks()
+            port, starboard = self._steering.throttles(first, second, self._speed_mps)
         else:
             self._steering.stop()
         self.outputs.put_out(port, starboard, armed=self.armed, emergency_stop=self.emergency_stop)
@@ -148,7 +154,7 @@ class Rover(PoweredVehicle):
         if self.parameters.is_station(sender_system):
             self._station.note(self.t_ns)
 
-    def override(self, sender_system: int, values: list[int]) -> None:
+    def override(self, sender_system: int, values: Sequence[int]) -> None:
         """Channel overrides (16 raw values); those of other stations than ours are dropped without a word.
 
         They count as a heartbeat of the station.
@@ -156,8 +162,9 @@ class Rover(PoweredVehicle):
         if not self.parameters.is_station(sender_system):
             return
         self._station.note(self.t_ns)
-        if not self._radio.overrides_ignored:
-            self.rc.override(self.t_ns, values, self._radio.neutral_ns)
+        settings = self._radio.settings
+        if not settings.overrides_ignored:
+            self.rc.override(self.t_ns, values, settings.neutral_ns)
 
     def manual_control(self, sender_system: int, target: int, y: int, z: int) -> None:
         """MANUAL_CONTROL: y moves the stick of RCMAP_ROLL, z that of RCMAP_THROTTLE; -1000..1000 over its travel.
@@ -177,16 +184,16 @@ class Rover(PoweredVehicle):
 
     @property
     def mapped(self) -> tuple[int, int]:
-        """The channels that drive, which a real one reads anew each second."""
-        return int(self.parameters["RCMAP_ROLL"]), int(self.parameters["RCMAP_THROTTLE"])
+        """The channels that drive."""
+        return self.parameters.mapped
 
     def sticks(self) -> tuple[float, float]:
         """The two that drive, in [-1, 1]."""
-        first, second = self.mapped
-        radio_us = self.rc.radio_us
+        parameters, radio_us = self.parameters, self.rc.radio_us
+        first, second = parameters.mapped
         return (
-            self.parameters.stick(first).fraction(radio_us[first - 1]),
-            self.parameters.stick(second).fraction(radio_us[second - 1]),
+            parameters.stick(first).fraction(radio_us[first - 1]),
+            parameters.stick(second).fraction(radio_us[second - 1]),
         )
 
     # --- what scripts see and do -----------------------------------------------------------------------------
@@ -258,9 +265,7 @@ class Rover(PoweredVehicle):
         return checks_skipped(self.parameters)
 
     def _watch_checks(self) -> None:
-        """Once a second look at what would keep it from arming, and say so twice a minute."""
-        if self.t_ns - self._checked_ns < CHECKS_NS:
-            return
+        """Once in `CHECKS_NS` look at what would keep it from arming, and say so twice a minute."""
         self._checked_ns = self.t_ns
         failing = self._failing_checks()
         self.checks_pass = not failing

@@ -143,9 +143,10 @@ class Scripting:
             self._stop(begin_again=True)
         if enabled and self._begin_ns is not None and now_ns >= self._begin_ns:
             self._begin()
-        for script in sorted(self._scripts or (), key=lambda script: script.due_ns):
-            if script.due_ns <= now_ns:
-                self._run(script)
+        if self._scripts:
+            for script in sorted(self._scripts, key=lambda script: script.due_ns):
+                if script.due_ns <= now_ns:
+                    self._run(script)
         if self._error is not None and now_ns - self._error[0] >= AGAIN_NS:
             self._tell(self._error[1])
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from operator import attrgetter
 from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
@@ -29,7 +30,7 @@ from asvhil.simplant.vehicle.autopilot import (
 from asvhil.simplant.vehicle.schedule import Schedule
 from asvhil.types import Frame
 
-OVERRIDDEN = 16  # channels of RC_CHANNELS_OVERRIDE that are looked at
+OVERRIDES_OF = attrgetter(*(f"chan{i}_raw" for i in range(1, 17)))  # the channels that are looked at
 MOTOR_EMERGENCY_STOP = 31  # RCn_OPTION
 LOW, MIDDLE, HIGH = 0.0, 1.0, 2.0  # positions of a switch
 TEMPORARILY_REJECTED = int(dialect.MAV_RESULT_TEMPORARILY_REJECTED)
@@ -59,12 +60,11 @@ class SimulatedArduRover(SimulatedAutopilot):
         t_ns: int,
     ) -> None:
         self._loop_hz = config.loop_hz
-        self._truth = truth
         self.files: dict[str, bytes] = {}  # of the memory card: path to content
         if config.script:
             self.files[f"{CARD_FOLDER}/{NAME}"] = shipped_script().encode("ascii")
         self.file_server = FileServer(self.files, (CARD_FOLDER,))
-        self.rover = Rover(config, pwm, t_ns)
+        self.rover = Rover(config, pwm, t_ns, lambda: truth.ground_velocity_body()[0])
         self._messages = RoverTelemetry(self.rover, nav, truth, origin, gnss, FLIGHT_SW_VERSIONS[config.firmware])
         super().__init__(self.rover, self.rover.parameters, self._messages, config.system_id, t_ns)
         self._handlers |= {
@@ -84,10 +84,6 @@ class SimulatedArduRover(SimulatedAutopilot):
         super().reboot(t_ns)
         self.scripting = Scripting(self.rover, self.files)
 
-    def loop(self, t_ns: int) -> list[Frame]:
-        self.rover.speed_mps = self._truth.ground_velocity_body()[0]
-        return super().loop(t_ns)
-
     def _before_outputs(self, frames: list[Frame]) -> None:
         """Scripts run beside the main loop; here, after its messages: they get those of others and damaged ones too."""
         self.rover.rc.read()
@@ -96,8 +92,9 @@ class SimulatedArduRover(SimulatedAutopilot):
             if damaged is not None:
                 self.scripting.message(damaged)
         self.scripting.run()
-        self._outbox += [("", self._messages.named_float(name, value)) for name, value in self.rover.named_floats]
-        self.rover.named_floats.clear()
+        if self.rover.named_floats:
+            self._outbox += [("", self._messages.named_float(name, value)) for name, value in self.rover.named_floats]
+            self.rover.named_floats.clear()
 
     def _dispatch(self, peer: str, data: bytes) -> None:
         if data[0] == MAGIC_V2:
@@ -148,7 +145,7 @@ class SimulatedArduRover(SimulatedAutopilot):
         self.rover.heartbeat(sender[0])
 
     def _on_override(self, peer: str, sender: tuple[int, int], m: Any) -> None:
-        self.rover.override(sender[0], [getattr(m, f"chan{i}_raw") for i in range(1, OVERRIDDEN + 1)])
+        self.rover.override(sender[0], OVERRIDES_OF(m))
 
     def _on_manual_control(self, peer: str, sender: tuple[int, int], m: Any) -> None:
         self.rover.manual_control(sender[0], m.target, m.y, m.z)

@@ -197,9 +197,10 @@ class SimulatedAutopilot(ABC):
         if vehicle.changed and dialect.MAVLINK_MSG_ID_HEARTBEAT not in due:
             self._tell_of_change(t_ns)
         vehicle.changed = False
-        for severity, text in vehicle.texts:
-            self._outbox += [("", message) for message in self._texts.messages(severity, text)]
-        vehicle.texts.clear()
+        if vehicle.texts:
+            for severity, text in vehicle.texts:
+                self._outbox += [("", message) for message in self._texts.messages(severity, text)]
+            vehicle.texts.clear()
         if t_ns >= self._timesync_ns:
             self._timesync_ns += self.timesync_every_ns
             self._outbox.append(("", dialect.MAVLink_timesync_message(0, t_ns - vehicle.power_on_ns)))
@@ -218,7 +219,9 @@ class SimulatedAutopilot(ABC):
         return frames
 
     def _flush(self, t_ns: int) -> list[Frame]:
-        frames = []
+        frames: list[Frame] = []
+        if not self._outbox:
+            return frames
         mav = self._mav
         for peer, message in self._outbox:
             frames.append(Frame(t_ns=t_ns, port=AUTOPILOT, data=pack(message, mav), peer=peer))
@@ -233,14 +236,18 @@ class SimulatedAutopilot(ABC):
 
     def _dispatch(self, peer: str, data: bytes) -> None:
         handler = self._handlers.get(message_id(data))
+        if handler is None:
+            return
         sender = source(data)
-        if handler is None or sender == (self._system_id, COMPONENT_ID):
+        if sender == (self._system_id, COMPONENT_ID):
             return
         message = decode(data)
         if message is None:
             self.impossible += 1
             return
-        to_system = getattr(message, "target_system", getattr(message, "target", 0))
+        to_system = getattr(message, "target_system", None)
+        if to_system is None:
+            to_system = getattr(message, "target", 0)
         to_component = getattr(message, "target_component", 0)
         if to_system in (0, self._system_id) and to_component in (0, COMPONENT_ID):
             handler(peer, sender, message)

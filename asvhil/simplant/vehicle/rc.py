@@ -80,6 +80,8 @@ class RcInputs:
 
     def read(self) -> None:
         """Look at what came since the last loop."""
+        if not self._unread_us:
+            return
         for index, value in self._unread_us.items():
             if value:
                 self.radio_us[index] = value

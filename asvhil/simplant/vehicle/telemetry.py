@@ -192,8 +192,8 @@ class VehicleTelemetry:
         """Specific force (milli-g), rates (mrad/s) and an absent compass, as the raw messages carry them."""
         nav = self._nav
         to_mg = 1000.0 / GRAVITY_MPS2
-        force_mg = (round(part * to_mg) for part in (nav.ax_mps2, nav.ay_mps2, nav.az_mps2))
-        return *force_mg, 0, 0, round(1000.0 * nav.r_radps), 0, 0, 0
+        x_mg, y_mg, z_mg = round(nav.ax_mps2 * to_mg), round(nav.ay_mps2 * to_mg), round(nav.az_mps2 * to_mg)
+        return x_mg, y_mg, z_mg, 0, 0, round(1000.0 * nav.r_radps), 0, 0, 0
 
     def _raw_imu(self, t_ns: int) -> Any:
         if self._nav.imu_silent:
