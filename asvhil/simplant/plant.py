@@ -222,7 +222,7 @@ class Plant:
     def advance(self, t_ns: int) -> list[Frame]:
         """Step up to, never beyond, a time: the frames sent until then, in order of time."""
         sent: list[Frame] = []
-        vessel, weather = self._vessel, self.weather
+        vessel, weather, motion = self._vessel, self.weather, self.motion
         while self._t_ns + self._step_ns <= t_ns:
             self._t_ns += self._step_ns
             faults = self._faults.at(self._t_ns)
@@ -232,18 +232,18 @@ class Plant:
             if self._has_receiver and ("transmitter" in faults) is not self._transmitter_lost:
                 self._transmitter_lost = not self._transmitter_lost
                 self.frontseat.set_receiver(not self._transmitter_lost)
-            if self._loop.take_due(self._t_ns):
+            if self._t_ns >= self._loop.due_ns and self._loop.take_due(self._t_ns):
                 drawn_w = None if self._power is None else self._power.drawn_w(vessel.motor_commands)
                 volts = BATTERY_V if faults.battery_v is None else faults.battery_v
                 self.frontseat.set_battery(volts, drawn_w, (self._t_ns - self._drawn_ns) * 1e-9)
                 self._drawn_ns = self._t_ns
-                self._navigation.sample(self._t_ns, self.motion, faults.of("autopilot"))
+                self._navigation.sample(self._t_ns, motion, faults.of("autopilot"))
                 sent += self._autopilot.loop(self._t_ns)
                 self._drive(faults)
-            if self._sentence.take_due(self._t_ns):
+            if self._t_ns >= self._sentence.due_ns and self._sentence.take_due(self._t_ns):
                 stuck = "anemometer-stuck" in faults
                 speed_mps, from_deg = self._anemometer.sample(
-                    self.motion,
+                    motion,
                     weather.wind_n_mps,
                     weather.wind_e_mps,
                     vane_stuck=stuck or "vane" in faults,
@@ -253,7 +253,7 @@ class Plant:
                     data = mwv_sentence(speed_mps, from_deg)
                     sent.append(Frame(t_ns=self._t_ns, port=ANEMOMETER, data=data))
             for device in self._devices:
-                sent += device.advance(self._t_ns, self.motion, faults)
+                sent += device.advance(self._t_ns, motion, faults)
             for sensor in self._sensors:
-                sent += sensor.advance(self._t_ns, self.motion, (weather.wind_n_mps, weather.wind_e_mps))
+                sent += sensor.advance(self._t_ns, motion, (weather.wind_n_mps, weather.wind_e_mps))
         return sent

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 
 class Metronome:
-    """A periodic timer, counted from power-on so that it does not drift."""
+    """A periodic timer, counted from power-on so that it does not drift; `due_ns` is when it is due next."""
 
     def __init__(self, t_ns: int, rate_hz: float) -> None:
         self._start_ns = t_ns
@@ -18,14 +18,14 @@ class Metronome:
 
     def take_due(self, t_ns: int) -> bool:
         """Whether a due time has passed since the last call; several count as one."""
-        if t_ns < self._due_ns:
+        if t_ns < self.due_ns:
             return False
         self._advance(t_ns)
         return True
 
     def _advance(self, t_ns: int) -> None:
         """Move to the next due time after a time."""
-        self._due_ns = t_ns
-        while self._due_ns <= t_ns:
+        self.due_ns = t_ns
+        while self.due_ns <= t_ns:
             self._count += 1
-            self._due_ns = self._start_ns + round(self._count * 1e9 / self._rate_hz)
+            self.due_ns = self._start_ns + round(self._count * 1e9 / self._rate_hz)

@@ -71,6 +71,7 @@ class Navigation:
         "_imu_tilt",
         "_is_level",
         "_motor_pull",
+        "_no_deviation",
         "_period_ns",
         "_slow_ve",
         "_slow_vn",
@@ -127,6 +128,7 @@ class Navigation:
         self._heading_bias = math.radians(config.heading.bias_deg)
         self._deviation = tuple(math.radians(part) for part in config.heading.deviation_deg)
         self._motor_pull = tuple(math.radians(part) for part in config.heading.motor_deg)
+        self._no_deviation = self._deviation == NO_DEVIATION and not any(self._motor_pull)
         self._follower = JumpFollower() if filtered else None
         fused, slow_mps = config.fused_velocity, config.fused_velocity.slow_bias_mps if filtered else 0.0
         self._slow_vn = OrnsteinUhlenbeck(slow_mps, fused.slow_bias_time_s, period_s, slow_n)
@@ -182,7 +184,9 @@ class Navigation:
             self.n_m = truth.n_m + self._err_n + fused_n_m + FUSION_S * slow_vn
             self.e_m = truth.e_m + self._err_e + fused_e_m + FUSION_S * slow_ve
             self.vn_mps, self.ve_mps = vn + self._err_vn + slow_vn, ve + self._err_ve + slow_ve
-        bias_rad = self._heading_bias + self._deviation_at(truth.psi_rad) + self._pull_of(truth.motor_commands)
+        bias_rad = self._heading_bias
+        if not self._no_deviation:
+            bias_rad = bias_rad + self._deviation_at(truth.psi_rad) + self._pull_of(truth.motor_commands)
         bias_rad += faults.compass_rad
         self.compass_error_rad = bias_rad + faults.turn_rad
         self.psi_rad = wrap_2pi(truth.psi_rad + bias_rad + turn_rad + self._heading_std * heading.next())

@@ -66,13 +66,14 @@ class Vessel:
     """
 
     __slots__ = (
-        "_body",
+        "_acceleration",
         "_current_e",
         "_current_n",
         "_demand_port_n",
         "_demand_starboard_n",
         "_imperfect",
         "_lag_gain",
+        "_motor_forces",
         "_motor_lag_s",
         "_motors",
         "_steady_n",
@@ -81,6 +82,7 @@ class Vessel:
         "_thrust_left",
         "_trim",
         "_waves",
+        "_wind_forces",
         "ax_mps2",
         "ay_mps2",
         "e_m",
@@ -113,7 +115,10 @@ class Vessel:
 
         Without `tilt` the boat is on an even keel but for the waves.
         """
-        self._body = RigidBody(vessel, wind_load)
+        body = RigidBody(vessel, wind_load)
+        # Held as they are: each is called 200 times in a second of the boat.
+        self._motor_forces, self._wind_forces = body.motor_forces, body.wind_forces
+        self._acceleration = body.acceleration
         self._motors = MotorTable(vessel, pwm)
         self._motor_lag_s = vessel.motor_lag_s
         self.set_step(step_s)
@@ -170,7 +175,8 @@ class Vessel:
 
     def step(self, wind_n_mps: float, wind_e_mps: float) -> None:
         """One step under a true wind that is held over it; the motor lag is exact, the rest second order."""
-        if self._waves is not None:
+        waves = self._waves
+        if waves is not None:
             self.n_m, self.e_m, self.psi_rad, self.u_mps, self.v_mps, self.r_radps = self._still
         dt = self._step_s
         air_n, air_e = wind_n_mps - self._current_n, wind_e_mps - self._current_e
@@ -183,8 +189,9 @@ class Vessel:
 
         n1, e1, u1, v1, r1 = self._rates(psi, u, v, r, port, starboard, air_n, air_e)
 
-        self.thrust_port_n = port = port + self._lag_gain * (self._demand_port_n - port)
-        self.thrust_starboard_n = starboard = starboard + self._lag_gain * (self._demand_starboard_n - starboard)
+        lag_gain = self._lag_gain
+        self.thrust_port_n = port = port + lag_gain * (self._demand_port_n - port)
+        self.thrust_starboard_n = starboard = starboard + lag_gain * (self._demand_starboard_n - starboard)
         psi_end, u_end, v_end, r_end = psi + dt * r, u + dt * u1, v + dt * v1, r + dt * r1
         n2, e2, u2, v2, r2 = self._rates(psi_end, u_end, v_end, r_end, port, starboard, air_n, air_e)
 
@@ -198,11 +205,11 @@ class Vessel:
         # Inertial acceleration in body axes, nu_dot + S(r) nu: the specific force at the origin.
         self.ax_mps2 = u2 - r * v
         self.ay_mps2 = v2 + r * u
-        if self._trim is not None and self._waves is None:
+        if waves is not None:
+            waves.advance()
+            self._ride(waves)
+        elif self._trim is not None:
             self._tilt()
-        if self._waves is not None:
-            self._waves.advance()
-            self._ride(self._waves)
 
     def _tilt(self) -> None:
         """Roll and pitch without waves."""
@@ -247,9 +254,8 @@ class Vessel:
         air_e: float,
     ) -> tuple[float, float, float, float, float]:
         """(n_dot, e_dot over ground, u_dot, v_dot, r_dot); `air` is the wind relative to the water."""
-        body = self._body
         c, s = math.cos(psi), math.sin(psi)
-        x_n, n_nm = body.motor_forces(port_n, starboard_n)
-        x_w, y_w, n_w = body.wind_forces(c * air_n + s * air_e - u, c * air_e - s * air_n - v)
-        u_dot, v_dot, r_dot = body.acceleration(u, v, r, x_n + x_w, y_w, n_nm + n_w)
+        x_n, n_nm = self._motor_forces(port_n, starboard_n)
+        x_w, y_w, n_w = self._wind_forces(c * air_n + s * air_e - u, c * air_e - s * air_n - v)
+        u_dot, v_dot, r_dot = self._acceleration(u, v, r, x_n + x_w, y_w, n_nm + n_w)
         return c * u - s * v + self._current_n, s * u + c * v + self._current_e, u_dot, v_dot, r_dot
