@@ -25,12 +25,13 @@ class CarriedWatch:
         self._before: tuple[int, float, float] | None = None  # time, and place by the estimate
         self._off_n_m = self._off_e_m = 0.0
         self._readings: deque[GroundVelocity] = deque(maxlen=MIDDLE_OF)
+        self._middle_ned: tuple[float, float] | None = None  # of these
 
     def reset(self) -> None:
         """There is no estimate: the next one is where the boat is."""
         self._before = None
         self._off_n_m = self._off_e_m = 0.0
-        self._readings.clear()
+        self._forget_readings()
 
     @property
     def off_m(self) -> float:
@@ -58,11 +59,15 @@ class CarriedWatch:
     def _middle(self, velocity: GroundVelocity | None) -> tuple[float, float] | None:
         """The middle of the last readings, for north and east apart; None until there are enough of them."""
         if velocity is None:
-            self._readings.clear()
+            self._forget_readings()
         elif not self._readings or velocity.t_ns != self._readings[-1].t_ns:
             self._readings.append(velocity)
-        if len(self._readings) < MIDDLE_OF:
-            return None
-        north = sorted(reading.vn_mps for reading in self._readings)
-        east = sorted(reading.ve_mps for reading in self._readings)
-        return north[MIDDLE_OF // 2], east[MIDDLE_OF // 2]
+            if len(self._readings) == MIDDLE_OF:
+                north = sorted(reading.vn_mps for reading in self._readings)
+                east = sorted(reading.ve_mps for reading in self._readings)
+                self._middle_ned = north[MIDDLE_OF // 2], east[MIDDLE_OF // 2]
+        return self._middle_ned
+
+    def _forget_readings(self) -> None:
+        self._readings.clear()
+        self._middle_ned = None

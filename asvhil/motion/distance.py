@@ -82,7 +82,7 @@ class DistanceWatch:
                 self._begun = (n_m + point.n_m - self._point.n_m, e_m + point.e_m - self._point.e_m)
         self._station, self._point, self._boat = station, point, boat
         self._least_m = min(self._least_m, distance_m)
-        saturated = max(abs(part) for part in command) >= SATURATED
+        saturated = max(abs(command[0]), abs(command[1])) >= SATURATED
         self._past.append((t_ns, saturated))
         while t_ns - self._past[0][0] > LOOK_BACK_NS:
             self._past.popleft()

@@ -29,20 +29,16 @@ class Evidence:
         self._log_priors = np.array(log_priors)
         self.sums: Array = np.zeros(len(log_priors))
         self._found: Array = np.zeros(len(log_priors))
+        self.names: Array = self._log_priors.copy()  # the sums that tell faults apart, with their priors
 
     def reset(self) -> None:
         self._weights[:] = 1.0 / len(self._weights)
         self.sums[:] = self._found[:] = 0.0
-
-    @property
-    def names(self) -> Array:
-        """The sums that tell faults apart, with their priors."""
-        names: Array = self._found + self._log_priors
-        return names
+        self.names = self._found + self._log_priors
 
     @property
     def best_sound(self) -> int:
-        return int(np.argmax(self._weights))
+        return int(self._weights.argmax())
 
     def add(self, log: Array, weight: float = 1.0) -> None:
         """Add a step: the log likelihoods of the sound ones, then those of the faults.
@@ -59,5 +55,12 @@ class Evidence:
         mixture = top + math.log(total)
         self._weights = (1.0 - LEAK) * parts / total + LEAK / count
         ratios = faulty - mixture
-        self.sums = np.maximum(0.0, self.sums + ratios.clip(-weight * MOST, weight * MOST))
-        self._found = np.where(self.sums > 0.0, self._found + ratios.clip(-MOST_OF_NAME, MOST_OF_NAME), 0.0)
+        self.sums = np.maximum(0.0, self.sums + _clipped(ratios, weight * MOST))
+        self._found = np.where(self.sums > 0.0, self._found + _clipped(ratios, MOST_OF_NAME), 0.0)
+        self.names = self._found + self._log_priors
+
+
+def _clipped(ratios: Array, most: float) -> Array:
+    """In [-most, most]: as np.clip, in half of its time for so few."""
+    clipped: Array = np.minimum(np.maximum(ratios, -most), most)
+    return clipped

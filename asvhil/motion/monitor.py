@@ -43,14 +43,16 @@ class FaultVerdict:
         """Nothing is known."""
         self._since_ns = None
 
-    def step(self, t_ns: int, evidence: Evidence, *, late: bool = False) -> Explanation | None:
-        """Judge what has been found until now; `late`: when chance has had time."""
+    def step(
+        self, t_ns: int, evidence: Evidence, leader: tuple[int, float], *, late: bool = False
+    ) -> Explanation | None:
+        """Judge what has been found until now, and the `leader` of it; `late`: when chance has had time."""
         asked, names = (LATER if late else 1.0) * self._config.evidence, evidence.names
         by_far = float(names.max()) >= BY_FAR * asked and float(evidence.sums[names.argmax()]) >= SOON * asked
         if float(evidence.sums.max()) < asked and not by_far:
             self.reset()
             return None
-        best, lead = _leader(evidence)
+        best, lead = leader
         if self._since_ns is None:
             self._since_ns = t_ns
         waited_s = (t_ns - self._since_ns) * 1e-9
@@ -77,9 +79,9 @@ class Suspicion:
         """Nothing is known."""
         self._best = self.fault = None
 
-    def step(self, dt_s: float, evidence: Evidence) -> None:
-        """Judge what has been found until now, for so long: `fault`, None while it is not enough."""
-        best, lead = _leader(evidence)
+    def step(self, dt_s: float, evidence: Evidence, leader: tuple[int, float]) -> None:
+        """Judge what has been found until now, and the `leader` of it, for so long: `fault`, None while not enough."""
+        best, lead = leader
         found, most = evidence.names[best], self._config.early_evidence
         if best != self._best or found < KEPT * most:
             self.reset()
@@ -93,11 +95,11 @@ class Suspicion:
             self.fault = FAULTY[best].fault
 
 
-def _leader(evidence: Evidence) -> tuple[int, float]:
+def leader_of(evidence: Evidence) -> tuple[int, float]:
     """The fault that explains most, and by how much it leads the next one."""
     names = evidence.names
-    order = np.argsort(names)
-    return int(order[-1]), float(names[order[-1]]) - float(names[order[-2]])
+    second, first = names.argsort()[-2:].tolist()
+    return first, float(names[first]) - float(names[second])
 
 
 class MotionMonitor:
@@ -199,11 +201,12 @@ class MotionMonitor:
         self._follow(heading.psi_rad, dt_s)
         self._bank.predict(dt_s, heading.psi_rad, wind_ned)
         counted = self._weigh(dt_s, ailing, holding)
+        leader = leader_of(self._evidence)
         if self._fit.roughness >= LEAST_ROUGH:
             self._suspicion.reset()
-        elif counted and self._fit.explains(len(SOUND) + _leader(self._evidence)[0]):
-            self._suspicion.step(dt_s, self._evidence)
-        return self._verdict.step(t_ns, self._evidence, late=late)
+        elif counted and self._fit.explains(len(SOUND) + leader[0]):
+            self._suspicion.step(dt_s, self._evidence, leader)
+        return self._verdict.step(t_ns, self._evidence, leader, late=late)
 
     def _follow(self, heading_rad: float, dt_s: float) -> None:
         """How far the compass has jumped: its turns less those of the gyro, which drift and are forgotten."""

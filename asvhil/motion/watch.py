@@ -22,6 +22,7 @@ IN_MID_HOLD: dict[Reason, str] = {
     Reason.MOTORS_REVERSED: "or one of them alone, or one is stuck",
     Reason.MOTOR_REVERSED: "or the other one, or stuck",
 }
+WITHOUT_PLACE = frozenset({Position})
 FOUND_AGAIN_NS = 3_000_000_000  # after a receiver has come back the estimate goes to where the boat is
 FORGET_S = 20.0  # a fault without enough evidence for this long was a chance
 
@@ -79,7 +80,7 @@ class MotionWatch:
         rough = waves is not None and waves.share >= ROUGH_SHARE and waves.velocity_std_mps >= ROUGH_MPS
         since_s = 0.0 if self._begin_ns is None else (t_ns - self._begin_ns) * 1e-9
         early = not rough and since_s <= self._config.sense_s and not self._monitor.doubtful
-        ails = ailing - {Position}  # which the monitor does without
+        ails = ailing - WITHOUT_PLACE if ailing else ailing  # which the monitor does without
         fault = self._monitor.step(t_ns, command, wind_ned, ails, holding=station is not None, late=not early)
         place = None
         if estimate is not None and estimate.valid:

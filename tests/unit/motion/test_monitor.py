@@ -7,7 +7,7 @@ import pytest
 from asvhil.config import MotionConfig
 from asvhil.motion.evidence import Evidence
 from asvhil.motion.hypotheses import FAULTY, SOUND
-from asvhil.motion.monitor import FaultVerdict, Suspicion
+from asvhil.motion.monitor import FaultVerdict, Suspicion, leader_of
 from asvhil.simplant.boat.vessel import Vessel
 from asvhil.study.safety_cases import heavy
 from asvhil.supervisor.reasons import Reason, describe
@@ -86,12 +86,12 @@ def judged(judge: FaultVerdict | Suspicion, *steps: tuple[list[float], list[floa
     """The codes of what is found, after each step of 0.2 s with these sums and names."""
     evidence, found = Evidence(1, [0.0] * len(FAULTY)), []
     for number, (sums, names) in enumerate(steps):
-        evidence.sums[: len(sums)], evidence._found[: len(names)] = sums, names
+        evidence.sums[: len(sums)], evidence.names[: len(names)] = sums, names
         if isinstance(judge, Suspicion):
-            judge.step(0.2, evidence)
+            judge.step(0.2, evidence, leader_of(evidence))
             fault = judge.fault
         else:
-            fault = judge.step(1_000_000_000 + number * 200_000_000, evidence, **given)
+            fault = judge.step(1_000_000_000 + number * 200_000_000, evidence, leader_of(evidence), **given)
         found.append("" if fault is None else str(fault.reason))
     return found
 
