@@ -16,7 +16,7 @@ from asvhil.supervisor.decision import Decision
 from asvhil.supervisor.docking import DockingWatch
 from asvhil.supervisor.energy import EnergyWatch
 from asvhil.supervisor.heading_cost import HeadingCostWatch
-from asvhil.supervisor.reasons import describe
+from asvhil.supervisor.reasons import Explanation, describe
 from asvhil.supervisor.situation import Situation, StationSticks
 from asvhil.types import DockingWindow, EnergyUse, Frame, FrontseatStatus, Health, Inputs, Learned, Note, Outputs, Phase
 
@@ -49,6 +49,7 @@ class Backseat:
         self._actuation = actuation
         self._near_m = near_m
         self._station_sticks: tuple[StationSticks, ...] = ()  # heard in this tick
+        self._told: tuple[Explanation, str, str] | None = None  # the last reason, its text and code: it stands for long
 
     @property
     def frame(self) -> LocalFrame | None:
@@ -200,10 +201,12 @@ class Backseat:
     def _health(
         self, decision: Decision, seen: Perceived, notes: tuple[Note, ...], sources: tuple[tuple[str, str], ...]
     ) -> Health:
-        solved_ok = self._actuation.control_ok
+        solved_ok, why = self._actuation.control_ok, decision.why
+        if self._told is None or self._told[0] is not why:
+            self._told = why, describe(why), why.reason.value
         return Health(
-            reason=describe(decision.why),
-            code=decision.why.reason.value,
+            reason=self._told[1],
+            code=self._told[2],
             link_ok=decision.link_ok,
             estimate_ok=seen.estimate is not None and seen.estimate.valid,
             wind_ok=seen.usable_wind is not None,

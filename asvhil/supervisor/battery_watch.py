@@ -57,9 +57,13 @@ class BatteryWatch:
         readings = _readings(status)
         limits = (self._config.low_percent, self._config.low_v)
         low = tuple(
-            value is not None and least is not None and value < least
-            for (value, _), least in zip(readings, limits, strict=True)
+            [
+                value is not None and least is not None and value < least
+                for (value, _), least in zip(readings, limits, strict=True)
+            ]
         )
+        if not any(low) and not status.battery_complaint:
+            return None
         if any(low):
             self._were_low = low
         told = [

@@ -27,6 +27,7 @@ DOCKING_SECTOR_DEG = 40.0  # in all, about the target heading
 
 GAP_NS = 1_000_000_000  # without an estimate or a station for so long all is forgotten
 EVERY_S = 1.0  # between two samples of the statistics
+EVERY_NS = round(EVERY_S * 1e9)
 FORGET_S = 300.0  # time constant with which the motion and the windows that have ended are forgotten
 HALF_SECTOR_RAD = math.radians(0.5 * DOCKING_SECTOR_DEG)
 LEAST_S = 20.0  # of statistics, before there is a forecast
@@ -133,7 +134,7 @@ class DockingWatch:
             self._stays = ()
         elif self._open_ns is None:
             self._open_ns = t_ns
-        if self._sampled_ns is None or t_ns - self._sampled_ns >= round(EVERY_S * 1e9):
+        if self._sampled_ns is None or t_ns - self._sampled_ns >= EVERY_NS:
             self._sampled_ns = t_ns
             self._sample(t_ns, estimate, station)
         open_s = None if self._open_ns is None else (t_ns - self._open_ns) * 1e-9

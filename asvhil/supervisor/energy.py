@@ -51,6 +51,7 @@ class EnergyWatch:
         self._since_start = _Sum()
         self._before_wh = 0.0  # what had been used before, by what the autopilot counts
         self._of_hold: _Sum | None = None
+        self._curve: tuple[tuple[int, int], float | None] | None = None  # the last pulses with the power for them
         self._forget()
 
     def _forget(self) -> None:
@@ -100,7 +101,10 @@ class EnergyWatch:
                 pulses_us = status.motors_us  # somebody else's
         if pulses_us is None:
             return None, ""
-        power_w = self._power.drawn_w((self._command_of(pulses_us[0]), self._command_of(pulses_us[1])))
+        if self._curve is None or self._curve[0] != pulses_us:
+            commands = self._command_of(pulses_us[0]), self._command_of(pulses_us[1])
+            self._curve = pulses_us, self._power.drawn_w(commands)
+        power_w = self._curve[1]
         return power_w, "" if power_w is None else CURVE
 
     def _used_wh(self, status: FrontseatStatus | None) -> float | None:

@@ -59,7 +59,7 @@ class HeadingPolicy:
         if self._settled_ns is None:
             self._settled_ns = t_ns + round(SETTLES * self._config.time_constant_s * 1e9)
         if self.policy == "fixed":
-            return changed(station, of_weather=False)
+            return changed(station, of_weather=False) if station.of_weather else station
         if bow_rad is None:
             # Not in each tick: a boat that never has a heading to keep drifts about, and works against that.
             lies_rad = station.psi_rad if boat_rad is None or self.policy != "free" else boat_rad

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 from asvhil.config import SupervisorConfig
 from asvhil.supervisor.disarmed import disarmed_by_itself
@@ -69,9 +69,10 @@ class PilotWatch:
         theirs = self.station_stick(status, heard)
         if theirs is not None:
             return theirs
+        threshold_us = self._config.stick_threshold_us
         for channel, baseline_us in self._stick_baseline.items():
             now_us = _channel(status, channel)
-            if now_us and abs(now_us - baseline_us) > self._config.stick_threshold_us:
+            if now_us and abs(now_us - baseline_us) > threshold_us:
                 return explain(Reason.STICK_MOVED, channel=channel)
         return None
 
@@ -99,12 +100,14 @@ class PilotWatch:
         if self._sent and told_ns < self._sent[-1].t_ns - self._echo_ns:
             return None
         now_us = _motor_sticks(status)
-        sent_us = self._echoed_us(told_ns)
         if not all(now_us) or told_ns < self._engaged_ns:
             return None
-        if any(_apart_us(now_us, us) <= ECHO_TOLERANCE_US for us in sent_us):
-            self._ours_ns = told_ns
-            return None
+        sent_us: list[tuple[int, int]] = []
+        for us in self._echoed_us(told_ns):
+            if _apart_us(now_us, us) <= ECHO_TOLERANCE_US:
+                self._ours_ns = told_ns
+                return None
+            sent_us.append(us)
         channel = _first_apart(status.motor_channels, now_us, sent_us)
         off_us = _apart_us(now_us, status.centres_us)
         if told_ns - self._engaged_ns < self._echo_ns:  # the echo of the first overrides may still be on its way
@@ -141,15 +144,16 @@ class PilotWatch:
                 return False
         return True
 
-    def _echoed_us(self, told_ns: int) -> list[tuple[int, int]]:
-        """What a report may show: sent within the time of an echo before it, or standing when that time began."""
-        found = []
+    def _echoed_us(self, told_ns: int) -> Iterator[tuple[int, int]]:
+        """What a report may show: sent within the time of an echo before it, or standing when that time began.
+
+        The latest comes first, and is most often what it shows.
+        """
         for pulses in reversed(self._sent):
             if pulses.t_ns <= told_ns:
-                found.append(pulses.us if pulses.sticks_us is None else pulses.sticks_us)
+                yield pulses.us if pulses.sticks_us is None else pulses.sticks_us
             if pulses.t_ns <= told_ns - self._echo_ns:
                 break
-        return found
 
 
 def hidden_sticks(config: SupervisorConfig, motor_channels: tuple[int, int]) -> tuple[int, ...]:

@@ -87,6 +87,8 @@ def too_far(station: Station, estimate: Estimate, most_m: float, named_m: float 
 
 def has_leapt(station: Station, before: Station) -> bool:
     """Whether a station is elsewhere than in the last tick, and has not just moved on its course or about its point."""
+    if station is before:
+        return False
     most_m = LEAP_M if station.moves or before.moves else TURN_M
     return math.hypot(station.n_m - before.n_m, station.e_m - before.e_m) > most_m
 
@@ -100,4 +102,4 @@ def is_another(station: Station, before: Station) -> bool:
 
 def is_turned(station: Station, before: Station) -> bool:
     """Whether a station has been given another heading, by more than it turns with the weather in a sample."""
-    return abs(wrap_rad(station.psi_rad - before.psi_rad)) > LEAST_CHANGE_RAD
+    return station is not before and abs(wrap_rad(station.psi_rad - before.psi_rad)) > LEAST_CHANGE_RAD

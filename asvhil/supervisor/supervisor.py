@@ -101,14 +101,16 @@ class Supervisor:
         self._keeps_override = situation.status is not None and situation.status.keeps_override
         if situation.control_ok is not None:
             self._control_failed = not situation.control_ok
-        answers = tuple(self._answer(request, situation) for request in requests)
+        answers = tuple([self._answer(request, situation) for request in requests])
         if self._phase in (Phase.STANDBY, Phase.PREPARE) and self._auto_pending:
             self._prepare(situation)
         self._go_on(situation)
         self._name_the_end(situation, was_held=was_held)
-        begun = any(isinstance(r, HoldCommand) and a is None for r, a in zip(requests, answers, strict=True))
+        begun = bool(requests) and any(
+            isinstance(r, HoldCommand) and a is None for r, a in zip(requests, answers, strict=True)
+        )
         asked_for = self._held
-        if asked_for is None or station_before is None:
+        if asked_for is None or station_before is None or asked_for is station_before:
             station_changed = turned = asked_for is not station_before
         else:
             station_changed, turned = is_another(asked_for, station_before), is_turned(asked_for, station_before)
@@ -395,8 +397,11 @@ class Supervisor:
         t_ns, status = situation.t_ns, situation.status
         # Those that came before the motors were taken say nothing of what the pilot wants now.
         passed = () if self._just_taken else situation.statuses
-        acts = (self._pilot.act(one, situation.station_sticks) for one in (*passed[:-1], status))
-        act = next((one for one in acts if one is not None), None)
+        act: Explanation | None = None
+        for one in (*passed[:-1], status):
+            act = self._pilot.act(one, situation.station_sticks)
+            if act is not None:
+                break
         if act is None and status is not None and self._conditions.is_transmitter_lost(status):
             self._let_go(explain(Reason.TRANSMITTER_LOST), neutral_first=True)
             return True
