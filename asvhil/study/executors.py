@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import logging
 import multiprocessing
 import os
@@ -27,6 +28,7 @@ from asvhil.types import record
 WATCH_S = 0.3
 AHEAD = 4  # jobs that are handed out for each process: enough that none waits, few enough to hold in memory
 CONNECT_S = 20.0
+COLLECTED_AFTER = 50_000  # objects more than before, within one run; between two all that it has left is collected
 MORE_OF_CLUSTER = "`dask worker ADDRESS --nthreads 1` starts one"
 
 Function = Callable[..., dict[str, Any]]
@@ -119,7 +121,7 @@ def job_future(pool: ProcessPoolExecutor, function: Function, job: Job, isolate:
     """Hand out a job; of a pool that has just broken, a future that says so."""
     try:
         with interrupts_held_back():  # the first jobs start the processes
-            return pool.submit(timed, function, job.arguments, isolate, token)
+            return pool.submit(_timed_in_process, function, job.arguments, isolate, token)
     except BrokenProcessPool as error:
         failed: Future[Done] = Future()
         failed.set_exception(error)
@@ -236,6 +238,20 @@ def told(error: Exception) -> str:
     files = [(file, line) for file, line in files if PACKAGE in file.parents and file != Path(__file__)]
     where = f" ({files[-1][0].relative_to(PACKAGE)}:{files[-1][1]})" if files else ""
     return f"{type(error).__name__}: {text}{where}"
+
+
+def _timed_in_process(function: Function, arguments: tuple[Any, ...], isolate: bool, token: str) -> Done:
+    """In a process that does nothing else. Garbage is collected once after each run, and the modules are left out.
+
+    With Python's own thresholds it is looked for some twenty times in a run, and time and again among all modules.
+    """
+    if not _last[0]:
+        gc.collect()
+        gc.freeze()
+        gc.set_threshold(COLLECTED_AFTER, *gc.get_threshold()[1:])
+    done = timed(function, arguments, isolate, token)
+    gc.collect()
+    return done
 
 
 def _timed_on_worker(function: Function, arguments: tuple[Any, ...], isolate: bool, token: str) -> Done:

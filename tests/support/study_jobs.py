@@ -1,10 +1,13 @@
 """Jobs for the tests of the study runner: importable, so that other processes find them."""
 
 import ctypes
+import gc
 import os
 import sys
 import time
+import weakref
 from pathlib import Path
+from typing import ClassVar
 
 from asvhil.study.runner import Job, run_jobs
 
@@ -26,6 +29,24 @@ def die_at_three(number: int, folder: str) -> dict[str, float]:
     if number == 3:
         os._exit(9)
     return square(number, folder)
+
+
+class Circle:
+    """What only the garbage collector frees."""
+
+    alive: ClassVar[weakref.WeakSet["Circle"]] = weakref.WeakSet()
+
+    def __init__(self) -> None:
+        self.itself = self
+        self.alive.add(self)
+
+
+def leave_circles(number: int, folder: str) -> dict[str, float]:
+    """As a run leaves a boat, whose parts hold each other: `left` is how many circles there were before it."""
+    left = len(Circle.alive)
+    for _ in range(1000):
+        Circle()
+    return {**square(number, folder), "left": float(left), "threshold": float(gc.get_threshold()[0])}
 
 
 def linger(number: int, folder: str) -> dict[str, float]:

@@ -3,6 +3,7 @@
 import contextlib
 import dataclasses
 import fcntl
+import gc
 import json
 import os
 import signal
@@ -18,7 +19,7 @@ from asvhil.study.made_of import run_files
 from asvhil.study.runner import Job, run_jobs
 from asvhil.study.store import _parsed, _without_sum
 from tests.support.paths import ROOT
-from tests.support.study_jobs import die_at_three, fail_at_three, jobs, square
+from tests.support.study_jobs import die_at_three, fail_at_three, jobs, leave_circles, square
 from tests.support.waiting import wait_until
 
 
@@ -292,6 +293,14 @@ def test_a_job_that_ends_its_process_fails_alone(tmp_path):
     assert list(finished.errors) == ["square 3"] and "its process died" in finished.errors["square 3"]
     assert [result.get("square") for result in finished.results] == [1.0, 4.0, None, 16.0, 25.0, 36.0, 49.0]
     assert finished.processes == 1 and finished.runs_now == 7
+
+
+def test_a_process_of_runs_collects_garbage_between_them_and_seldom_within_one(tmp_path):
+    before = gc.get_threshold(), gc.get_freeze_count()
+    finished = run_jobs(leave_circles, jobs(tmp_path, 6), tmp_path / "store.jsonl", workers=1)
+    assert [result["left"] for result in finished.results] == [0.0] * 6, "memory does not grow with the runs"
+    assert min(result["threshold"] for result in finished.results) > 10 * before[0][0]
+    assert (gc.get_threshold(), gc.get_freeze_count()) == before, "this process is as it was"
 
 
 def test_how_long_a_process_waited_for_its_next_run_is_known_but_for_its_first(tmp_path):
