@@ -38,6 +38,8 @@ class Rover(PoweredVehicle):
         self._setup_ns = round(1e9 * config.setup_s)
         self.parameters = Parameters(config, pwm)
         self._speed_mps = speed_mps
+        self._heard: tuple[int, int, int] | None = None  # parameters and radio by which the sticks are where they are
+        self._sticks = CENTRED
         self.named_floats: list[tuple[str, float]] = []  # from scripts to the stations
         self._steering = SkidSteering(self.parameters, config.loop_hz)
         self.outputs = ServoOutputs(self.parameters, pwm, self.servo_us, config.loop_hz)
@@ -191,10 +193,11 @@ class Rover(PoweredVehicle):
         """The two that drive, in [-1, 1]."""
         parameters, radio_us = self.parameters, self.rc.radio_us
         first, second = parameters.mapped
-        return (
-            parameters.stick(first).fraction(radio_us[first - 1]),
-            parameters.stick(second).fraction(radio_us[second - 1]),
-        )
+        heard = parameters.changes, radio_us[first - 1], radio_us[second - 1]
+        if heard != self._heard:  # they stand for several loops
+            self._heard = heard
+            self._sticks = parameters.stick(first).fraction(heard[1]), parameters.stick(second).fraction(heard[2])
+        return self._sticks
 
     # --- what scripts see and do -----------------------------------------------------------------------------
 
