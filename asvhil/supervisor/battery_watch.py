@@ -54,16 +54,11 @@ class BatteryWatch:
 
         What the autopilot finds wrong comes first: a battery on fire may be full.
         """
-        readings = _readings(status)
-        limits = (self._config.low_percent, self._config.low_v)
-        low = tuple(
-            [
-                value is not None and least is not None and value < least
-                for (value, _), least in zip(readings, limits, strict=True)
-            ]
-        )
-        if not any(low) and not status.battery_complaint:
+        limits = self._config.low_percent, self._config.low_v
+        low = _is_low(status.battery_percent, limits[0]), _is_low(status.battery_v, limits[1])
+        if low == (False, False) and not status.battery_complaint:
             return None
+        readings = _readings(status)
         if any(low):
             self._were_low = low
         told = [
@@ -93,6 +88,10 @@ class BatteryWatch:
         soon = t_ns - self._told_ns < (SOON_NS if found.reason is Reason.BATTERY_COMPLAINT else TOLD_EVERY_NS)
         if found != self._low and (is_other or not soon):
             self._low, self._told_ns = found, t_ns
+
+
+def _is_low(value: float | None, least: float | None) -> bool:
+    return value is not None and least is not None and value < least
 
 
 def _readings(status: FrontseatStatus) -> tuple[tuple[float | None, str], tuple[float | None, str]]:

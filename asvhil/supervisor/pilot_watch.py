@@ -34,6 +34,7 @@ class PilotWatch:
         self._ours_ns = 0  # when a report was last seen that shows a command of ours
         self._station_us: dict[int, tuple[int, int]] = {}  # by channel: when a station's stick was heard, and where
         self._stick_baseline: dict[int, int] = {}
+        self._resting_us: tuple[int, ...] | None = None  # channels that were looked at last, and no stick had moved
         self._before_us: tuple[int, int] = (0, 0)  # the motors' sticks when they were taken
         self._sent: deque[MotorPulses] = deque()
 
@@ -46,6 +47,7 @@ class PilotWatch:
         while self._sent and self._sent[0].t_ns < t_ns - self._echo_ns:
             self._sent.popleft()
         self._stick_baseline = {channel: _channel(status, channel) or CENTRE_US for channel in self._stick_channels}
+        self._resting_us = None
         self._before_us = _motor_sticks(status)
 
     def note_sent(self, pulses: MotorPulses) -> None:
@@ -69,11 +71,13 @@ class PilotWatch:
         theirs = self.station_stick(status, heard)
         if theirs is not None:
             return theirs
-        threshold_us = self._config.stick_threshold_us
+        if status.rc_us == self._resting_us:
+            return None
         for channel, baseline_us in self._stick_baseline.items():
             now_us = _channel(status, channel)
-            if now_us and abs(now_us - baseline_us) > threshold_us:
+            if now_us and abs(now_us - baseline_us) > self._config.stick_threshold_us:
                 return explain(Reason.STICK_MOVED, channel=channel)
+        self._resting_us = status.rc_us
         return None
 
     def station_stick(self, status: FrontseatStatus, heard: Sequence[StationSticks]) -> Explanation | None:
