@@ -223,24 +223,25 @@ class Plant:
         """Step up to, never beyond, a time: the frames sent until then, in order of time."""
         sent: list[Frame] = []
         vessel, weather, motion = self._vessel, self.weather, self.motion
-        while self._t_ns + self._step_ns <= t_ns:
-            self._t_ns += self._step_ns
-            faults = self._faults.at(self._t_ns)
+        now_ns, step_ns = self._t_ns, self._step_ns
+        while now_ns + step_ns <= t_ns:
+            self._t_ns = now_ns = now_ns + step_ns
+            faults = self._faults.at(now_ns)
             if self._moored is None:
                 vessel.step(weather.wind_n_mps, weather.wind_e_mps)
             weather.advance()
             if self._has_receiver and ("transmitter" in faults) is not self._transmitter_lost:
                 self._transmitter_lost = not self._transmitter_lost
                 self.frontseat.set_receiver(not self._transmitter_lost)
-            if self._t_ns >= self._loop.due_ns and self._loop.take_due(self._t_ns):
+            if now_ns >= self._loop.due_ns and self._loop.take_due(now_ns):
                 drawn_w = None if self._power is None else self._power.drawn_w(vessel.motor_commands)
                 volts = BATTERY_V if faults.battery_v is None else faults.battery_v
-                self.frontseat.set_battery(volts, drawn_w, (self._t_ns - self._drawn_ns) * 1e-9)
-                self._drawn_ns = self._t_ns
-                self._navigation.sample(self._t_ns, motion, faults.of("autopilot"))
-                sent += self._autopilot.loop(self._t_ns)
+                self.frontseat.set_battery(volts, drawn_w, (now_ns - self._drawn_ns) * 1e-9)
+                self._drawn_ns = now_ns
+                self._navigation.sample(now_ns, motion, faults.of("autopilot"))
+                sent += self._autopilot.loop(now_ns)
                 self._drive(faults)
-            if self._t_ns >= self._sentence.due_ns and self._sentence.take_due(self._t_ns):
+            if now_ns >= self._sentence.due_ns and self._sentence.take_due(now_ns):
                 stuck = "anemometer-stuck" in faults
                 speed_mps, from_deg = self._anemometer.sample(
                     motion,
@@ -251,9 +252,9 @@ class Plant:
                 )
                 if self._has_anemometer and "anemometer" not in faults:
                     data = mwv_sentence(speed_mps, from_deg)
-                    sent.append(Frame(t_ns=self._t_ns, port=ANEMOMETER, data=data))
+                    sent.append(Frame(t_ns=now_ns, port=ANEMOMETER, data=data))
             for device in self._devices:
-                sent += device.advance(self._t_ns, motion, faults)
+                sent += device.advance(now_ns, motion, faults)
             for sensor in self._sensors:
-                sent += sensor.advance(self._t_ns, motion, (weather.wind_n_mps, weather.wind_e_mps))
+                sent += sensor.advance(now_ns, motion, (weather.wind_n_mps, weather.wind_e_mps))
         return sent
