@@ -32,8 +32,10 @@ class Rover(PoweredVehicle):
     Modes other than MANUAL are entered and reported, but leave the motors neutral: navigation is not simulated.
     """
 
-    def __init__(self, config: FrontseatConfig, pwm: PwmConfig, t_ns: int, speed_mps: Callable[[], float]) -> None:
-        """`speed_mps`: that of the boat ahead, over ground."""
+    def __init__(
+        self, config: FrontseatConfig, pwm: PwmConfig, t_ns: int, speed_mps: Callable[[], float] = lambda: 0.0
+    ) -> None:
+        """`speed_mps`: that of the boat ahead, over ground; asked for only where steering is scaled by it."""
         super().__init__(config, t_ns)
         self._setup_ns = round(1e9 * config.setup_s)
         self.parameters = Parameters(config, pwm)

@@ -146,7 +146,7 @@ def test_what_bends_commands_is_undone_or_refused_by_name(
 ) -> None:
     """By the simulated rover's own laws: paddles, mixer, asymmetry, thrust curve, travel of sticks and outputs."""
     values = boat | bent | {"FS_THR_VALUE": 0.0}  # no stick of any travel is a lost transmitter
-    rover = Rover(FrontseatConfig(parameters=values, firmware=firmware, boot_s=0.0), PWM, 0)
+    rover = Rover(FrontseatConfig(parameters=values, firmware=firmware, boot_s=0.0), PWM, 0, lambda: 2.0)
     read = {name: rover.parameters[name] for name in rover.parameters.names}
     refused = [f for f in judge(requirements(LINK, PWM, read), read) if f.wrong and f.requirement.cause is not None]
     wrong = {name for name, (_, refuses) in BENT.items() if bent[name] in refuses}
@@ -157,7 +157,6 @@ def test_what_bends_commands_is_undone_or_refused_by_name(
         return
     wiring = ardurover_wiring.wiring_of(LINK, PWM, read)
     rover.armed = True
-    rover.speed_mps = 2.0
     for t_ns, (port, starboard) in enumerate(pulses, start=1):
         rover.begin(t_ns * 20_000_000)
         sticks = dict(zip(wiring.channels, wiring.to_sticks((port, starboard)), strict=True))
