@@ -71,9 +71,11 @@ class MotionConfig(Section):
         default=8.0,
         description=(
             "A hold ends once the boat is this much farther from the station than it has been since the hold began, "
-            "or the station was moved. A boat that was fast then may go on for as far as it needs to stop, one that "
-            "approaches by the procedure twice its turn_radius_m farther; with the procedure it need not end within "
-            "r_d_m and those of the station, from where the approach starts over."
+            "by its own motion: a move of the station takes nothing back of that. One that was carried when its "
+            "station is put elsewhere has that much more room to turn, this much at most. A boat that was fast then "
+            "may go on for as far as it needs to stop, one that approaches by the procedure twice its turn_radius_m "
+            "farther; with the procedure it need not end within r_d_m and those of the station, from where the "
+            "approach starts over."
         ),
     )
     farther_share: NonNegative = Field(

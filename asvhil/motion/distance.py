@@ -17,19 +17,19 @@ LOOK_BACK_NS = 10_000_000_000
 BRAKING = 0.5  # of the thrust of both motors astern, of which a boat is taken to stop with
 STRONG = 0.7  # of the boat's top speed: a current that leaves the motors little to hold against it with
 IN_STRONG = 0.5  # of the distance that is allowed: what such a current takes away does not come back
-# A station that is put elsewhere by more begins anew. By less it takes nothing back of how far the boat has been
-# carried: set-points that jitter would else have it carried off without end.
+# No move of a station takes anything back of how far the boat has been carried: set-points that jitter, or a station
+# that is stepped on, would else have it carried off without end. One that is put elsewhere by more gives room to turn.
 ELSEWHERE_M = 3.0
 
 Place = tuple[float, float]  # north, east (m)
 
 
 class DistanceWatch:
-    """From the begin of a hold, or a move of its station, on: how near the boat has been, and what the motors did.
+    """From the begin of a hold on: how near the boat has been to its station, and what the motors did.
 
     The heading of a station does not matter: one that the boat lies at as it happens to turns with a boat in trouble.
     `approach`: the station keeping procedure's settings, None where there is none. `farther_m`: how much farther off
-    the boat is now than it has been.
+    the boat is now than it has been; where the station was moved meanwhile, by the boat's own motion alone.
     """
 
     def __init__(self, config: MotionConfig, vessel: VesselConfig, approach: ProcedureConfig | None = None) -> None:
@@ -70,14 +70,18 @@ class DistanceWatch:
         boat = estimate.n_m, estimate.e_m
         distance_m = _distance_m(boat, station)
         point = station if point is None else point
-        if self._station is None or self._is_elsewhere(point):
-            self._begun = (point.n_m, point.e_m)
-            self._start(distance_m, estimate, current_ned)
+        if self._station is None:
+            self._begun, self._least_m = (point.n_m, point.e_m), distance_m
+            self._past.clear()
+            self._allow(distance_m, estimate, current_ned)
         else:
             if has_leapt(station, self._station):
                 apart_m = _distance_m(self._boat, station) - _distance_m(self._boat, self._station)
                 self._least_m = max(0.0, self._least_m + apart_m)
-            if not has_leapt(point, self._point):
+            if self._is_elsewhere(point):
+                self._begun = (point.n_m, point.e_m)
+                self._allow(distance_m, estimate, current_ned)
+            elif not has_leapt(point, self._point):
                 n_m, e_m = self._begun
                 self._begun = (n_m + point.n_m - self._point.n_m, e_m + point.e_m - self._point.e_m)
         self._station, self._point, self._boat = station, point, boat
@@ -97,22 +101,26 @@ class DistanceWatch:
         return explain(reason, metres=self.farther_m)
 
     def _is_elsewhere(self, point: Station) -> bool:
-        """Whether the station was put so far away since this began, all at once or bit by bit."""
+        """Whether the station was put so far away since room was given last, all at once or bit by bit."""
         off_m = math.hypot(point.n_m - self._begun[0], point.e_m - self._begun[1])
         return has_leapt(point, self._point) and off_m > ELSEWHERE_M
 
-    def _start(self, distance_m: float, estimate: Estimate, current_ned: tuple[float, float]) -> None:
-        """How far off the boat may get: by the config, and by the way through the water that it needs to stop."""
+    def _allow(self, distance_m: float, estimate: Estimate, current_ned: tuple[float, float]) -> None:
+        """How far off the boat may get: by the config, and by the way through the water that it needs to stop.
+
+        A boat that has been carried when its station is put elsewhere gets room to turn beyond that, but no more than
+        a boat at rest would: one that never gets nearer is let go all the same.
+        """
         u_c, v_c = ned_to_body(estimate.psi_rad, *current_ned)
         way_mps = math.hypot(estimate.u_mps - u_c, estimate.v_mps - v_c)
         stopping_m = 0.5 * way_mps**2 / self._braking_mps2
-        self._least_m = distance_m
-        self._allowed_m = max(self._config.farther_m, self._config.farther_share * distance_m, stopping_m)
+        asked_m = min(self._least_m, distance_m)
+        carried_m = min(distance_m - asked_m, self._config.farther_m)
+        self._allowed_m = max(self._config.farther_m, self._config.farther_share * asked_m, stopping_m) + carried_m
         if self._approach is not None and distance_m > self._approach.r_s_m:
             # A path that begins with the station astern goes once round, on the far side of it at worst; the boat may
             # be off that path as off its station.
             self._allowed_m += 2.0 * self._approach.turn_radius_m
-        self._past.clear()
 
 
 def _distance_m(boat: Place, station: Station) -> float:

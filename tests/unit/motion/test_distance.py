@@ -79,7 +79,7 @@ def test_a_boat_that_is_carried_has_no_way_on() -> None:
     assert found is not None
 
 
-def test_a_station_that_is_moved_begins_anew() -> None:
+def test_a_station_that_is_moved_gives_room_to_turn() -> None:
     path = Path(0.0)
     assert path.to(5.0) is None
     path.station = Station(n_m=-30.0, e_m=0.0, psi_rad=0.0)  # 35 m off now
@@ -240,24 +240,66 @@ def test_a_boat_without_drag_has_no_top_speed() -> None:
 
 
 @pytest.mark.parametrize(
-    ("moved", "anew"),
+    ("moved", "room_m"),
     [
-        (replace(STATION, psi_rad=1.0), False),
-        (replace(STATION, psi_rad=math.pi), False),
-        (replace(STATION, n_m=-2.9), False),
-        (replace(STATION, e_m=2.9), False),
-        (replace(STATION, n_m=-3.1), True),
-        (replace(STATION, e_m=3.1), True),
+        (replace(STATION, psi_rad=1.0), 0.0),
+        (replace(STATION, psi_rad=math.pi), 0.0),
+        (replace(STATION, n_m=-2.9), 0.0),
+        (replace(STATION, e_m=2.9), 0.0),
+        (replace(STATION, n_m=-3.1), 6.0),
+        (replace(STATION, e_m=3.1), 6.0),
     ],
 )
-def test_a_station_that_turns_or_is_put_a_little_farther_on_is_the_same(moved: Station, anew: bool) -> None:
+def test_a_move_takes_nothing_back_of_how_far_the_boat_was_carried_and_a_large_one_gives_room(
+    moved: Station, room_m: float
+) -> None:
+    """6 m off when the station is moved: 8 m in all, or 8 m more where the boat may have to turn."""
     watch = DistanceWatch(MotionConfig(), VESSEL)
     watch.step(1, at(0.0), STATION, (0.0, 0.0))
     watch.step(2, at(6.0), STATION, (0.0, 0.0))
     watch.step(3, at(6.0), moved, (0.0, 0.0))
-    assert watch.farther_m == pytest.approx(0.0 if anew else 6.0, abs=0.1)
-    watch.step(4, at(20.0), moved, (0.0, 0.0))
-    assert watch.farther_m == pytest.approx(14.0 if anew else 20.0, abs=0.7)
+    assert watch.farther_m == pytest.approx(6.0)
+    away = 6.0 - moved.n_m, -moved.e_m
+    off_m = math.hypot(*away)
+    for far_m, is_far in ((8.0 + room_m - 0.1, False), (8.0 + room_m + 0.1, True)):
+        share = (off_m + far_m - 6.0) / off_m
+        boat = replace(at(moved.n_m + share * away[0]), e_m=moved.e_m + share * away[1])
+        assert (watch.step(4, boat, moved, (0.0, 0.0)) is not None) is is_far
+
+
+def test_moves_again_and_again_give_no_more_room_than_a_boat_at_rest_has() -> None:
+    """A boat that goes east at 0.8 m/s, whatever the station does to the north of it: 8 m, and 8 m to turn."""
+    for step_m, every in ((3.5, 100), (-3.5, 100), (30.0, 400)):
+        watch, station = DistanceWatch(MotionConfig(), VESSEL), STATION
+        for tick in range(2400):
+            if tick % every == 0:
+                station = replace(STATION, n_m=step_m * (tick // every % 12))
+            boat = replace(at(0.0), e_m=0.04 * tick, n_m=station.n_m)
+            found = watch.step(50_000_000 * tick, boat, station, (1.0, -1.0))
+            if found is not None:
+                break
+        assert found is not None and found.reason is Reason.BEYOND_MOTORS and boat.e_m < 20.0
+
+
+def test_moves_that_swap_two_places_give_no_more_room_either() -> None:
+    watch = DistanceWatch(MotionConfig(), VESSEL)
+    for tick in range(2400):
+        station = replace(STATION, n_m=4.0 if tick // 20 % 2 else 0.0)
+        if watch.step(50_000_000 * tick, replace(at(2.0), e_m=0.04 * tick), station, (0.2, 0.2)) is not None:
+            break
+    assert 0.04 * tick < 18.5
+
+
+def test_a_boat_that_is_on_its_way_to_far_stations_is_not_let_go() -> None:
+    """It has 1.5 m/s on, and first goes on for 4 m each time that its station is put to the other side."""
+    watch, n_m, station = DistanceWatch(MotionConfig(), VESSEL), 0.0, STATION
+    for tick in range(12_000):
+        if tick % 400 == 0:
+            station = replace(STATION, n_m=n_m + (30.0 if tick // 400 % 2 else -30.0))
+        toward = math.copysign(1.0, station.n_m - n_m)
+        velocity = toward * min(1.5, 0.4 * (tick % 400) / 20.0 - 1.5)
+        n_m += 0.05 * velocity
+        assert watch.step(50_000_000 * tick, at(n_m, abs(velocity)), station, (1.0, 1.0)) is None
 
 
 @pytest.mark.parametrize("every", [1, 4])
