@@ -239,6 +239,7 @@ class HoldCommand:
 
     `within_m`: how far off he knows the station to be; 0: no farther than the config lets pass without a word.
     `velocity_mps`: that of the station, north and east, where it is the first of a stream of set-points that has one.
+    `by_setpoint`: it is such a first one, which may be no more than the end of a gap in the radio link.
     """
 
     t_ns: int
@@ -247,6 +248,7 @@ class HoldCommand:
     psi_rad: float | None = None
     within_m: float = 0.0
     velocity_mps: tuple[float, float] | None = None
+    by_setpoint: bool = False
 
 
 @record

@@ -113,7 +113,7 @@ def meaning_of_setpoint(t_ns: int, m: Any, *, streaming: bool) -> HoldCommand | 
     if isinstance(velocity_mps, Refusal):
         return velocity_mps
     if not streaming:
-        return changed(hold, velocity_mps=velocity_mps)
+        return changed(hold, velocity_mps=velocity_mps, by_setpoint=True)
     return MoveCommand(
         t_ns=t_ns, lat_deg=hold.lat_deg, lon_deg=hold.lon_deg, psi_rad=hold.psi_rad, velocity_mps=velocity_mps
     )

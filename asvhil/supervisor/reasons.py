@@ -56,6 +56,7 @@ class Reason(enum.StrEnum):
     STREAM_SLOW = "stream-slow"
     NOTHING_TO_STOP = "nothing-to-stop"
     PILOT_FIRST = "pilot-first"
+    NOT_BY_SETPOINT = "not-by-setpoint"
     NO_STATION_HELD = "no-station-held"
     STATION_TOO_FAR = "station-too-far"
     STATION_UNCONFIRMED = "station-unconfirmed"
@@ -263,9 +264,14 @@ WORDS: Mapping[Reason, Words] = {
     Reason.PILOT_FIRST: Words(
         text="the pilot has just taken over", remedy="Send the hold command again, if the pilot wants you to."
     ),
+    Reason.NOT_BY_SETPOINT: Words(
+        text="set-points take no boat back: send a hold command",
+        remedy="Once a hold has ended or a set-point was refused, only a command takes the motors: `asvhil hold`, "
+        "DO_REPOSITION. A stream that was silent for a while may have lost its radio link, no more.",
+    ),
     Reason.NO_STATION_HELD: Words(
         text="no station is held: send a hold command first",
-        remedy="Hold first. Of a stream of set-points only the first takes a station: pause the stream for 3 s.",
+        remedy="Hold first. Of a stream of set-points only the first takes a station, once.",
     ),
     Reason.STATION_TOO_FAR: Words(
         text="station is {distance_km:.1f} km away, {limits}",

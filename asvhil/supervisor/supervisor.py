@@ -88,6 +88,9 @@ class Supervisor:
         self._stopped = False  # by the operator: neutral is sent, and no station is held
         self._just_taken = False  # the motors, in this tick
         self._pilot_ns: int | None = None  # when the pilot took the boat last
+        # A hold has ended, or what asked for one was refused: a stream of set-points that comes again after a gap is no
+        # decision to take the boat, which the pilot may have by now.
+        self._commands_only = False
         self._ended_ns: int | None = None  # when the last hold ended unasked, while that is the reason to stand by
         self._aftermath = Aftermath(None)
 
@@ -178,7 +181,9 @@ class Supervisor:
         """Do what is asked for. Returns None, or why not."""
         match request:
             case HoldCommand():
-                return self._hold(request, situation)
+                refusal = self._hold(request, situation)
+                self._commands_only = refusal is not None and (self._commands_only or request.by_setpoint)
+                return refusal
             case MoveCommand():
                 return self._move(request, situation)
             case CourseCommand():
@@ -193,6 +198,7 @@ class Supervisor:
                 return self._stop(situation)
             case ReleaseCommand():  # always granted
                 self._auto_pending = False
+                self._commands_only = True
                 self._aftermath.acted = True
                 if self._phase is not Phase.STANDBY:
                     self._let_go(explain(Reason.RELEASED), neutral_first=True, give_back_ns=request.t_ns)
@@ -201,6 +207,8 @@ class Supervisor:
     def _hold(self, command: HoldCommand, situation: Situation) -> Explanation | None:
         """Take up a station. Returns None, or why not."""
         self._go_on(situation)  # what the pilot does in this tick comes before what is asked for in it
+        if command.by_setpoint and self._commands_only:
+            return explain(Reason.NOT_BY_SETPOINT)
         refusal = self._conditions.why_not(situation, situation.fault, self._hidden(situation)) or situation.slow
         pilot_first = self._pilot_ns is not None and situation.t_ns - self._pilot_ns < PILOT_FIRST_NS
         if refusal is None and pilot_first:
@@ -271,6 +279,7 @@ class Supervisor:
         """Neutral in the place of all that was going on. Returns None, or why not: what others have is not taken."""
         self._go_on(situation)
         self._auto_pending = False
+        self._commands_only = True
         if self._phase is Phase.STANDBY:
             return explain(Reason.NOTHING_TO_STOP)
         if self._phase is Phase.PREPARE and not self._stopped and situation.status is not None:
@@ -503,6 +512,7 @@ class Supervisor:
         """
         self._phase, self._why = Phase.STANDBY, why
         self._auto_pending = False
+        self._commands_only = True
         self._stopped = False
         self._next_station = None
         self._arming_help.end()

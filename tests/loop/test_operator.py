@@ -125,8 +125,12 @@ def test_a_stream_of_set_points_moves_the_station_and_does_not_take_it_back() ->
     assert stream(3.0, 40.42380).phase is Phase.STANDBY
     rover.set_sticks({2: 1500})
     assert stream(5.0, 40.42380).phase is Phase.STANDBY  # still the same stream
-    loop.wait(3.5)
-    assert stream(1.0, 40.42380).phase is Phase.HOLD  # a new one
+    loop.wait(3.5)  # a gap in the radio link
+    assert stream(1.0, 40.42380).phase is Phase.STANDBY
+    loop.say(dialect.MAVLink_command_long_message(1, 191, dialect.MAV_CMD_NAV_GUIDED_ENABLE, 0, 1.0, *[0.0] * 6))
+    assert stream(1.0, 40.42385).phase is Phase.HOLD
+    assert loop.outputs is not None and loop.outputs.station is not None
+    assert loop.outputs.station.n_m - second.station.n_m == pytest.approx(5.55, abs=0.1)
 
 
 @pytest.mark.parametrize("by", ["reposition", "loiter"])

@@ -7,10 +7,10 @@ from dataclasses import replace
 import pytest
 
 from asvhil.config import SupervisorConfig
-from asvhil.supervisor.decision import Decision
+from asvhil.supervisor.decision import Decision, Request
 from asvhil.supervisor.reasons import Explanation, Reason, explain
 from asvhil.supervisor.situation import MotorPulses, StationSticks
-from asvhil.types import FrontseatStatus, HoldCommand, MoveCommand, NeutralCommand, Phase, Radio
+from asvhil.types import FrontseatStatus, HoldCommand, MoveCommand, NeutralCommand, Phase, Radio, ReleaseCommand
 from tests.support.supervisor_bench import ESTIMATE, SupervisorBench, status
 
 PILOT_FIRST = explain(Reason.PILOT_FIRST)
@@ -181,3 +181,57 @@ def test_a_station_is_not_moved_by_a_boat_that_does_not_know_where_it_is() -> No
         bench.estimate, bench.frame = estimate, frame
         decision = bench.step(50, MoveCommand(t_ns=bench.t_ns, n_m=5.0))
         assert decision.answers == (explain(Reason.NO_STATION_HELD),) and decision.station == before
+
+
+NOT_BY_SETPOINT = explain(Reason.NOT_BY_SETPOINT)
+ENDS: dict[str, FrontseatStatus | Request | None] = {
+    "mode": status(mode="HOLD"),
+    "stick": status(rc_us=(1600, 1700, 1400, 1500)),
+    "disarmed": status(armed=False),
+    "release": ReleaseCommand(t_ns=1),
+    "neutral": NeutralCommand(t_ns=1),
+    "no heartbeat": None,
+}
+
+
+def set_point(bench: SupervisorBench) -> Explanation | None:
+    """The answer to the first set-point after a gap."""
+    return bench.step(0, HoldCommand(t_ns=bench.t_ns, by_setpoint=True)).answers[0]
+
+
+@pytest.mark.parametrize("end", ENDS)
+def test_once_a_hold_has_ended_no_set_point_takes_the_boat_back(end: str) -> None:
+    """A stream that was silent for a while has lost its radio link, maybe, while the pilot steers."""
+    bench, act = holding(), ENDS[end]
+    before = bench.status
+    if isinstance(act, ReleaseCommand | NeutralCommand):
+        bench.step(50, act)
+    else:
+        bench.status, bench.age_s = act or before, 0.0 if act else 5.0
+        for _ in range(100):
+            bench.step()
+    bench.status, bench.age_s = before, 0.0
+    phase = bench.step(5000).phase
+    assert phase is (Phase.PREPARE if end == "neutral" else Phase.STANDBY)
+    assert set_point(bench) == NOT_BY_SETPOINT and bench.step().phase is phase
+    assert set_point(bench) == NOT_BY_SETPOINT, "nor the one after the next gap"
+    assert bench.hold() is None and bench.step().phase is Phase.HOLD
+    assert set_point(bench) is None, "the command has taken it, and set-points may go on"
+
+
+def test_a_release_that_finds_nothing_to_release_is_a_word_all_the_same() -> None:
+    bench = SupervisorBench()
+    bench.release()
+    assert set_point(bench) == NOT_BY_SETPOINT
+
+
+def test_the_first_set_point_takes_the_boat_but_not_after_one_was_refused() -> None:
+    """What the pilot arms later he may have armed to steer himself."""
+    bench = SupervisorBench()
+    assert set_point(bench) is None and bench.step().phase is Phase.HOLD
+    bench = SupervisorBench()
+    armed, bench.status = bench.status, status(armed=False)
+    assert set_point(bench) == NOT_ARMED
+    bench.status = armed
+    bench.step(5000)
+    assert set_point(bench) == NOT_BY_SETPOINT and bench.step().phase is Phase.STANDBY
