@@ -39,7 +39,7 @@ class HeadingPolicy:
         self.begin()
 
     def begin(self) -> None:
-        """A hold begins, or its station was given a heading: if the weather is known, the first turn is at once."""
+        """A hold or a course begins, or the station was given a heading: in known weather the first turn is at once."""
         self._first, self._settled_ns = True, None
 
     def turned(

@@ -99,6 +99,16 @@ class StationMotion:
             leader=self.leader,
         )
 
+    @property
+    def going(self) -> tuple[float, int] | None:
+        """What the station goes after, while it waits as well: a course (rad), or a leader, -1 for set-points.
+
+        None: it rests.
+        """
+        if self.speed_mps > 0.0:
+            return self.course_rad, 0
+        return None if self._report is None else (0.0, self.leader or -1)
+
     def refuse_course(self, why: Explanation) -> None:
         """The course of the config cannot be followed."""
         self._trouble = f"stays: {describe(why)}"

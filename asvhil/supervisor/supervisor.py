@@ -46,6 +46,7 @@ NEUTRAL_ALONE = 2  # ticks of neutral before a release, where the last override 
 PILOT_FIRST_NS = 1_000_000_000  # a hold command that comes so soon was sent before its sender knew
 # Why neutral is sent no longer to a boat that is to be armed: somebody else has its sticks.
 THEIRS = (Reason.TRANSMITTER_HEARD, Reason.MODE_CHANGED, Reason.OVERRIDE_NOT_FOLLOWED, Reason.STICK_MOVED)
+SETS_OFF_NS = 1_200_000_000  # from the begin of a course on, until the weather is known for a boat in that motion
 NAMED_LATER_NS = 10_000_000_000  # after a hold has ended for what another vehicle said, until that is known for another
 
 
@@ -74,6 +75,8 @@ class Supervisor:
         self._station: Station | None = None
         self._heading = HeadingPolicy(config.heading, weak_astern=weak_astern)
         self._motion = StationMotion(config.moving, fastest_mps)
+        self._going: tuple[float, int] | None = None  # what the station goes after,
+        self._going_ns: int | None = None  # and when that changed, until the heading has begun anew for it
         self._conditions = Conditions(config)
         self._named_m = 0.0  # by the last hold command: how far off a station may be
         self._auto_pending = config.engage == "auto"
@@ -117,7 +120,7 @@ class Supervisor:
             station_changed = turned = asked_for is not station_before
         else:
             station_changed, turned = is_another(asked_for, station_before), is_turned(asked_for, station_before)
-        self._turn(situation, anew=begun or turned)
+        self._turn(situation, anew=self._has_set_off(situation.t_ns) or begun or turned)
         held = self._held
         releasing = self._phase is Phase.STANDBY and self._release_left > 0
         neutral_alone = self._release_left > RELEASE_REPEATS
@@ -159,8 +162,24 @@ class Supervisor:
         outside = self._conditions.outside
         self._station = self._motion.step(situation.t_ns, held, boat_m, lambda after: outside(after, frame))
 
+    def _has_set_off(self, t_ns: int) -> bool:
+        """Whether a course has begun, changed or ended, so that the weather of the boat's motion is another at once.
+
+        A station that waits for its boat, or for its leader, does not set off anew.
+        """
+        if self._motion.going != self._going:
+            self._going, self._going_ns = self._motion.going, t_ns
+        if self._going_ns is None or self._held is None:
+            return False
+        if self._held.moves != (self._going is not None):
+            self._going_ns = t_ns
+        if t_ns - self._going_ns < SETS_OFF_NS:
+            return False
+        self._going_ns = None
+        return True
+
     def _turn(self, situation: Situation, *, anew: bool) -> None:
-        """Turn the station that is held as its heading policy says; `anew`: it is to have another heading."""
+        """Turn the station that is held as its heading policy says; `anew`: its heading or its weather is another."""
         held = self._held
         if held is None:
             return

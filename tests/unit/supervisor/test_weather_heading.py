@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import pytest
 
 from asvhil.config import SupervisorConfig
 from asvhil.supervisor.decision import Decision
 from asvhil.supervisor.reasons import Reason, explain
-from asvhil.types import HeadingCommand
+from asvhil.types import CourseCommand, HeadingCommand
 from tests.support.supervisor_bench import ESTIMATE, SupervisorBench
 
 LONG_MS = 200_000
@@ -86,3 +87,38 @@ def test_another_policy_is_granted_in_every_phase_and_told() -> None:
     at.bow_rad = 2.0
     assert heading(at.step(LONG_MS)) == pytest.approx(1.0)
     assert at.hold(psi_rad=ESTIMATE.psi_rad) is None and heading(at.step()) == ESTIMATE.psi_rad
+
+
+def goes(at: SupervisorBench, bow_rad: float, **course: float) -> Decision:
+    """The decision 2 s after a course command; the weather of the new motion is known after 1 s."""
+    at.step(50, CourseCommand(t_ns=at.t_ns, **course))
+    for tick in range(40):
+        at.bow_rad = bow_rad if tick >= 20 else at.bow_rad
+        decision = at.step()
+    return decision
+
+
+def test_a_course_begins_changes_and_ends_with_the_weathers_heading_at_once() -> None:
+    at = bench("bow", 1.0)
+    assert at.hold() is None and heading(at.step(LONG_MS)) == pytest.approx(1.0)
+    assert heading(goes(at, -0.7, speed_mps=0.3, course_rad=0.0)) == pytest.approx(-0.7)
+    assert at.step(LONG_MS).station is not None
+    assert heading(goes(at, 2.0, course_rad=3.0)) == pytest.approx(2.0)
+    at.step(LONG_MS)
+    assert heading(goes(at, 1.0, speed_mps=0.0)) == pytest.approx(1.0)
+    at.step(LONG_MS)
+    assert heading(goes(at, 2.0)) == pytest.approx(1.0, abs=0.05), "weather that turns by itself is followed slowly"
+
+
+def test_a_station_that_waits_for_its_boat_does_not_set_off_anew() -> None:
+    at = bench("bow", 1.0)
+    assert at.hold() is None and heading(at.step(LONG_MS)) == pytest.approx(1.0)
+    goes(at, 1.0, speed_mps=0.3, course_rad=0.0)
+    at.step(LONG_MS)
+    here = at.estimate
+    for off_m in (20.0, 0.0):
+        at.estimate = replace(here, n_m=here.n_m + off_m)
+        before = heading(at.step())
+        station = goes(at, 2.5).station
+        assert station is not None and station.moves is (off_m == 0.0)
+        assert heading(at.step()) == pytest.approx(before, abs=0.05)
