@@ -144,7 +144,7 @@ def meaning_of_local_setpoint(t_ns: int, m: Any) -> MoveCommand | Refusal:
 def meaning_of_leader(t_ns: int, system_id: int, m: Any) -> LeaderMessage | None:
     """Where a FOLLOW_TARGET has its sender, and how fast; None where it does not tell a place.
 
-    A velocity that is not told, or is no number, is none: the station then goes from place to place.
+    A velocity that is not told, or is no number, is of zero: that of its places then counts.
     """
     lat_deg, lon_deg = m.lat * 1e-7, m.lon * 1e-7
     if not m.est_capabilities & HAS_POSITION or not is_place(lat_deg, lon_deg):

@@ -10,7 +10,8 @@ RECOVERED_NS = 3_000_000_000  # what is wrong again so soon has not recovered
 RECOVERED = "recovered"
 ENDED = "ended with the hold"
 OVER = frozenset({RECOVERED, ENDED})  # the words that take a note away
-OF_HOLD = frozenset({heading_cost.SUBJECT, station_motion.SUBJECT})  # which nobody has without a station
+# Which nobody has without a station.
+OF_HOLD = frozenset({heading_cost.SUBJECT, station_motion.SUBJECT, station_motion.VELOCITY_SUBJECT})
 AGAIN_NS = 60_000_000_000  # until it has, the same words are not told again so soon
 
 

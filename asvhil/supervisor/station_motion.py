@@ -10,10 +10,12 @@ from asvhil.config.single import clipped, told, within
 from asvhil.config.vehicle import VesselConfig
 from asvhil.geo import body_to_ned
 from asvhil.supervisor.leader_report import LeaderReport, Place, carried, mean_velocity, slower
+from asvhil.supervisor.leader_velocity import LeaderTrack, extended, velocity_of
 from asvhil.supervisor.reasons import Explanation, Reason, describe, explain
 from asvhil.types import CourseCommand, Note, Station, changed
 
 SUBJECT = "moving station"
+VELOCITY_SUBJECT = "leader's velocity"
 LONGEST_TICK_S = 1.0  # a longer time between two ticks is a pause, in which the station stays
 TOLD_EVERY_NS = 10_000_000_000  # the velocity of a leader, which changes with every message
 CATCH_UP_S = 2.0  # time constant with which the station follows where a leader says that it is
@@ -42,6 +44,8 @@ class StationMotion:
         self._report: LeaderReport | None = None
         self._offset: Place = (0.0, 0.0)  # NED, of the station from where the report is
         self._mean: LeaderReport | None = None  # of the leader's velocity, for its course
+        self._track = LeaderTrack()
+        self._contradiction: str | None = None  # of its velocity and its positions, in words
         self._course_of_leader_rad = 0.0
         self._t_ns = 0
         self._refused: tuple[int, Reason] | None = None  # the last message that was not followed
@@ -64,7 +68,8 @@ class StationMotion:
     def _forget_leader(self, leader: int) -> None:
         """Another one from now on, 0 for none: nothing is known of it."""
         self.leader = leader
-        self._report = self._mean = self._refused = None
+        self._report = self._mean = self._refused = self._contradiction = None
+        self._track = LeaderTrack()
         self._offset, self._course_of_leader_rad = (0.0, 0.0), 0.0
 
     # --- commands --------------------------------------------------------------------------------------------
@@ -135,7 +140,7 @@ class StationMotion:
     def rest(self) -> None:
         """The station is put somewhere, at no velocity: what a set-point had it do before is over."""
         if not self.leader:
-            self._report = self._trouble = None
+            self._report = self._trouble = self._contradiction = None
 
     def lead(self, report: LeaderReport) -> Explanation | None:
         """A set-point with a velocity, in the place of a leader that was followed. As `report`."""
@@ -153,6 +158,9 @@ class StationMotion:
         jump_m = self._jump_m(report)
         if jump_m > self._config.jump_m:
             return explain(Reason.LEADER_JUMPED, metres=jump_m, most=self._config.jump_m)
+        again = self.leader or self._is_fresh(report.t_ns)
+        track = extended(self._track if again else LeaderTrack(), report)
+        told, report = report, velocity_of(track, report)
         mean = mean_velocity(self._mean, slower(report, self._most_mps))  # one wrong velocity turns it for seconds
         course_rad = self._course_of_leader_rad
         if math.hypot(mean.vn_mps, mean.ve_mps) >= COURSE_LEAST_MPS:
@@ -163,10 +171,23 @@ class StationMotion:
             return refusal
         self.speed_mps, self.way_m = 0.0, None
         self._report, self._mean, self._course_of_leader_rad, self._offset = report, mean, course_rad, offset
-        self._refused = None
+        self._refused, self._track = None, track
+        self._tell_contradiction(told)
         faster = not within(math.hypot(report.vn_mps, report.ve_mps), 0.0, self._most_mps)
         self._trouble = f"{self._name} faster than {self._most_mps:.1f} m/s" if faster else None
         return None
+
+    def _tell_contradiction(self, told: LeaderReport) -> None:
+        """In words that stay the same for as long as it lasts."""
+        if not self._track.contradicts:
+            self._contradiction = None
+        elif self._contradiction is None:
+            who = f"system {self.leader} tells" if self.leader else "the set-points tell"
+            self._contradiction = (
+                f"{who} {_in_words(told.vn_mps, told.ve_mps)}, the positions go "
+                f"{_in_words(*self._track.velocity_mps)}, which counts; MAVLink's velocity is north, east in m/s"
+            )
+            self._told_ns = self._t_ns - TOLD_EVERY_NS  # the velocity is told anew in the next tick, which has it
 
     def _jump_m(self, report: LeaderReport) -> float:
         """How far a report is from the last one, which is taken to have gone on at its velocity, or not at all."""
@@ -261,6 +282,12 @@ class StationMotion:
         """What there is to tell of the motion of the station that is held."""
         if station is None:
             return ()
+        of_motion = self._notes_of_motion(station)
+        if self._contradiction is None:
+            return of_motion
+        return (*of_motion, Note(subject=VELOCITY_SUBJECT, text=self._contradiction, ok=False))
+
+    def _notes_of_motion(self, station: Station) -> tuple[Note, ...]:
         if self._trouble is not None:
             return (Note(subject=SUBJECT, text=self._trouble, ok=False),)
         if self._waits:
@@ -271,8 +298,11 @@ class StationMotion:
             self._told = ""
             return ()
         if not self._told or (self._report is not None and self._t_ns - self._told_ns > TOLD_EVERY_NS):
-            speed_mps = math.hypot(station.vn_mps, station.ve_mps)
-            course_deg = math.degrees(math.atan2(station.ve_mps, station.vn_mps)) % 360.0
             after = f", after system {self.leader}" if self.leader else ""
-            self._told, self._told_ns = f"{speed_mps:.2g} m/s toward {course_deg:.0f}{after}", self._t_ns
+            self._told, self._told_ns = f"{_in_words(station.vn_mps, station.ve_mps)}{after}", self._t_ns
         return (Note(subject=SUBJECT, text=self._told, ok=True),)
+
+
+def _in_words(vn_mps: float, ve_mps: float) -> str:
+    speed_mps, course_deg = math.hypot(vn_mps, ve_mps), math.degrees(math.atan2(ve_mps, vn_mps)) % 360.0
+    return f"{speed_mps:.2g} m/s toward {course_deg:.0f}" if speed_mps > 0.0 else "nowhere"

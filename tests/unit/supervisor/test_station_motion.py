@@ -1,6 +1,7 @@
 """A station that moves: on a course, after a leader, and when it stays."""
 
 import math
+import random
 import struct
 from dataclasses import replace
 
@@ -8,7 +9,7 @@ import pytest
 
 from asvhil.config import MovingConfig, StationConfig, SupervisorConfig, load_config
 from asvhil.supervisor.reasons import Reason, describe, explain
-from asvhil.supervisor.station_motion import SHARE, SUBJECT, StationMotion, fastest_mps
+from asvhil.supervisor.station_motion import SHARE, SUBJECT, VELOCITY_SUBJECT, StationMotion, fastest_mps
 from asvhil.types import CourseCommand, HoldCommand, LeaderMessage, MoveCommand, Phase, Station
 from tests.support.supervisor_bench import ESTIMATE, FRAME, SupervisorBench
 
@@ -49,7 +50,10 @@ class Moving(SupervisorBench):
 
     @property
     def note(self) -> str | None:
-        return next((note.text for note in self.step(0).notes if note.subject == SUBJECT), None)
+        return self.note_on(SUBJECT)
+
+    def note_on(self, subject: str) -> str | None:
+        return next((note.text for note in self.step(0).notes if note.subject == subject), None)
 
 
 def place(station: Station) -> tuple[float, float]:
@@ -291,6 +295,77 @@ def test_a_speed_ends_following() -> None:
     assert not bench.wait(0.5).moves
 
 
+@pytest.mark.parametrize("stray_m", [0.0, 0.5])
+def test_a_leader_that_tells_no_velocity_has_that_of_its_positions(stray_m: float) -> None:
+    bench, strays = Moving(), random.Random(1)
+    bench.course(leader=42)
+    for second in range(40):
+        bench.leader(
+            HERE[0] + strays.gauss(0.0, stray_m), HERE[1] + 0.4 * second + strays.gauss(0.0, stray_m), 0.0, 0.0
+        )
+        station = bench.wait(1.0)
+    assert math.hypot(station.vn_mps, station.ve_mps - 0.4) <= 1e-6 + 0.35 * stray_m
+    assert place(station) == pytest.approx((0.0, 16.0), abs=0.01 + 1.5 * stray_m), "no way behind it"
+    words = bench.note or ""
+    assert words.endswith("after system 42") and (stray_m or words.startswith("0.4 m/s toward 90"))
+    for _ in range(12):
+        bench.leader(HERE[0] + strays.gauss(0.0, stray_m), HERE[1] + 15.6 + strays.gauss(0.0, stray_m), 0.0, 0.0)
+        station = bench.wait(1.0)
+    assert not station.moves and bench.note is None and bench.note_on(VELOCITY_SUBJECT) is None
+
+
+@pytest.mark.parametrize("told", [(0.0, 0.0), (0.02, -0.01)])
+def test_a_leader_at_rest_whose_receiver_wanders_does_not_move_the_station(told: tuple[float, float]) -> None:
+    bench, strays = Moving(), random.Random(2)
+    bench.course(leader=42)
+    north = east = 0.0
+    moved = 0
+    for _ in range(300):  # by a metre over half a minute, and 0.3 m from one position to the next
+        north, east = (0.97 * wander + strays.gauss(0.0, 0.25) for wander in (north, east))
+        bench.leader(HERE[0] + north + strays.gauss(0.0, 0.3), HERE[1] + east + strays.gauss(0.0, 0.3), *told)
+        station = bench.wait(1.0)
+        moved += math.hypot(station.vn_mps, station.ve_mps) > 0.05
+    assert moved <= 6 and bench.note_on(VELOCITY_SUBJECT) is None
+
+
+@pytest.mark.parametrize("told", [(0.0, 0.3), (-0.3, 0.0), (0.7, 0.0), (0.22, 0.0)])
+def test_a_velocity_that_contradicts_the_positions_is_told_once_and_not_used(told: tuple[float, float]) -> None:
+    bench, words = Moving(), set()
+    bench.course(leader=42)
+    for second in range(60):
+        bench.leader(HERE[0] + 0.3 * second, HERE[1], *told)
+        station = bench.wait(1.0)
+        words.add(bench.note_on(VELOCITY_SUBJECT))
+    if told == (0.22, 0.0):
+        assert words == {None}, "as near as a receiver may have it"
+        return
+    assert (station.vn_mps, station.ve_mps) == pytest.approx((0.3, 0.0), abs=1e-6)
+    (text,) = words - {None}
+    assert text is not None and "m/s toward" in text and "the positions go 0.3 m/s toward 0, which counts" in text
+    assert (bench.note or "").startswith("0.3 m/s toward 0, after")
+    for second in range(60, 90):
+        bench.leader(HERE[0] + 0.3 * second, HERE[1], 0.3, 0.0)
+        bench.wait(1.0)
+    assert bench.note_on(VELOCITY_SUBJECT) is None, "it has learnt to tell it"
+
+
+def test_a_leader_that_circles_reverses_and_stops_is_believed() -> None:
+    bench = Moving()
+    bench.course(leader=42)
+    n_m, e_m = HERE
+    for second in range(150):
+        course = 0.1 * second
+        speed = 0.5 if second < 60 else 0.7 if second < 80 else -0.7 if second < 100 else 0.0
+        vn, ve = (speed * math.cos(course), speed * math.sin(course)) if second < 60 else (speed, 0.0)
+        n_m, e_m = n_m + vn, e_m + ve
+        bench.leader(n_m, e_m, vn, ve)
+        station = bench.wait(1.0)
+        assert bench.note_on(VELOCITY_SUBJECT) is None
+        if 100 < second < 103:
+            assert abs(station.vn_mps) < 0.8 and place(station)[0] == pytest.approx(n_m - HERE[0], abs=0.8)
+    assert not station.moves
+
+
 # --- a stream of set-points with a velocity -------------------------------------------------------------------------
 
 
@@ -313,3 +388,14 @@ def test_set_points_with_a_velocity_lead_the_station() -> None:
     assert bench.move(n_m=HERE[0], e_m=HERE[1]) is None, "a set-point without a velocity puts it there"
     station = bench.wait(0.5)
     assert place(station) == (0.0, 0.0) and not station.moves
+
+
+def test_set_points_whose_velocity_contradicts_their_places_go_by_the_places() -> None:
+    bench = Moving()
+    for second in range(30):
+        at = {"n_m": HERE[0], "e_m": HERE[1] + 0.3 * second, "velocity_mps": (0.3, 0.0)}
+        assert bench.step(0, MoveCommand(t_ns=bench.t_ns, **at)).answers == (None,)  # type: ignore[arg-type]
+        station = bench.wait(1.0)
+    assert (station.vn_mps, station.ve_mps) == pytest.approx((0.0, 0.3), abs=1e-6)
+    assert (bench.note_on(VELOCITY_SUBJECT) or "").startswith("the set-points tell 0.3 m/s toward 0, the positions go ")
+    assert bench.move(n_m=HERE[0], e_m=HERE[1]) is None and bench.note_on(VELOCITY_SUBJECT) is None
