@@ -25,6 +25,7 @@ from asvhil.operator.goto import (
     meaning_of_local_setpoint,
     meaning_of_setpoint,
 )
+from asvhil.operator.leader_streams import LeaderStreams
 from asvhil.operator.repeats import Heard, RepeatedSettings, Repeats
 from asvhil.operator.replies import Replies
 from asvhil.operator.reports import ACCEPTED, TEXT_ID, OperatorReport, Reports
@@ -96,6 +97,7 @@ class OperatorSession:
         self._repeats = Repeats()
         self._repeated_settings = RepeatedSettings()
         self._setpoint_streams = SetpointStreams()
+        self._leader_streams = LeaderStreams()
         self._heard_ns: int | None = None
         self.solve_ms = math.nan
         self.shell_notes = NoteReader()
@@ -179,10 +181,12 @@ class OperatorSession:
     def counters(self) -> tuple[tuple[str, int], ...]:
         """Cumulative counts of what came in and what was dropped."""
         frames, bad_crc, _, garbage_bytes = self._parser.totals()
+        late = self._leader_streams.late
         return (
             ("operator.frames", frames),
             ("operator.bad_crc", bad_crc),
             ("operator.garbage_bytes", garbage_bytes),
+            *((("operator.late_leaders", late),) if late else ()),
         )
 
     # --- in ------------------------------------------------------------------------------------------------
@@ -209,7 +213,9 @@ class OperatorSession:
         """A vehicle that tells where it is, to everybody; the supervisor knows which is followed."""
         message = decode(data)
         meaning = None if message is None else meaning_of_leader(frame.t_ns, source(data)[0], message)
-        return [] if meaning is None else [self._request(frame, data, meaning, None, self._us)]
+        if message is None or meaning is None or self._leader_streams.is_late(frame, source(data), message.timestamp):
+            return []
+        return [self._request(frame, data, meaning, None, self._us)]
 
     def _on_request(self, frame: Frame, data: bytes, msg_id: int) -> OperatorRequest | None:
         system_id, component_id = target(data)

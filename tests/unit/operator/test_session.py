@@ -129,9 +129,11 @@ def test_a_velocity_that_is_meant_is_that_of_the_station() -> None:
     assert getattr(request.command, "velocity_mps", "none") is None
 
 
-def leader(capabilities: int = 3, lat: int = LAT, vel: tuple[float, float] = (0.3, -0.1)):  # type: ignore[no-untyped-def]
+def leader(  # type: ignore[no-untyped-def]
+    capabilities: int = 3, lat: int = LAT, vel: tuple[float, float] = (0.3, -0.1), told_ms: int = 0
+):
     rest = [[*vel, 0.0], [0.0] * 3, [1.0, 0.0, 0.0, 0.0], [0.0] * 3, [0.0] * 3, 0]
-    return dialect.MAVLink_follow_target_message(0, capabilities, lat, LON, 0.0, *rest)
+    return dialect.MAVLink_follow_target_message(told_ms, capabilities, lat, LON, 0.0, *rest)
 
 
 def test_a_vehicle_tells_where_it_is_to_follow() -> None:
@@ -147,6 +149,17 @@ def test_a_vehicle_tells_where_it_is_to_follow() -> None:
     for nowhere in (leader(2), leader(lat=1_000_000_000)):
         assert bench.say(nowhere) == []
     assert not [m for m in bench.hear() if m.get_type() in ("COMMAND_ACK", "STATUSTEXT")]
+
+
+def test_a_report_of_a_leader_that_comes_after_a_newer_one_is_dropped_and_counted() -> None:
+    bench = Bench()
+    late_ms = (100_000, 90_000, 101_000, 100_999, 101_000, 0)  # 0: no time is told
+    assert [len(bench.say(leader(told_ms=ms))) for ms in late_ms] == [1, 0, 1, 0, 1, 1]
+    assert dict(bench.link.counters())["operator.late_leaders"] == 2
+    assert len(bench.say(leader(told_ms=200_000))) == 1
+    assert [len(bench.say(leader(told_ms=ms))) for ms in (5_000, 6_000)] == [1, 1], "it has started anew"
+    assert dict(bench.link.counters())["operator.late_leaders"] == 2
+    assert "operator.late_leaders" not in dict(Bench().link.counters())
 
 
 def test_only_the_first_of_a_stream_takes_a_station() -> None:
