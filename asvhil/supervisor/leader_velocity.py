@@ -38,10 +38,15 @@ class LeaderTrack:
     contradicts: bool = False  # the told velocity, the places
     turned_ns: int | None = None  # since when it looks otherwise than `contradicts` says
 
+    @property
+    def counts(self) -> bool:
+        """Whether the velocity by its places is the one to go by."""
+        return self.contradicts or not self.tells
+
 
 def velocity_of(track: LeaderTrack, report: LeaderReport) -> LeaderReport:
     """A report, the last of a track, with the velocity to go by."""
-    if track.tells and not track.contradicts:
+    if not track.counts:
         return report
     return changed(report, vn_mps=track.velocity_mps[0], ve_mps=track.velocity_mps[1])
 

@@ -299,10 +299,13 @@ class StationMotion:
             return ()
         if not self._told or (self._report is not None and self._t_ns - self._told_ns > TOLD_EVERY_NS):
             after = f", after system {self.leader}" if self.leader else ""
-            self._told, self._told_ns = f"{_in_words(station.vn_mps, station.ve_mps)}{after}", self._t_ns
+            vn, ve = station.vn_mps, station.ve_mps
+            if self._report is not None and self._track.moves and self._track.counts:
+                vn, ve = self._track.velocity_mps  # not how fast it catches up with a receiver that strays
+            self._told, self._told_ns = f"{_in_words(vn, ve)}{after}", self._t_ns
         return (Note(subject=SUBJECT, text=self._told, ok=True),)
 
 
 def _in_words(vn_mps: float, ve_mps: float) -> str:
     speed_mps, course_deg = math.hypot(vn_mps, ve_mps), math.degrees(math.atan2(ve_mps, vn_mps)) % 360.0
-    return f"{speed_mps:.2g} m/s toward {course_deg:.0f}" if speed_mps > 0.0 else "nowhere"
+    return f"{speed_mps:.2g} m/s toward {course_deg:.0f}" if speed_mps > 0.0 else "0 m/s"
