@@ -89,6 +89,7 @@ class HeadingCostWatch:
         self._power_of = power_of
         self._told: HeadingCost | None = None
         self._looked: tuple[int, float] | None = None  # when, at which heading
+        self._moved_ns: int | None = None  # when the station did last
         self._notes: tuple[Note, ...] = ()
 
     def step(
@@ -102,11 +103,15 @@ class HeadingCostWatch:
         """
         if station is not None and self._looked is not None:
             then_ns, psi_rad = self._looked
-            if t_ns - then_ns < EVERY_NS and abs(wrap_rad(station.psi_rad - psi_rad)) < TURNED_RAD:
+            if station.moves:
+                self._moved_ns = t_ns
+            # One that waits for its boat, as it often does on a course across, would show nothing of the course.
+            waits = not station.moves and self._moved_ns is not None and t_ns - self._moved_ns < EVERY_NS
+            if (t_ns - then_ns < EVERY_NS or waits) and abs(wrap_rad(station.psi_rad - psi_rad)) < TURNED_RAD:
                 return self._notes
         push_mps2 = None if station is None else push_at(station.psi_rad)
         if station is None or push_mps2 is None:
-            self._told = self._looked = None
+            self._told = self._looked = self._moved_ns = None
             self._notes = ()
             return ()
         cost = heading_cost(self._vessel, *push_mps2)

@@ -156,3 +156,24 @@ def test_a_course_across_the_boat_is_not_told_as_weather(moving: float, at_rest:
     of_course = "course" in cause or "follow" in cause
     assert ("turn the heading along the course (90 deg)" in note.text) == of_course
     assert ("end the hold" in note.text) == (at_rest == 0.25)
+
+
+def test_a_course_across_is_told_on_while_the_station_waits_for_the_boat() -> None:
+    watch = HeadingCostWatch(VESSEL)
+    rests = Station(n_m=0.0, e_m=0.0, psi_rad=0.0)
+    moves = Station(n_m=0.0, e_m=0.0, psi_rad=0.0, ve_mps=0.5)
+    push = (0.0, 0.0)
+
+    def told(station: Station, t_s: float) -> int:
+        return len(watch.step(round(t_s * 1e9), station, lambda psi_rad: push, lambda psi_rad: (0.0, 0.0)))
+
+    assert told(rests, 0.0) == 0
+    push = (0.0, -0.05)
+    assert told(moves, 9.0) == 0
+    push = (0.0, 0.0)
+    assert told(rests, 12.0) == 0
+    push = (0.0, -0.05)
+    assert told(moves, 15.0) == 1, "looked at once it goes on"
+    assert told(moves, 24.0) == 1
+    push = (0.0, 0.0)
+    assert told(rests, 26.0) == told(rests, 33.0) == 1 and told(rests, 35.0) == 0, "it rests for good"
