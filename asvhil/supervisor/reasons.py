@@ -91,6 +91,7 @@ class Reason(enum.StrEnum):
     DRIFTED_OFF = "drifted-off"
     TURNS_ROUND = "turns-round"
     MODEL_MISMATCH = "model-mismatch"
+    MODEL_OR_CURRENT = "model-or-current"
     BATTERY_LOW = "battery-low"
     BATTERY_COMPLAINT = "battery-complaint"
     # Why a request makes no sense
@@ -402,6 +403,13 @@ WORDS: Mapping[Reason, Words] = {
     Reason.MODEL_MISMATCH: Words(
         text="the boat does not move as the model says: {what} is off by {error} within {horizon_s:g} s",
         remedy="Train a model on this boat as it is (docs/models.md); look at vehicle.vessel and the wind sensor.",
+    ),
+    Reason.MODEL_OR_CURRENT: Words(
+        text=(
+            "the boat does not move as the model says, or a strong current is why: {what} is off by {error} within "
+            "{horizon_s:g} s"
+        ),
+        remedy="Look again where there is little current. If it stays, train a model on this boat (docs/models.md).",
     ),
     Reason.BATTERY_LOW: Words(
         text="the battery is low: {reading}, less than {limit}",

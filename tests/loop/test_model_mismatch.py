@@ -36,6 +36,20 @@ def test_a_model_of_another_boat_is_told_or_ends_the_hold(choice: str) -> None:
             assert outputs.pwm_us in (None, (1500, 1500))
 
 
+@pytest.mark.parametrize(("current_mps", "told"), [(0.4, False), pytest.param(1.2, True, marks=pytest.mark.thorough)])
+def test_a_current_ends_no_hold_as_a_model_of_another_boat(current_mps: float, told: bool) -> None:
+    """From ahead, of a boat that is the model's; 1.2 m/s are more than the disturbance may be."""
+    current = (f"plant.weather.current.speed_mps={current_mps}", "plant.weather.current.toward_deg=180")
+    loop = Lockstep(load_config("sitl", (*current, "estimator.monitor.on_mismatch=release")))
+    texts, furthest = set(), 0.0
+    for _ in range(90 * 20):
+        _, outputs = loop.tick()
+        texts |= {note.text for note in outputs.health.notes if note.subject == "model"}
+        furthest = max(furthest, 0.0 if outputs.model_error is None else outputs.model_error.horizon[0])
+    assert outputs.phase is Phase.HOLD and furthest > 0.35
+    assert bool(texts) is told and all("or a strong current is why" in text for text in texts)
+
+
 def test_the_boat_of_the_model_is_not_told() -> None:
     loop = Lockstep(load_config("sitl"))
     for _ in range(50 * 20):

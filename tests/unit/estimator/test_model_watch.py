@@ -15,6 +15,12 @@ class Errors:
 
     def __init__(self) -> None:
         self.error: PredictionError | None = None
+        self.push_mps2 = 0.0
+
+    @property
+    def unexplained(self) -> tuple[float, float, float]:
+        assert self.error is not None
+        return self.error.horizon
 
     def step(self, estimate: Estimate, model_input: tuple[float, float], wind: Wind | None) -> PredictionError | None:
         return self.error
@@ -88,6 +94,22 @@ def test_a_hold_ends_for_it_where_the_config_says_so_and_the_next_one_begins_ane
     assert world.watch.fault is None
     world.run(3.8, FAST)
     assert world.watch.fault is None
+
+
+def test_what_may_be_a_strong_current_is_told_as_either_and_ends_no_hold() -> None:
+    world = World(on_mismatch="release")
+    world.monitor.push_mps2 = 0.15
+    world.run(4.4, FAST)
+    (note,) = world.watch.notes
+    assert "or a strong current is why: surge is off by 0.9 m/s" in note.text and world.watch.fault is None
+    world.monitor.push_mps2 = 0.05
+    world.run(3.8, FAST)
+    assert world.watch.notes == (note,) and world.watch.fault is None, "not at once"
+    world.run(0.6, FAST)
+    assert world.watch.fault is not None and world.watch.fault.reason is Reason.MODEL_MISMATCH
+    world.monitor.push_mps2 = 0.15
+    world.run(10.0, FAST)
+    assert world.watch.fault is not None, "and what is certain stays"
 
 
 def test_a_model_that_is_replaced_is_told_all_the_time() -> None:

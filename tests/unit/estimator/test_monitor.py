@@ -54,6 +54,25 @@ def test_a_boat_that_has_changed_is_noticed_once_the_window_is_full() -> None:
     assert errors[-1].horizon[0] > errors[-1].one_step[0] > 0.0
 
 
+@pytest.mark.parametrize("known", [True, False])
+def test_a_steady_push_that_is_estimated_is_no_error_of_the_model(known: bool) -> None:
+    """A boat that is held in a current of 0.4 m/s from ahead: at rest, with the thrust for it."""
+    model = SimplifiedDynamics(VESSEL)
+    monitor, motors = ModelMonitor(MonitorConfig(), model, PERIOD_S), (0.1, 0.1)
+    rest = np.array([0.0] * 6 + [*motors])
+    push_mps2 = -advance(model, rest, np.array(motors), np.zeros(2), np.zeros(3), 0.01, 1)[3] / 0.01
+    held = Estimate(
+        t_ns=0, n_m=0.0, e_m=0.0, psi_rad=0.0, u_mps=0.0, v_mps=0.0, r_radps=0.0,
+        motor=motors, std=(), disturbance=(push_mps2 if known else 0.0, 0.0, 0.0), valid=True,
+    )  # fmt: skip
+    for tick in range(200):
+        error = monitor.step(replace(held, t_ns=tick * 200_000_000), motors, None)
+    assert error is not None and error.horizon[0] > 0.4, "told in the log as before"
+    assert error.ok is known and (monitor.unexplained[0] < 0.1) is known
+    assert push_mps2 == pytest.approx(-0.2, abs=0.1)
+    assert monitor.push_mps2 == pytest.approx(-push_mps2 if known else 0.0)
+
+
 def test_a_gap_starts_the_horizon_anew() -> None:
     monitor = ModelMonitor(MonitorConfig(), SimplifiedDynamics(VESSEL), PERIOD_S)
     still = Estimate(
