@@ -56,9 +56,9 @@ class ModelMonitor:
 
     @property
     def push_mps2(self) -> float:
-        """The mean of the disturbance over twice the horizon: a current stays, what a wrong model misses varies."""
+        """The mean of the disturbance over twice the horizon: a current stays, errors of the model come and go."""
         count = max(len(self._pushes), 1)
-        north, east = (total([push[i] for push in self._pushes]) / count for i in range(2))
+        north, east = (total([push[axis] for push in self._pushes]) / count for axis in range(2))
         return math.hypot(north, east)
 
     def reset(self) -> None:

@@ -24,6 +24,10 @@ WIND_SHARE = 0.25  # of the time constant: a wind is measured, and what is left 
 CALM_S = 8.0  # for so long nothing was left over, as it were: the first seconds of a hold have the errors of the way
 DOUBT_MPS2 = 0.015  # of the disturbance ahead: so much may be the error of the thrust, or of the wind's load
 DOUBT_SHARE = 0.6  # of the wind's own push ahead: the error of its load and of a small thrust was 0.4 of it
+FELT_S, LATELY_S = 20.0, 5.0  # time constants of the disturbance as it is, for what a heading costs
+UNSETTLED_MPS2, UNSETTLED_SHARE = 0.03, 0.3  # a push that changes by more, and by this share, is not known yet
+DOUBT_STDS, CURRENT_STDS = 2.0, 4.0  # a current to the side may be there, and is: in wind alone it came to 3
+CURRENT_MORE = 1.5  # and counts where it pushes by so much more than the disturbance, which is bounded and late
 LEAST_MPS2 = 0.004  # of the mean acceleration: in less weather no heading is better than another
 
 
@@ -46,6 +50,8 @@ class WeatherHeading:
         function = _function(rate.serialize(), model.input_of_command((0.0, 0.0)))
         self._wind, self._disturbance, self._force = np.zeros(2), np.zeros(3), np.zeros(2 * HEADINGS)
         self._moves = np.zeros(2)
+        self._felt, self._lately = np.zeros(2), np.zeros(2)
+        self._current, self._current_std_mps = (0.0, 0.0), math.inf
         headings = 2.0 * math.pi * np.arange(HEADINGS) / HEADINGS
         self._evaluate = bind(function, [headings, self._wind, self._disturbance, self._moves], [self._force])
         self._t_ns: int | None = None
@@ -61,7 +67,7 @@ class WeatherHeading:
             return self._bow_rad if self._t_ns is not None and t_ns - self._t_ns < GAP_NS else None
         if self._t_ns is None or not 0 <= t_ns - self._t_ns < GAP_NS:
             self._t_ns = self._since_ns = t_ns
-            self._wind[:] = self._disturbance[:] = 0.0
+            self._wind[:] = self._disturbance[:] = self._felt[:] = self._lately[:] = 0.0
             self._turn_rate2, self._weight_s, self._bow_rad = 0.0, CALM_S, None
         elapsed_s = (t_ns - self._t_ns) * 1e-9
         if t_ns > self._since_ns and elapsed_s < EVERY_NS * 1e-9:
@@ -75,6 +81,8 @@ class WeatherHeading:
         self._wind += gain * (np.array(air) - self._wind)
         share = self._share(step_s, estimate.r_radps)
         self._disturbance[:2] += share * (np.array(self._counted(estimate)) - self._disturbance[:2])
+        for mean, time_s in ((self._felt, FELT_S), (self._lately, LATELY_S)):
+            mean += min(step_s / min(known_s, time_s), 1.0) * (np.array(estimate.disturbance[:2]) - mean)
         self._evaluate()
         self._bow_rad = self._bow()
         return self._bow_rad
@@ -98,6 +106,10 @@ class WeatherHeading:
         """The velocity (north, east) of the station that is held; zero for one at rest, and without one."""
         self._moves[:] = velocity_mps
 
+    def note_current(self, current_mps: tuple[float, float], std_mps: float) -> None:
+        """The current (north, east) that somebody else has made out of the boat's motion, and how well it is known."""
+        self._current, self._current_std_mps = current_mps, std_mps
+
     def push_at_rest(self, psi_rad: float) -> tuple[float, float] | None:
         """As `push_at`, for a boat that rests though its station moves: that of the weather alone. Changes nothing."""
         force, moves = self._force.copy(), self._moves.copy()
@@ -108,9 +120,39 @@ class WeatherHeading:
         return push
 
     def push_at(self, psi_rad: float) -> tuple[float, float] | None:
-        """The mean push (m/s^2) ahead and to starboard at a heading on a boat that moves as its station; None: none."""
+        """The mean push (m/s^2) ahead and to starboard at a heading on a boat that moves as its station.
+
+        None where it is not known. To the side it is no less than the disturbance of late, nor than what the current
+        does: the average by which the weather's heading is found takes minutes to show them on a boat that swings.
+        """
         if self._t_ns is None:
             return None
+        ahead, abeam = self._interpolated(psi_rad)
+        counted, felt, lately = (
+            ned_to_body(psi_rad, *mean[:2].tolist())[1] for mean in (self._disturbance, self._felt, self._lately)
+        )
+        if abs(abeam + felt - counted) > abs(abeam) + UNSETTLED_MPS2:
+            abeam += felt - counted
+        settled = abs(lately - felt) <= max(UNSETTLED_MPS2, UNSETTLED_SHARE * abs(abeam))
+        across_mps, std_mps = abs(ned_to_body(psi_rad, *self._current)[1]), self._current_std_mps
+        if across_mps > DOUBT_STDS * std_mps:
+            drag = self._drag_abeam(psi_rad, 1.0 - std_mps / across_mps)
+            if abs(drag) > CURRENT_MORE * abs(abeam):
+                abeam, settled = drag, across_mps >= CURRENT_STDS * std_mps
+        return (ahead, abeam) if settled else None
+
+    def _drag_abeam(self, psi_rad: float, share: float) -> float:
+        """The push to starboard of wind and water alone, in a share of the current."""
+        force, moves, disturbance = self._force.copy(), self._moves.copy(), self._disturbance.copy()
+        self._moves -= share * np.array(self._current)
+        self._disturbance[:] = 0.0
+        self._evaluate()
+        abeam = self._interpolated(psi_rad)[1]
+        self._force[:], self._moves[:], self._disturbance[:] = force, moves, disturbance
+        return abeam
+
+    def _interpolated(self, psi_rad: float) -> tuple[float, float]:
+        """The force of the last evaluation at a heading, ahead and to starboard."""
         place = (psi_rad % (2.0 * math.pi)) / (2.0 * math.pi) * HEADINGS
         k = int(place) % HEADINGS
         after, share = (k + 1) % HEADINGS, place - int(place)

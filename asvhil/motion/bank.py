@@ -79,6 +79,11 @@ class Bank:
         """The current (m/s) by the first hypothesis."""
         return float(self.x[0, CN]), float(self.x[0, CE])
 
+    @property
+    def current_std_mps(self) -> float:
+        """Its standard deviation, that of north or east, whichever is more."""
+        return math.sqrt(max(float(self.p[0, CN, CN]), float(self.p[0, CE, CE])))
+
     def restart(self, which: Array, like: int) -> None:
         """Start some of them again, as if their fault began now: with the motion and disturbance of another one."""
         self.x[which] = self.x[like]

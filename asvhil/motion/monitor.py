@@ -162,6 +162,11 @@ class MotionMonitor:
         """The current (m/s) that carries the boat, as far as it has shown."""
         return self._bank.current_ned if self._t_ns is not None else (0.0, 0.0)
 
+    @property
+    def current_std_mps(self) -> float:
+        """How well it is known; infinite while it is not followed."""
+        return self._bank.current_std_mps if self._t_ns is not None else math.inf
+
     def step(
         self,
         t_ns: int,

@@ -109,6 +109,11 @@ class MotionWatch:
             self._ended = True
         return self._found if self._ended else None
 
+    @property
+    def current(self) -> tuple[tuple[float, float], float]:
+        """The current (m/s, NED) that carries the boat, as far as it has shown, and its standard deviation (m/s)."""
+        return self._monitor.current_ned, self._monitor.current_std_mps
+
     def _receiver_is_back(self, t_ns: int, ailing: frozenset[type]) -> bool:
         """Whether the boat's place is known again, and has been for no more than a moment."""
         if Position in ailing:
