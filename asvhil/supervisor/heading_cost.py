@@ -6,6 +6,7 @@ boat runs up and down by F / m for as long as a swing takes at the yaw moment N 
 proportion to (F / m) / (N / I) times a power of the swing. The factors are fitted to the physical bound of the WAM-V
 (`asvhil study bound`), the best that any controller could do in a steady wind. The electrical power of that is what the
 thrust takes ahead for half of the time and astern for the other; that of a boat along the weather, the mean thrust's.
+Full thrust is no forecast: a controller that works less, as the BlueBoat's, takes less than half, and is farther off.
 """
 
 from __future__ import annotations
@@ -159,7 +160,7 @@ def _notes_of_course(cost: HeadingCost, course_deg: float, power_w: float | None
     if not cost.can_be_held:
         text = f"the course is across the boat, which cannot follow so at the station's heading; {cure}"
         return (Note(subject=SUBJECT, text=text, ok=False),)
-    takes = "" if power_w is None else f", for some {_watts(power_w)} W"
+    takes = "" if power_w is None else f", for some {_watts(power_w)} W at full thrust"
     text = (
         f"the course is across the boat: at best {cost.distance_m:.1f} m off, {math.degrees(cost.swing_rad):.0f} deg "
         f"to either side, motors ahead and astern by turns{takes}; {cure}"
@@ -174,7 +175,7 @@ def _notes(cost: HeadingCost, power_w: float | None, least_w: float | None) -> t
         text = "this weather drives the boat off at the station's heading; turn it to the weather"
         text += f"{turned}, or end the hold"
         return (Note(subject=SUBJECT, text=text, ok=False),)
-    takes = "" if power_w is None else f", for some {_watts(power_w)} W"
+    takes = "" if power_w is None else f", for some {_watts(power_w)} W at full thrust"
     still = "" if least_w is None else f", for {_watts(least_w)} W at least"
     text = (
         f"the weather is on the side: at best {cost.distance_m:.1f} m off, {math.degrees(cost.swing_rad):.0f} deg to "

@@ -93,7 +93,7 @@ def test_power_is_told_of_the_stations_heading_and_of_the_weathers_better_side()
 
     swings_n = 2.0 * -VESSEL.thrust_curve[0][1]
     text = told(lambda thrust_n: 0.2 * abs(thrust_n) + 1.0)
-    assert f"by turns, for some {0.2 * swings_n + 1.0:.0f} W; turned to it" in text
+    assert f"by turns, for some {0.2 * swings_n + 1.0:.0f} W at full thrust; turned to it" in text
     assert text.endswith(f"the boat would lie still, for {0.2 * 0.02 * mass_kg + 1.0:.0f} W at least")
     assert told(lambda thrust_n: max(thrust_n, 0.0)).endswith("for 0 W at least"), "astern, with the stern to it"
     assert told(lambda thrust_n: 1234.0).endswith("for 1230 W at least")
