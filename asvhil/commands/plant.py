@@ -49,7 +49,7 @@ def plant(
         raise ConfigError("plant: give --ardupilot-json or --px4-hil, not both")
     if endpoint is not None and not (ardupilot_json or px4_hil):
         raise ConfigError("plant: --endpoint goes with --ardupilot-json or --px4-hil; else it is plant.links.autopilot")
-    settings = with_faults(load_config(config, tuple(set_)), fault)
+    settings = with_faults(load_config(config, tuple(set_)), fault, duration)
     hint = twin_hint(config)
     if hint and settings.supervisor.engage != "auto":
         typer.echo(f"asvhil: warning: {config}: simulated by the ports of the real boat{hint}", err=True)

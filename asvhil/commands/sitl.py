@@ -70,7 +70,7 @@ def sitl(
         speed_mps, course_deg = parse_course(drift)
         overrides += [f"supervisor.station.speed_mps={speed_mps}", f"supervisor.station.course_deg={course_deg}"]
     settings = with_learned(load_config(config, tuple(overrides)), config, tuple(overrides), learned)
-    settings = with_faults(settings, fault)
+    settings = with_faults(settings, fault, duration)
     if settings.supervisor.engage != "auto":
         raise ConfigError(f"{config}: {NEEDS_AUTO}{twin_hint(config)}")
     _check_course(settings)

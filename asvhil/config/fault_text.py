@@ -8,17 +8,20 @@ from typing import get_args
 
 from pydantic import ValidationError
 
-from asvhil.config.plant_faults import FaultConfig, FaultKind, needed_device
+from asvhil.config.plant_faults import SIZE_UNITS, FaultConfig, FaultKind, needed_device
 from asvhil.config.root import Config
 from asvhil.errors import ConfigError
 
 KINDS: tuple[str, ...] = get_args(FaultKind)
 FORM = "KIND@FROM[:DURATION][:SIZE], such as gnss-jump@60:5s:20m"
-_PART = re.compile(r"(-?\d+(?:\.\d+)?)(s|m|deg|V)?")
+_PART = re.compile(r"(-?\d+(?:\.\d+)?)(s|m|deg/s|deg|V)?")
 
 
 def parse_fault(text: str) -> FaultConfig:
-    """FROM and DURATION in seconds, SIZE in the kind's unit (m, deg, V, or a bare share). ConfigError for others."""
+    """FROM and DURATION in seconds, SIZE in the kind's unit (m, deg, deg/s, V), which may be left out; a share has none.
+
+    ConfigError for others.
+    """
     kind, sign, rest = text.partition("@")
     if kind not in KINDS:
         near = difflib.get_close_matches(kind, KINDS, n=1)
@@ -31,20 +34,25 @@ def parse_fault(text: str) -> FaultConfig:
     if first_unit not in (None, "s"):
         raise ConfigError(f"--fault {text}: the begin is in seconds")
     lasts = [value for value, unit in others if unit == "s"]
-    sizes = [value for value, unit in others if unit != "s"]
+    sizes = [(value, unit) for value, unit in others if unit != "s"]
     if len(lasts) > 1 or len(sizes) > 1:
         raise ConfigError(f"--fault {text}: {FORM} is expected; a duration ends in s")
     if first < 0.0:
         raise ConfigError(f"--fault {text}: a begin of 0 s or more is expected, not {first:g}")
     if lasts and lasts[0] <= 0.0:
         raise ConfigError(f"--fault {text}: a duration above 0 s is expected, not {lasts[0]:g}")
+    for value, unit in sizes:
+        known_units = SIZE_UNITS.get(kind)
+        if unit and known_units is not None and unit not in known_units:
+            wanted = f"is in {' or '.join(known_units)}" if known_units else "is a share, which has no unit"
+            raise ConfigError(f"--fault {text}: the size of {kind} {wanted}, not {value:g}{unit}")
     try:
         return FaultConfig.model_validate(
             {
                 "kind": kind,
                 "from_s": first,
                 "until_s": first + lasts[0] if lasts else None,
-                "size": sizes[0] if sizes else None,
+                "size": sizes[0][0] if sizes else None,
             }
         )
     except ValidationError as error:
@@ -52,8 +60,12 @@ def parse_fault(text: str) -> FaultConfig:
         raise ConfigError(f"--fault {text}: {reason}") from None
 
 
-def with_faults(config: Config, texts: list[str]) -> Config:
-    """The config with faults of the simulated boat added to its own. ConfigError where the boat cannot have one."""
+def with_faults(config: Config, texts: list[str], ends_s: float | None = None) -> Config:
+    """The config with faults of the simulated boat added to its own.
+
+    ConfigError where the boat cannot have one, and where one begins when the run has ended: at `ends_s` after power-on,
+    None of a run that goes on until it is interrupted.
+    """
     if not texts:
         return config
     added = [parse_fault(text) for text in texts]
@@ -61,5 +73,8 @@ def with_faults(config: Config, texts: list[str]) -> Config:
         problem = config.why_no_fault(fault.kind, needed_device(fault))
         if problem:
             raise ConfigError(f"--fault {text}: {problem}")
+        if ends_s is not None and fault.from_s >= ends_s:
+            what = f"begins at {fault.from_s:g} s, and the run ends at {ends_s:g} s"
+            raise ConfigError(f"--fault {text}: {what}; an earlier begin or a longer --duration is expected")
     faults = (*config.plant.faults, *added)
     return config.model_copy(update={"plant": config.plant.model_copy(update={"faults": faults})})

@@ -19,6 +19,15 @@ DEFAULT_SIZE = {
     "starboard-motor-weak": 0.3,
     "battery": 10.5,
 }
+SIZE_UNITS: dict[str, tuple[str, ...]] = {  # of each kind in DEFAULT_SIZE, as people write it; none: a share
+    "gnss-jump": ("m",),
+    "heading-jump": ("deg",),
+    "heading-drift": ("deg/s", "deg"),
+    "compass-turned": ("deg",),
+    "port-motor-weak": (),
+    "starboard-motor-weak": (),
+    "battery": ("V",),
+}
 MOST_TOLD_V = 65.5  # SYS_STATUS has 16 bits of millivolts, of which the highest means unknown
 OWN_DEVICE: dict[str, Device] = {"ins": "ins", "ins-gnss": "ins", "nmea": "nmea"}  # kinds of one device alone
 OF_ONE_DEVICE = frozenset(

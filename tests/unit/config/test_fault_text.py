@@ -6,6 +6,7 @@ import pytest
 
 from asvhil.config import FaultConfig, load_config
 from asvhil.config.fault_text import parse_fault, with_faults
+from asvhil.config.plant_faults import DEFAULT_SIZE, SIZE_UNITS
 from asvhil.errors import ConfigError
 from asvhil.links.clock import Clock
 from asvhil.preflight.computer import simulation_checks
@@ -22,6 +23,10 @@ from asvhil.study.trials.trial import run_key
         ("gnss-jump@60:20m:5s", FaultConfig(kind="gnss-jump", from_s=60.0, until_s=65.0, size=20.0)),
         ("heading-jump@1.5s:-30deg", FaultConfig(kind="heading-jump", from_s=1.5, size=-30.0)),
         ("port-motor-weak@10:0.5", FaultConfig(kind="port-motor-weak", from_s=10.0, size=0.5)),
+        ("heading-drift@3:2deg/s", FaultConfig(kind="heading-drift", from_s=3.0, size=2.0)),
+        ("heading-drift@3:2deg", FaultConfig(kind="heading-drift", from_s=3.0, size=2.0)),
+        ("battery@3:10.5V", FaultConfig(kind="battery", from_s=3.0, size=10.5)),
+        ("battery@3:10.5", FaultConfig(kind="battery", from_s=3.0, size=10.5)),
         ("motors-swapped@0", FaultConfig(kind="motors-swapped")),
     ],
 )
@@ -46,12 +51,31 @@ def test_what_is_understood(text: str, fault: FaultConfig) -> None:
         ("battery@60:0V", "a voltage above 0 and below 65.5 V"),
         ("battery@60:-1", "a voltage above 0 and below 65.5 V"),
         ("battery@60:70V", "a voltage above 0 and below 65.5 V"),
+        ("gnss-jump@5:20deg", "the size of gnss-jump is in m, not 20deg"),
+        ("heading-jump@3:20m", "the size of heading-jump is in deg, not 20m"),
+        ("compass-turned@3:20deg/s", "the size of compass-turned is in deg, not 20deg/s"),
+        ("heading-drift@3:5s:20V", "the size of heading-drift is in deg/s or deg, not 20V"),
+        ("battery@3:20deg", "the size of battery is in V, not 20deg"),
+        ("port-motor-weak@3:0.5V", "the size of port-motor-weak is a share, which has no unit, not 0.5V"),
     ],
 )
 def test_what_is_not_is_told_in_one_line(text: str, words: str) -> None:
     with pytest.raises(ConfigError, match=f"^--fault {text.replace('[', '.')}: .*{words}") as caught:
         parse_fault(text)
     assert "\n" not in str(caught.value)
+
+
+def test_each_kind_with_a_size_says_its_unit() -> None:
+    assert SIZE_UNITS.keys() == DEFAULT_SIZE.keys()
+
+
+@pytest.mark.parametrize("text", ["gnss-jump@500:5s:20m", "gnss-jump@8"])
+def test_one_that_begins_when_the_run_has_ended_is_refused(text: str) -> None:
+    config = load_config("sitl")
+    with pytest.raises(ConfigError, match=rf"^--fault {text}: begins at \d+ s, and the run ends at 8 s; "):
+        with_faults(config, ["cups@5", text], 8.0)
+    assert len(with_faults(config, ["cups@5", "gnss-jump@7.9"], 8.0).plant.faults) == 2
+    assert with_faults(config, [text]).plant.faults  # until it is interrupted
 
 
 def test_they_are_added_to_those_of_the_config() -> None:
