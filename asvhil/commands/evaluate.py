@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 def evaluate(
     models: Annotated[list[Path], typer.Argument(help="Model files to compare.")],
-    data: Annotated[list[Path], typer.Option("--data", help="MCAP logs or CSV files; repeatable.")],
+    data: Annotated[list[Path], typer.Option("--data", help="MCAP logs, folders of runs, or CSV files; repeatable.")],
     columns: ColumnsOption = None,
     horizon: Annotated[float, typer.Option(min=0.2, help="Seconds of each open-loop rollout.")] = 50.0,
     every: Annotated[float, typer.Option(min=0.2, help="Seconds from one start to the next.")] = 10.0,
@@ -34,8 +34,10 @@ def evaluate(
     from rich.table import Table
 
     from asvhil.logs.plugins import load_plugins
+    from asvhil.logs.segments import first_in
     from asvhil.train.jobs import evaluate_command, left_out_words
 
+    data = [first_in(path) for path in data]
     load_plugins(data if columns is None else (), plugin, allow_recorded=allow_recorded_plugins)
     read = [*(("the model", model) for model in models), *(("the data", file) for file in data)]
     check_figures(json_, *read, *columns_file(columns), ("--picture", picture))

@@ -32,9 +32,12 @@ def learn(
     config: ConfigArgument,
     set_: SetOption = [],  # noqa: B006 - typer copies its defaults
     data: Annotated[
-        list[Path], typer.Option("--data", help="A log that is there already, instead of driving; repeatable.")
+        list[Path],
+        typer.Option("--data", help="A log, or a run's folder, that is there already, instead of driving; repeatable."),
     ] = [],  # noqa: B006
-    test: Annotated[list[Path], typer.Option("--test", help="A log to test on, with --data; repeatable.")] = [],  # noqa: B006
+    test: Annotated[
+        list[Path], typer.Option("--test", help="A log to test on, or a run's folder, with --data; repeatable.")
+    ] = [],  # noqa: B006
     duration: Annotated[
         float | None,
         typer.Option(min=80.0, help="Seconds of manoeuvres in each drive; 600, or with --resume as before."),
@@ -75,6 +78,7 @@ def learn(
     from rich.console import Console
 
     from asvhil.config import find_config, load_config
+    from asvhil.logs.segments import first_in
 
     if kind not in KINDS:
         raise ConfigError(f"learn: --kind {kind}: {' or '.join(KINDS)} is expected")
@@ -87,6 +91,7 @@ def learn(
     if resume and force:
         raise ConfigError("learn: --resume goes on, --force begins anew: give one of them")
     _need_terminal(yes)
+    data, test = [first_in(path) for path in data], [first_in(path) for path in test]
     from asvhil.train.origin import TRUTH, of_simulation
 
     settings = load_config(config, tuple(set_))

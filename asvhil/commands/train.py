@@ -26,7 +26,7 @@ PANEL = "Options of the model's kind"
 
 def train(
     kind: Annotated[str, typer.Argument(help="nnsem, lagnet, sd, node or knode.")],
-    data: Annotated[list[Path], typer.Argument(help="MCAP logs, or CSV files with --columns.")],
+    data: Annotated[list[Path], typer.Argument(help="MCAP logs or folders of runs, or CSV files with --columns.")],
     output: Annotated[Path, typer.Option("-o", "--output", help="The model file (npz) to write.")],
     columns: ColumnsOption = None,
     vehicle: Annotated[str | None, typer.Option(help="The vehicle's name, which CSV files do not hold.")] = None,
@@ -48,8 +48,10 @@ def train(
 
     need_torch(kind)
     from asvhil.logs.plugins import load_plugins
+    from asvhil.logs.segments import first_in
     from asvhil.train.jobs import left_out_words, picture_of
 
+    data = [first_in(path) for path in data]
     made = (("--output", output), ("the picture of --output", picture_of(output)))
     read = [*(("the data", file) for file in data), *columns_file(columns)]
     check_apart(*read, *made, ("--json", json_))

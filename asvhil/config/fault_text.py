@@ -18,7 +18,7 @@ _PART = re.compile(r"(-?\d+(?:\.\d+)?)(s|m|deg/s|deg|V)?")
 
 
 def parse_fault(text: str) -> FaultConfig:
-    """FROM and DURATION in seconds, SIZE in the kind's unit (m, deg, deg/s, V), which may be left out; a share has none.
+    """FROM and DURATION in seconds, SIZE bare or in its kind's unit (m, deg, deg/s, V; a share has none).
 
     ConfigError for others.
     """

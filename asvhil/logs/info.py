@@ -15,7 +15,7 @@ from asvhil.errors import LogError
 from asvhil.logs.clock import clock_of, jump_words, stall_words
 from asvhil.logs.encoding import NOT_VALID, decode_outputs
 from asvhil.logs.holds import PhaseSpans
-from asvhil.logs.reader import LogFile, decode_timing
+from asvhil.logs.reader import LogFile, begin_words, decode_timing, gap_words
 from asvhil.logs.recorder import INPUTS_TOPIC, OUTPUTS_TOPIC, TIMING_TOPIC
 
 
@@ -45,7 +45,8 @@ def log_info(path: Path, on_bytes: Callable[[int], None] = lambda done: None) ->
     clock = clock_of(log.metadata)
     first_ns: int | None = None
     last_ns = 0
-    ticks = dropped = overruns = sequence = 0
+    ticks = dropped = overruns = 0
+    sequence = log.first_tick - 1  # of a later segment, read alone: those before it are no loss
     for offset, piece in log.pieces():
         on_bytes(offset)
         if isinstance(piece, LogError):
@@ -67,6 +68,8 @@ def log_info(path: Path, on_bytes: Callable[[int], None] = lambda done: None) ->
                 clock.tick(item.log_time, item.sequence)
                 ticks += 1
                 dropped += max(0, item.sequence - sequence - 1)
+                if item.sequence <= sequence:
+                    damage.append(gap_words(sequence + 1, item.sequence))
                 sequence = item.sequence
             elif topic == OUTPUTS_TOPIC and first_ns is not None:
                 outputs = decode_outputs(item.data, path)
@@ -85,7 +88,7 @@ def log_info(path: Path, on_bytes: Callable[[int], None] = lambda done: None) ->
         "duration_s": 0.0 if first_ns is None else clock.t_s(last_ns),
         "time_jumps": [{"tick": jump.tick, "at_s": jump.at_s, "by_s": jump.by_s} for jump in clock.jumps],
         "stalls": [{"tick": stall.tick, "at_s": stall.at_s, "for_s": stall.for_s} for stall in clock.stalls],
-        "warnings": [*jump_words(clock.jumps), *stall_words(clock.stalls)],
+        "warnings": [*begin_words(log.first_tick), *jump_words(clock.jumps), *stall_words(clock.stalls)],
         "mode": run.get("mode"),
         "vehicle": run.get("vehicle"),
         "seed": run.get("seed") if run.get("mode") != "live" else None,
@@ -93,6 +96,7 @@ def log_info(path: Path, on_bytes: Callable[[int], None] = lambda done: None) ->
         "model": log.metadata.get("model", {}).get("file"),
         "config_hash": stored.get("hash"),
         "versions": log.metadata.get("versions", {}),
+        "first_tick": log.first_tick,
         "ticks": ticks,
         "ticks_dropped": dropped,
         "overruns": overruns,

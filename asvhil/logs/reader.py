@@ -121,6 +121,9 @@ class LogFile:
                 return str(error) + self._left_out(last)
             if file.segment.get("run") != last.segment.get("run"):
                 return f"{path}: is a log of another run" if last.goes_on_in else None
+            if file.segment.get("number") != str(len(self._files)):
+                found = f"{path}: segments out of order: it begins with tick {file.segment.get('first_tick')}"
+                return found + self._left_out(last)
             self._files.append(file)
 
     def _left_out(self, last: OneFile) -> str:
@@ -154,7 +157,7 @@ class LogFile:
                     yield inputs, None
                 tick += 1
                 if message.sequence != tick:
-                    gap = self._error(_gap_words(tick, message.sequence), chunk_at)
+                    gap = self._error(gap_words(tick, message.sequence), chunk_at)
                     if up_to_gap and tick > self.first_tick:
                         self.truncated, self.damage = True, str(gap)
                         return
@@ -249,7 +252,12 @@ class LogFile:
         return self._files[-1].error(what, chunk_at)
 
 
-def _gap_words(expected: int, found: int) -> str:
+def begin_words(first_tick: int) -> list[str]:
+    """The line on a log that is a later segment of a run, read alone; none of one that begins with the run."""
+    return [] if first_tick == 1 else [f"begins with tick {first_tick}: a later segment of a run, read alone"]
+
+
+def gap_words(expected: int, found: int) -> str:
     """What is wrong where a tick has another number than the one that is expected."""
     if found < expected:
         return f"tick {found} comes after tick {expected - 1}: another log, or a part of this one again, follows"

@@ -111,6 +111,7 @@ class RunLog:
     stalls: tuple[Stall, ...] = ()  # of the program: time in which the boat drifted
     damage: str | None = None  # what is wrong with the log, where it is not whole: the data end there
     damaged_records: tuple[str, ...] = ()  # of the log; the figures do not depend on them
+    first_tick: int = 1  # another of a later segment, read alone: sums and counts are then of that segment
 
 
 def read_run(path: Path, plan_every_s: float = 10.0, on_tick: Callable[[int], None] = lambda ticks: None) -> RunLog:
@@ -120,12 +121,17 @@ def read_run(path: Path, plan_every_s: float = 10.0, on_tick: Callable[[int], No
     log = LogFile(path)
     config = config_of(log, path, known_only=True)
     reader = RunReader(config, _decoder(log, path, config), plan_every_s)
+    before: tuple[tuple[str, int], ...] | None = None  # what was counted up to the first tick
     for inputs, recorded in log.ticks(reader.timing.append, up_to_gap=True):
-        reader.tick(inputs, None if recorded is None else decode_outputs(recorded, path))
+        outputs = None if recorded is None else decode_outputs(recorded, path)
+        if before is None and outputs is not None:
+            before = outputs.health.counters
+        reader.tick(inputs, outputs)
         on_tick(reader.ticks)
     if not reader.ticks:
         raise LogError(f"{path}: holds no tick with outputs")
-    return changed(reader.run(log.metadata), damage=log.damage, damaged_records=tuple(log.damaged.values()))
+    run = changed(reader.run(log.metadata), damage=log.damage, damaged_records=tuple(log.damaged.values()))
+    return run if log.first_tick == 1 else _alone(run, log.first_tick, dict(before or ()))
 
 
 class RunReader:
@@ -430,6 +436,27 @@ def _track(samples: list[tuple[Sample, Held]], jumps_s: tuple[float, ...]) -> Mo
         hold=rows[:, 14].astype(int),
         jumps_s=jumps_s,
     )
+
+
+def _alone(run: RunLog, first_tick: int, before: dict[str, int]) -> RunLog:
+    """A later segment without what the segments before it have counted and summed up; counters only grow."""
+    counters = {name: count - before.get(name, 0) for name, count in run.counters.items()}
+    return changed(
+        run,
+        first_tick=first_tick,
+        energy=_energy_since(run.energy),
+        counters=counters,
+        dropped=dropped_of(tuple(counters.items())),
+    )
+
+
+def _energy_since(energy: Array) -> Array:
+    """The rows of `RunLog.energy` without what the first of their holds had used before the first of them."""
+    if not len(energy) or math.isnan(energy[0, 1]):  # not known before: the sum begins in these rows
+        return energy
+    since = energy.copy()
+    since[energy[:, 3] == energy[0, 3], 1] -= energy[0, 1]
+    return since
 
 
 def _shares(counts: Counter[str]) -> dict[str, float]:

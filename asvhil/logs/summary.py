@@ -20,6 +20,7 @@ from asvhil.logs.metrics import (
     settled_from_s,
     wind_figures,
 )
+from asvhil.logs.reader import begin_words
 from asvhil.logs.run import RunLog
 from asvhil.types import Phase
 
@@ -45,7 +46,12 @@ def summarise(run: RunLog, wall_s: float | None = None) -> dict[str, Any]:
         "time_jumps": [{"tick": jump.tick, "at_s": jump.at_s, "by_s": jump.by_s} for jump in run.jumps],
         "stalls": [{"tick": stall.tick, "at_s": stall.at_s, "for_s": stall.for_s} for stall in run.stalls],
         "damaged_records": list(run.damaged_records),
-        "warnings": [*run.damaged_records, *jump_words(run.jumps), *stall_words(run.stalls)],
+        "warnings": [
+            *run.damaged_records,
+            *begin_words(run.first_tick),
+            *jump_words(run.jumps),
+            *stall_words(run.stalls),
+        ],
         "simulated": simulated,
         "started": started(run),
         "seed": run.config.plant.seed if simulated else None,

@@ -11,12 +11,16 @@ from pathlib import Path
 import pytest
 from mcap.reader import make_reader
 
+from asvhil.config import load_config
 from asvhil.errors import LogError
 from asvhil.logs.info import log_info
 from asvhil.logs.reader import LogFile
 from asvhil.logs.recorder import Recorder
 from asvhil.logs.recover import recover
+from asvhil.logs.run import read_run
 from asvhil.logs.segments import first_in, segment_path
+from asvhil.logs.summary import summarise
+from asvhil.sitl import run_lockstep
 from asvhil.types import Inputs
 from bench.power_cuts import SHIM, synced_sizes
 from tests.support.log_damage import chunk_spans
@@ -88,6 +92,46 @@ def test_each_segment_opens_by_itself(tmp_path: Path) -> None:
     assert later.first_tick > 1 and later.segments == 1
     assert next(inputs for inputs, _ in later.ticks()) == sample_of(later.first_tick - 1)
     assert log_info(segment_path(path, 2))["whole"]
+
+
+def test_a_later_segment_alone_has_its_own_figures_and_says_where_it_begins(tmp_path: Path) -> None:
+    log = tmp_path / "log.mcap"
+    run_lockstep(load_config("sitl", ("recorder.segment_s=10",)), log, 25.0)
+    (alone := tmp_path / "alone").mkdir()
+    parts = [summarise(read_run(path.rename(alone / f"{number}.mcap"))) for number, path in enumerate(files_of(log))]
+    for number in range(3):
+        (alone / f"{number}.mcap").rename(segment_path(log, number))
+    whole = summarise(read_run(log))
+    assert len(parts) == 3 and whole["energy_wh"] > 1.0
+    assert sum(part["energy_wh"] for part in parts) == pytest.approx(whole["energy_wh"], rel=0.02)
+    growing = [name for name, count in whole["counters"].items() if count > 100]
+    assert growing
+    for name in growing:  # what came in the first tick of a segment is in neither
+        apart = whole["counters"][name] - sum(part["counters"][name] for part in parts)
+        assert 0 <= apart <= 0.02 * whole["counters"][name], name
+    words = "begins with tick 201: a later segment of a run, read alone"
+    assert words in parts[1]["warnings"] and not whole["warnings"] and not parts[0]["warnings"]
+    told = log_info(segment_path(log, 1))
+    assert told["whole"] and told["ticks_dropped"] == 0 and told["first_tick"] == 201 and words in told["warnings"]
+    assert log_info(log)["first_tick"] == 1
+
+
+@pytest.mark.parametrize("swapped", [(1, 2), (2, 3)])
+def test_segments_out_of_order_are_told_and_end_the_log(tmp_path: Path, swapped: tuple[int, int]) -> None:
+    path = record(tmp_path / "log.mcap")
+    earlier, later = (segment_path(path, number) for number in swapped)
+    earlier.rename(tmp_path / "aside")
+    later.rename(earlier)
+    (tmp_path / "aside").rename(later)
+    begins = ticks_of(earlier)[0]
+    before = [tick for number in range(swapped[0]) for tick in ticks_of(segment_path(path, number))]
+    told = log_info(path)
+    words = f"{earlier}: segments out of order: it begins with tick {begins}; left out behind it: {later.name}"
+    assert not told["whole"] and told["damage"][0].startswith(words)
+    assert (told["ticks"], told["ticks_dropped"], told["warnings"]) == (len(before), 0, [])
+    log = LogFile(path)
+    assert len(list(log.ticks())) == len(before) and str(log.damage).startswith(words)
+    assert recover(path, tmp_path / "new.mcap").lost[0].startswith(words)
 
 
 def test_time_ends_a_segment_too(tmp_path: Path) -> None:

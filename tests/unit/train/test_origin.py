@@ -95,6 +95,21 @@ def test_training_and_scores_count_a_split_drive_once_and_say_so(split: Path) ->
     assert said.status != 0 and "drive-001.mcap is of the same run as drive.mcap" in said.err
 
 
+def test_the_folder_of_a_run_is_its_log(split: Path, tmp_path: Path) -> None:
+    pytest.importorskip("torch")
+    (tmp_path / "boat.yaml").write_text("base: sitl\n")
+    said = call("train", "sd", str(split), "-o", "sd.npz", "--json", "t.json", cwd=tmp_path)
+    assert said.status == 0, said
+    assert json.loads((tmp_path / "t.json").read_text())["data"] == [str(split / "drive.mcap")]
+    said = call("evaluate", "sd.npz", "--data", str(split), "--horizon", "10", cwd=tmp_path)
+    assert said.status == 0 and "mean absolute error over 10 s" in said.out, said
+    both = ("--data", str(split), "--test", str(split))
+    said = call("learn", "boat.yaml", "--yes", *both, "-o", "new", cwd=tmp_path)
+    assert "drive.mcap and" in said.err and "are the same record" in said.err, said
+    said = call("train", "sd", str(tmp_path), "-o", "sd.npz", "--force", cwd=tmp_path)
+    assert said.err.strip().endswith("a folder with no log (.mcap)")
+
+
 def test_logs_without_wind_beside_others_and_a_silent_wind_sensor_are_told(split: Path, tmp_path: Path) -> None:
     silent, without = tmp_path / "silent.mcap", tmp_path / "without.mcap"
     never_sent = "sources.wind=[{link: autopilot, message: WIND}]"
