@@ -36,6 +36,19 @@ def identity(path: Path) -> object:
     return there.st_dev, there.st_ino
 
 
+def shown(text: str) -> str:
+    r"""A text for people with what UTF-8 cannot hold escaped: a byte of a file's name that is none is `\xf6` in it.
+
+    Names may hold any bytes, and Python has those that it cannot decode as surrogates. Where it took all names for
+    ASCII, as the locale POSIX says, those that are UTF-8 are read as such.
+    """
+    try:
+        raw = text.encode("utf-8", "surrogateescape")
+    except UnicodeEncodeError:  # a surrogate that stands for no byte
+        raw = text.encode("utf-8", "backslashreplace")
+    return raw.decode("utf-8", "backslashreplace")
+
+
 @contextmanager
 def whole_file(target: Path) -> Iterator[Path]:
     """A file beside the target to write to, which takes its name at the end, and is on the disk then.

@@ -15,7 +15,7 @@ from typing import Any
 
 from asvhil.config import Config
 from asvhil.config.ports import ANEMOMETER, GNSS, INS
-from asvhil.errors import AsvhilError
+from asvhil.errors import AsvhilError, ConfigError
 from asvhil.io.sensors.firmware import FIRMWARE
 from asvhil.logs.opening import open_recorder
 from asvhil.simplant.boat.arduino import SimulatedArduino
@@ -121,7 +121,13 @@ def _end(process: subprocess.Popen[Any]) -> None:
 
 
 def _with_own_ports(config: Config, folder: Path) -> Config:
-    """The config with free ports and a pty of its own, so that several runs do not interfere."""
+    """The config with free ports and a pty of its own, so that several runs do not interfere.
+
+    ConfigError where no link spec can have the folder's path.
+    """
+    if not str(folder.resolve()).isprintable():
+        what = "its serial lines need a folder whose path is plain text in UTF-8"
+        raise ConfigError(f"{folder.resolve()}: {what}; set recorder.directory, or run with --lockstep")
     tree = with_lines_read(config).model_dump(mode="json")
     autopilot = _free_udp_port()
     tree["links"]["autopilot"]["endpoint"] = f"udpin:127.0.0.1:{autopilot}"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import os
 import signal
 import sys
 from collections.abc import Callable
@@ -120,4 +121,15 @@ def _run() -> tuple[str, int]:
     except BaseException as error:
         if is_interrupt(error):
             return "", 130
+        if isinstance(error, FileNotFoundError) and _folder_is_gone():
+            return "the folder that it was started in is not there any more; go to another", 2
         raise
+
+
+def _folder_is_gone() -> bool:
+    """Whether the working directory was deleted: then whatever asks for its path fails, and nobody expects that."""
+    try:
+        os.getcwd()
+    except FileNotFoundError:
+        return True
+    return False

@@ -9,6 +9,8 @@ import os
 import select
 import sys
 
+from asvhil.files import shown
+
 RETRY_S = 1.0
 
 
@@ -44,7 +46,7 @@ class StandardStream(io.TextIOBase):
 
     def write(self, text: str) -> int:
         """Write the whole text; waits for a slow reader."""
-        left = memoryview(text.encode(self._encoding, "replace"))
+        left = memoryview(shown(text).encode(self._encoding, "replace"))
         while left and not self.failure:
             try:
                 left = left[os.write(self._fd, left) :]

@@ -11,7 +11,7 @@ from asvhil.commands.options import JsonOption
 from asvhil.commands.outputs import check_apart, check_json, check_picture, check_writable, write_json, writing
 from asvhil.commands.views import print_summary, progress, report_run, say, stage_bar, ticks_to, title_of
 from asvhil.errors import ConfigError
-from asvhil.files import replacement, write_text
+from asvhil.files import replacement, shown, write_text
 
 
 def report(
@@ -70,7 +70,7 @@ def _report_page(logs: list[Path], html: Path | None, json_: Path | None, pictur
                 *reported, on_figure=lambda name: bar.update(task, description=f"report: drawing {name}")
             )
         with writing(html, "--html "):
-            write_text(html, page.html)
+            write_text(html, shown(page.html))
         for name, png in page.pictures:
             with writing(file := html.with_name(f"{html.stem}-{name}.png")), replacement(file) as part:
                 part.write_bytes(png)

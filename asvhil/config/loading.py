@@ -269,7 +269,7 @@ def _place_model(tree: dict[str, Any], folder: Path) -> None:
 
 def _load_plugins(tree: dict[str, Any], source: str, lines: Lines) -> None:
     """Load the plug-ins of a config, and note the SHA-256 of each in it."""
-    _place_plugins(tree, Path.cwd())  # those of an override
+    _place_plugins(tree, Path())  # those of an override; not by its name: the working directory may be gone
     if not tree.get("plugins"):
         return
     try:

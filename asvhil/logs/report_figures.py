@@ -15,6 +15,7 @@ from matplotlib.projections.polar import PolarAxes
 from asvhil.controller.pwm import command_of_pulse
 from asvhil.dynamics.arrays import Array
 from asvhil.dynamics.rigid_body import ThrustCurve
+from asvhil.logs.figure import show_names
 from asvhil.logs.picture import (
     PHASE_COLOURS,
     best_track,
@@ -97,6 +98,7 @@ def _made(name: str, caption: str, draw: Callable[[RunLog], Figure], run: RunLog
 
 def _png(figure: Figure) -> bytes:
     data = io.BytesIO()
+    show_names(figure)
     figure.savefig(data, format="png", dpi=DPI)
     return data.getvalue()
 

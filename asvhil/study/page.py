@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from asvhil.errors import AsvhilError
-from asvhil.files import replacement
+from asvhil.files import replacement, shown
 
 MARKER = "<!-- figures: everything below is written by the command -->"
 
@@ -26,6 +26,6 @@ def write_page(page: Path, text: str, mark: str = "") -> None:
 
     The bytes above the marker are kept.
     """
-    content = head_of(page) + f"{MARKER}\n\n{mark}{text}".encode()
+    content = head_of(page) + shown(f"{MARKER}\n\n{mark}{text}").encode()
     with replacement(page) as part:
         part.write_bytes(content)

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from asvhil.errors import AsvhilError
-from asvhil.files import replacement
+from asvhil.files import replacement, shown
 from asvhil.study.campaigns.columns import ERROR, FIGURES
 from asvhil.study.campaigns.design import PlannedRun
 from asvhil.study.campaigns.spec import CampaignSpec
@@ -55,16 +55,16 @@ def write_parquet(spec: CampaignSpec, rows: Sequence[Row], path: Path) -> None:
     columns = [
         pa.array([_cell(row[field.name], field.type == pa.string()) for row in rows], field.type) for field in fields
     ]
-    table = pa.Table.from_arrays(columns, schema=pa.schema(fields, {"campaign": spec.canonical_json()}))
+    table = pa.Table.from_arrays(columns, schema=pa.schema(fields, {"campaign": shown(spec.canonical_json())}))
     try:
-        with replacement(path) as part:
-            pq.write_table(table, part, compression="zstd")
+        with replacement(path) as part, part.open("wb") as file:  # opened here: not every name may go through pyarrow
+            pq.write_table(table, file, compression="zstd")
     except OSError as error:
         raise AsvhilError(f"{path}: cannot be written ({os.strerror(error.errno or 0)}); {RESUMES}") from None
 
 
 def _cell(value: Any, as_text: bool) -> Any:
-    return str(value) if as_text and value is not None else value
+    return shown(str(value)) if as_text and value is not None else value
 
 
 def check_parts() -> None:
