@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from asvhil.commands.options import ConfigArgument, SetOption
+from asvhil.commands.options import ConfigArgument, SetOption, json_option
 from asvhil.commands.outputs import check_figures, check_json, config_and_bases, write_json, writing
 from asvhil.commands.views import say
 from asvhil.errors import ConfigError
@@ -32,9 +32,7 @@ def show(
     key: KeyArgument = "",
     set_: SetOption = [],  # noqa: B006 - typer copies its defaults
     set_only: Annotated[bool, typer.Option("--set-only", help="Only what is set, not the defaults.")] = False,
-    json_: Annotated[
-        Path | None, typer.Option("--json", metavar="FILE", help="Write the whole config as JSON.")
-    ] = None,
+    json_: Annotated[Path | None, json_option("the whole config")] = None,
 ) -> None:
     """Show a config with its bases, overrides and defaults: each key, and where it is set."""
     from rich.console import Console
@@ -59,7 +57,7 @@ def show(
 def check(
     config: ConfigArgument,
     set_: SetOption = [],  # noqa: B006 - typer copies its defaults
-    json_: Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Write what was found as JSON.")] = None,
+    json_: Annotated[Path | None, json_option("what was found")] = None,
 ) -> None:
     """Check a config without a boat: its keys, and whose hull and model are in use; exit 1 where it cannot be run."""
     from rich.console import Console

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
+from asvhil.commands.outputs import STDOUT, words_to_stderr
 from asvhil.commands.typer_parts import config_names
 
 ConfigArgument = Annotated[
@@ -31,7 +32,23 @@ FaultOption = Annotated[
         help="Something that fails, e.g. gnss-jump@60:5s:20m; repeatable.",
     ),
 ]
-JsonOption = Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Write the figures as JSON.")]
+
+
+def json_option(what: str) -> Any:
+    """The option --json of a command; `what` it writes."""
+    return typer.Option(
+        "--json", metavar="FILE", callback=_alone_on_stdout, help=f"Write {what} as JSON; -: to standard output."
+    )
+
+
+def _alone_on_stdout(context: typer.Context, file: Path | None) -> Path | None:
+    """With `--json -` all that the command says goes to standard error."""
+    if file == STDOUT and not context.resilient_parsing:
+        context.with_resource(words_to_stderr())
+    return file
+
+
+JsonOption = Annotated[Path | None, json_option("the figures")]
 ColumnsOption = Annotated[
     str | None, typer.Option(help="Column map of CSV files: a path, or the name of a shipped one.")
 ]

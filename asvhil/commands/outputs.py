@@ -7,11 +7,12 @@ import json
 import math
 import os
 import stat
+import sys
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stdout
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 from asvhil.errors import AsvhilError, ConfigError
 from asvhil.files import identity, is_file, is_there, write_text
@@ -26,12 +27,35 @@ JSON_BEGINS = (
 NOT_JSON = "is there already, and is not JSON; give another name, or delete it"
 
 
+STDOUT = Path("-")  # in the place of the file of --json
+_streams: list[TextIO] = []  # where standard output went before words were sent elsewhere
+
+
+@contextmanager
+def words_to_stderr() -> Iterator[None]:
+    """What a command says goes to standard error within it, so that standard output has the figures alone."""
+    _streams.append(sys.stdout)
+    try:
+        with redirect_stdout(sys.stderr):
+            yield
+    finally:
+        _streams.pop()
+
+
 def write_json(path: Path | None, figures: dict[str, Any]) -> None:
-    """Write the file of --json, if there is one; a number that is not finite is null there. AsvhilError."""
-    if path is not None:
-        check_json(path)  # again: the run may have written a log of that name meanwhile
-        with writing(path, "--json "):
-            write_text(path, json.dumps(_finite(figures), indent=2, allow_nan=False) + "\n")
+    """Write the file of --json, if there is one; a number that is not finite is null there. AsvhilError.
+
+    `STDOUT` is standard output.
+    """
+    if path is None:
+        return
+    text = json.dumps(_finite(figures), indent=2, allow_nan=False) + "\n"
+    if path == STDOUT:
+        (_streams[-1] if _streams else sys.stdout).write(text)
+        return
+    check_json(path)  # again: the run may have written a log of that name meanwhile
+    with writing(path, "--json "):
+        write_text(path, text)
 
 
 def _finite(value: Any) -> Any:
@@ -86,6 +110,8 @@ def check_json(file: Path | None, option: str = "--json ") -> None:
 
     So what a command reads, keeps, or has just written, is not lost by a slip.
     """
+    if file == STDOUT and option == "--json ":
+        return
     check_writable(file, option)
     if file is None or not is_file(file):
         return
@@ -136,7 +162,7 @@ def check_apart(*files: tuple[str, Path | None]) -> None:
     seen: dict[object, str] = {}
     for option, file in files:
         # A pipe, or a terminal, takes as many as come.
-        if file is None or (is_there(file) and not is_file(file)):
+        if file is None or (file == STDOUT and option == "--json") or (is_there(file) and not is_file(file)):
             continue
         other = seen.setdefault(identity(file), option)  # by what it is, not by its name: it may have two
         if other != option:

@@ -15,7 +15,8 @@ INTRODUCTION = """\
 
 Every command with its arguments and options. This page is made from the program:
 `python -m asvhil.commands.reference > docs/cli.md`. `-h` after a command shows the same on the terminal, and
-[operation.md](operation.md#exit-statuses) has the exit statuses.
+[operation.md](operation.md#exit-statuses) has the exit statuses. With `--json -` standard output has the
+figures alone, and what else a command says goes to standard error.
 
 Where CONFIG is asked for, the path of a YAML file is meant, or the name of a shipped one
 ([configuration.md](configuration.md)).
