@@ -30,7 +30,7 @@ from asvhil.commands.report import report
 from asvhil.commands.run import run
 from asvhil.commands.sitl import sitl
 from asvhil.commands.status import status
-from asvhil.commands.termination import interrupted_by
+from asvhil.commands.termination import interrupted_by, left_to_tell
 from asvhil.commands.train import train
 from asvhil.commands.tune import tune
 from asvhil.commands.typer_parts import HELP, ClickException, one_line, show_flags_plainly
@@ -41,6 +41,8 @@ RUN_A_BACKSEAT = {"run", "sitl", "replay", "study", "learn", "collect", "campaig
 ENDS_LIKE_CTRL_C = RUN_A_BACKSEAT - {"run"} | {"train", "evaluate"}
 # asyncio takes Ctrl-C itself where nobody has before, and ends what waits in order.
 WAITS_IN_ASYNCIO = {"check", "script", "dashboard"}
+
+INTERRUPTED = 130
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -87,12 +89,17 @@ def _main(
 
 
 def main() -> None:
-    """Entry point: an asvhil error is one line and status 2; an interrupt is status 130.
+    """Entry point: an asvhil error is one line and status 2; an interrupt is a line and status 130.
 
     Output that could not be written is an error too, but not where the reader of a pipe has left: it had enough.
     """
     output, _ = guard_standard_streams()
-    error, status = _run()
+    try:
+        error, status = _run()
+    except KeyboardInterrupt:  # another one, while the first was seen to
+        error, status = left_to_tell(), INTERRUPTED
+    if status == INTERRUPTED and sys.stdout is output:  # this process is ours, and about to end: with this status
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
     if output.failure and not output.reader_left:
         error, status = error or f"standard output: {output.failure}", status or 2
     if error:
@@ -109,18 +116,19 @@ def _command() -> Callable[..., Any]:
 def _run() -> tuple[str, int]:
     """What to say of an error, if there is anything, and the status."""
     try:
-        return "", _command()(standalone_mode=False, prog_name="asvhil") or 0
+        status = _command()(standalone_mode=False, prog_name="asvhil") or 0
+        return left_to_tell() if status == INTERRUPTED else "", status  # typer makes that status of most interrupts
     except AsvhilError as error:
         return str(error), 2
     except ClickException as error:  # a wrong word on the command line
         return one_line(error), 2
     except typer.Abort:  # a question that was not answered
-        return "interrupted at a question: nothing was done", 130
+        return "interrupted at a question: nothing was done", INTERRUPTED
     except SystemExit as ended:
         return "", ended.code if isinstance(ended.code, int) else 1 if ended.code else 0
     except BaseException as error:
         if is_interrupt(error):
-            return "", 130
+            return left_to_tell(), INTERRUPTED
         if isinstance(error, FileNotFoundError) and _folder_is_gone():
             return "the folder that it was started in is not there any more; go to another", 2
         raise

@@ -8,9 +8,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import typer
-
 from asvhil.commands.outputs import check_figures, check_json, check_writable, write_json, writing
+from asvhil.commands.termination import tell_interrupted
 from asvhil.commands.views import progress, say
 from asvhil.errors import AsvhilError, is_interrupt
 from asvhil.files import write_text
@@ -57,7 +56,7 @@ def watching(console: Any, title: str, *, resumes: bool = True) -> Iterator[Tell
             yield tell
         except BaseException as error:
             if resumes and is_interrupt(error):
-                typer.echo(f"asvhil: {title}: interrupted; the same command goes on where it was", err=True)
+                tell_interrupted(f"{title}: interrupted; the same command goes on where it was")
             raise
 
 

@@ -60,6 +60,22 @@ def interrupted_by(*numbers: signal.Signals) -> Iterator[None]:
             raise KeyboardInterrupt
 
 
+_told: list[str] = []  # what has been said of the interrupt that ends the command
+
+
+def tell_interrupted(words: str) -> None:
+    """Say on standard error what an interrupt leaves, and how to go on; the command line then adds nothing."""
+    _told.append(words)
+    typer.echo(f"asvhil: {words}", err=True)
+
+
+def left_to_tell() -> str:
+    """What the command line is to say of an interrupt: nothing where the command has said it. The next one is new."""
+    told = bool(_told)
+    _told.clear()
+    return "" if told else "interrupted"
+
+
 @contextmanager
 def logs_told(logs: Sequence[Path], go_on: str = "") -> Iterator[None]:
     """What is recorded within it is kept where it is interrupted; a line then tells where. The list may grow.
@@ -71,7 +87,7 @@ def logs_told(logs: Sequence[Path], go_on: str = "") -> Iterator[None]:
     except BaseException as error:
         there = [str(log) for log in logs if is_there(log)]
         if there and is_interrupt(error):
-            typer.echo(f"asvhil: interrupted; log {', '.join(there)} (read it with `asvhil report`){go_on}", err=True)
+            tell_interrupted(f"interrupted; log {', '.join(there)} (read it with `asvhil report`){go_on}")
         raise
 
 

@@ -13,6 +13,7 @@ import typer
 from asvhil.commands.options import ColumnsOption, JsonOption, PluginOption, RecordedPluginsOption
 from asvhil.commands.outputs import check_apart, check_json, check_writable, columns_file, write_json
 from asvhil.commands.signatures import option, parameters_of, with_parameters
+from asvhil.commands.termination import tell_interrupted
 from asvhil.commands.views import progress, say
 from asvhil.errors import AsvhilError, ConfigError
 from asvhil.files import is_folder, is_there
@@ -122,9 +123,7 @@ def train_with_bar(console: Any, kind: str, data: list[Path], output: Path, **se
         return figures
     except KeyboardInterrupt:
         if is_there(checkpoint_of(output)):
-            typer.echo(
-                f"asvhil: interrupted; the same command with --resume goes on from {checkpoint_of(output)}", err=True
-            )
+            tell_interrupted(f"interrupted; the same command with --resume goes on from {checkpoint_of(output)}")
         raise
 
 

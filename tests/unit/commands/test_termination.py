@@ -177,3 +177,19 @@ def test_a_run_that_is_ended_says_where_its_log_is(
     assert run.returncode == 130
     assert told == f"asvhil: interrupted; log {name} (read it with `asvhil report`){go_on}\n"
     LogFile(log)  # is whole
+
+
+AGAIN = """
+import atexit, os, signal, sys, threading
+from asvhil.commands.cli import main
+atexit.register(os.kill, os.getpid(), signal.SIGINT)
+threading.Timer(1.5, os.kill, (os.getpid(), signal.SIGINT)).start()
+sys.argv = ["asvhil", "status", "--watch"]
+main()
+"""
+
+
+@pytest.mark.real_time
+def test_each_interrupt_is_a_line_and_a_second_one_at_the_end_changes_nothing(tmp_path: Path) -> None:
+    ended = subprocess.run([sys.executable, "-c", AGAIN], capture_output=True, text=True, cwd=tmp_path, timeout=60.0)
+    assert (ended.returncode, ended.stderr) == (130, "asvhil: interrupted\n")
