@@ -2,19 +2,31 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Literal, NamedTuple
 
 from pydantic import Field, model_validator
 
 from asvhil.config.base import Fraction, NonNegative, Positive, Section
 
 EFFORT_PARAMETER = "MPC_EFFORT"
-# Least slew weight of the near set per m/s^2 of side load, by effort: chosen from the front in docs/results/effort.md.
-EFFORTS: dict[str, float] = {"precise": 0.0, "normal": 150.0, "gentle": 1000.0}
-EFFORT_SLEW_MAX = 40.0  # beyond, the boat swings farther and its motors work hardly less
+
+
+class Effort(NamedTuple):
+    """What an effort asks of the MPC; chosen from the front in docs/results/effort.md."""
+
+    slew_per_load: float = 0.0  # least slew weight of the near set per m/s^2 of side load
+    slew_most: float = 40.0  # beyond, the boat swings farther and its motors work hardly less
+    growth: float = 1.0  # of the stages: a longer look ahead has less of the same swing at full thrust
+
+
+EFFORTS: dict[str, Effort] = {"precise": Effort(), "normal": Effort(150.0), "gentle": Effort(1000.0)}
 # The same of a model whose input is thrust, of which a change is less than that of the command that gives it.
-EFFORTS_OF_THRUST: dict[str, float] = {**EFFORTS, "gentle": 5000.0}
-EFFORT_SLEW_MAX_OF_THRUST = 80.0
+EFFORTS_OF_THRUST: dict[str, Effort] = {
+    "precise": Effort(),
+    "normal": Effort(150.0, 80.0),
+    "gentle": Effort(6500.0, 112.0, 1.7),
+}
+NORMAL, GENTLE, GENTLE_OF_THRUST = EFFORTS["normal"], EFFORTS["gentle"], EFFORTS_OF_THRUST["gentle"]
 
 
 class SoftLimits(Section):
@@ -111,9 +123,10 @@ class MpcConfig(Section):
         description=(
             "How much the motors may work near the station against a load across its heading: the least slew weight "
             "of `near`, in proportion to the side load. `precise` keeps the configured one; with `normal` and `gentle` "
-            f"it is at least {EFFORTS['normal']:g} and {EFFORTS['gentle']:g} per m/s^2, {EFFORT_SLEW_MAX:g} at most "
-            f"(models whose input is thrust: `gentle` {EFFORTS_OF_THRUST['gentle']:g}, {EFFORT_SLEW_MAX_OF_THRUST:g} "
-            "at most): fewer reversals, less time at full thrust, a wider swing."
+            f"it is at least {NORMAL.slew_per_load:g} and {GENTLE.slew_per_load:g} per m/s^2, {GENTLE.slew_most:g} at "
+            f"most (models whose input is thrust: `gentle` {GENTLE_OF_THRUST.slew_per_load:g}, "
+            f"{GENTLE_OF_THRUST.slew_most:g} at most, and to look further ahead stages that grow "
+            f"{GENTLE_OF_THRUST.growth:g} times as fast): fewer reversals, less time at full thrust, a wider swing."
         ),
     )
     # Near too, but with no load across the heading to carry.

@@ -9,7 +9,7 @@ from collections.abc import Callable
 import numpy as np
 
 from asvhil.config import Config, ControllerConfig, MpcConfig, MpcWeights
-from asvhil.config.controller import EFFORT_SLEW_MAX, EFFORT_SLEW_MAX_OF_THRUST, EFFORTS, EFFORTS_OF_THRUST
+from asvhil.config.controller import EFFORTS, EFFORTS_OF_THRUST
 from asvhil.controller.plan_shift import shift_matrix
 from asvhil.controller.solvers.choice import choose_solver
 from asvhil.controller.solvers.motor_limits import UNLIMITED, MotorLimits
@@ -51,15 +51,23 @@ class StationMpc:
     ) -> None:
         self._model, self.config, self._period_s = model, config, period_s
         self._delay_s = config.delay_s + (0.0 if has_lag(model) else config.unmodelled_lag_s)
-        self._problem = StationProblem(model, config, limits)
-        self._solver = make_solver(self._problem)
-        self._times_s: list[float] = self._problem.times_s.tolist()
-        self._shift = shift_matrix(self._problem.times_s, period_s)
+        self._make_solver, self._limits = make_solver, limits
         of_thrust = model.input_of_command((0.5, 0.5)) != (0.5, 0.5)  # a model of the command has the dead band in it
         self._least_thrust, self._thrust_slew = (config.least_thrust, config.thrust_slew) if of_thrust else (0.0, 0.0)
-        of_command = EFFORTS, EFFORT_SLEW_MAX
-        self._efforts = (EFFORTS_OF_THRUST, EFFORT_SLEW_MAX_OF_THRUST) if of_thrust else of_command
+        self._efforts = EFFORTS_OF_THRUST if of_thrust else EFFORTS
+        self._solvers: dict[float, tuple[StationProblem, Solver]] = {}  # by growth of the stages
+        self._look_ahead()
         self.reset()
+
+    def _look_ahead(self) -> None:
+        """Plan over the horizon of the effort from now on."""
+        growth = self._efforts[self.config.effort].growth
+        if growth not in self._solvers:
+            problem = StationProblem(self._model, self.config, self._limits, growth)
+            self._solvers[growth] = problem, self._make_solver(problem)
+        self._problem, self._solver = self._solvers[growth]
+        self._times_s: list[float] = self._problem.times_s.tolist()
+        self._shift = shift_matrix(self._problem.times_s, self._period_s)
 
     def reset(self) -> None:
         """Forget the plan, the trim and the last input, as after a time without control."""
@@ -83,8 +91,15 @@ class StationMpc:
         self._position_only = on
 
     def retune(self, config: ControllerConfig) -> None:
-        """Other weights, radii and trim from the next step on; the problem and its solver stay as they were built."""
+        """Other weights, radii and trim from the next step on, and with another effort its horizon.
+
+        What a solver was built for stays as it was built.
+        """
         self.config = self.config.model_copy(update={name: getattr(config.mpc, name) for name in TUNED})
+        planned_s = self._problem.times_s
+        self._look_ahead()
+        if self._plan is not None and planned_s is not self._problem.times_s:  # it goes on over the other horizon
+            self._plan = product(shift_matrix(planned_s, 0.0, self._problem.times_s), self._plan)
 
     def follow(self, control: Control) -> None:
         """Go on from another solution of the last step, as a replay does that cannot be exact."""
@@ -167,8 +182,8 @@ class StationMpc:
         if self._weather is not None:
             return packed(self._weather)
         # Slower swings keep the boat nearly as near as motors at their limits do, the more so the greater the load.
-        by_load, most = self._efforts
-        least_slew = min(by_load[config.effort] * (self._side_load_mps2 or 0.0), most)
+        effort = self._efforts[config.effort]
+        least_slew = min(effort.slew_per_load * (self._side_load_mps2 or 0.0), effort.slew_most)
         # The cost is linear in its weights, so a mean of two is a problem of the same kind.
         near = packed(config.near, least_slew)
         sideways = _ramp(abs(moves[1]), SIDEWAYS_MPS)

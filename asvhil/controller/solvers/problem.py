@@ -72,15 +72,20 @@ class StationProblem:
     of each stage.
     """
 
-    def __init__(self, model: Dynamics, config: MpcConfig, limits: MotorLimits = UNLIMITED) -> None:
+    def __init__(
+        self, model: Dynamics, config: MpcConfig, limits: MotorLimits = UNLIMITED, growth: float = 1.0
+    ) -> None:
+        """`growth`: how much faster than the config says the stages grow, in substeps that are as many, and longer."""
         self.model = model
         self.stages = config.stages
         self.n_state = POSE_AND_VELOCITY + model.n_motor
         self.n_motor = model.n_motor
         # Steps grow linearly: fine where the input is about to be applied, coarse where only the trend counts.
-        self.steps_s: Array = np.linspace(config.first_step_s, config.last_step_s, config.stages)
+        configured_s = np.linspace(config.first_step_s, config.last_step_s, config.stages)
+        grown_s = config.first_step_s + growth * (configured_s - config.first_step_s)
+        self.steps_s: Array = configured_s if growth == 1.0 else grown_s  # not another last bit
         self.times_s: Array = np.concatenate([[0.0], np.cumsum(self.steps_s)])
-        self.substep_counts = [substeps(float(step_s), model.max_step_s) for step_s in self.steps_s]
+        self.substep_counts = [substeps(float(step_s), model.max_step_s) for step_s in configured_s]
         self._substeps_s = self.steps_s / self.substep_counts
         self.lower, self.upper = float(model.input_lower), float(model.input_upper)
         if (most := limits.command_max) < 1.0:

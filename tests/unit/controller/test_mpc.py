@@ -268,7 +268,7 @@ def test_a_cap_and_the_pause_of_a_reversal_are_bounds_of_the_plan():
     [
         ("sd-mpc", "precise", 2.0),
         ("sd-mpc", "normal", 3.0),
-        ("sd-mpc", "gentle", 80.0),
+        ("sd-mpc", "gentle", 112.0),
         ("nnsem-mpc", "normal", 3.0),
         ("nnsem-mpc", "gentle", 20.0),
     ],
@@ -285,6 +285,31 @@ def test_the_effort_is_the_least_slew_weight_by_the_side_load(controller, effort
     mpc._problem.pack = lambda *given: packed.append(pack(*given)) or packed[-1]
     mpc.step(estimate((0,) * (6 + model.n_motor), disturbance=(0.0, 0.02, 0.0)), None, ORIGIN)
     assert mpc._problem.unpack_cost(packed[0])[3] == pytest.approx(slew, rel=0.1)  # NNSEM is not quite at rest there
+
+
+def test_gentle_plans_further_ahead_from_when_it_is_asked_for():
+    """While it holds: the plan goes on over the other horizon, and back with the other effort."""
+    config = load_config("sitl", ("controller.name=sd-mpc",)).controller
+    asking = {
+        effort: config.model_copy(update={"mpc": config.mpc.model_copy(update={"effort": effort})})
+        for effort in ("normal", "gentle")
+    }
+    mpc = StationMpc(MODEL, asking["normal"].mpc, 0.2)
+    at = estimate((-0.5, 0.4, 0.05, 0.1, 0.0, 0.0, 0.1, 0.1), (0.0, 0.02, 0.0))
+    first = mpc.step(at, None, ORIGIN)
+    mpc.retune(asking["gentle"])
+    gentle = mpc.step(at, None, ORIGIN)
+    assert first.plan[-1][0] == pytest.approx(11.0)
+    assert gentle.plan[-1][0] == pytest.approx(0.5 * 20 * (0.2 + 1.39))
+    assert gentle.ok
+    mpc.retune(asking["normal"])
+    assert mpc.step(at, None, ORIGIN).plan[-1][0] == pytest.approx(11.0)
+
+
+def test_a_model_of_the_command_plans_as_far_ahead_with_any_effort():
+    for effort in ("precise", "normal", "gentle"):
+        mpc = StationMpc(TanhModel(), MpcConfig(effort=effort), 0.2)
+        assert mpc.step(estimate((0.5, 0, 0, 0, 0, 0)), None, ORIGIN).plan[-1][0] == pytest.approx(11.0)
 
 
 @pytest.mark.parametrize("solver", ["sqp", "ipopt", "fatrop", "torch-lqr"])

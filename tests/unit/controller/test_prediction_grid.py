@@ -103,6 +103,14 @@ def test_the_grid_grows_from_first_to_last_step_to_eleven_seconds():
     assert problem.times_s[[0, 1, -1]] == pytest.approx([0.0, 0.2, 11.0])
 
 
+def test_a_grid_that_grows_faster_has_as_many_substeps():
+    plain, grown = (StationProblem(MODEL, MpcConfig(), growth=growth) for growth in (1.0, 1.7))
+    assert grown.steps_s[[0, -1]] == pytest.approx([0.2, 0.2 + 1.7 * 0.7])
+    assert grown.substep_counts == plain.substep_counts
+    equal = StationProblem(MODEL, MpcConfig(last_step_s=0.2), growth=1.7)
+    assert equal.steps_s == pytest.approx(np.full(20, 0.2))
+
+
 def test_a_state_of_the_wrong_length_is_refused():
     problem = StationProblem(MODEL, MpcConfig(stages=2))
     with pytest.raises(ValueError, match="7 entries, the model needs 8"):
@@ -128,3 +136,10 @@ def test_shifting_keeps_a_constant_plan(elapsed_s, value):
     matrix = shift_matrix(GRID_S, elapsed_s)
     assert (matrix >= 0.0).all()
     assert matrix @ np.full(20, value) == pytest.approx(np.full(20, value), abs=1e-12)
+
+
+def test_a_plan_goes_on_over_another_grid():
+    # Steps of .2, .4 and .6 onto two of .6: the first new input is the mean over the first two old ones.
+    onto = shift_matrix(np.array([0.0, 0.2, 0.6, 1.2]), 0.0, np.array([0.0, 0.6, 1.2]))
+    assert onto @ np.array([1.0, 2.0, 4.0]) == pytest.approx([5.0 / 3.0, 4.0])
+    assert shift_matrix(GRID_S, 0.0, GRID_S).tolist() == np.eye(20).tolist()
