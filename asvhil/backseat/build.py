@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from functools import partial
 from pathlib import Path
 
@@ -13,7 +14,7 @@ from asvhil.backseat.backseat import Backseat
 from asvhil.backseat.cadence import Cadence, EveryPeriod, EveryTicks
 from asvhil.backseat.command import Command
 from asvhil.backseat.perception import Perception
-from asvhil.config import Config, EstimatorConfig, find_shipped
+from asvhil.config import Config, EstimatorConfig, VesselConfig, find_shipped
 from asvhil.config.ports import ANEMOMETER
 from asvhil.config.registry import AUTOPILOTS, CONTROLLERS, ESTIMATORS
 from asvhil.controller.procedure import Procedure
@@ -47,6 +48,7 @@ from asvhil.supervisor.heading_cost import HeadingCostWatch
 from asvhil.supervisor.station_motion import fastest_mps
 from asvhil.supervisor.supervisor import Supervisor
 
+REMEMBERED = 8  # models
 HELD_S = 1e-3  # a time constant so short that a low-pass takes each sample over whole
 
 
@@ -64,7 +66,7 @@ def model_file(config: Config) -> Path | None:
 def build_model(config: Config, file: Path | None = None) -> Dynamics:
     """The vessel model of `build_plain_model`, with the factors that are learned on station where that is enabled."""
     model = build_plain_model(config, file)
-    return CorrectedModel(model) if config.learning.enabled else model
+    return _corrected(model) if config.learning.enabled else model
 
 
 def build_plain_model(config: Config, file: Path | None = None) -> Dynamics:
@@ -75,7 +77,7 @@ def build_plain_model(config: Config, file: Path | None = None) -> Dynamics:
     """
     file = file or model_file(config)
     if file is None:
-        return SimplifiedDynamics(config.believed_vessel)
+        return _physics(config.believed_vessel)
     kind = CONTROLLERS.find(config.controller.name).model
     choice = config.controller.on_other_hull
     vessel = None if choice == "use" else config.vehicle.vessel
@@ -84,10 +86,22 @@ def build_plain_model(config: Config, file: Path | None = None) -> Dynamics:
     except OtherHullError:
         if choice == "refuse":
             raise
-        return SimplifiedDynamics(config.believed_vessel)
+        return _physics(config.believed_vessel)
     if model.name != kind:
         raise ModelError(f"{file}: holds a model of kind {model.name}, but {config.controller.name} needs {kind}")
     return model
+
+
+@functools.lru_cache(maxsize=REMEMBERED)
+def _physics(vessel: VesselConfig) -> SimplifiedDynamics:
+    """The same object for equal vessels: what is made of a model is remembered by it."""
+    return SimplifiedDynamics(vessel)
+
+
+@functools.lru_cache(maxsize=REMEMBERED)
+def _corrected(model: Dynamics) -> CorrectedModel:
+    """The same object for the same model, as `_physics`."""
+    return CorrectedModel(model)
 
 
 def model_replaced(config: Config, model: Dynamics) -> bool:

@@ -11,6 +11,8 @@ class Dynamics(Protocol):
     The model's state is x = (u, v, r, motor states ...), of length 3 + n_motor. Its input a = (port, starboard) is
     what the controller optimises, within [input_lower, input_upper]: relative thrust demands, or motor commands. The
     motor command in [-1, 1] is the paper's PWM signal.
+
+    A model does not change once it is made: the functions that are made of it are remembered by it.
     """
 
     name: str
@@ -19,6 +21,8 @@ class Dynamics(Protocol):
     input_upper: float
     max_step_s: float  # longest integration step for which the model holds
     euler: bool  # integrate by forward Euler, as the network was trained, instead of the midpoint rule
+
+    def __hash__(self) -> int: ...
 
     def derivative(self, x: Any, a: Any, wind: Any) -> Any:
         """x_dot (..., 3 + n_motor) of the state x under input a (..., 2) and true wind in body axes (..., 2; m/s).

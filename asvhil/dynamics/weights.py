@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+import io
 import json
 import lzma
 import math
@@ -11,7 +13,7 @@ import zipfile
 import zlib
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 
@@ -32,6 +34,8 @@ from asvhil.types import record
 FORMAT = 1
 MOST_BYTES = 200_000_000  # of all arrays of a file: a checkpoint of many tries has some MB
 DT_TOLERANCE_S = 1e-6
+REMEMBERED = 8  # models
+MOST_REMEMBERED_BYTES = 1_000_000  # of the file of one: of a shipped one some 20 kB
 
 # What zipfile and numpy's parser of headers raise for what is no array, beside ValueError and OSError.
 _DAMAGE = (zipfile.BadZipFile, zlib.error, lzma.LZMAError, struct.error, EOFError, SyntaxError, tokenize.TokenError)
@@ -119,7 +123,7 @@ def load_model(
     Raises ModelError as `read_model` does, and where the model belongs to another vehicle or step; OtherHullError
     where it was trained on a boat of the same name that is another one by its hull or motors.
     """
-    model = read_model(path)
+    model, dynamics = _read(Path(path))
     if vehicle is not None and model.vehicle != vehicle:
         raise ModelError(f"{path}: this model was trained for vehicle {model.vehicle!r}, not for {vehicle!r}")
     apart = "" if vessel is None else differences(model.hull or {}, vessel)
@@ -130,15 +134,41 @@ def load_model(
         )
     if dt_s is not None and abs(model.dt_s - dt_s) > DT_TOLERANCE_S:
         raise ModelError(f"{path}: this model has steps of {model.dt_s:g} s, but {dt_s:g} s are asked for")
-    return model.dynamics()
+    return dynamics
+
+
+def _read(path: Path) -> tuple[TrainedModel, Dynamics]:
+    """The contents of a model file, and its model. Raises ModelError as `read_model` does.
+
+    Equal bytes give the same object, since what is made of a model is remembered by it: a study reads it in each run.
+    """
+    try:
+        data = path.read_bytes() if is_file(path) and path.stat().st_size <= MOST_REMEMBERED_BYTES else None
+    except OSError:
+        data = None  # `read_model` tells why
+    if data is not None:
+        return _remembered(path, data)
+    model = read_model(path)
+    return model, model.dynamics()
+
+
+@functools.lru_cache(maxsize=REMEMBERED)
+def _remembered(path: Path, data: bytes) -> tuple[TrainedModel, Dynamics]:
+    model = _checked(_arrays_of(path, lambda: io.BytesIO(data)), path)
+    return model, model.dynamics()
 
 
 def read_arrays(path: Path) -> dict[str, Array]:
     """All arrays of an npz file. Raises ModelError where it is missing, damaged, or holds pickled objects."""
+    return _arrays_of(path, lambda: path.open("rb"))
+
+
+def _arrays_of(path: Path, opened: Callable[[], BinaryIO]) -> dict[str, Array]:
+    """All arrays of an npz file that is read from what `opened` gives."""
     try:
         if is_there(path) and not is_file(path):
             raise ModelError(f"{path}: is no regular file, and so no model file (npz)")
-        with path.open("rb") as file:
+        with opened() as file:
             if file.read(4) != b"PK\x03\x04":
                 raise ModelError(f"{path}: not a model file (npz), or damaged from its first byte on")
             file.seek(0)

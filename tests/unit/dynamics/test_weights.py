@@ -197,3 +197,17 @@ def test_a_model_that_could_not_be_read_back_is_not_written(tmp_path: Path) -> N
     with pytest.raises(ModelError, match="not finite"):
         save_model(tmp_path / "bad.npz", model)
     assert not list(tmp_path.iterdir())
+
+
+def test_equal_bytes_give_the_same_model_and_others_another(tmp_path: Path) -> None:
+    file = tmp_path / "boat.npz"
+    save_model(file, sample("lagnet"))
+    first = load_model(file)
+    save_model(file, sample("lagnet"))
+    assert load_model(file, vehicle="wamv16") is first
+    save_model(file, sample("nnsem"))
+    assert load_model(file).name == "nnsem"
+    file.write_bytes(file.read_bytes()[:-40])
+    complaint(file)
+    file.unlink()
+    complaint(file)
