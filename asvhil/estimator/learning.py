@@ -8,6 +8,7 @@ follow from what changes with the motors alone, and the estimator's disturbance 
 
 from __future__ import annotations
 
+import functools
 import math
 from collections import deque
 from collections.abc import Callable
@@ -21,6 +22,7 @@ from asvhil.dynamics.arrays import Array
 from asvhil.dynamics.buffers import bind, fastest
 from asvhil.dynamics.corrected import COUNT, CorrectedModel
 from asvhil.estimator.learned_words import HELD_STD, RAN_OFF
+from asvhil.estimator.prediction import REMEMBERED
 from asvhil.types import Estimate, Learned, Wind
 
 AXES = 3
@@ -57,17 +59,9 @@ class Learner:
         """`lag_s`: how late the motors act where the model does not know it. `correct` gets each factor less 1."""
         self._config = config
         self._n_own = model.n_motor - COUNT
-        x, psi = ca.SX.sym("x", AXES + model.n_motor), ca.SX.sym("psi")
-        a, wind = ca.SX.sym("a", 2), ca.SX.sym("w", 2)
-        c, s = ca.cos(psi), ca.sin(psi)
-        body = ca.vertcat(c * wind[0] + s * wind[1], -s * wind[0] + c * wind[1])
-        rate = model.derivative(x, a, body)[:AXES]
-        turn = ca.vertcat(ca.horzcat(c, s, 0), ca.horzcat(-s, c, 0), ca.horzcat(0, 0, 1))
-        slope = ca.densify(ca.horzcat(ca.jacobian(rate, x[AXES + self._n_own :]), turn))
-        function = ca.Function("learning", [x, psi, a, wind], [rate, ca.vec(slope)], {"cse": True})
-        self._x, self._psi, self._a, self._wind = np.zeros(x.size1()), np.zeros(1), np.zeros(2), np.zeros(2)
+        self._x, self._psi, self._a, self._wind = np.zeros(AXES + model.n_motor), np.zeros(1), np.zeros(2), np.zeros(2)
         self._rate, self._slope = np.zeros(AXES), np.zeros(AXES * SIZE)
-        self._run = bind(fastest(function), [self._x, self._psi, self._a, self._wind], [self._rate, self._slope])
+        self._run = bind(_function(model), [self._x, self._psi, self._a, self._wind], [self._rate, self._slope])
         self._late: deque[tuple[float, float]] = deque(maxlen=round(lag_s / period_s) + 1)
         disturbance_walks = [config.disturbance_walk_mps2] * 2 + [config.disturbance_yaw_walk_radps2]
         self._q = np.array([config.walk] * COUNT + disturbance_walks) ** 2
@@ -195,3 +189,19 @@ class Learner:
         if self._bound_s >= BOUND_S:
             self._forget()
         self._set_factors(self.applied)
+
+
+@functools.lru_cache(maxsize=REMEMBERED)
+def _function(model: CorrectedModel) -> ca.Function:
+    """(nu, motors and factors, heading, input, wind) -> the model's nu_dot, and its slope by factors and disturbance.
+
+    Remembered by the model, as those of `prediction.py`.
+    """
+    x, psi = ca.SX.sym("x", AXES + model.n_motor), ca.SX.sym("psi")
+    a, wind = ca.SX.sym("a", 2), ca.SX.sym("w", 2)
+    c, s = ca.cos(psi), ca.sin(psi)
+    body = ca.vertcat(c * wind[0] + s * wind[1], -s * wind[0] + c * wind[1])
+    rate = model.derivative(x, a, body)[:AXES]
+    turn = ca.vertcat(ca.horzcat(c, s, 0), ca.horzcat(-s, c, 0), ca.horzcat(0, 0, 1))
+    slope = ca.densify(ca.horzcat(ca.jacobian(rate, x[AXES + model.n_motor - COUNT :]), turn))
+    return fastest(ca.Function("learning", [x, psi, a, wind], [rate, ca.vec(slope)], {"cse": True}))

@@ -36,8 +36,6 @@ class ModelMonitor:
     def __init__(self, config: MonitorConfig, model: Dynamics, period_s: float) -> None:
         self._config = config
         size = 6 + model.n_motor
-        s, a, wind, push = ca.SX.sym("s", size), ca.SX.sym("a", 2), ca.SX.sym("wind", 2), ca.SX.sym("d", 3)
-        rate = ca.Function("rate", [s, a, wind, push], [motion_derivative(model, s, a, wind, push)])
         self._steps = max(1, round(config.horizon_s / period_s))
         self._max_gap_ns = round(1.5e9 * period_s)
         self._past: deque[Estimate] = deque(maxlen=self._steps)
@@ -47,7 +45,7 @@ class ModelMonitor:
         self._state, self._after = np.zeros(size), np.zeros(size)
         newest = [self._inputs[-2:], self._winds[-2:], self._push[-3:]]
         count = substeps(period_s, model.max_step_s)
-        one_step, roll_out = _functions(rate.serialize(), period_s, count, model.euler, self._steps)
+        one_step, roll_out = _functions(_serialized_rate(model), period_s, count, model.euler, self._steps)
         self._advance = bind(one_step, [self._state, *newest], [self._after])
         self._roll_out = bind(roll_out, [self._state, self._inputs, self._winds, self._push], [self._after])
         self._window = _Window(max(1, round(config.window_s / period_s)))
@@ -109,6 +107,16 @@ class ModelMonitor:
         predict()
         u, v, r = self._after[NU].tolist()
         return u - now.u_mps, v - now.v_mps, r - now.r_radps
+
+
+@functools.lru_cache(maxsize=REMEMBERED)
+def _serialized_rate(model: Dynamics) -> str:
+    """A model's rate (state, input, wind, push) -> s_dot, remembered as that of `prediction.py`."""
+    s, a = ca.SX.sym("s", 6 + model.n_motor), ca.SX.sym("a", 2)
+    wind, push = ca.SX.sym("wind", 2), ca.SX.sym("d", 3)
+    rate = ca.Function("rate", [s, a, wind, push], [motion_derivative(model, s, a, wind, push)])
+    serialized: str = rate.serialize()
+    return serialized
 
 
 @functools.lru_cache(maxsize=REMEMBERED)

@@ -50,9 +50,7 @@ class MotionModel:
         self.force, self.expected_force = np.zeros(2), np.zeros(2)
         self.correction = Correction(2, self.x, self.p_flat, most)
 
-        x, a, wind = ca.SX.sym("x", size), ca.SX.sym("a", 2), ca.SX.sym("w", 2)
-        rate = ca.Function("rate", [x, a, wind], [_model_rate(model, bias_time_s, x, a, wind)])
-        step, force, accelerate = _functions(rate.serialize())
+        step, force, accelerate = _functions(_serialized_rate(model, bias_time_s))
         arrays = [state, self.input, self.wind, self.arm]
         of_step = [self.residual, self._gain, self._dt, self.p_flat, noise_rate, self._follows_bias]
         self._step = bind(step, [*arrays, *of_step], [after, p_after])
@@ -69,6 +67,15 @@ class MotionModel:
         self._gain[0] = gain
         self._follows_bias[0] = follows_bias
         self._step()
+
+
+@functools.lru_cache(maxsize=REMEMBERED)
+def _serialized_rate(model: Dynamics, bias_time_s: float) -> str:
+    """A model's rate (x, a, wind) -> x_dot, remembered by the model: it is the same object for each run of a boat."""
+    x, a, wind = ca.SX.sym("x", SIZE + model.n_motor), ca.SX.sym("a", 2), ca.SX.sym("w", 2)
+    rate = ca.Function("rate", [x, a, wind], [_model_rate(model, bias_time_s, x, a, wind)])
+    serialized: str = rate.serialize()
+    return serialized
 
 
 @functools.lru_cache(maxsize=REMEMBERED)

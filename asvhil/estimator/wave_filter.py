@@ -65,9 +65,7 @@ class WaveFilter:
         self._f, self._h = np.zeros(n * n), np.zeros(2 * n)
         self._k_place, self._k_yaw = np.zeros(2 * n), np.zeros(2 * n)
         self._left_over, self._pushed = np.zeros(3), np.zeros(3)
-        x, a, wind = ca.SX.sym("x", 3 + model.n_motor), ca.SX.sym("a", 2), ca.SX.sym("w", 2)
-        rate = ca.Function("rate", [x, a, wind], [model.derivative(x, a, wind)])
-        function = _function(rate.serialize(), self._step_s)
+        function = _function(_serialized_rate(model), self._step_s)
         arguments = [self._x, self._measured, self._motor, self._input, self._wind, self._f, self._h]
         results = [self._after, self._left_over, self._pushed]
         self._predict = bind(function, [*arguments, np.zeros(2 * n), np.zeros(2 * n)], results)
@@ -209,6 +207,15 @@ class WaveFilter:
 def _to_body(c: Any, s: Any, v: Any) -> tuple[Any, Any]:
     """An earth-fixed vector (2) in body axes."""
     return c * v[0] + s * v[1], c * v[1] - s * v[0]
+
+
+@functools.lru_cache(maxsize=REMEMBERED)
+def _serialized_rate(model: Dynamics) -> str:
+    """A model's rate (nu and motors, input, body wind) -> x_dot, remembered as that of `prediction.py`."""
+    x, a, wind = ca.SX.sym("x", 3 + model.n_motor), ca.SX.sym("a", 2), ca.SX.sym("w", 2)
+    rate = ca.Function("rate", [x, a, wind], [model.derivative(x, a, wind)])
+    serialized: str = rate.serialize()
+    return serialized
 
 
 @functools.lru_cache(maxsize=REMEMBERED)

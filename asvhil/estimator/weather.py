@@ -44,10 +44,7 @@ class WeatherHeading:
 
     def __init__(self, model: Dynamics, time_constant_s: float) -> None:
         self._time_constant_s = time_constant_s
-        x, a = ca.SX.sym("x", 6 + model.n_motor), ca.SX.sym("a", 2)
-        wind, disturbance = ca.SX.sym("w", 2), ca.SX.sym("d", 3)
-        rate = ca.Function("rate", [x, a, wind, disturbance], [motion_derivative(model, x, a, wind, disturbance)])
-        function = _function(rate.serialize(), model.input_of_command((0.0, 0.0)))
+        function = _function(_serialized_rate(model), model.input_of_command((0.0, 0.0)))
         self._wind, self._disturbance, self._force = np.zeros(2), np.zeros(3), np.zeros(2 * HEADINGS)
         self._moves = np.zeros(2)
         self._felt, self._lately = np.zeros(2), np.zeros(2)
@@ -178,6 +175,16 @@ class WeatherHeading:
         self.push_mps2 = -best[0]
         self._wind_push_mps2 = max(self.push_mps2 - math.hypot(*self._disturbance[:2].tolist()), 0.0)
         return best[1]
+
+
+@functools.lru_cache(maxsize=REMEMBERED)
+def _serialized_rate(model: Dynamics) -> str:
+    """A model's rate (state, input, wind, disturbance) -> s_dot, remembered as that of `prediction.py`."""
+    x, a = ca.SX.sym("x", 6 + model.n_motor), ca.SX.sym("a", 2)
+    wind, disturbance = ca.SX.sym("w", 2), ca.SX.sym("d", 3)
+    rate = ca.Function("rate", [x, a, wind, disturbance], [motion_derivative(model, x, a, wind, disturbance)])
+    serialized: str = rate.serialize()
+    return serialized
 
 
 @functools.lru_cache(maxsize=REMEMBERED)

@@ -6,6 +6,7 @@ only as good as the winds in its training data. Current, and other errors of the
 
 from __future__ import annotations
 
+import functools
 import math
 
 import casadi as ca
@@ -15,6 +16,7 @@ from asvhil.config import VesselConfig
 from asvhil.dynamics import ordered
 from asvhil.dynamics.buffers import bind
 from asvhil.dynamics.rigid_body import SimplifiedDynamics
+from asvhil.estimator.prediction import REMEMBERED
 from asvhil.geo import ned_to_body
 from asvhil.types import Estimate, Wind
 
@@ -28,19 +30,10 @@ class WindFromLoad:
     """Estimates the wind by one damped Gauss-Newton step at each call."""
 
     def __init__(self, vessel: VesselConfig) -> None:
-        model = SimplifiedDynamics(vessel)
-        nu, psi, wind = ca.SX.sym("nu", 3), ca.SX.sym("psi"), ca.SX.sym("w", 2)
-        c, s = ca.cos(psi), ca.sin(psi)
-        x = ca.vertcat(nu, ca.SX.zeros(model.n_motor))  # the motors add the same to both
-        body = ca.vertcat(c * wind[0] + s * wind[1], -s * wind[0] + c * wind[1])
-        idle = ca.SX.zeros(2)
-        load = model.derivative(x, idle, body)[:3] - model.derivative(x, idle, ca.SX.zeros(2))[:3]
-        slope = ca.densify(ca.jacobian(load, wind))
         self._nu, self._psi, self._wind = np.zeros(3), np.zeros(1), np.zeros(2)
         self._load, columns = np.zeros(3), np.zeros(6)
         self._slope = columns.reshape(3, 2, order="F")
-        function = ca.Function("wind_load", [nu, psi, wind], [load, slope], {"cse": True})
-        self._run = bind(function, [self._nu, self._psi, self._wind], [self._load, columns])
+        self._run = bind(_function(vessel), [self._nu, self._psi, self._wind], [self._load, columns])
 
     def wind(self, estimate: Estimate) -> Wind:
         """The present estimate of the wind: marked not valid, of origin "disturbance"."""
@@ -59,3 +52,17 @@ class WindFromLoad:
             self._wind += step * min(1.0, LONGEST_STEP_MPS / max(length, 1e-12))
         vn, ve = self._wind.tolist()
         return Wind(t_ns=estimate.t_ns, vn_mps=vn, ve_mps=ve, std_mps=0.0, valid=False, origin="disturbance")
+
+
+@functools.lru_cache(maxsize=REMEMBERED)
+def _function(vessel: VesselConfig) -> ca.Function:
+    """(nu, heading, wind) -> the wind's load and its slope by the wind; remembered as those of `prediction.py`."""
+    model = SimplifiedDynamics(vessel)
+    nu, psi, wind = ca.SX.sym("nu", 3), ca.SX.sym("psi"), ca.SX.sym("w", 2)
+    c, s = ca.cos(psi), ca.sin(psi)
+    x = ca.vertcat(nu, ca.SX.zeros(model.n_motor))  # the motors add the same to both
+    body = ca.vertcat(c * wind[0] + s * wind[1], -s * wind[0] + c * wind[1])
+    idle = ca.SX.zeros(2)
+    load = model.derivative(x, idle, body)[:3] - model.derivative(x, idle, ca.SX.zeros(2))[:3]
+    slope = ca.densify(ca.jacobian(load, wind))
+    return ca.Function("wind_load", [nu, psi, wind], [load, slope], {"cse": True})

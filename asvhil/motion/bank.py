@@ -9,9 +9,11 @@ Kirubarajan 2001, ch. 11.6).
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Sequence
 
+import casadi as ca
 import numpy as np
 
 from asvhil.config import VesselConfig
@@ -48,13 +50,14 @@ class Bank:
         self._conditions, self._readings = np.zeros(CONDITIONS), np.zeros(READINGS)
         off_rad, load = (np.array([getattr(h, name) for h in hypotheses]) for name in ("off_rad", "load"))
         state, after = [self.x.ravel(), self.p.ravel()], [self._after_x.ravel(), self._after_p.ravel()]
+        predict, correct = _for_all(vessel, noise, count)
         self._predict = bind(
-            fastest(prediction(vessel, noise).map("predict", "serial", count, [5], [])),
+            predict,
             [*state, self.thrust_n.ravel(), off_rad, load, self._conditions],
             after,
         )
         self._correct = bind(
-            fastest(correction(vessel, noise).map("correct", "serial", count, [2], [])),
+            correct,
             [*state, self._readings],
             [*after, self._log, self._nis],
         )
@@ -135,3 +138,11 @@ class Bank:
             noise.gain_std**2,
             *(noise.current_mps**2,) * 2,
         ]
+
+
+@functools.lru_cache(maxsize=4)
+def _for_all(vessel: VesselConfig, noise: BankNoise, count: int) -> tuple[ca.Function, ca.Function]:
+    """`prediction` and `correction` of so many hypotheses, which share the conditions and the readings."""
+    predict = prediction(vessel, noise).map("predict", "serial", count, [5], [])
+    correct = correction(vessel, noise).map("correct", "serial", count, [2], [])
+    return fastest(predict), fastest(correct)

@@ -13,6 +13,8 @@ import casadi as ca
 
 from asvhil.config import SoftLimits
 from asvhil.dynamics.buffers import fastest
+from asvhil.dynamics.integrate import advance, motion_derivative
+from asvhil.dynamics.protocol import Dynamics
 
 HEAD = 12  # parameters between the state and the weights
 POSE_AND_VELOCITY = 6  # x, y, psi, u, v, r: the states that carry a cost
@@ -42,6 +44,21 @@ def target_of(pose: Any, moves: Any, psi: Any) -> Any:
     """What the first six states are to be where the station has a pose and a velocity, and the boat a heading."""
     u, v = ca.cos(psi) * moves[0] + ca.sin(psi) * moves[1], ca.cos(psi) * moves[1] - ca.sin(psi) * moves[0]
     return ca.vertcat(pose, u, v, 0)
+
+
+@functools.lru_cache(maxsize=REMEMBERED)
+def of_model(model: Dynamics) -> tuple[ca.Function, str, ca.Function]:
+    """A model's substep (state, input, wind, disturbance, length) -> state; the same as text; and (wind, disturbance,
+    motion) -> its sideways acceleration with the motors neutral. Remembered by the model.
+    """
+    n = POSE_AND_VELOCITY + model.n_motor
+    s, a, h = ca.SX.sym("s", n), ca.SX.sym("a", 2), ca.SX.sym("h")
+    w, d = ca.SX.sym("w", 2), ca.SX.sym("d", 3)
+    substep = ca.Function("substep", [s, a, w, d, h], [advance(model, s, a, w, d, h, 1)], {"cse": True})
+    moves, neutral = ca.SX.sym("c", 2), ca.SX(ca.DM(model.input_of_command((0.0, 0.0))))
+    along = ca.vertcat(ca.SX.zeros(3), moves, ca.SX.zeros(n - 5))
+    side = ca.Function("side_acceleration", [w, d, moves], [motion_derivative(model, along, neutral, w, d)[4]])
+    return substep, substep.serialize(), side
 
 
 @functools.lru_cache(maxsize=REMEMBERED)

@@ -21,7 +21,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Protocol
 
-import casadi as ca
 import numpy as np
 
 from asvhil.config import MpcConfig, MpcWeights
@@ -30,13 +29,14 @@ from asvhil.controller.solvers.graphs import (
     LIMITED,
     POSE_AND_VELOCITY,
     limits_of,
+    of_model,
     over_the_horizon,
     parameter_count,
 )
 from asvhil.controller.solvers.motor_limits import UNLIMITED, MotorLimits
 from asvhil.dynamics.arrays import Array
 from asvhil.dynamics.buffers import bind
-from asvhil.dynamics.integrate import advance, motion_derivative, substeps
+from asvhil.dynamics.integrate import substeps
 from asvhil.dynamics.protocol import Dynamics
 from asvhil.geo import ned_to_body
 from asvhil.types import record
@@ -237,19 +237,13 @@ class StationProblem:
 
     def _build(self, model: Dynamics) -> None:
         n = self.n_state
-        s, a, h = ca.SX.sym("s", n), ca.SX.sym("a", 2), ca.SX.sym("h")
-        w, d = ca.SX.sym("w", 2), ca.SX.sym("d", 3)
-        after = advance(model, s, a, w, d, h, 1)
-        self.substep = ca.Function("substep", [s, a, w, d, h], [after], {"cse": True})
-        built = over_the_horizon(self.substep.serialize(), tuple(self.substep_counts), self.soft_limits)
+        self.substep, serialized, side = of_model(model)
+        built = over_the_horizon(serialized, tuple(self.substep_counts), self.soft_limits)
         self.rollout, self.linearised = built
 
         self._state, self._after, self._applied = np.zeros(n), np.zeros(n), np.zeros(2)
         self._wind, self._disturbance, self._step_s, self._side = np.zeros(2), np.zeros(3), np.zeros(1), np.zeros(1)
         arguments = [self._state, self._applied, self._wind, self._disturbance, self._step_s]
         self._advance = bind(self.substep, arguments, [self._after])
-        moves, neutral = ca.SX.sym("c", 2), ca.SX(ca.DM(model.input_of_command((0.0, 0.0))))
-        along = ca.vertcat(ca.SX.zeros(3), moves, ca.SX.zeros(n - 5))
-        side = ca.Function("side_acceleration", [w, d, moves], [motion_derivative(model, along, neutral, w, d)[4]])
         self._moves = np.zeros(2)
         self._evaluate_side = bind(side, [self._wind, self._disturbance, self._moves], [self._side])

@@ -22,6 +22,7 @@ from asvhil.estimator.states import B_E, D_N, SIZE
 from asvhil.estimator.wave_spectrum import WaveSpectrum
 from asvhil.machine_code import compiler
 from asvhil.machine_code.compiler import SWITCH, Compiler, use_compiler
+from asvhil.motion import bank
 from asvhil.motion.monitor import MotionMonitor
 from asvhil.types import GroundVelocity, Heading, Position, YawRate
 
@@ -113,7 +114,9 @@ def test_the_functions_of_filters_have_the_same_bits(tmp_path: Path) -> None:
     config = load_config("sitl")
     recorder = Recorder(tmp_path)
     buffers.evaluate_with(recorder)
+    bank._for_all.cache_clear()
     MotionMonitor(config.supervisor.motion, config.estimator.ekf, config.believed_vessel)
+    bank._for_all.cache_clear()
     remembered = (covariance._functions, measurement_model._function, wave_spectrum._function)
     for functions in remembered:
         functions.cache_clear()
