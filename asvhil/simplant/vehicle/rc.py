@@ -28,6 +28,7 @@ class RcInputs:
         self.sticks_us = [*STICKS_AT_REST, *[0] * (CHANNELS - len(STICKS_AT_REST))]
         self.radio_us: list[int] = []
         self._overrides_ns: dict[int, int] = {}
+        self._oldest_ns = t_ns  # no override is older
         self._unread_us: dict[int, int] = {}  # overrides since the last loop; 0: released
         self.restart(t_ns)
 
@@ -62,6 +63,8 @@ class RcInputs:
     def override(self, t_ns: int, values: Sequence[int], gap_ns: int) -> None:
         """Apply one RC_CHANNELS_OVERRIDE (18 raw values); a pause longer than `gap_ns` starts a new streak."""
         touched = False
+        if not self._overrides_ns:
+            self._oldest_ns = t_ns
         for index, value in enumerate(values):
             if value == IGNORE or (index >= 8 and value == 0):
                 continue
@@ -91,9 +94,10 @@ class RcInputs:
 
     def expire(self, t_ns: int, timeout_ns: int) -> None:
         """End overrides older than the time-out."""
-        if self._overrides_ns:
+        if self._overrides_ns and t_ns - self._oldest_ns >= timeout_ns:
             for index in [i for i, since_ns in self._overrides_ns.items() if t_ns - since_ns >= timeout_ns]:
                 self._release(index)
+            self._oldest_ns = min(self._overrides_ns.values(), default=t_ns)
 
     def drop_overrides(self) -> None:
         """Release every channel."""

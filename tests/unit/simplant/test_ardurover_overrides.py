@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from asvhil.io.mavlink.frames import dialect as mav
+from asvhil.simplant.vehicle.rc import IGNORE, RcInputs
 from tests.support.ardurover import ACCEPTED, HOLD, MANUAL, NO_RECEIVER, RC_CHANNELS, SERVO_OUTPUT_RAW
 from tests.support.simplant_boat import Boat, of, times
 
@@ -238,3 +239,20 @@ def test_a_receiver_that_is_lost_and_found() -> None:
     assert boat.texts()[-1] == "Radio Failsafe Cleared"
     boat.mode(MANUAL)
     assert boat.outputs() == (1550, 1550)
+
+
+def test_each_override_ends_a_time_out_after_it_came() -> None:
+    rc = RcInputs(receiver=True, t_ns=0)
+    rc.override(1_000, [1600], 10_000)
+    rc.override(3_000, [IGNORE, 1700], 10_000)
+    rc.read()
+    rc.expire(3_999, 3_000)
+    assert rc.radio_us[:2] == [1600, 1700]
+    rc.expire(4_000, 3_000)
+    assert rc.radio_us[:2] == [1500, 1700]
+    rc.override(5_000, [1650], 10_000)
+    rc.read()
+    rc.expire(6_000, 3_000)
+    assert rc.radio_us[:2] == [1650, 1500]
+    rc.expire(6_000, 1_000)  # a time-out that is shorter now
+    assert rc.radio_us[:2] == [1500, 1500]
