@@ -20,7 +20,7 @@ from asvhil.autopilot.vehicle_status import VehicleStatus
 from asvhil.autopilot.wiring import Wiring, wiring_of_config
 from asvhil.config import AutopilotLinkConfig, PwmConfig
 from asvhil.config.registry import AUTOPILOTS
-from asvhil.io.mavlink.frames import Parser, decode, dialect, message_id, source, target
+from asvhil.io.mavlink.frames import Parser, decode, decode_checked, dialect, message_id, source, target
 from asvhil.io.mavlink.parameter_client import ParameterClient
 from asvhil.io.mavlink.streams import StreamRequester
 from asvhil.io.mavlink.timesync import TimeSync
@@ -139,7 +139,7 @@ class AutopilotListener:
             self._streams.receive(msg_id, data)
             handler = self._handlers.get(msg_id)
             if handler is not None:
-                message = decode(data)
+                message = decode_checked(data)
                 if message is None:
                     self.impossible += 1
                     continue

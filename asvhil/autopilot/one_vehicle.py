@@ -57,7 +57,7 @@ class OneVehicle:
         self._clocks: dict[int, list[_Clock]] = {}  # by message, the one heard last at the end
         self._last_clock: dict[tuple[int, str], int] = {}
         self._ways: dict[str, _Way] = {}
-        self._moments: OrderedDict[tuple[int, int], tuple[str, bytes]] = OrderedDict()
+        self._moments: OrderedDict[tuple[int, int], tuple[str, Any]] = OrderedDict()  # peer and message
         self._copies: dict[frozenset[str], int] = {}
         self._evidence: deque[int] = deque(maxlen=TIMES)
         self._apart_ns: int | None = None  # since when positions by two ways have differed
@@ -83,7 +83,9 @@ class OneVehicle:
 
     def take(self, t_ns: int, peer: str, m: Any) -> bool:
         """A message of the autopilot's component. Whether its clock since boot is one that was not heard before."""
-        way = self._way(peer)
+        way = self._ways.get(peer)
+        if way is None or len(self._ways) > 1:  # as seldom
+            way = self._put_last(peer, way)
         way.t_ns = t_ns
         number = m.get_msgId()
         if number == dialect.MAVLINK_MSG_ID_HEARTBEAT:
@@ -100,17 +102,15 @@ class OneVehicle:
             return self._on_clock(t_ns, peer, number, boot_ms * 1_000_000)
         return False
 
-    def _way(self, peer: str) -> _Way:
-        way = self._ways.get(peer)
-        if way is not None and len(self._ways) == 1:
-            return way
+    def _put_last(self, peer: str, way: _Way | None) -> _Way:
+        """Let the one heard last stand last, anew where it was not heard before."""
         if way is None:
             way = _Way()
             self._asked = 0
             if len(self._ways) >= WAYS:
                 self._ways.pop(next(iter(self._ways)))
         else:
-            del self._ways[peer]  # the one heard last stands last
+            del self._ways[peer]
         self._ways[peer] = way
         return way
 
@@ -145,13 +145,13 @@ class OneVehicle:
 
     def _on_state(self, t_ns: int, peer: str, number: int, m: Any) -> None:
         """At one time of its clock a vehicle has one state."""
-        key, state = (number, m.time_boot_ms), m.get_payload()
+        key = number, m.time_boot_ms
         before = self._moments.get(key)
         if before is None:
-            self._moments[key] = (peer, state)
+            self._moments[key] = peer, m
             if len(self._moments) > MOMENTS:
                 self._moments.popitem(last=False)
-        elif before[0] != peer and before[1].rstrip(b"\0") != state.rstrip(b"\0"):
+        elif before[0] != peer and before[1].get_payload().rstrip(b"\0") != m.get_payload().rstrip(b"\0"):
             if number != SYSTEM_TIME:  # which has the microseconds of its sending
                 self._note(t_ns)
         elif before[0] != peer:

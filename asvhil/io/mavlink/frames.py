@@ -27,6 +27,7 @@ from asvhil.io.mavlink.messages import (
     SIGNATURE_LENGTH,
     SIGNED,
     decode,
+    decode_checked,
     pack,
 )
 
@@ -45,6 +46,7 @@ __all__ = [
     "Parser",
     "checksum",
     "decode",
+    "decode_checked",
     "dialect",
     "message_id",
     "message_number",
