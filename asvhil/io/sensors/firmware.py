@@ -13,6 +13,7 @@ QUERY = b"$PASVQ,V*3F\r\n"
 ASK_NS = 2_000_000_000
 PATIENCE = 3  # questions without an answer
 FIELD = r"([A-Za-z0-9_.+-]{1,40})"  # it goes to screens and logs: nothing else is let in
+NAME = b"PASVV,"
 SENTENCE = re.compile(f"PASVV,{FIELD},{FIELD},{FIELD}")
 
 
@@ -70,5 +71,7 @@ class FirmwareWatch:
 
 
 def _version(body: bytes) -> tuple[str, str, str] | None:
+    if not body.startswith(NAME):  # as of all sentences but a few at the start
+        return None
     found = SENTENCE.fullmatch(body.decode("latin-1"))
     return None if found is None else (found[1], found[2], found[3])

@@ -83,7 +83,10 @@ def _body(sentence: bytes) -> bytes | DropCause:
         return DropCause.NO_CHECKSUM
     found = _CHECKSUM.fullmatch(rest)
     bare = body.strip(_BLANKS)
+    if found is None:
+        return DropCause.BAD_CHECKSUM
+    told = int(found[1], 16)
     # Some instruments count the blanks that they add, others do not.
-    if found is None or int(found[1], 16) not in (nmea_checksum(body), nmea_checksum(bare)):
+    if told != nmea_checksum(body) and told != nmea_checksum(bare):
         return DropCause.BAD_CHECKSUM
     return bare
