@@ -52,19 +52,20 @@ class ArduRoverAutopilot(MavlinkAutopilot):
 
     @property
     def after_silence(self) -> AfterSilence | None:
-        values, radio = self.parameters.values, self.transmitter.radio
+        radio = self.transmitter.radio
         systems = self._neighbours.systems(self._t_ns)
-        others = bool(systems) and any(is_station(system, values) for system in systems)
+        others = bool(systems) and any(is_station(system, self.parameters.values) for system in systems)
         known = self.parameters.changes, radio, others
         if known != self._after_silence[0]:
+            values = self.parameters.values
             self._after_silence = known, after_silence_of_ardurover(self._config, values, radio, others=others)
         return self._after_silence[1]
 
     def _station_text(self) -> str:
         """With the script, of a pilot without a transmitter: that his station's loss could not be noticed."""
-        heard_ns, has_transmitter = self.station_heard_ns, self.transmitter.radio is Radio.HEARD
-        obeyed = has_transmitter and not self._known.receiver_ignored
-        if self._config.output != "script" or heard_ns is not None or obeyed:
+        if self._config.output != "script" or self.station_heard_ns is not None:
+            return super()._station_text()
+        if self.transmitter.radio is Radio.HEARD and not self._known.receiver_ignored:
             return super()._station_text()
         waited_ns = 0 if self._first_heard_ns is None else self._t_ns - self._first_heard_ns
         return "none is heard: nobody would notice its loss" if waited_ns > STATION_WAIT_NS else ""

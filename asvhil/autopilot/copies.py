@@ -10,9 +10,19 @@ from __future__ import annotations
 from collections import OrderedDict, deque
 from typing import Any
 
+from asvhil.io.mavlink.frames import dialect
+
 KEPT_NS = 5_000_000_000  # for so long a copy is known by its bytes
 KEPT = 2048  # frames
 ONE_BOAT_NS = 10_000_000_000  # for so long two peers that have brought the same bytes are taken for ways of one boat
+# The sender's time in a message: its field, and what that counts in a second.
+CLOCKS = {
+    msg_id: (name, per_s)
+    for name, per_s in (("time_usec", 1_000_000), ("time_boot_ms", 1000))
+    for msg_id, message in dialect.mavlink_map.items()
+    if name in message.fieldnames
+}
+NO_CLOCK = ("", 0)
 LATE_S = 60.0  # a clock that is farther back is another one, or has begun anew
 
 
@@ -57,10 +67,11 @@ class Copies:
         `new_clock`: the boat has booted anew, so that its times begin again. Of two boats with one number the one whose
         clock is behind is not the later way: only peers that have brought the same frames are ways of one boat.
         """
-        clock, per_s = _clock(m)
+        number = m.get_msgId()
+        name, per_s = CLOCKS.get(number, NO_CLOCK)
+        clock = getattr(m, name) if name else 0
         if not clock:
             return False
-        number = m.get_msgId()
         newest, by = self._newest.get(number, (0, peer))
         if by != peer and not new_clock and 0 < newest - clock < LATE_S * per_s:
             same_ns = self._same_ns.get(frozenset((peer, by)))
@@ -68,9 +79,3 @@ class Copies:
                 return True
         self._newest[number] = clock, peer
         return False
-
-
-def _clock(m: Any) -> tuple[int, int]:
-    """The sender's time of a message, 0 where it has none, and what it counts in a second."""
-    boot_ms = getattr(m, "time_boot_ms", None)
-    return (boot_ms, 1000) if boot_ms is not None else (getattr(m, "time_usec", 0), 1_000_000)

@@ -127,8 +127,9 @@ class AutopilotListener:
     def receive(self, frame: Frame) -> list[NamedMeasurement]:
         """(message name, measurement) of all in one frame of the autopilot's port; others and bad bytes give none."""
         found: list[NamedMeasurement] = []
-        t_ns = self._t_ns = frame.t_ns
-        for data in self._parser.receive(frame.peer, frame.data):
+        t_ns, peer = frame.t_ns, frame.peer
+        self._t_ns = t_ns
+        for data in self._parser.receive(peer, frame.data):
             if source(data) != self._it:
                 self._on_neighbour(t_ns, data)
                 continue
@@ -143,10 +144,10 @@ class AutopilotListener:
                 if message is None:
                     self.impossible += 1
                     continue
-                copy = self._copies.is_copy(t_ns, frame.peer, data)
+                copy = self._copies.is_copy(t_ns, peer, data)
                 if not copy or msg_id != HEARTBEAT:  # whose late mode is no other vehicle's
-                    self._new_clock = self._one.take(t_ns, frame.peer, message)
-                if copy or self._copies.is_older(t_ns, frame.peer, message, new_clock=self._new_clock):
+                    self._new_clock = self._one.take(t_ns, peer, message)
+                if copy or self._copies.is_older(t_ns, peer, message, new_clock=self._new_clock):
                     self._on_sign_of_life(t_ns)
                     continue
                 if msg_id == GPS_RAW_INT:

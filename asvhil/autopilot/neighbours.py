@@ -8,6 +8,7 @@ from asvhil.types import Note
 
 THERE_NS = 10_000_000_000  # who was not heard for longer is gone
 KEPT = 64
+NOBODY: frozenset[int] = frozenset()
 OWN_TIMES = 2  # heartbeats of ours that we have not sent, before it is told
 
 FLOATS = frozenset({dialect.MAV_TYPE_SURFACE_BOAT, dialect.MAV_TYPE_GROUND_ROVER})
@@ -89,7 +90,7 @@ class Neighbours:
     def systems(self, t_ns: int) -> frozenset[int]:
         """The system ids of those that send heartbeats, besides ourselves and the autopilot."""
         if not self._heard:  # as on most boats; it is asked for in each tick
-            return frozenset()
+            return NOBODY
         there = (sender for sender, n in self._heard.items() if n.beats and t_ns - n.heard_ns < THERE_NS)
         return frozenset(sender[0] for sender in there)
 

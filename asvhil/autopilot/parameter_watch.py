@@ -53,6 +53,7 @@ class ParameterWatch:
         self._trim_rad, self._trim_changes = (0.0, 0.0), -1
         self._silent: tuple[str, ...] = ()  # as last told by `client`; what follows from it
         self._unread: tuple[str, ...] = ()
+        self._unread_text = ""
         self._update()
 
     @property
@@ -99,17 +100,15 @@ class ParameterWatch:
         silent = self._client.silent
         if silent is not self._silent:
             self._silent = silent
-            self._unread = tuple(name for name in silent if name not in self._rules.optional)
+            self._unread = unread = tuple(name for name in silent if name not in self._rules.optional)
+            more = f" and {len(unread) - 1} more" if len(unread) > 1 else ""
+            self._unread_text = f"{unread[0]}{more}: no answer yet, unverified" if unread else ""
         return self._unread
 
     @property
     def unread_text(self) -> str:
         """The same for people; empty where there is none."""
-        unread = self.unread
-        if not unread:
-            return ""
-        more = f" and {len(unread) - 1} more" if len(unread) > 1 else ""
-        return f"{unread[0]}{more}: no answer yet, unverified"
+        return self._unread_text if self.unread else ""
 
     @property
     def driven_wiring(self) -> Wiring | None:

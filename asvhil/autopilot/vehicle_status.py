@@ -97,7 +97,7 @@ class VehicleStatus:
     def status(self, t_ns: int) -> tuple[FrontseatStatus]:
         """As a handler of a message gives it."""
         self.arming_fault = self.arming_checks.fault(t_ns)
-        wiring = self._parameters.wiring
+        wiring, receiver_ignored = self._parameters.wiring, self._parameters.receiver_ignored
         batteries = self._batteries.sum(t_ns)
         is_fresh = t_ns - self._battery_ns < FORGOTTEN_NS
         percent, lowest = self._battery_percent if is_fresh else None, self._batteries.lowest_percent(t_ns)
@@ -112,7 +112,7 @@ class VehicleStatus:
             outputs_us=self._outputs_us,
             motor_channels=wiring.channels,
             centres_us=wiring.centres_us,
-            receiver_ignored=self._parameters.receiver_ignored,
+            receiver_ignored=receiver_ignored,
             keeps_override=self.keeps_override,
             sticks_us=self._sticks_us,
             motors_us=self._motors_us,
@@ -143,7 +143,10 @@ class VehicleStatus:
     def on_rc_channels(self, t_ns: int, m: Any) -> Sequence[FrontseatStatus]:
         """RC_CHANNELS."""
         self._rc_ns = time_of_its_own(t_ns, self._rc_ns)
-        self._rc_us = tuple([0 if value == IGNORE_CHANNEL else value for value in CHANNELS_OF(m)])
+        channels: tuple[int, ...] = CHANNELS_OF(m)
+        if IGNORE_CHANNEL in channels:
+            channels = tuple([0 if value == IGNORE_CHANNEL else value for value in channels])
+        self._rc_us = channels
         self._sticks_us = self._parameters.wiring.of_sticks(self._rc_us)
         self.transmitter.on_rc_channels(t_ns, m.chancount, m.rssi)
         return self.status(t_ns)

@@ -156,7 +156,7 @@ class Numbering:
         """A MAVLink 2 frame of ours with its number; any other as it is."""
         if not _is_numbered(frame):
             return frame
-        sender = source(frame)
+        sender = frame[5], frame[6]
         number = self._next.get(sender, 0)
         self._next[sender] = (number + 1) % 256
         numbered = _with_number(frame, number)
@@ -181,6 +181,7 @@ class Numbering:
 
 
 COUNTERS = ("frames", "bad_crc", "unknown", "garbage_bytes")
+NO_COUNTS = (0, 0, 0, 0)
 _counts_of = attrgetter(*COUNTERS)
 
 
@@ -386,6 +387,8 @@ class Parser:
 
     def totals(self) -> tuple[int, int, int, int]:
         """The counters (frames, bad_crc, unknown, garbage_bytes) over all peers."""
+        if not self._splitters:
+            return NO_COUNTS
         frames, bad_crc, unknown, garbage_bytes = _counts_of(self._forgotten)
         for splitter in self._splitters.values():
             frames += splitter.frames

@@ -99,6 +99,8 @@ class StreamRequester:
     @property
     def slow(self) -> tuple[tuple[str, float], ...]:
         """Messages that come at less than SLOW_SHARE of the rate asked for (Hz), by the last watch; not the absent."""
+        if not self._slow_since_ns:  # as nearly always; it is asked for in each tick
+            return ()
         return tuple((self._names[msg_id], self._wanted[msg_id]) for msg_id in self._slow_since_ns)
 
     def still_asked_for(self, t_ns: int, needed: Collection[str]) -> tuple[str, float] | None:

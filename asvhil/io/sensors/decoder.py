@@ -85,10 +85,11 @@ class Decoder:
 
     def decode(self, frame: Frame) -> list[Measurement]:
         """The measurements in a frame that are to be used, in the order of its bytes; none of an unknown port."""
-        decode = self._decode.get(frame.port)
+        port, select = frame.port, self._selector.select
+        decode = self._decode.get(port)
         chosen: list[Measurement] = []
         for message, m in () if decode is None else decode(frame):
-            used = self._selector.select(f"{frame.port}.{message}", m)
+            used = select(f"{port}.{message}", m)
             if used is not None:
                 chosen.append(used)
         return [self._calibration.apply(m) for m in chosen] if self._is_calibrated else chosen
