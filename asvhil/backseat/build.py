@@ -22,6 +22,7 @@ from asvhil.controller.protocol import Controller
 from asvhil.controller.pwm import Limiter, PulseLimiter, command_of_pulse
 from asvhil.dynamics.corrected import CorrectedModel
 from asvhil.dynamics.protocol import Dynamics
+from asvhil.dynamics.remembered import by_model
 from asvhil.dynamics.rigid_body import SimplifiedDynamics, ThrustCurve
 from asvhil.dynamics.weights import load_model
 from asvhil.errors import ModelError, OtherHullError
@@ -98,7 +99,7 @@ def _physics(vessel: VesselConfig) -> SimplifiedDynamics:
     return SimplifiedDynamics(vessel)
 
 
-@functools.lru_cache(maxsize=REMEMBERED)
+@by_model
 def _corrected(model: Dynamics) -> CorrectedModel:
     """The same object for the same model, as `_physics`."""
     return CorrectedModel(model)

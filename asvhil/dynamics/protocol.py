@@ -12,7 +12,7 @@ class Dynamics(Protocol):
     what the controller optimises, within [input_lower, input_upper]: relative thrust demands, or motor commands. The
     motor command in [-1, 1] is the paper's PWM signal.
 
-    A model does not change once it is made: the functions that are made of it are remembered by it.
+    A model does not change once it is made: what is made of it is remembered by it (`remembered.by_model`).
     """
 
     name: str
@@ -21,8 +21,6 @@ class Dynamics(Protocol):
     input_upper: float
     max_step_s: float  # longest integration step for which the model holds
     euler: bool  # integrate by forward Euler, as the network was trained, instead of the midpoint rule
-
-    def __hash__(self) -> int: ...
 
     def derivative(self, x: Any, a: Any, wind: Any) -> Any:
         """x_dot (..., 3 + n_motor) of the state x under input a (..., 2) and true wind in body axes (..., 2; m/s).

@@ -8,7 +8,6 @@ follow from what changes with the motors alone, and the estimator's disturbance 
 
 from __future__ import annotations
 
-import functools
 import math
 from collections import deque
 from collections.abc import Callable
@@ -21,8 +20,8 @@ from asvhil.dynamics import ordered
 from asvhil.dynamics.arrays import Array
 from asvhil.dynamics.buffers import bind, fastest
 from asvhil.dynamics.corrected import COUNT, CorrectedModel
+from asvhil.dynamics.remembered import by_model
 from asvhil.estimator.learned_words import HELD_STD, RAN_OFF
-from asvhil.estimator.prediction import REMEMBERED
 from asvhil.types import Estimate, Learned, Wind
 
 AXES = 3
@@ -191,7 +190,7 @@ class Learner:
         self._set_factors(self.applied)
 
 
-@functools.lru_cache(maxsize=REMEMBERED)
+@by_model
 def _function(model: CorrectedModel) -> ca.Function:
     """(nu, motors and factors, heading, input, wind) -> the model's nu_dot, and its slope by factors and disturbance.
 

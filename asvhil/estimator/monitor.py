@@ -16,6 +16,7 @@ from asvhil.dynamics.buffers import bind, fastest
 from asvhil.dynamics.integrate import integrate, motion_derivative, substeps
 from asvhil.dynamics.ordered import total
 from asvhil.dynamics.protocol import Dynamics
+from asvhil.dynamics.remembered import by_model
 from asvhil.estimator.prediction import REMEMBERED
 from asvhil.types import Estimate, PredictionError, Wind
 
@@ -109,7 +110,7 @@ class ModelMonitor:
         return u - now.u_mps, v - now.v_mps, r - now.r_radps
 
 
-@functools.lru_cache(maxsize=REMEMBERED)
+@by_model
 def _serialized_rate(model: Dynamics) -> str:
     """A model's rate (state, input, wind, push) -> s_dot, remembered as that of `prediction.py`."""
     s, a = ca.SX.sym("s", 6 + model.n_motor), ca.SX.sym("a", 2)

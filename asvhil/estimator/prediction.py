@@ -19,6 +19,7 @@ from asvhil.dynamics.buffers import bind, fastest
 from asvhil.dynamics.integrate import motion_derivative
 from asvhil.dynamics.ordered import symmetric
 from asvhil.dynamics.protocol import Dynamics
+from asvhil.dynamics.remembered import by_model
 from asvhil.estimator.covariance import Correction, compared
 from asvhil.estimator.states import A_X, A_Y, B_E, B_N, D_N, D_R, MOVING, SIZE, R, U, V
 
@@ -69,7 +70,7 @@ class MotionModel:
         self._step()
 
 
-@functools.lru_cache(maxsize=REMEMBERED)
+@by_model
 def _serialized_rate(model: Dynamics, bias_time_s: float) -> str:
     """A model's rate (x, a, wind) -> x_dot, remembered by the model: it is the same object for each run of a boat."""
     x, a, wind = ca.SX.sym("x", SIZE + model.n_motor), ca.SX.sym("a", 2), ca.SX.sym("w", 2)

@@ -18,6 +18,7 @@ import numpy as np
 from asvhil.config import VesselConfig, WaveFilterConfig
 from asvhil.dynamics.buffers import bind, fastest
 from asvhil.dynamics.protocol import Dynamics
+from asvhil.dynamics.remembered import by_model
 from asvhil.estimator import wave_gain
 from asvhil.estimator.prediction import REMEMBERED
 from asvhil.estimator.wave_gain import STATES, WAVE_POSITION, WAVE_VELOCITY
@@ -209,7 +210,7 @@ def _to_body(c: Any, s: Any, v: Any) -> tuple[Any, Any]:
     return c * v[0] + s * v[1], c * v[1] - s * v[0]
 
 
-@functools.lru_cache(maxsize=REMEMBERED)
+@by_model
 def _serialized_rate(model: Dynamics) -> str:
     """A model's rate (nu and motors, input, body wind) -> x_dot, remembered as that of `prediction.py`."""
     x, a, wind = ca.SX.sym("x", 3 + model.n_motor), ca.SX.sym("a", 2), ca.SX.sym("w", 2)

@@ -11,6 +11,7 @@ import numpy as np
 from asvhil.dynamics.buffers import bind, fastest
 from asvhil.dynamics.integrate import motion_derivative
 from asvhil.dynamics.protocol import Dynamics
+from asvhil.dynamics.remembered import by_model
 from asvhil.estimator.prediction import REMEMBERED
 from asvhil.geo import body_to_ned, ned_to_body, wrap_rad
 from asvhil.types import Estimate, Wind
@@ -177,7 +178,7 @@ class WeatherHeading:
         return best[1]
 
 
-@functools.lru_cache(maxsize=REMEMBERED)
+@by_model
 def _serialized_rate(model: Dynamics) -> str:
     """A model's rate (state, input, wind, disturbance) -> s_dot, remembered as that of `prediction.py`."""
     x, a = ca.SX.sym("x", 6 + model.n_motor), ca.SX.sym("a", 2)

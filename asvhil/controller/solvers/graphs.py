@@ -15,6 +15,7 @@ from asvhil.config import SoftLimits
 from asvhil.dynamics.buffers import fastest
 from asvhil.dynamics.integrate import advance, motion_derivative
 from asvhil.dynamics.protocol import Dynamics
+from asvhil.dynamics.remembered import by_model
 
 HEAD = 12  # parameters between the state and the weights
 POSE_AND_VELOCITY = 6  # x, y, psi, u, v, r: the states that carry a cost
@@ -46,7 +47,7 @@ def target_of(pose: Any, moves: Any, psi: Any) -> Any:
     return ca.vertcat(pose, u, v, 0)
 
 
-@functools.lru_cache(maxsize=REMEMBERED)
+@by_model
 def of_model(model: Dynamics) -> tuple[ca.Function, str, ca.Function]:
     """A model's substep (state, input, wind, disturbance, length) -> state; the same as text; and (wind, disturbance,
     motion) -> its sideways acceleration with the motors neutral. Remembered by the model.
