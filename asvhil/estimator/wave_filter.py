@@ -154,11 +154,11 @@ class WaveFilter:
         """Whether the estimate is away from the state by more than a boat moves in a tick."""
         north, east, yaw = self._x.reshape(3, STATES).tolist()
         n_m, vn, e_m, ve, psi_rad, _ = self._measured.tolist()
-        off_n, off_e, off_psi = (
-            abs(place - (axis[0] + axis[WAVE_POSITION] / self._peak_radps))
-            for place, axis in ((n_m, north), (e_m, east), (psi_rad, yaw))
-        )
-        fast_n, fast_e = (abs(v - axis[1] - axis[WAVE_VELOCITY]) for v, axis in ((vn, north), (ve, east)))
+        peak_radps = self._peak_radps
+        off_n = abs(n_m - (north[0] + north[WAVE_POSITION] / peak_radps))
+        off_e = abs(e_m - (east[0] + east[WAVE_POSITION] / peak_radps))
+        off_psi = abs(psi_rad - (yaw[0] + yaw[WAVE_POSITION] / peak_radps))
+        fast_n, fast_e = abs(vn - north[1] - north[WAVE_VELOCITY]), abs(ve - east[1] - east[WAVE_VELOCITY])
         return max(off_n, off_e) > JUMP_M or off_psi > JUMP_RAD or max(fast_n, fast_e) > JUMP_MPS
 
     def _restart(self, estimate: Estimate) -> None:
