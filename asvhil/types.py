@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import enum
 import math
-from typing import Any, NamedTuple, TypeVar, dataclass_transform
+from typing import Any, NamedTuple, Protocol, TypeVar, dataclass_transform
 
 import msgspec
 
@@ -30,10 +30,12 @@ def record(cls: type[Any]) -> Any:
     return made
 
 
-def changed(of: Record, /, **values: Any) -> Record:
-    """A copy of a record with other values in some fields."""
-    copy: Record = msgspec.structs.replace(of, **values)  # type: ignore[type-var]
-    return copy
+class _Changed(Protocol):
+    def __call__(self, of: Record, /, **values: Any) -> Record: ...
+
+
+# A copy of a record with other values in some fields. It is called some 150 times a second, so nothing is around it.
+changed: _Changed = msgspec.structs.replace  # type: ignore[assignment]
 
 
 @record
