@@ -76,10 +76,10 @@ class Backseat:
         model_error = self._perception.check_model(seen) if control is not None else None
         self._motion.note_station(decision.station, decision.point, decision.heading_policy)
         self._perception.note_station(decision.station)
+        self._perception.note_current(*self._motion.current)
         cost: tuple[Note, ...] = ()
         if self._heading_cost is not None:
             # A heading that follows the weather is off it within its dead band, or on the way to it.
-            self._perception.note_current(*self._motion.current)
             asked_for = decision.station if decision.heading_policy == "fixed" else None
             cost = self._heading_cost.step(t_ns, asked_for, self._perception.push_at, self._perception.push_at_rest)
         docking: DockingWindow | None = None

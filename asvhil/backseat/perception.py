@@ -185,6 +185,7 @@ class Perception:
     def note_current(self, current_mps: tuple[float, float], std_mps: float) -> None:
         """The current (north, east) that the watch over the motion has made out, and its standard deviation."""
         self._weather.note_current(current_mps, std_mps)
+        self._model_watch.note_current(current_mps, std_mps)
 
     def push_at(self, psi_rad: float) -> tuple[float, float] | None:
         """The weather's mean push (m/s^2) ahead and to starboard at a heading; None where it is not known."""

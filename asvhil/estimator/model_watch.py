@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from asvhil.config import MonitorConfig
 from asvhil.estimator.monitor import ModelMonitor
 from asvhil.supervisor.reasons import Explanation, Reason, describe, explain
@@ -11,6 +13,9 @@ SUBJECT = "model"
 # So much of a steady push (m/s^2) may be a current. Held with half the thrust, twice the mass or slow motors, WAM-V,
 # BREAM and BlueBoat had 0.11 at the most in three quarters of the time; a current of 0.4 m/s gives 0.14 and more.
 CURRENT_MPS2 = 0.12
+# And the current by the watch over the motion is at least this, within its standard deviation. With a weak motor in 6
+# and 8 m/s of wind it was below 0.26, across and against currents of 0.5 m/s and more above 0.5.
+CURRENT_MPS = 0.3
 REPLACED = Note(
     subject=SUBJECT, text="of another hull than vehicle.vessel, whose physics stand in for it (on_other_hull)", ok=False
 )
@@ -20,6 +25,7 @@ class ModelWatch:
     """`step` in each control tick, then `note_held`. A mismatch that lasts is told, and stands until the hold ends.
 
     In a strong current it cannot be told from the current's own effects: then both are told, and no hold ends for it.
+    Whether there is one, `note_current` says.
 
     `replaced`: the physics stand in for a learned model of another hull, which is told all the time.
     """
@@ -31,7 +37,12 @@ class ModelWatch:
         self._bad_ns: int | None = None  # since when errors are beyond a limit
         self._certain_ns: int | None = None  # since when they are, and no current can be why
         self._found: Explanation | None = None
+        self._current_mps = math.inf  # the most that it can be; not known
         self.ok = True
+
+    def note_current(self, current_mps: tuple[float, float], std_mps: float) -> None:
+        """The current (north, east) by the watch over the motion, and its standard deviation."""
+        self._current_mps = math.hypot(*current_mps) + std_mps
 
     def step(self, estimate: Estimate, model_input: tuple[float, float], wind: Wind | None) -> PredictionError | None:
         """The errors of the model's prediction, once its horizon is filled (see `ModelMonitor.step`)."""
@@ -42,7 +53,7 @@ class ModelWatch:
             return error
         if self._bad_ns is None:
             self._bad_ns = estimate.t_ns
-        if self._monitor.push_mps2 >= CURRENT_MPS2:
+        if self._current_mps >= CURRENT_MPS and self._monitor.push_mps2 >= CURRENT_MPS2:
             self._certain_ns = None
         elif self._certain_ns is None:
             self._certain_ns = estimate.t_ns

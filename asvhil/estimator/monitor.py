@@ -63,6 +63,7 @@ class ModelMonitor:
     def reset(self) -> None:
         """Forget everything, after a time in which others had the motors: the inputs are not known."""
         self._past.clear()
+        self._pushes.clear()
 
     def step(self, estimate: Estimate, model_input: tuple[float, float], wind: Wind | None) -> PredictionError | None:
         """Add the state of a control tick and the input from then on: the errors, once the horizon is filled."""

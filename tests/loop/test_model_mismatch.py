@@ -50,6 +50,16 @@ def test_a_current_ends_no_hold_as_a_model_of_another_boat(current_mps: float, t
     assert bool(texts) is told and all("or a strong current is why" in text for text in texts)
 
 
+def test_a_weak_motor_in_wind_is_not_taken_for_a_current() -> None:
+    """Its disturbance is as large, and the hold ends for the model within 20 s of the fault."""
+    keys = ("plant.weather.wind.speed_mps=8", "plant.weather.wind.toward_deg=90")
+    fault = "plant.faults=[{kind: port-motor-weak, from_s: 30, size: 0.3}]"
+    loop = Lockstep(load_config("sitl", (*keys, fault, "estimator.monitor.on_mismatch=release")))
+    for _ in range(50 * 20):
+        _, outputs = loop.tick()
+    assert outputs.phase is not Phase.HOLD and outputs.health.code == "model-mismatch"
+
+
 def test_the_boat_of_the_model_is_not_told() -> None:
     loop = Lockstep(load_config("sitl"))
     for _ in range(50 * 20):

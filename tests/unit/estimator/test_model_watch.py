@@ -112,6 +112,16 @@ def test_what_may_be_a_strong_current_is_told_as_either_and_ends_no_hold() -> No
     assert world.watch.fault is not None, "and what is certain stays"
 
 
+@pytest.mark.parametrize(("current", "std_mps", "ends"), [((0.15, 0.0), 0.1, True), ((0.3, -0.4), 0.1, False)])
+def test_a_push_where_no_current_is_seen_is_no_excuse(current: tuple[float, float], std_mps: float, ends: bool) -> None:
+    """The disturbance of a boat with a weak motor, in wind from the side, is as large as that of a current."""
+    world = World(on_mismatch="release")
+    world.monitor.push_mps2 = 0.15
+    world.watch.note_current(current, std_mps)
+    world.run(4.4, FAST)
+    assert (world.watch.fault is not None) is ends
+
+
 def test_a_model_that_is_replaced_is_told_all_the_time() -> None:
     world = World(replaced=True)
     world.run(1.0, GOOD, held=False)
