@@ -116,7 +116,7 @@ class VehicleTelemetry:
         speed = round(100.0 * math.hypot(nav.fix_vn_mps, nav.fix_ve_mps))
         course = round(math.degrees(wrap_2pi(math.atan2(nav.fix_ve_mps, nav.fix_vn_mps))) * 100.0) % 36000
         return dialect.MAVLink_gps_raw_int_message(
-            self._us(nav.fix_ns) // 1000 * 1000,  # receivers date their fixes to the millisecond
+            max(self._us(nav.fix_ns), 0) // 1000 * 1000,  # to the millisecond, as receivers do; of before the boot too
             dialect.GPS_FIX_TYPE_3D_FIX,
             lat,
             lon,

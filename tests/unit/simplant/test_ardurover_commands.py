@@ -117,6 +117,16 @@ def test_a_reboot_forgets_streams_mode_and_arming_but_not_parameters() -> None:
     assert boat.seat.rover.parameters["RC1_DZ"] == 30.0
 
 
+def test_a_fix_of_before_a_reboot_has_the_time_zero() -> None:
+    """It is told until the receiver has another one; a time since boot cannot be negative."""
+    boat = Boat("plant.sensors.gnss.rate_hz=0.2", "plant.frontseat.ready_after_s=0.1").ready()
+    assert boat.command(mav.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, 1) == ACCEPTED
+    boat.run(1.0)
+    boat.interval(mav.MAVLINK_MSG_ID_GPS_RAW_INT, 100_000)
+    fixes = of(boat.run(6.0), "GPS_RAW_INT")
+    assert fixes and min(fix.time_usec for fix in fixes) == 0
+
+
 @pytest.mark.parametrize(("radio", "changed", "measured_s"), MEASURED)
 def test_what_stops_the_motors_after_a_crash_is_as_measured(
     radio: Radio, changed: dict[str, float], measured_s: float | None
