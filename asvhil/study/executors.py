@@ -249,9 +249,13 @@ def _timed_in_process(function: Function, arguments: tuple[Any, ...], isolate: b
         gc.collect()
         gc.freeze()
         gc.set_threshold(COLLECTED_AFTER, *gc.get_threshold()[1:])
-    done = timed(function, arguments, isolate, token)
+    return timed(_clean, (function, arguments), isolate, token)
+
+
+def _clean(function: Function, arguments: tuple[Any, ...]) -> dict[str, Any]:
+    result = function(*arguments)
     gc.collect()
-    return done
+    return result
 
 
 def _timed_on_worker(function: Function, arguments: tuple[Any, ...], isolate: bool, token: str) -> Done:
