@@ -232,7 +232,7 @@ class WindFilterConfig(Section):
 class MonitorConfig(Section):
     """The monitor of the model: RMS errors of its open-loop predictions beyond which `health.model_ok` is false."""
 
-    horizon_s: Positive = Field(default=4.0, description="How far ahead the model is rolled out.")
+    horizon_s: Positive = Field(default=4.0, le=60.0, description="How far ahead the model is rolled out.")
     window_s: Positive = Field(default=20.0, description="Sliding window over which the RMS is taken.")
     max_u_mps: Positive = Field(default=0.35, description="Limit for the surge velocity.")
     max_v_mps: Positive = Field(default=0.25, description="Limit for the sway velocity.")

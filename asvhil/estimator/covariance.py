@@ -51,8 +51,12 @@ class Correction:
 
 
 def compared(innovation: Any, expected: Any, h: Any, p: Any, variances: Any) -> list[Any]:
-    """Of readings, for `Correction.compares`: innovation, expected readings, H by rows, P H' and S."""
-    return [innovation, expected, ca.vec(ca.densify(h.T)), *_innovation_covariance(p, h, variances)]
+    """Of readings, for `Correction.compares`: innovation, expected readings, H by rows, P H' and S.
+
+    S is not a number where P is not finite, so that no reading passes the gate then, whichever states it is of.
+    """
+    ph, s = _innovation_covariance(p, h, variances)
+    return [innovation, expected, ca.vec(ca.densify(h.T)), ph, ca.if_else(ca.fabs(ca.trace(p)) < math.inf, s, math.nan)]
 
 
 def wrapped(angle: Any) -> Any:

@@ -104,7 +104,9 @@ class ParameterClient:
         self._groups = wanted
         self._group_of = {name: group for group in wanted for name in group}
         self._asking = {group: self._asking.get(group) or _Request() for group in wanted}
-        self._values = {name: value for name, value in self._values.items() if name in self._group_of}
+        kept = {name: value for name, value in self._values.items() if name in self._group_of}
+        self.changes += len(kept) != len(self._values)
+        self._values = kept
         self._silent = None
         self._next_ns = 0
 

@@ -113,3 +113,15 @@ def test_a_corrected_state_has_its_heading_wrapped_and_keeps_its_bounds(psi_rad:
     correction.innovation[0] = math.nan
     correction.evaluate()
     assert np.isnan(correction.x_after[D_N])  # no bound hides a state that is not a number
+
+
+def test_no_reading_passes_the_gate_where_the_covariance_is_not_finite() -> None:
+    """Not one of other states either: whatever made it so has been in all of them."""
+    x, p = np.zeros(SIZE), np.eye(SIZE).ravel()
+    comparison = Comparison((Heading,), [1.0], x, p, np.ones(B_E + 1 - D_N))
+    reading = Heading(t_ns=0, psi_rad=0.1)
+    comparison.compare([reading], LocalFrame(lat_deg=0.0, lon_deg=0.0))
+    assert math.isfinite(comparison.correction.s[0, 0])
+    p[U * SIZE + U] = math.nan
+    comparison.compare([reading], LocalFrame(lat_deg=0.0, lon_deg=0.0))
+    assert math.isnan(comparison.correction.s[0, 0])
