@@ -33,7 +33,7 @@ LONGEST_S = 120.0
 # Of the arguments on which both are compared: as small as those of an estimate that is settled, and larger ones.
 RANGES = ((0.001, 0.02), (0.02, 0.2), (0.05, 0.5), (0.5, 1.0))
 OTHERS_MAY_WRITE = stat.S_IWGRP | stat.S_IWOTH
-KEPT = 500  # libraries, of 30 to 80 kB each
+KEPT = 1000  # libraries, of 30 to 80 kB each
 
 
 def use_compiler(tell: Callable[[str], None] = lambda _: None) -> bool:
