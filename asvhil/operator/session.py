@@ -213,7 +213,10 @@ class OperatorSession:
         """A vehicle that tells where it is, to everybody; the supervisor knows which is followed."""
         message = decode(data)
         meaning = None if message is None else meaning_of_leader(frame.t_ns, source(data)[0], message)
-        if message is None or meaning is None or self._leader_streams.is_late(frame, source(data), message.timestamp):
+        if message is None or meaning is None:
+            return []
+        place = message.lat, message.lon
+        if self._leader_streams.is_late(frame, source(data), message.timestamp, place):
             return []
         return [self._request(frame, data, meaning, None, self._us)]
 

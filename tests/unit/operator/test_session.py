@@ -154,12 +154,40 @@ def test_a_vehicle_tells_where_it_is_to_follow() -> None:
 def test_a_report_of_a_leader_that_comes_after_a_newer_one_is_dropped_and_counted() -> None:
     bench = Bench()
     late_ms = (100_000, 90_000, 101_000, 100_999, 101_000, 0)  # 0: no time is told
-    assert [len(bench.say(leader(told_ms=ms))) for ms in late_ms] == [1, 0, 1, 0, 1, 1]
-    assert dict(bench.link.counters())["operator.late_leaders"] == 2
+    assert [len(bench.say(leader(told_ms=ms))) for ms in late_ms] == [1, 0, 1, 0, 0, 1]
+    assert dict(bench.link.counters())["operator.late_leaders"] == 3
     assert len(bench.say(leader(told_ms=200_000))) == 1
     assert [len(bench.say(leader(told_ms=ms))) for ms in (5_000, 6_000)] == [1, 1], "it has started anew"
-    assert dict(bench.link.counters())["operator.late_leaders"] == 2
+    assert dict(bench.link.counters())["operator.late_leaders"] == 3
     assert "operator.late_leaders" not in dict(Bench().link.counters())
+
+
+@pytest.mark.parametrize("back_ms", [1_500, 30_000, 39_500])
+def test_a_leader_whose_clock_has_gone_back_is_heard_again_before_it_seems_silent(back_ms: int) -> None:
+    bench = Bench()
+    for second in range(40):
+        assert len(bench.say(leader(told_ms=1_000 * second + 500), after_ns=S)) == 1
+    told_ms = [1_000 * second + 500 - back_ms for second in range(40, 50)]
+    assert [len(bench.say(leader(told_ms=ms), after_ns=S)) for ms in told_ms][2:] == 8 * [1]
+
+
+@pytest.mark.parametrize("delay_s", [0.3, 0.7, 1.3, 1.9])
+def test_copies_over_a_slower_radio_are_dropped_for_as_long_as_both_are_heard(delay_s: float) -> None:
+    bench = Bench()
+    heard = sorted([(float(k), 0, k) for k in range(20)] + [(k + delay_s, 1, k) for k in range(20)])
+    before_s = 0.0
+    for at_s, radio, k in heard:
+        report = leader(lat=LAT + 30 * k, told_ms=100_000 + 1_000 * k)
+        assert len(bench.say(report, after_ns=round((at_s - before_s) * S))) == (radio == 0)
+        before_s = at_s
+
+
+def test_a_leader_whose_clock_stands_still_is_heard() -> None:
+    bench = Bench()
+    for step in range(5):
+        assert len(bench.say(leader(lat=LAT + step, told_ms=7_000), after_ns=S)) == 1, "it is elsewhere, so no copy"
+    heard = [len(bench.say(leader(lat=LAT + 4, told_ms=7_000), after_ns=S)) for _ in range(6)]
+    assert heard == 3 * [0, 1], "at rest it does not seem silent"
 
 
 def test_only_the_first_of_a_stream_takes_a_station() -> None:
