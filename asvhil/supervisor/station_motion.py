@@ -283,7 +283,7 @@ class StationMotion:
         if station is None:
             return ()
         of_motion = self._notes_of_motion(station)
-        if self._contradiction is None:
+        if self._contradiction is None or not self._is_fresh(self._t_ns):  # of a silent one no velocity counts
             return of_motion
         return (*of_motion, Note(subject=VELOCITY_SUBJECT, text=self._contradiction, ok=False))
 

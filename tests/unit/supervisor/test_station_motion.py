@@ -350,6 +350,23 @@ def test_a_velocity_that_contradicts_the_positions_is_told_once_and_not_used(tol
     assert bench.note_on(VELOCITY_SUBJECT) is None, "it has learnt to tell it"
 
 
+@pytest.mark.parametrize("waits", [False, True])
+def test_of_a_leader_that_has_fallen_silent_no_velocity_counts(waits: bool) -> None:
+    bench = Moving()
+    bench.follows = not waits
+    bench.course(leader=42)
+    for second in range(30):
+        bench.leader(HERE[0] + 0.3 * second, HERE[1], 0.0, 0.3)
+        bench.wait(1.0)
+    assert "which counts" in (bench.note_on(VELOCITY_SUBJECT) or "")
+    bench.wait(5.0)
+    note = "waits, the boat is more than 3 m off" if waits else "system 42 is silent: it stays"
+    assert bench.note == note and bench.note_on(VELOCITY_SUBJECT) is None
+    bench.leader(HERE[0] + 10.0, HERE[1], 0.0, 0.3)
+    bench.wait(0.1)
+    assert "which counts" in (bench.note_on(VELOCITY_SUBJECT) or ""), "it is heard again, and as wrong as before"
+
+
 def test_a_leader_that_circles_reverses_and_stops_is_believed() -> None:
     bench = Moving()
     bench.course(leader=42)
