@@ -22,6 +22,7 @@ BEGINS_MPS, ENDS_MPS = 0.2, 0.1  # at which a leader is taken to move, and to re
 WANDERS_M, WANDERS_S = 2.5, 30.0  # nor does it move so near to where it has been of late: receivers wander
 LASTING_S = WINDOW_S  # longer than one jump or sharp turn stays in a line
 CONTRADICTS_MPS = 0.25  # at the least, by which velocity and places differ
+SURE_OF_COURSE_M = 3.0  # from where it was taken to move on, and LASTING_S: what a receiver wanders by is over sooner
 CONTRADICTS = 0.4  # of the greater of the two: 24 degrees, or the size
 
 
@@ -33,6 +34,7 @@ class LeaderTrack:
     told_m: tuple[Place, ...] = ()
     tells: bool = False  # a velocity; one of zero is then one of rest
     moves: bool = False  # by its places
+    began: LeaderReport | None = None  # to move: its report then
     rest_m: Place = (0.0, 0.0)  # where it has been of late, or was when it last came to rest
     velocity_mps: Place = (0.0, 0.0)  # by its places, north and east; of zero where these only stray
     contradicts: bool = False  # the told velocity, the places
@@ -42,6 +44,17 @@ class LeaderTrack:
     def counts(self) -> bool:
         """Whether the velocity by its places is the one to go by."""
         return self.contradicts or not self.tells
+
+    @property
+    def has_course(self) -> bool:
+        """Whether the velocity to go by may be one of a course: by its places, if it has lasted and carried it on."""
+        if not self.counts:
+            return True
+        if self.began is None:
+            return False
+        last, began = self.reports[-1], self.began
+        lasting = (last.t_ns - began.t_ns) * 1e-9 >= LASTING_S
+        return lasting and math.hypot(last.n_m - began.n_m, last.e_m - began.e_m) >= SURE_OF_COURSE_M
 
 
 def velocity_of(track: LeaderTrack, report: LeaderReport) -> LeaderReport:
@@ -79,7 +92,7 @@ def extended(track: LeaderTrack, report: LeaderReport) -> LeaderTrack:
 def _judged(track: LeaderTrack, ages_s: list[float]) -> LeaderTrack:
     """Whether it moves, and whether it is told so."""
     if len(ages_s) < FEWEST or ages_s[0] < LEAST_S:
-        return changed(track, moves=False, velocity_mps=(0.0, 0.0), turned_ns=None)
+        return changed(track, moves=False, began=None, velocity_mps=(0.0, 0.0), turned_ns=None)
     t_s = [-age_s for age_s in ages_s]
     places = [(one.n_m, one.e_m) for one in track.reports]
     vn_mps, ve_mps, std_mps = _line(t_s, places)
@@ -101,6 +114,7 @@ def _judged(track: LeaderTrack, ages_s: list[float]) -> LeaderTrack:
     return changed(
         track,
         moves=moves,
+        began=(track.began or track.reports[-1]) if moves else None,
         velocity_mps=(vn_mps, ve_mps) if moves else (0.0, 0.0),
         contradicts=contradicts if lasting else track.contradicts,
         turned_ns=None if lasting else turned_ns,

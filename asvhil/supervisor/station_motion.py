@@ -161,9 +161,10 @@ class StationMotion:
         again = self.leader or self._is_fresh(report.t_ns)
         track = extended(self._track if again else LeaderTrack(), report)
         told, report = report, velocity_of(track, report)
-        mean = mean_velocity(self._mean, slower(report, self._most_mps))  # one wrong velocity turns it for seconds
-        course_rad = self._course_of_leader_rad
-        if math.hypot(mean.vn_mps, mean.ve_mps) >= COURSE_LEAST_MPS:
+        mean, course_rad = self._mean, self._course_of_leader_rad
+        if track.has_course:  # a receiver that wanders turns nothing
+            mean = mean_velocity(mean, slower(report, self._most_mps))  # one wrong velocity turns it for seconds
+        if mean is not None and math.hypot(mean.vn_mps, mean.ve_mps) >= COURSE_LEAST_MPS:
             course_rad = math.atan2(mean.ve_mps, mean.vn_mps)
         offset = self._offset_at(course_rad) if self.leader else (0.0, 0.0)
         refusal = why_not((report.n_m + offset[0], report.e_m + offset[1]))

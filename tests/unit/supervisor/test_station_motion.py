@@ -329,6 +329,27 @@ def test_a_leader_at_rest_whose_receiver_wanders_does_not_move_the_station(told:
     assert moved <= 6 and bench.note_on(VELOCITY_SUBJECT) is None
 
 
+@pytest.mark.parametrize("seed", [1, 3, 5, 10, 11, 16, 18, 24])
+def test_a_leader_at_rest_whose_receiver_wanders_has_no_course_for_the_offset_to_turn_with(seed: int) -> None:
+    bench, strays = Moving(moving={"offset_m": (-10.0, 0.0), "offset_frame": "course"}), random.Random(seed)
+    bench.course(leader=42)
+    north = east = 0.0
+    for second in range(300):
+        north, east = (0.97 * wander + strays.gauss(0.0, 0.25) for wander in (north, east))
+        bench.leader(HERE[0] + north + strays.gauss(0.0, 0.3), HERE[1] + east + strays.gauss(0.0, 0.3), 0.0, 0.0)
+        station = bench.wait(1.0)
+        assert second < 20 or math.dist(place(station), (-10.0, 0.0)) < 4.5, "not farther than the receiver wanders"
+
+
+def test_the_offset_turns_with_the_course_of_a_leader_that_tells_no_velocity() -> None:
+    bench = Moving(moving={"offset_m": (-2.0, 1.0), "offset_frame": "course"})
+    bench.course(leader=42)
+    for second in range(40):
+        bench.leader(HERE[0], HERE[1] + 0.4 * second, 0.0, 0.0)
+        station = bench.wait(1.0)
+    assert place(station) == pytest.approx((-1.0, 14.0), abs=0.05)
+
+
 @pytest.mark.parametrize("told", [(0.0, 0.3), (-0.3, 0.0), (0.7, 0.0), (0.22, 0.0)])
 def test_a_velocity_that_contradicts_the_positions_is_told_once_and_not_used(told: tuple[float, float]) -> None:
     bench, words = Moving(), set()
