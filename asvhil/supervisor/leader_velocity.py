@@ -21,8 +21,10 @@ SURE = 3.0  # times the line's standard deviation
 BEGINS_MPS, ENDS_MPS = 0.2, 0.1  # at which a leader is taken to move, and to rest again
 WANDERS_M, WANDERS_S = 2.5, 30.0  # nor does it move so near to where it has been of late: receivers wander
 LASTING_S = WINDOW_S  # longer than one jump or sharp turn stays in a line
-CONTRADICTS_MPS = 0.25  # at the least, by which velocity and places differ
 SURE_OF_COURSE_M = 3.0  # from where it was taken to move on, and LASTING_S: what a receiver wanders by is over sooner
+LATELY_S = 2.5  # of the places that may show that a leader stops or turns, by the line through those before
+BEHIND_M, BEHIND = 0.3, 3.0  # the line by so much at the least, and by so many standard deviations
+CONTRADICTS_MPS = 0.25  # at the least, by which velocity and places differ
 CONTRADICTS = 0.4  # of the greater of the two: 24 degrees, or the size
 
 
@@ -35,6 +37,7 @@ class LeaderTrack:
     tells: bool = False  # a velocity; one of zero is then one of rest
     moves: bool = False  # by its places
     began: LeaderReport | None = None  # to move: its report then
+    is_behind: bool = False  # the line through its places: it stops, reverses or turns, which the line has not yet
     rest_m: Place = (0.0, 0.0)  # where it has been of late, or was when it last came to rest
     velocity_mps: Place = (0.0, 0.0)  # by its places, north and east; of zero where these only stray
     contradicts: bool = False  # the told velocity, the places
@@ -50,7 +53,7 @@ class LeaderTrack:
         """Whether the velocity to go by may be one of a course: by its places, if it has lasted and carried it on."""
         if not self.counts:
             return True
-        if self.began is None:
+        if self.began is None or self.is_behind:
             return False
         last, began = self.reports[-1], self.began
         lasting = (last.t_ns - began.t_ns) * 1e-9 >= LASTING_S
@@ -58,9 +61,14 @@ class LeaderTrack:
 
 
 def velocity_of(track: LeaderTrack, report: LeaderReport) -> LeaderReport:
-    """A report, the last of a track, with the velocity to go by."""
+    """A report, the last of a track, with the velocity to go by.
+
+    Of a leader that stops it is zero before the line shows that: a station behind it is better than one beyond it.
+    """
     if not track.counts:
         return report
+    if track.is_behind:
+        return changed(report, vn_mps=0.0, ve_mps=0.0)
     return changed(report, vn_mps=track.velocity_mps[0], ve_mps=track.velocity_mps[1])
 
 
@@ -92,7 +100,7 @@ def extended(track: LeaderTrack, report: LeaderReport) -> LeaderTrack:
 def _judged(track: LeaderTrack, ages_s: list[float]) -> LeaderTrack:
     """Whether it moves, and whether it is told so."""
     if len(ages_s) < FEWEST or ages_s[0] < LEAST_S:
-        return changed(track, moves=False, began=None, velocity_mps=(0.0, 0.0), turned_ns=None)
+        return changed(track, moves=False, began=None, is_behind=False, velocity_mps=(0.0, 0.0), turned_ns=None)
     t_s = [-age_s for age_s in ages_s]
     places = [(one.n_m, one.e_m) for one in track.reports]
     vn_mps, ve_mps, std_mps = _line(t_s, places)
@@ -115,6 +123,7 @@ def _judged(track: LeaderTrack, ages_s: list[float]) -> LeaderTrack:
         track,
         moves=moves,
         began=(track.began or track.reports[-1]) if moves else None,
+        is_behind=moves and _is_behind(t_s, places, (vn_mps / speed_mps, ve_mps / speed_mps)),
         velocity_mps=(vn_mps, ve_mps) if moves else (0.0, 0.0),
         contradicts=contradicts if lasting else track.contradicts,
         turned_ns=None if lasting else turned_ns,
@@ -135,6 +144,24 @@ def _line(t_s: list[float], places: list[Place]) -> tuple[float, float, float]:
     for at_s, (n_m, e_m) in zip(t_s, places, strict=True):
         square += (n_m - mean_n - vn_mps * (at_s - mean_t)) ** 2 + (e_m - mean_e - ve_mps * (at_s - mean_t)) ** 2
     return vn_mps, ve_mps, math.sqrt(square / (STRAY_WEIGHT + 2.0 * count - 4.0) / spread)
+
+
+def _is_behind(t_s: list[float], places: list[Place], ahead: Place) -> bool:
+    """Whether the last place, at time 0, is short of the line through those before LATELY_S, along a unit vector."""
+    along = [n_m * ahead[0] + e_m * ahead[1] for n_m, e_m in places]
+    before = [(at_s, at_m) for at_s, at_m in zip(t_s, along, strict=True) if at_s <= -LATELY_S]
+    if len(before) < FEWEST - 1:
+        return False
+    mean_t, mean_m = _mean([at_s for at_s, _ in before]), _mean([at_m for _, at_m in before])
+    spread = product = square = 0.0
+    for at_s, at_m in before:
+        spread += (at_s - mean_t) ** 2
+        product += (at_s - mean_t) * (at_m - mean_m)
+    speed_mps = product / spread
+    for at_s, at_m in before:
+        square += (at_m - mean_m - speed_mps * (at_s - mean_t)) ** 2
+    std_m = math.sqrt(square / (len(before) - 2.0) * (1.0 + 1.0 / len(before) + mean_t**2 / spread))
+    return mean_m - speed_mps * mean_t - along[-1] > max(BEHIND_M, BEHIND * std_m)
 
 
 def _mean(values: list[float]) -> float:

@@ -350,6 +350,33 @@ def test_the_offset_turns_with_the_course_of_a_leader_that_tells_no_velocity() -
     assert place(station) == pytest.approx((-1.0, 14.0), abs=0.05)
 
 
+@pytest.mark.parametrize("way", ["stops", "reverses"])
+@pytest.mark.parametrize("speed_mps", [0.4, 0.7])
+def test_a_leader_that_tells_no_velocity_is_not_overrun_when_it_stops(way: str, speed_mps: float) -> None:
+    bench, beyond_m = Moving(), []
+    bench.course(leader=42)
+    for second in range(60):
+        gone_s = min(second, 30) if way == "stops" else 30 - abs(second - 30)
+        bench.leader(HERE[0], HERE[1] + speed_mps * gone_s, 0.0, 0.0)
+        beyond_m.append(place(bench.wait(1.0))[1] - speed_mps * gone_s)
+    # A second's way before the first report of it; then it is back, or the leader comes nearer as fast as it goes away.
+    assert max(beyond_m[31:]) < speed_mps * (0.65 if way == "stops" else 1.6)
+    assert beyond_m[-1] < 0.05
+
+
+@pytest.mark.parametrize("stray_m", [0.1, 0.5])
+def test_a_leader_that_goes_straight_on_is_seldom_taken_to_stop(stray_m: float) -> None:
+    rested = 0
+    for seed in range(5):
+        bench, strays = Moving(), random.Random(seed)
+        bench.course(leader=42)
+        for second in range(60):
+            n_m, e_m = strays.gauss(0.0, stray_m), 0.5 * second + strays.gauss(0.0, stray_m)
+            bench.leader(HERE[0] + n_m, HERE[1] + e_m, 0.0, 0.0)
+            rested += second >= 20 and not bench.wait(1.0).moves
+    assert rested <= 10  # of 200
+
+
 @pytest.mark.parametrize("told", [(0.0, 0.3), (-0.3, 0.0), (0.7, 0.0), (0.22, 0.0)])
 def test_a_velocity_that_contradicts_the_positions_is_told_once_and_not_used(told: tuple[float, float]) -> None:
     bench, words = Moving(), set()
