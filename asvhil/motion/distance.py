@@ -73,14 +73,15 @@ class DistanceWatch:
         if self._station is None:
             self._begun, self._least_m = (point.n_m, point.e_m), distance_m
             self._past.clear()
-            self._allow(distance_m, estimate, current_ned)
+            self._allowed_m = 0.0
+            self._allow(distance_m, estimate, current_ned, doubt_m)
         else:
             if has_leapt(station, self._station):
                 apart_m = _distance_m(self._boat, station) - _distance_m(self._boat, self._station)
                 self._least_m = max(0.0, self._least_m + apart_m)
             if self._is_elsewhere(point):
                 self._begun = (point.n_m, point.e_m)
-                self._allow(distance_m, estimate, current_ned)
+                self._allow(distance_m, estimate, current_ned, doubt_m)
             elif not has_leapt(point, self._point):
                 n_m, e_m = self._begun
                 self._begun = (n_m + point.n_m - self._point.n_m, e_m + point.e_m - self._point.e_m)
@@ -91,7 +92,7 @@ class DistanceWatch:
         while t_ns - self._past[0][0] > LOOK_BACK_NS:
             self._past.popleft()
         self.farther_m = distance_m - self._least_m + doubt_m
-        is_strong = math.hypot(*current_ned) >= self._strong_mps
+        is_strong = self._is_strong(current_ned)
         if self.farther_m <= (IN_STRONG if is_strong else 1.0) * self._allowed_m:
             return None
         if distance_m <= self._of_procedure_m and not is_strong and doubt_m == 0.0:
@@ -105,22 +106,29 @@ class DistanceWatch:
         off_m = math.hypot(point.n_m - self._begun[0], point.e_m - self._begun[1])
         return has_leapt(point, self._point) and off_m > ELSEWHERE_M
 
-    def _allow(self, distance_m: float, estimate: Estimate, current_ned: tuple[float, float]) -> None:
+    def _is_strong(self, current_ned: tuple[float, float]) -> bool:
+        return math.hypot(*current_ned) >= self._strong_mps
+
+    def _allow(self, distance_m: float, estimate: Estimate, current_ned: tuple[float, float], doubt_m: float) -> None:
         """How far off the boat may get: by the config, and by the way through the water that it needs to stop.
 
         A boat that has been carried when its station is put elsewhere gets room to turn beyond that, but no more than
-        a boat at rest would: one that never gets nearer is let go all the same.
+        a boat at rest would: one that never gets nearer is let go all the same. Nor does it lose room by the move that
+        a hold which began far off has given: at the least it may go on as a boat at rest may, up to what it had.
         """
         u_c, v_c = ned_to_body(estimate.psi_rad, *current_ned)
         way_mps = math.hypot(estimate.u_mps - u_c, estimate.v_mps - v_c)
         stopping_m = 0.5 * way_mps**2 / self._braking_mps2
         asked_m = min(self._least_m, distance_m)
-        carried_m = min(distance_m - asked_m, self._config.farther_m)
-        self._allowed_m = max(self._config.farther_m, self._config.farther_share * asked_m, stopping_m) + carried_m
+        share = IN_STRONG if self._is_strong(current_ned) else 1.0  # of the room, that will count
+        room_m, before_m = self._config.farther_m, self._allowed_m
+        carried_m = min((distance_m - asked_m) / share, room_m)
+        self._allowed_m = max(room_m, self._config.farther_share * asked_m, stopping_m) + carried_m
         if self._approach is not None and distance_m > self._approach.r_s_m:
             # A path that begins with the station astern goes once round, on the far side of it at worst; the boat may
             # be off that path as off its station.
             self._allowed_m += 2.0 * self._approach.turn_radius_m
+        self._allowed_m = max(self._allowed_m, min(before_m, room_m + (distance_m - asked_m + doubt_m) / share))
 
 
 def _distance_m(boat: Place, station: Station) -> float:

@@ -267,6 +267,37 @@ def test_a_move_takes_nothing_back_of_how_far_the_boat_was_carried_and_a_large_o
         assert (watch.step(4, boat, moved, (0.0, 0.0)) is not None) is is_far
 
 
+@pytest.mark.parametrize(
+    ("current", "wrong_m", "most_m"), [((0.0, 0.0), 17.0, 22.5), ((0.0, 0.0), 3.0, 11.0), ((1.6, 0.0), 9.0, 11.25)]
+)
+def test_a_move_takes_no_room_away_that_a_boat_on_its_way_round_needs(
+    current: tuple[float, float], wrong_m: float, most_m: float
+) -> None:
+    """Held 90 m off, it may go 22.5 m the wrong way, half of that in a strong current: so also with a station near."""
+    path = Path(0.0, current=current)
+    path.station = Station(n_m=90.0, e_m=0.0, psi_rad=0.0)
+    assert path.to(-wrong_m) is None
+    path.station = Station(n_m=10.0, e_m=0.0, psi_rad=0.0)
+    assert path.to(0.2 - most_m) is None
+    assert path.to(-0.3 - most_m) is not None
+
+
+@pytest.mark.parametrize("doubt_m", [0.0, 3.0])
+def test_a_move_lets_no_boat_go_in_its_own_tick(doubt_m: float) -> None:
+    for far_m in (60.0, 90.0, 150.0):
+        for current in ((0.0, 0.0), (1.6, 0.0)):
+            for to_m in (30.0, 10.0, 0.0):
+                watch, tick, found = DistanceWatch(MotionConfig(), VESSEL), 0, None
+                far = replace(STATION, n_m=far_m)
+                watch.step(0, at(0.0), far, (0.5, 0.5), current, doubt_m)
+                last_m = watch._allowed_m * (0.5 if current[0] else 1.0) - doubt_m - 0.05
+                for tick in range(1, 21):
+                    found = watch.step(tick, at(-last_m * tick / 20.0), far, (0.5, 0.5), current, doubt_m)
+                    assert found is None
+                moved = replace(STATION, n_m=to_m)
+                assert watch.step(21, at(-last_m), moved, (0.5, 0.5), current, doubt_m) is None
+
+
 def test_moves_again_and_again_give_no_more_room_than_a_boat_at_rest_has() -> None:
     """A boat that goes east at 0.8 m/s, whatever the station does to the north of it: 8 m, and 8 m to turn."""
     for step_m, every in ((3.5, 100), (-3.5, 100), (30.0, 400)):
