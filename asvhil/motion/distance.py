@@ -20,6 +20,9 @@ IN_STRONG = 0.5  # of the distance that is allowed: what such a current takes aw
 # No move of a station takes anything back of how far the boat has been carried: set-points that jitter, or a station
 # that is stepped on, would else have it carried off without end. One that is put elsewhere by more gives room to turn.
 ELSEWHERE_M = 3.0
+# Time constant with which is forgotten what a boat was carried beyond the distance there is, as where its station was
+# put to where it had got: one that keeps that station is well.
+FORGET_S = 60.0
 
 Place = tuple[float, float]  # north, east (m)
 
@@ -40,7 +43,10 @@ class DistanceWatch:
         # Beyond r_d_m the approach starts over: that far off, and on the way round to its path, is where the procedure
         # means the boat to be.
         self._of_procedure_m = 0.0 if approach is None else approach.r_d_m + 2.0 * approach.turn_radius_m
-        self._least_m = self._allowed_m = self.farther_m = 0.0
+        self._least_m = 0.0  # how near it has been; below 0 by what it was carried beyond its distance now
+        self._allowed_m = self.farther_m = 0.0
+        self._nearest: Place = (0.0, 0.0)  # where the boat was when it was not carried
+        self._t_ns = 0
         self._station: Station | None = None
         self._point: Station = Station(n_m=0.0, e_m=0.0, psi_rad=0.0)
         self._begun: Place = (0.0, 0.0)  # where the point was when this began; goes along on a course
@@ -72,21 +78,25 @@ class DistanceWatch:
         point = station if point is None else point
         if self._station is None:
             self._begun, self._least_m = (point.n_m, point.e_m), distance_m
+            self._nearest = boat
             self._past.clear()
             self._allowed_m = 0.0
             self._allow(distance_m, estimate, current_ned, doubt_m)
         else:
             if has_leapt(station, self._station):
                 apart_m = _distance_m(self._boat, station) - _distance_m(self._boat, self._station)
-                self._least_m = max(0.0, self._least_m + apart_m)
+                self._least_m += apart_m
+            if self._least_m < 0.0:
+                self._least_m = self._beyond_m(t_ns, boat, distance_m)
             if self._is_elsewhere(point):
                 self._begun = (point.n_m, point.e_m)
                 self._allow(distance_m, estimate, current_ned, doubt_m)
             elif not has_leapt(point, self._point):
                 n_m, e_m = self._begun
                 self._begun = (n_m + point.n_m - self._point.n_m, e_m + point.e_m - self._point.e_m)
-        self._station, self._point, self._boat = station, point, boat
-        self._least_m = min(self._least_m, distance_m)
+        self._station, self._point, self._boat, self._t_ns = station, point, boat, t_ns
+        if distance_m <= self._least_m:
+            self._least_m, self._nearest = distance_m, boat
         saturated = max(abs(command[0]), abs(command[1])) >= SATURATED
         self._past.append((t_ns, saturated))
         while t_ns - self._past[0][0] > LOOK_BACK_NS:
@@ -95,7 +105,7 @@ class DistanceWatch:
         is_strong = self._is_strong(current_ned)
         if self.farther_m <= (IN_STRONG if is_strong else 1.0) * self._allowed_m:
             return None
-        if distance_m <= self._of_procedure_m and not is_strong and doubt_m == 0.0:
+        if distance_m - min(0.0, self._least_m) <= self._of_procedure_m and not is_strong and doubt_m == 0.0:
             return None
         share = sum(at_limit for _, at_limit in self._past) / len(self._past)
         reason = Reason.BEYOND_MOTORS if share >= SHARE else Reason.DRIFTED_OFF
@@ -105,6 +115,14 @@ class DistanceWatch:
         """Whether the station was put so far away since room was given last, all at once or bit by bit."""
         off_m = math.hypot(point.n_m - self._begun[0], point.e_m - self._begun[1])
         return has_leapt(point, self._point) and off_m > ELSEWHERE_M
+
+    def _beyond_m(self, t_ns: int, boat: Place, distance_m: float) -> float:
+        """What the boat was carried beyond its distance now, below 0: less than a moment ago, and no more than it has
+        moved. Waves, counted toward and away from set-points that jitter, would else add up.
+        """
+        kept_m = self._least_m * math.exp((self._t_ns - t_ns) * 1e-9 / FORGET_S)
+        moved_m = math.hypot(boat[0] - self._nearest[0], boat[1] - self._nearest[1])
+        return min(0.0, max(kept_m, distance_m - moved_m))
 
     def _is_strong(self, current_ned: tuple[float, float]) -> bool:
         return math.hypot(*current_ned) >= self._strong_mps

@@ -312,6 +312,49 @@ def test_moves_again_and_again_give_no_more_room_than_a_boat_at_rest_has() -> No
         assert found is not None and found.reason is Reason.BEYOND_MOTORS and boat.e_m < 20.0
 
 
+@pytest.mark.parametrize(
+    ("speed_mps", "procedure", "most_m"), [(0.3, None, 25.0), (0.7, None, 25.0), (0.9, PROCEDURE, 55.0)]
+)
+def test_set_points_that_are_placed_from_where_the_boat_is_hide_no_boat_that_is_swept_away(
+    speed_mps: float, procedure: ProcedureConfig | None, most_m: float
+) -> None:
+    """A planner has it go 3.6 m upstream of where it is now, every 2 s."""
+    watch, station, found, tick = DistanceWatch(MotionConfig(), VESSEL, procedure), STATION, None, 0
+    while found is None and tick < 2400:
+        n_m = -speed_mps * tick / 20.0
+        if tick % 40 == 0:
+            station = replace(STATION, n_m=n_m + 3.6)
+        found = watch.step(50_000_000 * tick, at(n_m), station, (1.0, 1.0))
+        tick += 1
+    assert found is not None and found.reason is Reason.BEYOND_MOTORS and n_m > -most_m
+
+
+def test_a_station_put_to_the_boat_and_back_takes_nothing_back_either() -> None:
+    watch = DistanceWatch(MotionConfig(), VESSEL)
+    for tick, n_m in enumerate((0.0, 6.0)):
+        watch.step(50_000_000 * tick, at(n_m), STATION, (0.2, 0.2))
+    for tick, to_m in ((2, 6.0), (3, 0.0), (4, 6.0)):
+        watch.step(50_000_000 * tick, at(6.0), replace(STATION, n_m=to_m), (0.2, 0.2))
+        assert watch.farther_m == pytest.approx(6.0, abs=0.02)
+    for tick in range(5, 6000):  # but where it stays after that it is well
+        found = watch.step(50_000_000 * tick, at(6.0), replace(STATION, n_m=6.0), (0.2, 0.2))
+        assert found is None
+    assert watch.farther_m < 0.1
+
+
+@pytest.mark.parametrize("every", [1, 20, 75])
+def test_a_boat_that_rocks_in_waves_is_not_carried_off_by_set_points_that_jitter(every: int) -> None:
+    for seed in range(3):
+        watch, random, station, most_m = DistanceWatch(MotionConfig(), VESSEL), Random(seed), STATION, 0.0
+        for tick in range(12_000):
+            if tick % every == 0:
+                station = replace(STATION, n_m=random.uniform(-1.0, 1.0), e_m=random.uniform(-1.0, 1.0))
+            boat = replace(at(0.6 * math.sin(0.11 * tick)), e_m=0.6 * math.sin(0.083 * tick))
+            assert watch.step(50_000_000 * tick, boat, station, (0.2, 0.2)) is None
+            most_m = max(most_m, watch.farther_m)
+        assert most_m < 4.0
+
+
 def test_moves_that_swap_two_places_give_no_more_room_either() -> None:
     watch = DistanceWatch(MotionConfig(), VESSEL)
     for tick in range(2400):
