@@ -91,8 +91,8 @@ class Supervisor:
         self._stopped = False  # by the operator: neutral is sent, and no station is held
         self._just_taken = False  # the motors, in this tick
         self._pilot_ns: int | None = None  # when the pilot took the boat last
-        # A hold has ended, or what asked for one was refused: a stream of set-points that comes again after a gap is no
-        # decision to take the boat, which the pilot may have by now.
+        # A hold has ended, or a set-point that asked for one was refused: a stream of set-points that comes again after
+        # a gap is no decision to take the boat, which the pilot may have by now.
         self._commands_only = False
         self._ended_ns: int | None = None  # when the last hold ended unasked, while that is the reason to stand by
         self._aftermath = Aftermath(None)
@@ -201,7 +201,10 @@ class Supervisor:
         match request:
             case HoldCommand():
                 refusal = self._hold(request, situation)
-                self._commands_only = refusal is not None and (self._commands_only or request.by_setpoint)
+                if refusal is None:
+                    self._commands_only = False
+                elif request.by_setpoint and self._held is None:
+                    self._commands_only = True
                 return refusal
             case MoveCommand():
                 return self._move(request, situation)
@@ -226,7 +229,7 @@ class Supervisor:
     def _hold(self, command: HoldCommand, situation: Situation) -> Explanation | None:
         """Take up a station. Returns None, or why not."""
         self._go_on(situation)  # what the pilot does in this tick comes before what is asked for in it
-        if command.by_setpoint and self._commands_only:
+        if command.by_setpoint and self._commands_only and self._held is None:
             return explain(Reason.NOT_BY_SETPOINT)
         refusal = self._conditions.why_not(situation, situation.fault, self._hidden(situation)) or situation.slow
         pilot_first = self._pilot_ns is not None and situation.t_ns - self._pilot_ns < PILOT_FIRST_NS
@@ -512,7 +515,7 @@ class Supervisor:
         self._phase, self._why = Phase.HOLD, explain(Reason.HOLDING)
         self._station = station
         self._motion.begin()
-        self._stopped = False
+        self._stopped = self._commands_only = False
         self._next_station = None
         self._arming_help.end()
         self._mode.taken()

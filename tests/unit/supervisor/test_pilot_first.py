@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import pytest
 
-from asvhil.config import SupervisorConfig
+from asvhil.config import StationConfig, SupervisorConfig
 from asvhil.supervisor.decision import Decision, Request
 from asvhil.supervisor.reasons import Explanation, Reason, explain
 from asvhil.supervisor.situation import MotorPulses, StationSticks
 from asvhil.types import FrontseatStatus, HoldCommand, MoveCommand, NeutralCommand, Phase, Radio, ReleaseCommand
-from tests.support.supervisor_bench import ESTIMATE, SupervisorBench, status
+from tests.support.supervisor_bench import ESTIMATE, FRAME, SupervisorBench, status
 
 PILOT_FIRST = explain(Reason.PILOT_FIRST)
 NOT_ARMED = explain(Reason.NOT_ARMED, hint="")
@@ -235,3 +235,25 @@ def test_the_first_set_point_takes_the_boat_but_not_after_one_was_refused() -> N
     bench.status = armed
     bench.step(5000)
     assert set_point(bench) == NOT_BY_SETPOINT and bench.step().phase is Phase.STANDBY
+
+
+def test_a_set_point_that_is_refused_in_a_hold_locks_out_none_after_it() -> None:
+    """They come more than a stream's pause apart, each as a hold of its own, and one is too far off."""
+    bench = holding()
+    for n_m, is_taken in ((3.0, True), (5000.0, False), (4.0, True), (5.0, True)):
+        lat_deg, lon_deg = FRAME.to_geodetic(n_m, 0.0)
+        answer = bench.step(4000, HoldCommand(t_ns=bench.t_ns, lat_deg=lat_deg, lon_deg=lon_deg, by_setpoint=True))
+        assert (answer.answers == (None,)) is is_taken and answer.phase is Phase.HOLD
+    bench.release()
+    assert set_point(bench) == NOT_BY_SETPOINT
+
+
+def test_a_hold_that_has_begun_by_itself_may_be_moved_by_set_points() -> None:
+    at = StationConfig(lat_deg=40.0, lon_deg=-86.0, heading_deg=0.0)
+    bench = SupervisorBench(SupervisorConfig(engage="auto", station=at))
+    armed, bench.status = bench.status, status(armed=False)
+    assert set_point(bench) == NOT_ARMED
+    bench.status = armed
+    assert bench.step().phase is Phase.HOLD
+    bench.step(5000)
+    assert set_point(bench) is None and bench.step().phase is Phase.HOLD
