@@ -90,6 +90,20 @@ class PilotWatch:
                     return explain(Reason.STATION_STICK, channel=channel, station="{}/{}".format(*sticks.sender))
         return None
 
+    def steers(self, status: FrontseatStatus, heard: Sequence[StationSticks]) -> Explanation | None:
+        """Which of the motors' sticks is off centre before they are taken: somebody steers the boat.
+
+        None where their commands stand nowhere in the place of the sticks: nobody knows then what those move.
+        """
+        theirs = self.station_stick(status, heard)
+        if theirs is not None or not self._overrides_sticks:
+            return theirs
+        for channel, rest_us in zip(status.motor_channels, status.centres_us, strict=True):
+            now_us = _channel(status, channel)
+            if now_us and abs(now_us - rest_us) > self._config.stick_threshold_us:
+                return explain(Reason.PILOT_STEERS, channel=channel)
+        return None
+
     def sticks_taken(self, t_ns: int, status: FrontseatStatus | None) -> Explanation | None:
         """Which of the motors' own channels shows something else than our commands: somebody else has the boat.
 

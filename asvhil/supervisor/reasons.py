@@ -57,6 +57,7 @@ class Reason(enum.StrEnum):
     NOTHING_TO_STOP = "nothing-to-stop"
     PILOT_FIRST = "pilot-first"
     NOT_BY_SETPOINT = "not-by-setpoint"
+    PILOT_STEERS = "pilot-steers"
     NO_STATION_HELD = "no-station-held"
     STATION_TOO_FAR = "station-too-far"
     STATION_UNCONFIRMED = "station-unconfirmed"
@@ -269,6 +270,10 @@ WORDS: Mapping[Reason, Words] = {
         text="set-points take no boat back: send a hold command",
         remedy="Once a hold has ended or a set-point was refused, only a command takes the motors: `asvhil hold`, "
         "DO_REPOSITION. A stream that was silent for a while may have lost its radio link, no more.",
+    ),
+    Reason.PILOT_STEERS: Words(
+        text="stick of channel {channel} off centre: set-points take no boat that is steered",
+        remedy="A hold command takes it: `asvhil hold`, DO_REPOSITION. Else let the stick rest, and hold by command.",
     ),
     Reason.NO_STATION_HELD: Words(
         text="no station is held: send a hold command first",

@@ -243,6 +243,8 @@ class Supervisor:
         assert status is not None and estimate is not None and frame is not None
         station = station_of_hold(command, estimate, frame)
         refusal = self._too_far(station, estimate, command.within_m) or self._conditions.outside(station, frame)
+        if refusal is None and command.by_setpoint and self._held is None:
+            refusal = self._pilot.steers(status, situation.station_sticks)
         if refusal is not None:
             return refusal
         self._named_m = command.within_m

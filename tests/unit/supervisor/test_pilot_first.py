@@ -237,6 +237,35 @@ def test_the_first_set_point_takes_the_boat_but_not_after_one_was_refused() -> N
     assert set_point(bench) == NOT_BY_SETPOINT and bench.step().phase is Phase.STANDBY
 
 
+@pytest.mark.parametrize("channel", [1, 3])
+def test_the_first_set_point_takes_no_boat_that_is_steered(channel: int) -> None:
+    """A daemon that is started anew while a stream goes on does not know that the pilot has taken the boat."""
+    bench = SupervisorBench()
+    rests = bench.status
+    sticks = [1500, 1500, 1500, 1500, 1800, 0, 0, 0]
+    sticks[channel - 1] = 1700
+    bench.status = status(rc_us=tuple(sticks))
+    assert set_point(bench) == explain(Reason.PILOT_STEERS, channel=channel) and bench.step().phase is Phase.STANDBY
+    bench.status = rests
+    assert set_point(bench) == NOT_BY_SETPOINT, "nor while its sticks come by their centre"
+    bench.status = status(rc_us=tuple(sticks))
+    assert bench.hold() is None, "a command is a decision"
+
+
+def test_the_first_set_point_takes_no_boat_that_a_ground_station_steers() -> None:
+    bench = SupervisorBench()
+    station_moves(bench)
+    refusal = set_point(bench)
+    assert refusal is not None and refusal.reason is Reason.STATION_STICK and bench.step().phase is Phase.STANDBY
+
+
+def test_the_first_set_point_takes_a_boat_whose_sticks_nobody_knows() -> None:
+    for rc_us in ((), (0,) * 8, (1490, 1100, 1510, 1900, 1000, 0, 0, 0)):
+        bench = SupervisorBench()
+        bench.status = status(rc_us=rc_us)
+        assert set_point(bench) is None
+
+
 def test_a_set_point_that_is_refused_in_a_hold_locks_out_none_after_it() -> None:
     """They come more than a stream's pause apart, each as a hold of its own, and one is too far off."""
     bench = holding()
