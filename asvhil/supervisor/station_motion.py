@@ -21,6 +21,8 @@ TOLD_EVERY_NS = 10_000_000_000  # the velocity of a leader, which changes with e
 CATCH_UP_S = 2.0  # time constant with which the station follows where a leader says that it is
 COURSE_LEAST_MPS = 0.1  # a leader that is slower has no course of its own
 SHARE = 0.5  # of the thrust ahead, which a station's speed may take: the rest is for the weather
+Going = tuple[float, float, int]
+AT_REST: Going = (0.0, 0.0, 0)
 BACK = 0.5  # of the distance at which a station waits: from there it goes on
 
 
@@ -105,14 +107,14 @@ class StationMotion:
         )
 
     @property
-    def going(self) -> tuple[float, int] | None:
-        """What the station goes after, while it waits as well: a course (rad), or a leader, -1 for set-points.
+    def going(self) -> Going:
+        """What the station goes after, while it waits as well: a course, or a leader, -1 for set-points.
 
-        None: it rests.
+        Velocity north and east of the course (m/s), and the leader, 0 for none; 0 all of them: it rests.
         """
         if self.speed_mps > 0.0:
-            return self.course_rad, 0
-        return None if self._report is None else (0.0, self.leader or -1)
+            return *body_to_ned(self.course_rad, self.speed_mps, 0.0), 0
+        return AT_REST if self._report is None else (0.0, 0.0, self.leader or -1)
 
     def refuse_course(self, why: Explanation) -> None:
         """The course of the config cannot be followed."""

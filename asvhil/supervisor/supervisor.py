@@ -16,7 +16,7 @@ from asvhil.supervisor.mode_request import ModeRequest
 from asvhil.supervisor.pilot_watch import PilotWatch
 from asvhil.supervisor.reasons import Explanation, Reason, explain
 from asvhil.supervisor.situation import Situation
-from asvhil.supervisor.station_motion import StationMotion
+from asvhil.supervisor.station_motion import AT_REST, Going, StationMotion
 from asvhil.supervisor.stations import (
     is_another,
     is_turned,
@@ -47,6 +47,7 @@ PILOT_FIRST_NS = 1_000_000_000  # a hold command that comes so soon was sent bef
 # Why neutral is sent no longer to a boat that is to be armed: somebody else has its sticks.
 THEIRS = (Reason.TRANSMITTER_HEARD, Reason.MODE_CHANGED, Reason.OVERRIDE_NOT_FOLLOWED, Reason.STICK_MOVED)
 SETS_OFF_NS = 1_200_000_000  # from the begin of a course on, until the weather is known for a boat in that motion
+SETS_OFF_MPS = 0.1  # less of a change of the boat's motion is no other weather
 NAMED_LATER_NS = 10_000_000_000  # after a hold has ended for what another vehicle said, until that is known for another
 
 
@@ -75,8 +76,8 @@ class Supervisor:
         self._station: Station | None = None
         self._heading = HeadingPolicy(config.heading, weak_astern=weak_astern)
         self._motion = StationMotion(config.moving, fastest_mps)
-        self._going: tuple[float, int] | None = None  # what the station goes after,
-        self._going_ns: int | None = None  # and when that changed, until the heading has begun anew for it
+        self._going: Going = AT_REST  # what the station went after when that changed last,
+        self._going_ns: int | None = None  # and when that was, until the heading has begun anew for it
         self._conditions = Conditions(config)
         self._named_m = 0.0  # by the last hold command: how far off a station may be
         self._auto_pending = config.engage == "auto"
@@ -165,13 +166,15 @@ class Supervisor:
     def _has_set_off(self, t_ns: int) -> bool:
         """Whether a course has begun, changed or ended, so that the weather of the boat's motion is another at once.
 
-        A station that waits for its boat, or for its leader, does not set off anew.
+        A station that waits for its boat, or for its leader, does not set off anew, nor does one whose velocity changes
+        by little; what changes while the weather of the last change is waited for is looked at after that.
         """
-        if self._motion.going != self._going:
-            self._going, self._going_ns = self._motion.going, t_ns
+        going = self._motion.going
+        if self._going_ns is None and _is_other(going, self._going):
+            self._going, self._going_ns = going, t_ns
         if self._going_ns is None or self._held is None:
             return False
-        if self._held.moves != (self._going is not None):
+        if self._held.moves != (going != AT_REST):
             self._going_ns = t_ns
         if t_ns - self._going_ns < SETS_OFF_NS:
             return False
@@ -546,6 +549,13 @@ class Supervisor:
             self._mode.give_back(give_back_ns)
         self._release_left = RELEASE_REPEATS + (NEUTRAL_ALONE if self._keeps_override else 0)
         self._neutral_first = neutral_first or self._keeps_override
+
+
+def _is_other(going: Going, before: Going) -> bool:
+    """Whether a station goes so differently that the weather of the boat's motion is another."""
+    if going == before:
+        return False
+    return going[2] != before[2] or math.hypot(going[0] - before[0], going[1] - before[1]) > SETS_OFF_MPS
 
 
 def _reported(t_ns: int, station: Station, velocity_mps: tuple[float, float]) -> LeaderReport:

@@ -122,3 +122,38 @@ def test_a_station_that_waits_for_its_boat_does_not_set_off_anew() -> None:
         station = goes(at, 2.5).station
         assert station is not None and station.moves is (off_m == 0.0)
         assert heading(at.step()) == pytest.approx(before, abs=0.05)
+
+
+def test_a_course_that_changes_its_speed_alone_has_the_weathers_heading_at_once() -> None:
+    at = bench("bow", 1.0)
+    assert at.hold() is None and heading(at.step(LONG_MS)) == pytest.approx(1.0)
+    assert heading(goes(at, -0.7, speed_mps=0.05, course_rad=0.0)) == pytest.approx(1.0, abs=0.05), "next to rest"
+    at.bow_rad = 1.0
+    at.step(LONG_MS)
+    assert heading(goes(at, -0.7, speed_mps=0.7)) == pytest.approx(-0.7)
+
+
+def test_a_course_that_changes_by_little_leaves_the_heading_to_the_dead_band() -> None:
+    at = bench("bow", 1.0)
+    assert at.hold() is None and heading(at.step(LONG_MS)) == pytest.approx(1.0)
+    goes(at, 1.0, speed_mps=0.3, course_rad=0.0)
+    before = heading(at.step(LONG_MS))
+    for turn in range(1, 11):
+        now = heading(goes(at, 1.0 + 0.4 * (-1.0) ** turn, course_rad=0.01 * turn))
+        assert now == pytest.approx(before, abs=0.05)
+        before = now
+
+
+def test_a_course_that_changes_again_and_again_does_not_put_the_weathers_heading_off() -> None:
+    at = bench("bow", 1.0)
+    assert at.hold() is None and heading(at.step(LONG_MS)) == pytest.approx(1.0)
+    at.bow_rad = -0.7
+    for turn in range(3):
+        at.step(50, CourseCommand(t_ns=at.t_ns, speed_mps=0.3, course_rad=1.0 * turn))
+        for _ in range(19):
+            decision = at.step()
+    assert heading(decision) == pytest.approx(-0.7)
+    at.bow_rad = 0.4  # of the last course, which came while the weather of the first was waited for
+    for _ in range(50):
+        decision = at.step()
+    assert heading(decision) == pytest.approx(0.4)
