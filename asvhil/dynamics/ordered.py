@@ -28,8 +28,8 @@ def symmetric(p: ca.SX) -> ca.SX:
 def product(a: Array, b: Array) -> Array:
     """A (m, k) times B (k, n), or times a vector (k): the products are summed in one order on every machine.
 
-    For a matrix that of k: NumPy adds up along the outermost axis row by row. For a vector of more than eight entries it
-    is NumPy's own, pairwise.
+    For a matrix that of k: NumPy adds up along the outermost axis row by row. For a vector of more than eight entries
+    it is NumPy's own, pairwise.
     """
     if b.ndim == 1:
         return product(a, b[:, None])[:, 0]
