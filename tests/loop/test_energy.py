@@ -54,7 +54,7 @@ def test_a_hold_by_the_curve_is_told_logged_and_replayed(tmp_path: Path) -> None
     assert len(told) > 150 and last.hold_wh is not None and last.hold_wh > 0.1 and last.mean_w is not None
     assert last.hours_left == pytest.approx((50.0 - last.hold_wh) / last.mean_w, rel=0.01)
     figures = summarise(read_run(tmp_path / "log.mcap"))
-    assert " W; turned to it" in figures["notes"]["heading cost"], "by the same curve"
+    assert " W at full thrust; turned to it" in figures["notes"]["heading cost"], "by the same curve"
     (hold,) = figures["holds"]
     assert (figures["energy_wh"], hold["energy_wh"]) == (last.hold_wh, last.hold_wh)
     assert figures["energy_by"] == hold["energy_by"] == "curve"
